@@ -1,8 +1,8 @@
 """Build hook: compile the C kernel with the compiler that comes as the wheel ``ziglang``.
 
 An editable or plain install compiles the machine's own target and gives a wheel of that platform;
-``AEROMATCH_TARGETS=all`` compiles every target that an FMU can carry and gives a wheel for all of them (``py3-none-any``).
-Run as a script it compiles in place: ``python hatch_build.py``.
+``AEROMATCH_TARGETS=all`` compiles every target that an FMU can carry and gives a wheel for all of
+them (``py3-none-any``). Run as a script it compiles in place: ``python hatch_build.py``.
 """
 
 from __future__ import annotations
@@ -22,38 +22,61 @@ OUT = ROOT / "flightmech" / "_binaries"
 
 
 class Target(NamedTuple):
-    """One platform: zig target, file name of the library, platform tag of a wheel that carries this library only."""
+    """One platform: zig target, file name of the library, platform tag of a wheel that carries this
+    library only.
+    """
 
     zig: str
     file: str
     tag: str
 
 
-# folder (FMI 3.0 platform tuple): target; the oldest system named in the zig target is the one in the tag
+# folder (FMI 3.0 platform tuple): target; the oldest system named in the zig target is the one in
+# the tag
 TARGETS = {
     "x86_64-linux": Target("x86_64-linux-gnu.2.17", "aeromatch_kernel.so", "manylinux_2_17_x86_64"),
-    "aarch64-linux": Target("aarch64-linux-gnu.2.17", "aeromatch_kernel.so", "manylinux_2_17_aarch64"),
+    "aarch64-linux": Target(
+        "aarch64-linux-gnu.2.17", "aeromatch_kernel.so", "manylinux_2_17_aarch64"
+    ),
     "x86_64-windows": Target("x86_64-windows-gnu", "aeromatch_kernel.dll", "win_amd64"),
     "x86_64-darwin": Target("x86_64-macos.11.0", "aeromatch_kernel.dylib", "macosx_11_0_x86_64"),
     "aarch64-darwin": Target("aarch64-macos.11.0", "aeromatch_kernel.dylib", "macosx_11_0_arm64"),
 }
-# no contraction, no fast-math: library and FMU must agree bit for bit.  No vectors but those written as such: what has just
-# been stored number by number and is then loaded as a vector waits for the memory; steps are 5 % faster without them.
+# no contraction, no fast-math: library and FMU must agree bit for bit.  No vectors but those
+# written as such: what has just
+# been stored number by number and is then loaded as a vector waits for the memory; steps are 5 %
+# faster without them.
 EXACT = ["-ffp-contract=off", "-fno-math-errno", "-fno-vectorize", "-fno-slp-vectorize"]
-FLAGS = ["-std=c11", "-O2", *EXACT, "-fno-sanitize=all", "-fvisibility=hidden", "-Wall", "-Wextra", "-shared", "-s"]
+FLAGS = [
+    "-std=c11",
+    "-O2",
+    *EXACT,
+    "-fno-sanitize=all",
+    "-fvisibility=hidden",
+    "-Wall",
+    "-Wextra",
+    "-shared",
+    "-s",
+]
 
 
 def native() -> str:
     """Return the platform folder of this machine."""
-    machine = {"amd64": "x86_64", "x86_64": "x86_64", "arm64": "aarch64", "aarch64": "aarch64"}.get(platform.machine().lower(), "")
+    machine = {"amd64": "x86_64", "x86_64": "x86_64", "arm64": "aarch64", "aarch64": "aarch64"}.get(
+        platform.machine().lower(), ""
+    )
     name = f"{machine}-{platform.system().lower()}"
     if name not in TARGETS:
-        raise SystemExit(f"no kernel target for {platform.machine()} {platform.system()}; known: {', '.join(TARGETS)}")
+        raise SystemExit(
+            f"no kernel target for {platform.machine()} {platform.system()}; known: {', '.join(TARGETS)}"
+        )
     return name
 
 
 def wanted() -> list[str]:
-    """Return the platform folders that ``AEROMATCH_TARGETS`` names: ``native`` (default) or ``all``."""
+    """Return the platform folders that ``AEROMATCH_TARGETS`` names: ``native`` (default) or
+    ``all``.
+    """
     choice = os.environ.get("AEROMATCH_TARGETS", "native")
     if choice not in ("native", "all"):
         raise SystemExit(f"AEROMATCH_TARGETS is {choice!r}; allowed: native, all")
@@ -61,10 +84,14 @@ def wanted() -> list[str]:
 
 
 def kernel_sources() -> tuple[list[str], list[str]]:
-    """Return the C sources of the kernel and its FMI shell, and the options that name the folders of their headers."""
+    """Return the C sources of the kernel and its FMI shell, and the options that name the folders
+    of their headers.
+    """
     inner = sorted(path for path in (ROOT / "kernel" / "src").iterdir() if path.is_dir())
     folders = [ROOT / "kernel" / "include", *inner, ROOT / "kernel" / "shell"]
-    return sorted(str(source) for folder in folders for source in folder.glob("*.c")), [f"-I{folder}" for folder in folders]
+    return sorted(str(source) for folder in folders for source in folder.glob("*.c")), [
+        f"-I{folder}" for folder in folders
+    ]
 
 
 def compile_kernel(name: str) -> Path:
@@ -72,26 +99,37 @@ def compile_kernel(name: str) -> Path:
     target = TARGETS[name]
     sources, include = kernel_sources()
     if not sources:
-        raise SystemExit(f"no C sources under {ROOT / 'kernel'}; build from a whole checkout or source archive")
+        raise SystemExit(
+            f"no C sources under {ROOT / 'kernel'}; build from a whole checkout or source archive"
+        )
     system = name.split("-")[1]
-    linking = {"linux": ["-fPIC", "-lm"], "darwin": ["-fPIC", f"-Wl,-install_name,@rpath/{target.file}"], "windows": []}[system]
+    linking = {
+        "linux": ["-fPIC", "-lm"],
+        "darwin": ["-fPIC", f"-Wl,-install_name,@rpath/{target.file}"],
+        "windows": [],
+    }[system]
     library = OUT / name / target.file
     library.parent.mkdir(parents=True, exist_ok=True)
-    # a folder of its own: the linker leaves other files next to a Windows library, and two builds may run at once
+    # a folder of its own: the linker leaves other files next to a Windows library, and two builds
+    # may run at once
     with tempfile.TemporaryDirectory(dir=OUT) as folder:
         output = Path(folder) / target.file
         compiler = [sys.executable, "-m", "ziglang", "cc", "-target", target.zig]
         command = [*compiler, *FLAGS, *include, *sources, *linking, "-o", str(output)]
         if subprocess.run(command).returncode:
-            raise SystemExit(f"the kernel did not compile for {name}; the compiler's messages stand above")
+            raise SystemExit(
+                f"the kernel did not compile for {name}; the compiler's messages stand above"
+            )
         os.replace(output, library)
     return library
 
 
 def build() -> list[Path]:
-    """Compile what is wanted and return the libraries; others are removed, since an FMU must not carry kernels of two builds.
+    """Compile what is wanted and return the libraries; others are removed, since an FMU must not
+    carry kernels of two builds.
 
-    The compiler keeps what it has made: all targets take minutes the first time, a second when no source has changed.
+    The compiler keeps what it has made: all targets take minutes the first time, a second when no
+    source has changed.
     """
     names = wanted()
     with ThreadPoolExecutor(os.cpu_count()) as pool:
@@ -114,7 +152,9 @@ else:
         def initialize(self, version: str, build_data: dict) -> None:
             """Compile, add the libraries to the wheel and name its platform."""
             libraries = build()
-            build_data["artifacts"] += [f"/{library.relative_to(ROOT).as_posix()}" for library in libraries]
+            build_data["artifacts"] += [
+                f"/{library.relative_to(ROOT).as_posix()}" for library in libraries
+            ]
             if len(libraries) == 1:
                 build_data["tag"] = f"py3-none-{TARGETS[libraries[0].parent.name].tag}"
                 build_data["pure_python"] = False

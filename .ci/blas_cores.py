@@ -1,4 +1,6 @@
-"""Print the kernels of OpenBLAS that this processor runs, a line each, without the one that OpenBLAS selects by itself."""
+"""Print the kernels of OpenBLAS that this processor runs, a line each, without the one that
+OpenBLAS selects by itself.
+"""
 
 import platform
 from pathlib import Path
@@ -11,7 +13,11 @@ KERNELS = {
     "x86_64": {"Haswell": "avx2", "SkylakeX": "avx512vl", "Sandybridge": "avx"},
     "aarch64": {"ARMV8": "asimd", "NEOVERSEN1": "asimddp"},
 }
-flags = set(Path("/proc/cpuinfo").read_text(encoding="utf-8").split()) if Path("/proc/cpuinfo").exists() else set()
+flags = (
+    set(Path("/proc/cpuinfo").read_text(encoding="utf-8").split())
+    if Path("/proc/cpuinfo").exists()
+    else set()
+)
 selected = {library.get("architecture", "").lower() for library in threadpoolctl.threadpool_info()}
 for kernel, flag in KERNELS.get(platform.machine(), {}).items():
     if flag in flags and kernel.lower() not in selected:

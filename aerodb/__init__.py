@@ -1,6 +1,7 @@
 """The aerodynamic database: built from DATCOM, checked, edited, compared, stored.
 
-A database is an ``xarray.DataTree``; every leaf ``/<coefficient>/<contribution>`` is one term of the model as
+A database is an ``xarray.DataTree``; every leaf ``/<coefficient>/<contribution>`` is one term of
+the model as
 `flightmech.terms` defines it.  ``docs/aero-model.md`` defines the terms."""
 
 from flightmech.support.imports import attach_stub

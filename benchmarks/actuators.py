@@ -1,9 +1,11 @@
-"""Coverage of the standard errors of identified actuators over simulated campaigns, and the work of one identification.
+"""Coverage of the standard errors of identified actuators over simulated campaigns, and the work of
+one identification.
 
     python benchmarks/actuators.py [CAMPAIGNS]
 
-Two logs each of a servo within its limits, of one at its limits, and of a motor and a servo on a torque cell; share of estimates whose
-truth lies within two standard errors, and the mean of the error over the standard error.
+Two logs each of a servo within its limits, of one at its limits, and of a motor and a servo on a
+torque cell; share of estimates whose truth lies within two standard errors, and the mean of the
+error over the standard error.
 """
 
 import sys
@@ -22,16 +24,24 @@ KINDS = {
     "servo, position": (bench.SERVO, bench.Campaign()),
     "servo, position, at its limits": (bench.LIMITED, bench.Campaign()),
     "servo on a torque cell": (bench.SERVO, CELL),
-    "motor on a torque cell": (bench.MOTOR, bench.Campaign(amplitude=0.3, position=None, speed=1.0, torque=1e-4)),
+    "motor on a torque cell": (
+        bench.MOTOR,
+        bench.Campaign(amplitude=0.3, position=None, speed=1.0, torque=1e-4),
+    ),
     "motor, rate": (bench.MOTOR, bench.Campaign(amplitude=0.3, position=None, speed=1.0)),
 }
 
 
 def truth(actuator: bench.Actuator, names) -> dict[str, float]:
     """Return the true value of each parameter."""
-    known = {name: getattr(actuator, name) for name in ("Ma", "Ca", "Ka", "B", "neutral", "delay", "rate_limit")}
+    known = {
+        name: getattr(actuator, name)
+        for name in ("Ma", "Ca", "Ka", "B", "neutral", "delay", "rate_limit")
+    }
     known |= {f"{name}/Ma": getattr(actuator, name) / actuator.Ma for name in ("Ca", "Ka", "B")}
-    return {name: (known | dict(zip(("stop_low", "stop_high"), actuator.stops)))[name] for name in names}
+    return {
+        name: (known | dict(zip(("stop_low", "stop_high"), actuator.stops)))[name] for name in names
+    }
 
 
 def main(campaigns: int) -> None:
@@ -48,8 +58,12 @@ def main(campaigns: int) -> None:
                 apart.setdefault(name, []).append((value - true[name]) / found.stderr[name])
             for name, value in found.spectral.values.items():
                 if name in found.spectral.stderr:
-                    apart.setdefault(f"{name} (frequency)", []).append((value - true[name]) / found.spectral.stderr[name])
-        print(f"{kind}: {campaigns} campaigns, limits found {limits}, {(time.process_time() - begun) / campaigns:.1f} s CPU each")
+                    apart.setdefault(f"{name} (frequency)", []).append(
+                        (value - true[name]) / found.spectral.stderr[name]
+                    )
+        print(
+            f"{kind}: {campaigns} campaigns, limits found {limits}, {(time.process_time() - begun) / campaigns:.1f} s CPU each"
+        )
         for name, z in apart.items():
             print(
                 f"  {name:22s} {np.mean(np.abs(z) < 2.0):6.1%} within two, mean {np.mean(z):+5.2f}, scatter {np.std(z):4.2f}, of {len(z)}"

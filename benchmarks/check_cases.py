@@ -1,10 +1,12 @@
-"""All NASA/NESC atmospheric check cases, 1 to 16: largest differences of ours from every published tool, and of the tools from each other.
+"""All NASA/NESC atmospheric check cases, 1 to 16: largest differences of ours from every published
+tool, and of the tools from each other.
 
     python benchmarks/check_cases.py                   every recorded column
     python benchmarks/check_cases.py --groups          columns gathered, as docs/check-cases.md has them
     python benchmarks/check_cases.py 11 13p1 --adams   with the integration of tool 5
 
-The records lie in ../shared/data/flight/nesc_checkcases; a case without one is flown, and its end is printed.
+The records lie in ../shared/data/flight/nesc_checkcases; a case without one is flown, and its end
+is printed.
 """
 
 from __future__ import annotations
@@ -25,7 +27,15 @@ from flightmech.support.console import table
 TESTS = Path(__file__).parents[1] / "tests" / "published"
 sys.path.insert(0, str(TESTS))
 SIMPLE, EARTHS = ("01", "02", "03", "06", "07", "09"), ("04", "05", "08", "10")
-END = ("altitudeMsl_ft", "latitude_deg", "longitude_deg", "mach", "eulerAngle_deg_Roll", "eulerAngle_deg_Pitch", "eulerAngle_deg_Yaw")
+END = (
+    "altitudeMsl_ft",
+    "latitude_deg",
+    "longitude_deg",
+    "mach",
+    "eulerAngle_deg_Roll",
+    "eulerAngle_deg_Pitch",
+    "eulerAngle_deg_Yaw",
+)
 
 
 def module(name: str) -> ModuleType:
@@ -42,28 +52,41 @@ def module(name: str) -> ModuleType:
 def flown(case: str, adams: bool) -> tuple[str, xr.Dataset]:
     """Return title and run of a case."""
     if case in SIMPLE:
-        return f"case {int(case)}", module("test_nesc").fly(int(case), np.round(np.arange(0.0, 30.05, 0.1), 3))
+        return f"case {int(case)}", module("test_nesc").fly(
+            int(case), np.round(np.arange(0.0, 30.05, 0.1), 3)
+        )
     if case in EARTHS:
         return f"case {int(case)}", module("test_nesc_earth").flown(int(case))
     from nesc.flight import fly
     from nesc.scenarios import SCENARIOS
 
     with_law = adams and bool(SCENARIOS[case].law)
-    return f"case {case.replace('p', '.')}: {SCENARIOS[case].title}", fly(case, 0.01, adams=True) if with_law else fly(case)
+    return f"case {case.replace('p', '.')}: {SCENARIOS[case].title}", fly(
+        case, 0.01, adams=True
+    ) if with_law else fly(case)
 
 
 def compared(case: str, run: xr.Dataset, groups: bool) -> tuple[list[str], list[list[str]]]:
     """Return head and rows of the table of largest differences."""
     from nesc import f16, records
 
-    ours = records.as_recorded(run, f16.aircraft() if case in ("11", "13p1", "13p3", "15") else None)
+    ours = records.as_recorded(
+        run, f16.aircraft() if case in ("11", "13p1", "13p3", "15") else None
+    )
     end, tools = float(run.time[-1]), records.tools(case)
-    found = {f"ours-{tool}": records.differences(ours, records.published(case, tool), end) for tool in tools}
+    found = {
+        f"ours-{tool}": records.differences(ours, records.published(case, tool), end)
+        for tool in tools
+    }
     found |= {f"{a}-{b}": values for (a, b), values in records.spreads(case, end).items()}
     if groups:
         found = {pair: records.grouped(values) for pair, values in found.items()}
-    names = dict.fromkeys(name for pair, values in found.items() if pair.startswith("ours") for name in values)
-    return ["", *found], [[name, *(figure(values, name) for values in found.values())] for name in names]
+    names = dict.fromkeys(
+        name for pair, values in found.items() if pair.startswith("ours") for name in values
+    )
+    return ["", *found], [
+        [name, *(figure(values, name) for values in found.values())] for name in names
+    ]
 
 
 def figure(values: Mapping[str, float], name: str) -> str:
@@ -75,9 +98,16 @@ def main() -> None:
     """Fly and print."""
     every = [*SIMPLE, *EARTHS, "11", "12", "13p1", "13p2", "13p3", "13p4", "15", "16"]
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("case", nargs="*", default=sorted(every), help=f"one of {', '.join(sorted(every))}; all by default")
+    parser.add_argument(
+        "case",
+        nargs="*",
+        default=sorted(every),
+        help=f"one of {', '.join(sorted(every))}; all by default",
+    )
     parser.add_argument("--groups", action="store_true", help="gather the columns")
-    parser.add_argument("--adams", action="store_true", help="integrate cases with a control law as tool 5 does")
+    parser.add_argument(
+        "--adams", action="store_true", help="integrate cases with a control law as tool 5 does"
+    )
     options = parser.parse_args()
     if unknown := sorted(set(options.case) - set(every)):
         parser.error(f"unknown case {', '.join(unknown)}; allowed: {', '.join(sorted(every))}")

@@ -1,9 +1,11 @@
-"""Reading DATCOM listings: against regular expressions over the text and against pandas.read_fwf, ratios within one run; memory of 200 MB.
+"""Reading DATCOM listings: against regular expressions over the text and against pandas.read_fwf,
+ratios within one run; memory of 200 MB.
 
-No published reader runs on these listings today (PyDatcom 0.2.5 is Python 2 and, converted, stops at each T-37 listing), so its way is
-written down here in short: one regular expression per kind of page over the whole text, rows cut by columns.  Like it, both peers read
-static and dynamic tables only; the reader reads everything that is printed.
-T-37: the clean listing, nothing but such pages; corpus: all listings.
+No published reader runs on these listings today (PyDatcom 0.2.5 is Python 2 and, converted, stops
+at each T-37 listing), so its way is written down here in short: one regular expression per kind of
+page over the whole text, rows cut by columns.  Like it, both peers read static and dynamic tables
+only; the reader reads everything that is printed. T-37: the clean listing, nothing but such pages;
+corpus: all listings.
 
 python benchmarks/datcom_reading.py [FOLDER]      the folder of the corpus, ../shared/data/datcom unless given; without it the T-37 listings
 """
@@ -34,13 +36,37 @@ SMALL, LARGE = 100_000, 200_000_000  # bytes
 STATIC = dict(
     zip(
         ["ALPHA", "CD", "CL", "CM", "CN", "CA", "XCP", "CLA", "CMA", "CYB", "CNB", "CLB"],
-        [(0, 8), (8, 17), (17, 26), (26, 36), (36, 44), (44, 53), (53, 63), (63, 76), (76, 89), (89, 102), (102, 115), (115, 128)],
+        [
+            (0, 8),
+            (8, 17),
+            (17, 26),
+            (26, 36),
+            (36, 44),
+            (44, 53),
+            (53, 63),
+            (63, 76),
+            (76, 89),
+            (89, 102),
+            (102, 115),
+            (115, 128),
+        ],
     )
 )
 DYNAMIC = dict(
     zip(
         ["ALPHA", "CLQ", "CMQ", "CLAD", "CMAD", "CLP", "CYP", "CNP", "CNR", "CLR"],
-        [(0, 11), (11, 24), (24, 37), (37, 51), (51, 64), (64, 77), (77, 90), (90, 103), (103, 116), (116, 129)],
+        [
+            (0, 11),
+            (11, 24),
+            (24, 37),
+            (37, 51),
+            (51, 64),
+            (64, 77),
+            (77, 90),
+            (90, 103),
+            (103, 116),
+            (116, 129),
+        ],
     )
 )
 _PAGE = (
@@ -68,7 +94,10 @@ def by_expressions(files: list[Path]) -> int:
         for page, columns in PAGES:
             for found in page.finditer(text):
                 rows = found["rows"].splitlines()
-                values = {name: [_number(row[first:after]) for row in rows] for name, (first, after) in columns.items()}
+                values = {
+                    name: [_number(row[first:after]) for row in rows]
+                    for name, (first, after) in columns.items()
+                }
                 count += sum(x == x for column in values.values() for x in column)
     return count
 
@@ -105,7 +134,11 @@ def read_cells(files: list[Path]) -> int:
 
 
 def iterate_cells(files: list[Path]) -> int:
-    return sum(int(case.cells()["value"].notna().sum()) for file in files for case in datcom_io.iterate(file))
+    return sum(
+        int(case.cells()["value"].notna().sum())
+        for file in files
+        for case in datcom_io.iterate(file)
+    )
 
 
 def trees(files: list[Path]) -> None:
@@ -138,7 +171,11 @@ def time_ways(files: list[Path], title: str) -> None:
             name,
             f"{seconds:.2f}",
             f"{size / seconds:.1f}",
-            *(("", "") if (count := numbers[name]) is None else (f"{count:,}", f"{1e-3 * count / seconds:.0f}")),
+            *(
+                ("", "")
+                if (count := numbers[name]) is None
+                else (f"{count:,}", f"{1e-3 * count / seconds:.0f}")
+            ),
             *(f"{best[peer] / seconds:.1f}" for peer in list(WAYS)[:2]),
         )
         for name, seconds in best.items()
@@ -165,7 +202,9 @@ def memory(files: list[Path], folder: Path) -> None:
     rows = []
     for name, work in MEMORY.items():
         code = f"import resource, time, pandas, datcom_io\npath = {str(path)!r}\n{work}\n{_USED}"
-        run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
+        run = subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT
+        )
         kilobytes, seconds = map(float, run.stdout.split())
         rows.append((name, f"{kilobytes * 1024 / 1e6:.0f}", f"{seconds:.1f}"))
     columns = ("way", "largest resident MB", "s")

@@ -1,9 +1,11 @@
-"""The diagnosis of cases of the demo: swaps flown together against every swap flown alone, and where the time goes.
+"""The diagnosis of cases of the demo: swaps flown together against every swap flown alone, and
+where the time goes.
 
     python benchmarks/diagnosis.py [out/t37] [case.toml ...]
 
-The folder holds the files of the demo: datcom and final, databases and aircraft.  Without cases: three that fly surfaces, one with legs on
-the ground and one with moving circuits.  Each record is reconstructed by itself.
+The folder holds the files of the demo: datcom and final, databases and aircraft.  Without cases:
+three that fly surfaces, one with legs on the ground and one with moving circuits.  Each record is
+reconstructed by itself.
 """
 
 from __future__ import annotations
@@ -25,7 +27,13 @@ from pom.diagnosis.diagnosis import ranked
 from pom.diagnosis.joint_correction import swap_models
 from pom.replaying.kernel_replay import fly_once
 
-CASES = ("21_short_period", "22_roll_response", "26_phugoid", "71_brake_stop", "53_stick_free_short_period")
+CASES = (
+    "21_short_period",
+    "22_roll_response",
+    "26_phugoid",
+    "71_brake_stop",
+    "53_stick_free_short_period",
+)
 REPEATS = 3
 
 
@@ -50,17 +58,23 @@ def alone(sim, job, choices, channels):
 
 
 def main() -> None:
-    """Print processor times of each case: diagnosis, its flights, judging; flights of a stage alone over together."""
+    """Print processor times of each case: diagnosis, its flights, judging; flights of a stage alone
+    over together.
+    """
     folder, *files = sys.argv[1:] or ["out/t37"]
     files = files or [f"data/t37/cases/{name}.toml" for name in CASES]
     before, after = (aerodb.open(Path(folder) / f"{name}.nc") for name in ("datcom", "final"))
-    apriori, final = (flightmech.read_aircraft(Path(folder) / f"{name}.toml") for name in ("datcom", "final"))
+    apriori, final = (
+        flightmech.read_aircraft(Path(folder) / f"{name}.toml") for name in ("datcom", "final")
+    )
     cases = [pom.read_case(file) for file in files]
     models = swap_models(before, after, {case.name: final for case in cases}, apriori)
     spent: dict[str, float] = defaultdict(float)
     timed(spent, swap_runs, "fly")
     timed(spent, swap_runs, "judge_all")
-    print(f"{'case':28} {'flights':>8} {'total':>8} {'flying':>8} {'judging':>8}   [s]   one by one over together")
+    print(
+        f"{'case':28} {'flights':>8} {'total':>8} {'flying':>8} {'judging':>8}   [s]   one by one over together"
+    )
     for case in cases:
         states = flight_states(case)
         spent.clear()
@@ -69,11 +83,15 @@ def main() -> None:
         ranked(bench)
         total = time.process_time() - start
         flights, flying, judging = len(bench._known), spent["fly"], spent["judge_all"]
-        print(f"{case.name:28} {flights:8} {total:8.2f} {flying:8.2f} {judging:8.2f} {ratio_alone(bench):20.2f}")
+        print(
+            f"{case.name:28} {flights:8} {total:8.2f} {flying:8.2f} {judging:8.2f} {ratio_alone(bench):20.2f}"
+        )
 
 
 def ratio_alone(bench: swap_runs.Bench) -> float:
-    """Return the processor time of sixteen swaps flown one by one over that of the same flown together."""
+    """Return the processor time of sixteen swaps flown one by one over that of the same flown
+    together.
+    """
     sim = bench.models.compiled(())
     choices = [bench.models.choice([name]) for name in bench.terms[:16]]
     channels = [name for name in bench.channels if name in sim.outputs]

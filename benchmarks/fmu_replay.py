@@ -1,8 +1,10 @@
-"""How fast recorded inputs go through the FMU, against the direct call of the kernel: ratios within one run.
+"""How fast recorded inputs go through the FMU, against the direct call of the kernel: ratios within
+one run.
 
-60 s at 100 Hz under elevator, aileron and rudder, 27 outputs, one internal step per sample; the arrays of FMI 3.0 give every
-output, as they are.  Inputs are held between samples, those of the arrays linear.  A synthetic model with 43 tables
-(6 of one axis, 28 of two, 7 of three, 2 of four), the size of a business jet's database.  Run: ``python benchmarks/fmu_replay.py``.
+60 s at 100 Hz under elevator, aileron and rudder, 27 outputs, one internal step per sample; the
+arrays of FMI 3.0 give every output, as they are.  Inputs are held between samples, those of the
+arrays linear.  A synthetic model with 43 tables (6 of one axis, 28 of two, 7 of three, 2 of four),
+the size of a business jet's database.  Run: ``python benchmarks/fmu_replay.py``.
 """
 
 from __future__ import annotations
@@ -37,7 +39,9 @@ AXES = {
 
 
 def model() -> flightmech.SimModel:
-    """Compile the synthetic aircraft; in addition to the terms that make it fly, tables of small random nodes."""
+    """Compile the synthetic aircraft; in addition to the terms that make it fly, tables of small
+    random nodes.
+    """
     random = np.random.default_rng(1)
     alpha = AXES["alpha"]
     leaves = {
@@ -48,17 +52,40 @@ def model() -> flightmech.SimModel:
         "/Cm/basic": make(0.02 - 0.9 * alpha, {"alpha": alpha}),
         "/Cn/beta": make(np.full(12, 0.09), {"alpha": alpha}, ["beta"]),
     }
-    for name, value, regressor in (("Cl/phat", -0.45, "phat"), ("Cl/aileron", -0.12, "delta_a"), ("Cm/qhat", -14.0, "qhat")):
+    for name, value, regressor in (
+        ("Cl/phat", -0.45, "phat"),
+        ("Cl/aileron", -0.12, "delta_a"),
+        ("Cm/qhat", -14.0, "qhat"),
+    ):
         leaves[f"/{name}"] = make(value, regressors=[regressor])
-    for name, value, regressor in (("Cm/delta_e", -1.1, "delta_e"), ("Cn/rhat", -0.14, "rhat"), ("Cn/rudder", -0.07, "delta_r")):
+    for name, value, regressor in (
+        ("Cm/delta_e", -1.1, "delta_e"),
+        ("Cn/rhat", -0.14, "rhat"),
+        ("Cn/rudder", -0.07, "delta_r"),
+    ):
         leaves[f"/{name}"] = make(value, regressors=[regressor])
     coefficients = ("CL", "CD", "CY", "Cl", "Cm", "Cn")
     for number, axes in enumerate([2] * 28 + [3] * 7 + [4] * 2):
         grid = dict(list(AXES.items())[:axes])
         nodes = 1e-4 * random.standard_normal([len(points) for points in grid.values()])
-        leaves[f"/{coefficients[number % 6]}/extra_{number}"] = make(nodes, grid, ["qhat" if number % 2 else "beta"])
-    engine = Engine((0.0, 0.0, 0.0), thrust=make([200.0, 20000.0], {"throttle": [0.0, 1.0]}), time_constant=1.0)
-    aircraft = flightmech.Aircraft("Benchmark", 30.0, 2.0, 16.0, 5500.0, 12000.0, 26000.0, 36000.0, Ixz=1500.0, engines=(engine,))
+        leaves[f"/{coefficients[number % 6]}/extra_{number}"] = make(
+            nodes, grid, ["qhat" if number % 2 else "beta"]
+        )
+    engine = Engine(
+        (0.0, 0.0, 0.0), thrust=make([200.0, 20000.0], {"throttle": [0.0, 1.0]}), time_constant=1.0
+    )
+    aircraft = flightmech.Aircraft(
+        "Benchmark",
+        30.0,
+        2.0,
+        16.0,
+        5500.0,
+        12000.0,
+        26000.0,
+        36000.0,
+        Ixz=1500.0,
+        engines=(engine,),
+    )
     return flightmech.compile(aircraft, xr.DataTree.from_dict(leaves))
 
 
@@ -72,7 +99,9 @@ def recorded(sim: flightmech.SimModel) -> xr.Dataset:
 
 
 def fmpy_loop(folder: Path, inputs: xr.Dataset, outputs: list[str]) -> Callable[[], np.ndarray]:
-    """Return a run by FMPy's `simulate_fmu` on the unpacked FMU with its description read beforehand."""
+    """Return a run by FMPy's `simulate_fmu` on the unpacked FMU with its description read
+    beforehand.
+    """
     description = fmpy.read_model_description(str(folder))
     names = ["time", *map(str, inputs.data_vars)]
     signals = np.zeros(inputs.sizes["time"], [(name, float) for name in names])
@@ -99,13 +128,20 @@ def own_loop(folder: Path, inputs: xr.Dataset, outputs: list[str]) -> Callable[[
     description = fmpy.read_model_description(str(folder))
     second = description.fmiVersion == "2.0"
     references = {v.name: v.valueReference for v in description.modelVariables}
-    t, u = inputs["time"].values, np.stack([item.values for item in inputs.data_vars.values()], axis=1)
+    t, u = (
+        inputs["time"].values,
+        np.stack([item.values for item in inputs.data_vars.values()], axis=1),
+    )
     given = [references[str(name)] for name in inputs.data_vars]
     wanted = [references[name] for name in outputs]
 
     def run() -> np.ndarray:
         kind = FMU2Slave if second else FMU3Slave
-        fmu = kind(guid=description.guid, unzipDirectory=str(folder), modelIdentifier=description.coSimulation.modelIdentifier)
+        fmu = kind(
+            guid=description.guid,
+            unzipDirectory=str(folder),
+            modelIdentifier=description.coSimulation.modelIdentifier,
+        )
         fmu.instantiate()
         if second:
             fmu.setupExperiment(startTime=0.0)
@@ -119,23 +155,41 @@ def own_loop(folder: Path, inputs: xr.Dataset, outputs: list[str]) -> Callable[[
     return run
 
 
-def _advance(fmu, second: bool, t: np.ndarray, u: np.ndarray, references_in: list[int], references_out: list[int]) -> np.ndarray:
+def _advance(
+    fmu,
+    second: bool,
+    t: np.ndarray,
+    u: np.ndarray,
+    references_in: list[int],
+    references_out: list[int],
+) -> np.ndarray:
     library, instance = ctypes.CDLL(fmu.dll._name), ctypes.c_void_p(fmu.component)
-    names = ("fmi2SetReal", "fmi2GetReal", "fmi2DoStep") if second else ("fmi3SetFloat64", "fmi3GetFloat64", "fmi3DoStep")
+    names = (
+        ("fmi2SetReal", "fmi2GetReal", "fmi2DoStep")
+        if second
+        else ("fmi3SetFloat64", "fmi3GetFloat64", "fmi3DoStep")
+    )
     put, get, step = (getattr(library, name) for name in names)
     given = (ctypes.c_uint * len(references_in))(*references_in)
     wanted = (ctypes.c_uint * len(references_out))(*references_out)
     n_in, n_out = ctypes.c_size_t(len(given)), ctypes.c_size_t(len(wanted))
     y = np.empty((len(t), len(wanted)))
     # one object for each argument that changes: only its value does
-    row_in, row_out, point, size = ctypes.c_void_p(), ctypes.c_void_p(y.ctypes.data), ctypes.c_double(), ctypes.c_double()
+    row_in, row_out, point, size = (
+        ctypes.c_void_p(),
+        ctypes.c_void_p(y.ctypes.data),
+        ctypes.c_double(),
+        ctypes.c_double(),
+    )
     at_in, at_out = (range(a.ctypes.data, a.ctypes.data + a.nbytes, a.strides[0]) for a in (u, y))
     flags = [ctypes.byref(ctypes.c_bool()) for _ in range(3)]
     tail = () if second else (*flags, ctypes.byref(ctypes.c_double()))
     prior = ctypes.c_int(1) if second else ctypes.c_bool(True)
     extra_in, extra_out = ((), ()) if second else ((n_in,), (n_out,))
     status = get(instance, wanted, n_out, row_out, *extra_out)
-    for row_in.value, row_out.value, point.value, size.value in zip(at_in, at_out[1:], t.tolist(), np.diff(t).tolist(), strict=False):
+    for row_in.value, row_out.value, point.value, size.value in zip(
+        at_in, at_out[1:], t.tolist(), np.diff(t).tolist(), strict=False
+    ):
         status |= put(instance, given, n_in, row_in, *extra_in)
         status |= step(instance, point, size, prior, *tail)
         status |= get(instance, wanted, n_out, row_out, *extra_out)
@@ -144,21 +198,34 @@ def _advance(fmu, second: bool, t: np.ndarray, u: np.ndarray, references_in: lis
     return y
 
 
-def array_replay(folder: Path, inputs: xr.Dataset, outputs: list[str], keep: bool) -> Callable[[], np.ndarray]:
+def array_replay(
+    folder: Path, inputs: xr.Dataset, outputs: list[str], keep: bool
+) -> Callable[[], np.ndarray]:
     """Return a run of the whole record in one step: instance, arrays in, step, array out.
 
-    `keep`: each run makes an instance of a library that stays loaded, as a program with many runs does; otherwise FMPy
-    loads it and declares its functions in Python for each run.
+    `keep`: each run makes an instance of a library that stays loaded, as a program with many runs
+    does; otherwise FMPy loads it and declares its functions in Python for each run.
     """
     description = fmpy.read_model_description(str(folder))
     references = {v.name: v.valueReference for v in description.modelVariables}
-    names = [v.name for v in description.modelVariables if v.causality == "output" and v.name != "replay.y"]
+    names = [
+        v.name
+        for v in description.modelVariables
+        if v.causality == "output" and v.name != "replay.y"
+    ]
     columns = [names.index(name) for name in outputs]
-    t, u = inputs["time"].values, np.stack([item.values for item in inputs.data_vars.values()], axis=1)
+    t, u = (
+        inputs["time"].values,
+        np.stack([item.values for item in inputs.data_vars.values()], axis=1),
+    )
     where, real = (ctypes.c_uint * 1)(references["replay.y"]), ctypes.POINTER(ctypes.c_double)
 
     def load() -> FMU3Slave:
-        return FMU3Slave(guid=description.guid, unzipDirectory=str(folder), modelIdentifier=description.coSimulation.modelIdentifier)
+        return FMU3Slave(
+            guid=description.guid,
+            unzipDirectory=str(folder),
+            modelIdentifier=description.coSimulation.modelIdentifier,
+        )
 
     loaded = load() if keep else None
 
@@ -170,7 +237,11 @@ def array_replay(folder: Path, inputs: xr.Dataset, outputs: list[str], keep: boo
         fmu.exitConfigurationMode()
         for name, values in (("replay.t", t), ("replay.u", u)):
             fmu.fmi3SetFloat64(
-                fmu.component, (ctypes.c_uint * 1)(references[name]), 1, np.ascontiguousarray(values).ctypes.data_as(real), values.size
+                fmu.component,
+                (ctypes.c_uint * 1)(references[name]),
+                1,
+                np.ascontiguousarray(values).ctypes.data_as(real),
+                values.size,
             )
         fmu.enterInitializationMode()
         _set_start(fmu, references, second=False)
@@ -191,7 +262,11 @@ def _set_start(fmu, references: dict[str, int], second: bool) -> None:
     """Set the start values, each by the type that its standard gives it."""
     for name, value in START.items():
         whole = isinstance(value, int)
-        put = (fmu.setInteger if whole else fmu.setReal) if second else (fmu.setInt64 if whole else fmu.setFloat64)
+        put = (
+            (fmu.setInteger if whole else fmu.setReal)
+            if second
+            else (fmu.setInt64 if whole else fmu.setFloat64)
+        )
         put([references[name]], [value])
 
 
@@ -201,7 +276,11 @@ def main() -> None:
     inputs = recorded(sim)
     outputs = list(sim.outputs[:RECORDED])
     with TemporaryDirectory() as folder:
-        runs = {"kernel, one call": lambda: flightmech.simulate(sim, inputs, START, hold="zero")[outputs].to_array().values.T}
+        runs = {
+            "kernel, one call": lambda: (
+                flightmech.simulate(sim, inputs, START, hold="zero")[outputs].to_array().values.T
+            )
+        }
         for version in ("2.0", "3.0"):
             path = flightmech.write_fmu(sim, Path(folder) / f"{version}.fmu", version)
             unpacked = Path(fmpy.extract(str(path), str(Path(folder) / version)))
@@ -231,7 +310,12 @@ def main() -> None:
         for name, seconds in best.items()
     ]
     columns = ("driver", "ms", "us/step", "x kernel", "x real time", "largest difference")
-    table(columns, rows, f"{DURATION:.0f} s at {1 / STEP:.0f} Hz, {RECORDED} outputs, {len(sim.terms)} terms", right=columns[1:])
+    table(
+        columns,
+        rows,
+        f"{DURATION:.0f} s at {1 / STEP:.0f} Hz, {RECORDED} outputs, {len(sim.terms)} terms",
+        right=columns[1:],
+    )
 
 
 if __name__ == "__main__":

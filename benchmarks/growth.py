@@ -1,15 +1,17 @@
-"""Time and memory against the number of cases, models and workers, the length of a record and the number of tables.
+"""Time and memory against the number of cases, models and workers, the length of a record and the
+number of tables.
 
     python benchmarks/growth.py                                    all series, about ten minutes on two free cores
     python benchmarks/growth.py --figure growth.png --keep growth.json
     python benchmarks/growth.py --read growth.json --figure growth.png     the figure alone
     python benchmarks/growth.py --batch 1000 5                     one batch: 1000 cases by 5 models
 
-A batch is that of ``pom_batch.py``: cases of 30 s at 50 Hz of an invented trainer, replayed by our FMUs, judged, replayed again from
-the kept flights, and written as a report without its PDF.  Every point is a process of its own.  Time is processor time with that of
-all child processes, which other work on the machine stretches much less than the clock; memory is the largest resident set of the
-process, for a batch also that of all processes together, a page that several share counted once (Linux).  The records of a batch are
-files of reconstructed states.
+A batch is that of ``pom_batch.py``: cases of 30 s at 50 Hz of an invented trainer, replayed by our
+FMUs, judged, replayed again from the kept flights, and written as a report without its PDF.  Every
+point is a process of its own.  Time is processor time with that of all child processes, which other
+work on the machine stretches much less than the clock; memory is the largest resident set of the
+process, for a batch also that of all processes together, a page that several share counted once
+(Linux).  The records of a batch are files of reconstructed states.
 """
 
 from __future__ import annotations
@@ -51,7 +53,9 @@ FACTORS = (1.0, 0.9, 0.8, 0.7, 0.6)  # of the pitch damping of each model
 
 
 def measured(work: Callable[[], Any]) -> tuple[dict[str, float], Any]:
-    """Return processor time and wall time, with that of the child processes, and what the work gave. [s]"""
+    """Return processor time and wall time, with that of the child processes, and what the work
+    gave. [s]
+    """
     from joblib.externals.loky import get_reusable_executor
 
     worked, began = processor_time(), time.perf_counter()
@@ -64,13 +68,18 @@ def measured(work: Callable[[], Any]) -> tuple[dict[str, float], Any]:
 
 def memory() -> dict[str, float]:
     """Return the largest resident set of this process and of its largest child. [MB]"""
-    mine, child = (resource.getrusage(who).ru_maxrss / 1024.0 for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    mine, child = (
+        resource.getrusage(who).ru_maxrss / 1024.0
+        for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
+    )
     return {"memory": mine, "child": child}
 
 
 @contextmanager
 def watched(every: float = 0.5) -> Iterator[list[float]]:
-    """Give the resident memory of this process and all below it, a shared page counted once, as long as the block lasts. [MB]"""
+    """Give the resident memory of this process and all below it, a shared page counted once, as
+    long as the block lasts. [MB]
+    """
     found: list[float] = [0.0]
     ended = threading.Event()
 
@@ -101,7 +110,9 @@ def tree(process: int) -> list[int]:
 
 
 def proportional(process: int) -> float:
-    """Return the resident memory of a process, each page divided by the processes that share it; zero for one that ended. [MB]"""
+    """Return the resident memory of a process, each page divided by the processes that share it;
+    zero for one that ended. [MB]
+    """
     with suppress(OSError):
         for line in Path(f"/proc/{process}/smaps_rollup").read_text().splitlines():
             if line.startswith("Pss:"):
@@ -115,10 +126,14 @@ def prepared(folder: Path, cases: int, models: int) -> None:
     _, paths = programme(plane, min(cases, FLOWN), folder)
     for stem, states in paths.items():
         states.to_netcdf(folder / f"{stem}.nc", engine="h5netcdf")
-    for number in range(FLOWN, cases):  # the records again, each time a window shorter by a sample: no flight is kept from another case
+    for number in range(
+        FLOWN, cases
+    ):  # the records again, each time a window shorter by a sample: no flight is kept from another case
         turn, first = divmod(number, FLOWN)
         text = (folder / f"case_{first:03d}.toml").read_text()
-        text = text.replace(f"_{first:03d}", f"_{number:03d}").replace(f", {DURATION}]", f", {DURATION - 0.02 * turn:.2f}]")
+        text = text.replace(f"_{first:03d}", f"_{number:03d}").replace(
+            f", {DURATION}]", f", {DURATION - 0.02 * turn:.2f}]"
+        )
         (folder / f"case_{number:03d}.toml").write_text(text)
         shutil.copy(folder / f"record_{first:03d}.nc", folder / f"record_{number:03d}.nc")
     for number, factor in enumerate(FACTORS[:models]):
@@ -140,7 +155,11 @@ def batch(folder: Path, cases: int, models: int, jobs: int) -> dict[str, Any]:
         del results
         found["resumed"], results = measured(flown)
         found["after replay"] = memory()
-        found["report"], page = measured(lambda: pom.write_report(results, folder / "report", title="Growth", paper=None, jobs=jobs))
+        found["report"], page = measured(
+            lambda: pom.write_report(
+                results, folder / "report", title="Growth", paper=None, jobs=jobs
+            )
+        )
     found["page"] = page.stat().st_size / 1e6
     return found | memory() | {"together": max(sizes)}
 
@@ -150,17 +169,27 @@ def long_flight(folder: Path, seconds: float) -> dict[str, Any]:
     plane = trainer()
     pulse = [(0.0, 0.0), (2.0, 0.0), (2.06, -0.05), (2.44, -0.05), (2.5, 0.0)]
     found: dict[str, Any] = {"seconds": seconds}
-    found["flight"], states = measured(lambda: plane.flight(plane.database(), seconds, delta_e=pulse))
+    found["flight"], states = measured(
+        lambda: plane.flight(plane.database(), seconds, delta_e=pulse)
+    )
     case = folder / "long.toml"
     case.write_text(
         '[case]\nid = "2.c.10"\nname = "long"\ntitle = "A long record"\nrecord = "long.nc"\n'
         f"window = [0.0, {seconds}]\n[events]\ninput_end = 2.5\n"
     )
     states.to_netcdf(folder / "long.nc", engine="h5netcdf")
-    runs = {"model": flightmech.write_fmu(flightmech.compile(plane.AIRCRAFT, plane.database()), folder / "long.fmu", "3.0")}
-    found["replay"], results = measured(lambda: pom.replay_all([pom.read_case(case)], runs, jobs=1, timeout=600.0))
+    runs = {
+        "model": flightmech.write_fmu(
+            flightmech.compile(plane.AIRCRAFT, plane.database()), folder / "long.fmu", "3.0"
+        )
+    }
+    found["replay"], results = measured(
+        lambda: pom.replay_all([pom.read_case(case)], runs, jobs=1, timeout=600.0)
+    )
     assert not results[0].failure, results[0].failure
-    found["report"], page = measured(lambda: pom.write_report(results, folder / "report", title="Growth", paper=None, jobs=1))
+    found["report"], page = measured(
+        lambda: pom.write_report(results, folder / "report", title="Growth", paper=None, jobs=1)
+    )
     found["page"] = page.stat().st_size / 1e6
     return found | memory()
 
@@ -182,7 +211,10 @@ def many_tables(count: int) -> dict[str, Any]:
     held = {"init.V": 85.0, "init.h": 1500.0, "mode.engine": 2, "mode.trim": 1}
     still = xr.Dataset({"delta_e": ("time", np.zeros(clock.size))}, {"time": clock})
     flightmech.simulate(sim, still, held, outputs=["V"])
-    costs = [measured(lambda: flightmech.simulate(sim, still, held, outputs=["V"]))[0]["cpu"] for _ in range(3)]
+    costs = [
+        measured(lambda: flightmech.simulate(sim, still, held, outputs=["V"]))[0]["cpu"]
+        for _ in range(3)
+    ]
     found["step"] = {"cpu": min(costs) / clock.size}
     return found | memory()
 
@@ -190,7 +222,9 @@ def many_tables(count: int) -> dict[str, Any]:
 def alone(kind: str, **given: Any) -> dict[str, Any]:
     """Return a point, measured in a process of its own."""
     call = [sys.executable, __file__, "--point", json.dumps({"kind": kind, **given})]
-    return json.loads(subprocess.run(call, check=True, stdout=subprocess.PIPE, text=True).stdout.splitlines()[-1])
+    return json.loads(
+        subprocess.run(call, check=True, stdout=subprocess.PIPE, text=True).stdout.splitlines()[-1]
+    )
 
 
 def point(kind: str, **given: Any) -> dict[str, Any]:
@@ -212,44 +246,83 @@ def series() -> dict[str, list[dict[str, Any]]]:
     }
     with tempfile.TemporaryDirectory() as place:
         prepared(Path(place), max(BATCHES), len(FACTORS))
-        found["models"] = [alone("batch", folder=place, cases=FEW, models=count, jobs=cores) for count in MODELS]
-        found["workers"] = [alone("batch", folder=place, cases=MIDDLE, models=3, jobs=count) for count in sorted({1, 2, cores})]
-        found["cases"] = [alone("batch", folder=place, cases=count, models=3, jobs=cores) for count in BATCHES]
+        found["models"] = [
+            alone("batch", folder=place, cases=FEW, models=count, jobs=cores) for count in MODELS
+        ]
+        found["workers"] = [
+            alone("batch", folder=place, cases=MIDDLE, models=3, jobs=count)
+            for count in sorted({1, 2, cores})
+        ]
+        found["cases"] = [
+            alone("batch", folder=place, cases=count, models=3, jobs=cores) for count in BATCHES
+        ]
     return found
 
 
 def show(found: Mapping[str, list[dict[str, Any]]]) -> None:
     """Print the points."""
     for name in ("cases", "models", "workers"):
-        columns = ("cases", "models", "workers", "replay", "resumed", "report", "ms/case", "s on the clock", "MB", "MB together", "page MB")
+        columns = (
+            "cases",
+            "models",
+            "workers",
+            "replay",
+            "resumed",
+            "report",
+            "ms/case",
+            "s on the clock",
+            "MB",
+            "MB together",
+            "page MB",
+        )
         rows = []
         for item in found.get(name, ()):
             parts = [item[part]["cpu"] for part in ("replay", "resumed", "report")]
             wall = item["replay"]["wall"] + item["report"]["wall"]
             each = " ".join(f"{1e3 * cpu / item['cases']:.0f}" for cpu in parts)
             numbers = [f"{cpu:.1f}" for cpu in parts]
-            sizes = [f"{item['memory']:.0f}", f"{item.get('together', 0.0):.0f}", f"{item['page']:.2f}"]
-            rows.append([str(item["cases"]), str(item["models"]), str(item["jobs"]), *numbers, each, f"{wall:.1f}", *sizes])
+            sizes = [
+                f"{item['memory']:.0f}",
+                f"{item.get('together', 0.0):.0f}",
+                f"{item['page']:.2f}",
+            ]
+            rows.append(
+                [
+                    str(item["cases"]),
+                    str(item["models"]),
+                    str(item["jobs"]),
+                    *numbers,
+                    each,
+                    f"{wall:.1f}",
+                    *sizes,
+                ]
+            )
         if rows:
             table(columns, rows, f"batch against {name}; CPU s", right=columns)
     rows = []
     for item in found.get("length", ()):
         numbers = [f"{item[part]['cpu']:.2f}" for part in ("flight", "replay", "report")]
-        rows.append([f"{item['seconds']:g}", *numbers, f"{item['memory']:.0f}", f"{item['page']:.2f}"])
+        rows.append(
+            [f"{item['seconds']:g}", *numbers, f"{item['memory']:.0f}", f"{item['page']:.2f}"]
+        )
     if rows:
         columns = ("s", "flight", "replay", "report", "MB", "page MB")
         table(columns, rows, "one record of a length at 50 Hz; CPU s", right=columns)
     rows = []
     for item in found.get("tables", ()):
         compiled, step = 1e3 * item["compile"]["cpu"], 1e6 * item["step"]["cpu"]
-        rows.append([str(item["tables"]), f"{compiled:.0f}", f"{step:.2f}", f"{item['memory']:.0f}"])
+        rows.append(
+            [str(item["tables"]), f"{compiled:.0f}", f"{step:.2f}", f"{item['memory']:.0f}"]
+        )
     if rows:
         columns = ("tables", "compile [ms]", "step [us]", "MB")
         table(columns, rows, "tables of 6 x 20 nodes; CPU time", right=columns)
 
 
 def draw(found: Mapping[str, list[dict[str, Any]]], file: Path) -> None:
-    """Draw all series: time above, memory below, a dashed line where the growth would be linear from the first point."""
+    """Draw all series: time above, memory below, a dashed line where the growth would be linear
+    from the first point.
+    """
     from matplotlib.figure import Figure
 
     parts = {
@@ -258,21 +331,38 @@ def draw(found: Mapping[str, list[dict[str, Any]]], file: Path) -> None:
         "workers": ("replay", "resumed", "report"),
     }
     parts |= {"length": ("flight", "replay", "report"), "tables": ("compile", "step")}
-    axis = {"cases": "cases", "models": "models", "workers": "jobs", "length": "seconds", "tables": "tables"}
-    words = {"cases": "cases, 3 models", "models": f"models, {FEW} cases", "workers": f"workers, {MIDDLE} cases x 3 models"}
+    axis = {
+        "cases": "cases",
+        "models": "models",
+        "workers": "jobs",
+        "length": "seconds",
+        "tables": "tables",
+    }
+    words = {
+        "cases": "cases, 3 models",
+        "models": f"models, {FEW} cases",
+        "workers": f"workers, {MIDDLE} cases x 3 models",
+    }
     words |= {"length": "length of the record [s]", "tables": "tables"}
     figure = Figure(figsize=(15, 6), layout="constrained")
     above, below = figure.subplots(2, len(parts))
     for name, upper, lower in zip(parts, above, below, strict=True):
         x = np.array([item[axis[name]] for item in found[name]], float)
         for colour, part in enumerate(parts[name]):
-            y = np.array([item[part]["cpu"] for item in found[name]]) * (1e3 if part == "step" else 1.0)
+            y = np.array([item[part]["cpu"] for item in found[name]]) * (
+                1e3 if part == "step" else 1.0
+            )
             upper.plot(x, y, f"C{colour}o-", label="1000 steps" if part == "step" else part)
             if name != "workers":
                 upper.plot(x, y[0] * x / x[0], f"C{colour}--", linewidth=0.7)
         lower.plot(x, [item["memory"] for item in found[name]], "C3o-", label="process")
         if name in ("cases", "models", "workers"):
-            lower.plot(x, [item.get("together", np.nan) for item in found[name]], "C4o-", label="all processes, shared pages once")
+            lower.plot(
+                x,
+                [item.get("together", np.nan) for item in found[name]],
+                "C4o-",
+                label="all processes, shared pages once",
+            )
         for panel in (upper, lower):
             panel.grid(alpha=0.3)
             panel.legend(fontsize=7)
@@ -288,7 +378,9 @@ def draw(found: Mapping[str, list[dict[str, Any]]], file: Path) -> None:
 def main() -> None:
     """Read the command line, measure, print, draw."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--batch", nargs=2, type=int, metavar=("CASES", "MODELS"), help="one batch only")
+    parser.add_argument(
+        "--batch", nargs=2, type=int, metavar=("CASES", "MODELS"), help="one batch only"
+    )
     parser.add_argument("--figure", type=Path, help="file for the figure")
     parser.add_argument("--keep", type=Path, help="file for the points as JSON")
     parser.add_argument("--read", type=Path, help="points of an earlier run")
@@ -301,7 +393,13 @@ def main() -> None:
         with tempfile.TemporaryDirectory() as place:
             prepared(Path(place), *options.batch)
             cases, models = options.batch
-            found = {"cases": [alone("batch", folder=place, cases=cases, models=models, jobs=os.cpu_count() or 1)]}
+            found = {
+                "cases": [
+                    alone(
+                        "batch", folder=place, cases=cases, models=models, jobs=os.cpu_count() or 1
+                    )
+                ]
+            }
     else:
         found = json.loads(options.read.read_text()) if options.read else series()
     if options.keep:

@@ -2,11 +2,13 @@
 
     python benchmarks/match_calibration.py PROGRAMMES VALIDATION --seeds 101-120 [--draws 100]
 
-Simulated T-37 programmes of other seeds, as `benchmarks/table_coverage.py` keeps them in PROGRAMMES (runs 01 to 16); the proving
-runs 21, 22, 26, 27, 29, 30 and 32 of the same aeroplane and instruments are made and reconstructed in VALIDATION when they are not
-there.  Every programme is identified, its final model flown against the proving runs, and against the flights that draws of its
-posterior give there.  Event: the row is within a share of its tolerance.  Printed per share: Brier score of the probabilities over
-all rows and seeds, that of the frequencies of each row over the seeds, and how often rows of a stated probability came true.
+Simulated T-37 programmes of other seeds, as `benchmarks/table_coverage.py` keeps them in PROGRAMMES
+(runs 01 to 16); the proving runs 21, 22, 26, 27, 29, 30 and 32 of the same aeroplane and
+instruments are made and reconstructed in VALIDATION when they are not there.  Every programme is
+identified, its final model flown against the proving runs, and against the flights that draws of
+its posterior give there.  Event: the row is within a share of its tolerance.  Printed per share:
+Brier score of the probabilities over all rows and seeds, that of the frequencies of each row over
+the seeds, and how often rows of a stated probability came true.
 """
 
 from __future__ import annotations
@@ -43,32 +45,67 @@ BINS = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
 
 
 def proving(
-    here: Path, programmes: Path, seed: int, paths: dict[str, Any], project: Project, aircraft: flightmech.Aircraft
+    here: Path,
+    programmes: Path,
+    seed: int,
+    paths: dict[str, Any],
+    project: Project,
+    aircraft: flightmech.Aircraft,
 ) -> dict[str, Any]:
-    """Return the reconstructed proving runs of a seed; what the identifying runs found of the instruments is their prior."""
+    """Return the reconstructed proving runs of a seed; what the identifying runs found of the
+    instruments is their prior.
+    """
     if not (here / "paths.pickle").exists():
         here.mkdir(parents=True, exist_ok=True)
         errors = str(programmes / f"seed{seed}" / "errors.json")
-        job = [sys.executable, str(SCRIPT), "--only", RUNS, "--out", str(here / "recordings"), "--errors", errors]
+        job = [
+            sys.executable,
+            str(SCRIPT),
+            "--only",
+            RUNS,
+            "--out",
+            str(here / "recordings"),
+            "--errors",
+            errors,
+        ]
         subprocess.run(job, check=True, stdout=subprocess.DEVNULL)
-        # a run of a programme was solved with all others as its prior: what it found is what all of them found
-        prior = max((instrument_constants(path.biases) for path in paths.values()), key=lambda found: found.sizes["parameter"])
+        # a run of a programme was solved with all others as its prior: what it found is what all of
+        # them found
+        prior = max(
+            (instrument_constants(path.biases) for path in paths.values()),
+            key=lambda found: found.sizes["parameter"],
+        )
         files = sorted((here / "recordings").glob("*.nc"))
-        found = {file.stem: flighttest.reconstruct(flighttest.read(file, project.names), aircraft, prior=prior) for file in files}
+        found = {
+            file.stem: flighttest.reconstruct(
+                flighttest.read(file, project.names), aircraft, prior=prior
+            )
+            for file in files
+        }
         with open(here / "paths.pickle", "wb") as file:
             pickle.dump(found, file)
     with open(here / "paths.pickle", "rb") as file:
         return pickle.load(file)
 
 
-def identified(flown: dict[str, Any], project: Project, aircraft: flightmech.Aircraft, start: xr.DataTree) -> xr.DataTree:
+def identified(
+    flown: dict[str, Any], project: Project, aircraft: flightmech.Aircraft, start: xr.DataTree
+) -> xr.DataTree:
     """Return the final database of one programme."""
     windows = workflow.windows_of(project, flown["records"])
-    fits = workflow.identify(project, workflow.coefficients_of(project, aircraft, flown["paths"], windows), windows)
+    fits = workflow.identify(
+        project, workflow.coefficients_of(project, aircraft, flown["paths"], windows), windows
+    )
     return workflow.final_database(project, start, fits)[0]
 
 
-def ratios(db: xr.DataTree, paths: dict[str, Any], project: Project, aircraft: flightmech.Aircraft, draws: int) -> dict[str, Any]:
+def ratios(
+    db: xr.DataTree,
+    paths: dict[str, Any],
+    project: Project,
+    aircraft: flightmech.Aircraft,
+    draws: int,
+) -> dict[str, Any]:
     """Return by row the ratio that decides, of the final model and of its draws."""
     given, cases = {}, []
     for stem, path in paths.items():
@@ -77,17 +114,34 @@ def ratios(db: xr.DataTree, paths: dict[str, Any], project: Project, aircraft: f
         given[case.record] = path
     with tempfile.TemporaryDirectory() as folder:
         fmu = flightmech.write_fmu(flightmech.compile(aircraft, db), Path(folder) / "final.fmu")
-        found = pom.replay_sampled(cases, {"final": fmu}, {"final": db}, draws, 0, given, errors=project.errors, jobs=1)
-    return {r.case.name: {"model": r.worst("final")["worst_ratio"], "draws": r.samples["final"].decides.tolist()} for r in found}
+        found = pom.replay_sampled(
+            cases, {"final": fmu}, {"final": db}, draws, 0, given, errors=project.errors, jobs=1
+        )
+    return {
+        r.case.name: {
+            "model": r.worst("final")["worst_ratio"],
+            "draws": r.samples["final"].decides.tolist(),
+        }
+        for r in found
+    }
 
 
-def scores(found: list[dict[str, Any]], share: float) -> tuple[float, float, list[tuple[int, float, float]]]:
-    """Return the Brier scores of the probabilities and of the frequencies, and (count, mean probability, frequency) by bin."""
+def scores(
+    found: list[dict[str, Any]], share: float
+) -> tuple[float, float, list[tuple[int, float, float]]]:
+    """Return the Brier scores of the probabilities and of the frequencies, and (count, mean
+    probability, frequency) by bin.
+    """
     rows = [name for name in found[0] if all(name in one for one in found)]
-    p = np.array([[np.mean(np.array(one[name]["draws"]) <= share) for name in rows] for one in found])
+    p = np.array(
+        [[np.mean(np.array(one[name]["draws"]) <= share) for name in rows] for one in found]
+    )
     o = np.array([[one[name]["model"] <= share for name in rows] for one in found], float)
     places = np.clip(np.digitize(p, BINS) - 1, 0, len(BINS) - 2)
-    table = [(int(np.sum(places == k)), float(p[places == k].mean()), float(o[places == k].mean())) for k in np.unique(places)]
+    table = [
+        (int(np.sum(places == k)), float(p[places == k].mean()), float(o[places == k].mean()))
+        for k in np.unique(places)
+    ]
     return float(np.mean((p - o) ** 2)), float(np.mean((o.mean(axis=0) - o) ** 2)), table
 
 
@@ -100,8 +154,13 @@ def main() -> None:
     given = parser.parse_args()
     warnings.simplefilter("ignore", flightmech.errors.AeromatchWarning)
     project = read_project(ROOT / "data" / "t37" / "aeromatch.toml")
-    errors = {**(project.errors or {}), "timing": 0.0}  # accelerations and states of the simulated recordings have one clock
-    project = replace(project, engine=None, controls={}, gear=None, ground_effect=None, errors=errors)
+    errors = {
+        **(project.errors or {}),
+        "timing": 0.0,
+    }  # accelerations and states of the simulated recordings have one clock
+    project = replace(
+        project, engine=None, controls={}, gear=None, ground_effect=None, errors=errors
+    )
     aircraft = flightmech.read_aircraft(project.aircraft)
     start = workflow.opened(project, workflow.a_priori(project, aircraft))
     found = []
@@ -111,14 +170,35 @@ def main() -> None:
         if not kept.exists():
             flown = programme(given.programmes, seed, project, aircraft, False, 1)
             if any(path.errors is None for path in flown["paths"].values()):
-                raise SystemExit(f"seed {seed}: paths without the errors of their states; delete its paths.pickle and reconstruct it again")
+                raise SystemExit(
+                    f"seed {seed}: paths without the errors of their states; delete its paths.pickle and reconstruct it again"
+                )
             paths = proving(here, given.programmes, seed, flown["paths"], project, aircraft)
-            kept.write_text(json.dumps(ratios(identified(flown, project, aircraft, start), paths, project, aircraft, given.draws)))
+            kept.write_text(
+                json.dumps(
+                    ratios(
+                        identified(flown, project, aircraft, start),
+                        paths,
+                        project,
+                        aircraft,
+                        given.draws,
+                    )
+                )
+            )
         found.append(json.loads(kept.read_text()))
-        print(seed, *(f"{name} {one['model']:.2f} {np.median(one['draws']):.2f}" for name, one in found[-1].items()), flush=True)
+        print(
+            seed,
+            *(
+                f"{name} {one['model']:.2f} {np.median(one['draws']):.2f}"
+                for name, one in found[-1].items()
+            ),
+            flush=True,
+        )
     for share in SHARES:
         own, frequencies, table = scores(found, share)
-        print(f"within {100 * share:.0f} % of the tolerance: Brier score {own:.4f}, of the frequencies {frequencies:.4f}")
+        print(
+            f"within {100 * share:.0f} % of the tolerance: Brier score {own:.4f}, of the frequencies {frequencies:.4f}"
+        )
         for count, stated, came in table:
             print(f"    {count:4d} rows, probability {stated:.2f}, came true {came:.2f}")
 

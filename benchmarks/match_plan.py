@@ -2,7 +2,8 @@
 
 python benchmarks/match_plan.py [PROJECT.toml ...]
 
-Processor time of one process, in one run: reading all records of the project (the peer), the plan, and the checks of the records.
+Processor time of one process, in one run: reading all records of the project (the peer), the plan,
+and the checks of the records.
 """
 
 from __future__ import annotations
@@ -33,7 +34,10 @@ def processor_time(act: Callable[[], Any]) -> tuple[float, Any]:
 def main() -> None:
     """Print a line for every project."""
     warnings.simplefilter("ignore")
-    files = [Path(name) for name in sys.argv[1:]] or [DATA / "c182" / "aeromatch.toml", DATA / "t37" / "aeromatch.toml"]
+    files = [Path(name) for name in sys.argv[1:]] or [
+        DATA / "c182" / "aeromatch.toml",
+        DATA / "t37" / "aeromatch.toml",
+    ]
     for file in files:
         project = read_project(file)
         aircraft = read_aircraft(project.aircraft)
@@ -41,9 +45,13 @@ def main() -> None:
         planning, plan = processor_time(lambda project=project: make_plan(project, "out/plan", 1))
         names = list(plan.looks)
         reading, records = processor_time(
-            lambda project=project, names=names: {name: flighttest.read(project.flights[name], project.names) for name in names}
+            lambda project=project, names=names: {
+                name: flighttest.read(project.flights[name], project.names) for name in names
+            }
         )
-        checking, checks = processor_time(lambda records=records, aircraft=aircraft: check_records(records, aircraft, 1))
+        checking, checks = processor_time(
+            lambda records=records, aircraft=aircraft: check_records(records, aircraft, 1)
+        )
         errors = sum(len(check.errors) for check in checks.values())
         print(
             f"{project.title}: {len(names)} records, {len(plan.problems)} problems, {errors} errors of records; "

@@ -1,8 +1,10 @@
-"""How much of a match is done again after a change: times as a ratio to a run from nothing, same bytes, and resumes after kills.
+"""How much of a match is done again after a change: times as a ratio to a run from nothing, same
+bytes, and resumes after kills.
 
-For both examples, side by side on this machine: a run from nothing, one without a change, one with one case file changed, one with one
-fit changed; every output is compared byte by byte with that of a run from nothing of the same input.  Then a run is killed at ten
-random moments, each attempt going on from the store of the one before; no result that was kept is computed twice.
+For both examples, side by side on this machine: a run from nothing, one without a change, one with
+one case file changed, one with one fit changed; every output is compared byte by byte with that of
+a run from nothing of the same input.  Then a run is killed at ten random moments, each attempt
+going on from the store of the one before; no result that was kept is computed twice.
 
     python benchmarks/match_rebuild.py [t37 | c182] [--kills 10] [--only-kills] [--jobs 2]
 
@@ -26,8 +28,14 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 # case and its change (its title), fit and its change (a term that is left out)
 CHANGES = {
-    "t37": (("cases/21_short_period.toml", "title = ", 'title = "Changed: '), ("CY = 1 + beta + phat + rhat", "CY = 1 + beta + rhat")),
-    "c182": (("cases/short_period.toml", "title = ", 'title = "Changed: '), ("CY = 1 + beta + phat + rhat", "CY = 1 + beta + rhat")),
+    "t37": (
+        ("cases/21_short_period.toml", "title = ", 'title = "Changed: '),
+        ("CY = 1 + beta + phat + rhat", "CY = 1 + beta + rhat"),
+    ),
+    "c182": (
+        ("cases/short_period.toml", "title = ", 'title = "Changed: '),
+        ("CY = 1 + beta + phat + rhat", "CY = 1 + beta + rhat"),
+    ),
 }
 LIMITS = {"no change": 0.03, "one case": 0.10, "one fit": 0.50}
 
@@ -40,20 +48,45 @@ class Place:
         shutil.copytree(ROOT / "data" / example, folder / "project")
 
     def command(self, store: str, *options: str) -> tuple[list[str], dict[str, str]]:
-        words = [sys.executable, "-m", "aeromatch", "match", "project/aeromatch.toml", "-o", "out", "-j", str(self.jobs), *options]
-        return words, {**os.environ, "AEROMATCH_STORE": str(self.folder / store), "PYTHONPATH": str(ROOT)}
+        words = [
+            sys.executable,
+            "-m",
+            "aeromatch",
+            "match",
+            "project/aeromatch.toml",
+            "-o",
+            "out",
+            "-j",
+            str(self.jobs),
+            *options,
+        ]
+        return words, {
+            **os.environ,
+            "AEROMATCH_STORE": str(self.folder / store),
+            "PYTHONPATH": str(ROOT),
+        }
 
     def run(self, store: str, *options: str) -> tuple[float, float, str]:
         """Return wall time, processor time and what was printed as remarks."""
         words, environment = self.command(store, *options)
         before, start = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
-        done = subprocess.run(words, cwd=self.folder, env=environment, capture_output=True, text=True, check=True)
+        done = subprocess.run(
+            words, cwd=self.folder, env=environment, capture_output=True, text=True, check=True
+        )
         wall, after = time.perf_counter() - start, resource.getrusage(resource.RUSAGE_CHILDREN)
-        return wall, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, done.stderr
+        return (
+            wall,
+            after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime,
+            done.stderr,
+        )
 
     def output(self) -> dict[str, bytes]:
         out = self.folder / "out"
-        return {str(path.relative_to(out)): path.read_bytes() for path in sorted(out.rglob("*")) if path.is_file()}
+        return {
+            str(path.relative_to(out)): path.read_bytes()
+            for path in sorted(out.rglob("*"))
+            if path.is_file()
+        }
 
     def clear(self, *names: str) -> None:
         for name in names:
@@ -76,7 +109,10 @@ def rebuilds(place: Place, example: str) -> None:
     whole = place.run("store")
     print(f"{example}: from nothing {whole[0]:.1f} s, processor {whole[1]:.1f} s", flush=True)
     report("no change", place.run("store"), whole, True)
-    for name, file, old, new in (("one case", case, old_title, new_title), ("one fit", "aeromatch.toml", old_model, new_model)):
+    for name, file, old, new in (
+        ("one case", case, old_title, new_title),
+        ("one fit", "aeromatch.toml", old_model, new_model),
+    ):
         path = place.folder / "project" / file
         text = changed(path, old, new)
         times = place.run("store", "--explain")
@@ -88,7 +124,9 @@ def rebuilds(place: Place, example: str) -> None:
         place.run("store")  # back to the start
 
 
-def report(name: str, times: tuple[float, float, str], whole: tuple[float, float, str], same: bool) -> None:
+def report(
+    name: str, times: tuple[float, float, str], whole: tuple[float, float, str], same: bool
+) -> None:
     """Print one row."""
     wall, processor = times[0] / whole[0], times[1] / whole[1]
     verdict = "within" if processor <= LIMITS[name] else "beyond"
@@ -100,7 +138,9 @@ def report(name: str, times: tuple[float, float, str], whole: tuple[float, float
 
 
 def kills(place: Place, count: int) -> None:
-    """Kill runs at random moments, each going on from the one before, and count results that were computed although they were kept."""
+    """Kill runs at random moments, each going on from the one before, and count results that were
+    computed although they were kept.
+    """
     place.clear("out", "fresh", "killed")
     wall, _, _ = place.run("fresh")
     expected = place.output()
@@ -112,7 +152,12 @@ def kills(place: Place, count: int) -> None:
     while killed < count:
         words, environment = place.command("killed")
         process = subprocess.Popen(
-            words, cwd=place.folder, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
+            words,
+            cwd=place.folder,
+            env=environment,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
         )
         moment = random.uniform(0.1, 0.6) * wall
         try:
@@ -121,23 +166,37 @@ def kills(place: Place, count: int) -> None:
             os.killpg(process.pid, signal.SIGKILL)
             process.wait()
             killed += 1
-        made = [str(file) for file in (place.folder / "killed").rglob("output.pkl") if "judgements" not in str(file)]
-        inodes = {file: os.stat(file).st_ino for file in made}  # an entry that is made again is another file
+        made = [
+            str(file)
+            for file in (place.folder / "killed").rglob("output.pkl")
+            if "judgements" not in str(file)
+        ]
+        inodes = {
+            file: os.stat(file).st_ino for file in made
+        }  # an entry that is made again is another file
         repeated += sum(before.get(file, inode) != inode for file, inode in inodes.items())
         before |= inodes
-        print(f"  kill {killed}: after {moment:5.1f} s, {len(made)} results kept, {repeated} computed twice", flush=True)
+        print(
+            f"  kill {killed}: after {moment:5.1f} s, {len(made)} results kept, {repeated} computed twice",
+            flush=True,
+        )
         if process.returncode == 0:  # it came to its end: from nothing again
             same = same and place.output() == expected
             place.clear("out", "killed")
             before = {}
     place.run("killed")
     same = same and place.output() == expected
-    print(f"  resumed: {'same bytes' if same else 'OTHER BYTES'}, {repeated} results computed twice", flush=True)
+    print(
+        f"  resumed: {'same bytes' if same else 'OTHER BYTES'}, {repeated} results computed twice",
+        flush=True,
+    )
 
 
 def main() -> None:
     """Print the table of one or both examples."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("examples", nargs="*", default=sorted(CHANGES), choices=sorted(CHANGES))
     parser.add_argument("--kills", type=int, default=10)
     parser.add_argument("--only-kills", action="store_true")

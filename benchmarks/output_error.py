@@ -1,13 +1,16 @@
-"""Output error over the kernel: speed on ten manoeuvres, and whether two standard errors cover 95 %.
+"""Output error over the kernel: speed on ten manoeuvres, and whether two standard errors cover 95
+%.
 
     python benchmarks/output_error.py            all
     python benchmarks/output_error.py speed      30 parameters of a 6-DOF model, ten manoeuvres of 20 s at 50 Hz, 11 outputs
     python benchmarks/output_error.py linear     8 parameters of a linear model of three states, 30 s at 50 Hz, four outputs
     python benchmarks/output_error.py coverage   200 simulated records each, noise of the instruments white and coloured, and in turbulence
 
-The first is set against JSBSim's T37 flying as many frames as the fit flies steps (package ``jsbsim``), the second against the
-output error of aeroid on the same record, model and start (``pip install aeroid``), each in turn with its peer in the same run.
-Records of the coverage are spread over the cores by joblib; under ``joblib.parallel_config("dask")`` the same call runs on a cluster.
+The first is set against JSBSim's T37 flying as many frames as the fit flies steps (package
+``jsbsim``), the second against the output error of aeroid on the same record, model and start
+(``pip install aeroid``), each in turn with its peer in the same run. Records of the coverage are
+spread over the cores by joblib; under ``joblib.parallel_config("dask")`` the same call runs on a
+cluster.
 """
 
 from __future__ import annotations
@@ -19,7 +22,9 @@ import warnings
 from collections.abc import Callable, Mapping
 from typing import Any
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the matrices are small: threads of BLAS only wait for each other
+os.environ.setdefault(
+    "OPENBLAS_NUM_THREADS", "1"
+)  # the matrices are small: threads of BLAS only wait for each other
 
 import numpy as np
 import xarray as xr
@@ -53,15 +58,28 @@ def aeroplane() -> flightmech.SimModel:
     """Basic tables of lift, drag and pitching moment over alpha and 22 derivatives."""
     basic = {"CL": 0.25 + 5.0 * ALPHA, "CD": 0.025 + 0.9 * ALPHA**2, "Cm": 0.02 - 0.7 * ALPHA}
     leaves = {f"/{c}/basic": make(value, {"alpha": ALPHA}) for c, value in basic.items()}
-    leaves |= {f"/{c}/{x}": make(value, regressors=[x]) for c, terms in DERIVATIVES.items() for x, value in terms.items()}
-    engine = flightmech.aircraft.Engine((0.0, 0.0, 0.0), thrust=make([0.0, 9000.0], {"throttle": [0.0, 1.0]}), time_constant=0.5)
-    craft = flightmech.Aircraft("trainer", 17.0, 1.67, 10.3, 2500.0, 10000.0, 8100.0, 15000.0, Ixz=500.0, engines=(engine,))
+    leaves |= {
+        f"/{c}/{x}": make(value, regressors=[x])
+        for c, terms in DERIVATIVES.items()
+        for x, value in terms.items()
+    }
+    engine = flightmech.aircraft.Engine(
+        (0.0, 0.0, 0.0), thrust=make([0.0, 9000.0], {"throttle": [0.0, 1.0]}), time_constant=0.5
+    )
+    craft = flightmech.Aircraft(
+        "trainer", 17.0, 1.67, 10.3, 2500.0, 10000.0, 8100.0, 15000.0, Ixz=500.0, engines=(engine,)
+    )
     return flightmech.compile(craft, xr.DataTree.from_dict(leaves))
 
 
 def unknowns() -> dict[str, float]:
-    """Scales of 23 terms, six nodes of the tables and a yawing moment: 30 parameters and their truth."""
-    scales = {f"term.{c}.{x}": 1.0 for c, terms in DERIVATIVES.items() for x in terms} | {"term.CD.basic": 1.0, "bias.Cn": 0.0}
+    """Scales of 23 terms, six nodes of the tables and a yawing moment: 30 parameters and their
+    truth.
+    """
+    scales = {f"term.{c}.{x}": 1.0 for c, terms in DERIVATIVES.items() for x in terms} | {
+        "term.CD.basic": 1.0,
+        "bias.Cn": 0.0,
+    }
     values = {"CL": 0.25 + 5.0 * ALPHA, "Cm": 0.02 - 0.7 * ALPHA}
     chosen = [("CL", 3), ("CL", 4), ("CL", 5), ("Cm", 3), ("Cm", 4), ("Cm", 5)]
     return scales | {f"node.{c}.basic[{k}]": float(values[c][k]) for c, k in chosen}
@@ -72,20 +90,36 @@ def manoeuvre(number: int) -> xr.Dataset:
     rng = np.random.default_rng(number)
     t = np.arange(0.0, 20.0, STEP)
     inputs = {}
-    for name, size, first in (("delta_e", 0.02, 1.0), ("delta_a", 0.03, 4.0), ("delta_r", 0.03, 7.0), ("delta_f", 0.1, 12.0)):
+    for name, size, first in (
+        ("delta_e", 0.02, 1.0),
+        ("delta_a", 0.03, 4.0),
+        ("delta_r", 0.03, 7.0),
+        ("delta_f", 0.1, 12.0),
+    ):
         edges = first + np.cumsum([0.0, 1.5, 1.0, 0.6, 0.6]) * (0.8 + 0.04 * number)
-        inputs[name] = "time", size * np.interp(t, edges, [0, 1, -1, 1, 0]) * (1 if number % 2 else -1)
-    record = xr.Dataset(inputs, {"time": t}).assign({"engine1.thrust_drive": ("time", np.full(len(t), 2600.0))})
+        inputs[name] = (
+            "time",
+            size * np.interp(t, edges, [0, 1, -1, 1, 0]) * (1 if number % 2 else -1),
+        )
+    record = xr.Dataset(inputs, {"time": t}).assign(
+        {"engine1.thrust_drive": ("time", np.full(len(t), 2600.0))}
+    )
     start = {"init.V": 75.0 + 2.0 * number, "init.alpha": 0.03, "init.theta": 0.03}
     y = flightmech.simulate(aeroplane(), record, HELD | start, outputs=list(OUTPUTS), step=STEP)
-    measured = {name: ("time", y[name].values + sigma * rng.standard_normal(len(t))) for name, sigma in OUTPUTS.items()}
+    measured = {
+        name: ("time", y[name].values + sigma * rng.standard_normal(len(t)))
+        for name, sigma in OUTPUTS.items()
+    }
     return record.assign(measured)
 
 
 def speed() -> None:
     truth = unknowns()
     records = [manoeuvre(k) for k in range(10)]
-    starts = [{**HELD, "init.V": 75.0 + 2.0 * k, "init.alpha": 0.03, "init.beta": 0.0, "init.theta": 0.03} for k in range(10)]
+    starts = [
+        {**HELD, "init.V": 75.0 + 2.0 * k, "init.alpha": 0.03, "init.beta": 0.0, "init.theta": 0.03}
+        for k in range(10)
+    ]
     starts = [item | {f"init.{name}": 0.0 for name in ("phi", "p", "r")} for item in starts]
     far = {name: 1.15 * value for name, value in truth.items()}
     sim = aeroplane()
@@ -97,15 +131,22 @@ def speed() -> None:
     spent, cost, fit = in_turn(fly, peer)
     e = fit.estimates
     z = (e["estimate"].values - np.array(list(truth.values()))) / e["stderr"].values
-    # the response of each iteration and the first with one-sided differences, central ones with the last; no step was discarded
+    # the response of each iteration and the first with one-sided differences, central ones with the
+    # last; no step was discarded
     n, unknowns_ = e.attrs["iterations"], len(truth)
     runs = ((n + 1) * (1 + unknowns_) + unknowns_) * len(records)
     frames = runs * records[0].sizes["time"]
-    print(f"{len(truth)} parameters, {len(records)} manoeuvres of 20 s at 50 Hz, {len(OUTPUTS)} outputs: {spent:.2f} s of CPU")
+    print(
+        f"{len(truth)} parameters, {len(records)} manoeuvres of 20 s at 50 Hz, {len(OUTPUTS)} outputs: {spent:.2f} s of CPU"
+    )
     print(f"{n} iterations, {runs} runs, {1e9 * spent / frames:.0f} ns of CPU per simulated sample")
-    print(f"errors in standard errors: rms {np.sqrt(np.mean(z**2)):.2f}, largest {np.abs(z).max():.2f}")
+    print(
+        f"errors in standard errors: rms {np.sqrt(np.mean(z**2)):.2f}, largest {np.abs(z).max():.2f}"
+    )
     if peer:
-        print(f"JSBSim T37 needs {cost * frames:.1f} s of CPU for as many frames: {cost * frames / spent:.1f} times as long")
+        print(
+            f"JSBSim T37 needs {cost * frames:.1f} s of CPU for as many frames: {cost * frames / spent:.1f} times as long"
+        )
 
 
 def jsbsim_frame() -> Callable[[], float] | None:
@@ -121,12 +162,17 @@ def jsbsim_frame() -> Callable[[], float] | None:
 
 
 def in_turn(fit: Callable, peer: Callable[[], float] | None) -> tuple[float, float, Any]:
-    """Return the least CPU time of a fit and the least that `peer` measures [s], one after the other, and what was found."""
+    """Return the least CPU time of a fit and the least that `peer` measures [s], one after the
+    other, and what was found.
+    """
     least = [np.inf, np.inf]
     for _ in range(REPEATS):
         start = time.process_time()
         found = fit()
-        least = [min(least[0], time.process_time() - start), min(least[1], peer() if peer else np.inf)]
+        least = [
+            min(least[0], time.process_time() - start),
+            min(least[1], peer() if peer else np.inf),
+        ]
     return least[0], least[1], found
 
 
@@ -142,39 +188,73 @@ YAW_NOISE = {"beta": 2e-3, "p": 5e-3, "r": 2e-3, "ay": 0.1}
 
 def lateral() -> tuple[xr.Dataset, xr.Dataset]:
     """Return a lateral model, and a record of an aileron and a rudder doublet, 30 s at 50 Hz."""
-    names = {"state": ["beta", "p", "r"], "state_": ["beta", "p", "r"], "input": ["delta_a", "delta_r"], "output": list(YAW_NOISE)}
-    C, D = np.vstack([np.eye(3), [SPEED * YAW_A[0, 0], 0.0, 0.0]]), np.vstack([np.zeros((3, 2)), [0.0, SPEED * YAW_B[0, 1]]])
-    blocks = {"A": (("state", "state_"), YAW_A), "B": (("state", "input"), YAW_B), "C": (("output", "state_"), C)}
+    names = {
+        "state": ["beta", "p", "r"],
+        "state_": ["beta", "p", "r"],
+        "input": ["delta_a", "delta_r"],
+        "output": list(YAW_NOISE),
+    }
+    C, D = (
+        np.vstack([np.eye(3), [SPEED * YAW_A[0, 0], 0.0, 0.0]]),
+        np.vstack([np.zeros((3, 2)), [0.0, SPEED * YAW_B[0, 1]]]),
+    )
+    blocks = {
+        "A": (("state", "state_"), YAW_A),
+        "B": (("state", "input"), YAW_B),
+        "C": (("output", "state_"), C),
+    }
     linear = xr.Dataset(blocks | {"D": (("output", "input"), D)}, names)
     t = np.arange(1500) * STEP
     doublet = [0.0, 1.0, 1.0, -1.0, -1.0, 0.0]
-    u = np.stack([0.03 * np.interp(t, [1, 1.2, 2, 2.2, 3, 3.2], doublet), 0.05 * np.interp(t, [6, 6.2, 7, 7.2, 8, 8.2], doublet)], axis=1)
+    u = np.stack(
+        [
+            0.03 * np.interp(t, [1, 1.2, 2, 2.2, 3, 3.2], doublet),
+            0.05 * np.interp(t, [6, 6.2, 7, 7.2, 8, 8.2], doublet),
+        ],
+        axis=1,
+    )
     _, y, _ = lsim((YAW_A, YAW_B, C, D), u, t)
     z = y + np.array(list(YAW_NOISE.values())) * np.random.default_rng(1).standard_normal(y.shape)
-    columns = {name: ("time", column) for name, column in zip([*names["input"], *YAW_NOISE], np.column_stack([u, z]).T)}
+    columns = {
+        name: ("time", column)
+        for name, column in zip([*names["input"], *YAW_NOISE], np.column_stack([u, z]).T)
+    }
     return linear, xr.Dataset(columns, {"time": t})
 
 
 def linear() -> None:
     given, record = lateral()
-    model = flighttest.maximum_likelihood.linear_model(given, {"A[beta,beta]": {"C[ay,beta]": SPEED}})
+    model = flighttest.maximum_likelihood.linear_model(
+        given, {"A[beta,beta]": {"C[ay,beta]": SPEED}}
+    )
     start = {name: 0.8 * value for name, value in YAW.items()}
     found: list = []
     spent, cost, fit = in_turn(
-        lambda: flighttest.maximum_likelihood.linear_output_error(model, record, start), aeroid_fit(record, start, found)
+        lambda: flighttest.maximum_likelihood.linear_output_error(model, record, start),
+        aeroid_fit(record, start, found),
     )
     e = fit.estimates
-    print(f"3 states, {len(YAW)} parameters, 4 outputs, {record.sizes['time']} samples: {1e3 * spent:.0f} ms of CPU")
+    print(
+        f"3 states, {len(YAW)} parameters, 4 outputs, {record.sizes['time']} samples: {1e3 * spent:.0f} ms of CPU"
+    )
     print(f"{e.attrs['iterations']} iterations, standard errors of coloured residuals")
     if found:
         theirs = np.array(list(found[-1].parameters.values()))
         apart = np.abs(theirs - e["estimate"].values) / e["stderr"].values
-        work = f"{found[-1].n_evaluations} runs, the noise given, white standard errors: {cost:.2f} s"
-        print(f"aeroid, {work}, {cost / spent:.0f} times as long; estimates within {apart.max():.3f} standard errors of ours")
+        work = (
+            f"{found[-1].n_evaluations} runs, the noise given, white standard errors: {cost:.2f} s"
+        )
+        print(
+            f"aeroid, {work}, {cost / spent:.0f} times as long; estimates within {apart.max():.3f} standard errors of ours"
+        )
 
 
-def aeroid_fit(record: xr.Dataset, start: dict[str, float], found: list) -> Callable[[], float] | None:
-    """Return what measures the CPU time of the fit by aeroid [s] and appends its result, None without the package."""
+def aeroid_fit(
+    record: xr.Dataset, start: dict[str, float], found: list
+) -> Callable[[], float] | None:
+    """Return what measures the CPU time of the fit by aeroid [s] and appends its result, None
+    without the package.
+    """
     try:
         import aeroid
     except ImportError:
@@ -197,8 +277,13 @@ def aeroid_fit(record: xr.Dataset, start: dict[str, float], found: list) -> Call
         return np.array([x[0], x[1], x[2], SPEED * (p[names[0]] * x[0] + YAW_B[0, 1] * u[1])])
 
     first = dict(zip(names, start.values()))
-    model = aeroid.Model(("x_beta", "x_p", "x_r"), ("delta_a", "delta_r"), first, rates, tuple(YAW_NOISE), seen)
-    data = aeroid.FlightData(record["time"].values, {str(name): column.values for name, column in record.data_vars.items()})
+    model = aeroid.Model(
+        ("x_beta", "x_p", "x_r"), ("delta_a", "delta_r"), first, rates, tuple(YAW_NOISE), seen
+    )
+    data = aeroid.FlightData(
+        record["time"].values,
+        {str(name): column.values for name, column in record.data_vars.items()},
+    )
     weights = {name: 1.0 / sigma for name, sigma in YAW_NOISE.items()}
 
     def fit() -> float:
@@ -209,44 +294,84 @@ def aeroid_fit(record: xr.Dataset, start: dict[str, float], found: list) -> Call
     return fit
 
 
-LONGITUDINAL = {"term.CL.basic": 1.0, "term.Cm.basic": 1.0, "term.Cm.qhat": 1.0, "term.Cm.delta_e": 1.0}
+LONGITUDINAL = {
+    "term.CL.basic": 1.0,
+    "term.Cm.basic": 1.0,
+    "term.Cm.qhat": 1.0,
+    "term.Cm.delta_e": 1.0,
+}
 CHANNELS = ("V", "alpha", "q", "theta", "az")
 
 
 def errors(seed: int, pole: float) -> tuple[np.ndarray, np.ndarray]:
-    """Errors of one record of 12 s at 25 Hz in corrected and in Cramer-Rao standard errors; noise with a pole per sample."""
+    """Errors of one record of 12 s at 25 Hz in corrected and in Cramer-Rao standard errors; noise
+    with a pole per sample.
+    """
     rng = np.random.default_rng(seed)
     t = np.arange(0.0, 12.0, 0.04)
     u = 0.02 * np.interp(t, [1.0, 1.2, 2.2, 2.4, 3.4, 3.6], [0, 1, 1, -1, -1, 0])
-    record = xr.Dataset({"delta_e": ("time", u), "engine1.thrust_drive": ("time", np.full(len(t), 2600.0))}, {"time": t})
+    record = xr.Dataset(
+        {"delta_e": ("time", u), "engine1.thrust_drive": ("time", np.full(len(t), 2600.0))},
+        {"time": t},
+    )
     start = {"init.V": 80.0, "init.alpha": 0.03, "init.theta": 0.03}
     sim = aeroplane()
     y = flightmech.simulate(sim, record, HELD | start, outputs=list(CHANNELS), step=0.04)
     white = rng.standard_normal((len(t) + 200, len(CHANNELS)))
     noise = lfilter([np.sqrt(1.0 - pole**2)], [1.0, -pole], white, axis=0)[200:]
-    record = record.assign({name: ("time", y[name].values + OUTPUTS[name] * noise[:, k]) for k, name in enumerate(CHANNELS)})
-    free = {name: flighttest.maximum_likelihood.Unknown(None) for name in ("init.V", "init.alpha", "init.theta")} | {"sensor.alpha": 0.0}
+    record = record.assign(
+        {
+            name: ("time", y[name].values + OUTPUTS[name] * noise[:, k])
+            for k, name in enumerate(CHANNELS)
+        }
+    )
+    free = {
+        name: flighttest.maximum_likelihood.Unknown(None)
+        for name in ("init.V", "init.alpha", "init.theta")
+    } | {"sensor.alpha": 0.0}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", AeromatchWarning)  # coverage is measured, warned of or not
-        fit = flighttest.output_error(sim, record, {name: 0.9 for name in LONGITUDINAL} | free, CHANNELS, HELD)
+        fit = flighttest.output_error(
+            sim, record, {name: 0.9 for name in LONGITUDINAL} | free, CHANNELS, HELD
+        )
     e = fit.estimates.sel(parameter=[*LONGITUDINAL, "sensor.alpha"])
     off = e["estimate"].values - np.array([*LONGITUDINAL.values(), 0.0])
     return off / e["stderr"].values, off / e["stderr_white"].values
 
 
-A, B, C = np.array([[-1.2, 0.98], [-6.0, -1.8]]), np.array([[-0.1], [-9.0]]), np.array([[1.0, 0.0], [0.0, 1.0], [7.3, 0.0]])
+A, B, C = (
+    np.array([[-1.2, 0.98], [-6.0, -1.8]]),
+    np.array([[-0.1], [-9.0]]),
+    np.array([[1.0, 0.0], [0.0, 1.0], [7.3, 0.0]]),
+)
 ELEMENTS = {"A[alpha,alpha]": -1.2, "A[q,alpha]": -6.0, "A[q,q]": -1.8, "B[q,delta_e]": -9.0}
 
 
 def linear_errors(seed: int, gust: float, kind: str) -> tuple[np.ndarray, np.ndarray]:
-    """The same for a short period of 20 s, exact transitions between samples, `gust` as white noise of both rates."""
-    names = {"state": ["alpha", "q"], "state_": ["alpha", "q"], "input": ["delta_e"], "output": ["alpha", "q", "nz"]}
-    blocks = {"A": ("state", "state_"), "B": ("state", "input"), "C": ("output", "state_"), "D": ("output", "input")}
+    """The same for a short period of 20 s, exact transitions between samples, `gust` as white noise
+    of both rates.
+    """
+    names = {
+        "state": ["alpha", "q"],
+        "state_": ["alpha", "q"],
+        "input": ["delta_e"],
+        "output": ["alpha", "q", "nz"],
+    }
+    blocks = {
+        "A": ("state", "state_"),
+        "B": ("state", "input"),
+        "C": ("output", "state_"),
+        "D": ("output", "input"),
+    }
     values = {"A": A, "B": B, "C": C, "D": np.zeros((3, 1))}
-    model = flighttest.maximum_likelihood.linear_model(xr.Dataset({name: (blocks[name], x) for name, x in values.items()}, names))
+    model = flighttest.maximum_likelihood.linear_model(
+        xr.Dataset({name: (blocks[name], x) for name, x in values.items()}, names)
+    )
     rng, fine = np.random.default_rng(seed), 10
     t = np.arange(0.0, 20.02, 0.04)
-    u = 0.03 * np.interp(t, [1, 1.2, 2.5, 2.7, 4.2, 4.4, 6, 6.2], [0, 1, 1, -1, -1, 1, 1, 0]) + 0.01 * np.sin(5.0 * t) * (t < 15)
+    u = 0.03 * np.interp(
+        t, [1, 1.2, 2.5, 2.7, 4.2, 4.4, 6, 6.2], [0, 1, 1, -1, -1, 1, 1, 0]
+    ) + 0.01 * np.sin(5.0 * t) * (t < 15)
     h = 0.04 / fine
     F = expm(A * h)
     G = np.linalg.solve(A, F - np.eye(2)) @ B[:, 0]
@@ -257,13 +382,21 @@ def linear_errors(seed: int, gust: float, kind: str) -> tuple[np.ndarray, np.nda
     for value in drive:
         x = F @ x + G * value + gust * np.sqrt(h) * np.array([0.02, 0.03]) * rng.standard_normal(2)
         states.append(x)
-    y = np.array(states)[::fine] @ C.T + np.array([2e-3, 2e-3, 0.02]) * rng.standard_normal((len(t), 3))
-    record = xr.Dataset({"delta_e": ("time", u)} | {name: ("time", y[:, k]) for k, name in enumerate(names["output"])}, {"time": t})
+    y = np.array(states)[::fine] @ C.T + np.array([2e-3, 2e-3, 0.02]) * rng.standard_normal(
+        (len(t), 3)
+    )
+    record = xr.Dataset(
+        {"delta_e": ("time", u)}
+        | {name: ("time", y[:, k]) for k, name in enumerate(names["output"])},
+        {"time": t},
+    )
     start = {name: 0.85 * value for name, value in ELEMENTS.items()}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", AeromatchWarning)
         if kind == "frequency":
-            fit = flighttest.maximum_likelihood.frequency_output_error(model, record, start, band=(0.05, 3.0))
+            fit = flighttest.maximum_likelihood.frequency_output_error(
+                model, record, start, band=(0.05, 3.0)
+            )
         else:
             calm = {"process.alpha": 0.01, "process.q": 0.01} if kind == "filter" else {}
             fit = flighttest.maximum_likelihood.filter_error(model, record, start | calm)
@@ -284,9 +417,13 @@ STUDIES = {
 
 
 def covered(study: str, seeds: int = 200) -> tuple[float, float, float]:
-    """Return parts of the estimates within two corrected and two Cramer-Rao standard errors, and the largest mean error."""
+    """Return parts of the estimates within two corrected and two Cramer-Rao standard errors, and
+    the largest mean error.
+    """
     function, arguments = STUDIES[study]
-    found = np.array(Parallel(n_jobs=-1)(delayed(function)(seed, *arguments) for seed in range(seeds)))
+    found = np.array(
+        Parallel(n_jobs=-1)(delayed(function)(seed, *arguments) for seed in range(seeds))
+    )
     inside = (np.abs(found) < 2.0).mean(axis=(0, 2))
     return float(inside[0]), float(inside[1]), float(np.abs(found[:, 0].mean(axis=0)).max())
 

@@ -1,8 +1,10 @@
-"""A batch of cases from replay to page, and what a case of a foreign FMU costs against FMPy's `simulate_fmu`, in one run.
+"""A batch of cases from replay to page, and what a case of a foreign FMU costs against FMPy's
+`simulate_fmu`, in one run.
 
-100 cases x 3 models of 30 s at 50 Hz: flights of an invented trainer, replayed by three of our FMUs (whole records, FMI 3.0), judged and
-written as a report without its PDF.  The paths are given, so nothing is reconstructed; the start of the FMUs' processes counts.  Run:
-``python benchmarks/pom_batch.py [CASES] [JOBS]``.
+100 cases x 3 models of 30 s at 50 Hz: flights of an invented trainer, replayed by three of our FMUs
+(whole records, FMI 3.0), judged and written as a report without its PDF.  The paths are given, so
+nothing is reconstructed; the start of the FMUs' processes counts.  Run: ``python
+benchmarks/pom_batch.py [CASES] [JOBS]``.
 """
 
 from __future__ import annotations
@@ -31,8 +33,17 @@ from pom.fmu.simulate import Models, fly
 from pom.replaying.replay_case import OBSERVED, plan_of
 
 DURATION = 30.0
-KINDS = (("2.c.10", "delta_e", 0.05), ("2.d.2", "delta_a", 0.03), ("2.d.6", "delta_r", 0.04), ("2.d.7", "delta_r", 0.05))
-CHANGES: dict[str, dict[str, float]] = {"datcom": {"Cm_qhat": 0.5, "Cl_phat": 0.7}, "corrected": {"Cm_qhat": 0.8}, "final": {}}
+KINDS = (
+    ("2.c.10", "delta_e", 0.05),
+    ("2.d.2", "delta_a", 0.03),
+    ("2.d.6", "delta_r", 0.04),
+    ("2.d.7", "delta_r", 0.05),
+)
+CHANGES: dict[str, dict[str, float]] = {
+    "datcom": {"Cm_qhat": 0.5, "Cl_phat": 0.7},
+    "corrected": {"Cm_qhat": 0.8},
+    "final": {},
+}
 REPEATS = 15
 CASE = """
 [case]
@@ -49,7 +60,9 @@ input_end = {end}
 
 def trainer() -> Any:
     """Return the module of the invented aeroplane that the tests fly."""
-    spec = importlib.util.spec_from_file_location("trainer", Path(__file__).parents[1] / "tests" / "pom" / "trainer.py")
+    spec = importlib.util.spec_from_file_location(
+        "trainer", Path(__file__).parents[1] / "tests" / "pom" / "trainer.py"
+    )
     if spec is None or spec.loader is None:
         raise FileNotFoundError("tests/pom/trainer.py; run the benchmark from a checkout")
     module = importlib.util.module_from_spec(spec)
@@ -57,7 +70,9 @@ def trainer() -> Any:
     return module
 
 
-def programme(plane: Any, count: int, folder: Path) -> tuple[list[pom.PomCase], dict[str, xr.Dataset]]:
+def programme(
+    plane: Any, count: int, folder: Path
+) -> tuple[list[pom.PomCase], dict[str, xr.Dataset]]:
     """Write case files and fly their records: a pulse of one control, each of another length."""
     cases, paths = [], {}
     for number in range(count):
@@ -81,7 +96,9 @@ def timed(act: Callable[[], Any]) -> tuple[float, Any]:
 
 
 def worked(act: Callable[[], Any]) -> tuple[np.ndarray, Any]:
-    """Return wall time and processor time, that of the processes of the FMUs among it, and result. [s]"""
+    """Return wall time and processor time, that of the processes of the FMUs among it, and result.
+    [s]
+    """
     before = processor_time()
     wall, result = timed(act)
     close_all()
@@ -90,7 +107,10 @@ def worked(act: Callable[[], Any]) -> tuple[np.ndarray, Any]:
 
 def processor_time() -> float:
     """Return the processor time of this process and of those that ended. [s]"""
-    mine, children = resource.getrusage(resource.RUSAGE_SELF), resource.getrusage(resource.RUSAGE_CHILDREN)
+    mine, children = (
+        resource.getrusage(resource.RUSAGE_SELF),
+        resource.getrusage(resource.RUSAGE_CHILDREN),
+    )
     return mine.ru_utime + mine.ru_stime + children.ru_utime + children.ru_stime
 
 
@@ -98,35 +118,57 @@ def end_to_end(plane: Any, count: int, jobs: int, folder: Path) -> None:
     """Time replay, verdicts and report."""
     runs = {
         name: flightmech.write_fmu(
-            flightmech.compile(plane.AIRCRAFT, plane.scaled(plane.database(), **changes)), folder / f"{name}.fmu", "3.0"
+            flightmech.compile(plane.AIRCRAFT, plane.scaled(plane.database(), **changes)),
+            folder / f"{name}.fmu",
+            "3.0",
         )
         for name, changes in CHANGES.items()
     }
     cases, paths = programme(plane, count, folder)
     close_all()
-    flown, results = worked(lambda: pom.replay_all(cases, runs, paths, jobs=jobs, resume=folder / "kept"))
+    flown, results = worked(
+        lambda: pom.replay_all(cases, runs, paths, jobs=jobs, resume=folder / "kept")
+    )
     again, _ = worked(lambda: pom.replay_all(cases, runs, paths, jobs=jobs, resume=folder / "kept"))
-    written, page = worked(lambda: pom.write_report(results, folder / "report", title="A hundred cases", paper=None))
+    written, page = worked(
+        lambda: pom.write_report(results, folder / "report", title="A hundred cases", paper=None)
+    )
     steps = {
         "replay and verdicts": flown,
         "the same from kept flights": again,
         f"report, HTML of {page.stat().st_size / 1e6:.1f} MB, no PDF": written,
         "replay, verdicts, report": flown + written,
     }
-    rows = [(name, f"{wall:.2f}", f"{cpu:.2f}", f"{1e3 * cpu / count:.1f}") for name, (wall, cpu) in steps.items()]
+    rows = [
+        (name, f"{wall:.2f}", f"{cpu:.2f}", f"{1e3 * cpu / count:.1f}")
+        for name, (wall, cpu) in steps.items()
+    ]
     columns = ("step", "s", "CPU s", "CPU ms/case")
-    table(columns, rows, f"{count} cases x {len(runs)} models of {DURATION:g} s, {jobs} jobs", right=columns[1:])
+    table(
+        columns,
+        rows,
+        f"{count} cases x {len(runs)} models of {DURATION:g} s, {jobs} jobs",
+        right=columns[1:],
+    )
 
 
 def foreign(plane: Any, folder: Path) -> None:
-    """Time a case of one FMU that is stepped from sample to sample, here and by FMPy alone; medians of alternating runs."""
-    runs = {"foreign": flightmech.write_fmu(flightmech.compile(plane.AIRCRAFT, plane.database()), folder / "foreign.fmu", "2.0")}
+    """Time a case of one FMU that is stepped from sample to sample, here and by FMPy alone; medians
+    of alternating runs.
+    """
+    runs = {
+        "foreign": flightmech.write_fmu(
+            flightmech.compile(plane.AIRCRAFT, plane.database()), folder / "foreign.fmu", "2.0"
+        )
+    }
     cases, paths = programme(plane, 1, folder)
     case, path = cases[0], paths["record_000"]
     model, plan = Models(runs).of(case)["foreign"], plan_of(case, path)
     wanted = [*OBSERVED, *case.show]
     ways = {
-        "simulate_fmu": by_fmpy(runs["foreign"], plan.job, [name for name in model.links.outputs if name in wanted]),
+        "simulate_fmu": by_fmpy(
+            runs["foreign"], plan.job, [name for name in model.links.outputs if name in wanted]
+        ),
         "flight in the child process": lambda: fly(model, plan.job, wanted, 60.0),
         "pom.replay: checked, flown, judged": lambda: pom.replay(case, runs, path),
     }
@@ -136,12 +178,22 @@ def foreign(plane: Any, folder: Path) -> None:
             seconds[name].append(timed(act)[0])
     middle = {name: statistics.median(values) for name, values in seconds.items()}
     plain = middle["simulate_fmu"]
-    rows = [(name, f"{1e3 * value:.1f}", f"{1e3 * (value - plain):+.1f}", f"{value / plain:.2f}") for name, value in middle.items()]
-    table(("way", "ms", "more", "ratio"), rows, f"one case of {DURATION:g} s at 50 Hz, FMI 2.0", right=("ms", "more", "ratio"))
+    rows = [
+        (name, f"{1e3 * value:.1f}", f"{1e3 * (value - plain):+.1f}", f"{value / plain:.2f}")
+        for name, value in middle.items()
+    ]
+    table(
+        ("way", "ms", "more", "ratio"),
+        rows,
+        f"one case of {DURATION:g} s at 50 Hz, FMI 2.0",
+        right=("ms", "more", "ratio"),
+    )
 
 
 def by_fmpy(file: Path, job: Any, outputs: list[str]) -> Callable[[], Any]:
-    """Return a run by FMPy alone: unpacked, described and simulated in this process, as one line of Python does it."""
+    """Return a run by FMPy alone: unpacked, described and simulated in this process, as one line of
+    Python does it.
+    """
     known = {v.name for v in fmpy.read_model_description(str(file)).modelVariables}
     names = [name for name in job.inputs if name in known]
     signals = np.zeros(len(job.time), [("time", float), *((name, float) for name in names)])
@@ -152,8 +204,17 @@ def by_fmpy(file: Path, job: Any, outputs: list[str]) -> Callable[[], Any]:
     step, duration = float(job.time[1] - job.time[0]), float(job.time[-1] - job.time[0])
 
     def run() -> Any:
-        with contextlib.redirect_stdout(io.StringIO()):  # a warning for every input that is not given
-            return fmpy.simulate_fmu(str(file), stop_time=duration, output_interval=step, start_values=start, input=signals, output=outputs)
+        with contextlib.redirect_stdout(
+            io.StringIO()
+        ):  # a warning for every input that is not given
+            return fmpy.simulate_fmu(
+                str(file),
+                stop_time=duration,
+                output_interval=step,
+                start_values=start,
+                input=signals,
+                output=outputs,
+            )
 
     return run
 

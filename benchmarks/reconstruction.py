@@ -1,7 +1,9 @@
-"""Batch reconstruction of 60 s at 100 Hz with 12 constants against the same fit as it is usually written, in one run; and coverage.
+"""Batch reconstruction of 60 s at 100 Hz with 12 constants against the same fit as it is usually
+written, in one run; and coverage.
 
-The peer integrates the kinematics by Runge-Kutta steps and takes central differences, all perturbed flights side by side in
-NumPy.  Same record, same constants, same Gauss-Newton iteration from the same start.
+The peer integrates the kinematics by Runge-Kutta steps and takes central differences, all perturbed
+flights side by side in NumPy.  Same record, same constants, same Gauss-Newton iteration from the
+same start.
 
 python benchmarks/reconstruction.py              # speed
 python benchmarks/reconstruction.py --coverage   # 200 flights: how often the truth lies within two standard errors
@@ -24,7 +26,9 @@ from flighttest.reconstruction.batch.unknowns import layout
 from flighttest.reconstruction.problem.assembly import assemble
 from flighttest.records.sensors.instruments import instruments as specified
 
-FLIGHT = Path(__file__).parents[1] / "tests" / "flighttest" / "conftest.py"  # the simulated flight of the tests
+FLIGHT = (
+    Path(__file__).parents[1] / "tests" / "flighttest" / "conftest.py"
+)  # the simulated flight of the tests
 TRUE = {
     "lag.vanes": 1e-4,
     "static_error": 0.0,
@@ -33,7 +37,13 @@ TRUE = {
     "factor.alpha_vane": 1.07,
     "factor.beta_vane": 1.04,
 }
-OFFSETS = {"bias.alpha_vane": 0.008, "bias.beta_vane": -0.005, "bias.p": 3e-4, "bias.q": -2e-4, "bias.r": 1e-4}
+OFFSETS = {
+    "bias.alpha_vane": 0.008,
+    "bias.beta_vane": -0.005,
+    "bias.p": 3e-4,
+    "bias.q": -2e-4,
+    "bias.r": 1e-4,
+}
 OFFSETS |= {"bias.ax_imu": 0.03, "bias.ay_imu": -0.02, "bias.az_imu": 0.04}
 FREE = [*OFFSETS, "factor.alpha_vane", "factor.beta_vane", "wind_n", "wind_e"]
 G = 9.80665
@@ -49,7 +59,15 @@ def simulator(rate: float):
 
 
 def craft(instruments: dict) -> SimpleNamespace:
-    return SimpleNamespace(name="bench", S=17.0, cbar=1.7, b=10.3, mass=2100.0, cg=(0.0, 0.0, 0.0), instruments=instruments)
+    return SimpleNamespace(
+        name="bench",
+        S=17.0,
+        cbar=1.7,
+        b=10.3,
+        mass=2100.0,
+        cg=(0.0, 0.0, 0.0),
+        instruments=instruments,
+    )
 
 
 class Peer:
@@ -64,7 +82,14 @@ class Peer:
         self.omega_dot = np.gradient(omega, self.dt, axis=0)
         self.every = round(100 / 5)
         names = ("phi", "theta", "psi", "alpha_vane", "beta_vane")
-        self.z = np.stack([*(imu[n].values for n in names[:3]), vanes["alpha_vane"].values, vanes["beta_vane"].values], axis=1)
+        self.z = np.stack(
+            [
+                *(imu[n].values for n in names[:3]),
+                vanes["alpha_vane"].values,
+                vanes["beta_vane"].values,
+            ],
+            axis=1,
+        )
         self.z_gps = gps[["vn", "ve", "vd", "h_gps"]].to_array().values.T
         self.w = 1.0 / np.array([flight.NOISE[n] for n in names])
         self.w_gps = 1.0 / np.array([flight.NOISE[n] for n in ("vn", "ve", "vd", "h_gps")])
@@ -85,7 +110,11 @@ class Peer:
         inputs = self.imu[:, :, None] - bias
         omega, dot = inputs[:, :3], self.omega_dot[:, :, None]
         arm = np.broadcast_to(self.arm[None, :, None], omega.shape)
-        force = inputs[:, 3:] - np.cross(dot, arm, axis=1) - np.cross(omega, np.cross(omega, arm, axis=1), axis=1)
+        force = (
+            inputs[:, 3:]
+            - np.cross(dot, arm, axis=1)
+            - np.cross(omega, np.cross(omega, arm, axis=1), axis=1)
+        )
         path = np.empty((len(inputs), *x.shape))
         path[0] = x
         h = self.dt
@@ -110,16 +139,22 @@ class Peer:
         ) + np.cross(omega, np.broadcast_to(self.boom[None, :, None], omega.shape), axis=1)
         alpha = c["factor.alpha_vane"] * np.arctan2(U[:, 2], U[:, 0]) + c["bias.alpha_vane"]
         beta = c["factor.beta_vane"] * np.arctan2(U[:, 1], U[:, 0]) + c["bias.beta_vane"]
-        shown = np.stack([path[:, 0], path[:, 1], path[:, 2], alpha, beta], axis=1) * self.w[:, None]
+        shown = (
+            np.stack([path[:, 0], path[:, 1], path[:, 2], alpha, beta], axis=1) * self.w[:, None]
+        )
         low = path[:: self.every, 3:7] * self.w_gps[:, None]
-        return np.concatenate([shown.reshape(-1, shown.shape[-1]), low.reshape(-1, low.shape[-1])]).T
+        return np.concatenate(
+            [shown.reshape(-1, shown.shape[-1]), low.reshape(-1, low.shape[-1])]
+        ).T
 
     def fit(self, start: np.ndarray) -> tuple[np.ndarray, int]:
         z = np.concatenate([(self.z * self.w).ravel(), (self.z_gps * self.w_gps).ravel()])
         h = np.array([1e-4] * 3 + [1e-2] * 3 + [0.1] + [1e-4] * 10 + [1e-2] * 2)
         theta = start.copy()
         for count in range(1, 20):
-            runs = self.outputs(np.concatenate([theta[None], theta + np.diag(h), theta - np.diag(h)]))
+            runs = self.outputs(
+                np.concatenate([theta[None], theta + np.diag(h), theta - np.diag(h)])
+            )
             S = (runs[1 : len(h) + 1] - runs[len(h) + 1 :]) / (2.0 * h[:, None])
             gradient = S @ (runs[0] - z)
             step = -np.linalg.solve(S @ S.T, gradient)
@@ -148,10 +183,14 @@ def speed() -> None:
     record, _, _ = flight.fly(0, duration=60.0, inertial_noise=0.05, error=TRUE | OFFSETS)
     aircraft = craft(instruments)
     flighttest.reconstruct_batch([record], aircraft, windows=[[(0.0, 2.0)]], rate=100.0)  # imports
-    ours, batch = best(lambda: flighttest.reconstruct_batch([record], aircraft, free=FREE, rate=100.0))
+    ours, batch = best(
+        lambda: flighttest.reconstruct_batch([record], aircraft, free=FREE, rate=100.0)
+    )
     smooth, _ = best(lambda: flighttest.reconstruct(record, aircraft, rate=100.0))
     setup = assemble(record, aircraft, specified(aircraft.instruments), [(0.0, 60.0)], 100.0, None)
-    alone, _ = best(lambda: fit(first_equations(layout([setup], FREE))))  # the peer has its readings ready, and no standard errors
+    alone, _ = best(
+        lambda: fit(first_equations(layout([setup], FREE)))
+    )  # the peer has its readings ready, and no standard errors
     peer = Peer(flight, record)
     start = np.zeros(7 + len(FREE))
     start[:3], start[3:7] = peer.z[0, :3], peer.z_gps[0]
@@ -160,16 +199,28 @@ def speed() -> None:
     found = batch.estimates.sel(parameter=FREE)
     apart = np.abs(found["estimate"].values - theta[7:]) / found["stderr"].values
     print(f"60 s at 100 Hz, {len(FREE)} constants and the start, CPU time")
-    print(f"central differences over Runge-Kutta, NumPy, fit alone: {theirs:.2f} s, {count} iterations")
-    print(f"ours, fit alone with the noise of the channels: {alone:.2f} s, {batch.iterations} iterations; ratio {theirs / alone:.1f}")
-    print(f"ours, from the record, with noise, standard errors, states and report tables: {ours:.2f} s; ratio {theirs / ours:.1f}")
-    print(f"ours, smoother, all constants, with states, their errors and report tables: {smooth:.2f} s; ratio {theirs / smooth:.1f}")
+    print(
+        f"central differences over Runge-Kutta, NumPy, fit alone: {theirs:.2f} s, {count} iterations"
+    )
+    print(
+        f"ours, fit alone with the noise of the channels: {alone:.2f} s, {batch.iterations} iterations; ratio {theirs / alone:.1f}"
+    )
+    print(
+        f"ours, from the record, with noise, standard errors, states and report tables: {ours:.2f} s; ratio {theirs / ours:.1f}"
+    )
+    print(
+        f"ours, smoother, all constants, with states, their errors and report tables: {smooth:.2f} s; ratio {theirs / smooth:.1f}"
+    )
     print(f"published figure, compiled, 21 unknowns: {PUBLISHED} s; ratio {PUBLISHED / ours:.1f}")
-    print(f"largest difference of an estimate: {apart.max():.2f} standard errors (the peer leaves the pressures out)")
+    print(
+        f"largest difference of an estimate: {apart.max():.2f} standard errors (the peer leaves the pressures out)"
+    )
 
 
 def coverage(seeds: int, level: float, method: str) -> None:
-    """Print how often the truth lies within two standard errors, and the mean deviations, over flights with other errors and noise."""
+    """Print how often the truth lies within two standard errors, and the mean deviations, over
+    flights with other errors and noise.
+    """
     flight = simulator(50.0)
     instruments = copy.deepcopy(flight.INSTRUMENTS)
     for name in ("p", "q", "r", "ax_imu", "ay_imu", "az_imu"):
@@ -190,11 +241,17 @@ def coverage(seeds: int, level: float, method: str) -> None:
     inside = np.abs(np.array(z)) < 2.0
     mean = np.abs(np.mean(z, axis=0)) * np.sqrt(seeds)
     each = inside.mean(axis=0)
-    print(f"{method}, inertial noise x {level:g}, {seeds} flights, {len(names)} constants: {inside.mean():.1%} within two standard errors")
-    bounds = f"; Cramer-Rao bounds alone {(np.abs(np.array(white)) < 2.0).mean():.1%}" if white else ""
+    print(
+        f"{method}, inertial noise x {level:g}, {seeds} flights, {len(names)} constants: {inside.mean():.1%} within two standard errors"
+    )
+    bounds = (
+        f"; Cramer-Rao bounds alone {(np.abs(np.array(white)) < 2.0).mean():.1%}" if white else ""
+    )
     print(f"  by constant {each.min():.1%} to {each.max():.1%}{bounds}")
     worst = names[int(mean.argmax())]
-    print(f"  mean deviation over its standard error: rms {np.sqrt(np.mean(mean**2)):.2f}, largest {mean.max():.2f} ({worst})")
+    print(
+        f"  mean deviation over its standard error: rms {np.sqrt(np.mean(mean**2)):.2f}, largest {mean.max():.2f} ({worst})"
+    )
 
 
 def main() -> None:

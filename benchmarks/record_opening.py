@@ -1,9 +1,11 @@
-"""Opening a flight of 90 minutes, 60 channels at 50 Hz (270 000 samples, 130 MB as numbers) in every format; ratios within one run.
+"""Opening a flight of 90 minutes, 60 channels at 50 Hz (270 000 samples, 130 MB as numbers) in
+every format; ratios within one run.
 
-Peers read the raw numbers only: `pandas.read_csv` the CSV, scipy the MATLAB file, h5py the netCDF files, pyulog and asammdf their own.
-`flighttest.read` does that and maps, calibrates, changes units, settles the clock, and looks for missing, held and spiked samples in
-every channel.  Times are the best of REPEATS, with the file in the page cache; CPU time as well as that of the clock, for machines that
-others use too.
+Peers read the raw numbers only: `pandas.read_csv` the CSV, scipy the MATLAB file, h5py the netCDF
+files, pyulog and asammdf their own. `flighttest.read` does that and maps, calibrates, changes
+units, settles the clock, and looks for missing, held and spiked samples in every channel.  Times
+are the best of REPEATS, with the file in the page cache; CPU time as well as that of the clock, for
+machines that others use too.
 
 python benchmarks/record_opening.py [MINUTES]
 """
@@ -39,8 +41,13 @@ def flight(minutes: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """Clock and channels of a noisy flight, rounded as a recorder does."""
     rng = np.random.default_rng(0)
     t = np.arange(round(minutes * 60 * RATE)) / RATE
-    names = [name for name in VOCABULARY if name not in ("time", "delta_a_left", "delta_a_right")][:CHANNELS]
-    return t, {name: np.round(10 * np.sin(t / (i + 3)) + rng.normal(0, 0.1, len(t)), 4) for i, name in enumerate(names)}
+    names = [name for name in VOCABULARY if name not in ("time", "delta_a_left", "delta_a_right")][
+        :CHANNELS
+    ]
+    return t, {
+        name: np.round(10 * np.sin(t / (i + 3)) + rng.normal(0, 0.1, len(t)), 4)
+        for i, name in enumerate(names)
+    }
 
 
 def best(work: Callable[[], object]) -> tuple[float, float]:
@@ -56,7 +63,14 @@ def best(work: Callable[[], object]) -> tuple[float, float]:
 
 def mapping(columns: dict[str, str]) -> NameMap:
     """All channels, each in the unit of the vocabulary."""
-    return NameMap({"all": {name: Channel(column=column, unit=VOCABULARY[name].units) for name, column in columns.items()}})
+    return NameMap(
+        {
+            "all": {
+                name: Channel(column=column, unit=VOCABULARY[name].units)
+                for name, column in columns.items()
+            }
+        }
+    )
 
 
 def write_csv(path: Path, t: np.ndarray, data: dict[str, np.ndarray]) -> NameMap:
@@ -65,13 +79,26 @@ def write_csv(path: Path, t: np.ndarray, data: dict[str, np.ndarray]) -> NameMap
 
 
 def write_netcdf(path: Path, t: np.ndarray, data: dict[str, np.ndarray]) -> NameMap:
-    xr.Dataset({name: ("time", x) for name, x in data.items()}, {"time": t}).to_netcdf(path, engine="h5netcdf")
+    xr.Dataset({name: ("time", x) for name, x in data.items()}, {"time": t}).to_netcdf(
+        path, engine="h5netcdf"
+    )
     return mapping({name: name for name in data})
 
 
 def write_packed(path: Path, t: np.ndarray, data: dict[str, np.ndarray]) -> NameMap:
-    coding = {name: {"dtype": "i4", "scale_factor": 1e-4, "_FillValue": -(2**31), "zlib": True, "complevel": 1} for name in data}
-    xr.Dataset({name: ("time", x) for name, x in data.items()}, {"time": t}).to_netcdf(path, engine="h5netcdf", encoding=coding)
+    coding = {
+        name: {
+            "dtype": "i4",
+            "scale_factor": 1e-4,
+            "_FillValue": -(2**31),
+            "zlib": True,
+            "complevel": 1,
+        }
+        for name in data
+    }
+    xr.Dataset({name: ("time", x) for name, x in data.items()}, {"time": t}).to_netcdf(
+        path, engine="h5netcdf", encoding=coding
+    )
     return mapping({name: name for name in data})
 
 
@@ -83,7 +110,9 @@ def write_matlab(path: Path, t: np.ndarray, data: dict[str, np.ndarray]) -> Name
 def write_ulog(path: Path, t: np.ndarray, data: dict[str, np.ndarray]) -> NameMap:
     fields = [("uint64_t", "timestamp"), *(("float", f"c{i}") for i in range(CHANNELS))]
     rows = np.column_stack([np.round(1e6 * t) + 1, *data.values()]).tolist()
-    path.write_bytes(ulog.written({("flight", 0): (fields, [(int(row[0]), *row[1:]) for row in rows])}))
+    path.write_bytes(
+        ulog.written({("flight", 0): (fields, [(int(row[0]), *row[1:]) for row in rows])})
+    )
     return mapping({name: f"flight/c{i}" for i, name in enumerate(data)})
 
 
@@ -94,7 +123,13 @@ def write_dataflash(path: Path, t: np.ndarray, data: dict[str, np.ndarray]) -> N
         part = names[k : k + 15]
         rows = np.column_stack([np.round(1e6 * t), *(data[name] for name in part)]).tolist()
         heads = ",".join(f"f{i}" for i in range(len(part)))
-        messages[f"M{k}"] = ("Q" + "f" * len(part), f"TimeUS,{heads}", "s" * 16, "F" + "-" * 15, [(int(row[0]), *row[1:]) for row in rows])
+        messages[f"M{k}"] = (
+            "Q" + "f" * len(part),
+            f"TimeUS,{heads}",
+            "s" * 16,
+            "F" + "-" * 15,
+            [(int(row[0]), *row[1:]) for row in rows],
+        )
         columns.update({name: f"M{k}/f{i}" for i, name in enumerate(part)})
     path.write_bytes(dataflash.written(messages))
     return NameMap(_by_message(columns))
@@ -103,7 +138,9 @@ def write_dataflash(path: Path, t: np.ndarray, data: dict[str, np.ndarray]) -> N
 def _by_message(columns: dict[str, str]) -> dict[str, dict[str, Channel]]:
     leaves: dict[str, dict[str, Channel]] = {}
     for name, column in columns.items():
-        leaves.setdefault(column.split("/")[0], {})[name] = Channel(column=column, unit=VOCABULARY[name].units)
+        leaves.setdefault(column.split("/")[0], {})[name] = Channel(
+            column=column, unit=VOCABULARY[name].units
+        )
     return leaves
 
 
@@ -111,7 +148,9 @@ def write_mdf(path: Path, t: np.ndarray, data: dict[str, np.ndarray]) -> NameMap
     from asammdf import MDF, Signal
 
     with MDF(version="4.10") as file:
-        file.append([Signal(x, t, name=f"c{i}") for i, x in enumerate(data.values())], acq_name="flight")
+        file.append(
+            [Signal(x, t, name=f"c{i}") for i, x in enumerate(data.values())], acq_name="flight"
+        )
         file.save(path, overwrite=True)
     return mapping({name: f"flight/c{i}" for i, name in enumerate(data)})
 
@@ -160,7 +199,9 @@ def main() -> None:
             ratio = ("", "") if theirs is None else (f"{theirs:.2f}", f"{ours / theirs:.2f}")
             rows.append((kind, f"{size:.0f}", f"{ours:.2f}", f"{cpu:.2f}", peer, *ratio))
             path.unlink()
-    title = f"{len(t)} samples of {CHANNELS} channels and the clock ({minutes:g} minutes at {RATE} Hz)"
+    title = (
+        f"{len(t)} samples of {CHANNELS} channels and the clock ({minutes:g} minutes at {RATE} Hz)"
+    )
     heads = ["format", "MB", "read [s]", "CPU [s]", "peer, raw numbers only", "peer [s]", "ratio"]
     table(heads, rows, title, right=["MB", "read [s]", "CPU [s]", "peer [s]", "ratio"])
 

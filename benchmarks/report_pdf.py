@@ -1,4 +1,5 @@
-"""The report on paper: time and size of a PDF of a hundred pages, and of all that is written next to it.
+"""The report on paper: time and size of a PDF of a hundred pages, and of all that is written next
+to it.
 
     python benchmarks/report_pdf.py                 as many cases as fill about 100 pages: 32, 3 models, 7 channels, 30 s at 50 Hz
     python benchmarks/report_pdf.py --cases 100 --paper letter
@@ -42,30 +43,68 @@ def main() -> None:
                 case_on_paper(folder, i, name, one, dated, None, table, options.paper)
                 for i, (name, one, table) in enumerate(zip(names, results, modes, strict=True), 1)
             ]
-            document = pdf_pages(folder, results, names, cases, "Report on paper", "A", dated, {}, {}, options.paper, {})
+            document = pdf_pages(
+                folder,
+                results,
+                names,
+                cases,
+                "Report on paper",
+                "A",
+                dated,
+                {},
+                {},
+                options.paper,
+                {},
+            )
         times.append((time.perf_counter() - begin, time.process_time() - worked))
         made.add(document)
     found = re.search(rb"NPages>(\d+)<", document)
     pages = int(found.group(1)) if found else 0
     rows = [
-        ["cases x models x samples", f"{len(results)} x {len(MODELS)} x {results[0].signals.sizes['time']}"],
+        [
+            "cases x models x samples",
+            f"{len(results)} x {len(MODELS)} x {results[0].signals.sizes['time']}",
+        ],
         ["pages", f"{pages}"],
-        ["size", f"{len(document) / 1e6:.2f} MB, {len(document) / 1e3 / max(pages, 1):.0f} kB a page"],
+        [
+            "size",
+            f"{len(document) / 1e6:.2f} MB, {len(document) / 1e3 / max(pages, 1):.0f} kB a page",
+        ],
         ["made in", f"{times[0][0]:.1f} s, again {times[1][0]:.1f} s"],
-        ["processor time", f"{times[1][1]:.1f} s, {1e3 * times[1][1] / max(pages, 1):.0f} ms a page"],
+        [
+            "processor time",
+            f"{times[1][1]:.1f} s, {1e3 * times[1][1] / max(pages, 1):.0f} ms a page",
+        ],
         ["twice the same bytes", "yes" if len(made) == 1 else "NO"],
     ]
     with tempfile.TemporaryDirectory() as output:
         for paper in (None, options.paper):
             begin = time.perf_counter()
             pom.write_report(results, output, title="Report on paper", paper=paper)
-            rows.append([f"whole report, {'PDF' if paper else 'no PDF'}", f"{time.perf_counter() - begin:.1f} s"])
-        rows += [[path.name, f"{path.stat().st_size / 1e6:.2f} MB"] for path in sorted(Path(output).iterdir()) if path.is_file()]
-        rows.append(["csv", f"{sum(path.stat().st_size for path in Path(output, 'csv').iterdir()) / 1e6:.2f} MB"])
+            rows.append(
+                [
+                    f"whole report, {'PDF' if paper else 'no PDF'}",
+                    f"{time.perf_counter() - begin:.1f} s",
+                ]
+            )
+        rows += [
+            [path.name, f"{path.stat().st_size / 1e6:.2f} MB"]
+            for path in sorted(Path(output).iterdir())
+            if path.is_file()
+        ]
+        rows.append(
+            [
+                "csv",
+                f"{sum(path.stat().st_size for path in Path(output, 'csv').iterdir()) / 1e6:.2f} MB",
+            ]
+        )
         begin = time.perf_counter()
         findings = pom.verify(output)
         rows.append(
-            ["verified in", f"{time.perf_counter() - begin:.1f} s, {sum(x.state != 'same' for x in findings)} of {len(findings)} differ"]
+            [
+                "verified in",
+                f"{time.perf_counter() - begin:.1f} s, {sum(x.state != 'same' for x in findings)} of {len(findings)} differ",
+            ]
         )
     table(["", ""], rows)
 

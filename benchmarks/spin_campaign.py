@@ -1,7 +1,8 @@
 """A flight-test campaign in simulation: fly, record, reconstruct, fit, join the runs.
 
-The steps are those of [Gresham]: several runs with the same multisine in the same condition, least squares run by run, the median
-over the runs as the value and the scaled median absolute deviation as the scatter of single runs.
+The steps are those of [Gresham]: several runs with the same multisine in the same condition, least
+squares run by run, the median over the runs as the value and the scaled median absolute deviation
+as the scatter of single runs.
 
 References
 ----------
@@ -37,7 +38,11 @@ if TYPE_CHECKING:
 CUTOFF = 6.0  # [Gresham]: low-pass of all signals alike [Hz]
 EDGE = 0.5  # what the ends of a zero-phase filter spoil [s]
 _STEP = 0.005  # of the simulation, and of its output [s]
-_RATES = {"gps": 5.0, "air_data": 20.0, "attitude": 50.0}  # of the other instruments: that of the simulation, 200 Hz
+_RATES = {
+    "gps": 5.0,
+    "air_data": 20.0,
+    "attitude": 50.0,
+}  # of the other instruments: that of the simulation, 200 Hz
 
 
 def fly_and_record(
@@ -80,13 +85,19 @@ def fly_and_record(
 
     time = np.arange(0.0, signal["time"].values[-1] + 1e-9, _STEP)
     columns = {name: level + _moved(signal, name, time) for name, level in surfaces.items()}
-    inputs = xr.Dataset({name: ("time", column) for name, column in columns.items()}, {"time": time})
+    inputs = xr.Dataset(
+        {name: ("time", column) for name, column in columns.items()}, {"time": time}
+    )
     truth = simulate(sim, inputs, {**start, "mode.earth": 0.0, "mode.trim": 0.0}, step=_STEP)
     return as_recorded(truth, aircraft, errors, rng, _RATES, title)
 
 
 def _moved(signal: xr.Dataset, name: str, time: np.ndarray) -> np.ndarray:
-    return np.interp(time, signal["time"].values, signal[name].values) if name in signal else np.zeros_like(time)
+    return (
+        np.interp(time, signal["time"].values, signal[name].values)
+        if name in signal
+        else np.zeros_like(time)
+    )
 
 
 def measured_variables(
@@ -105,7 +116,8 @@ def measured_variables(
         A flight record.
     aircraft : Aircraft
     window : (float, float)
-        The moving stretch; the record goes on by `EDGE` on both sides, or the ends are spoiled by the filter. [s]
+        The moving stretch; the record goes on by `EDGE` on both sides, or the ends are spoiled by
+        the filter. [s]
     steep : bool
         Reconstruct in turned axes, for flight with the nose near the vertical.
     cutoff : float
@@ -128,9 +140,14 @@ def fit_run(data: xr.Dataset, models: Mapping[str, Model], name: str = "") -> di
     return {coefficient: regress(model, data, name) for coefficient, model in models.items()}
 
 
-def predictions(data: xr.Dataset, models: Mapping[str, tuple[Model, np.ndarray]]) -> dict[str, np.ndarray]:
+def predictions(
+    data: xr.Dataset, models: Mapping[str, tuple[Model, np.ndarray]]
+) -> dict[str, np.ndarray]:
     """Return the coefficients that fitted models give along a run, coefficient to array (time,)."""
-    return {coefficient: model.design(data) @ np.asarray(estimates, float) for coefficient, (model, estimates) in models.items()}
+    return {
+        coefficient: model.design(data) @ np.asarray(estimates, float)
+        for coefficient, (model, estimates) in models.items()
+    }
 
 
 @dataclass(frozen=True)
@@ -140,10 +157,11 @@ class Recovery:
     Attributes
     ----------
     table : DataFrame
-        Index (``coefficient``, ``term``): ``published`` and ``sigma``, ``flown`` (what the simulation flew), ``median`` over the
-        runs, its ``stderr`` (1.25 scatter/sqrt(runs)), ``scatter`` of single runs (scaled MAD), ``run_stderr`` (mean coloured standard
-        error), ``vif`` (median), ``inside`` (median within two sigma of the published value), ``error`` (median minus flown, in
-        ``stderr``).
+        Index (``coefficient``, ``term``): ``published`` and ``sigma``, ``flown`` (what the
+        simulation flew), ``median`` over the runs, its ``stderr`` (1.25 scatter/sqrt(runs)),
+        ``scatter`` of single runs (scaled MAD), ``run_stderr`` (mean coloured standard error),
+        ``vif`` (median), ``inside`` (median within two sigma of the published value), ``error``
+        (median minus flown, in ``stderr``).
     runs : int
     """
 
@@ -157,24 +175,44 @@ class Recovery:
 
     def models(self, structure: Mapping[str, Model]) -> dict[str, tuple[Model, np.ndarray]]:
         """Return the medians as fitted models, coefficient to (Model, estimates)."""
-        return {c: (model, np.array([self.table.loc[(c, term), "median"] for term in model.terms])) for c, model in structure.items()}
+        return {
+            c: (model, np.array([self.table.loc[(c, term), "median"] for term in model.terms]))
+            for c, model in structure.items()
+        }
 
     def report(self) -> str:
-        """Return the table as text, laid out as [Gresham] Tables 2 and 3 with what was found next to it."""
-        wide, narrow = ("published", "sigma", "flown", "median"), ("stderr", "scatter", "run_stderr")
-        heads = "".join(f"{name:>11}" for name in wide) + "".join(f"{name.replace('_', ' '):>12}" for name in narrow)
+        """Return the table as text, laid out as [Gresham] Tables 2 and 3 with what was found next
+        to it.
+        """
+        wide, narrow = (
+            ("published", "sigma", "flown", "median"),
+            ("stderr", "scatter", "run_stderr"),
+        )
+        heads = "".join(f"{name:>11}" for name in wide) + "".join(
+            f"{name.replace('_', ' '):>12}" for name in narrow
+        )
         lines = [
             f"{self.runs} runs; {self.inside} of {len(self.table)} terms within two sigma of the published value",
             f"{'':3}{'term':<17}{heads}{'VIF':>7}",
         ]
-        for (coefficient, term), row in zip(self.table.index.to_flat_index(), self.table.to_dict("records")):
-            numbers = "".join(f"{row[name]:>11.4g}" for name in wide) + "".join(f"{row[name]:>12.2g}" for name in narrow)
+        for (coefficient, term), row in zip(
+            self.table.index.to_flat_index(), self.table.to_dict("records")
+        ):
+            numbers = "".join(f"{row[name]:>11.4g}" for name in wide) + "".join(
+                f"{row[name]:>12.2g}" for name in narrow
+            )
             vif = "-" if np.isnan(row["vif"]) else f"{row['vif']:.0f}"
-            lines.append(f"{coefficient:3}{term:<17}{numbers}{vif:>7}{'' if row['inside'] else '  outside'}")
+            lines.append(
+                f"{coefficient:3}{term:<17}{numbers}{vif:>7}{'' if row['inside'] else '  outside'}"
+            )
         return "\n".join(lines)
 
 
-def joined(runs: Sequence[Mapping[str, Fit]], published: Mapping[str, Polynomial], flown: Mapping[str, Polynomial]) -> Recovery:
+def joined(
+    runs: Sequence[Mapping[str, Fit]],
+    published: Mapping[str, Polynomial],
+    flown: Mapping[str, Polynomial],
+) -> Recovery:
     """Return the medians over several runs next to the published and the flown values.
 
     Parameters
@@ -192,14 +230,20 @@ def joined(runs: Sequence[Mapping[str, Fit]], published: Mapping[str, Polynomial
     import pandas as pd
 
     if len(runs) < 3:
-        raise IdentificationError(f"{len(runs)} runs; the median and the scatter of single runs need at least 3")
+        raise IdentificationError(
+            f"{len(runs)} runs; the median and the scatter of single runs need at least 3"
+        )
     rows = {}
     for coefficient, polynomial in published.items():
         for k, term in enumerate(polynomial.model.terms):
             e = [run[coefficient].estimates.sel(term=term) for run in runs]
             stderr = [float(one["stderr"]) for one in e]
             pooled = pool([float(one["estimate"]) for one in e], stderr, "median")
-            value, sigma, truth = polynomial.estimates[k], polynomial.sigma[k], flown[coefficient].estimates[k]
+            value, sigma, truth = (
+                polynomial.estimates[k],
+                polynomial.sigma[k],
+                flown[coefficient].estimates[k],
+            )
             rows[(coefficient, term)] = {
                 "published": value,
                 "sigma": sigma,
@@ -217,10 +261,12 @@ def joined(runs: Sequence[Mapping[str, Fit]], published: Mapping[str, Polynomial
 
 
 def two_component(structure: Mapping[str, tuple[str, ...]]) -> dict[str, tuple[str, ...]]:
-    """Return a spin structure with the two independent rates normal to the flight path instead of the three dependent ones.
+    """Return a spin structure with the two independent rates normal to the flight path instead of
+    the three dependent ones.
 
-    ``phat_osc`` and ``rhat_osc`` are replaced by ``rhat_wind``; ``qhat_osc`` stays.  Nothing identifiable is lost: to first
-    order about a nominal state the three are one linear combination of each other, of alpha and of beta.
+    ``phat_osc`` and ``rhat_osc`` are replaced by ``rhat_wind``; ``qhat_osc`` stays.  Nothing
+    identifiable is lost: to first order about a nominal state the three are one linear combination
+    of each other, of alpha and of beta.
 
     Raises
     ------
@@ -231,6 +277,13 @@ def two_component(structure: Mapping[str, tuple[str, ...]]) -> dict[str, tuple[s
     for coefficient, terms in structure.items():
         for name in ("phat_osc", "qhat_osc", "rhat_osc"):
             if name not in terms:
-                raise UnknownName(name, terms, "term", f"{coefficient} does not have the three rates normal to the flight path")
-        found[coefficient] = tuple("rhat_wind" if term == "rhat_osc" else term for term in terms if term != "phat_osc")
+                raise UnknownName(
+                    name,
+                    terms,
+                    "term",
+                    f"{coefficient} does not have the three rates normal to the flight path",
+                )
+        found[coefficient] = tuple(
+            "rhat_wind" if term == "rhat_osc" else term for term in terms if term != "phat_osc"
+        )
     return found

@@ -1,7 +1,8 @@
 """A simulated flight as the instruments of the aircraft file would record it.
 
-Every instrument shows the truth at its place, late by its delay, with the constant errors and the white noise of its
-specification (`flighttest.records.sensors.instruments`): one draw of the constant errors per aircraft, one of the noise per run.
+Every instrument shows the truth at its place, late by its delay, with the constant errors and the
+white noise of its specification (`flighttest.records.sensors.instruments`): one draw of the
+constant errors per aircraft, one of the noise per run.
 """
 
 from __future__ import annotations
@@ -38,8 +39,12 @@ def draw_errors(aircraft: Aircraft, rng: np.random.Generator) -> dict[str, float
         ``bias.p``, ``delay.gps``, ``static_error`` ..., named as `reconstruct` estimates them. [SI]
     """
     found: dict[str, float] = {}
-    for name, item in instruments(aircraft.instruments, f"instruments of {aircraft.name}").table.items():
-        found |= {f"bias.{channel}": rng.normal(0.0, sigma) for channel, sigma in item.bias_sigma.items()}
+    for name, item in instruments(
+        aircraft.instruments, f"instruments of {aircraft.name}"
+    ).table.items():
+        found |= {
+            f"bias.{channel}": rng.normal(0.0, sigma) for channel, sigma in item.bias_sigma.items()
+        }
         if item.delay:
             found[f"delay.{name}"] = max(0.0, rng.normal(*item.delay))
         if item.static_error:
@@ -48,15 +53,20 @@ def draw_errors(aircraft: Aircraft, rng: np.random.Generator) -> dict[str, float
 
 
 def as_recorded(
-    truth: xr.Dataset, aircraft: Aircraft, errors: dict[str, float], rng: np.random.Generator, rates: dict[str, float], title: str = ""
+    truth: xr.Dataset,
+    aircraft: Aircraft,
+    errors: dict[str, float],
+    rng: np.random.Generator,
+    rates: dict[str, float],
+    title: str = "",
 ) -> xr.DataTree:
     """Return a flight record of a simulated flight.
 
     Parameters
     ----------
     truth : Dataset (time,)
-        Outputs of `flightmech.simulate`: `V p q r p_dot q_dot r_dot phi theta psi ax ay az vn ve vd h mach p_static temperature`, and
-        the surfaces as ``applied.delta_e`` .... [SI]
+        Outputs of `flightmech.simulate`: `V p q r p_dot q_dot r_dot phi theta psi ax ay az vn ve vd
+        h mach p_static temperature`, and the surfaces as ``applied.delta_e`` .... [SI]
     aircraft : Aircraft
         For the instruments and the c.g.
     errors : dict of str to float
@@ -83,13 +93,24 @@ def as_recorded(
         leaves[f"/{name}"] = xr.Dataset(coords={"time": clock}, attrs={"rate": 1.0 / step})
         for channel, sigma in item.noise.items():
             late = np.interp(clock - errors.get(f"delay.{name}", 0.0), time, shown[channel])
-            leaves[f"/{name}"][channel] = "time", late + errors.get(f"bias.{channel}", 0.0) + rng.normal(0.0, sigma, len(clock))
-    surfaces = {str(n).removeprefix("applied."): ("time", truth[n].values) for n in truth.data_vars if str(n).startswith("applied.delta_")}
-    leaves["/controls"] = xr.Dataset(surfaces, {"time": time}, {"rate": 1.0 / float(np.median(np.diff(time)))})
+            leaves[f"/{name}"][channel] = (
+                "time",
+                late + errors.get(f"bias.{channel}", 0.0) + rng.normal(0.0, sigma, len(clock)),
+            )
+    surfaces = {
+        str(n).removeprefix("applied."): ("time", truth[n].values)
+        for n in truth.data_vars
+        if str(n).startswith("applied.delta_")
+    }
+    leaves["/controls"] = xr.Dataset(
+        surfaces, {"time": time}, {"rate": 1.0 / float(np.median(np.diff(time)))}
+    )
     return xr.DataTree.from_dict({"/": xr.Dataset(attrs={"title": title}), **leaves})
 
 
-def _readings(truth: xr.Dataset, aircraft: Aircraft, table: dict[str, Instrument], static_error: float) -> dict[str, np.ndarray]:
+def _readings(
+    truth: xr.Dataset, aircraft: Aircraft, table: dict[str, Instrument], static_error: float
+) -> dict[str, np.ndarray]:
     """Every channel without noise, delay and bias."""
     place = next(item.position for item in table.values() if "ax_imu" in item.noise)
     arm = np.asarray(place, float) - np.asarray(aircraft.cg, float)

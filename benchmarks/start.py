@@ -1,10 +1,13 @@
-"""Start of the verbs: CPU time of a whole process, user and system, as a ratio to ``aeromatch --help`` in the same run.
+"""Start of the verbs: CPU time of a whole process, user and system, as a ratio to ``aeromatch
+--help`` in the same run.
 
-Verbs that show, check or compare are run on the results of the demo and on the records of the example c182; of the others, which take
-minutes, ``--help`` is run.  The rows above them are Python and the packages that read HDF5 and the command line: no verb can be faster,
-but for the search for circles of objects at the end of a process, which the verbs leave out.  The packages are compiled first, as an
-installation does; where the variable PYTHONDONTWRITEBYTECODE is set, Python would compile a checkout anew in every process.
-Every command is run once per round, ROUNDS rounds, and the best of each counts.
+Verbs that show, check or compare are run on the results of the demo and on the records of the
+example c182; of the others, which take minutes, ``--help`` is run.  The rows above them are Python
+and the packages that read HDF5 and the command line: no verb can be faster, but for the search for
+circles of objects at the end of a process, which the verbs leave out.  The packages are compiled
+first, as an installation does; where the variable PYTHONDONTWRITEBYTECODE is set, Python would
+compile a checkout anew in every process. Every command is run once per round, ROUNDS rounds, and
+the best of each counts.
 
 python benchmarks/start.py out/t37 [ROUNDS]
 """
@@ -85,7 +88,9 @@ def verbs(group: click.Command, path: list[str], context: click.Context) -> list
     if not isinstance(group, click.Group):
         return [path]
     members = ((name, group.get_command(context, name)) for name in group.list_commands(context))
-    return [verb for name, member in members if member for verb in verbs(member, [*path, name], context)]
+    return [
+        verb for name, member in members if member for verb in verbs(member, [*path, name], context)
+    ]
 
 
 def run(command: list[str], **variables: str) -> float:
@@ -95,7 +100,9 @@ def run(command: list[str], **variables: str) -> float:
 
 def process(command: list[str], **variables: str) -> float:
     """CPU time of a process, its output thrown away. [s]"""
-    child = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=os.environ | variables)
+    child = subprocess.Popen(
+        command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=os.environ | variables
+    )
     _, _, usage = os.wait4(child.pid, 0)
     child.returncode = 0
     return usage.ru_utime + usage.ru_stime
@@ -107,13 +114,28 @@ def main(out: Path, rounds: int) -> None:
         compileall.compile_dir(ROOT / package, quiet=1)
     with TemporaryDirectory() as folder:
         shown = {PEER: [PEER], **commands(out, Path(folder))}
-        work = {what: lambda code=code: process([sys.executable, "-c", code], OPENBLAS_NUM_THREADS="1") for what, code in PYTHON.items()}
+        work = {
+            what: lambda code=code: process([sys.executable, "-c", code], OPENBLAS_NUM_THREADS="1")
+            for what, code in PYTHON.items()
+        }
         work |= {what: lambda command=command: run(command) for what, command in shown.items()}
-        work["completion"] = lambda: run([], _AEROMATCH_COMPLETE="bash_complete", COMP_WORDS="aeromatch db ", COMP_CWORD="2")
+        work["completion"] = lambda: run(
+            [], _AEROMATCH_COMPLETE="bash_complete", COMP_WORDS="aeromatch db ", COMP_CWORD="2"
+        )
         helped = verbs(cli, [], click.Context(cli))
-        work |= {f"{' '.join(verb)} --help": lambda verb=verb: run([*verb, "--help"]) for verb in helped}
-        best = {what: min(times) for what, times in zip(work, zip(*([one() for one in work.values()] for _ in range(rounds))))}
-    table(["what", "CPU [ms]", "times --help"], [(what, f"{1e3 * t:.0f}", f"{t / best[PEER]:.1f}") for what, t in best.items()])
+        work |= {
+            f"{' '.join(verb)} --help": lambda verb=verb: run([*verb, "--help"]) for verb in helped
+        }
+        best = {
+            what: min(times)
+            for what, times in zip(
+                work, zip(*([one() for one in work.values()] for _ in range(rounds)))
+            )
+        }
+    table(
+        ["what", "CPU [ms]", "times --help"],
+        [(what, f"{1e3 * t:.0f}", f"{t / best[PEER]:.1f}") for what, t in best.items()],
+    )
 
 
 if __name__ == "__main__":

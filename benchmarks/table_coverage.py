@@ -1,11 +1,15 @@
-"""Tables from flight against the aeroplane that was flown: are the standard errors of the nodes true?
+"""Tables from flight against the aeroplane that was flown: are the standard errors of the nodes
+true?
 
-    python benchmarks/table_coverage.py FOLDER --seeds 1-20 [--make] [--jobs 2] [--way tabulate|direct|join|all]
+    python benchmarks/table_coverage.py FOLDER --seeds 1-20 [--make] [--jobs 2] [--way
+    tabulate|direct|join|all]
 
-Simulated T-37 programmes of other seeds (the script ``t37_flight_test.py`` next to the repository, ``--make``), each through the
-identification of ``data/t37``; then every node of the final database against the value of the aircraft of the pip package ``jsbsim``.
-Per term: nodes from flight and others within 15 deg of incidence, the share within two standard errors, rms of error over standard
-error, rms error and that of DATCOM.  FOLDER keeps recordings and reconstructed paths, one folder per seed.
+Simulated T-37 programmes of other seeds (the script ``t37_flight_test.py`` next to the repository,
+``--make``), each through the identification of ``data/t37``; then every node of the final database
+against the value of the aircraft of the pip package ``jsbsim``. Per term: nodes from flight and
+others within 15 deg of incidence, the share within two standard errors, rms of error over standard
+error, rms error and that of DATCOM.  FOLDER keeps recordings and reconstructed paths, one folder
+per seed.
 """
 
 from __future__ import annotations
@@ -38,7 +42,8 @@ ROOT = Path(__file__).parents[1]
 SCRIPT = ROOT.parent / "shared" / "tools" / "t37_flight_test.py"
 FULL_FLAP = 40 * DEGREE  # as data/t37/names.toml has it
 HIGH = 1000.0  # out of ground effect [m]
-# what a regressor is set to where a term multiplies it; the value of the table is the contribution over this
+# what a regressor is set to where a term multiplies it; the value of the table is the contribution
+# over this
 STEP = {
     "alpha": 4 * DEGREE, "beta": 4 * DEGREE, "phat": 0.02, "qhat": 0.002, "rhat": 0.01, "alphadothat": 0.002, "delta_e": 0.1,
     "delta_a": 0.1, "delta_r": 0.1, "delta_f": FULL_FLAP, "gear": 1.0, "speedbrake": 1.0,
@@ -66,7 +71,9 @@ def silent():
 
 
 class Aeroplane:
-    """Coefficients of the aircraft T37 of JSBSim at given conditions, about its reference point, lift and drag in stability axes."""
+    """Coefficients of the aircraft T37 of JSBSim at given conditions, about its reference point,
+    lift and drag in stability axes.
+    """
 
     def __init__(self) -> None:
         import jsbsim
@@ -88,18 +95,33 @@ class Aeroplane:
 
     def _evaluated(self, where: dict[str, float]) -> dict[str, float]:
         f = self.f
-        f["ic/h-sl-ft"], f["ic/mach"] = 5000.0, max(where["mach"], 0.05)  # nothing in this aircraft depends on Mach numbers below
+        f["ic/h-sl-ft"], f["ic/mach"] = (
+            5000.0,
+            max(where["mach"], 0.05),
+        )  # nothing in this aircraft depends on Mach numbers below
         f["ic/terrain-elevation-ft"] = 5000.0 - (where["h_agl"] - 0.2235) / FOOT
-        f["ic/gamma-deg"], f["ic/alpha-rad"], f["ic/beta-rad"] = 0.0, where["alpha"], where.get("beta", 0.0)
+        f["ic/gamma-deg"], f["ic/alpha-rad"], f["ic/beta-rad"] = (
+            0.0,
+            where["alpha"],
+            where.get("beta", 0.0),
+        )
         f["ic/p-rad_sec"] = f["ic/q-rad_sec"] = f["ic/r-rad_sec"] = 0.0
         for name, (prop, low, high) in COMMAND.items():
             x = where.get(name, 0.0)
             f[prop] = x / (high if x > 0 else low)
-        for name, prop, full in (("delta_f", "fcs/flap", FULL_FLAP), ("gear", "gear/gear", 1.0), ("speedbrake", "fcs/speedbrake", 1.0)):
+        for name, prop, full in (
+            ("delta_f", "fcs/flap", FULL_FLAP),
+            ("gear", "gear/gear", 1.0),
+            ("speedbrake", "fcs/speedbrake", 1.0),
+        ):
             f[f"{prop}-cmd-norm"] = f[f"{prop}-pos-norm"] = where.get(name, 0.0) / full
         with silent():
             f.run_ic()
-            twice = {"p": 1.0 / f["aero/bi2vel"], "q": 1.0 / f["aero/ci2vel"], "r": 1.0 / f["aero/bi2vel"]}
+            twice = {
+                "p": 1.0 / f["aero/bi2vel"],
+                "q": 1.0 / f["aero/ci2vel"],
+                "r": 1.0 / f["aero/bi2vel"],
+            }
             for rate, scale in twice.items():
                 f[f"ic/{rate}-rad_sec"] = where.get(f"{rate}hat", 0.0) * scale
             if any(where.get(f"{rate}hat", 0.0) for rate in twice):
@@ -112,11 +134,17 @@ class Aeroplane:
             short = name.rpartition("/")[2].lstrip("dD")
             coefficient, value = short[:2], f[name] / area
             if short.endswith("adot"):  # the rate that it starts with is not the one that is wanted
-                value *= where.get("alphadothat", 0.0) / (f["aero/alphadot-rad_sec"] * f["aero/ci2vel"])
+                value *= where.get("alphadothat", 0.0) / (
+                    f["aero/alphadot-rad_sec"] * f["aero/ci2vel"]
+                )
             total[coefficient] += value / {"Cl": b, "Cm": c, "Cn": b}.get(coefficient, 1.0)
         beta = where.get("beta", 0.0)
         drag, side = total["CD"], total["CY"]
-        return {**total, "CD": drag * np.cos(beta) + side * np.sin(beta), "CY": side * np.cos(beta) - drag * np.sin(beta)}
+        return {
+            **total,
+            "CD": drag * np.cos(beta) + side * np.sin(beta),
+            "CY": side * np.cos(beta) - drag * np.sin(beta),
+        }
 
     def _demand(self, where: dict[str, float]) -> None:
         """The aeroplane must be where it was put."""
@@ -139,15 +167,17 @@ class Aeroplane:
 
 
 def true_table(name: str, leaf: xr.Dataset, aeroplane: Aeroplane) -> np.ndarray:
-    """Return the true nodes of a term, NaN where the aeroplane cannot get: what its variables do together, over the regressors.
+    """Return the true nodes of a term, NaN where the aeroplane cannot get: what its variables do
+    together, over the regressors.
 
-    A term is an increment in all its variables but incidence, Mach number and altitude, so its value is the alternating sum over
-    their being at rest or not.
+    A term is an increment in all its variables but incidence, Mach number and altitude, so its
+    value is the alternating sum over their being at rest or not.
     """
     coefficient = name.split("/")[0]
     multipliers = terms.regressors(leaf)
     dims = [str(dim) for dim in leaf["value"].dims]
-    # the yaw of gear and flaps is even in sideslip, which is another term; nothing in this aircraft depends on the altitude
+    # the yaw of gear and flaps is even in sideslip, which is another term; nothing in this aircraft
+    # depends on the altitude
     if name in ("Cn/beta_gear", "Cn/beta_flap") or name.endswith("/altitude"):
         return np.zeros(leaf["value"].shape)
     found = np.empty(leaf["value"].shape)
@@ -155,13 +185,19 @@ def true_table(name: str, leaf: xr.Dataset, aeroplane: Aeroplane) -> np.ndarray:
         given = {dim: float(leaf[dim].values[i]) for dim, i in zip(dims, at)}
         steps = {variable: STEP[variable] for variable in multipliers}
         where = {**given, **steps}
-        moving = [variable for variable in where if variable not in ("mach", "h") and (variable != "alpha" or "alpha" in multipliers)]
+        moving = [
+            variable
+            for variable in where
+            if variable not in ("mach", "h") and (variable != "alpha" or "alpha" in multipliers)
+        ]
         if -where.get("delta_e", 0.0) > 0.3501 or where.get("delta_e", 0.0) > 0.3001:
             found[at] = np.nan
             continue
         total = 0.0
         for there in itertools.product((True, False), repeat=len(moving)):
-            point = {k: x for k, x in where.items() if k not in moving} | {k: where[k] for k, on in zip(moving, there) if on}
+            point = {k: x for k, x in where.items() if k not in moving} | {
+                k: where[k] for k, on in zip(moving, there) if on
+            }
             if "alpha" in moving and "alpha" not in point:
                 point["alpha"] = 0.0
             total += (-1.0) ** there.count(False) * aeroplane.at(**point)[coefficient]
@@ -175,26 +211,48 @@ def true_tables(db: xr.DataTree, names: list[str]) -> dict[str, np.ndarray]:
     return {name: true_table(name, leaves[name], aeroplane) for name in names}
 
 
-def programme(folder: Path, seed: int, project: Project, aircraft: flightmech.Aircraft, make: bool, jobs: int) -> dict[str, Any]:
-    """Return recordings and reconstructed paths of a seed by record, made when they are not there and `make` is set."""
+def programme(
+    folder: Path, seed: int, project: Project, aircraft: flightmech.Aircraft, make: bool, jobs: int
+) -> dict[str, Any]:
+    """Return recordings and reconstructed paths of a seed by record, made when they are not there
+    and `make` is set.
+    """
     here = folder / f"seed{seed}"
     if make and not (here / "paths.pickle").exists():
         runs = ",".join(f"{k:02d}" for k in range(1, 17))
         here.mkdir(parents=True, exist_ok=True)
-        job = [sys.executable, str(SCRIPT), "--only", runs, "--out", str(here / "recordings"), "--errors", str(here / "errors.json")]
+        job = [
+            sys.executable,
+            str(SCRIPT),
+            "--only",
+            runs,
+            "--out",
+            str(here / "recordings"),
+            "--errors",
+            str(here / "errors.json"),
+        ]
         subprocess.run([*job, "--seed", str(seed)], check=True, stdout=subprocess.DEVNULL)
         files = sorted((here / "recordings").glob("*.nc"))
-        paths = flighttest.reconstruct_programme([flighttest.read(file, project.names) for file in files], aircraft, jobs=jobs)
+        paths = flighttest.reconstruct_programme(
+            [flighttest.read(file, project.names) for file in files], aircraft, jobs=jobs
+        )
         with open(here / "paths.pickle", "wb") as file:
             pickle.dump({name.stem: path for name, path in zip(files, paths)}, file)
     with open(here / "paths.pickle", "rb") as file:
         paths = pickle.load(file)
-    records = {file.stem: flighttest.read(file, project.names) for file in sorted((here / "recordings").glob("*.nc"))}
+    records = {
+        file.stem: flighttest.read(file, project.names)
+        for file in sorted((here / "recordings").glob("*.nc"))
+    }
     return {"paths": paths, "records": records}
 
 
-def nodes_of(seed: int, start: xr.DataTree, tabulation: Any, truth: dict[str, np.ndarray]) -> pd.DataFrame:
-    """Return one row per free node: term, error, standard error, error of DATCOM, and whether it is from flight."""
+def nodes_of(
+    seed: int, start: xr.DataTree, tabulation: Any, truth: dict[str, np.ndarray]
+) -> pd.DataFrame:
+    """Return one row per free node: term, error, standard error, error of DATCOM, and whether it is
+    from flight.
+    """
     rows = []
     before = aerodb.terms(start)
     for name, leaf in tabulation.items():
@@ -235,7 +293,8 @@ def summary(nodes: pd.DataFrame, by: str = "term") -> pd.DataFrame:
             "max z": float(z.abs().max()),
             "rms error": float(np.sqrt((part["error"] ** 2).mean())),
             "DATCOM": float(np.sqrt((part["before"] ** 2).mean())),
-            "DATCOM within 2": 100 * float(((part["before"] / part["stderr_before"]).abs() < 2).mean()),
+            "DATCOM within 2": 100
+            * float(((part["before"] / part["stderr_before"]).abs() < 2).mean()),
         }
     return pd.DataFrame(found).T
 
@@ -252,11 +311,23 @@ def main() -> None:
     parser.add_argument("--seeds", default="1-20")
     parser.add_argument("--make", action="store_true", help="fly and reconstruct what is not there")
     parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--way", choices=[*workflow.WAYS, "all"], default="tabulate", help="how the flights enter the tables")
+    parser.add_argument(
+        "--way",
+        choices=[*workflow.WAYS, "all"],
+        default="tabulate",
+        help="how the flights enter the tables",
+    )
     given = parser.parse_args()
     warnings.simplefilter("ignore", flightmech.errors.AeromatchWarning)
-    # the sixteen runs of the free-air aerodynamics; engine, controls, gear and ground effect need others
-    project = replace(read_project(ROOT / "data" / "t37" / "aeromatch.toml"), engine=None, controls={}, gear=None, ground_effect=None)
+    # the sixteen runs of the free-air aerodynamics; engine, controls, gear and ground effect need
+    # others
+    project = replace(
+        read_project(ROOT / "data" / "t37" / "aeromatch.toml"),
+        engine=None,
+        controls={},
+        gear=None,
+        ground_effect=None,
+    )
     aircraft = flightmech.read_aircraft(project.aircraft)
     start = workflow.opened(project, workflow.a_priori(project, aircraft))
     ways = list(workflow.WAYS) if given.way == "all" else [given.way]
@@ -268,7 +339,9 @@ def main() -> None:
         fits = workflow.identify(project, data, windows)
         samples = workflow.samples_of(project, start, data, windows) if "direct" in ways else []
         for way in ways:
-            _, tabulation = workflow.final_database(replace(project, tabulation=way), start, fits, samples)
+            _, tabulation = workflow.final_database(
+                replace(project, tabulation=way), start, fits, samples
+            )
             truth |= true_tables(start, [name for name in tabulation if name not in truth])
             found[way].append(nodes_of(seed, start, tabulation, truth))
             print(seed, way, line(found[way][-1]), flush=True)
@@ -278,18 +351,28 @@ def main() -> None:
         nodes["all"] = "all"
         print(f"\n{way}: {line(nodes)}")
         with pd.option_context(
-            "display.width", 200, "display.max_rows", None, "display.max_columns", None, "display.float_format", "{:.4g}".format
+            "display.width",
+            200,
+            "display.max_rows",
+            None,
+            "display.max_columns",
+            None,
+            "display.float_format",
+            "{:.4g}".format,
         ):
             for by in ("term", "coefficient", "all"):
                 print(summary(nodes, by), end="\n\n")
 
 
 def line(nodes: pd.DataFrame) -> str:
-    """Return what counts in one line: coverage of nodes from flight and of others, rms error over the a-priori standard error."""
-    inside = [f"{100 * float((part['error'].abs() < 2 * part['stderr']).mean()):.1f}" for _, part in nodes.groupby("flight")]
-    return (
-        f"within 2: others {inside[0]}, flight {inside[-1]}; error {np.sqrt(((nodes['error'] / nodes['stderr_before']) ** 2).mean()):.3f}"
-    )
+    """Return what counts in one line: coverage of nodes from flight and of others, rms error over
+    the a-priori standard error.
+    """
+    inside = [
+        f"{100 * float((part['error'].abs() < 2 * part['stderr']).mean()):.1f}"
+        for _, part in nodes.groupby("flight")
+    ]
+    return f"within 2: others {inside[0]}, flight {inside[-1]}; error {np.sqrt(((nodes['error'] / nodes['stderr_before']) ** 2).mean()):.3f}"
 
 
 if __name__ == "__main__":

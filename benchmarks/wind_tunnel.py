@@ -2,8 +2,9 @@
 
     python benchmarks/wind_tunnel.py [CAMPAIGNS]
 
-Two records each of the tail of `examples/flapping_vehicle/tunnel.py`: campaigns in which stepwise regression finds the true terms, in
-time and in frequency, and share of estimates of the true model whose truth lies within two standard errors.
+Two records each of the tail of `examples/flapping_vehicle/tunnel.py`: campaigns in which stepwise
+regression finds the true terms, in time and in frequency, and share of estimates of the true model
+whose truth lies within two standard errors.
 """
 
 import sys
@@ -37,7 +38,10 @@ def main(campaigns: int) -> None:
         setup = read_setup(setup_file)
         for k in range(campaigns):
             data, draws = [], np.random.default_rng(k)
-            wrong = np.radians(0.1) * draws.standard_normal(), 0.05 * draws.standard_normal()  # as the setup states
+            wrong = (
+                np.radians(0.1) * draws.standard_normal(),
+                0.05 * draws.standard_normal(),
+            )  # as the setup states
             for i, speed in enumerate((8.0, 11.0)):
                 path = Path(folder) / f"{i}.csv"
                 tunnel.record(100 + 2 * k + i, speed, *wrong).to_csv(path, index=False)
@@ -47,13 +51,19 @@ def main(campaigns: int) -> None:
                 clean = without_nuisance(data, Model(name, candidates), setup)
                 for domain, band in (("time", None), ("frequency", BAND)):
                     terms = select_stepwise(name, candidates, clean, band, gain=0.0).fit.model.terms
-                    hits[name, domain] = hits.get((name, domain), 0) + (set(terms) == set(model.terms))
+                    hits[name, domain] = hits.get((name, domain), 0) + (
+                        set(terms) == set(model.terms)
+                    )
                 clean = without_nuisance(data, model, setup)
-                for domain, fit in (("time", regress(model, clean)), ("frequency", regress_frequency(model, clean, BAND))):
+                for domain, fit in (
+                    ("time", regress(model, clean)),
+                    ("frequency", regress_frequency(model, clean, BAND)),
+                ):
                     for term, value in truth.items():
                         e = fit.estimates.sel(term=term)
                         apart.setdefault((name, domain, term), []).append(
-                            (float(e["estimate"]) - value) / float(np.hypot(e["stderr"], e["stderr_systematic"]))
+                            (float(e["estimate"]) - value)
+                            / float(np.hypot(e["stderr"], e["stderr_systematic"]))
                         )
     for (name, domain), count in hits.items():
         print(f"{name}, {domain}: true structure in {count} of {campaigns} campaigns")

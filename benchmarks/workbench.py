@@ -2,8 +2,9 @@
 
     python benchmarks/workbench.py [--rate HZ]
 
-Prints the time from the address to the first record, from a click on the long one to its drawn channels, and the time of a frame while
-the page pans through it. Needs Debian's ``chromium`` and the packages ``playwright``, ``starlette`` and ``uvicorn``.
+Prints the time from the address to the first record, from a click on the long one to its drawn
+channels, and the time of a frame while the page pans through it. Needs Debian's ``chromium`` and
+the packages ``playwright``, ``starlette`` and ``uvicorn``.
 """
 
 from __future__ import annotations
@@ -58,12 +59,31 @@ def recording(file: Path, rate: float, minutes: float) -> None:
     """Write a record of noise and slow motion under names of the vocabulary."""
     rng = np.random.default_rng(7)
     time_ = np.arange(int(minutes * 60 * rate)) / rate
-    names = [name for name, one in VOCABULARY.items() if "." not in name and name not in ("time", "lat", "lon")][:CHANNELS]
+    names = [
+        name
+        for name, one in VOCABULARY.items()
+        if "." not in name and name not in ("time", "lat", "lon")
+    ][:CHANNELS]
     slow = np.sin(np.outer(np.linspace(0.002, 0.5, len(names)), time_))
-    data = {name: ("time", (slow[i] + 0.05 * rng.standard_normal(len(time_))).astype(float), attrs(name)) for i, name in enumerate(names)}
-    leaf = xr.Dataset(data, {"time": ("time", time_, {"units": "s"})}, {"rate": rate, "flags": "[]"})
+    data = {
+        name: (
+            "time",
+            (slow[i] + 0.05 * rng.standard_normal(len(time_))).astype(float),
+            attrs(name),
+        )
+        for i, name in enumerate(names)
+    }
+    leaf = xr.Dataset(
+        data, {"time": ("time", time_, {"units": "s"})}, {"rate": rate, "flags": "[]"}
+    )
     tree = xr.DataTree.from_dict({"imu": leaf})
-    tree.attrs = {"title": f"{minutes:g} min, {len(names)} channels", "manoeuvres": "[]", "start": "", "unmapped": "", "absent": ""}
+    tree.attrs = {
+        "title": f"{minutes:g} min, {len(names)} channels",
+        "manoeuvres": "[]",
+        "start": "",
+        "unmapped": "",
+        "absent": "",
+    }
     save_record(tree, file)
 
 
@@ -84,10 +104,14 @@ def main() -> None:
         bench = Workbench(Opened(project / "aeromatch.toml", Path(folder) / "work"))
         bench.socket.listen(64)
         server = uvicorn.Server(uvicorn.Config(bench.app(), log_level="warning"))
-        thread = threading.Thread(target=server.run, kwargs={"sockets": [bench.socket]}, daemon=True)
+        thread = threading.Thread(
+            target=server.run, kwargs={"sockets": [bench.socket]}, daemon=True
+        )
         thread.start()
         with sync_playwright() as driver:
-            browser = driver.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
+            browser = driver.chromium.launch(
+                executable_path=shutil.which("chromium"), args=["--no-sandbox"]
+            )
             page = browser.new_page(viewport={"width": 1400, "height": 900})
             start = time.perf_counter()
             page.goto(bench.address)
@@ -97,13 +121,27 @@ def main() -> None:
             page.get_by_role("button", name="z_long_flight").click()
             page.get_by_role("heading", name=f"{MINUTES} min").wait_for()
             page.wait_for_selector(".u-over")
-            print(f"recording opened, drawn: {time.perf_counter() - start:.2f} s ({page.locator('.u-over').count()} panels)")
-            print("pan, 7 panels: {median:.1f} ms a frame, 95 % below {slowest:.1f} ms".format(**page.evaluate(PAN, 120)))
+            print(
+                f"recording opened, drawn: {time.perf_counter() - start:.2f} s ({page.locator('.u-over').count()} panels)"
+            )
+            print(
+                "pan, 7 panels: {median:.1f} ms a frame, 95 % below {slowest:.1f} ms".format(
+                    **page.evaluate(PAN, 120)
+                )
+            )
             start = time.perf_counter()
-            page.evaluate("for (const box of document.querySelectorAll('details input')) if (!box.checked) box.click()")
+            page.evaluate(
+                "for (const box of document.querySelectorAll('details input')) if (!box.checked) box.click()"
+            )
             page.locator(".u-over").nth(CHANNELS - 1).wait_for(state="attached")
-            print(f"all {page.locator('.u-over').count()} channels: {time.perf_counter() - start:.2f} s")
-            print("pan, all panels: {median:.1f} ms a frame, 95 % below {slowest:.1f} ms".format(**page.evaluate(PAN, 60)))
+            print(
+                f"all {page.locator('.u-over').count()} channels: {time.perf_counter() - start:.2f} s"
+            )
+            print(
+                "pan, all panels: {median:.1f} ms a frame, 95 % below {slowest:.1f} ms".format(
+                    **page.evaluate(PAN, 60)
+                )
+            )
             browser.close()
         server.should_exit = True
         thread.join(20)

@@ -1,7 +1,8 @@
 """One printed field to a number and a flag.
 
-The program keeps three sentinels, 1E-30, 2E-30 and -1E-30, which a formatter turns into the words ``NDM`` and ``NA`` and
-into a blank; pages written without that formatter leak them as numbers.  A field that is too narrow prints asterisks.
+The program keeps three sentinels, 1E-30, 2E-30 and -1E-30, which a formatter turns into the words
+``NDM`` and ``NA`` and into a blank; pages written without that formatter leak them as numbers.  A
+field that is too narrow prints asterisks.
 """
 
 from __future__ import annotations
@@ -35,7 +36,8 @@ def is_number(flags: np.ndarray) -> np.ndarray:
 
 
 def read_cell(text: str) -> tuple[float, int] | None:
-    """Return value and flag of a printed field; None when it is neither a number nor one of the program's words.
+    """Return value and flag of a printed field; None when it is neither a number nor one of the
+    program's words.
 
     Examples
     --------
@@ -54,7 +56,9 @@ def read_cell(text: str) -> tuple[float, int] | None:
 
 
 def read_cells(texts: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
-    """Return values and flags of many fields, each as `read_cell` does; NaN and ``ok`` where a text is no cell."""
+    """Return values and flags of many fields, each as `read_cell` does; NaN and ``ok`` where a text
+    is no cell.
+    """
     values: list[float] = []
     words: list[int] = []
     rest = iter(texts)

@@ -1,4 +1,6 @@
-"""A listing and its cases, with their conversions to data frames and arrays; what is printed of a case is `PrintedCase`."""
+"""A listing and its cases, with their conversions to data frames and arrays; what is printed of a
+case is `PrintedCase`.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,10 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
-_MOST_NAMED, _MOST_LETTERS = 25, 60  # in the text that represents a listing: names, and letters of each
+_MOST_NAMED, _MOST_LETTERS = (
+    25,
+    60,
+)  # in the text that represents a listing: names, and letters of each
 
 
 def shortened(name: str) -> str:
@@ -23,7 +28,9 @@ def shortened(name: str) -> str:
 
 
 class Case(PrintedCase):
-    """One case, which can be had as data frames and as arrays; attributes are those of `PrintedCase`."""
+    """One case, which can be had as data frames and as arrays; attributes are those of
+    `PrintedCase`.
+    """
 
     def __repr__(self) -> str:
         """Return number, name and the kinds of tables of the case as text."""
@@ -42,9 +49,10 @@ class Case(PrintedCase):
         Returns
         -------
         DataFrame (row, ...)
-            Column ``line``, then ``configuration mach altitude ground_height flap`` of the page, then the printed columns by their
-            printed names, or ``label text value unit`` of numbers that are printed with labels; NaN where no number is printed.
-            ``attrs["units"]`` gives the printed units.
+            Column ``line``, then ``configuration mach altitude ground_height flap`` of the page,
+            then the printed columns by their printed names, or ``label text value unit`` of numbers
+            that are printed with labels; NaN where no number is printed. ``attrs["units"]`` gives
+            the printed units.
         """
         from datcom_io.arrays.frames import block
 
@@ -56,8 +64,9 @@ class Case(PrintedCase):
         Returns
         -------
         DataFrame (cell, ...)
-            ``line case page table mach altitude alpha delta delta_left delta_right delta_difference``, other axes that the tables have,
-            ``column text value flag``; numbers as printed, axis values NaN where the table has no such axis, ``flag`` a word of
+            ``line case page table mach altitude alpha delta delta_left delta_right
+            delta_difference``, other axes that the tables have, ``column text value flag``; numbers
+            as printed, axis values NaN where the table has no such axis, ``flag`` a word of
             `datcom_io.FLAGS`.  ``page table column text flag`` are categorical.
         """
         from datcom_io.arrays.frames import cells
@@ -70,12 +79,14 @@ class Case(PrintedCase):
         Parameters
         ----------
         fill_transonic : bool
-            Also fill columns that are constant in alpha on transonic pages, where the first row is the value at zero lift.
+            Also fill columns that are constant in alpha on transonic pages, where the first row is
+            the value at zero lift.
 
         Returns
         -------
         DataTree
-            One leaf per family of tables, ``static downwash dynamic symflp`` ..., those that the case has; see ``docs/datcom.md``.
+            One leaf per family of tables, ``static downwash dynamic symflp`` ..., those that the
+            case has; see ``docs/datcom.md``.
 
         Raises
         ------
@@ -86,15 +97,19 @@ class Case(PrintedCase):
 
         return case_tree(self, fill_transonic=fill_transonic)
 
-    def plot(self, coefficients: Sequence[str] = ("CL", "CD", "Cm"), configuration: str | None = None) -> Figure:
-        """Return a figure of static coefficients over alpha, a curve for each Mach number, altitude and height above ground.
+    def plot(
+        self, coefficients: Sequence[str] = ("CL", "CD", "Cm"), configuration: str | None = None
+    ) -> Figure:
+        """Return a figure of static coefficients over alpha, a curve for each Mach number, altitude
+        and height above ground.
 
         Parameters
         ----------
         coefficients : sequence of str
             Printed over alpha: ``CL CD Cm CN CA CL_alpha Cm_alpha CY_beta Cn_beta Cl_beta xcp``.
         configuration : str, optional
-            Of the configurations of a build-up, such as ``WING-BODY``; the most complete one without it.
+            Of the configurations of a build-up, such as ``WING-BODY``; the most complete one
+            without it.
 
         Raises
         ------
@@ -107,7 +122,9 @@ class Case(PrintedCase):
         """
         from datcom_io.arrays.figure import coefficient_figure
 
-        return coefficient_figure(self.name, {self.name: self.to_datatree()}, coefficients, configuration)
+        return coefficient_figure(
+            self.name, {self.name: self.to_datatree()}, coefficients, configuration
+        )
 
 
 @dataclass(eq=False)
@@ -148,13 +165,17 @@ class Listing:
 
     @property
     def unparsed(self) -> list[Page]:
-        """Pages on which nothing was understood: the program, or another build of it, prints a kind that is not known here."""
+        """Pages on which nothing was understood: the program, or another build of it, prints a kind
+        that is not known here.
+        """
         return [page for page in self.pages if not page.parsed]
 
     @property
     def messages(self) -> list[Message]:
         """All messages, of the file and of its cases, by line."""
-        return sorted([*self.own_messages, *(message for case in self.cases for message in case.messages)])
+        return sorted(
+            [*self.own_messages, *(message for case in self.cases for message in case.messages)]
+        )
 
     def __len__(self) -> int:
         return len(self.cases)
@@ -163,26 +184,43 @@ class Listing:
         return iter(self.cases)
 
     def __getitem__(self, key: str | int) -> Case:
-        """Return a case by its place from 0 (int); or by its name, its number from 1 or a part of the name that no other has (str).
+        """Return a case by its place from 0 (int); or by its name, its number from 1 or a part of
+        the name that no other has (str).
 
         Capital and small letters count as equal in a part of a name.
         """
         if isinstance(key, int):
             if not -len(self) <= key < len(self):
-                raise UnknownName(str(key), map(str, range(len(self))), f"case number of {self.file}")
+                raise UnknownName(
+                    str(key), map(str, range(len(self))), f"case number of {self.file}"
+                )
             return self.cases[key]
         found = [case for case in self.cases if case.name == key]
         found = found or [case for case in self.cases if str(case.ordinal) == key]
-        found = found or [case for case in self.cases if key.strip() and key.lower() in case.name.lower()]
+        found = found or [
+            case for case in self.cases if key.strip() and key.lower() in case.name.lower()
+        ]
         if len(found) == 1:
             return found[0]
         if found:
             cases = ", ".join(f"{case.ordinal} {case.name!r}" for case in found)
-            raise SchemaError(self.file, [f"several cases have {key!r} in their name: {cases}; give the number, or more of the name"])
-        raise UnknownName(key, self.case_names, f"case of {self.file}", "give its number from 1, its name or a part of the name")
+            raise SchemaError(
+                self.file,
+                [
+                    f"several cases have {key!r} in their name: {cases}; give the number, or more of the name"
+                ],
+            )
+        raise UnknownName(
+            key,
+            self.case_names,
+            f"case of {self.file}",
+            "give its number from 1, its name or a part of the name",
+        )
 
     def __repr__(self) -> str:
-        """Return file, size and the names of the cases as text; those beyond the first `_MOST_NAMED` are counted."""
+        """Return file, size and the names of the cases as text; those beyond the first
+        `_MOST_NAMED` are counted.
+        """
         names = [shortened(case.name) for case in self.cases[:_MOST_NAMED]]
         more = f", and {len(self.cases) - len(names)} more" if len(self.cases) > len(names) else ""
         counts = f"runs {self.runs}, lines {self.line_count}, not understood {len(self.unread)}, messages {len(self.messages)}"
@@ -194,16 +232,37 @@ class Listing:
 
         rows = []
         for case in self.cases:
-            machs = sorted({mach for page in case.pages if (mach := page.condition("mach")) == mach})  # those that are numbers
-            span = " ... ".join(f"{mach:g}" for mach in dict.fromkeys((machs[0], machs[-1]))) if machs else ""
-            configurations = dict.fromkeys(page.configuration for page in case.pages if page.configuration)
-            rows.append((case.ordinal, case.name, ", ".join(configurations), span, len(case.pages), len(case.messages)))
+            machs = sorted(
+                {mach for page in case.pages if (mach := page.condition("mach")) == mach}
+            )  # those that are numbers
+            span = (
+                " ... ".join(f"{mach:g}" for mach in dict.fromkeys((machs[0], machs[-1])))
+                if machs
+                else ""
+            )
+            configurations = dict.fromkeys(
+                page.configuration for page in case.pages if page.configuration
+            )
+            rows.append(
+                (
+                    case.ordinal,
+                    case.name,
+                    ", ".join(configurations),
+                    span,
+                    len(case.pages),
+                    len(case.messages),
+                )
+            )
         columns = ("", "case", "configuration", "Mach number", "pages", "messages")
         notes = [f"{len(self.unread)} lines were not understood"] if self.unread else []
         return html_table(f"Digital DATCOM listing {self.file}", columns, rows, notes)
 
-    def plot(self, coefficients: Sequence[str] = ("CL", "CD", "Cm"), configuration: str | None = None) -> Figure:
-        """Return a figure of static coefficients over alpha, a row for each case that prints them; arguments and errors as `Case.plot`."""
+    def plot(
+        self, coefficients: Sequence[str] = ("CL", "CD", "Cm"), configuration: str | None = None
+    ) -> Figure:
+        """Return a figure of static coefficients over alpha, a row for each case that prints them;
+        arguments and errors as `Case.plot`.
+        """
         from datcom_io.arrays.figure import coefficient_figure
 
         cases = {f"{case.ordinal} {case.name}": case.to_datatree() for case in self.cases}
@@ -222,7 +281,9 @@ class Listing:
         return cells(self)
 
     def to_datatree(self, *, fill_transonic: bool = False) -> xr.DataTree:
-        """Return all cases that have tables, one child per case (see `Case.to_datatree`); ``/`` in a name becomes ``|``."""
+        """Return all cases that have tables, one child per case (see `Case.to_datatree`); ``/`` in
+        a name becomes ``|``.
+        """
         from datcom_io.arrays.trees import listing_tree
 
         return listing_tree(self, self.file, self.runs, fill_transonic=fill_transonic)
@@ -231,7 +292,8 @@ class Listing:
 class DamagedListing(ParseError):
     """A listing that is damaged or cut; ``listing`` holds everything complete before the fault.
 
-    Its pages are those that ``partial=True`` gives up to the same line, the page with the fault without the table that is damaged.
+    Its pages are those that ``partial=True`` gives up to the same line, the page with the fault
+    without the table that is damaged.
     """
 
     def __init__(self, file: str, line: int, found: str, expected: str, listing: Listing):

@@ -1,4 +1,6 @@
-"""A page in Debian's ``chromium``, for the scripts next to this file that take pictures; needs the package ``playwright``."""
+"""A page in Debian's ``chromium``, for the scripts next to this file that take pictures; needs the
+package ``playwright``.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,8 @@ from typing import Any
 
 @contextmanager
 def open_page(width: int, height: int, scale: float = 1.0) -> Iterator[Any]:
-    """Open a light page of `width` times `height` pixels of CSS, `scale` pixels of the picture for each.
+    """Open a light page of `width` times `height` pixels of CSS, `scale` pixels of the picture for
+    each.
 
     Raises
     ------
@@ -24,5 +27,9 @@ def open_page(width: int, height: int, scale: float = 1.0) -> Iterator[Any]:
         raise SystemExit("needs chromium: apt-get install chromium")
     with sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=program, args=["--no-sandbox"])
-        yield browser.new_page(viewport={"width": width, "height": height}, color_scheme="light", device_scale_factor=scale)
+        yield browser.new_page(
+            viewport={"width": width, "height": height},
+            color_scheme="light",
+            device_scale_factor=scale,
+        )
         browser.close()

@@ -1,7 +1,8 @@
-"""Draw the figures of ``database-figures.md``: ``python docs/make_database_figures.py out/t37 --along path.nc``.
+"""Draw the figures of ``database-figures.md``: ``python docs/make_database_figures.py out/t37
+--along path.nc``.
 
-The folder holds ``datcom.nc`` and ``final.nc``, as ``./run demo`` leaves them; the path is a reconstructed flight.  Needs the
-extra ``figures``.
+The folder holds ``datcom.nc`` and ``final.nc``, as ``./run demo`` leaves them; the path is a
+reconstructed flight.  Needs the extra ``figures``.
 """
 
 from __future__ import annotations
@@ -41,13 +42,15 @@ def figures(folder: Path, along: Path, images: Path) -> list[Path]:
     images.mkdir(parents=True, exist_ok=True)
     for name, figure in made.items():
         aerodb.figures.save_figure(figure, images / name)
-        Image.open(images / name).convert("RGB").quantize(64, dither=Image.Dither.NONE).save(images / name, optimize=True)
+        Image.open(images / name).convert("RGB").quantize(64, dither=Image.Dither.NONE).save(
+            images / name, optimize=True
+        )
     return [images / name for name in made]
 
 
 def main() -> None:
     """Read the command line and draw."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n\n")[0])
     parser.add_argument("folder", type=Path, help="folder of datcom.nc and final.nc")
     parser.add_argument("--along", type=Path, required=True, help="reconstructed flight, netCDF")
     parser.add_argument("-o", "--output", type=Path, default=IMAGES, help="folder of the figures")

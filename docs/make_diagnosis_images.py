@@ -1,4 +1,5 @@
-"""Take the waterfalls of docs/diagnosis.md from a report: ``python docs/make_diagnosis_images.py out/t37/report/report.html``.
+"""Take the waterfalls of docs/diagnosis.md from a report: ``python docs/make_diagnosis_images.py
+out/t37/report/report.html``.
 
 Needs Debian's ``chromium`` and the package ``playwright``.
 """
@@ -37,7 +38,9 @@ def waterfalls(report: Path, folder: Path) -> list[Path]:
             figure = page.locator(f"#case-{case} section:has(> h2:text-is('Cause')) figure svg")
             page.wait_for_timeout(1000)
             if not figure.count():
-                raise SystemExit(f"{report}: no waterfall for the case {case}; make the report by `aeromatch demo`")
+                raise SystemExit(
+                    f"{report}: no waterfall for the case {case}; make the report by `aeromatch demo`"
+                )
             figure.screenshot(path=folder / name)
             written.append(folder / name)
     return written

@@ -1,4 +1,6 @@
-"""Write docs/design/folders.md, the folders of every package and what they import: ``python docs/make_folders.py``."""
+"""Write docs/design/folders.md, the folders of every package and what they import: ``python
+docs/make_folders.py``.
+"""
 
 from __future__ import annotations
 
@@ -73,11 +75,18 @@ def page() -> str:
     folders = {file.parent for file in known.values()}
     counts = {
         "folders": len(folders),
-        "largest": max(sum(file.name != "__init__.py" for file in folder.glob("*.py")) for folder in folders),
+        "largest": max(
+            sum(file.name != "__init__.py" for file in folder.glob("*.py")) for folder in folders
+        ),
         "circles": int(bool(circle(graph))),
-        "flat": sum("import" in line and not line.startswith("from . import") for line in _stub("flighttest")),
+        "flat": sum(
+            "import" in line and not line.startswith("from . import")
+            for line in _stub("flighttest")
+        ),
     }
-    return HEAD.format(**counts) + "".join(_table(package, known, graph) for package in CHAIN) + BEFORE
+    return (
+        HEAD.format(**counts) + "".join(_table(package, known, graph) for package in CHAIN) + BEFORE
+    )
 
 
 def _stub(package: str) -> list[str]:
@@ -91,18 +100,34 @@ def _table(package: str, known: dict[str, Path], graph: dict[str, set[str]]) -> 
         whole = f"{package}.{place}"
         inside = [name for name in graph if name == whole or name.startswith(f"{whole}.")]
         count = sum(known[name].name != "__init__.py" for name in inside)
-        used = {other.split(".")[1] for name in inside for other in graph[name] if other.startswith(f"{package}.")}
+        used = {
+            other.split(".")[1]
+            for name in inside
+            for other in graph[name]
+            if other.startswith(f"{package}.")
+        }
         before = ", ".join(other for other in ORDER[package] if other in used - {place})
         ending = "/" if known[whole].name == "__init__.py" else ".py"
         rows.append(f"| `{place}{ending}` | {count} | {_holds(known[whole])} | {before} |\n")
-    return f"\n## {package}\n\n| folder | modules | holds | imports from |\n| --- | ---: | --- | --- |\n" + "".join(rows)
+    return (
+        f"\n## {package}\n\n| folder | modules | holds | imports from |\n| --- | ---: | --- | --- |\n"
+        + "".join(rows)
+    )
 
 
 def _holds(file: Path) -> str:
     """Return what a module or a folder states of itself, and the names of the folders inside."""
-    text = (ast.get_docstring(ast.parse(file.read_text(encoding="utf-8"))) or "").partition("\n\n")[0]
-    inner = sorted(path.parent.name for path in file.parent.glob("*/__init__.py")) if file.name == "__init__.py" else []
-    return " ".join(text.split()).removesuffix(".") + (f"; folders {', '.join(inner)}" if inner else "")
+    text = (ast.get_docstring(ast.parse(file.read_text(encoding="utf-8"))) or "").partition("\n\n")[
+        0
+    ]
+    inner = (
+        sorted(path.parent.name for path in file.parent.glob("*/__init__.py"))
+        if file.name == "__init__.py"
+        else []
+    )
+    return " ".join(text.split()).removesuffix(".") + (
+        f"; folders {', '.join(inner)}" if inner else ""
+    )
 
 
 if __name__ == "__main__":

@@ -1,4 +1,5 @@
-"""Take the pictures of the documentation from a report: ``python docs/make_images.py out/t37/report/report.html``.
+"""Take the pictures of the documentation from a report: ``python docs/make_images.py
+out/t37/report/report.html``.
 
 Needs Debian's ``chromium`` and the package ``playwright``.
 """
@@ -46,9 +47,13 @@ def pictures(report: Path, case: str, folder: Path, width: int = 1400) -> list[P
             raise SystemExit(f"the report has no case {case!r}; it has {', '.join(names)}")
         places = {"report-case.png": (f"#case-{case or names[0]}", ".panel canvas")}
         if page.locator("#models").count():
-            page.goto(f"{report.resolve().as_uri()}#models")  # the page is unpacked when it is shown
+            page.goto(
+                f"{report.resolve().as_uri()}#models"
+            )  # the page is unpacked when it is shown
             page.locator("#models .term .figure").first.wait_for()
-            first = page.locator("#models .term .figure").first.evaluate("figure => figure.closest('.term').id")
+            first = page.locator("#models .term .figure").first.evaluate(
+                "figure => figure.closest('.term').id"
+            )
             places["report-models.png"] = f"#{first}", "#models .figure"
         for name, (place, awaited) in places.items():
             page.goto(report.resolve().as_uri() + place)
@@ -61,7 +66,7 @@ def pictures(report: Path, case: str, folder: Path, width: int = 1400) -> list[P
 
 def main() -> None:
     """Read the command line and take the pictures."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n\n")[0])
     parser.add_argument("report", type=Path, help="report.html")
     parser.add_argument("--case", default="", help="name of the case to show; without it the first")
     parser.add_argument("-o", "--output", type=Path, default=IMAGES, help="folder of the pictures")

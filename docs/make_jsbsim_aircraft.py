@@ -1,4 +1,6 @@
-"""Write docs/jsbsim-aircraft.md, the aircraft of JSBSim that `import_jsbsim` reads: ``python docs/make_jsbsim_aircraft.py``."""
+"""Write docs/jsbsim-aircraft.md, the aircraft of JSBSim that `import_jsbsim` reads: ``python
+docs/make_jsbsim_aircraft.py``.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,9 @@ import jsbsim_flight as flight  # noqa: E402  (the flights of the tests)
 
 PAGE = ROOT / "docs" / "jsbsim-aircraft.md"
 AIRCRAFT = Path(jsbsim.get_default_root_dir()) / "aircraft"
-TRAVEL = dict.fromkeys(("delta_e", "delta_a", "delta_r", "delta_f"), 0.5)  # rad at a fraction of 1, where a file does not state it
+TRAVEL = dict.fromkeys(
+    ("delta_e", "delta_a", "delta_r", "delta_f"), 0.5
+)  # rad at a fraction of 1, where a file does not state it
 _PUSHBACK = "/sim/model/pushback/"
 FROM_ELSEWHERE = (
     *(_PUSHBACK + name for name in ("position-norm", "ki", "kp", "kd")),
@@ -54,7 +58,11 @@ NOTES = """
 
 def main() -> None:
     """Read all aircraft, fly those that are read, and write the page."""
-    rows = [row(folder.name) for folder in sorted(AIRCRAFT.iterdir(), key=lambda path: path.name.lower()) if folder.is_dir()]
+    rows = [
+        row(folder.name)
+        for folder in sorted(AIRCRAFT.iterdir(), key=lambda path: path.name.lower())
+        if folder.is_dir()
+    ]
     read = [cells for cells in rows if cells[1] == "read"]
     table = [
         "| aircraft | | travel | forces, its CL | moments | forces, same instant | moments |",
@@ -80,24 +88,47 @@ def row(name: str) -> tuple[str, ...]:
     given: list[str] = []
     while True:
         try:
-            db = aerodb.exchange.import_jsbsim(path, travel={variable: TRAVEL[variable] for variable in given})
+            db = aerodb.exchange.import_jsbsim(
+                path, travel={variable: TRAVEL[variable] for variable in given}
+            )
         except ParseError as error:
             return name, f"refused: `{error.found}`", "", "", "", "", ""
         except SchemaError as error:
-            more = [variable for variable in TRAVEL if variable not in given and f"{{'{variable}':" in str(error)]
+            more = [
+                variable
+                for variable in TRAVEL
+                if variable not in given and f"{{'{variable}':" in str(error)
+            ]
             if not more:
                 count = len(error.problems)
-                return name, f"{count} function{'s' if count > 1 else ''} refused", "", "", "", "", ""
+                return (
+                    name,
+                    f"{count} function{'s' if count > 1 else ''} refused",
+                    "",
+                    "",
+                    "",
+                    "",
+                    "",
+                )
             given += more
         else:
-            return (name, "read", " ".join(given), *(f"{value:.0e}" for value in differences(path, db, given)))
+            return (
+                name,
+                "read",
+                " ".join(given),
+                *(f"{value:.0e}" for value in differences(path, db, given)),
+            )
 
 
 def differences(path: Path, db: xr.DataTree, given: list[str]) -> tuple[float, ...]:
-    """Return the largest relative differences of forces and moments, with JSBSim's CL and with ours at rest."""
+    """Return the largest relative differences of forces and moments, with JSBSim's CL and with ours
+    at rest.
+    """
     states, commands = flight.states(STATES, seed=2)
     follow, text = following(path, given), path.read_text(errors="replace")
-    both = all(f"<property>fcs/{side}-aileron-pos" in text.replace(" ", "") for side in ("left", "right"))
+    both = all(
+        f"<property>fcs/{side}-aileron-pos" in text.replace(" ", "") for side in ("left", "right")
+    )
     craft = SimpleNamespace(**{key: db.attrs[key] for key in ("S", "cbar", "b")}, x_ref_mac=0.25)
     found, F, M = flight.fly(path, states, commands, MORE, True, AT_REST, follow, FROM_ELSEWHERE)
     at = flight.conditions(found, craft)
@@ -114,7 +145,9 @@ def differences(path: Path, db: xr.DataTree, given: list[str]) -> tuple[float, .
 
 
 def following(path: Path, given: list[str]) -> list[tuple[str, str, float]]:
-    """Return which of angle and fraction follows the other, for controls whose travel the file does not state."""
+    """Return which of angle and fraction follows the other, for controls whose travel the file does
+    not state.
+    """
     text, found = path.read_text(errors="replace").replace(" ", ""), []
     for fraction, (variable, _) in NORMALISED.items():
         angle = fraction.replace("-norm", "-rad")
@@ -126,7 +159,9 @@ def following(path: Path, given: list[str]) -> list[tuple[str, str, float]]:
 
 
 def apart(ours: np.ndarray, theirs: np.ndarray) -> float:
-    """Return the largest difference of components over the length of their vector; equal ones differ by zero."""
+    """Return the largest difference of components over the length of their vector; equal ones
+    differ by zero.
+    """
     lengths = np.linalg.norm(theirs, axis=1, keepdims=True)
     gap = np.abs(ours - theirs)
     return float(np.divide(gap, lengths, out=np.zeros_like(gap), where=gap > 0.0).max())

@@ -23,11 +23,17 @@ def figures(folder: Path, images: Path) -> list[str]:
     aircraft = {name: flightmech.read_aircraft(folder / f"{name}.toml") for name in databases}
     flown = aerodb.figures.read_flown(folder / "flown.nc")
     sources = "datcom.nc, final.nc, flown.nc of aeromatch demo"
-    made = aerodb.figures.write_lr743(databases, images, "png", aircraft=aircraft, flown=flown, sources=sources)
+    made = aerodb.figures.write_lr743(
+        databases, images, "png", aircraft=aircraft, flown=flown, sources=sources
+    )
     for file in images.glob("*.png"):
         picture = Image.open(file).convert("RGB")
-        picture = picture.resize((WIDTH, round(picture.height * WIDTH / picture.width)), Image.Resampling.LANCZOS)
-        picture.quantize(64, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(file, optimize=True)
+        picture = picture.resize(
+            (WIDTH, round(picture.height * WIDTH / picture.width)), Image.Resampling.LANCZOS
+        )
+        picture.quantize(64, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(
+            file, optimize=True
+        )
     for table in images.glob("*.csv"):
         table.unlink()  # the page prints them
     return [f"{one.number} {one.title}: {one.missing}" for one in made if one.missing]
@@ -35,9 +41,11 @@ def figures(folder: Path, images: Path) -> list[str]:
 
 def main() -> None:
     """Read the command line and draw."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n\n")[0])
     parser.add_argument("folder", type=Path, help="folder that aeromatch demo wrote")
-    parser.add_argument("-o", "--output", type=Path, default=IMAGES, help="new or empty folder of the figures")
+    parser.add_argument(
+        "-o", "--output", type=Path, default=IMAGES, help="new or empty folder of the figures"
+    )
     options = parser.parse_args()
     print("\n".join(figures(options.folder, options.output)))
 

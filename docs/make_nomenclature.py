@@ -1,7 +1,8 @@
-"""Write ``nomenclature.md`` from the vocabulary of the product: ``python docs/make_nomenclature.py``.
+"""Write ``nomenclature.md`` from the vocabulary of the product: ``python
+docs/make_nomenclature.py``.
 
-Name, unit, sign and description come from `flightmech.names`, JSBSim's properties from the tables of the export; the
-symbols of LR-743, Digital DATCOM and SIDPAC are those of the tables below.
+Name, unit, sign and description come from `flightmech.names`, JSBSim's properties from the tables
+of the export; the symbols of LR-743, Digital DATCOM and SIDPAC are those of the tables below.
 """
 
 from __future__ import annotations
@@ -53,7 +54,8 @@ DATCOM = {
     "delta_a": "DELTAL, DELTAR (ASYFLP)",
     "h_agl": "GRDHT",
 }
-# names of the channels, with their column of the data array `fdata` (deg, deg/s, g) where there is one
+# names of the channels, with their column of the data array `fdata` (deg, deg/s, g) where there is
+# one
 SIDPAC = {
     "V": "vt (2)",
     "beta": "beta (3)",
@@ -107,7 +109,11 @@ def page() -> str:
 
 def _row(quantity: Quantity) -> str:
     name = quantity.name
-    jsbsim = f"`{AXIS[name]}`" if name in AXIS else " x ".join(f"`{part}`" for part in REGRESSOR.get(name, ()))
+    jsbsim = (
+        f"`{AXIS[name]}`"
+        if name in AXIS
+        else " x ".join(f"`{part}`" for part in REGRESSOR.get(name, ()))
+    )
     cells = [
         f"`{name}`",
         quantity.units,

@@ -1,7 +1,8 @@
-"""Write ``project-keys.md``, every key of every file of a project, from the JSON schemas: ``python docs/make_project_keys.py``.
+"""Write ``project-keys.md``, every key of every file of a project, from the JSON schemas: ``python
+docs/make_project_keys.py``.
 
-The schemas come from the models that read the files (`aeromatch.project.editing`).  An example is the first use in the shipped
-files, else the one that the model states.
+The schemas come from the models that read the files (`aeromatch.project.editing`).  An example is
+the first use in the shipped files, else the one that the model states.
 """
 
 from __future__ import annotations
@@ -65,7 +66,11 @@ def _kind(kind: str) -> str:
     for place, table in _tables(schema):
         content, heading = json.dumps(table["properties"]), _heading(place)
         head = f"\n### {kind}: {heading}\n" if place else ""
-        text += head + (f"\nThe keys of {seen[content]}.\n" if content in seen else _section(place, table, schema, shipped))
+        text += head + (
+            f"\nThe keys of {seen[content]}.\n"
+            if content in seen
+            else _section(place, table, schema, shipped)
+        )
         seen.setdefault(content, heading)
     return text
 
@@ -93,20 +98,48 @@ def _tables(
 
 def _resolved(schema: dict[str, Any], part: dict[str, Any]) -> dict[str, Any]:
     while "$ref" in part:
-        part = {**schema["$defs"][part["$ref"].rpartition("/")[2]], **{key: item for key, item in part.items() if key != "$ref"}}
+        part = {
+            **schema["$defs"][part["$ref"].rpartition("/")[2]],
+            **{key: item for key, item in part.items() if key != "$ref"},
+        }
     return part
 
 
-def _section(place: tuple[str, ...], table: dict[str, Any], schema: dict[str, Any], shipped: list[Any]) -> str:
-    lines = ["", "| key | type | unit | default | meaning | example |", "| --- | --- | --- | --- | --- | --- |"]
+def _section(
+    place: tuple[str, ...], table: dict[str, Any], schema: dict[str, Any], shipped: list[Any]
+) -> str:
+    lines = [
+        "",
+        "| key | type | unit | default | meaning | example |",
+        "| --- | --- | --- | --- | --- | --- |",
+    ]
     for key, part in table["properties"].items():
         part = _resolved(schema, part)
         given = "default" in part and part["default"] not in ("", [])
-        default = "required" if key in table.get("required", ()) else _toml(part["default"]) if given else "-"
+        default = (
+            "required"
+            if key in table.get("required", ())
+            else _toml(part["default"])
+            if given
+            else "-"
+        )
         unit = unit_of(part) or "-"
-        meaning = re.sub(r" \[[^\]]*\](, or a text with its unit)?$", "", part["description"]) if unit != "-" else part["description"]
-        cells = (key, _type(schema, part), unit, default, meaning, _example(schema, place, key, part, shipped))
-        lines.append(f"| `{cells[0]}` | {' | '.join(cell.replace('|', '/') for cell in cells[1:])} |")
+        meaning = (
+            re.sub(r" \[[^\]]*\](, or a text with its unit)?$", "", part["description"])
+            if unit != "-"
+            else part["description"]
+        )
+        cells = (
+            key,
+            _type(schema, part),
+            unit,
+            default,
+            meaning,
+            _example(schema, place, key, part, shipped),
+        )
+        lines.append(
+            f"| `{cells[0]}` | {' | '.join(cell.replace('|', '/') for cell in cells[1:])} |"
+        )
     return "\n".join(lines) + "\n"
 
 
@@ -131,16 +164,26 @@ def _type(schema: dict[str, Any], part: dict[str, Any]) -> str:
         if "prefixItems" in part:
             return f"[{', '.join(_type(schema, item) for item in part['prefixItems'])}]"
         return f"list of {_type(schema, part.get('items', {}))}"
-    return {"string": "text", "object": "table", "boolean": "true or false", None: "any"}.get(kind, str(kind))
+    return {"string": "text", "object": "table", "boolean": "true or false", None: "any"}.get(
+        kind, str(kind)
+    )
 
 
-def _example(schema: dict[str, Any], place: tuple[str, ...], key: str, part: dict[str, Any], shipped: list[Any]) -> str:
+def _example(
+    schema: dict[str, Any],
+    place: tuple[str, ...],
+    key: str,
+    part: dict[str, Any],
+    shipped: list[Any],
+) -> str:
     """Return a value of the key: in the shipped files, else that of the schema."""
     if any(True for _ in _tables(schema, (*place, key), part)):
         return "below"
     found = [_toml(value) for content in shipped for value in _at(content, (*place, key))]
     stated = [_toml(item) for item in (*part.get("examples", ()), *part.get("enum", ())[-1:])]
-    stated += [_toml(not part["default"])] if part.get("type") == "boolean" and "default" in part else []
+    stated += (
+        [_toml(not part["default"])] if part.get("type") == "boolean" and "default" in part else []
+    )
     return next((text for text in [*found, *stated] if len(text) <= LONGEST), "-")
 
 
@@ -170,11 +213,19 @@ def _toml(item: Any) -> str:
 
 def _plain(item: Any) -> str:
     if isinstance(item, dict):
-        return "{ " + ", ".join(f"{_key(key)} = {_plain(value)}" for key, value in item.items()) + " }"
+        return (
+            "{ " + ", ".join(f"{_key(key)} = {_plain(value)}" for key, value in item.items()) + " }"
+        )
     if isinstance(item, list):
         return f"[{', '.join(map(_plain, item))}]"
     if isinstance(item, float):
-        return "inf" if item > 1e300 else f"{item:.6g}" if "e" in f"{item:.6g}" or "." in f"{item:.6g}" else f"{item:.1f}"
+        return (
+            "inf"
+            if item > 1e300
+            else f"{item:.6g}"
+            if "e" in f"{item:.6g}" or "." in f"{item:.6g}"
+            else f"{item:.1f}"
+        )
     return json.dumps(item, ensure_ascii=False)
 
 

@@ -1,7 +1,7 @@
 """Take the picture of the data-quality page: ``python docs/make_quality_image.py``.
 
-A recording of the T-37 is read with two mistakes in its name map: the rudder's sign, and the load factor taken for the specific force.
-Needs Debian's ``chromium`` and the package ``playwright``.
+A recording of the T-37 is read with two mistakes in its name map: the rudder's sign, and the load
+factor taken for the specific force. Needs Debian's ``chromium`` and the package ``playwright``.
 """
 
 from __future__ import annotations
@@ -31,7 +31,10 @@ def page(folder: Path) -> Path:
     names = folder / "names.toml"
     names.write_text(text, encoding="utf-8")
     record = flighttest.read(T37 / "flight" / "t37_01_clean_low_speed_5kft.nc", names)
-    write_page(flighttest.assess(record, flightmech.read_aircraft(T37 / "aircraft.toml")), folder / "page.html")
+    write_page(
+        flighttest.assess(record, flightmech.read_aircraft(T37 / "aircraft.toml")),
+        folder / "page.html",
+    )
     return folder / "page.html"
 
 

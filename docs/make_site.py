@@ -1,7 +1,9 @@
-"""Hook of mkdocs (mkdocs.yml): the generated pages of the site, and links to files that lie outside ``docs``.
+"""Hook of mkdocs (mkdocs.yml): the generated pages of the site, and links to files that lie outside
+``docs``.
 
-Generated are the reference of the Python interface, from the stubs that list the public names and the docstrings, and the reference of the
-command line, from the commands. ``mkdocs build --strict`` writes the site to ``build/site``.
+Generated are the reference of the Python interface, from the stubs that list the public names and
+the docstrings, and the reference of the command line, from the commands. ``mkdocs build --strict``
+writes the site to ``build/site``.
 """
 
 from __future__ import annotations
@@ -18,7 +20,10 @@ from flightmech.support.imports import public_names
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("flightmech", "datcom_io", "aerodb", "flighttest", "pom")
-OUTSIDE = {"CONTRIBUTING.md": "contributing.md", "CHANGELOG.md": "changes.md"}  # file of the repository: page of the site
+OUTSIDE = {
+    "CONTRIBUTING.md": "contributing.md",
+    "CHANGELOG.md": "changes.md",
+}  # file of the repository: page of the site
 
 
 def on_files(files, config):
@@ -45,10 +50,14 @@ def python_pages() -> dict[str, str]:
     """Return a page for every namespace of public names, and one that lists them."""
     pages, listed = {}, []
     for package in PACKAGES:
-        for stub in sorted((ROOT / package).rglob("__init__.pyi"), key=lambda file: file.parent.parts):
+        for stub in sorted(
+            (ROOT / package).rglob("__init__.pyi"), key=lambda file: file.parent.parts
+        ):
             name = ".".join(stub.parent.relative_to(ROOT).parts)
             names = public_names(stub)
-            own = {key: defined(name, key) for key, (_, is_module) in names.items() if not is_module}
+            own = {
+                key: defined(name, key) for key, (_, is_module) in names.items() if not is_module
+            }
             page = f"reference/{name}.md"
             pages[page] = namespace_page(name, stub, own, top=name == package)
             listed.append(f"| [`{name}`]({name}.md) | {summary(stub.parent)} |")
@@ -60,13 +69,21 @@ def python_pages() -> dict[str, str]:
 
 
 def namespace_page(name: str, stub: Path, own: dict[str, str], top: bool) -> str:
-    """Return the page of one namespace: every public name with its docstring, or, for a package, where each is described."""
+    """Return the page of one namespace: every public name with its docstring, or, for a package,
+    where each is described.
+    """
     lines = [f"# {name}", "", summary(stub.parent), ""]
     for key, home in sorted(own.items(), key=lambda item: (item[0].lower(), item[0])):
         if top and home.rpartition(".")[0] != name and documented_elsewhere(home):
             lines.append(f"- [`{name}.{key}`][{home}]")
         else:
-            lines += ["", f"::: {home}", "    options:", f'      heading: "{key}"', "      heading_level: 2"]
+            lines += [
+                "",
+                f"::: {home}",
+                "    options:",
+                f'      heading: "{key}"',
+                "      heading_level: 2",
+            ]
     return "\n".join(lines) + "\n"
 
 
@@ -93,23 +110,43 @@ def defined(package: str, name: str) -> str:
 
 def summary(folder: Path) -> str:
     """Return the first line of a folder's docstring."""
-    return (ast.get_docstring(ast.parse((folder / "__init__.py").read_text(encoding="utf-8"))) or "").splitlines()[0]
+    return (
+        ast.get_docstring(ast.parse((folder / "__init__.py").read_text(encoding="utf-8"))) or ""
+    ).splitlines()[0]
 
 
 def verbs() -> str:
     """Return the page of all commands with their arguments and options."""
-    lines = ["# Command line: every verb", "", "Generated from the commands; `aeromatch GROUP VERB --help` prints the same.", ""]
+    lines = [
+        "# Command line: every verb",
+        "",
+        "Generated from the commands; `aeromatch GROUP VERB --help` prints the same.",
+        "",
+    ]
     for words, command in commands(cli, ["aeromatch"]):
         context = click.Context(command, info_name=" ".join(words))
         lines += [f"{'#' * min(len(words), 4)} {' '.join(words)}", ""]
-        lines += [" ".join(paragraph.split()) + "\n" for paragraph in (command.help or "").split("\n\n")]
+        lines += [
+            " ".join(paragraph.split()) + "\n" for paragraph in (command.help or "").split("\n\n")
+        ]
         if isinstance(command, click.Group):
             continue
-        lines += ["```text", f"{' '.join(words)} {' '.join(command.collect_usage_pieces(context))}", "```", ""]
-        rows = [record for option in command.params if isinstance(option, click.Option) and (record := option.get_help_record(context))]
+        lines += [
+            "```text",
+            f"{' '.join(words)} {' '.join(command.collect_usage_pieces(context))}",
+            "```",
+            "",
+        ]
+        rows = [
+            record
+            for option in command.params
+            if isinstance(option, click.Option) and (record := option.get_help_record(context))
+        ]
         if rows:
             lines += ["| option | |", "| --- | --- |"]
-            lines += [f"| `{' '.join(name.split())}` | {cell(text)} |" for name, text in rows] + [""]
+            lines += [f"| `{' '.join(name.split())}` | {cell(text)} |" for name, text in rows] + [
+                ""
+            ]
     return "\n".join(lines)
 
 
@@ -119,7 +156,9 @@ def commands(command: click.Command, words: list[str]) -> Iterator[tuple[list[st
         yield words, command
     if isinstance(command, click.Group):
         with click.Context(command) as context:
-            members = {name: command.get_command(context, name) for name in command.list_commands(context)}
+            members = {
+                name: command.get_command(context, name) for name in command.list_commands(context)
+            }
         for name, member in members.items():
             if member is not None:
                 yield from commands(member, [*words, name])

@@ -1,4 +1,5 @@
-"""Write tolerance-rows.md, the entries of Table A2A and the record on which each is judged: ``python docs/make_tolerance_rows.py``.
+"""Write tolerance-rows.md, the entries of Table A2A and the record on which each is judged:
+``python docs/make_tolerance_rows.py``.
 
 The verdicts are those of the table of the test, ``tests/pom/rows/verdicts.csv``.
 """
@@ -53,12 +54,23 @@ The rows of these sections are not in `tolerances.csv`: a proof of match of the 
 def page() -> str:
     """Return the text of the page."""
     table = runpy.run_path(str(TEST), run_name="judge_rows")["read_table"]()
-    titles = {row["test_id"]: row["title"] for row in rows.rows() if (row["standard"], row["edition"]) == (rows.STANDARD, rows.EDITION)}
+    titles = {
+        row["test_id"]: row["title"]
+        for row in rows.rows()
+        if (row["standard"], row["edition"]) == (rows.STANDARD, rows.EDITION)
+    }
     entries = {row["entry"] for row in table}
     beyond = {row["entry"] for row in table if row["status"] == "not_tested"}
     text = HEAD.format(entries=len(entries), judged=len(entries - beyond), beyond=len(beyond))
     for row in table:
-        cells = (row["entry"], titles[row["entry"]], f"`{row['record']}`", SHOWN[row["status"]], row["judged"], row["reason"])
+        cells = (
+            row["entry"],
+            titles[row["entry"]],
+            f"`{row['record']}`",
+            SHOWN[row["status"]],
+            row["judged"],
+            row["reason"],
+        )
         text += f"| {' | '.join(cell.replace('_', ' ') if i in (4,) else cell for i, cell in enumerate(cells))} |\n"
     return text + TAIL
 

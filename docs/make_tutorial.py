@@ -1,8 +1,10 @@
-"""Write what the commands of ``tutorial.md`` print into the page, and its project into ``data/c182``: ``python docs/make_tutorial.py``.
+"""Write what the commands of ``tutorial.md`` print into the page, and its project into
+``data/c182``: ``python docs/make_tutorial.py``.
 
-The page is its own source: blocks of language ``console`` hold commands, blocks with a title the files that the reader writes
-(`tests/test_docs.py` runs the same page and compares).  Output without a line ``...`` is replaced; of output with such lines each
-line shown is replaced by the printed one that differs from it in numbers only.
+The page is its own source: blocks of language ``console`` hold commands, blocks with a title the
+files that the reader writes (`tests/test_docs.py` runs the same page and compares).  Output without
+a line ``...`` is replaced; of output with such lines each line shown is replaced by the printed one
+that differs from it in numbers only.
 """
 
 from __future__ import annotations
@@ -19,7 +21,9 @@ ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "tutorial.md"
 EXAMPLE = ROOT / "data" / "c182"
 PROJECT = ("aircraft.toml", "names.toml", "manoeuvres.csv", "aeromatch.toml")
-FENCE = re.compile(r"^```(?P<language>\S*)(?: title=\"(?P<title>[^\"]+)\")?\n(?P<text>.*?)^```$", re.M | re.S)
+FENCE = re.compile(
+    r"^```(?P<language>\S*)(?: title=\"(?P<title>[^\"]+)\")?\n(?P<text>.*?)^```$", re.M | re.S
+)
 
 
 def without_numbers(line: str) -> list[str]:
@@ -34,7 +38,9 @@ def renewed(printed: list[str], output: list[str]) -> list[str]:
     found, at = [], 0
     for line in printed:
         wanted = without_numbers(line)
-        hit = next((i for i in range(at, len(output)) if without_numbers(output[i]) == wanted), None)
+        hit = next(
+            (i for i in range(at, len(output)) if without_numbers(output[i]) == wanted), None
+        )
         if line == "..." or hit is None:
             if line != "...":
                 print(f"not printed: {line}", file=sys.stderr)
@@ -54,7 +60,9 @@ def answered(text: str, folder: Path, environment: dict[str, str]) -> str:
         end = next(i for i, line in enumerate(lines) if not line.endswith("\\")) + 1
         command = "\n".join(lines[:end])
         print(f"$ {command}", file=sys.stderr)
-        done = subprocess.run(command, shell=True, cwd=folder, env=environment, capture_output=True, text=True)
+        done = subprocess.run(
+            command, shell=True, cwd=folder, env=environment, capture_output=True, text=True
+        )
         if done.returncode:
             print(f"exit code {done.returncode}\n{done.stderr}", file=sys.stderr)
         output = [line.rstrip() for line in done.stdout.splitlines()]
@@ -68,9 +76,15 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as scratch:
         folder, tools = Path(scratch) / "c182", Path(scratch) / "bin"
         folder.mkdir(), tools.mkdir()
-        (tools / "aeromatch").write_text(f"#!{sys.executable}\nfrom aeromatch.cli import main\nmain()\n")
+        (tools / "aeromatch").write_text(
+            f"#!{sys.executable}\nfrom aeromatch.cli import main\nmain()\n"
+        )
         (tools / "aeromatch").chmod(0o755)
-        environment = {**os.environ, "PATH": f"{tools}{os.pathsep}{os.environ['PATH']}", "PYTHONPATH": str(ROOT)}
+        environment = {
+            **os.environ,
+            "PATH": f"{tools}{os.pathsep}{os.environ['PATH']}",
+            "PYTHONPATH": str(ROOT),
+        }
 
         def follow(match: re.Match[str]) -> str:
             if match["title"]:

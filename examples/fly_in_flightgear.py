@@ -1,14 +1,19 @@
-"""Fly the T-37 of ``data/t37`` by hand, with FlightGear as cockpit and window: a pilot's look at the a-priori model (LR-743, section 3.5).
+"""Fly the T-37 of ``data/t37`` by hand, with FlightGear as cockpit and window: a pilot's look at
+the a-priori model (LR-743, section 3.5).
 
-    fgfs --fdm=null --native-fdm=socket,in,60,,5500,udp --native-ctrls=socket,out,60,127.0.0.1,5501,udp
-    python examples/fly_in_flightgear.py [--database FILE.nc] [--lat DEG] [--lon DEG] [--height M] [--speed KT] [--runway M]
+    fgfs --fdm=null --native-fdm=socket,in,60,,5500,udp
+    --native-ctrls=socket,out,60,127.0.0.1,5501,udp python examples/fly_in_flightgear.py [--database
+    FILE.nc] [--lat DEG] [--lon DEG] [--height M] [--speed KT] [--runway M]
 
-FlightGear sends the positions of stick, pedals, levers and brakes; the model answers 60 times a second, in real time, with the motion of
-the aeroplane.  Any program that speaks FlightGear's native protocol can stand in its place.  The flight starts trimmed and level; stick and
-elevator trim move the surfaces from there, the lever is absolute.  Digital DATCOM knows no rudder: in the air the a-priori model has no
-answer to the pedals, one identified from flight (``--database out/t37/final.nc`` of ``aeromatch demo``) has.  Ctrl-C ends it.
+FlightGear sends the positions of stick, pedals, levers and brakes; the model answers 60 times a
+second, in real time, with the motion of the aeroplane.  Any program that speaks FlightGear's native
+protocol can stand in its place.  The flight starts trimmed and level; stick and elevator trim move
+the surfaces from there, the lever is absolute.  Digital DATCOM knows no rudder: in the air the
+a-priori model has no answer to the pedals, one identified from flight (``--database
+out/t37/final.nc`` of ``aeromatch demo``) has.  Ctrl-C ends it.
 
-Layout of the messages: ``net_fdm.hxx`` (version 24) and ``net_ctrls.hxx`` (version 27) of FlightGear, numbers in network byte order.
+Layout of the messages: ``net_fdm.hxx`` (version 24) and ``net_ctrls.hxx`` (version 27) of
+FlightGear, numbers in network byte order.
 """
 
 # %% The messages
@@ -43,8 +48,13 @@ AEROPLANE = {
     "version": "I",
     "padding": "I",
     **dict.fromkeys(("longitude", "latitude", "altitude"), "d"),  # geodetic [rad], [m]
-    **dict.fromkeys(("agl", "phi", "theta", "psi", "alpha", "beta", "phidot", "thetadot", "psidot"), "f"),  # [m], [rad], [rad/s]
-    **dict.fromkeys(("vcas", "climb_rate", "v_north", "v_east", "v_down", "v_body_u", "v_body_v", "v_body_w"), "f"),  # [kt], [ft/s]
+    **dict.fromkeys(
+        ("agl", "phi", "theta", "psi", "alpha", "beta", "phidot", "thetadot", "psidot"), "f"
+    ),  # [m], [rad], [rad/s]
+    **dict.fromkeys(
+        ("vcas", "climb_rate", "v_north", "v_east", "v_down", "v_body_u", "v_body_v", "v_body_w"),
+        "f",
+    ),  # [kt], [ft/s]
     **dict.fromkeys(("A_X_pilot", "A_Y_pilot", "A_Z_pilot"), "f"),  # [ft/s2]
     **dict.fromkeys(("stall_warning", "slip_deg"), "f"),
     **{"num_engines": "I", "eng_state": "4I"},  # 0 off, 1 cranking, 2 running
@@ -60,23 +70,67 @@ AEROPLANE = {
         "oil_px": "4f",
     },
     **{"num_tanks": "I", "fuel_quantity": "4f"},
-    **{"num_wheels": "I", "wow": "3I", "gear_pos": "3f", "gear_steer": "3f", "gear_compression": "3f"},
+    **{
+        "num_wheels": "I",
+        "wow": "3I",
+        "gear_pos": "3f",
+        "gear_steer": "3f",
+        "gear_compression": "3f",
+    },
     **{"cur_time": "I", "warp": "i", "visibility": "f"},
-    **dict.fromkeys(("elevator", "elevator_trim_tab", "left_flap", "right_flap", "left_aileron", "right_aileron"), "f"),  # -1 to 1
+    **dict.fromkeys(
+        (
+            "elevator",
+            "elevator_trim_tab",
+            "left_flap",
+            "right_flap",
+            "left_aileron",
+            "right_aileron",
+        ),
+        "f",
+    ),  # -1 to 1
     **dict.fromkeys(("rudder", "nose_wheel", "speedbrake", "spoilers"), "f"),
 }
 CONTROLS = {
     "version": "I4x",
-    **dict.fromkeys(("aileron", "elevator", "rudder", "aileron_trim", "elevator_trim", "rudder_trim"), "d"),  # -1 to 1
+    **dict.fromkeys(
+        ("aileron", "elevator", "rudder", "aileron_trim", "elevator_trim", "rudder_trim"), "d"
+    ),  # -1 to 1
     **dict.fromkeys(("flaps", "spoilers", "speedbrake"), "d"),
     **{"flaps_power": "I", "flap_motor_ok": "I", "num_engines": "I"},
     **{"master_bat": "4I", "master_alt": "4I", "magnetos": "4I", "starter_power": "4I4x"},
-    **{"throttle": "4d", "mixture": "4d", "condition": "4d", "fuel_pump_power": "4I", "prop_advance": "4d"},
-    **{"feed_tank_to": "4I", "reverse": "4I", "engine_ok": "4I", "mag_left_ok": "4I", "mag_right_ok": "4I", "spark_plugs_ok": "4I"},
-    **{"oil_press_status": "4I", "fuel_pump_ok": "4I", "num_tanks": "I", "fuel_selector": "8I", "xfer_pump": "5I", "cross_feed": "I4x"},
-    **dict.fromkeys(("brake_left", "brake_right", "copilot_brake_left", "copilot_brake_right", "brake_parking"), "d"),
+    **{
+        "throttle": "4d",
+        "mixture": "4d",
+        "condition": "4d",
+        "fuel_pump_power": "4I",
+        "prop_advance": "4d",
+    },
+    **{
+        "feed_tank_to": "4I",
+        "reverse": "4I",
+        "engine_ok": "4I",
+        "mag_left_ok": "4I",
+        "mag_right_ok": "4I",
+        "spark_plugs_ok": "4I",
+    },
+    **{
+        "oil_press_status": "4I",
+        "fuel_pump_ok": "4I",
+        "num_tanks": "I",
+        "fuel_selector": "8I",
+        "xfer_pump": "5I",
+        "cross_feed": "I4x",
+    },
+    **dict.fromkeys(
+        ("brake_left", "brake_right", "copilot_brake_left", "copilot_brake_right", "brake_parking"),
+        "d",
+    ),
     **{"gear_handle": "I", "master_avionics": "I"},
-    **dict.fromkeys(("comm_1", "comm_2", "nav_1", "nav_2", "wind_speed_kt", "wind_dir_deg", "turbulence_norm"), "d"),
+    **dict.fromkeys(
+        ("comm_1", "comm_2", "nav_1", "nav_2", "wind_speed_kt", "wind_dir_deg", "turbulence_norm"),
+        "d",
+    ),
     **dict.fromkeys(("temp_c", "press_inhg", "hground", "magvar"), "d"),
     **{"icing": "I", "speedup": "I", "freeze": "I", "reserved": "25I"},
 }
@@ -110,16 +164,26 @@ def unpacked(layout: dict[str, str], message: bytes) -> dict[str, float | tuple]
 
 # %% From the cockpit to the model, and back
 
-AT_REST = {"throttle": None, "gear_handle": 0, "freeze": 0}  # until the first message; no lever: the trimmed one stays
+AT_REST = {
+    "throttle": None,
+    "gear_handle": 0,
+    "freeze": 0,
+}  # until the first message; no lever: the trimmed one stays
 
 
-def inputs_of(cockpit: dict, limits: dict[str, tuple[float, float]], lever: float) -> dict[str, float]:
-    """Return the model's inputs: surfaces from the trimmed ones, the lever from the trimmed `lever`.
+def inputs_of(
+    cockpit: dict, limits: dict[str, tuple[float, float]], lever: float
+) -> dict[str, float]:
+    """Return the model's inputs: surfaces from the trimmed ones, the lever from the trimmed
+    `lever`.
 
-    FlightGear: stick forward, stick right and right pedal are positive.  Here an elevator that pitches down is positive, aileron and rudder
-    that roll and yaw to the left.
+    FlightGear: stick forward, stick right and right pedal are positive.  Here an elevator that
+    pitches down is positive, aileron and rudder that roll and yaw to the left.
     """
-    stick = {name: cockpit.get(name, 0.0) + cockpit.get(f"{name}_trim", 0.0) for name in ("elevator", "aileron", "rudder")}
+    stick = {
+        name: cockpit.get(name, 0.0) + cockpit.get(f"{name}_trim", 0.0)
+        for name in ("elevator", "aileron", "rudder")
+    }
     parking = cockpit.get("brake_parking", 0.0)
     up, down = limits["delta_e"]
     inputs = {
@@ -131,14 +195,27 @@ def inputs_of(cockpit: dict, limits: dict[str, tuple[float, float]], lever: floa
         "gear": float(bool(cockpit.get("gear_handle", 0))),
     }
     for side in ("left", "right"):
-        inputs[f"brake_{side}"] = min(1.0, max(cockpit.get(f"brake_{side}", 0.0), cockpit.get(f"copilot_brake_{side}", 0.0), parking))
+        inputs[f"brake_{side}"] = min(
+            1.0,
+            max(
+                cockpit.get(f"brake_{side}", 0.0),
+                cockpit.get(f"copilot_brake_{side}", 0.0),
+                parking,
+            ),
+        )
     levers = cockpit["throttle"]
-    return inputs | {f"engine{i + 1}.throttle": 0.0 if levers is None else levers[i] - lever for i in range(2)}
+    return inputs | {
+        f"engine{i + 1}.throttle": 0.0 if levers is None else levers[i] - lever for i in range(2)
+    }
 
 
 def message_of(y: dict[str, float], limits: dict[str, tuple[float, float]]) -> bytes:
     """Return the message to FlightGear from the model's outputs."""
-    sin_phi, cos_phi, turn = np.sin(y["phi"]), np.cos(y["phi"]), y["q"] * np.sin(y["phi"]) + y["r"] * np.cos(y["phi"])
+    sin_phi, cos_phi, turn = (
+        np.sin(y["phi"]),
+        np.cos(y["phi"]),
+        y["q"] * np.sin(y["phi"]) + y["r"] * np.cos(y["phi"]),
+    )
     engines, legs = ("engine1", "engine2"), ("nose", "left", "right")
     return packed(
         AEROPLANE,
@@ -187,7 +264,9 @@ def message_of(y: dict[str, float], limits: dict[str, tuple[float, float]]) -> b
 
 
 def newest(controls: socket.socket) -> dict | None:
-    """Return the newest of the messages that wait, or None; a message of another length or version is an error."""
+    """Return the newest of the messages that wait, or None; a message of another length or version
+    is an error.
+    """
     message = None
     while True:
         try:
@@ -261,17 +340,25 @@ def fly(
         if not int(cockpit["freeze"]) & 1:
             run.step(flown / RATE, 1.0 / RATE, before, after)
             before, flown = after, flown + 1
-        y = dict(zip(names, run.outputs().tolist(), strict=True)) | {name: u[name] for name in ("gear", "speedbrake")}
+        y = dict(zip(names, run.outputs().tolist(), strict=True)) | {
+            name: u[name] for name in ("gear", "speedbrake")
+        }
         controls.sendto(message_of(y, limits), view)
 
 
 def main() -> None:
     """Read the options, open the sockets, fly."""
     options = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    options.add_argument("--database", help="database file; the a-priori one of the DATCOM listings unless given")
+    options.add_argument(
+        "--database", help="database file; the a-priori one of the DATCOM listings unless given"
+    )
     options.add_argument("--host", default="127.0.0.1", help="machine of FlightGear (%(default)s)")
-    options.add_argument("--port", type=int, default=5500, help="its --native-fdm port (%(default)s)")
-    options.add_argument("--controls", type=int, default=5501, help="port that --native-ctrls sends to (%(default)s)")
+    options.add_argument(
+        "--port", type=int, default=5500, help="its --native-fdm port (%(default)s)"
+    )
+    options.add_argument(
+        "--controls", type=int, default=5501, help="port that --native-ctrls sends to (%(default)s)"
+    )
     for name, value, text in (
         ("lat", 37.6, "latitude [deg]"),
         ("lon", -122.3, "longitude [deg]"),
@@ -283,14 +370,28 @@ def main() -> None:
         options.add_argument(f"--{name}", type=float, default=value, help=f"{text} (%(default)s)")
     given = options.parse_args()
     aircraft = flightmech.read_aircraft(DATA / "aircraft.toml")
-    db = aerodb.open(given.database) if given.database else a_priori(read_project(DATA / "aeromatch.toml"), aircraft)
-    start = {"init.lat": given.lat * DEG, "init.lon": given.lon * DEG, "init.psi": given.heading * DEG}
-    start |= {"init.h": given.height, "init.V": given.speed * KT, "env.runway_elevation": given.runway}
+    db = (
+        aerodb.open(given.database)
+        if given.database
+        else a_priori(read_project(DATA / "aeromatch.toml"), aircraft)
+    )
+    start = {
+        "init.lat": given.lat * DEG,
+        "init.lon": given.lon * DEG,
+        "init.psi": given.heading * DEG,
+    }
+    start |= {
+        "init.h": given.height,
+        "init.V": given.speed * KT,
+        "env.runway_elevation": given.runway,
+    }
     sim = flightmech.compile(aircraft, db)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as controls:
         controls.bind(("", given.controls))
         controls.setblocking(False)
-        print(f"flying; controls from port {given.controls}, aeroplane to {given.host}:{given.port}; Ctrl-C ends it")
+        print(
+            f"flying; controls from port {given.controls}, aeroplane to {given.host}:{given.port}; Ctrl-C ends it"
+        )
         try:
             fly(sim, aircraft.limits, start, controls, (given.host, given.port))
         except KeyboardInterrupt:

@@ -2,8 +2,8 @@
 
     python examples/fly_the_t37.py [folder] [database.nc]
 
-The database is the a-priori one of the DATCOM listings unless a file is given, such as ``out/t37/final.nc`` of ``aeromatch demo``.
-Needs matplotlib (``pip install 'aeromatch[figures]'``).
+The database is the a-priori one of the DATCOM listings unless a file is given, such as
+``out/t37/final.nc`` of ``aeromatch demo``. Needs matplotlib (``pip install 'aeromatch[figures]'``).
 """
 
 # %% The aeroplane: an aircraft file, a database, one compiled model
@@ -36,7 +36,11 @@ RUNWAY = 120.0  # elevation [m]
 def model(database: str | None = None) -> flightmech.SimModel:
     """Return the compiled aeroplane."""
     aircraft = flightmech.read_aircraft(DATA / "aircraft.toml")
-    db = aerodb.open(database) if database else a_priori(read_project(DATA / "aeromatch.toml"), aircraft)
+    db = (
+        aerodb.open(database)
+        if database
+        else a_priori(read_project(DATA / "aeromatch.toml"), aircraft)
+    )
     return flightmech.compile(aircraft, db)
 
 
@@ -75,7 +79,13 @@ def takeoff(sim: flightmech.SimModel) -> xr.Dataset:
     inputs = {"delta_e": elevator, "brake_left": brake, "brake_right": brake}
     inputs |= {f"engine{i}.throttle": lever for i in (1, 2)}
     record = xr.Dataset({name: ("time", values) for name, values in inputs.items()}, {"time": time})
-    start = {"mode.trim": 3.0, "init.V": 0.0, "env.runway_elevation": RUNWAY, "init.h": RUNWAY + 1.0, "mode.earth": 0.0}
+    start = {
+        "mode.trim": 3.0,
+        "init.V": 0.0,
+        "env.runway_elevation": RUNWAY,
+        "init.h": RUNWAY + 1.0,
+        "mode.earth": 0.0,
+    }
     return flightmech.simulate(sim, record, {**start, "gear": 1.0, "delta_f": 20 * DEG})
 
 
@@ -83,10 +93,18 @@ def takeoff(sim: flightmech.SimModel) -> xr.Dataset:
 
 
 def landing(sim: flightmech.SimModel) -> xr.Dataset:
-    """Return a landing flown by two simple laws: glide path and speed, then a flare; brakes after the nose wheel is down."""
+    """Return a landing flown by two simple laws: glide path and speed, then a flare; brakes after
+    the nose wheel is down.
+    """
     run = Simulation(sim.model)
     u = dict.fromkeys(sim.inputs, 0.0) | {"gear": 1.0, "delta_f": 40 * DEG}
-    approach = {"init.V": 95 * KT, "init.gamma": -3 * DEG, "init.h": RUNWAY + 60.0, "env.runway_elevation": RUNWAY, "mode.earth": 0.0}
+    approach = {
+        "init.V": 95 * KT,
+        "init.gamma": -3 * DEG,
+        "init.h": RUNWAY + 60.0,
+        "env.runway_elevation": RUNWAY,
+        "mode.earth": 0.0,
+    }
     for name, value in {**approach, "mode.trim": 2.0}.items():
         run.set_parameter(index_of_parameter(sim, name), value)
     inputs = np.array([u[row.name] for row in sim.entries(INPUT)])
@@ -101,8 +119,14 @@ def landing(sim: flightmech.SimModel) -> xr.Dataset:
         height, sink, pitch, rate = (y[place[name]] for name in ("h_agl", "vd", "theta", "q"))
         down = down or y[place["wow_left"]] > 0.5
         flare = np.clip(height / 12.0, 0.0, 1.0)
-        wanted = -(flare * 2.56 + (1.0 - flare) * 0.6)  # climb rate of 3 degrees at 95 kt, then of the touch-down
-        aim = np.clip(start + 0.035 * (wanted + sink) + 4.0 * DEG * (1.0 - flare), -4 * DEG, 9 * DEG) if not down else 0.0
+        wanted = -(
+            flare * 2.56 + (1.0 - flare) * 0.6
+        )  # climb rate of 3 degrees at 95 kt, then of the touch-down
+        aim = (
+            np.clip(start + 0.035 * (wanted + sink) + 4.0 * DEG * (1.0 - flare), -4 * DEG, 9 * DEG)
+            if not down
+            else 0.0
+        )
         elevator = np.clip(1.2 * (pitch - aim) + 0.5 * rate, -15 * DEG, 10 * DEG)
         lever += dt * (0.05 * (95 * KT - y[place["V"]])) if flare == 1.0 else -dt * 0.5
         lever = float(np.clip(lever, -0.5, 0.5)) if not down else -1.0
@@ -111,7 +135,9 @@ def landing(sim: flightmech.SimModel) -> xr.Dataset:
         following = np.array([u[row.name] for row in sim.entries(INPUT)])
         run.step(k * dt, dt, inputs, following)
         inputs = following
-    columns = {row.name: ("time", np.array(rows)[:, i]) for i, row in enumerate(sim.entries(OUTPUT))}
+    columns = {
+        row.name: ("time", np.array(rows)[:, i]) for i, row in enumerate(sim.entries(OUTPUT))
+    }
     return xr.Dataset(columns, {"time": np.arange(len(rows)) * dt})
 
 
@@ -120,7 +146,9 @@ def landing(sim: flightmech.SimModel) -> xr.Dataset:
 
 def plot(found: xr.Dataset, channels: dict[str, tuple[float, str]], title: str, file: Path) -> None:
     """Draw channels over time, one panel each; `channels` gives factor and unit."""
-    figure, panels = plt.subplots(len(channels), 1, figsize=(7.0, 1.6 * len(channels)), sharex=True, constrained_layout=True)
+    figure, panels = plt.subplots(
+        len(channels), 1, figsize=(7.0, 1.6 * len(channels)), sharex=True, constrained_layout=True
+    )
     for panel, (name, (factor, unit)) in zip(panels, channels.items(), strict=True):
         panel.plot(found["time"], found[name] / factor, color="black", linewidth=1.2)
         panel.set_ylabel(f"{name}\n[{unit}]")
@@ -139,10 +167,19 @@ def main(folder: Path, database: str | None) -> dict[str, xr.Dataset]:
     lever = float(level["found"].sel(unknown="throttle"))
     alpha, elevator = (float(level[name]) / DEG for name in ("alpha", "applied.delta_e"))
     print(f"level at 180 kt: alpha {alpha:.2f} deg, elevator {elevator:.2f} deg, lever {lever:.2f}")
-    print(modes[["mode", "period", "t_half", "t_double", "damping_ratio"]].to_string(index=False, float_format="%.3g", na_rep=""))
+    print(
+        modes[["mode", "period", "t_half", "t_double", "damping_ratio"]].to_string(
+            index=False, float_format="%.3g", na_rep=""
+        )
+    )
     flights = {"doublet": doublet(sim), "takeoff": takeoff(sim), "landing": landing(sim)}
     channels = {
-        "doublet": {"applied.delta_e": (DEG, "deg"), "q": (DEG, "deg/s"), "alpha": (DEG, "deg"), "nz": (1.0, "1")},
+        "doublet": {
+            "applied.delta_e": (DEG, "deg"),
+            "q": (DEG, "deg/s"),
+            "alpha": (DEG, "deg"),
+            "nz": (1.0, "1"),
+        },
         "takeoff": {
             "V_cas": (KT, "kt"),
             "theta": (DEG, "deg"),
@@ -150,13 +187,26 @@ def main(folder: Path, database: str | None) -> dict[str, xr.Dataset]:
             "gear.nose.Fz": (1e3, "kN"),
             "gear.left.Fz": (1e3, "kN"),
         },
-        "landing": {"V_cas": (KT, "kt"), "theta": (DEG, "deg"), "h_agl": (1.0, "m"), "vd": (1.0, "m/s"), "gear.left.Fz": (1e3, "kN")},
+        "landing": {
+            "V_cas": (KT, "kt"),
+            "theta": (DEG, "deg"),
+            "h_agl": (1.0, "m"),
+            "vd": (1.0, "m/s"),
+            "gear.left.Fz": (1e3, "kN"),
+        },
     }
-    titles = {"doublet": "Elevator doublet at 180 kt", "takeoff": "Take-off, flaps half", "landing": "Landing, flaps full"}
+    titles = {
+        "doublet": "Elevator doublet at 180 kt",
+        "takeoff": "Take-off, flaps half",
+        "landing": "Landing, flaps full",
+    }
     for name, found in flights.items():
         plot(found, channels[name], titles[name], folder / f"{name}.png")
     return flights
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1] if len(sys.argv) > 1 else "out/flights"), sys.argv[2] if len(sys.argv) > 2 else None)
+    main(
+        Path(sys.argv[1] if len(sys.argv) > 1 else "out/flights"),
+        sys.argv[2] if len(sys.argv) > 2 else None,
+    )

@@ -1,4 +1,5 @@
-"""Foundation of all packages: names, units, terms, air, axes; the aircraft and its compiled simulation.
+"""Foundation of all packages: names, units, terms, air, axes; the aircraft and its compiled
+simulation.
 
 The public names are loaded when they are first used."""
 

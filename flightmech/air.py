@@ -1,8 +1,9 @@
 """Standard atmosphere and airspeeds on arrays.
 
-US Standard Atmosphere 1976 below 84.852 km of geopotential height, with the constants of ISO 2533 (R = 287.05287
-J kg-1 K-1).  A temperature offset moves every layer and the pressure follows hydrostatically, as in the kernel.  Air is a
-perfect gas with a ratio of specific heats of 1.4; behind Mach 1 the pitot tube sees a normal shock.
+US Standard Atmosphere 1976 below 84.852 km of geopotential height, with the constants of ISO 2533
+(R = 287.05287 J kg-1 K-1).  A temperature offset moves every layer and the pressure follows
+hydrostatically, as in the kernel.  Air is a perfect gas with a ratio of specific heats of 1.4;
+behind Mach 1 the pitot tube sees a normal shock.
 
 References
 ----------
@@ -46,7 +47,8 @@ def atmosphere(h: ArrayLike, delta_T: float = 0.0, qnh: float = P_SEA) -> Air:
     Parameters
     ----------
     h : array
-        Geometric height over mean sea level; values beyond -5 ... 84.8 km (geopotential) take those of the end. [m]
+        Geometric height over mean sea level; values beyond -5 ... 84.8 km (geopotential) take those
+        of the end. [m]
     delta_T : float
         Temperature offset from the standard, positive warmer. [K]
     qnh : float
@@ -72,7 +74,8 @@ def atmosphere(h: ArrayLike, delta_T: float = 0.0, qnh: float = P_SEA) -> Air:
 
 
 def pressure_altitude(p: ArrayLike) -> np.ndarray:
-    """Return the geopotential height at which the standard atmosphere has the pressure `p` [Pa]; the altimeter at 1013.25 hPa. [m]
+    """Return the geopotential height at which the standard atmosphere has the pressure `p` [Pa];
+    the altimeter at 1013.25 hPa. [m]
 
     Examples
     --------
@@ -89,10 +92,11 @@ def pressure_altitude(p: ArrayLike) -> np.ndarray:
 
 
 def sea_level_pressure(qnh: float, elevation: float, delta_T: float = 0.0) -> float:
-    """Return the pressure at mean sea level under which an altimeter set to `qnh` reads the elevation of the runway on it.
+    """Return the pressure at mean sea level under which an altimeter set to `qnh` reads the
+    elevation of the runway on it.
 
-    A QNH is reduced from the runway by the standard atmosphere, the air above it is not standard; the two agree at sea level.
-    What it gives is the parameter ``env.qnh`` of a simulation.
+    A QNH is reduced from the runway by the standard atmosphere, the air above it is not standard;
+    the two agree at sea level. What it gives is the parameter ``env.qnh`` of a simulation.
 
     Parameters
     ----------
@@ -133,11 +137,14 @@ def impact_pressure(mach: ArrayLike, p: ArrayLike) -> np.ndarray:
 
 
 def mach_number(q_c: ArrayLike, p: ArrayLike) -> np.ndarray:
-    """Return the Mach number from impact and static pressure [Pa], the inverse of `impact_pressure`."""
+    """Return the Mach number from impact and static pressure [Pa], the inverse of
+    `impact_pressure`.
+    """
     ratio = 1.0 + np.asarray(q_c, float) / np.asarray(p, float)
     mach = np.sqrt(5.0 * np.maximum(ratio ** (1.0 / 3.5) - 1.0, 0.0))
     if np.any(mach > 1.0):
-        # Rayleigh's formula solved for the leading Mach number: a contraction by 0.42 at M = 1, less above
+        # Rayleigh's formula solved for the leading Mach number: a contraction by 0.42 at M = 1,
+        # less above
         above = np.maximum(mach, 1.0)
         for _ in range(40):
             above = np.sqrt(ratio * (7.0 - 1.0 / above**2) ** 2.5 / (6.0**2.5 * 1.2**3.5))
@@ -152,7 +159,9 @@ def calibrated_airspeed(q_c: ArrayLike) -> np.ndarray:
 
 
 def impact_pressure_at(V_cas: ArrayLike) -> np.ndarray:
-    """Return the impact pressure at a calibrated airspeed [m s-1], the inverse of `calibrated_airspeed`. [Pa]"""
+    """Return the impact pressure at a calibrated airspeed [m s-1], the inverse of
+    `calibrated_airspeed`. [Pa]
+    """
     return impact_pressure(np.asarray(V_cas, float) / A_SEA, P_SEA)
 
 
@@ -176,7 +185,9 @@ def true_airspeed(V_cas: ArrayLike, p: ArrayLike, temperature: ArrayLike) -> np.
     >>> round(float(true_airspeed(100.0, 101325.0, 288.15)), 6)
     100.0
     """
-    return mach_number(impact_pressure_at(V_cas), p) * np.sqrt(GAMMA * R_AIR * np.asarray(temperature, float))
+    return mach_number(impact_pressure_at(V_cas), p) * np.sqrt(
+        GAMMA * R_AIR * np.asarray(temperature, float)
+    )
 
 
 def equivalent_airspeed(V: ArrayLike, rho: ArrayLike) -> np.ndarray:

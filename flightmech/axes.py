@@ -1,7 +1,8 @@
-"""Axis changes on arrays: Euler angles and quaternions, stability and body axes, moment transfer, lever arms.
+"""Axis changes on arrays: Euler angles and quaternions, stability and body axes, moment transfer,
+lever arms.
 
-Body axes x forward, y right, z down; stability axes are body axes turned by alpha about y.  Vectors run along the last
-axis of an array; angles broadcast against the leading axes.
+Body axes x forward, y right, z down; stability axes are body axes turned by alpha about y.  Vectors
+run along the last axis of an array; angles broadcast against the leading axes.
 
 References
 ----------
@@ -35,8 +36,17 @@ def rotation(phi: ArrayLike, theta: ArrayLike, psi: ArrayLike) -> np.ndarray:
     >>> (rotation(0.0, 0.0, np.pi / 2)[0] @ [0.0, 1.0, 0.0]).tolist()
     1.0
     """
-    phi, theta, psi = np.broadcast_arrays(*(np.asarray(angle, float) for angle in (phi, theta, psi)))
-    cf, sf, ct, st, cp, sp = np.cos(phi), np.sin(phi), np.cos(theta), np.sin(theta), np.cos(psi), np.sin(psi)
+    phi, theta, psi = np.broadcast_arrays(
+        *(np.asarray(angle, float) for angle in (phi, theta, psi))
+    )
+    cf, sf, ct, st, cp, sp = (
+        np.cos(phi),
+        np.sin(phi),
+        np.cos(theta),
+        np.sin(theta),
+        np.cos(psi),
+        np.sin(psi),
+    )
     rows = (
         (ct * cp, ct * sp, -st),
         (sf * st * cp - cf * sp, sf * st * sp + cf * cp, sf * ct),
@@ -46,14 +56,20 @@ def rotation(phi: ArrayLike, theta: ArrayLike, psi: ArrayLike) -> np.ndarray:
 
 
 def euler(C: ArrayLike) -> Euler:
-    """Return the Euler angles of a rotation (..., 3, 3); theta in -pi/2 ... pi/2, phi and psi in -pi ... pi."""
+    """Return the Euler angles of a rotation (..., 3, 3); theta in -pi/2 ... pi/2, phi and psi in
+    -pi ... pi.
+    """
     C = np.asarray(C, float)
     theta = np.arctan2(-C[..., 0, 2], np.hypot(C[..., 0, 0], C[..., 0, 1]))
-    return Euler(np.arctan2(C[..., 1, 2], C[..., 2, 2]), theta, np.arctan2(C[..., 0, 1], C[..., 0, 0]))
+    return Euler(
+        np.arctan2(C[..., 1, 2], C[..., 2, 2]), theta, np.arctan2(C[..., 0, 1], C[..., 0, 0])
+    )
 
 
 def quaternion(C: ArrayLike) -> np.ndarray:
-    """Return the unit quaternion (..., 4), scalar first and not negative, of a rotation (..., 3, 3)."""
+    """Return the unit quaternion (..., 4), scalar first and not negative, of a rotation (..., 3,
+    3).
+    """
     from scipy.spatial.transform import Rotation
 
     C = np.asarray(C, float)
@@ -62,7 +78,9 @@ def quaternion(C: ArrayLike) -> np.ndarray:
 
 
 def matrix(q: ArrayLike) -> np.ndarray:
-    """Return the rotation (..., 3, 3) of a quaternion (..., 4), scalar first; its length does not matter."""
+    """Return the rotation (..., 3, 3) of a quaternion (..., 4), scalar first; its length does not
+    matter.
+    """
     from scipy.spatial.transform import Rotation
 
     q = np.asarray(q, float)
@@ -71,7 +89,9 @@ def matrix(q: ArrayLike) -> np.ndarray:
 
 
 def to_body(vector: ArrayLike, alpha: ArrayLike) -> np.ndarray:
-    """Return a vector (..., 3) of stability axes in body axes, e.g. (CX, CY, CZ) of (-CD, CY, -CL) or (Cl, Cm, Cn)."""
+    """Return a vector (..., 3) of stability axes in body axes, e.g. (CX, CY, CZ) of (-CD, CY, -CL)
+    or (Cl, Cm, Cn).
+    """
     x, y, z = np.moveaxis(np.asarray(vector, float), -1, 0)
     c, s = np.cos(alpha), np.sin(alpha)
     return np.stack(np.broadcast_arrays(x * c - z * s, y, x * s + z * c), axis=-1)
@@ -83,7 +103,9 @@ def to_stability(vector: ArrayLike, alpha: ArrayLike) -> np.ndarray:
 
 
 def lift_drag(CX: ArrayLike, CZ: ArrayLike, alpha: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-    """Return lift and drag coefficient of the body-axis force coefficients CX (forward) and CZ (down)."""
+    """Return lift and drag coefficient of the body-axis force coefficients CX (forward) and CZ
+    (down).
+    """
     CX, CZ, c, s = np.asarray(CX, float), np.asarray(CZ, float), np.cos(alpha), np.sin(alpha)
     return CX * s - CZ * c, -CX * c - CZ * s
 
@@ -113,7 +135,9 @@ def rate_derivatives_to_body(derivatives: ArrayLike, alpha: ArrayLike) -> np.nda
     return T @ np.asarray(derivatives, float) @ np.swapaxes(T, -1, -2)
 
 
-def transfer_moment(moment: ArrayLike, force: ArrayLike, old: ArrayLike, new: ArrayLike) -> np.ndarray:
+def transfer_moment(
+    moment: ArrayLike, force: ArrayLike, old: ArrayLike, new: ArrayLike
+) -> np.ndarray:
     """Return the moment (..., 3) about the point `new` of a force and a moment about `old`.
 
     Parameters
@@ -134,8 +158,11 @@ def transfer_moment(moment: ArrayLike, force: ArrayLike, old: ArrayLike, new: Ar
     return np.asarray(moment, float) + np.cross(arm, np.asarray(force, float))
 
 
-def acceleration_at(acceleration: ArrayLike, rate: ArrayLike, rate_dot: ArrayLike, position: ArrayLike) -> np.ndarray:
-    """Return the specific force (..., 3) that an accelerometer at `position` from the c.g. shows. [m s-2]
+def acceleration_at(
+    acceleration: ArrayLike, rate: ArrayLike, rate_dot: ArrayLike, position: ArrayLike
+) -> np.ndarray:
+    """Return the specific force (..., 3) that an accelerometer at `position` from the c.g. shows.
+    [m s-2]
 
     Parameters
     ----------
@@ -151,9 +178,17 @@ def acceleration_at(acceleration: ArrayLike, rate: ArrayLike, rate_dot: ArrayLik
     .. [Klein2006] eq. (10.5).
     """
     w, arm = np.asarray(rate, float), np.asarray(position, float)
-    return np.asarray(acceleration, float) + np.cross(np.asarray(rate_dot, float), arm) + np.cross(w, np.cross(w, arm))
+    return (
+        np.asarray(acceleration, float)
+        + np.cross(np.asarray(rate_dot, float), arm)
+        + np.cross(w, np.cross(w, arm))
+    )
 
 
 def velocity_at(velocity: ArrayLike, rate: ArrayLike, position: ArrayLike) -> np.ndarray:
-    """Return the air-relative velocity (..., 3) at `position` [m] from the c.g., as vanes and probes feel it. [m s-1]"""
-    return np.asarray(velocity, float) + np.cross(np.asarray(rate, float), np.asarray(position, float))
+    """Return the air-relative velocity (..., 3) at `position` [m] from the c.g., as vanes and
+    probes feel it. [m s-1]
+    """
+    return np.asarray(velocity, float) + np.cross(
+        np.asarray(rate, float), np.asarray(position, float)
+    )

@@ -1,9 +1,11 @@
 """Which coefficients of a model depend on which, and the order in which they are evaluated.
 
-A term may have coefficients among its variables: the drag polar ``CD0 + k CL^2`` is a term of ``CD`` with the regressors ``CL CL``, a
-measured polar a table of ``CD`` over ``CL``.  They are those of the same instant: all terms of ``CL`` are summed first, then those of
-``CD``.  A *level* is the number of such steps: 0 for a coefficient whose terms depend on none, else one more than the highest of those
-that they depend on.  Coefficients that depend on each other in a loop have no order and are refused with the path of the loop.
+A term may have coefficients among its variables: the drag polar ``CD0 + k CL^2`` is a term of
+``CD`` with the regressors ``CL CL``, a measured polar a table of ``CD`` over ``CL``.  They are
+those of the same instant: all terms of ``CL`` are summed first, then those of ``CD``.  A *level* is
+the number of such steps: 0 for a coefficient whose terms depend on none, else one more than the
+highest of those that they depend on.  Coefficients that depend on each other in a loop have no
+order and are refused with the path of the loop.
 """
 
 from __future__ import annotations
@@ -19,11 +21,19 @@ if TYPE_CHECKING:
 
 _MOMENTS = ("Cl", "Cm", "Cn")
 FORCES = {"stability": ("CL", "CD", "CY"), "wind": ("CL", "CD", "CY"), "body": ("CX", "CY", "CZ")}
-COEFFICIENTS = ("CL", "CD", "CY", *_MOMENTS, "CX", "CZ")  # that a term may depend on, as far as its model has them
+COEFFICIENTS = (
+    "CL",
+    "CD",
+    "CY",
+    *_MOMENTS,
+    "CX",
+    "CZ",
+)  # that a term may depend on, as far as its model has them
 
 
 def made_of(force_axes: str) -> dict[str, tuple[str, ...]]:
-    """Return the coefficients that terms of a model may depend on, and those of the model that each is made of.
+    """Return the coefficients that terms of a model may depend on, and those of the model that each
+    is made of.
 
     Examples
     --------
@@ -40,7 +50,9 @@ def used(leaf: xr.Dataset) -> set[str]:
 
 
 def needed(leaf: xr.Dataset, force_axes: str) -> set[str]:
-    """Return the coefficients of the model whose terms have to be summed before a term is evaluated."""
+    """Return the coefficients of the model whose terms have to be summed before a term is
+    evaluated.
+    """
     known = made_of(force_axes)
     return {part for name in used(leaf) for part in known.get(name, ())}
 
@@ -76,7 +88,9 @@ def levels(leaves: Mapping[str, xr.Dataset], force_axes: str) -> tuple[dict[str,
     loop = next((found for name in own if (found := _loop(graph, [name]))), [])
     if loop:
         terms = ", ".join(dict.fromkeys(graph[after][before] for before, after in pairwise(loop)))
-        problems.append(f"{' -> '.join(loop)} (terms {terms}): a coefficient cannot depend on itself; take one of these terms out")
+        problems.append(
+            f"{' -> '.join(loop)} (terms {terms}): a coefficient cannot depend on itself; take one of these terms out"
+        )
     if problems:
         return own, problems
     return {name: _level(graph, name) for name in own}, []
@@ -88,7 +102,9 @@ def level(leaf: xr.Dataset, of: Mapping[str, int], force_axes: str) -> int:
 
 
 def _loop(graph: Mapping[str, Mapping[str, str]], path: list[str]) -> list[str]:
-    """Return a loop back to the first coefficient of a path, from what is needed to what needs it; empty when there is none."""
+    """Return a loop back to the first coefficient of a path, from what is needed to what needs it;
+    empty when there is none.
+    """
     for part in graph.get(path[-1], {}):
         if part == path[0]:
             return [part, *reversed(path)]

@@ -1,7 +1,7 @@
 """The exceptions of the package and its warning.
 
-Every text states what came, what is allowed and what to do.  A failed match, a poor fit or a term at its bound is a
-result and never an exception.
+Every text states what came, what is allowed and what to do.  A failed match, a poor fit or a term
+at its bound is a result and never an exception.
 """
 
 from __future__ import annotations
@@ -14,11 +14,15 @@ class AeromatchError(Exception):
     """Root of all errors that a user's input can cause; the command line turns it into exit code 2."""
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Return what another process makes the same error of; an exception is else made anew of its text alone."""
+        """Return what another process makes the same error of; an exception is else made anew of
+        its text alone.
+        """
         return _as_raised, (type(self), self.args, self.__dict__)
 
 
-def _as_raised(kind: type[AeromatchError], texts: tuple[Any, ...], state: dict[str, Any]) -> AeromatchError:
+def _as_raised(
+    kind: type[AeromatchError], texts: tuple[Any, ...], state: dict[str, Any]
+) -> AeromatchError:
     error = kind.__new__(kind, *texts)
     error.__dict__.update(state)
     return error
@@ -97,12 +101,15 @@ _SYMBOL = {name: symbol for symbol, names in _SYNONYMS.items() for name in names
 
 
 def synonym(name: str) -> str | None:
-    """Return the symbol of this package for another name of the field, such as ``cbar`` for ``mean chord``; None where none is known."""
+    """Return the symbol of this package for another name of the field, such as ``cbar`` for ``mean
+    chord``; None where none is known.
+    """
     return _SYMBOL.get("".join(letter for letter in name.lower() if letter.isalnum()))
 
 
 def near_names(name: str, allowed: Iterable[str], count: int = 4, cutoff: float = 0.5) -> list[str]:
-    """Return the names a user may have meant: another name of the field for one of `allowed`, else those spelt alike.
+    """Return the names a user may have meant: another name of the field for one of `allowed`, else
+    those spelt alike.
 
     Parameters
     ----------
@@ -117,7 +124,11 @@ def near_names(name: str, allowed: Iterable[str], count: int = 4, cutoff: float 
     allowed = list(allowed)
     head, dot, tail = name.rpartition(".")
     meant = f"{head}{dot}{synonym(tail)}"
-    return [meant] if meant in allowed else get_close_matches(name, dict.fromkeys(allowed), n=count, cutoff=cutoff)
+    return (
+        [meant]
+        if meant in allowed
+        else get_close_matches(name, dict.fromkeys(allowed), n=count, cutoff=cutoff)
+    )
 
 
 class UnitError(AeromatchError):
@@ -128,7 +139,9 @@ _MOST_SHOWN = 200  # problems in the text of an error; nobody reads more
 
 
 class SchemaError(AeromatchError):
-    """An object breaks its schema; ``problems`` holds every fault found, not only the first; the text the first 200."""
+    """An object breaks its schema; ``problems`` holds every fault found, not only the first; the
+    text the first 200.
+    """
 
     def __init__(self, what: str, problems: Sequence[str]):
         self.what, self.problems = what, list(problems)
@@ -148,7 +161,9 @@ class OutOfRange(AeromatchError):
 
 
 class IdentificationError(AeromatchError):
-    """An estimate cannot be made: too few data, no excitation or a rank defect; the text names the combination."""
+    """An estimate cannot be made: too few data, no excitation or a rank defect; the text names the
+    combination.
+    """
 
 
 class SimulationError(AeromatchError):

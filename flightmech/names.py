@@ -1,7 +1,8 @@
-"""The vocabulary: every quantity's name, unit, positive sense and description, once for the whole product.
+"""The vocabulary: every quantity's name, unit, positive sense and description, once for the whole
+product.
 
-Names are the field's symbols in ASCII.  Angles are in radians.  ``S-119`` names are those of AIAA S-119 where one was
-found.  Quantities that exist once per engine take a prefix: ``engine1.thrust``.
+Names are the field's symbols in ASCII.  Angles are in radians.  ``S-119`` names are those of AIAA
+S-119 where one was found.  Quantities that exist once per engine take a prefix: ``engine1.thrust``.
 """
 
 from __future__ import annotations
@@ -13,7 +14,9 @@ from flightmech.errors import UnknownName
 
 
 class Quantity(NamedTuple):
-    """One row of the vocabulary: name, SI unit, sign, description, AIAA S-119 name, unit for people to read."""
+    """One row of the vocabulary: name, SI unit, sign, description, AIAA S-119 name, unit for people
+    to read.
+    """
 
     name: str
     units: str
@@ -228,12 +231,14 @@ _ROWS = [
 
 VOCABULARY: dict[str, Quantity] = {row[0]: Quantity(*row) for row in _ROWS}
 COEFFICIENTS = ("CL", "CD", "CY", "Cl", "Cm", "Cn")
-ITEM = re.compile(r"^(engine[1-9]\d*|gear\.\w+|joint\.\w+|device\.\w+|column|wheel|pedal)\.")  # what quantities of a submodel begin with
+ITEM = re.compile(
+    r"^(engine[1-9]\d*|gear\.\w+|joint\.\w+|device\.\w+|column|wheel|pedal)\."
+)  # what quantities of a submodel begin with
 
 
 def lookup(name: str) -> Quantity:
-    """Return the vocabulary row of `name`; ``engine2.thrust`` gives the row of ``thrust``, ``gear.nose.compression`` that of
-    ``compression``, ``joint.wing.angle`` that of ``angle``.
+    """Return the vocabulary row of `name`; ``engine2.thrust`` gives the row of ``thrust``,
+    ``gear.nose.compression`` that of ``compression``, ``joint.wing.angle`` that of ``angle``.
 
     Raises
     ------

@@ -4,14 +4,16 @@ A term's contribution to its coefficient is
 
     K1(...) * K2(...) * value(axes) * v1 * v2                       [LR743] eq. (1)-(11)
 
-with `value` a table (of 0 to 4 axes), `K1` and `K2` optional tables over axes that `value` does not have, and `v1`,
-`v2` the optional regressors, model variables such as ``qhat`` or ``delta_e``.  Tables are multilinear between
-breakpoints, so a contribution is *linear in the node values*: `basis` returns that linear map, and simulation,
-regression and comparison all rest on it.  A term may carry a power of one more variable as a factor,
+with `value` a table (of 0 to 4 axes), `K1` and `K2` optional tables over axes that `value` does not
+have, and `v1`, `v2` the optional regressors, model variables such as ``qhat`` or ``delta_e``.
+Tables are multilinear between breakpoints, so a contribution is *linear in the node values*:
+`basis` returns that linear map, and simulation, regression and comparison all rest on it.  A term
+may carry a power of one more variable as a factor,
 
     max(v, floor) ** exponent                                       [LR743] eq. (13) and (14): h^s
 
-which is where a contribution is not linear: the exponent is a parameter of its own, the nodes stay linear.
+which is where a contribution is not linear: the exponent is a parameter of its own, the nodes stay
+linear.
 
 A leaf is a plain ``xarray.Dataset``:
 
@@ -23,9 +25,10 @@ A leaf is a plain ``xarray.Dataset``:
 `POSTERIOR`     optional: the joint covariance of the nodes after a flight (`aerodb.update.posterior`)
 ==============  ====================================================================================
 
-Attributes: ``regressors`` (names), ``outside`` (``hold`` or ``linear``: what the simulation does beyond the last
-breakpoint), ``references``, ``history``, ``comment``; of the power factor ``power`` (the variable) and the numbers
-``exponent`` (-10 to 10) and ``floor`` (positive, in the unit of the variable).
+Attributes: ``regressors`` (names), ``outside`` (``hold`` or ``linear``: what the simulation does
+beyond the last breakpoint), ``references``, ``history``, ``comment``; of the power factor ``power``
+(the variable) and the numbers ``exponent`` (-10 to 10) and ``floor`` (positive, in the unit of the
+variable).
 """
 
 from __future__ import annotations
@@ -46,8 +49,16 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
 SOURCES = ("datcom", "flight", "judgement")
-SOURCE_ATTRS = {"flag_values": " ".join(str(code) for code, _ in enumerate(SOURCES)), "flag_meanings": " ".join(SOURCES)}
-POSTERIOR = ("prior_error", "flown_distance", "posterior_factor", "posterior_sign")  # all or none of them
+SOURCE_ATTRS = {
+    "flag_values": " ".join(str(code) for code, _ in enumerate(SOURCES)),
+    "flag_meanings": " ".join(SOURCES),
+}
+POSTERIOR = (
+    "prior_error",
+    "flown_distance",
+    "posterior_factor",
+    "posterior_sign",
+)  # all or none of them
 MAX_AXES = 4
 MAX_REGRESSORS = 2
 MAX_EXPONENT = 10
@@ -62,14 +73,18 @@ class _Marked(Protocol):
 
 
 class Power(NamedTuple):
-    """The factor max(variable, floor) ** exponent of a term; `floor` is positive, in the unit of the variable."""
+    """The factor max(variable, floor) ** exponent of a term; `floor` is positive, in the unit of
+    the variable.
+    """
 
     variable: str
     exponent: float
     floor: float
 
     def at(self, v) -> np.ndarray:
-        """Return the factor at values of the variable. [unit of the variable to the power `exponent`]"""
+        """Return the factor at values of the variable. [unit of the variable to the power
+        `exponent`]
+        """
         return np.maximum(np.asarray(v, float), self.floor) ** self.exponent
 
     def __str__(self) -> str:
@@ -128,13 +143,20 @@ def make(
         if table is not None:
             leaf[name] = table
     if stderr is not None:
-        leaf["stderr"] = leaf["value"].dims, np.broadcast_to(np.asarray(stderr, float), array.shape).copy()
+        leaf["stderr"] = (
+            leaf["value"].dims,
+            np.broadcast_to(np.asarray(stderr, float), array.shape).copy(),
+        )
     if source is not None:
         leaf["source"] = leaf["value"].dims, np.full(array.shape, SOURCES.index(source), np.uint8)
         leaf["source"].attrs = dict(SOURCE_ATTRS)
     leaf.attrs = {"regressors": " ".join(regressors), "outside": outside, **text}
     if power is not None:
-        leaf.attrs |= {"power": power.variable, "exponent": float(power.exponent), "floor": float(power.floor)}
+        leaf.attrs |= {
+            "power": power.variable,
+            "exponent": float(power.exponent),
+            "floor": float(power.floor),
+        }
     problems = check(leaf)
     if problems:
         raise SchemaError("term", problems)
@@ -150,11 +172,14 @@ def power(leaf: _Marked) -> Power | None:
     """Return the power factor of a leaf, or None."""
     if not leaf.attrs.get("power"):
         return None
-    return Power(str(leaf.attrs["power"]), float(leaf.attrs["exponent"]), float(leaf.attrs["floor"]))
+    return Power(
+        str(leaf.attrs["power"]), float(leaf.attrs["exponent"]), float(leaf.attrs["floor"])
+    )
 
 
 def multipliers(leaf: xr.Dataset) -> tuple[str, ...]:
-    """Return what multiplies the tables of a leaf, as texts and sorted: tables are comparable when these are equal.
+    """Return what multiplies the tables of a leaf, as texts and sorted: tables are comparable when
+    these are equal.
 
     Examples
     --------
@@ -167,7 +192,9 @@ def multipliers(leaf: xr.Dataset) -> tuple[str, ...]:
 
 def bare(leaf: xr.Dataset) -> xr.Dataset:
     """Return a leaf without regressors and power factor: its tables alone."""
-    attributes = {key: item for key, item in leaf.attrs.items() if key not in ("power", "exponent", "floor")}
+    attributes = {
+        key: item for key, item in leaf.attrs.items() if key not in ("power", "exponent", "floor")
+    }
     found = leaf.copy(deep=False)
     found.attrs = {**attributes, "regressors": ""}
     return found
@@ -176,7 +203,9 @@ def bare(leaf: xr.Dataset) -> xr.Dataset:
 def check(leaf: xr.Dataset) -> list[str]:
     """Return every fault of a leaf as a text; an empty list means it is sound."""
     if "value" not in leaf:
-        return [f"has no variable 'value' (found: {', '.join(map(str, leaf.data_vars)) or 'nothing'})"]
+        return [
+            f"has no variable 'value' (found: {', '.join(map(str, leaf.data_vars)) or 'nothing'})"
+        ]
     problems = []
     seen: dict[str, str] = {}
     for name in _TABLES:
@@ -187,20 +216,26 @@ def check(leaf: xr.Dataset) -> list[str]:
             problems.append(f"{name} has {table.ndim} axes; at most {MAX_AXES} are allowed")
         for axis in map(str, table.dims):
             if axis in seen:
-                problems.append(f"{name} and {seen[axis]} share the axis {axis}; merge them into one table")
+                problems.append(
+                    f"{name} and {seen[axis]} share the axis {axis}; merge them into one table"
+                )
             seen[axis] = name
             problems += _check_axis(leaf, axis)
         if not _numeric(table):
             problems.append(f"{name} holds {table.dtype}; numbers are needed")
         elif bad := int((~np.isfinite(table.values.astype(float))).sum()):
-            problems.append(f"{name} holds {bad} NaN or infinite nodes of {table.size}; trim or fill the table first")
+            problems.append(
+                f"{name} holds {bad} NaN or infinite nodes of {table.size}; trim or fill the table first"
+            )
     for name in ("stderr", "source"):
         if name in leaf:
             problems += _check_companion(leaf, name)
     problems += _check_posterior(leaf)
     names = regressors(leaf)
     if len(names) > MAX_REGRESSORS:
-        problems.append(f"has {len(names)} regressors ({' '.join(names)}); at most {MAX_REGRESSORS} are allowed")
+        problems.append(
+            f"has {len(names)} regressors ({' '.join(names)}); at most {MAX_REGRESSORS} are allowed"
+        )
     for name in names:
         problems += _unknown(name, "regressor")
     problems += _check_power(leaf.attrs)
@@ -208,7 +243,9 @@ def check(leaf: xr.Dataset) -> list[str]:
         problems.append(f"attribute outside is {leaf.attrs['outside']!r}; allowed: hold, linear")
     for key, item in leaf.attrs.items():
         if isinstance(item, bool) or not isinstance(item, str | _NUMBER):
-            problems.append(f"attribute {key} is a {type(item).__name__}; only text and numbers survive in a file")
+            problems.append(
+                f"attribute {key} is a {type(item).__name__}; only text and numbers survive in a file"
+            )
     return problems
 
 
@@ -239,18 +276,26 @@ def _check_posterior(leaf: xr.Dataset) -> list[str]:
         return []
     missing = [name for name in (*POSTERIOR, "stderr") if name not in leaf]
     if missing:
-        return [f"has {held[0]} and no {', '.join(missing)}; the covariance of the nodes needs all of {', '.join(POSTERIOR)}"]
+        return [
+            f"has {held[0]} and no {', '.join(missing)}; the covariance of the nodes needs all of {', '.join(POSTERIOR)}"
+        ]
     problems = []
     dims = leaf["value"].dims
-    for name, wanted in zip(POSTERIOR, (("kind", *dims), dims, ("component", *dims), ("component",)), strict=True):
+    for name, wanted in zip(
+        POSTERIOR, (("kind", *dims), dims, ("component", *dims), ("component",)), strict=True
+    ):
         if leaf[name].dims != wanted:
             problems.append(f"{name} has dimensions {leaf[name].dims}, {wanted} are needed")
         elif not _numeric(leaf[name]) or not np.isfinite(leaf[name].values).all():
             problems.append(f"{name} holds NaN, infinite values or no numbers")
     if leaf.sizes.get("kind", 2) != 2:
-        problems.append(f"prior_error has {leaf.sizes['kind']} parts; there are 2, the proportional and the constant one")
+        problems.append(
+            f"prior_error has {leaf.sizes['kind']} parts; there are 2, the proportional and the constant one"
+        )
     if not isinstance(leaf["posterior_factor"].attrs.get("origin"), str):
-        problems.append("posterior_factor has no attribute origin; it names the tables with which this one is jointly distributed")
+        problems.append(
+            "posterior_factor has no attribute origin; it names the tables with which this one is jointly distributed"
+        )
     return problems
 
 
@@ -259,15 +304,27 @@ def _check_power(attributes: Mapping[Any, Any]) -> list[str]:
     parts = {key: attributes[key] for key in ("exponent", "floor") if key in attributes}
     variable = attributes.get("power", "")
     if not variable:
-        return [f"attribute {' and '.join(parts)} without power: name the variable in the attribute power"] if parts else []
+        return (
+            [
+                f"attribute {' and '.join(parts)} without power: name the variable in the attribute power"
+            ]
+            if parts
+            else []
+        )
     problems = _unknown(str(variable), "power")
     for key in ("exponent", "floor"):
         if not isinstance(parts.get(key), _NUMBER) or not math.isfinite(parts[key]):
-            problems.append(f"power {variable}: attribute {key} is {parts.get(key)!r}; a finite number is needed")
+            problems.append(
+                f"power {variable}: attribute {key} is {parts.get(key)!r}; a finite number is needed"
+            )
         elif key == "exponent" and abs(parts[key]) > MAX_EXPONENT:
-            problems.append(f"power {variable}: attribute exponent is {parts[key]:g}; allowed: {-MAX_EXPONENT} to {MAX_EXPONENT}")
+            problems.append(
+                f"power {variable}: attribute exponent is {parts[key]:g}; allowed: {-MAX_EXPONENT} to {MAX_EXPONENT}"
+            )
         elif key == "floor" and parts[key] <= 0:
-            problems.append(f"power {variable}: attribute floor is {parts[key]:g}; it must be positive, so that the power is finite")
+            problems.append(
+                f"power {variable}: attribute floor is {parts[key]:g}; it must be positive, so that the power is finite"
+            )
     return problems
 
 
@@ -287,19 +344,25 @@ def _check_axis(leaf: xr.Dataset, axis: str) -> list[str]:
         problems.append(f"axis {axis} has no breakpoints")
     elif (np.diff(points) <= 0).any():
         at = int(np.flatnonzero(np.diff(points) <= 0)[0])
-        problems.append(f"axis {axis} does not rise: {points[at]:g} is followed by {points[at + 1]:g}")
+        problems.append(
+            f"axis {axis} does not rise: {points[at]:g} is followed by {points[at + 1]:g}"
+        )
     return problems
 
 
 def _check_units(axis: str, given: Any) -> list[str]:
-    """Return the fault of a units attribute that contradicts the vocabulary; without one the breakpoints count as SI."""
+    """Return the fault of a units attribute that contradicts the vocabulary; without one the
+    breakpoints count as SI.
+    """
     needed = lookup(axis).units
     try:
         if given is None or parse(str(given)) == parse(needed):
             return []
     except UnitError:
         pass
-    return [f"axis {axis} is given in {str(given)!r}, a term holds {needed!r}: convert the breakpoints and set their attribute units"]
+    return [
+        f"axis {axis} is given in {str(given)!r}, a term holds {needed!r}: convert the breakpoints and set their attribute units"
+    ]
 
 
 def _unknown(name: str, what: str) -> list[str]:
@@ -311,13 +374,20 @@ def _unknown(name: str, what: str) -> list[str]:
 
 
 def variables(leaf: xr.Dataset) -> set[str]:
-    """Return the names of all model variables a leaf needs: axes of all its tables, regressors, variable of the power."""
+    """Return the names of all model variables a leaf needs: axes of all its tables, regressors,
+    variable of the power.
+    """
     axes = {str(d) for name in _TABLES if name in leaf for d in leaf.variables[name].dims}
     factor = power(leaf)
     return axes | set(regressors(leaf)) | (set() if factor is None else {factor.variable})
 
 
-def evaluate(leaf: xr.Dataset, conditions: Mapping[str, Any], outside: str = "raise", places: dict[Any, Place] | None = None) -> np.ndarray:
+def evaluate(
+    leaf: xr.Dataset,
+    conditions: Mapping[str, Any],
+    outside: str = "raise",
+    places: dict[Any, Place] | None = None,
+) -> np.ndarray:
     """Return the contribution of a term at given conditions.
 
     Parameters
@@ -325,12 +395,13 @@ def evaluate(leaf: xr.Dataset, conditions: Mapping[str, Any], outside: str = "ra
     leaf : Dataset
         The term.
     conditions : mapping of str to array
-        Model variables by name, broadcast against each other; a Dataset of a manoeuvre will do. [SI]
+        Model variables by name, broadcast against each other; a Dataset of a manoeuvre will do.
+        [SI]
     outside : {"raise", "clamp"}
         What to do beyond the table: raise, or follow the leaf's own rule as the simulation does.
     places : dict, optional
-        Empty at first and passed with every term evaluated at the same conditions: where these lie between breakpoints is then
-        found once for all tables that share them.
+        Empty at first and passed with every term evaluated at the same conditions: where these lie
+        between breakpoints is then found once for all tables that share them.
 
     Returns
     -------
@@ -350,7 +421,9 @@ def evaluate(leaf: xr.Dataset, conditions: Mapping[str, Any], outside: str = "ra
     found = np.ones(())
     for name in _TABLES:
         if name in leaf:
-            found = found * _interpolated(leaf, name, conditions, outside, {} if places is None else places)
+            found = found * _interpolated(
+                leaf, name, conditions, outside, {} if places is None else places
+            )
     for name in regressors(leaf):
         found = found * np.asarray(_get(name, conditions), float)
     factor = power(leaf)
@@ -370,15 +443,20 @@ def basis(leaf: xr.Dataset, conditions: Mapping[str, Any], outside: str = "raise
     Returns
     -------
     sparse array (samples, nodes)
-        ``basis @ value.ravel()`` is the contribution; factors ``K1``, ``K2``, regressors and power are inside.
+        ``basis @ value.ravel()`` is the contribution; factors ``K1``, ``K2``, regressors and power
+        are inside.
     """
     from scipy.sparse import csr_array
 
     shape = _shape(leaf, conditions)
-    columns, weights = _corners(leaf["value"], conditions, shape, outside, leaf.attrs.get("outside", "hold"))
+    columns, weights = _corners(
+        leaf["value"], conditions, shape, outside, leaf.attrs.get("outside", "hold")
+    )
     for name in ("K1", "K2"):
         if name in leaf:
-            at, share = _corners(leaf[name], conditions, shape, outside, leaf.attrs.get("outside", "hold"))
+            at, share = _corners(
+                leaf[name], conditions, shape, outside, leaf.attrs.get("outside", "hold")
+            )
             weights = weights * (share * leaf[name].values.ravel()[at]).sum(axis=1)[:, None]
     for name in regressors(leaf):
         weights = weights * _values(name, conditions, shape)[:, None]
@@ -386,25 +464,38 @@ def basis(leaf: xr.Dataset, conditions: Mapping[str, Any], outside: str = "raise
     if factor is not None:
         weights = weights * factor.at(_values(factor.variable, conditions, shape))[:, None]
     rows = np.repeat(np.arange(len(columns)), columns.shape[1])
-    return csr_array((weights.ravel(), (rows, columns.ravel())), shape=(len(columns), leaf["value"].size))
+    return csr_array(
+        (weights.ravel(), (rows, columns.ravel())), shape=(len(columns), leaf["value"].size)
+    )
 
 
 def _shape(leaf: xr.Dataset, conditions: Mapping[str, Any]) -> tuple[int, ...]:
-    return np.broadcast_shapes(*(np.shape(_get(name, conditions)) for name in sorted(variables(leaf))), ())
+    return np.broadcast_shapes(
+        *(np.shape(_get(name, conditions)) for name in sorted(variables(leaf))), ()
+    )
 
 
 def _get(name: str, conditions: Mapping[str, Any]):
     if name not in conditions:
-        raise UnknownName(name, map(str, conditions), "condition", "the term needs it; pass it with the conditions")
+        raise UnknownName(
+            name,
+            map(str, conditions),
+            "condition",
+            "the term needs it; pass it with the conditions",
+        )
     item = conditions[name]
-    return item.values if hasattr(item, "dims") else item  # of a DataArray or a variable of a Dataset
+    return (
+        item.values if hasattr(item, "dims") else item
+    )  # of a DataArray or a variable of a Dataset
 
 
 def _values(name: str, conditions: Mapping[str, Any], shape: tuple[int, ...]) -> np.ndarray:
     return np.broadcast_to(np.asarray(_get(name, conditions), float), shape).ravel()
 
 
-def _corners(table: xr.DataArray, conditions, shape: tuple[int, ...], outside: str, rule: str) -> tuple[np.ndarray, np.ndarray]:
+def _corners(
+    table: xr.DataArray, conditions, shape: tuple[int, ...], outside: str, rule: str
+) -> tuple[np.ndarray, np.ndarray]:
     """Return flat node indices and weights (samples, 2**axes) of multilinear interpolation."""
     _demand_choice(outside)
     count = int(np.prod(shape))
@@ -416,13 +507,17 @@ def _corners(table: xr.DataArray, conditions, shape: tuple[int, ...], outside: s
             demand_inside(axis, points, x)
         low, fraction = place(points, x, rule)
         step = int(len(points) > 1)
-        columns = (columns * len(points))[:, :, None] + np.stack([low, low + step], axis=1)[:, None, :]
+        columns = (columns * len(points))[:, :, None] + np.stack([low, low + step], axis=1)[
+            :, None, :
+        ]
         weights = weights[:, :, None] * np.stack([1.0 - fraction, fraction], axis=1)[:, None, :]
         columns, weights = columns.reshape(count, -1), weights.reshape(count, -1)
     return columns, weights
 
 
-def _interpolated(leaf: xr.Dataset, name: str, conditions, outside: str, places: dict[Any, Place]) -> np.ndarray:
+def _interpolated(
+    leaf: xr.Dataset, name: str, conditions, outside: str, places: dict[Any, Place]
+) -> np.ndarray:
     """Return one table at conditions, in the broadcast shape of its own axes."""
     _demand_choice(outside)
     table = leaf.variables[name]
@@ -449,7 +544,10 @@ def _interpolated(leaf: xr.Dataset, name: str, conditions, outside: str, places:
             varying.append((low, fraction))
     if not varying:
         return np.full(shape, nodes)
-    spread = [(np.broadcast_to(low, shape).ravel(), np.broadcast_to(fraction, shape).ravel()) for low, fraction in varying]
+    spread = [
+        (np.broadcast_to(low, shape).ravel(), np.broadcast_to(fraction, shape).ravel())
+        for low, fraction in varying
+    ]
     return multilinear(nodes, spread).reshape(shape)
 
 

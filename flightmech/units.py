@@ -1,7 +1,7 @@
 """Exact unit factors and their parser: SI inside, other units at the edges only.
 
-Every factor is the definition (foot 0.3048 m, nautical mile 1852 m, pound 0.45359237 kg, standard gravity
-9.80665 m/s2), never a rounded conversion.
+Every factor is the definition (foot 0.3048 m, nautical mile 1852 m, pound 0.45359237 kg, standard
+gravity 9.80665 m/s2), never a rounded conversion.
 """
 
 from __future__ import annotations
@@ -24,7 +24,8 @@ SLUG = POUND_FORCE / FOOT
 DEGREE = math.pi / 180.0
 MERCURY = 13595.1 * G0  # Pa in a metre of mercury at 0 degC
 
-# unit: (dimension as powers of m, kg, s, K; angles and fractions count as pure numbers), factor to SI, offset
+# unit: (dimension as powers of m, kg, s, K; angles and fractions count as pure numbers), factor to
+# SI, offset
 _BASE: dict[str, tuple[tuple[int, int, int, int], float]] = {
     "1": ((0, 0, 0, 0), 1.0),
     "%": ((0, 0, 0, 0), 0.01),
@@ -87,7 +88,17 @@ _SPELT = {
     "unitless": "1", "dimensionless": "1", "nondim": "1", "ratio": "1", "fraction": "1", "bool": "1", "boolean": "1", "mach": "1",
 }  # fmt: skip
 # the same, where the letter case decides or blanks, dots and hyphens stand between
-_CASED = {"Nm": "N m", "NM": "nmi", "G": "g", "M": "m", "S": "s", "C": "degC", "F": "degF", "µs": "us", "μs": "us"}
+_CASED = {
+    "Nm": "N m",
+    "NM": "nmi",
+    "G": "g",
+    "M": "m",
+    "S": "s",
+    "C": "degC",
+    "F": "degF",
+    "µs": "us",
+    "μs": "us",
+}
 _WHOLE = {
     **{f"deg{letter}": f"deg{letter.upper()}" for letter in "cfr"},
     **dict.fromkeys(("inhg", "inchhg", "incheshg", "inchesofmercury"), "inHg"),
@@ -161,7 +172,8 @@ def _known_word(word: str) -> str | None:
 
 
 def fitted_unit(text: str, expected: str) -> str:
-    """Return a unit as `known_unit` does; a pound is one of force for a force or its moment, and one of mass for a mass or its moment.
+    """Return a unit as `known_unit` does; a pound is one of force for a force or its moment, and
+    one of mass for a mass or its moment.
 
     Parameters
     ----------
@@ -184,7 +196,8 @@ def fitted_unit(text: str, expected: str) -> str:
 
 @cache
 def parse(unit: str) -> tuple[tuple[int, int, int, int], float, float]:
-    """Return dimension, factor and offset of a unit text such as ``"deg/s"``, ``"kg m2"`` or ``"m s-1"``.
+    """Return dimension, factor and offset of a unit text such as ``"deg/s"``, ``"kg m2"`` or ``"m
+    s-1"``.
 
     Returns
     -------
@@ -209,9 +222,13 @@ def parse(unit: str) -> tuple[tuple[int, int, int, int], float, float]:
             if name not in _BASE:
                 near = _near(word)
                 known = f"known are {', '.join(sorted(_BASE))} and products, powers and quotients of them"
-                raise UnitError(f"unknown unit {unit!r}; " + (f"near it: {near}" if near else known))
+                raise UnitError(
+                    f"unknown unit {unit!r}; " + (f"near it: {near}" if near else known)
+                )
             if name in _OFFSET:
-                raise UnitError(f"unit {unit!r}: {name} has an offset and cannot stand in a product; use K")
+                raise UnitError(
+                    f"unit {unit!r}: {name} has an offset and cannot stand in a product; use K"
+                )
             if i:
                 power = -power
             dimension = [d + power * e for d, e in zip(dimension, _BASE[name][0], strict=True)]
@@ -249,7 +266,9 @@ def to_si(value, unit: str, expected: str | None = None):
     """
     dimension, factor, offset = parse(unit)
     if expected is not None and dimension != parse(expected)[0]:
-        raise UnitError(f"unit {unit!r} cannot be converted to {expected!r}; give a unit of the same quantity")
+        raise UnitError(
+            f"unit {unit!r} cannot be converted to {expected!r}; give a unit of the same quantity"
+        )
     return value * factor + offset
 
 
@@ -280,10 +299,14 @@ def quantity(text: str | float | int, expected: str) -> float:
     3.0
     """
     if isinstance(text, bool):
-        raise UnitError(f"found {text!r}; expected a number in {expected} or a text with a unit such as '1.5 {expected}'")
+        raise UnitError(
+            f"found {text!r}; expected a number in {expected} or a text with a unit such as '1.5 {expected}'"
+        )
     if isinstance(text, int | float):
         return float(text)
     match = _QUANTITY.match(text) if isinstance(text, str) else None
     if not match or not match.group(2):
-        raise UnitError(f"found {text!r}; expected a number and a unit such as '1.5 {expected}', or a bare number in {expected}")
+        raise UnitError(
+            f"found {text!r}; expected a number and a unit such as '1.5 {expected}', or a bare number in {expected}"
+        )
     return float(to_si(float(match.group(1)), match.group(2), expected))

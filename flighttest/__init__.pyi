@@ -55,7 +55,9 @@ from .submodels import engine as engine
 from .submodels import ground_effect as ground_effect
 from .submodels import landing_gear as landing_gear
 from .submodels.actuators.identification import identify_actuator as identify_actuator
-from .submodels.control_loading.identification import identify_control_loading as identify_control_loading
+from .submodels.control_loading.identification import (
+    identify_control_loading as identify_control_loading,
+)
 from .submodels.engine.result import identify_engine as identify_engine
 from .submodels.ground_effect.identification import identify_ground_effect as identify_ground_effect
 from .submodels.landing_gear.identification import identify_landing_gear as identify_landing_gear

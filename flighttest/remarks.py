@@ -1,4 +1,6 @@
-"""One thing that a reader of estimates must know, as data: what kind, of which term, how large, beyond which threshold."""
+"""One thing that a reader of estimates must know, as data: what kind, of which term, how large,
+beyond which threshold.
+"""
 
 from __future__ import annotations
 
@@ -18,8 +20,8 @@ class Remark:
     Attributes
     ----------
     kind : str
-        ``no excitation``, ``not significant``, ``sign``, ``unexplained``, ``spike``, ``collinear``, ``offset``, ``disturbance``,
-        ``prior``, ``scatter``, ``bound``, ``convergence`` ...
+        ``no excitation``, ``not significant``, ``sign``, ``unexplained``, ``spike``, ``collinear``,
+        ``offset``, ``disturbance``, ``prior``, ``scatter``, ``bound``, ``convergence`` ...
     text : str
         What was found, with numbers, and what to do.
     term : str
@@ -55,7 +57,9 @@ def barred(remarks: Iterable[Remark]) -> bool:
 
 
 def lines(remarks: Iterable[Remark]) -> list[str]:
-    """Return the remarks as lines of a report: ``!!`` where a figure must not be used, ``!`` otherwise."""
+    """Return the remarks as lines of a report: ``!!`` where a figure must not be used, ``!``
+    otherwise.
+    """
     return [f"{'!!' if remark.severity == 'error' else '!'} {remark.text}" for remark in remarks]
 
 

@@ -1,4 +1,6 @@
-"""Proof of Match: replay recorded inputs through simulation models and judge them against the flight."""
+"""Proof of Match: replay recorded inputs through simulation models and judge them against the
+flight.
+"""
 
 from flightmech.support.imports import attach_stub
 

@@ -1,4 +1,6 @@
-"""The outcome of one case: signals, tolerances, trim and verdicts of every model against one flight record."""
+"""The outcome of one case: signals, tolerances, trim and verdicts of every model against one flight
+record.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,9 @@ if TYPE_CHECKING:
 _COLOURS = ("tab:red", "tab:blue", "tab:green", "tab:orange", "tab:purple")
 
 
-def result_figure(title: str, signals: xr.Dataset, tolerance: xr.Dataset, channels: Sequence[str]) -> Figure:
+def result_figure(
+    title: str, signals: xr.Dataset, tolerance: xr.Dataset, channels: Sequence[str]
+) -> Figure:
     """Return the figure.
 
     Parameters
@@ -57,8 +61,21 @@ def result_figure(title: str, signals: xr.Dataset, tolerance: xr.Dataset, channe
     for ax, name in zip(axes, channels, strict=True):
         flight, unit = displayed(name, signals[name].sel(run="flight").values)
         if name in tolerance:
-            low, high = (displayed(name, signals[name].sel(run="flight").values + sign * tolerance[name].values)[0] for sign in (-1, 1))
-            ax.fill_between(time, low, high, where=np.isfinite(low), color="0.85", linewidth=0, label="tolerance")
+            low, high = (
+                displayed(
+                    name, signals[name].sel(run="flight").values + sign * tolerance[name].values
+                )[0]
+                for sign in (-1, 1)
+            )
+            ax.fill_between(
+                time,
+                low,
+                high,
+                where=np.isfinite(low),
+                color="0.85",
+                linewidth=0,
+                label="tolerance",
+            )
         ax.plot(time, flight, color="black", linewidth=1.2, label="flight")
         models = [str(run) for run in signals["run"].values if run != "flight"]
         for number, run in enumerate(models):
@@ -134,25 +151,30 @@ class PomResult:
     conditions : dict of str to float
         Initial conditions and configuration of the flight at the start of the window. [SI]
     signals : Dataset (run, time)
-        Every compared or shown channel; run ``flight`` first, then the models; NaN where a run has no such channel. [SI]
+        Every compared or shown channel; run ``flight`` first, then the models; NaN where a run has
+        no such channel. [SI]
     tolerance : Dataset (time)
-        Half width per channel with a time-history band; NaN outside the window of the criterion. [SI]
+        Half width per channel with a time-history band; NaN outside the window of the criterion.
+        [SI]
     inputs : Dataset (time)
         What drove the models. [SI]
     trim : DataFrame
-        Index ``quantity``, one column for flight and one per model: initial values, biases found (``trim.*``), residual
-        accelerations (``residual.*``). [SI]
+        Index ``quantity``, one column for flight and one per model: initial values, biases found
+        (``trim.*``), residual accelerations (``residual.*``). [SI]
     verdict : DataFrame
-        One row per criterion and model, columns `VERDICT_COLUMNS`.  Times in s on the clock of the record;
-        ``tolerance_text`` as printed, ``applied_text`` as applied (fraction, base, numbers), ``fraction`` the share of
-        the tolerance; ``width`` (smallest half width in the window, or the half width of the scalar), ``flight_value``
-        and ``model_value`` (of a measure that is one number, else NaN) and ``worst`` (signed, model minus flight) in
-        ``unit``, the unit of the table; ``worst_ratio`` = largest ``|difference| / half width``; ``inside`` = share of
-        samples inside; ``verdict`` one of `VERDICTS`; ``remarks`` a tuple of `RowRemark`.
+        One row per criterion and model, columns `VERDICT_COLUMNS`.  Times in s on the clock of the
+        record; ``tolerance_text`` as printed, ``applied_text`` as applied (fraction, base,
+        numbers), ``fraction`` the share of the tolerance; ``width`` (smallest half width in the
+        window, or the half width of the scalar), ``flight_value`` and ``model_value`` (of a measure
+        that is one number, else NaN) and ``worst`` (signed, model minus flight) in ``unit``, the
+        unit of the table; ``worst_ratio`` = largest ``|difference| / half width``; ``inside`` =
+        share of samples inside; ``verdict`` one of `VERDICTS`; ``remarks`` a tuple of `RowRemark`.
     failure : str
-        Which model crashed, hung or refused, and how; empty when all ran.  Its rows are ``invalid`` and carry the text.
+        Which model crashed, hung or refused, and how; empty when all ran.  Its rows are ``invalid``
+        and carry the text.
     samples : dict of str to Samples
-        By model: flights by draws from the posterior of its database and of the instruments (`pom.sampling`); empty without any.
+        By model: flights by draws from the posterior of its database and of the instruments
+        (`pom.sampling`); empty without any.
     """
 
     case: PomCase
@@ -167,7 +189,11 @@ class PomResult:
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what another process gets: the fields, and what was made `once`."""
-        return {name: self.__dict__[name] for name in (*(item.name for item in fields(self)), "_made") if name in self.__dict__}
+        return {
+            name: self.__dict__[name]
+            for name in (*(item.name for item in fields(self)), "_made")
+            if name in self.__dict__
+        }
 
     @property
     def runs(self) -> list[str]:
@@ -179,14 +205,18 @@ class PomResult:
         return tuple(str(run) for run in self.signals["run"].values if run != "flight")
 
     def once(self, make: Callable[[PomResult], _Made]) -> _Made:
-        """Return what a function makes of this result, made once: page, paper and numbers of a report need the same tables."""
+        """Return what a function makes of this result, made once: page, paper and numbers of a
+        report need the same tables.
+        """
         made: dict[Any, Any] = self.__dict__.setdefault("_made", {})
         if make not in made:
             made[make] = make(self)
         return made[make]
 
     def keep(self, make: Callable[[PomResult], _Made], made: _Made) -> None:
-        """Have `once` give what the function made of this very result before, such as in another process."""
+        """Have `once` give what the function made of this very result before, such as in another
+        process.
+        """
         self.__dict__.setdefault("_made", {})[make] = made
 
     @cached_property
@@ -196,32 +226,49 @@ class PomResult:
 
     def verdict_records(self) -> list[dict[str, Any]]:
         """Return the rows of `verdict` as plain data for files, every remark a mapping."""
-        return [{str(k): v for k, v in row.items()} | {"remarks": [r.as_dict() for r in row["remarks"]]} for row in self.rows]
+        return [
+            {str(k): v for k, v in row.items()} | {"remarks": [r.as_dict() for r in row["remarks"]]}
+            for row in self.rows
+        ]
 
     def groups(self, run: str) -> dict[str, str]:
         """Return the verdict of every group that applies: the best of its alternatives."""
-        return group_verdicts(self.case, {row["criterion"]: row["verdict"] for row in self.rows if row["run"] == run})
+        return group_verdicts(
+            self.case, {row["criterion"]: row["verdict"] for row in self.rows if row["run"] == run}
+        )
 
     def status(self, run: str) -> str:
         """Return one of `STATUSES`.
 
-        ``pass`` when every group has a passing alternative; ``limits_exceeded`` when it has, but the trim of the model is
-        beyond its limits and the case file does not state why that is allowed; ``record_error`` when it has, but the flight
-        record has an error (`pom.checking.with_record_checks`).  A group of advisory rows only (correct
-        trend) waits for an engineer's tick and does not count; a case without any passing group is never a pass.
+        ``pass`` when every group has a passing alternative; ``limits_exceeded`` when it has, but
+        the trim of the model is beyond its limits and the case file does not state why that is
+        allowed; ``record_error`` when it has, but the flight record has an error
+        (`pom.checking.with_record_checks`).  A group of advisory rows only (correct trend) waits
+        for an engineer's tick and does not count; a case without any passing group is never a pass.
         """
         mine = [row for row in self.rows if row["run"] == run]
-        return status_of(self.groups(run), any(map(exceeds, mine)), any(map(is_on_faulty_record, mine)))
+        return status_of(
+            self.groups(run), any(map(exceeds, mine)), any(map(is_on_faulty_record, mine))
+        )
 
     def passed(self, run: str) -> bool:
-        """Whether `run` passes the case: every group has a passing alternative, and the trim is within its limits."""
+        """Whether `run` passes the case: every group has a passing alternative, and the trim is
+        within its limits.
+        """
         return self.status(run) == "pass"
 
     def worst(self, run: str) -> Mapping[Hashable, Any] | None:
-        """Return the verdict row that decides: of the alternatives the best, of the groups the worst ratio."""
+        """Return the verdict row that decides: of the alternatives the best, of the groups the
+        worst ratio.
+        """
         best: dict[str, Mapping[Hashable, Any]] = {}
         for row in self.rows:
-            if row["run"] != run or row["verdict"] not in ("pass", "fail") or row["measure"] == "setup" or math.isnan(row["worst_ratio"]):
+            if (
+                row["run"] != run
+                or row["verdict"] not in ("pass", "fail")
+                or row["measure"] == "setup"
+                or math.isnan(row["worst_ratio"])
+            ):
                 continue
             best[row["group"]] = min(best.get(row["group"], row), row, key=_ratio)
         return max(best.values(), key=_ratio, default=None)
@@ -249,10 +296,17 @@ class PomResult:
         """Return the verdicts as a table for a notebook."""
         columns = ("run", "criterion", "tolerance_text", "worst", "unit", "worst_ratio", "verdict")
         statuses = [f"{run}: {self.status(run)}" for run in self.runs]
-        return html_table(f"{self.case.id} {self.case.title}", columns, ([row[name] for name in columns] for row in self.rows), statuses)
+        return html_table(
+            f"{self.case.id} {self.case.title}",
+            columns,
+            ([row[name] for name in columns] for row in self.rows),
+            statuses,
+        )
 
     def to_json(self) -> str:
-        """Return the whole result as one JSON document; NaN becomes null, samples keep nine significant digits."""
+        """Return the whole result as one JSON document; NaN becomes null, samples keep nine
+        significant digits.
+        """
         return json.dumps(plain(self._document()), ensure_ascii=False)
 
     def _document(self) -> dict[str, Any]:
@@ -266,14 +320,19 @@ class PomResult:
             "trim": split(self.trim),
             "verdict": self.verdict_records(),
             "failure": self.failure,
-            "samples": {run: {**found.document(), "fan": _dataset_to_dict(found.fan)} for run, found in self.samples.items()},
+            "samples": {
+                run: {**found.document(), "fan": _dataset_to_dict(found.fan)}
+                for run, found in self.samples.items()
+            },
         }
 
     @classmethod
     def from_json(cls, text: str) -> PomResult:
         """Rebuild a result from `to_json`."""
         item = json.loads(text)
-        trim = pd.DataFrame(item["trim"]["data"], item["trim"]["index"], item["trim"]["columns"], dtype=float)
+        trim = pd.DataFrame(
+            item["trim"]["data"], item["trim"]["index"], item["trim"]["columns"], dtype=float
+        )
         trim.index.name = "quantity"
         return cls(
             case=PomCase.from_dict(item["case"]),
@@ -284,19 +343,28 @@ class PomResult:
             trim=trim,
             verdict=verdict_table(item["verdict"]),
             failure=item["failure"],
-            samples={run: Samples.of_document(one, _dataset_from_dict(one["fan"])) for run, one in item.get("samples", {}).items()},
+            samples={
+                run: Samples.of_document(one, _dataset_from_dict(one["fan"]))
+                for run, one in item.get("samples", {}).items()
+            },
         )
 
 
 def records(table: pd.DataFrame) -> list[dict[Hashable, Any]]:
-    """Return the rows of a table of numbers, texts and remarks as ``to_dict("records")`` does, in a fifth of the time."""
+    """Return the rows of a table of numbers, texts and remarks as ``to_dict("records")`` does, in a
+    fifth of the time.
+    """
     columns = [table[name].tolist() for name in table.columns]
     return [dict(zip(table.columns, row, strict=True)) for row in zip(*columns, strict=True)]
 
 
 def split(table: pd.DataFrame) -> dict[str, Any]:
     """Return a table of numbers as ``to_dict("split")`` does."""
-    return {"index": table.index.tolist(), "columns": table.columns.tolist(), "data": table.to_numpy(float).tolist()}
+    return {
+        "index": table.index.tolist(),
+        "columns": table.columns.tolist(),
+        "data": table.to_numpy(float).tolist(),
+    }
 
 
 def _ratio(row: Mapping[Hashable, Any]) -> float:
@@ -309,18 +377,25 @@ _BEST = ("pass", "advisory", "fail", "not_tested", "invalid")
 def group_verdicts(case: PomCase, verdicts: Mapping[str, str]) -> dict[str, str]:
     """Return the verdict of every group of a case that applies, from the verdicts of its criteria.
 
-    A precondition that holds proves nothing and does not count; one that does not hold makes the case invalid.
+    A precondition that holds proves nothing and does not count; one that does not hold makes the
+    case invalid.
     """
     found: dict[str, str] = {}
     for criterion in case.criteria:
         verdict = verdicts.get(criterion.name)
         if criterion.applies and verdict and (criterion.measure, verdict) != ("setup", "pass"):
-            found[criterion.group] = min(found.get(criterion.group, verdict), verdict, key=_BEST.index)
+            found[criterion.group] = min(
+                found.get(criterion.group, verdict), verdict, key=_BEST.index
+            )
     return found
 
 
-def status_of(groups: Mapping[str, str], limits_exceeded: bool = False, record_error: bool = False) -> str:
-    """Return the status of a case from the verdicts of its groups, its trim and its record, as `PomResult.status`."""
+def status_of(
+    groups: Mapping[str, str], limits_exceeded: bool = False, record_error: bool = False
+) -> str:
+    """Return the status of a case from the verdicts of its groups, its trim and its record, as
+    `PomResult.status`.
+    """
     verdicts = set(groups.values())
     for verdict in ("invalid", "fail", "not_tested"):
         if verdict in verdicts:
@@ -337,12 +412,21 @@ _SIGNED = ("criterion", "run", "tolerance_text", "fraction", "verdict")
 
 
 def results_name(results: Sequence[PomResult]) -> str:
-    """Return a name for what is judged and found: the first digits of the SHA-256 of all verdicts with their ratios to six digits.
+    """Return a name for what is judged and found: the first digits of the SHA-256 of all verdicts
+    with their ratios to six digits.
 
-    Two reports with the same verdicts have the same name, whoever signs them; a signature may state which results it is for.
+    Two reports with the same verdicts have the same name, whoever signs them; a signature may state
+    which results it is for.
     """
     found = [
-        [result.case.name, result.failure, *([*(str(row[key]) for key in _SIGNED), f"{row['worst_ratio']:.6g}"] for row in result.rows)]
+        [
+            result.case.name,
+            result.failure,
+            *(
+                [*(str(row[key]) for key in _SIGNED), f"{row['worst_ratio']:.6g}"]
+                for row in result.rows
+            ),
+        ]
         for result in results
     ]
     return hashlib.sha256(json.dumps(found).encode()).hexdigest()[:_NAMED]
@@ -350,7 +434,9 @@ def results_name(results: Sequence[PomResult]) -> str:
 
 def status_text(status: str) -> str:
     """Return a status as a terminal prints it: whatever is no plain pass in capitals."""
-    return {"pass": "pass", "limits_exceeded": "LIMITS", "record_error": "RECORD"}.get(status, status.upper())
+    return {"pass": "pass", "limits_exceeded": "LIMITS", "record_error": "RECORD"}.get(
+        status, status.upper()
+    )
 
 
 def trim_remarks(result: PomResult, run: str) -> list[str]:
@@ -364,13 +450,19 @@ def record_remarks(result: PomResult, run: str) -> list[str]:
 
 
 def notices(result: PomResult, run: str) -> list[str]:
-    """Return what no criterion judges and a reader has to know of a run, each once: kinds `NOTICES` of its remarks."""
+    """Return what no criterion judges and a reader has to know of a run, each once: kinds `NOTICES`
+    of its remarks.
+    """
     return _texts(result, run, NOTICES)
 
 
 def _texts(result: PomResult, run: str, kinds: tuple[str, ...]) -> list[str]:
     rows = (row for row in result.rows if row["run"] == run)
-    return list(dict.fromkeys(remark.text for row in rows for remark in row["remarks"] if remark.kind in kinds))
+    return list(
+        dict.fromkeys(
+            remark.text for row in rows for remark in row["remarks"] if remark.kind in kinds
+        )
+    )
 
 
 def exceeds(row: Mapping[Hashable, Any]) -> bool:
@@ -384,11 +476,19 @@ def is_on_faulty_record(row: Mapping[Hashable, Any]) -> bool:
 
 
 def verdict_table(rows: list[dict[str, Any]]) -> pd.DataFrame:
-    """Return the verdict table of rows; numbers become float (missing: NaN), remarks `RowRemark`, all else text (missing: empty)."""
+    """Return the verdict table of rows; numbers become float (missing: NaN), remarks `RowRemark`,
+    all else text (missing: empty).
+    """
     worded = [column for column in VERDICT_COLUMNS if column not in (*NUMBERS, "remarks")]
-    texts = pd.Series([str(row.get(column, "")) for column in worded for row in rows], dtype=str).array  # of all columns in one go
-    columns: dict[str, Any] = {column: texts[k * len(rows) : (k + 1) * len(rows)] for k, column in enumerate(worded)}
-    columns |= {column: np.array([row.get(column, math.nan) for row in rows], float) for column in NUMBERS}
+    texts = pd.Series(
+        [str(row.get(column, "")) for column in worded for row in rows], dtype=str
+    ).array  # of all columns in one go
+    columns: dict[str, Any] = {
+        column: texts[k * len(rows) : (k + 1) * len(rows)] for k, column in enumerate(worded)
+    }
+    columns |= {
+        column: np.array([row.get(column, math.nan) for row in rows], float) for column in NUMBERS
+    }
     columns["remarks"] = pd.Series([row_remarks(row) for row in rows], dtype=object)
     return pd.DataFrame(columns, columns=list(VERDICT_COLUMNS))
 
@@ -401,7 +501,11 @@ def _dataset_to_dict(data: xr.Dataset) -> dict[str, Any]:
     return {
         "coords": {str(name): data[name].values.tolist() for name in data.coords},
         "variables": {
-            str(name): {"dims": list(map(str, item.dims)), "attrs": dict(item.attrs), "values": _rounded(item.values).tolist()}
+            str(name): {
+                "dims": list(map(str, item.dims)),
+                "attrs": dict(item.attrs),
+                "values": _rounded(item.values).tolist(),
+            }
             for name, item in data.data_vars.items()
         },
         "attrs": dict(data.attrs),
@@ -409,13 +513,20 @@ def _dataset_to_dict(data: xr.Dataset) -> dict[str, Any]:
 
 
 def _rounded(values: np.ndarray) -> np.ndarray:
-    """Return samples to nine significant digits: far beyond any sensor, and half the length of a double in full."""
+    """Return samples to nine significant digits: far beyond any sensor, and half the length of a
+    double in full.
+    """
     with np.errstate(divide="ignore", invalid="ignore"):
         digits = 8 - np.floor(np.log10(np.abs(values)))
     scale = 10.0 ** np.where(np.isfinite(digits), np.clip(digits, -300, 22), 0.0)
-    return np.rint(values * scale) / scale  # scale is an exact power of ten: the quotient is the double nearest to the decimal
+    return (
+        np.rint(values * scale) / scale
+    )  # scale is an exact power of ten: the quotient is the double nearest to the decimal
 
 
 def _dataset_from_dict(item: dict[str, Any]) -> xr.Dataset:
-    variables = {name: (v["dims"], np.array(v["values"], float), v["attrs"]) for name, v in item["variables"].items()}
+    variables = {
+        name: (v["dims"], np.array(v["values"], float), v["attrs"])
+        for name, v in item["variables"].items()
+    }
     return xr.Dataset(variables, coords=item["coords"], attrs=item["attrs"])

@@ -1,4 +1,6 @@
-"""What replays by draws of a model show: the probability that a case passes, the spread of its ratios, and which term's error makes it."""
+"""What replays by draws of a model show: the probability that a case passes, the spread of its
+ratios, and which term's error makes it.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,8 @@ QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
 
 @dataclass(frozen=True)
 class Samples:
-    """One model against the flights that draws of the aeroplane, from the posterior of its database and of the instruments, give in a case.
+    """One model against the flights that draws of the aeroplane, from the posterior of its database
+    and of the instruments, give in a case.
 
     Attributes
     ----------
@@ -29,13 +32,15 @@ class Samples:
     status : tuple of str
         Of every draw, one of `pom.result.STATUSES` (draw,).
     decides : array (draw,)
-        Ratio that decides: of the alternatives the best, of the groups the worst; NaN for a draw that could not be flown or judged. [1]
+        Ratio that decides: of the alternatives the best, of the groups the worst; NaN for a draw
+        that could not be flown or judged. [1]
     ratio : DataFrame (draw, criterion)
         Largest ratio of every criterion that is judged. [1]
     shares : DataFrame
-        ``criterion source share``: part of the variance of a criterion's signed ratio that the errors of a source make, the largest
-        first; a source is a term (``Cm/basic``) or an instrument (``mass``).  Negative where a source takes back what another, correlated
-        one makes.  What they lack to 1 is not linear in the errors.
+        ``criterion source share``: part of the variance of a criterion's signed ratio that the
+        errors of a source make, the largest first; a source is a term (``Cm/basic``) or an
+        instrument (``mass``).  Negative where a source takes back what another, correlated one
+        makes.  What they lack to 1 is not linear in the errors.
     fan : Dataset (quantile, time)
         Quantiles of the channels of the model over the draws. [SI]
     """
@@ -55,20 +60,30 @@ class Samples:
 
     @property
     def probability(self) -> float:
-        """Share of the draws that the model matches within tolerance; one that cannot be flown or judged is not."""
+        """Share of the draws that the model matches within tolerance; one that cannot be flown or
+        judged is not.
+        """
         return sum(status in WITHIN for status in self.status) / self.count
 
     @property
     def stderr(self) -> float:
-        """Standard error of the probability from the number of draws, by Agresti and Coull's interval: not zero at 0 and 1."""
+        """Standard error of the probability from the number of draws, by Agresti and Coull's
+        interval: not zero at 0 and 1.
+        """
         n, p = self.count + 4.0, (self.probability * self.count + 2.0) / (self.count + 4.0)
         return float(np.sqrt(p * (1.0 - p) / n))
 
     def spread(self, criterion: str = "") -> tuple[float, float, float]:
-        """Return the quantiles 5, 50 and 95 % of the ratio of a criterion, of the one that decides without a name; NaN without any."""
+        """Return the quantiles 5, 50 and 95 % of the ratio of a criterion, of the one that decides
+        without a name; NaN without any.
+        """
         values = self.ratio[criterion].to_numpy() if criterion else self.decides
         values = values[np.isfinite(values)]
-        low, middle, high = np.quantile(values, (QUANTILES[0], 0.5, QUANTILES[-1])) if len(values) else (np.nan,) * 3
+        low, middle, high = (
+            np.quantile(values, (QUANTILES[0], 0.5, QUANTILES[-1]))
+            if len(values)
+            else (np.nan,) * 3
+        )
         return float(low), float(middle), float(high)
 
     def passing(self, criterion: str) -> float:
@@ -78,7 +93,11 @@ class Samples:
     def dominant(self, criterion: str, most: int = 3) -> list[tuple[str, float]]:
         """Return the sources with the largest shares of a criterion: (source, share)."""
         rows = self.shares[self.shares["criterion"] == criterion]
-        return [(str(source), float(share)) for source, share in zip(rows["source"], rows["share"], strict=True) if share > 0.0][:most]
+        return [
+            (str(source), float(share))
+            for source, share in zip(rows["source"], rows["share"], strict=True)
+            if share > 0.0
+        ][:most]
 
     def numbers(self) -> dict[str, Any]:
         """Return what a report prints of the samples, as plain data."""
@@ -97,7 +116,13 @@ class Samples:
         low, middle, high = self.spread(criterion)
         rows = self.shares[self.shares["criterion"] == criterion]
         shares = dict(zip(map(str, rows["source"]), map(float, rows["share"]), strict=True))
-        return {"probability": self.passing(criterion), "q05": low, "q50": middle, "q95": high, "shares": shares}
+        return {
+            "probability": self.passing(criterion),
+            "q05": low,
+            "q50": middle,
+            "q95": high,
+            "shares": shares,
+        }
 
     def document(self) -> dict[str, Any]:
         """Return all but the fan as plain data, numbers in full."""

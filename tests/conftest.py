@@ -15,34 +15,63 @@ from hypothesis import settings
 ROOT = Path(__file__).parents[1]
 START = Path.cwd()
 sys.path.insert(0, str(ROOT / "tests"))  # for modules that tests of several packages share
-os.environ["AEROMATCH_STORE"] = "off"  # no test reads what another one, or the user, left; those of the store name their own
-EXAMPLES = int(os.environ.get("AEROMATCH_EXAMPLES", "30"))  # of a property; .ci/run tries 100, and tests that need more take multiples
-settings.register_profile("any load", deadline=None, max_examples=EXAMPLES)  # a busy machine is no fault of the code
+os.environ["AEROMATCH_STORE"] = (
+    "off"  # no test reads what another one, or the user, left; those of the store name their own
+)
+EXAMPLES = int(
+    os.environ.get("AEROMATCH_EXAMPLES", "30")
+)  # of a property; .ci/run tries 100, and tests that need more take multiples
+settings.register_profile(
+    "any load", deadline=None, max_examples=EXAMPLES
+)  # a busy machine is no fault of the code
 settings.load_profile("any load")
-# With the default of 700 new objects, looking through the modules and the collected tests takes 7 % of the processor time.
+# With the default of 700 new objects, looking through the modules and the collected tests takes 7 %
+# of the processor time.
 gc.set_threshold(50_000, 20, 20)
 CHROMIUM = shutil.which("chromium")
-PATIENCE = 300_000  # ms that a browser may take for what ends well; a busy machine is no fault of the page
+PATIENCE = (
+    300_000  # ms that a browser may take for what ends well; a busy machine is no fault of the page
+)
 HERE = ("http://127.0.0.1:", "file:", "data:", "blob:")
 
 
-# folders whose tests fit models to records: their estimates must not depend on the kernel of the linear algebra
-FITS = [f"tests/{place}/" for place in ("real", "aerodb/update", "flighttest/equation_error", "flighttest/maximum_likelihood")]
-FITS += [f"tests/flighttest/{name}/" for name in ("reconstruction", "combining", "separable", "model_structure", "uncertainty")]
-FITS += [f"tests/flighttest/{name}/" for name in ("engine", "ground_effect", "landing_gear", "multibody", "spin", "actuators")]
+# folders whose tests fit models to records: their estimates must not depend on the kernel of the
+# linear algebra
+FITS = [
+    f"tests/{place}/"
+    for place in (
+        "real",
+        "aerodb/update",
+        "flighttest/equation_error",
+        "flighttest/maximum_likelihood",
+    )
+]
+FITS += [
+    f"tests/flighttest/{name}/"
+    for name in ("reconstruction", "combining", "separable", "model_structure", "uncertainty")
+]
+FITS += [
+    f"tests/flighttest/{name}/"
+    for name in ("engine", "ground_effect", "landing_gear", "multibody", "spin", "actuators")
+]
 
 
 @pytest.hookimpl(tryfirst=True)  # before -m selects
 def pytest_collection_modifyitems(items):
-    """Mark what follows from the place of a test: its group of `--dist loadgroup`, by default its file, and the fits.
+    """Mark what follows from the place of a test: its group of `--dist loadgroup`, by default its
+    file, and the fits.
 
-    Each page of the documentation is a group.  The pages and the tests next to this file come first: they are the longest, and a process
-    that begins one of them last keeps the other waiting.
+    Each page of the documentation is a group.  The pages and the tests next to this file come
+    first: they are the longest, and a process that begins one of them last keeps the other waiting.
     """
-    items.sort(key=lambda item: (item.path.name != "test_docs.py", item.path.parent != ROOT / "tests"))
+    items.sort(
+        key=lambda item: (item.path.name != "test_docs.py", item.path.parent != ROOT / "tests")
+    )
     for item in items:
         if item.get_closest_marker("xdist_group") is None:
-            group = item.nodeid if item.path.name == "test_docs.py" else item.nodeid.partition("::")[0]
+            group = (
+                item.nodeid if item.path.name == "test_docs.py" else item.nodeid.partition("::")[0]
+            )
             item.add_marker(pytest.mark.xdist_group(group))
         if item.get_closest_marker("browser"):
             item.add_marker(pytest.mark.serial)
@@ -61,23 +90,30 @@ def pytest_runtest_setup(item):
 def chromium():
     """The browser; every test opens its own contexts in it.
 
-    A test never reads a state once that an action brings about: it waits for it with ``expect``, which repeats until it holds.
+    A test never reads a state once that an action brings about: it waits for it with ``expect``,
+    which repeats until it holds.
     """
     sync_api = pytest.importorskip("playwright.sync_api")
     sync_api.expect.set_options(timeout=PATIENCE)
     with sync_api.sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"], timeout=PATIENCE)
+        browser = driver.chromium.launch(
+            executable_path=CHROMIUM, args=["--no-sandbox"], timeout=PATIENCE
+        )
         yield browser
         browser.close()
 
 
 @pytest.fixture
 def new_page(chromium):
-    """Return a function that opens a page in a context of its own, as ``browser.new_page``, with patience."""
+    """Return a function that opens a page in a context of its own, as ``browser.new_page``, with
+    patience.
+    """
     contexts = []
 
     def make(**options):
-        contexts.append(chromium.new_context(**{"viewport": {"width": 1280, "height": 900}, **options}))
+        contexts.append(
+            chromium.new_context(**{"viewport": {"width": 1280, "height": 900}, **options})
+        )
         contexts[-1].set_default_timeout(PATIENCE)
         return contexts[-1].new_page()
 
@@ -115,11 +151,13 @@ def shared_folder(tmp_path_factory):
 def demo(shared_folder):
     """Return the folder of one demo run and the finished process; for tests marked slow only.
 
-    All test processes of one session share the run.  The first process makes it under a file lock, which takes about a minute.
-    Its stages are kept in ``store`` of the shared folder; the pages of the documentation take them from there.
+    All test processes of one session share the run.  The first process makes it under a file lock,
+    which takes about a minute. Its stages are kept in ``store`` of the shared folder; the pages of
+    the documentation take them from there.
     """
     shared = shared_folder
-    # as deep as its copies in test_docs: reports name inputs relatively, and the folders of a test process are one level deeper
+    # as deep as its copies in test_docs: reports name inputs relatively, and the folders of a test
+    # process are one level deeper
     levels = ("run", "fresh") if os.environ.get("PYTEST_XDIST_WORKER") else ("fresh",)
     folder = shared.joinpath("demo", *levels, "out", "t37")
     protocol = shared / "demo" / "run.json"
@@ -128,15 +166,30 @@ def demo(shared_folder):
             folder.parent.mkdir(parents=True)
             command = [sys.executable, "-m", "aeromatch", "demo", "--json", "-o", str(folder)]
             run = subprocess.run(
-                command, capture_output=True, text=True, timeout=1800, env={**os.environ, "AEROMATCH_STORE": str(shared / "store")}
+                command,
+                capture_output=True,
+                text=True,
+                timeout=1800,
+                env={**os.environ, "AEROMATCH_STORE": str(shared / "store")},
             )
-            protocol.write_text(json.dumps({"args": command, "returncode": run.returncode, "stdout": run.stdout, "stderr": run.stderr}))
+            protocol.write_text(
+                json.dumps(
+                    {
+                        "args": command,
+                        "returncode": run.returncode,
+                        "stdout": run.stdout,
+                        "stderr": run.stderr,
+                    }
+                )
+            )
     return folder, subprocess.CompletedProcess(**json.loads(protocol.read_text()))
 
 
 @pytest.fixture
 def mat_files_in_this_process(monkeypatch):
-    """Read MAT files without the child process that protects users from a crash of SciPy: it takes half a second a file."""
+    """Read MAT files without the child process that protects users from a crash of SciPy: it takes
+    half a second a file.
+    """
     from flightmech.support import mat_child
     from flightmech.support import mat_files as mat_file
 
@@ -145,7 +198,9 @@ def mat_files_in_this_process(monkeypatch):
 
 @pytest.hookimpl(hookwrapper=True)
 def pytest_runtest_teardown(item):
-    """Fail a test that leaves another working directory: later tests of its process would fail by chance."""
+    """Fail a test that leaves another working directory: later tests of its process would fail by
+    chance.
+    """
     yield
     if Path.cwd() != START:
         left = Path.cwd()
@@ -155,8 +210,14 @@ def pytest_runtest_teardown(item):
 
 @pytest.hookimpl(hookwrapper=True)
 def pytest_runtest_makereport(item):
-    """Give all tests of a folder that need absent material of ``../shared`` one reason, so that ``-rs`` prints one line a folder."""
+    """Give all tests of a folder that need absent material of ``../shared`` one reason, so that
+    ``-rs`` prints one line a folder.
+    """
     report = (yield).get_result()
     if report.skipped and isinstance(report.longrepr, tuple) and "../shared" in report.longrepr[2]:
         folder = ROOT.joinpath(*report.nodeid.partition("::")[0].split("/")[:2])
-        report.longrepr = str(folder), None, "Skipped: needs ../shared, material that is not part of the repository"
+        report.longrepr = (
+            str(folder),
+            None,
+            "Skipped: needs ../shared, material that is not part of the repository",
+        )

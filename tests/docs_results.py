@@ -1,7 +1,9 @@
-"""What the code blocks of the pages must result in: a check for every block whose output the page does not print.
+"""What the code blocks of the pages must result in: a check for every block whose output the page
+does not print.
 
-A check gets the folder in which the commands ran and what the block printed.  Keys of `CHECKS` are the page and the number of the
-block on it, from 0.  `tests/test_docs.py` calls the check behind the block; `tests/test_docs_results.py` demands one for every block.
+A check gets the folder in which the commands ran and what the block printed.  Keys of `CHECKS` are
+the page and the number of the block on it, from 0.  `tests/test_docs.py` calls the check behind the
+block; `tests/test_docs_results.py` demands one for every block.
 """
 
 from __future__ import annotations
@@ -25,21 +27,44 @@ ALIVE = 0.01  # change of a rate by 0.1 rad of a control that counts as an effec
 
 
 def effect(sim: flightmech.SimModel, control: str, rate: str) -> float:
-    """Return the largest change of a rate in 4 s by a step of -0.1 rad of a control, from level flight at 100 m/s. [rad/s]"""
+    """Return the largest change of a rate in 4 s by a step of -0.1 rad of a control, from level
+    flight at 100 m/s. [rad/s]
+    """
     time = np.arange(0.0, 4.0, 0.02)
     start = {"init.V": 100.0, "init.h": 1500.0}
     deflections = (np.zeros(time.size), np.where(time > 1.0, -0.1, 0.0))
-    still, moved = (flightmech.simulate(sim, xr.Dataset({control: ("time", d)}, {"time": time}), start)[rate].values for d in deflections)
+    still, moved = (
+        flightmech.simulate(sim, xr.Dataset({control: ("time", d)}, {"time": time}), start)[
+            rate
+        ].values
+        for d in deflections
+    )
     return float(np.abs(moved - still).max())
 
 
-def replayed_pitch_rate(sim: flightmech.SimModel, record: str, start: float, stop: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the pitch rate of a flight of the T-37, and that of a model that gets the recorded elevator from its trim on. [rad/s]"""
-    flight = flighttest.read(ROOT / "data" / "t37" / "flight" / f"{record}.nc", ROOT / "data" / "t37" / "names.toml")
+def replayed_pitch_rate(
+    sim: flightmech.SimModel, record: str, start: float, stop: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the pitch rate of a flight of the T-37, and that of a model that gets the recorded
+    elevator from its trim on. [rad/s]
+    """
+    flight = flighttest.read(
+        ROOT / "data" / "t37" / "flight" / f"{record}.nc", ROOT / "data" / "t37" / "names.toml"
+    )
     time = np.arange(start, stop, 0.02)
-    q, elevator = (np.interp(time, one["time"].values, one.values) for one in (flight["imu/q"], flight["controls/delta_e"]))
-    inputs = xr.Dataset({"delta_e": ("time", elevator - elevator[:_STEADY].mean())}, {"time": time - start})
-    begin = {"init.V": 100.0, "init.h": 1500.0, "mass.mass": 2110.0, "mass.z_cg_b": 0.2235}  # of the record
+    q, elevator = (
+        np.interp(time, one["time"].values, one.values)
+        for one in (flight["imu/q"], flight["controls/delta_e"])
+    )
+    inputs = xr.Dataset(
+        {"delta_e": ("time", elevator - elevator[:_STEADY].mean())}, {"time": time - start}
+    )
+    begin = {
+        "init.V": 100.0,
+        "init.h": 1500.0,
+        "mass.mass": 2110.0,
+        "mass.z_cg_b": 0.2235,
+    }  # of the record
     return q - q[:_STEADY].mean(), flightmech.simulate(sim, inputs, begin)["q"].values
 
 
@@ -47,13 +72,17 @@ def prior_of_own_aircraft(folder: Path, printed: str) -> None:
     terms = aerodb.terms(aerodb.open(folder / "prior.nc"))
     assert {"CL/basic", "CL/elevator", "Cm/elevator"} <= set(terms)
     assert "static_margin_fixed" in printed
-    sim = flightmech.compile(flightmech.read_aircraft(folder / "aircraft.toml"), aerodb.open(folder / "prior.nc"))
+    sim = flightmech.compile(
+        flightmech.read_aircraft(folder / "aircraft.toml"), aerodb.open(folder / "prior.nc")
+    )
     assert effect(sim, "delta_e", "q") > ALIVE
 
 
 def project_of_own_aircraft(folder: Path, printed: str) -> None:
     names = tomllib.loads((folder / "mine" / "names.toml").read_text(encoding="utf-8"))
-    assert "delta_e" in {channel for group in names.values() if isinstance(group, dict) for channel in group}
+    assert "delta_e" in {
+        channel for group in names.values() if isinstance(group, dict) for channel in group
+    }
     manoeuvres = (folder / "mine" / "manoeuvres.csv").read_text(encoding="utf-8")
     assert "elevator" in manoeuvres
 
@@ -64,7 +93,9 @@ def fmu_of_own_aircraft(folder: Path, printed: str) -> None:
 
 
 def control_law_database(folder: Path, printed: str) -> None:
-    sim = flightmech.compile(flightmech.read_aircraft(folder / "data/t37/aircraft.toml"), aerodb.open(folder / "t37.nc"))
+    sim = flightmech.compile(
+        flightmech.read_aircraft(folder / "data/t37/aircraft.toml"), aerodb.open(folder / "t37.nc")
+    )
     assert effect(sim, "delta_e", "q") > ALIVE
     assert effect(sim, "delta_a", "p") > ALIVE
 
@@ -90,7 +121,9 @@ def own_fmu(folder: Path, printed: str) -> None:
 
 def verdicts(report: Path) -> list[str]:
     """Return the status of the cases of a report with one model, in order."""
-    return [result.status(run) for result in pom.read_archive(report).results for run in result.runs]
+    return [
+        result.status(run) for result in pom.read_archive(report).results for run in result.runs
+    ]
 
 
 def contains(*words: str) -> Check:
@@ -117,7 +150,14 @@ def log_findings(folder: Path, printed: str) -> None:
     assert "<html" in (folder / "quality.html").read_text(encoding="utf-8")
     assert len((folder / "manoeuvres.csv").read_text(encoding="utf-8").splitlines()) > 1
     assert (folder / "manoeuvres.png").read_bytes().startswith(b"\x89PNG")
-    assert sum(variable.size for node in flighttest.read(folder / "flight.nc").subtree for variable in node.data_vars.values()) > 1000
+    assert (
+        sum(
+            variable.size
+            for node in flighttest.read(folder / "flight.nc").subtree
+            for variable in node.data_vars.values()
+        )
+        > 1000
+    )
 
 
 def log_path(folder: Path, printed: str) -> None:
@@ -128,15 +168,22 @@ def log_path(folder: Path, printed: str) -> None:
 
 
 def front_page(names: dict) -> None:
-    """The elevator of the model acts, and it answers the elevator doublet of another record as that flight does."""
+    """The elevator of the model acts, and it answers the elevator doublet of another record as that
+    flight does.
+    """
     terms = aerodb.terms(names["final"])
     for term in ("CL/elevator", "Cm/elevator", "CL/basic", "Cm/basic"):
-        assert not np.array_equal(terms[term]["value"].values, aerodb.terms(names["prior"])[term]["value"].values), f"{term} was not learnt"
-    before, after = (flightmech.compile(names["aircraft"], names[one]) for one in ("prior", "final"))
+        assert not np.array_equal(
+            terms[term]["value"].values, aerodb.terms(names["prior"])[term]["value"].values
+        ), f"{term} was not learnt"
+    before, after = (
+        flightmech.compile(names["aircraft"], names[one]) for one in ("prior", "final")
+    )
     assert effect(after, "delta_e", "q") > ALIVE
     flown, answer = replayed_pitch_rate(after, *DOUBLET)
     _, handbook = replayed_pitch_rate(before, *DOUBLET)
-    # rms of the difference over rms of the flight: 0.25 after, 2.2 before, whose pitch damping is a third of that of the aeroplane
+    # rms of the difference over rms of the flight: 0.25 after, 2.2 before, whose pitch damping is a
+    # third of that of the aeroplane
     size = np.sqrt(np.mean(flown**2))
     assert np.sqrt(np.mean((answer - flown) ** 2)) < 0.35 * size
     assert np.sqrt(np.mean((handbook - flown) ** 2)) > 1.5 * size

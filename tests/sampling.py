@@ -1,6 +1,7 @@
 """Samples of long parameter lists.
 
-``./run test`` runs the first few cases of a list, ``.ci/run`` a sample that holds each pair of properties, ``.ci/nightly`` all.
+``./run test`` runs the first few cases of a list, ``.ci/run`` a sample that holds each pair of
+properties, ``.ci/nightly`` all.
 """
 
 from __future__ import annotations
@@ -13,16 +14,21 @@ import pytest
 
 
 def sampled(
-    cases: Sequence[Any] | Mapping[str, Any], properties: Callable[[Any], Iterable[Hashable]], fast: int = 0, order: int = 2
+    cases: Sequence[Any] | Mapping[str, Any],
+    properties: Callable[[Any], Iterable[Hashable]],
+    fast: int = 0,
+    order: int = 2,
 ) -> list[Any]:
-    """Return the cases as parameters of pytest, marked ``slow`` and ``nightly`` by the run that they are for.
+    """Return the cases as parameters of pytest, marked ``slow`` and ``nightly`` by the run that
+    they are for.
 
     Parameters
     ----------
     cases : sequence or mapping
         Of a mapping its keys.
     properties : callable
-        Case -> what it has in common with others, such as the sensor, the kind of fault or the file format.
+        Case -> what it has in common with others, such as the sensor, the kind of fault or the file
+        format.
     fast : int
         Number of cases without a mark, from the first.
     order : int
@@ -42,7 +48,9 @@ def sampled(
 
 
 def _combinations(properties: Iterable[Hashable], order: int) -> set[frozenset[Hashable]]:
-    """Return the sets of `order` properties of a case, or of all where it has fewer; a case without properties is not sampled."""
+    """Return the sets of `order` properties of a case, or of all where it has fewer; a case without
+    properties is not sampled.
+    """
     unique = set(properties)
     if not unique:
         return set()
@@ -50,7 +58,9 @@ def _combinations(properties: Iterable[Hashable], order: int) -> set[frozenset[H
 
 
 def _cover(held: Sequence[set[frozenset[Hashable]]]) -> set[int]:
-    """Return places of cases that together hold all combinations: greedily, always the case that adds most, the first of several."""
+    """Return places of cases that together hold all combinations: greedily, always the case that
+    adds most, the first of several.
+    """
     missing = set().union(*held)
     sample: set[int] = set()
     while missing:

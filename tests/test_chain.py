@@ -1,4 +1,5 @@
-"""The order of the code: packages in one strict chain, folders in a declared order inside each package, no circle anywhere.
+"""The order of the code: packages in one strict chain, folders in a declared order inside each
+package, no circle anywhere.
 
 Every import counts: at the top of a module, inside a function, and for type checking only.
 """
@@ -98,15 +99,23 @@ def module_name(file: Path, root: Path = ROOT) -> str:
 
 
 def modules(root: Path = ROOT) -> dict[str, Path]:
-    return {module_name(file, root): file for package in CHAIN for file in sorted((root / package).rglob("*.py"))}
+    return {
+        module_name(file, root): file
+        for package in CHAIN
+        for file in sorted((root / package).rglob("*.py"))
+    }
 
 
 def imported(file: Path, known: dict[str, Path], root: Path = ROOT) -> set[str]:
-    """Return the modules that a file imports, wherever the import stands; names that leave their package by dots begin with one."""
+    """Return the modules that a file imports, wherever the import stands; names that leave their
+    package by dots begin with one.
+    """
     own = module_name(file, root)
     package = own.split(".") if file.name == "__init__.py" else own.split(".")[:-1]
     found = set()
-    stub = file.with_suffix(".pyi")  # the public names of a package, which its __init__.py loads when they are used
+    stub = file.with_suffix(
+        ".pyi"
+    )  # the public names of a package, which its __init__.py loads when they are used
     texts = [part.read_text(encoding="utf-8") for part in (file, stub) if part.is_file()]
     for node in (node for text in texts for node in ast.walk(ast.parse(text))):
         if isinstance(node, ast.Import):
@@ -115,7 +124,12 @@ def imported(file: Path, known: dict[str, Path], root: Path = ROOT) -> set[str]:
             if node.level > len(package):
                 found.add("." * node.level)
                 continue
-            base = ".".join([*(package[: len(package) - node.level + 1] if node.level else []), *filter(None, [node.module])])
+            base = ".".join(
+                [
+                    *(package[: len(package) - node.level + 1] if node.level else []),
+                    *filter(None, [node.module]),
+                ]
+            )
             found |= {nearest(f"{base}.{alias.name}", known) for alias in node.names}
     return found - {"", own}
 
@@ -148,7 +162,9 @@ def test_package_imports_only_what_stands_to_its_left(graph, package):
     right = CHAIN[CHAIN.index(package) + 1 :]
     for name, others in graph.items():
         if name.split(".")[0] == package:
-            wrong = {other for other in others if other.startswith(".") or other.split(".")[0] in right}
+            wrong = {
+                other for other in others if other.startswith(".") or other.split(".")[0] in right
+            }
             assert not wrong, f"{name} imports {sorted(wrong)}"
 
 
@@ -156,11 +172,18 @@ def test_package_imports_only_what_stands_to_its_left(graph, package):
 def test_folders_import_only_those_before_them(graph, package):
     order = ORDER[package]
     places = {name.split(".")[1] for name in graph if name.startswith(f"{package}.")}
-    assert places == set(order), "declare new folders and loose modules in ORDER, delete those that went"
+    assert places == set(order), (
+        "declare new folders and loose modules in ORDER, delete those that went"
+    )
     for name, others in graph.items():
         if name.startswith(f"{package}."):
             place = order.index(name.split(".")[1])
-            wrong = {x for x in others if x == package or (x.startswith(f"{package}.") and order.index(x.split(".")[1]) > place)}
+            wrong = {
+                x
+                for x in others
+                if x == package
+                or (x.startswith(f"{package}.") and order.index(x.split(".")[1]) > place)
+            }
             assert not wrong, f"{name} imports {sorted(wrong)}"
 
 
@@ -183,7 +206,9 @@ def test_no_circle_of_folders(graph):
 def test_folders_are_small():
     for folder in {file.parent for file in modules().values()}:
         count = sum(file.name != "__init__.py" for file in folder.glob("*.py"))
-        assert count <= MOST_MODULES, f"{folder.relative_to(ROOT)} holds {count} modules; make a folder for one of its subjects"
+        assert count <= MOST_MODULES, (
+            f"{folder.relative_to(ROOT)} holds {count} modules; make a folder for one of its subjects"
+        )
         assert (folder / "__init__.py").is_file(), f"{folder.relative_to(ROOT)} has no __init__.py"
 
 
@@ -195,7 +220,13 @@ def test_the_page_of_folders_is_up_to_date():
 
 
 def test_every_kind_of_import_is_seen(tmp_path):
-    for name in ("pom/__init__.py", "pom/case.py", "pom/rows.py", "aeromatch/__init__.py", "aeromatch/cli.py"):
+    for name in (
+        "pom/__init__.py",
+        "pom/case.py",
+        "pom/rows.py",
+        "aeromatch/__init__.py",
+        "aeromatch/cli.py",
+    ):
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text("", encoding="utf-8")
     file = tmp_path / "pom" / "wrong.py"

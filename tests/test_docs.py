@@ -1,13 +1,16 @@
-"""Every example command of the documentation runs, as printed, from a fresh folder; every name that an example of Python uses exists.
+"""Every example command of the documentation runs, as printed, from a fresh folder; every name that
+an example of Python uses exists.
 
-What a page may rely on is stated in its first paragraph set in italics, which begins with "Commands": *a checkout* puts
-``data``, ``docs``, ``examples`` and ``tests`` of the repository into the folder, *./run demo* the output of the demo as ``out/t37``,
-``../shared`` the material next to a checkout, ``log.ulg`` a log of an autopilot, written here.
+What a page may rely on is stated in its first paragraph set in italics, which begins with
+"Commands": *a checkout* puts ``data``, ``docs``, ``examples`` and ``tests`` of the repository into
+the folder, *./run demo* the output of the demo as ``out/t37``, ``../shared`` the material next to a
+checkout, ``log.ulg`` a log of an autopilot, written here.
 
-Blocks of language ``console`` hold commands after ``$`` and what they print, ``sh`` commands only. Output must come in the order
-printed; a line ``...`` stands for any number of lines, and ``...`` at the end of a line for its rest. A block with ``title="name"`` is
-written as that file first. A comment ``exit code 1`` behind a command states how it ends. ``<!-- slow -->`` before a block leaves it, and
-what follows on the page, to the slow tests.
+Blocks of language ``console`` hold commands after ``$`` and what they print, ``sh`` commands only.
+Output must come in the order printed; a line ``...`` stands for any number of lines, and ``...`` at
+the end of a line for its rest. A block with ``title="name"`` is written as that file first. A
+comment ``exit code 1`` behind a command states how it ends. ``<!-- slow -->`` before a block leaves
+it, and what follows on the page, to the slow tests.
 """
 
 from __future__ import annotations
@@ -62,7 +65,9 @@ FENCE = re.compile(
 )
 NEEDS = re.compile(r"^\*(Commands [^*]+)\*$", re.M)
 NUMBER = re.compile(r"(?P<number>[+-]?\d+(?:\.(?P<digits>\d+))?)(?P<tail>[^\d]*)")
-PRECISION = 0.02  # identified models, and all that they fly, move in the third digit from one processor and one BLAS to another
+# identified models, and all that they fly, move in the third digit from one processor and one BLAS
+# to another
+PRECISION = 0.02
 EXPANDED = set("*?|<>&;$`")  # a line with one of these goes to a shell
 
 
@@ -76,10 +81,16 @@ class Block:
     slow: bool  # it, or a block before it, is marked slow
 
     def commands(self) -> list[tuple[str, list[str]]]:
-        """Return every command with the lines that it prints; a backslash at the end of a line joins the next."""
+        """Return every command with the lines that it prints; a backslash at the end of a line
+        joins the next.
+        """
         text = self.text.replace("\\\n", " ")
         if self.language == "sh":
-            return [(line, []) for line in text.splitlines() if line.strip() and not line.startswith("#")]
+            return [
+                (line, [])
+                for line in text.splitlines()
+                if line.strip() and not line.startswith("#")
+            ]
         found: list[tuple[str, list[str]]] = []
         for line in text.splitlines():
             if line.startswith("$ "):
@@ -117,7 +128,10 @@ def name(page: Path) -> str:
 def has_commands(page: Path, slow: bool) -> bool:
     """Return whether the page has blocks of commands for the fast, or for the slow tests."""
     runs = [
-        block for block in blocks(page) if block.language in ("console", "sh") and any(not reason_not_run(c) for c, _ in block.commands())
+        block
+        for block in blocks(page)
+        if block.language in ("console", "sh")
+        and any(not reason_not_run(c) for c, _ in block.commands())
     ]
     late = "./run demo" in needs(page)
     return any((block.slow or late) == slow for block in runs)
@@ -132,15 +146,27 @@ class Reader:
         monkeypatch.chdir(folder)
         tools = folder.parent / "bin"
         tools.mkdir()
-        (tools / "aeromatch").write_text(f"#!{sys.executable}\nfrom aeromatch.cli import main\nmain()\n")
+        (tools / "aeromatch").write_text(
+            f"#!{sys.executable}\nfrom aeromatch.cli import main\nmain()\n"
+        )
         (tools / "aeromatch").chmod(0o755)
-        monkeypatch.setenv("PATH", f"{tools}{os.pathsep}{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
+        monkeypatch.setenv(
+            "PATH",
+            f"{tools}{os.pathsep}{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
+        )
         monkeypatch.setenv("PYTHONPATH", str(ROOT))
 
     def call(self, command: str) -> tuple[int, str]:
         """Run one line; return its exit code and all that it printed."""
         if not command.startswith("aeromatch ") or EXPANDED & set(command):
-            done = subprocess.run(command, shell=True, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=3000)
+            done = subprocess.run(
+                command,
+                shell=True,
+                text=True,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                timeout=3000,
+            )
             return done.returncode, done.stdout
         self.monkeypatch.setattr(sys, "argv", shlex.split(command, comments=True))
         with warnings.catch_warnings():
@@ -173,12 +199,16 @@ class Reader:
         code, output = self.call(command)
         assert code == exit_code(command, printed), f"{place}: exit code {code}\n{output}"
         missing = unlike(printed, output.splitlines())
-        assert missing is None, f"{place}: does not print, where the page has it: {missing!r}\n{output}"
+        assert missing is None, (
+            f"{place}: does not print, where the page has it: {missing!r}\n{output}"
+        )
         return output
 
 
 def exit_code(command: str, printed: list[str]) -> int:
-    """Return the exit code that a page states in a comment, or that belongs to what it shows: 2 for bad input, 1 for a check that fails."""
+    """Return the exit code that a page states in a comment, or that belongs to what it shows: 2 for
+    bad input, 1 for a check that fails.
+    """
     stated = re.search(r"# exit code (\d)", command)
     if stated:
         return int(stated[1])
@@ -194,7 +224,9 @@ def unlike(printed: list[str], output: list[str]) -> str | None:
         if line.strip() == "...":
             anywhere = True
             continue
-        places = range(at, len(output)) if anywhere or not at else range(at, min(at + 1, len(output)))
+        places = (
+            range(at, len(output)) if anywhere or not at else range(at, min(at + 1, len(output)))
+        )
         hit = next((i for i in places if same(line, output[i])), None)
         if hit is None:
             return line
@@ -203,7 +235,9 @@ def unlike(printed: list[str], output: list[str]) -> str | None:
 
 
 def same(line: str, printed: str) -> bool:
-    """Return whether a line of a page stands for a printed one: spaces do not count, and numbers only to `PRECISION`."""
+    """Return whether a line of a page stands for a printed one: spaces do not count, and numbers
+    only to `PRECISION`.
+    """
     a, b = line.split(), printed.split()
     if a[-1:] == ["..."]:
         a, b = a[:-1], b[: len(a) - 1]
@@ -217,7 +251,9 @@ def same_word(a: str, b: str) -> bool:
     x, y = (NUMBER.fullmatch(word) for word in (a, b))
     if x is None or y is None or x["tail"] != y["tail"]:
         return False
-    return abs(float(x["number"]) - float(y["number"])) <= max(PRECISION * abs(float(x["number"])), 2.0 * 10.0 ** -len(x["digits"] or ""))
+    return abs(float(x["number"]) - float(y["number"])) <= max(
+        PRECISION * abs(float(x["number"])), 2.0 * 10.0 ** -len(x["digits"] or "")
+    )
 
 
 @pytest.fixture
@@ -242,27 +278,48 @@ def provide(page: Path, folder: Path) -> None:
         px4_flight.write(folder / "log.ulg")
 
 
-@pytest.mark.parametrize("page", [page for page in PAGES if has_commands(page, slow=False)], ids=name)
+@pytest.mark.parametrize(
+    "page", [page for page in PAGES if has_commands(page, slow=False)], ids=name
+)
 def test_inexpensive_commands_run(page, reader):
     provide(page, reader.folder)
     reader.follow(page, slow=False)
 
 
 def verbs_of(page: Path) -> set[str]:
-    """Return the verbs and the programs that the commands of a page use; a page for newcomers has its own name among them."""
-    commands = [command for block in blocks(page) if block.language in ("console", "sh") for command, _ in block.commands()]
+    """Return the verbs and the programs that the commands of a page use; a page for newcomers has
+    its own name among them.
+    """
+    commands = [
+        command
+        for block in blocks(page)
+        if block.language in ("console", "sh")
+        for command, _ in block.commands()
+    ]
     verbs = set()
     for words in (command.split() for command in commands if not reason_not_run(command)):
-        verb = [word for word in words[1:3] if re.fullmatch(r"[a-z-]+", word)] if words[0] == "aeromatch" else words[1:2]
+        verb = (
+            [word for word in words[1:3] if re.fullmatch(r"[a-z-]+", word)]
+            if words[0] == "aeromatch"
+            else words[1:2]
+        )
         verbs.add(" ".join([words[0], *verb]))
     if page.name in NIGHTLY_PAGES:
         return set()
-    for_newcomers = page.parent.name == "how-to" or page.name in ("README.md", "index.md", "tutorial.md")
+    for_newcomers = page.parent.name == "how-to" or page.name in (
+        "README.md",
+        "index.md",
+        "tutorial.md",
+    )
     return verbs | ({name(page)} if for_newcomers else set())
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("page", sampled([page for page in PAGES if has_commands(page, slow=True)], verbs_of, order=1), ids=name)
+@pytest.mark.parametrize(
+    "page",
+    sampled([page for page in PAGES if has_commands(page, slow=True)], verbs_of, order=1),
+    ids=name,
+)
 def test_all_commands_run(page, reader, request):
     provide(page, reader.folder)
     if "./run demo" in needs(page):
@@ -276,9 +333,13 @@ def test_blocks_are_marked_and_every_exception_is_used():
     everything = ""
     for page in PAGES:
         text = page.read_text(encoding="utf-8")
-        assert len(re.findall(r"^ *```", text, re.M)) == 2 * len(blocks(page)), f"{name(page)}: a fence that is not read: language, title"
+        assert len(re.findall(r"^ *```", text, re.M)) == 2 * len(blocks(page)), (
+            f"{name(page)}: a fence that is not read: language, title"
+        )
         for block in blocks(page):
-            assert block.language in LANGUAGES, f"{name(page)}: language {block.language!r}; allowed are {sorted(LANGUAGES)}"
+            assert block.language in LANGUAGES, (
+                f"{name(page)}: language {block.language!r}; allowed are {sorted(LANGUAGES)}"
+            )
             if block.language in ("console", "sh"):
                 everything += block.text
             else:
@@ -291,7 +352,9 @@ def test_blocks_are_marked_and_every_exception_is_used():
 
 def test_the_citation_names_the_version():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    assert f"\nversion: {project['version']}\n" in (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert f"\nversion: {project['version']}\n" in (ROOT / "CITATION.cff").read_text(
+        encoding="utf-8"
+    )
 
 
 def spans(page: Path) -> list[str]:
@@ -308,12 +371,16 @@ def test_commands_in_running_text_exist(page):
         words = shlex.split(span.replace("[", "").replace("]", ""))[1:]
         command: click.Command = cli
         with click.Context(cli) as context:
-            while isinstance(command, click.Group) and words and re.fullmatch(r"[a-z|-]+", words[0]):
+            while (
+                isinstance(command, click.Group) and words and re.fullmatch(r"[a-z|-]+", words[0])
+            ):
                 names = words.pop(0).split("|")
                 members = {each: command.get_command(context, each) for each in names}
                 assert None not in members.values(), f"{name(page)}: {span}: no command {names}"
                 command = members[names[-1]]
-        known = {text for option in command.params for text in (*option.opts, *option.secondary_opts)} | {"--help", "--json"}
+        known = {
+            text for option in command.params for text in (*option.opts, *option.secondary_opts)
+        } | {"--help", "--json"}
         if not isinstance(command, click.Group):
             unknown = [word for word in words if re.match(r"--?[a-z]", word) and word not in known]
             assert unknown == [], f"{name(page)}: {span}: no option {unknown}"
@@ -322,7 +389,9 @@ def test_commands_in_running_text_exist(page):
 PACKAGES = ("flightmech", "datcom_io", "aerodb", "flighttest", "pom", "aeromatch")
 
 
-@pytest.mark.parametrize("page", [page for page in PAGES if any(b.language == "python" for b in blocks(page))], ids=name)
+@pytest.mark.parametrize(
+    "page", [page for page in PAGES if any(b.language == "python" for b in blocks(page))], ids=name
+)
 def test_names_in_python_examples_exist(page):
     for block in blocks(page):
         if block.language == "python":
@@ -338,7 +407,9 @@ def check_import(node: ast.AST, place: str) -> None:
     """Import what an example imports from the packages."""
     if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] in PACKAGES:
         for alias in node.names:
-            assert hasattr(importlib.import_module(node.module or ""), alias.name), f"{place}: {node.module} has no {alias.name}"
+            assert hasattr(importlib.import_module(node.module or ""), alias.name), (
+                f"{place}: {node.module} has no {alias.name}"
+            )
 
 
 def resolved(node: ast.expr, place: str) -> object | None:
@@ -351,7 +422,9 @@ def resolved(node: ast.expr, place: str) -> object | None:
     if owner is None or not hasattr(owner, "__name__"):
         return None
     if not hasattr(owner, node.attr):
-        importlib.import_module(f"{owner.__name__}.{node.attr}")  # ModuleNotFoundError names what is missing
+        importlib.import_module(
+            f"{owner.__name__}.{node.attr}"
+        )  # ModuleNotFoundError names what is missing
     return getattr(owner, node.attr)
 
 
@@ -363,5 +436,7 @@ def check_keywords(node: ast.Call, place: str) -> None:
     if callable(called):
         parameters = inspect.signature(called).parameters
         if not any(each.kind is each.VAR_KEYWORD for each in parameters.values()):
-            unknown = [word.arg for word in node.keywords if word.arg and word.arg not in parameters]
+            unknown = [
+                word.arg for word in node.keywords if word.arg and word.arg not in parameters
+            ]
             assert unknown == [], f"{place}: {ast.unparse(node.func)} takes no {unknown}"

@@ -1,4 +1,6 @@
-"""Every code block of README, front page, tutorial, how-tos and notebook is executed, and its result is checked (`docs_results`)."""
+"""Every code block of README, front page, tutorial, how-tos and notebook is executed, and its
+result is checked (`docs_results`).
+"""
 
 import json
 
@@ -6,7 +8,12 @@ import pytest
 from docs_results import CHECKS, FOR_READING, PYTHON, ROOT
 from test_docs import blocks, name, reason_not_run
 
-PAGES = [ROOT / "README.md", ROOT / "docs/index.md", ROOT / "docs/tutorial.md", *sorted((ROOT / "docs/how-to").glob("*.md"))]
+PAGES = [
+    ROOT / "README.md",
+    ROOT / "docs/index.md",
+    ROOT / "docs/tutorial.md",
+    *sorted((ROOT / "docs/how-to").glob("*.md")),
+]
 
 
 @pytest.mark.slow
@@ -26,9 +33,17 @@ def test_every_block_has_a_result_that_is_checked(page):
         place = name(page), number
         if block.title or place in FOR_READING or place in PYTHON:
             continue  # a file is what the commands of its page work with
-        assert block.language in ("console", "sh"), f"{place}: {block.language}, which nothing executes"
-        run = [(command, printed) for command, printed in block.commands() if not reason_not_run(command)]
-        assert place in CHECKS or all(printed or command.startswith("sed ") for command, printed in run), place
+        assert block.language in ("console", "sh"), (
+            f"{place}: {block.language}, which nothing executes"
+        )
+        run = [
+            (command, printed)
+            for command, printed in block.commands()
+            if not reason_not_run(command)
+        ]
+        assert place in CHECKS or all(
+            printed or command.startswith("sed ") for command, printed in run
+        ), place
 
 
 def test_every_check_belongs_to_a_block():
@@ -39,4 +54,6 @@ def test_every_check_belongs_to_a_block():
 def test_the_notebook_is_the_only_one():
     """`docs_results.NOTEBOOK` checks its results."""
     (notebook,) = (ROOT / "docs" / "notebooks").glob("*.ipynb")
-    assert "updated = aerodb.replace_terms" in json.dumps(json.loads(notebook.read_text(encoding="utf-8")))
+    assert "updated = aerodb.replace_terms" in json.dumps(
+        json.loads(notebook.read_text(encoding="utf-8"))
+    )

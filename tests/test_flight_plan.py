@@ -1,4 +1,6 @@
-"""``aeromatch flight plan`` on the T-37: one condition, four manoeuvres, from the a-priori model to cards."""
+"""``aeromatch flight plan`` on the T-37: one condition, four manoeuvres, from the a-priori model to
+cards.
+"""
 
 import json
 from dataclasses import replace
@@ -89,12 +91,23 @@ ratio = 0.05
 @pytest.fixture(scope="module")
 def planned(tmp_path_factory):
     folder = tmp_path_factory.mktemp("plan")
-    project = replace(read_project(PROJECT), engine=None, controls={}, gear=None, ground_effect=None)
+    project = replace(
+        read_project(PROJECT), engine=None, controls={}, gear=None, ground_effect=None
+    )
     aircraft = flightmech.read_aircraft(project.aircraft)
     aerodb.save(workflow.opened(project, workflow.a_priori(project, aircraft)), folder / "prior.nc")
     (folder / "catalogue.toml").write_text(CATALOGUE, encoding="utf-8")
-    files = ["--aircraft", str(project.aircraft), "--database", str(folder / "prior.nc"), "-o", str(folder / "plan")]
-    found = CliRunner().invoke(flight, ["plan", str(folder / "catalogue.toml"), *files], catch_exceptions=False)
+    files = [
+        "--aircraft",
+        str(project.aircraft),
+        "--database",
+        str(folder / "prior.nc"),
+        "-o",
+        str(folder / "plan"),
+    ]
+    found = CliRunner().invoke(
+        flight, ["plan", str(folder / "catalogue.toml"), *files], catch_exceptions=False
+    )
     return found, folder / "plan"
 
 
@@ -125,23 +138,45 @@ def test_every_manoeuvre_has_its_card_and_every_input_its_files(planned):
 @pytest.mark.nightly
 @pytest.mark.slow
 def test_coverage_after_one_card(planned):
-    """The first card as flown with other noise: done, its nodes better than before the flight, the others still needed."""
+    """The first card as flown with other noise: done, its nodes better than before the flight, the
+    others still needed.
+    """
     _, folder = planned
     order = pd.read_csv(folder / "order.csv")
-    catalogue, aircraft = read_catalogue(folder.parent / "catalogue.toml"), flightmech.read_aircraft(read_project(PROJECT).aircraft)
+    catalogue, aircraft = (
+        read_catalogue(folder.parent / "catalogue.toml"),
+        flightmech.read_aircraft(read_project(PROJECT).aircraft),
+    )
     database = aerodb.open(folder.parent / "prior.nc")
     sim = flightmech.compile(aircraft, with_assumed(database, catalogue))
     first = next(m for m in catalogue.manoeuvre if m.name == order["manoeuvre"][0])
     start = trimmed_start(sim, {}, "level", catalogue.condition[0].fixed)
     signal = first.design.signal() if first.design else None
-    record = predicted_record(fly(sim, start, [(first, signal)]), aircraft, "flown", catalogue.rates, seed=99)
+    record = predicted_record(
+        fly(sim, start, [(first, signal)]), aircraft, "flown", catalogue.rates, seed=99
+    )
     save_record(record, folder.parent / "flown.nc")
-    files = ["--plan", str(folder), "--aircraft", str(read_project(PROJECT).aircraft), "--database", str(folder.parent / "prior.nc")]
-    arguments = ["coverage", str(folder.parent / "catalogue.toml"), str(folder.parent / "flown.nc"), *files, "--json"]
+    files = [
+        "--plan",
+        str(folder),
+        "--aircraft",
+        str(read_project(PROJECT).aircraft),
+        "--database",
+        str(folder.parent / "prior.nc"),
+    ]
+    arguments = [
+        "coverage",
+        str(folder.parent / "catalogue.toml"),
+        str(folder.parent / "flown.nc"),
+        *files,
+        "--json",
+    ]
     found = json.loads(CliRunner().invoke(flight, arguments, catch_exceptions=False).output)
     assert found["records"] == {"flown": "clean cruise"}
     assert found["done"] == [f"clean cruise, {first.name}"]
-    assert [row["manoeuvre"] for row in found["needed"]] == [name for name in order["manoeuvre"] if name != first.name]
+    assert [row["manoeuvre"] for row in found["needed"]] == [
+        name for name in order["manoeuvre"] if name != first.name
+    ]
     nodes = pd.DataFrame(found["nodes"])
     assert {"achieved", "open"} >= set(nodes["state"])
     assert (nodes["expected"] <= nodes["bound"] * (1 + 1e-9)).all()

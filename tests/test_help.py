@@ -1,4 +1,6 @@
-"""Help texts of all commands and options stand alone: a noun phrase or a sentence, with a capital and a period."""
+"""Help texts of all commands and options stand alone: a noun phrase or a sentence, with a capital
+and a period.
+"""
 
 import re
 
@@ -39,12 +41,28 @@ def fault(text: str) -> str:
     return f"starts with {first.group()}" if first else ""
 
 
-@pytest.mark.parametrize("text", ["Of the draws.", "daveml: the file of the thrust.", "Seed of the draws", "", "Where it starts. [s]"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "Of the draws.",
+        "daveml: the file of the thrust.",
+        "Seed of the draws",
+        "",
+        "Where it starts. [s]",
+    ],
+)
 def test_fragments_are_faults(text):
     assert fault(text)
 
 
-@pytest.mark.parametrize("text", ["Seed of the random draws.", "Wall time per model and case. [s]", "Folder.  [default: that of FILE]"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "Seed of the random draws.",
+        "Wall time per model and case. [s]",
+        "Folder.  [default: that of FILE]",
+    ],
+)
 def test_phrases_that_stand_alone_are_not(text):
     assert fault(text) == ""
 

@@ -1,6 +1,8 @@
-"""The main path as a newcomer calls it: listing, database, record, states, regression, new database, FMU, replay, report.
+"""The main path as a newcomer calls it: listing, database, record, states, regression, new
+database, FMU, replay, report.
 
-T-37, clean, cruise: the terms in pitch are identified from an elevator 3-2-1-1 and proven on the doublet that follows.
+T-37, clean, cruise: the terms in pitch are identified from an elevator 3-2-1-1 and proven on the
+doublet that follows.
 """
 
 import json
@@ -48,20 +50,30 @@ def path(aircraft):
     record = flighttest.read(RECORD, DATA / "names.toml")
     flown = flighttest.manoeuvres(record)
     assert (flown["start"] == IDENTIFIED[0]).any()
-    assert ((flown["manoeuvre"] == "doublet") & (flown["start"] - PROVEN[0]).between(0.0, 1.0)).any()
+    assert (
+        (flown["manoeuvre"] == "doublet") & (flown["start"] - PROVEN[0]).between(0.0, 1.0)
+    ).any()
     return flighttest.reconstruct(record, aircraft, windows=[(8.0, 22.0), (38.0, 49.0)])
 
 
 @pytest.fixture(scope="module")
 def fits(path, aircraft):
     data = flighttest.between(flighttest.coefficients(path, aircraft, cutoff=4.0), *IDENTIFIED)
-    models = ("CL = 1 + alpha + qhat + delta_e", "CD = 1 + alpha + alpha**2", "Cm = 1 + alpha + qhat + delta_e")
-    return [flighttest.regress(flighttest.Model.parse(model), data, name="3211") for model in models]
+    models = (
+        "CL = 1 + alpha + qhat + delta_e",
+        "CD = 1 + alpha + alpha**2",
+        "Cm = 1 + alpha + qhat + delta_e",
+    )
+    return [
+        flighttest.regress(flighttest.Model.parse(model), data, name="3211") for model in models
+    ]
 
 
 @pytest.fixture(scope="module")
 def final(fits, prior):
-    with pytest.warns(AeromatchWarning, match="incompatible fits: CD"):  # DATCOM gives the drag of a smooth aeroplane
+    with pytest.warns(
+        AeromatchWarning, match="incompatible fits: CD"
+    ):  # DATCOM gives the drag of a smooth aeroplane
         tables = aerodb.tabulate(fits, prior, held=["CL/altitude", "CD/altitude", "Cm/altitude"])
     return aerodb.replace_terms(prior, tables)
 
@@ -84,9 +96,13 @@ def test_flight_moves_the_lift_slope(prior, final, fits):
 
 
 def test_flight_narrows_what_it_has_seen(prior, final, fits):
-    """Standard errors shrink at the nodes that were flown; terms no model looks at stay as they were."""
+    """Standard errors shrink at the nodes that were flown; terms no model looks at stay as they
+    were.
+    """
     flown = {"mach": 0.3, "alpha": np.radians(2.0)}
-    before, after = (aerodb.terms(db)["CL/basic"]["stderr"].sel(flown, method="nearest") for db in (prior, final))
+    before, after = (
+        aerodb.terms(db)["CL/basic"]["stderr"].sel(flown, method="nearest") for db in (prior, final)
+    )
     assert float(after) < 0.5 * float(before)
     changed = aerodb.compare(prior, final)
     assert (changed.loc[["Cl/beta", "CY/beta", "Cn/rhat"], "max_difference"] == 0.0).all()
@@ -102,7 +118,8 @@ def test_replay_proves_the_final_model(prior, final, aircraft, path, tmp_path):
     }
     result = pom.replay(case, runs, path)
     assert result.failure == ""
-    # every row is within its tolerance; the lateral terms are still those of DATCOM, so the trim leaves accelerations
+    # every row is within its tolerance; the lateral terms are still those of DATCOM, so the trim
+    # leaves accelerations
     assert set(result.groups("final").values()) == {"pass"}
     assert result.status("final") == "limits_exceeded"
     assert not result.passed("datcom")

@@ -1,4 +1,6 @@
-"""Notebooks of the documentation run from top to bottom and show tables and figures; results show themselves in HTML."""
+"""Notebooks of the documentation run from top to bottom and show tables and figures; results show
+themselves in HTML.
+"""
 
 import json
 from pathlib import Path
@@ -33,15 +35,24 @@ def test_notebook_runs_and_every_cell_shows_its_result(file, tmp_path, monkeypat
         if cell.cell_type == "code":
             (shown,) = [output for output in cell.outputs if output.output_type == "execute_result"]
             assert {"text/html", "image/png"} & set(shown.data), cell.source
-            errors = [output.text for output in cell.outputs if output.output_type == "stream" and output.name == "stderr"]
-            assert [text for text in errors if not any(word in text for word in NOTEBOOK_WARNINGS)] == [], cell.source
+            errors = [
+                output.text
+                for output in cell.outputs
+                if output.output_type == "stream" and output.name == "stderr"
+            ]
+            assert [
+                text for text in errors if not any(word in text for word in NOTEBOOK_WARNINGS)
+            ] == [], cell.source
 
 
 def test_notebooks_are_kept_without_output():
     assert NOTEBOOKS
     for file in NOTEBOOKS:
         cells = json.loads(file.read_text(encoding="utf-8"))["cells"]
-        assert all(cell["cell_type"] != "code" or (cell["outputs"], cell["execution_count"]) == ([], None) for cell in cells)
+        assert all(
+            cell["cell_type"] != "code" or (cell["outputs"], cell["execution_count"]) == ([], None)
+            for cell in cells
+        )
 
 
 def test_texts_of_a_table_are_escaped():
@@ -64,9 +75,15 @@ def test_listing_and_aircraft_show_themselves():
 def test_a_fit_shows_itself():
     pytest.importorskip("matplotlib")
     rng = np.random.default_rng(1)
-    data = xr.Dataset({"alpha": ("time", rng.normal(0.0, 0.1, 200))}, {"time": 0.02 * np.arange(200)})
+    data = xr.Dataset(
+        {"alpha": ("time", rng.normal(0.0, 0.1, 200))}, {"time": 0.02 * np.arange(200)}
+    )
     data["CL"] = 0.3 + 5.0 * data["alpha"] + xr.DataArray(rng.normal(0.0, 0.01, 200), dims="time")
-    fit = regress(Model.parse("CL = 1 + alpha"), [data, data.assign_coords(time=data["time"] + 50.0)], name="twice")
+    fit = regress(
+        Model.parse("CL = 1 + alpha"),
+        [data, data.assign_coords(time=data["time"] + 50.0)],
+        name="twice",
+    )
     assert "<td" in fit._repr_html_()
     assert "twice: CL = 1 + alpha" in fit._repr_html_()
     upper, lower = fit.plot().axes

@@ -1,4 +1,6 @@
-"""Every package and every public folder of it has one page of public names, loaded when they are used."""
+"""Every package and every public folder of it has one page of public names, loaded when they are
+used.
+"""
 
 import importlib
 from collections import Counter
@@ -11,8 +13,14 @@ from flightmech.support.imports import public_names
 ROOT = Path(__file__).parents[1]
 PACKAGES = ["flightmech", "datcom_io", "aerodb", "flighttest", "pom"]
 NOT_PUBLIC = {"cli", "support"}  # what verbs are made of
-STUBS = {".".join(stub.parent.relative_to(ROOT).parts): stub for name in PACKAGES for stub in sorted((ROOT / name).rglob("__init__.pyi"))}
-MOST_FLAT = 27  # names of a package itself: those of the road of the README, not counting the namespaces
+STUBS = {
+    ".".join(stub.parent.relative_to(ROOT).parts): stub
+    for name in PACKAGES
+    for stub in sorted((ROOT / name).rglob("__init__.pyi"))
+}
+MOST_FLAT = (
+    27  # names of a package itself: those of the road of the README, not counting the namespaces
+)
 
 
 @pytest.mark.parametrize("name", STUBS)
@@ -28,12 +36,18 @@ def test_no_module_or_folder_carries_the_name_of_a_public_function(name):
     """Importing such a module would hide the function behind it."""
     folder = STUBS[name].parent
     modules = {file.stem for file in folder.iterdir() if file.suffix == ".py" or file.is_dir()}
-    assert {public for public, home in public_names(STUBS[name]).items() if public in modules and home != (public, True)} == set()
+    assert {
+        public
+        for public, home in public_names(STUBS[name]).items()
+        if public in modules and home != (public, True)
+    } == set()
 
 
 @pytest.mark.parametrize("name", STUBS)
 def test_an_unknown_name_lists_the_public_ones(name):
-    with pytest.raises(AttributeError, match=f"module '{name}' has no attribute 'nosuch'; public are"):
+    with pytest.raises(
+        AttributeError, match=f"module '{name}' has no attribute 'nosuch'; public are"
+    ):
         _ = importlib.import_module(name).nosuch
 
 
@@ -49,7 +63,12 @@ def test_every_folder_is_a_namespace_of_its_package(package):
 @pytest.mark.parametrize("package", PACKAGES)
 def test_a_name_means_one_thing_and_is_listed_at_most_twice(package):
     """In the namespace of its subject, and once more for the package as a whole."""
-    listed = [(public, name) for name, stub in STUBS.items() if name.split(".")[0] == package for public in public_names(stub)]
+    listed = [
+        (public, name)
+        for name, stub in STUBS.items()
+        if name.split(".")[0] == package
+        for public in public_names(stub)
+    ]
     assert max(Counter(public for public, _ in listed).values()) <= 2
     meanings = {}
     for public, name in listed:

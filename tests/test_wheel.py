@@ -1,4 +1,6 @@
-"""The wheel is complete: what is in the folders of the packages is in it, and an installation of it alone works."""
+"""The wheel is complete: what is in the folders of the packages is in it, and an installation of it
+alone works.
+"""
 
 import importlib.util
 import subprocess
@@ -64,7 +66,11 @@ flightmech.write_fmu(model, installed / "model.fmu")
 def tree(root: Path) -> set[str]:
     """Return the files below the packages, as they stand in the archive."""
     files = (file for package in PACKAGES for file in (root / package).rglob("*") if file.is_file())
-    return {file.relative_to(root).as_posix() for file in files if not {"__pycache__", "_binaries"} & set(file.parts)}
+    return {
+        file.relative_to(root).as_posix()
+        for file in files
+        if not {"__pycache__", "_binaries"} & set(file.parts)
+    }
 
 
 @pytest.fixture(scope="module")
@@ -78,7 +84,11 @@ def wheel(tmp_path_factory):
     for file in ("pyproject.toml", "hatch_build.py", "README.md", "LICENSE", ".gitignore"):
         copy(ROOT / file, source)
     (source / "flightmech" / "_binaries").mkdir()
-    subprocess.run([sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(built)], cwd=source, check=True)
+    subprocess.run(
+        [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(built)],
+        cwd=source,
+        check=True,
+    )
     (path,) = built.glob("*.whl")
     return path
 
@@ -87,19 +97,37 @@ def test_wheel_holds_every_file_of_the_packages(wheel):
     names = set(zipfile.ZipFile(wheel).namelist())
     assert tree(ROOT) - names == set()
     endings = {Path(name).suffix for name in tree(ROOT)}
-    assert {".pyi", ".html", ".css", ".js", ".toml", ".csv", ".typ", ".ttf", ".j2"} <= endings  # the comparison saw them
+    assert {
+        ".pyi",
+        ".html",
+        ".css",
+        ".js",
+        ".toml",
+        ".csv",
+        ".typ",
+        ".ttf",
+        ".j2",
+    } <= endings  # the comparison saw them
     assert {f"{package}/py.typed" for package in PACKAGES} <= names
     assert sum("/_binaries/" in name for name in names) == 1  # the kernel of this machine
     assert any(name.endswith(".dist-info/licenses/LICENSE") for name in names)
     for example in EXAMPLES:
         here = ROOT / "data" / example
-        files = {file.relative_to(here).as_posix() for file in here.rglob("*") if file.is_file() and "__pycache__" not in file.parts}
+        files = {
+            file.relative_to(here).as_posix()
+            for file in here.rglob("*")
+            if file.is_file() and "__pycache__" not in file.parts
+        }
         assert {f"aeromatch/data/{example}/{file}" for file in files} <= names
 
 
 def test_an_installation_of_the_wheel_alone_works(wheel, tmp_path):
     zipfile.ZipFile(wheel).extractall(tmp_path)
-    done = subprocess.run([sys.executable, "-c", USED, str(tmp_path)], cwd=tmp_path, capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-c", USED, str(tmp_path)], cwd=tmp_path, capture_output=True, text=True
+    )
     assert done.returncode == 0, done.stderr
-    assert int(done.stdout) == sum(1 for package in PACKAGES for _ in (ROOT / package).rglob("__init__.pyi"))
+    assert int(done.stdout) == sum(
+        1 for package in PACKAGES for _ in (ROOT / package).rglob("__init__.pyi")
+    )
     assert (tmp_path / "model.fmu").is_file()

@@ -1,4 +1,6 @@
-"""Plain technical English: words that must not return, in identifiers too, and what to write instead."""
+"""Plain technical English: words that must not return, in identifiers too, and what to write
+instead.
+"""
 
 import re
 from collections.abc import Iterator
@@ -44,7 +46,8 @@ INSTEAD = {
     "closes": "explains (a share of a mismatch)",
     "indispensable": "required",
 }
-# file, or folder with a / at its end, and what may stand there: calls and messages of other programs, the field's own use, old files
+# file, or folder with a / at its end, and what may stand there: calls and messages of other
+# programs, the field's own use, old files
 ALLOWED = (
     ("flightmech/support/hdf5_seal.py", r"file\.seek"),
     ("pom/fmu/process.py", r"\.seek\("),
@@ -56,10 +59,14 @@ ALLOWED = (
     ("pom/archive/archive.py", r"``closes``|\"closes\""),
     ("tests/pom/report/test_exports.py", r"closes"),
 )
-PHRASES = {phrase: instead for phrases, instead in INSTEAD.items() for phrase in phrases.split(", ")}
+PHRASES = {
+    phrase: instead for phrases, instead in INSTEAD.items() for phrase in phrases.split(", ")
+}
 SINGLE = {phrase.encode() for phrase in PHRASES if " " not in phrase}
 SEVERAL = [phrase.encode() for phrase in PHRASES if " " in phrase]
-LETTERS = bytes(code if chr(code).isalpha() and code < 128 else ord(" ") for code in range(256)).lower()
+LETTERS = bytes(
+    code if chr(code).isalpha() and code < 128 else ord(" ") for code in range(256)
+).lower()
 
 
 def words(text: bytes) -> list[bytes]:
@@ -71,7 +78,13 @@ def phrases(text: bytes) -> list[str]:
     """Return the words and phrases of the list that a text holds."""
     parts = words(text)
     line = b" %s " % b" ".join(parts)
-    return sorted(hit.decode() for hit in [*SINGLE.intersection(parts), *(phrase for phrase in SEVERAL if b" %s " % phrase in line)])
+    return sorted(
+        hit.decode()
+        for hit in [
+            *SINGLE.intersection(parts),
+            *(phrase for phrase in SEVERAL if b" %s " % phrase in line),
+        ]
+    )
 
 
 def places(name: str, text: bytes) -> Iterator[str]:
@@ -79,7 +92,9 @@ def places(name: str, text: bytes) -> Iterator[str]:
     if not phrases(text):
         return
     allowed = [
-        re.compile(pattern.encode()) for place, pattern in ALLOWED if name == place or (place.endswith("/") and name.startswith(place))
+        re.compile(pattern.encode())
+        for place, pattern in ALLOWED
+        if name == place or (place.endswith("/") and name.startswith(place))
     ]
     for number, line in enumerate(text.splitlines(), 1):
         for pattern in allowed:
@@ -89,15 +104,26 @@ def places(name: str, text: bytes) -> Iterator[str]:
 
 
 def test_plain_words():
-    files = [*ROOT.glob("*.md"), *ROOT.glob("*.py"), *(file for folder in FOLDERS for file in sorted((ROOT / folder).rglob("*")))]
+    files = [
+        *ROOT.glob("*.md"),
+        *ROOT.glob("*.py"),
+        *(file for folder in FOLDERS for file in sorted((ROOT / folder).rglob("*"))),
+    ]
     read = [file for file in files if file.suffix in ENDINGS and file.name not in NOT_READ]
-    found = [place for file in read for place in places(file.relative_to(ROOT).as_posix(), file.read_bytes())]
+    found = [
+        place
+        for file in read
+        for place in places(file.relative_to(ROOT).as_posix(), file.read_bytes())
+    ]
     assert not found, "\n".join(found)
 
 
 def test_a_planted_word_is_found_with_what_to_write_instead():
     (place,) = places("pom/a.py", b"x = 1\n# The record tells it.\n")
-    assert place == "pom/a.py:2: 'tells': '# The record tells it.'; write: reported, stated, shown, distinguished"
+    assert (
+        place
+        == "pom/a.py:2: 'tells': '# The record tells it.'; write: reported, stated, shown, distinguished"
+    )
     assert [place.split(": ")[1] for place in places("a.py", b"def what_is_left(house_unit): ...\nTWIN = ask  for")] == [
         "'house'", "'what is left'", "'ask for'", "'twin'"
     ]  # fmt: skip

@@ -1,7 +1,8 @@
 """Kill a process at each of its calls that write, one call after the other; no clock decides.
 
-A test calls `run_preloaded` with a function of its own module.  That function runs in a new process, in front of whose C library
-``write_calls.c`` counts the calls.  There it repeats its work with `each_call` and looks at the files after each kill.
+A test calls `run_preloaded` with a function of its own module.  That function runs in a new
+process, in front of whose C library ``write_calls.c`` counts the calls.  There it repeats its work
+with `each_call` and looks at the files after each kill.
 """
 
 from __future__ import annotations
@@ -23,20 +24,31 @@ SOURCE = Path(__file__).with_suffix(".c")
 
 
 def run_preloaded(function: Callable[..., None], folder: Path) -> None:
-    """Call ``function(folder)`` in a process with the counting library; fail with what it prints when it fails."""
+    """Call ``function(folder)`` in a process with the counting library; fail with what it prints
+    when it fails.
+    """
     library = folder / "write_calls.so"
     compiler = ["cc"] if shutil.which("cc") else [sys.executable, "-m", "ziglang", "cc"]
-    subprocess.run([*compiler, "-shared", "-fPIC", "-O1", "-o", library, SOURCE, "-ldl"], check=True)
+    subprocess.run(
+        [*compiler, "-shared", "-fPIC", "-O1", "-o", library, SOURCE, "-ldl"], check=True
+    )
     work = folder / "work"
     work.mkdir()
     command = [sys.executable, __file__, inspect.getfile(function), function.__name__, work]
-    environment = {**os.environ, "LD_PRELOAD": str(library), "PYTHONPATH": os.pathsep.join(sys.path)}
-    done = subprocess.run(command, env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+    environment = {
+        **os.environ,
+        "LD_PRELOAD": str(library),
+        "PYTHONPATH": os.pathsep.join(sys.path),
+    }
+    done = subprocess.run(
+        command, env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT
+    )
     assert done.returncode == 0, done.stdout
 
 
 def each_call(work: Callable[[], object], folder: Path) -> Iterator[int]:
-    """Yield 1, 2, ... after a child process that does `work` was killed at that call of it that writes below `folder`.
+    """Yield 1, 2, ... after a child process that does `work` was killed at that call of it that
+    writes below `folder`.
 
     The last child completes the work, and the iterator ends.
     """

@@ -16,7 +16,9 @@ class Pairs(click.ParamType):
 
     name = "NAME=VALUE"
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[str, str]:
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[str, str]:
         """Return name and text of the value."""
         name, sign, text = str(value).partition("=")
         if not (name.strip() and sign and text.strip()):
@@ -32,10 +34,17 @@ class Pairs(click.ParamType):
 @click.option("--mach", type=float, help="Mach number instead.")
 @click.option("--altitude", default="0", show_default=True, help="Height, such as '5000 ft'.")
 @click.option(
-    "--set", "further", multiple=True, type=Pairs(), help="More of the condition: delta_f='20 deg', gear=1, mass=2400, x_cg_b=-0.05 ..."
+    "--set",
+    "further",
+    multiple=True,
+    type=Pairs(),
+    help="More of the condition: delta_f='20 deg', gear=1, mass=2400, x_cg_b=-0.05 ...",
 )
 @click.option(
-    "--samples", type=int, default=0, help="Draw so many databases from the standard errors of DB, 10 or more; adds standard errors."
+    "--samples",
+    type=int,
+    default=0,
+    help="Draw so many databases from the standard errors of DB, 10 or more; adds standard errors.",
 )
 @click.option("--seed", type=int, default=1, show_default=True, help="Seed of the random draws.")
 @json_option
@@ -51,7 +60,9 @@ def characteristics(
     seed: int,
     as_json: bool,
 ) -> None:
-    """Compute the flying qualities and performance of AIRCRAFT (TOML) with DB (netCDF) at one condition."""
+    """Compute the flying qualities and performance of AIRCRAFT (TOML) with DB (netCDF) at one
+    condition.
+    """
     from aerodb.store.files import open
     from aerodb.update.standard_errors import with_standard_errors
     from flightmech.aircraft.aircraft import read_aircraft
@@ -59,7 +70,11 @@ def characteristics(
     from flightmech.units import quantity
 
     condition: dict[str, float] = {"h": quantity(_number(altitude), "m")}
-    condition |= {name: quantity(_number(text), "m s-1") for name, text in (("V", speed), ("V_cas", cas)) if text is not None}
+    condition |= {
+        name: quantity(_number(text), "m s-1")
+        for name, text in (("V", speed), ("V_cas", cas))
+        if text is not None
+    }
     condition |= {} if mach is None else {"mach": mach}
     condition |= {name: _si(name, text) for name, text in further}
     with progress("compute the characteristics"):
@@ -79,7 +94,10 @@ def characteristics(
             "characteristics": found.table,
             "modes": found.modes,
             "derivatives": found.derivatives["value"].to_pandas().to_dict(),
-            **{name: {str(key): curve[key].values for key in curve.variables} for name, curve in curves.items()},
+            **{
+                name: {str(key): curve[key].values for key in curve.variables}
+                for name, curve in curves.items()
+            },
         }
     )
 
@@ -88,12 +106,30 @@ def characteristics(
 @click.argument("database", metavar="DB", type=_FILE)
 @click.argument("aircraft", type=_FILE)
 @click.option("--length-ratio", required=True, type=float, help="New length over known length.")
-@click.option("--mass-ratio", type=float, help="New mass over known mass; the cube of the length ratio unless given.")
-@click.option("--law", "laws", multiple=True, type=Pairs(), help="Factor in place of a law: thrust=1.4, inertia=2.1 ...")
-@click.option("--factor", "factors", multiple=True, type=Pairs(), help="Factor on terms: horizontal_tail=1.1, Cm/elevator=0.9 ...")
+@click.option(
+    "--mass-ratio",
+    type=float,
+    help="New mass over known mass; the cube of the length ratio unless given.",
+)
+@click.option(
+    "--law",
+    "laws",
+    multiple=True,
+    type=Pairs(),
+    help="Factor in place of a law: thrust=1.4, inertia=2.1 ...",
+)
+@click.option(
+    "--factor",
+    "factors",
+    multiple=True,
+    type=Pairs(),
+    help="Factor on terms: horizontal_tail=1.1, Cm/elevator=0.9 ...",
+)
 @click.option("--name", default="", help="Name of the new aircraft.")
 @click.option("-o", "--output", required=True, type=NewFile(), help="The new database, netCDF-4.")
-@click.option("--aircraft-output", required=True, type=NewFile(), help="The new aircraft file, TOML.")
+@click.option(
+    "--aircraft-output", required=True, type=NewFile(), help="The new aircraft file, TOML."
+)
 @json_option
 def rescale(
     database: str,
@@ -107,18 +143,29 @@ def rescale(
     aircraft_output: str,
     as_json: bool,
 ) -> None:
-    """Make a similar aircraft and its database from AIRCRAFT (TOML) and DB (netCDF) by the laws of similarity."""
+    """Make a similar aircraft and its database from AIRCRAFT (TOML) and DB (netCDF) by the laws of
+    similarity.
+    """
     import flightmech
     from aerodb.edit.rescaling import rescale as rescaled
     from aerodb.store.files import open, save
     from aerodb.store.overview import summary
 
-    craft = flightmech.aircraft.rescale(flightmech.read_aircraft(aircraft), length_ratio, mass_ratio, _numbers(laws), name)
+    craft = flightmech.aircraft.rescale(
+        flightmech.read_aircraft(aircraft), length_ratio, mass_ratio, _numbers(laws), name
+    )
     tree = rescaled(open(database), craft, _numbers(factors))
     save(tree, output)
     flightmech.write_aircraft(craft, aircraft_output)
     if as_json:
-        document({"file": output, "aircraft": aircraft_output, "history": craft.history.splitlines()[-1], "attributes": tree.attrs})
+        document(
+            {
+                "file": output,
+                "aircraft": aircraft_output,
+                "history": craft.history.splitlines()[-1],
+                "attributes": tree.attrs,
+            }
+        )
         return
     click.echo(craft.history.splitlines()[-1])
     click.echo(summary(tree))
@@ -140,7 +187,9 @@ def _numbers(pairs: tuple) -> dict[str, float]:
 
 
 def _si(name: str, text: str) -> float:
-    """Return the value of a condition; names of the vocabulary have a unit, parameters of the simulation are bare SI numbers."""
+    """Return the value of a condition; names of the vocabulary have a unit, parameters of the
+    simulation are bare SI numbers.
+    """
     from flightmech.names import VOCABULARY
     from flightmech.units import quantity
 
@@ -152,7 +201,9 @@ def _si(name: str, text: str) -> float:
 @click.argument("coefficient", required=False)
 @json_option
 def scheme(coefficient: str | None, as_json: bool) -> None:
-    """Print the build-up of LR-743, equations (1) to (11): what each term is and where it can come from."""
+    """Print the build-up of LR-743, equations (1) to (11): what each term is and where it can come
+    from.
+    """
     from aerodb.store.templates import scheme_texts
     from flightmech.errors import UnknownName
 

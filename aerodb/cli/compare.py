@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from flightmech.support.console import InputFile, NewFile, document, json_option, progress, remark, table
+from flightmech.support.console import (
+    InputFile,
+    NewFile,
+    document,
+    json_option,
+    progress,
+    remark,
+    table,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -20,14 +28,38 @@ _ALONG = "netCDF-4 with states over time, as `aeromatch flight reconstruct` writ
 @click.argument("first", metavar="A", type=_FILE)
 @click.argument("second", metavar="B", type=_FILE)
 @click.option("--along", type=_FILE, help=f"Compare along a flight instead of a grid: {_ALONG}")
-@click.option("--coefficient", "wanted", multiple=True, help="Only this coefficient and its terms, such as CL; may be repeated.")
-@click.option("--figures", type=click.Path(file_okay=False), help="New folder for figures of all shared terms and coefficients.")
 @click.option(
-    "--format", "kind", type=click.Choice(["svg", "png", "pdf"]), default="svg", show_default=True, help="File format of the figures."
+    "--coefficient",
+    "wanted",
+    multiple=True,
+    help="Only this coefficient and its terms, such as CL; may be repeated.",
+)
+@click.option(
+    "--figures",
+    type=click.Path(file_okay=False),
+    help="New folder for figures of all shared terms and coefficients.",
+)
+@click.option(
+    "--format",
+    "kind",
+    type=click.Choice(["svg", "png", "pdf"]),
+    default="svg",
+    show_default=True,
+    help="File format of the figures.",
 )
 @json_option
-def compare(first: str, second: str, along: str | None, wanted: tuple[str, ...], figures: str | None, kind: str, as_json: bool) -> None:
-    """Compare two databases, B less A, by coefficient and by term: largest and rms difference, where, in standard errors."""
+def compare(
+    first: str,
+    second: str,
+    along: str | None,
+    wanted: tuple[str, ...],
+    figures: str | None,
+    kind: str,
+    as_json: bool,
+) -> None:
+    """Compare two databases, B less A, by coefficient and by term: largest and rms difference,
+    where, in standard errors.
+    """
     from aerodb.comparison.comparison import compare as compared
     from aerodb.store.files import open
     from flightmech.errors import UnknownName
@@ -46,17 +78,33 @@ def compare(first: str, second: str, along: str | None, wanted: tuple[str, ...],
         if name not in known:
             raise UnknownName(name, known, "coefficient")
     frame = frame[[not wanted or name.split("/")[0] in wanted for name in frame.index]]
-    frame.attrs["grid"] = {name: words for name, words in frame.attrs["grid"].items() if not wanted or name in wanted}
+    frame.attrs["grid"] = {
+        name: words for name, words in frame.attrs["grid"].items() if not wanted or name in wanted
+    }
     written: list[str] = []
     if figures is not None:
         from aerodb.figures.figure_folder import write_comparison
 
         with progress("draw the figures of shared terms and coefficients"):
-            written = [str(path) for path in write_comparison(databases, figures, kind, coefficients=wanted, support=conditions)]
+            written = [
+                str(path)
+                for path in write_comparison(
+                    databases, figures, kind, coefficients=wanted, support=conditions
+                )
+            ]
     for text in notes:
         remark(text)
     if as_json:
-        document({"a": first, "b": second, "along": along, "grid": frame.attrs["grid"], "rows": frame, "figures": written})
+        document(
+            {
+                "a": first,
+                "b": second,
+                "along": along,
+                "grid": frame.attrs["grid"],
+                "rows": frame,
+                "figures": written,
+            }
+        )
         return
     click.echo(f"a = {first}, b = {second}; differences are b - a")
     _print(frame)
@@ -69,11 +117,29 @@ def compare(first: str, second: str, along: str | None, wanted: tuple[str, ...],
 @click.option("--term", required=True, help="Such as CL/basic; a coefficient, CL, will do as well.")
 @click.option("--family", help="Variable that distinguishes the curves, such as mach or delta_f.")
 @click.option("--over", help="The abscissa; alpha unless given, where the term has it.")
-@click.option("--at", "held", multiple=True, metavar="NAME=VALUE", help="Value of another variable: delta_f='40 deg', mach=0.3 and so on.")
+@click.option(
+    "--at",
+    "held",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help="Value of another variable: delta_f='40 deg', mach=0.3 and so on.",
+)
 @click.option("--along", type=_FILE, help=f"Mark where flight samples lie: {_ALONG}")
-@click.option("-o", "--output", required=True, type=NewFile(), help="The figure: .svg, .png or .pdf.")
-def plot(file: str, term: str, family: str | None, over: str | None, held: tuple[str, ...], along: str | None, output: str) -> None:
-    """Draw a term of a database: a family of curves with standard errors and the sources of its nodes."""
+@click.option(
+    "-o", "--output", required=True, type=NewFile(), help="The figure: .svg, .png or .pdf."
+)
+def plot(
+    file: str,
+    term: str,
+    family: str | None,
+    over: str | None,
+    held: tuple[str, ...],
+    along: str | None,
+    output: str,
+) -> None:
+    """Draw a term of a database: a family of curves with standard errors and the sources of its
+    nodes.
+    """
     from aerodb.comparison.conditions import read_conditions
     from aerodb.figures.drawing import save_figure
     from aerodb.figures.figures import plot_comparison
@@ -83,7 +149,14 @@ def plot(file: str, term: str, family: str | None, over: str | None, held: tuple
     support = None if along is None else read_conditions(along, tree)[0]
     (label,) = _labels(file)
     with progress("draw the figure"):
-        figure = plot_comparison({label: tree}, term, family, over=over, at=dict(_held(text) for text in held), support=support)
+        figure = plot_comparison(
+            {label: tree},
+            term,
+            family,
+            over=over,
+            at=dict(_held(text) for text in held),
+            support=support,
+        )
         save_figure(figure, output)
     click.echo(f"written: {output}")
 
@@ -93,7 +166,9 @@ def _labels(*paths: str) -> dict[str, str]:
     from pathlib import Path
 
     for parts in range(1, max(len(Path(path).resolve().parts) for path in paths)):
-        found = {"/".join(Path(path).resolve().with_suffix("").parts[-parts:]): path for path in paths}
+        found = {
+            "/".join(Path(path).resolve().with_suffix("").parts[-parts:]): path for path in paths
+        }
         if len(found) == len(paths):
             return found
     return dict(zip("ab", paths))
@@ -132,16 +207,26 @@ def _print(frame: pd.DataFrame) -> None:
     ):
         if len(names):
             click.echo(f"\n{words}: {' '.join(names)}")
-    for text in dict.fromkeys(f"{name}: {words}" if not along else words for name, words in frame.attrs["grid"].items()):
+    for text in dict.fromkeys(
+        f"{name}: {words}" if not along else words for name, words in frame.attrs["grid"].items()
+    ):
         click.echo(f"\ncompared over {text}" if along else f"\ngrid of {text}")
 
 
 def _cells(name: Any, row: pd.Series, shares: bool) -> list[str]:
     numbers = ("max_difference", "value_a", "value_b", "rms_difference")
     ratios = ("max_in_stderr", "max_in_stderr_b", "max_in_stderr_difference")
-    cells = [name, row["found_in"], *(_number(row[key], 4) for key in numbers), *(_number(row[key], 3) for key in ratios)]
+    cells = [
+        name,
+        row["found_in"],
+        *(_number(row[key], 4) for key in numbers),
+        *(_number(row[key], 3) for key in ratios),
+    ]
     if shares:
-        cells += ["" if row["share"] != row["share"] else f"{round(100 * row['share'], 1) + 0.0:.1f} %", _number(row["rms_left"], 4)]
+        cells += [
+            "" if row["share"] != row["share"] else f"{round(100 * row['share'], 1) + 0.0:.1f} %",
+            _number(row["rms_left"], 4),
+        ]
     return [*cells, row["location"], row["note"]]
 
 
@@ -154,17 +239,48 @@ _OWN = ("datcom", "final")  # databases of the folder that `aeromatch match` wri
 
 
 @click.command()
-@click.argument("places", metavar="FOLDER | DB [DB]", nargs=-1, required=True, type=click.Path(exists=True, path_type=Path))
-@click.option("--lr743", "set_of_it", is_flag=True, help="Figures 1 to 4 and 9 to 17, tables 1 and 2, and drag polars.")
-@click.option("--aircraft", type=_FIGURE_FILE, help="Aircraft file (TOML) of all databases, for stall and trimmed polars.")
-@click.option(
-    "--flown", "flown_file", type=_FIGURE_FILE, help="File flown.nc as `aeromatch match` writes it: test points, sweeps, local estimates."
+@click.argument(
+    "places",
+    metavar="FOLDER | DB [DB]",
+    nargs=-1,
+    required=True,
+    type=click.Path(exists=True, path_type=Path),
 )
-@click.option("--buffet", type=_FIGURE_FILE, help="Buffet boundary, clean: CSV with the columns mach and CL.")
 @click.option(
-    "--format", "kind", type=click.Choice(["svg", "png", "pdf"]), default="svg", show_default=True, help="File format of the figures."
+    "--lr743",
+    "set_of_it",
+    is_flag=True,
+    help="Figures 1 to 4 and 9 to 17, tables 1 and 2, and drag polars.",
 )
-@click.option("-o", "--output", required=True, type=click.Path(file_okay=False, path_type=Path), help="New folder for the set.")
+@click.option(
+    "--aircraft",
+    type=_FIGURE_FILE,
+    help="Aircraft file (TOML) of all databases, for stall and trimmed polars.",
+)
+@click.option(
+    "--flown",
+    "flown_file",
+    type=_FIGURE_FILE,
+    help="File flown.nc as `aeromatch match` writes it: test points, sweeps, local estimates.",
+)
+@click.option(
+    "--buffet", type=_FIGURE_FILE, help="Buffet boundary, clean: CSV with the columns mach and CL."
+)
+@click.option(
+    "--format",
+    "kind",
+    type=click.Choice(["svg", "png", "pdf"]),
+    default="svg",
+    show_default=True,
+    help="File format of the figures.",
+)
+@click.option(
+    "-o",
+    "--output",
+    required=True,
+    type=click.Path(file_okay=False, path_type=Path),
+    help="New folder for the set.",
+)
 @json_option
 def figures(
     places: tuple[Path, ...],
@@ -176,10 +292,11 @@ def figures(
     output: Path,
     as_json: bool,
 ) -> None:
-    """Write the figures and tables of LR-743 from data, and state of each that cannot be made what is missing.
+    """Write the figures and tables of LR-743 from data, and state of each that cannot be made what
+    is missing.
 
-    FOLDER is one that `aeromatch match` or `aeromatch demo` wrote: its a-priori and final database, their aircraft and flown.nc are
-    taken. Or give one DB, or the a-priori and the final one.
+    FOLDER is one that `aeromatch match` or `aeromatch demo` wrote: its a-priori and final database,
+    their aircraft and flown.nc are taken. Or give one DB, or the a-priori and the final one.
     """
     if not set_of_it:
         raise click.UsageError("no set of figures; give --lr743")
@@ -190,7 +307,9 @@ def figures(
 
     files, crafts, flown_file = _inputs(places, aircraft, flown_file)
     databases = {name: open(file) for name, file in files.items()}
-    sources = ", ".join(str(file) for file in [*files.values(), *([flown_file] if flown_file else [])])
+    sources = ", ".join(
+        str(file) for file in [*files.values(), *([flown_file] if flown_file else [])]
+    )
     with progress("draw the figures"):
         made = write_lr743(
             databases,
@@ -202,16 +321,26 @@ def figures(
             sources=sources,
         )
     if as_json:
-        document({"folder": str(output), "figures": [{**one._asdict(), "file": one.file and str(one.file)} for one in made]})
+        document(
+            {
+                "folder": str(output),
+                "figures": [{**one._asdict(), "file": one.file and str(one.file)} for one in made],
+            }
+        )
         return
-    table(["", "shows", "file"], [(one.number, one.title, one.file.name if one.file else "-") for one in made])
+    table(
+        ["", "shows", "file"],
+        [(one.number, one.title, one.file.name if one.file else "-") for one in made],
+    )
     for one in made:
         if one.missing:
             click.echo(f"{one.number or one.title} cannot be drawn: {one.missing}")
     click.echo(f"written: {sum(one.file is not None for one in made)} of {len(made)} in {output}")
 
 
-def _inputs(places: tuple[Path, ...], aircraft: Path | None, flown: Path | None) -> tuple[dict[str, Path], dict[str, Path], Path | None]:
+def _inputs(
+    places: tuple[Path, ...], aircraft: Path | None, flown: Path | None
+) -> tuple[dict[str, Path], dict[str, Path], Path | None]:
     """Return databases and aircraft by name, and the file of what was flown."""
     from aerodb.figures.lr743_set.flown import FLOWN
 
@@ -224,11 +353,19 @@ def _inputs(places: tuple[Path, ...], aircraft: Path | None, flown: Path | None)
                 f"{folder} holds no {' and no '.join(lacking)}; name a folder that `aeromatch match` wrote, or databases"
             )
         crafts = {name: aircraft or folder / f"{name}.toml" for name in _OWN}
-        return files, crafts, flown or next((file for file in (folder / FLOWN,) if file.is_file()), None)
+        return (
+            files,
+            crafts,
+            flown or next((file for file in (folder / FLOWN,) if file.is_file()), None),
+        )
     if len(places) > 2 or any(place.is_dir() for place in places):
-        raise click.UsageError("give one folder that `aeromatch match` wrote, one database, or the a-priori and the final database")
+        raise click.UsageError(
+            "give one folder that `aeromatch match` wrote, one database, or the a-priori and the final database"
+        )
     names = [place.stem for place in places]
-    names = names if len(set(names)) == len(names) else [str(place.with_suffix("")) for place in places]
+    names = (
+        names if len(set(names)) == len(names) else [str(place.with_suffix("")) for place in places]
+    )
     files = dict(zip(names, places))
     return files, dict.fromkeys(files, aircraft) if aircraft else {}, flown
 
@@ -243,7 +380,17 @@ def _boundary(path: Path) -> pd.DataFrame:
         found = pd.read_csv(path, comment="#")
         found = found.rename(columns=lambda name: str(name).strip())[["mach", "CL"]].astype(float)
     except (KeyError, ValueError) as error:
-        raise ParseError(str(path), 1, str(error), "a table with the columns mach and CL, numbers separated by commas") from None
+        raise ParseError(
+            str(path),
+            1,
+            str(error),
+            "a table with the columns mach and CL, numbers separated by commas",
+        ) from None
     if found.isna().any(axis=None) or len(found) < 2:
-        raise ParseError(str(path), 1, "missing numbers, or fewer than two points", "two or more rows with a number for mach and for CL")
+        raise ParseError(
+            str(path),
+            1,
+            "missing numbers, or fewer than two points",
+            "two or more rows with a number for mach and for CL",
+        )
     return found.sort_values("mach", ignore_index=True)

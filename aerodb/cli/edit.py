@@ -8,14 +8,24 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from flightmech.support.console import InputFile, NewFile, brief, document, json_option, remark, table
+from flightmech.support.console import (
+    InputFile,
+    NewFile,
+    brief,
+    document,
+    json_option,
+    remark,
+    table,
+)
 
 if TYPE_CHECKING:
     import xarray as xr
 
 _FILE = InputFile()
 _note = click.option("--note", default="", help="Reason for the change; stored in the history.")
-_output = click.option("-o", "--output", required=True, type=NewFile(), help="The new database, netCDF-4.")
+_output = click.option(
+    "-o", "--output", required=True, type=NewFile(), help="The new database, netCDF-4."
+)
 _source = click.option(
     "--source",
     type=click.Choice(["judgement", "flight", "datcom"]),
@@ -32,13 +42,17 @@ class Axis(click.ParamType):
 
     name = "AXIS='NUMBERS UNIT'"
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[str, list[float]]:
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[str, list[float]]:
         """Return the axis and its breakpoints in SI."""
         from flightmech.names import lookup
 
         axis, sign, text = str(value).partition("=")
         if not sign:
-            self.fail(f"{value!r} is not AXIS='NUMBERS UNIT', such as alpha='-4 0 4 8 deg'", param, ctx)
+            self.fail(
+                f"{value!r} is not AXIS='NUMBERS UNIT', such as alpha='-4 0 4 8 deg'", param, ctx
+            )
         return axis.strip(), _numbers(text, lookup(axis.strip()).units)
 
 
@@ -47,22 +61,39 @@ class Numbers(click.ParamType):
 
     name = "NUMBERS"
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float | list[float]:
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float | list[float]:
         """Return the number, or the list."""
         found = _numbers(str(value), "1")
         return found[0] if len(found) == 1 else found
 
 
-_axis = click.option("--axis", "axes", multiple=True, required=True, type=Axis(), help="Breakpoints, such as alpha='-4 0 4 8 deg'.")
+_axis = click.option(
+    "--axis",
+    "axes",
+    multiple=True,
+    required=True,
+    type=Axis(),
+    help="Breakpoints, such as alpha='-4 0 4 8 deg'.",
+)
 
 
 def _by(words: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Return a decorator: the arguments of a verb that changes terms by a number, or by a table over an axis."""
+    """Return a decorator: the arguments of a verb that changes terms by a number, or by a table
+    over an axis.
+    """
     arguments = (
         click.argument("names", metavar="TERM...", nargs=-1, required=True),
         click.option("--by", required=True, type=Numbers(), help=words),
-        click.option("--over", type=Axis(), help="Axis and breakpoints of several numbers, such as alpha='0 8 deg'."),
-        click.option("--stderr", type=Numbers(), default="0", help="Standard error of the numbers of --by."),
+        click.option(
+            "--over",
+            type=Axis(),
+            help="Axis and breakpoints of several numbers, such as alpha='0 8 deg'.",
+        ),
+        click.option(
+            "--stderr", type=Numbers(), default="0", help="Standard error of the numbers of --by."
+        ),
         _source,
         _note,
         _output,
@@ -87,7 +118,9 @@ def edit(ctx: click.Context, file: str) -> None:
 
 @edit.command()
 @_by("Factor, or several with --over.")
-def scale(file: str, names: tuple[str, ...], by: Any, over: tuple | None, output: str, **how: Any) -> None:
+def scale(
+    file: str, names: tuple[str, ...], by: Any, over: tuple | None, output: str, **how: Any
+) -> None:
     """Multiply terms; TERM may be a pattern such as '*/gear'."""
     from aerodb.edit.table_edits import scale as scaled
 
@@ -96,7 +129,9 @@ def scale(file: str, names: tuple[str, ...], by: Any, over: tuple | None, output
 
 @edit.command()
 @_by("Amount in the unit of the table, or several with --over.")
-def shift(file: str, names: tuple[str, ...], by: Any, over: tuple | None, output: str, **how: Any) -> None:
+def shift(
+    file: str, names: tuple[str, ...], by: Any, over: tuple | None, output: str, **how: Any
+) -> None:
     """Add an amount to terms."""
     from aerodb.edit.table_edits import shift as shifted
 
@@ -106,10 +141,16 @@ def shift(file: str, names: tuple[str, ...], by: Any, over: tuple | None, output
 @edit.command("set")
 @click.argument("name", metavar="TERM")
 @click.option(
-    "--at", "places", multiple=True, type=Axis(), help="A breakpoint, such as alpha='4 deg'; an axis left out means all of its nodes."
+    "--at",
+    "places",
+    multiple=True,
+    type=Axis(),
+    help="A breakpoint, such as alpha='4 deg'; an axis left out means all of its nodes.",
 )
 @click.option("--value", required=True, type=float, help="The number, in the unit of the table.")
-@click.option("--stderr", type=float, help="Standard error of the value; without it the nodes keep theirs.")
+@click.option(
+    "--stderr", type=float, help="Standard error of the value; without it the nodes keep theirs."
+)
 @_source
 @_note
 @_output
@@ -120,18 +161,29 @@ def set_nodes(file: str, name: str, places: tuple, value: float, output: str, **
 
     several = [axis for axis, points in places if len(points) != 1]
     if several or len(dict(places)) != len(places):
-        raise click.BadParameter(f"give one breakpoint for each axis, such as alpha='4 deg'; got {places}", param_hint="--at")
-    _write(file, output, lambda db: with_nodes(db, name, {axis: points[0] for axis, points in places}, value, **how))
+        raise click.BadParameter(
+            f"give one breakpoint for each axis, such as alpha='4 deg'; got {places}",
+            param_hint="--at",
+        )
+    _write(
+        file,
+        output,
+        lambda db: with_nodes(db, name, {axis: points[0] for axis, points in places}, value, **how),
+    )
 
 
 @edit.command()
 @click.argument("name", metavar="TERM")
 @_axis
-@click.option("--tolerance", type=float, help="Largest difference from the old table that is allowed.")
+@click.option(
+    "--tolerance", type=float, help="Largest difference from the old table that is allowed."
+)
 @_note
 @_output
 @click.pass_obj
-def regrid(file: str, name: str, axes: tuple, tolerance: float | None, note: str, output: str) -> None:
+def regrid(
+    file: str, name: str, axes: tuple, tolerance: float | None, note: str, output: str
+) -> None:
     """Put a term on other breakpoints; the largest difference from the old table is printed."""
     from aerodb.edit.table_edits import regrid as regridded
 
@@ -140,7 +192,13 @@ def regrid(file: str, name: str, axes: tuple, tolerance: float | None, note: str
 
 @edit.command()
 @click.argument("name", metavar="TERM")
-@click.option("--axis", "axes", required=True, type=Axis(), help="Breakpoints beyond the table, such as alpha='24 28 deg'.")
+@click.option(
+    "--axis",
+    "axes",
+    required=True,
+    type=Axis(),
+    help="Breakpoints beyond the table, such as alpha='24 28 deg'.",
+)
 @click.option(
     "--how",
     type=click.Choice(["hold", "linear"]),
@@ -153,19 +211,36 @@ def regrid(file: str, name: str, axes: tuple, tolerance: float | None, note: str
 @_note
 @_output
 @click.pass_obj
-def extend(file: str, name: str, axes: tuple, how: str, values: Any, stderr: Any, note: str, output: str) -> None:
+def extend(
+    file: str, name: str, axes: tuple, how: str, values: Any, stderr: Any, note: str, output: str
+) -> None:
     """Let a term reach further."""
     from aerodb.edit.table_edits import extend as extended
 
     axis, points = axes
-    _write(file, output, lambda db: extended(db, name, axis, points, how if values is None else values, stderr=stderr, note=note))
+    _write(
+        file,
+        output,
+        lambda db: extended(
+            db, name, axis, points, how if values is None else values, stderr=stderr, note=note
+        ),
+    )
 
 
 @edit.command("move-reference")
-@click.option("--x", help="Forward of the drawing datum, such as '-9.5 ft' or -2.9 [m]; each stays unless given.")
+@click.option(
+    "--x",
+    help="Forward of the drawing datum, such as '-9.5 ft' or -2.9 [m]; each stays unless given.",
+)
 @click.option("--y", help="Right of it.")
 @click.option("--z", help="Below it.")
-@click.option("--tolerance", type=float, default=1e-3, show_default=True, help="Share of the moment that may be lost between breakpoints.")
+@click.option(
+    "--tolerance",
+    type=float,
+    default=1e-3,
+    show_default=True,
+    help="Share of the moment that may be lost between breakpoints.",
+)
 @click.option(
     "--flow",
     type=click.Choice(["kept", "moved"]),
@@ -176,15 +251,31 @@ def extend(file: str, name: str, axes: tuple, how: str, values: Any, stderr: Any
 @_note
 @_output
 @click.pass_obj
-def move_reference(file: str, x: str | None, y: str | None, z: str | None, tolerance: float, flow: str, note: str, output: str) -> None:
+def move_reference(
+    file: str,
+    x: str | None,
+    y: str | None,
+    z: str | None,
+    tolerance: float,
+    flow: str,
+    note: str,
+    output: str,
+) -> None:
     """Take the moments about another point; the aircraft file must name the same point then."""
     from aerodb.edit.reference_point import move_reference as moved
     from flightmech.units import quantity
 
-    given = {key: _number(text) for key, text in (("x_ref", x), ("y_ref", y), ("z_ref", z)) if text is not None}
+    given = {
+        key: _number(text)
+        for key, text in (("x_ref", x), ("y_ref", y), ("z_ref", z))
+        if text is not None
+    }
 
     def work(db: xr.DataTree) -> xr.DataTree:
-        point = [quantity(given[key], "m") if key in given else float(db.attrs[key]) for key in ("x_ref", "y_ref", "z_ref")]
+        point = [
+            quantity(given[key], "m") if key in given else float(db.attrs[key])
+            for key in ("x_ref", "y_ref", "z_ref")
+        ]
         return moved(db, point, tolerance=tolerance, flow=flow, note=note)
 
     _write(file, output, work)
@@ -214,7 +305,15 @@ def blend(file: str, other: str, names: tuple[str, ...], rule: str, note: str, o
     frame = consistency(open(file), second, chosen, rule)
     _write(file, output, lambda db: blended(db, second, chosen, rule, note=note))
     rows = [
-        (name, row.nodes, f"{row.chi2:.4g}", f"{row.probability:.3g}", f"{row.worst:+.3g}", row.location) for name, row in frame.iterrows()
+        (
+            name,
+            row.nodes,
+            f"{row.chi2:.4g}",
+            f"{row.probability:.3g}",
+            f"{row.worst:+.3g}",
+            row.location,
+        )
+        for name, row in frame.iterrows()
     ]
     head = ("term", "nodes", "chi-square", "probability", "worst in std. errors", "where")
     table(head, rows, title="how well they agree", right=head[1:5])
@@ -246,7 +345,13 @@ def replace(file: str, other: str, names: tuple[str, ...], note: str, output: st
 
     second = open(other)
     theirs = terms(second)
-    _write(file, output, lambda db: replace_terms(db, {name: theirs[name] for name in matching(second, names)}, note))
+    _write(
+        file,
+        output,
+        lambda db: replace_terms(
+            db, {name: theirs[name] for name in matching(second, names)}, note
+        ),
+    )
 
 
 @click.command()
@@ -260,14 +365,22 @@ def history(file: str, as_json: bool) -> None:
 
     rows = list_edits(file)
     if as_json:
-        document([{"line": line, **dict(zip(COLUMNS, row))} for line, row in enumerate(rows, start=1)])
+        document(
+            [{"line": line, **dict(zip(COLUMNS, row))} for line, row in enumerate(rows, start=1)]
+        )
         return
-    table(("edit", "what was done"), [("" if number is None else number, text) for number, *_, text in rows], right=("edit",))
+    table(
+        ("edit", "what was done"),
+        [("" if number is None else number, text) for number, *_, text in rows],
+        right=("edit",),
+    )
 
 
 @click.command()
 @click.argument("file", type=_FILE)
-@click.option("--steps", type=click.IntRange(1), default=1, show_default=True, help="Edits to undo.")
+@click.option(
+    "--steps", type=click.IntRange(1), default=1, show_default=True, help="Edits to undo."
+)
 @click.option("--edit", "number", type=int, help="Undo this edit and all later ones instead.")
 @_output
 def previous(file: str, steps: int, number: int | None, output: str) -> None:
@@ -313,8 +426,13 @@ def _numbers(text: str, units: str) -> list[float]:
 
     match = _NUMBERS.match(text)
     if not match:
-        raise UnitError(f"found {text!r}; expected numbers and a unit such as '0 4 8 deg', or numbers in {units}")
-    return [float(to_si(float(word), match.group(2) or units, units)) for word in re.split(r"[\s,]+", match.group(1))]
+        raise UnitError(
+            f"found {text!r}; expected numbers and a unit such as '0 4 8 deg', or numbers in {units}"
+        )
+    return [
+        float(to_si(float(word), match.group(2) or units, units))
+        for word in re.split(r"[\s,]+", match.group(1))
+    ]
 
 
 def _number(text: str) -> str | float:

@@ -38,7 +38,9 @@ _IMPORTS = {
 
 
 sample_option = click.option(
-    "--sample", type=click.FloatRange(0.0, min_open=True), help="Largest difference with which functions that no table gives are sampled."
+    "--sample",
+    type=click.FloatRange(0.0, min_open=True),
+    help="Largest difference with which functions that no table gives are sampled.",
 )
 grid_option = click.option(
     "--grid",
@@ -50,35 +52,55 @@ grid_option = click.option(
 
 def reading_options(verb: Any) -> Any:
     """Return a verb with the options of `reader_options`."""
-    without = click.option("--without", multiple=True, help="Function of a jsbsim file, or coefficient of a daveml file, to leave out.")
+    without = click.option(
+        "--without",
+        multiple=True,
+        help="Function of a jsbsim file, or coefficient of a daveml file, to leave out.",
+    )
     travel = click.option(
-        "--travel", multiple=True, help="Full deflection of a jsbsim control that moves as a fraction, such as 'delta_f=40 deg'."
+        "--travel",
+        multiple=True,
+        help="Full deflection of a jsbsim control that moves as a fraction, such as 'delta_f=40 deg'.",
     )
     return without(travel(sample_option(grid_option(verb))))
 
 
 def reader_options(
-    fmt: str, without: tuple[str, ...], travel: tuple[str, ...], sample: float | None, grid: tuple[tuple[str, list[float]], ...]
+    fmt: str,
+    without: tuple[str, ...],
+    travel: tuple[str, ...],
+    sample: float | None,
+    grid: tuple[tuple[str, list[float]], ...],
 ) -> dict[str, Any]:
-    """Return the options of the reader of a format; those that belong to another format are refused."""
+    """Return the options of the reader of a format; those that belong to another format are
+    refused.
+    """
     options: dict[str, Any] = {}
     if without:
         options[_only("--without", fmt, {"jsbsim": "leave_out", "daveml": "without"})] = without
     if travel:
-        options[_only("--travel", fmt, {"jsbsim": "travel"})] = dict(_deflection(text) for text in travel)
+        options[_only("--travel", fmt, {"jsbsim": "travel"})] = dict(
+            _deflection(text) for text in travel
+        )
     if sample is not None or grid:
         key = _only("--sample", fmt, {"jsbsim": "box", "daveml": "grid"})
         if sample is None:
-            raise click.UsageError("--grid states where functions are sampled; give --sample, the largest difference allowed, with it")
+            raise click.UsageError(
+                "--grid states where functions are sampled; give --sample, the largest difference allowed, with it"
+            )
         for name, points in grid:
             if key == "box" and len(points) != 2:
-                raise click.UsageError(f"--grid {name} has {len(points)} numbers; for jsbsim give the two ends of a range")
+                raise click.UsageError(
+                    f"--grid {name} has {len(points)} numbers; for jsbsim give the two ends of a range"
+                )
         options |= {"sample": sample, key: dict(grid)}
     return options
 
 
 def imported(fmt: str, file: str, options: Mapping[str, Any]) -> xr.DataTree:
-    """Return the database in a file of another program; what the reader warns of is printed as a remark."""
+    """Return the database in a file of another program; what the reader warns of is printed as a
+    remark.
+    """
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", AeromatchWarning)
         tree = _function(_IMPORTS[fmt])(file, **options)
@@ -112,29 +134,53 @@ def _function(place: tuple[str, str]) -> Any:
 @click.command("export")
 @click.argument("file", type=InputFile())
 @click.option("--to", "fmt", required=True, type=click.Choice(list(_EXPORTS)), help="Format.")
-@click.option("-o", "--output", required=True, type=click.Path(), help="File to write, for csv a folder.")
-@click.option("--aircraft", type=InputFile(), help="Aircraft file; jsbsim needs it, daveml takes its limits.")
-@click.option("--height", help="Height to which tables replace formulas of the ground effect, for jsbsim and daveml.  [default: 1000 m]")
+@click.option(
+    "-o", "--output", required=True, type=click.Path(), help="File to write, for csv a folder."
+)
+@click.option(
+    "--aircraft", type=InputFile(), help="Aircraft file; jsbsim needs it, daveml takes its limits."
+)
+@click.option(
+    "--height",
+    help="Height to which tables replace formulas of the ground effect, for jsbsim and daveml.  [default: 1000 m]",
+)
 @click.option("--count", type=click.IntRange(1), help="Number of check cases.")
 @click.option("--seed", type=int, help="Seed of the check cases.")
 @json_option
 def export_database(
-    file: str, fmt: str, output: str, aircraft: str | None, height: str | None, count: int | None, seed: int | None, as_json: bool
+    file: str,
+    fmt: str,
+    output: str,
+    aircraft: str | None,
+    height: str | None,
+    count: int | None,
+    seed: int | None,
+    as_json: bool,
 ) -> None:
     """Write the database FILE for another program.
 
-    JSBSim and DAVE-ML take tables: a ground effect k h^s is written as one, which leaves the formula by 0.1 % at most.
+    JSBSim and DAVE-ML take tables: a ground effect k h^s is written as one, which leaves the
+    formula by 0.1 % at most.
     """
     from aerodb.store.files import open
 
-    taken = {"aircraft": _TABLES_ONLY, "height": _TABLES_ONLY, "count": ("checkcases",), "seed": ("checkcases",)}
+    taken = {
+        "aircraft": _TABLES_ONLY,
+        "height": _TABLES_ONLY,
+        "count": ("checkcases",),
+        "seed": ("checkcases",),
+    }
     given: dict[str, Any] = {"aircraft": aircraft, "height": height, "count": count, "seed": seed}
     options = {key: item for key, item in given.items() if item is not None}
     for key in options:
         if fmt not in taken[key]:
-            raise click.UsageError(f"--{key} belongs to {' and '.join(taken[key])}; leave it out for {fmt}")
+            raise click.UsageError(
+                f"--{key} belongs to {' and '.join(taken[key])}; leave it out for {fmt}"
+            )
     if fmt == "jsbsim" and aircraft is None:
-        raise click.UsageError("--to jsbsim needs --aircraft: geometry, mass and engines stand in the same file")
+        raise click.UsageError(
+            "--to jsbsim needs --aircraft: geometry, mass and engines stand in the same file"
+        )
     if aircraft is not None:
         from flightmech.aircraft.aircraft import read_aircraft
 
@@ -156,13 +202,23 @@ def _with_height_tables(db: xr.DataTree, height: str) -> xr.DataTree:
     from flightmech.units import quantity
 
     factors = {name: power(leaf) for name, leaf in terms(db).items()}
-    closed = [name for name, factor in factors.items() if factor is not None and lookup(factor.variable).units == "m"]
+    closed = [
+        name
+        for name, factor in factors.items()
+        if factor is not None and lookup(factor.variable).units == "m"
+    ]
     if not closed:
         return db
     top = quantity(height, "m")
-    remark(f"{len(closed)} terms with a formula over the height are written as tables up to {top:g} m")
+    remark(
+        f"{len(closed)} terms with a formula over the height are written as tables up to {top:g} m"
+    )
     leaves = terms(db)
-    return replace_terms(db, {name: with_height_table(leaves[name], top) for name in closed}, "tables for formulas over the height")
+    return replace_terms(
+        db,
+        {name: with_height_table(leaves[name], top) for name in closed},
+        "tables for formulas over the height",
+    )
 
 
 @click.command("import")
@@ -171,7 +227,9 @@ def _with_height_tables(db: xr.DataTree, height: str) -> xr.DataTree:
 @reading_options
 @json_option
 def import_database(file: str, output: str, as_json: bool, **options: Any) -> None:
-    """Read a database from FILE, a folder of CSV files or a file of another program; the format is recognised by content."""
+    """Read a database from FILE, a folder of CSV files or a file of another program; the format is
+    recognised by content.
+    """
     from aerodb.exchange.recognition import recognized
     from aerodb.store.files import save
     from aerodb.store.overview import describe, summary
@@ -200,7 +258,9 @@ def _deflection(text: str) -> tuple[str, float]:
 
     name, sign, amount = text.partition("=")
     if not sign:
-        raise click.UsageError(f"--travel is {text!r}; write a control and its angle, such as 'delta_f=40 deg'")
+        raise click.UsageError(
+            f"--travel is {text!r}; write a control and its angle, such as 'delta_f=40 deg'"
+        )
     return name.strip(), quantity(amount, "rad")
 
 
@@ -209,13 +269,35 @@ _OF_DAVEML = ("inertia", "propulsion", "at", "names")
 
 @click.command("import-aircraft")
 @click.argument("file", type=InputFile())
-@click.option("-o", "--output", required=True, type=NewFile(), help="The database, NAME.nc; the aircraft file is NAME.toml next to it.")
-@click.option("--names", multiple=True, help="Quantity of a variable of a daveml file, such as 'ALPHA_TOT_D=alpha [deg]'.")
-@click.option("--inertia", type=InputFile(), help="File of mass properties, which a daveml file needs.")
+@click.option(
+    "-o",
+    "--output",
+    required=True,
+    type=NewFile(),
+    help="The database, NAME.nc; the aircraft file is NAME.toml next to it.",
+)
+@click.option(
+    "--names",
+    multiple=True,
+    help="Quantity of a variable of a daveml file, such as 'ALPHA_TOT_D=alpha [deg]'.",
+)
+@click.option(
+    "--inertia", type=InputFile(), help="File of mass properties, which a daveml file needs."
+)
 @click.option("--propulsion", type=InputFile(), help="File of the thrust of a daveml aircraft.")
-@click.option("--at", multiple=True, help="Input of the daveml inertia file in its units, such as CG_PCT_MAC=25.")
+@click.option(
+    "--at",
+    multiple=True,
+    help="Input of the daveml inertia file in its units, such as CG_PCT_MAC=25.",
+)
 @reading_options
-@click.option("--x-ref-mac", type=float, default=0.25, show_default=True, help="Moment reference behind the leading edge, in chords.")
+@click.option(
+    "--x-ref-mac",
+    type=float,
+    default=0.25,
+    show_default=True,
+    help="Moment reference behind the leading edge, in chords.",
+)
 @click.option("--name", default="", help="Name of the aircraft; that of the file unless given.")
 @click.option("--force", is_flag=True, help="Overwrite older files.")
 @json_option
@@ -232,9 +314,11 @@ def import_aircraft(
     as_json: bool,
     **daveml: Any,
 ) -> None:
-    """Read database and aircraft from FILE, a JSBSim aircraft or a DAVE-ML aerodynamic model; the two are compiled before they are written.
+    """Read database and aircraft from FILE, a JSBSim aircraft or a DAVE-ML aerodynamic model; the
+    two are compiled before they are written.
 
-    Of JSBSim come geometry, mass, inertia and c.g. with point masses and fuel; of DAVE-ML those of the inertia file, and static thrust.
+    Of JSBSim come geometry, mass, inertia and c.g. with point masses and fuel; of DAVE-ML those of
+    the inertia file, and static thrust.
     """
     import flightmech
     from aerodb.exchange.recognition import recognized
@@ -246,7 +330,9 @@ def import_aircraft(
     _demand_new(path, force)
     fmt = recognized(Path(file))
     if fmt not in ("jsbsim", "daveml"):
-        raise click.UsageError(f"{file} is a file of the format {fmt}, which holds no aircraft; give a JSBSim or DAVE-ML file")
+        raise click.UsageError(
+            f"{file} is a file of the format {fmt}, which holds no aircraft; give a JSBSim or DAVE-ML file"
+        )
     options = reader_options(fmt, without, travel, sample, grid)
     read = _jsbsim if fmt == "jsbsim" else _daveml
     tree, aircraft = read(file, options, daveml, {"name": name, "x_ref_mac": x_ref_mac})
@@ -254,11 +340,21 @@ def import_aircraft(
     save(tree, path)
     written = write_aircraft(aircraft, path.with_suffix(".toml"))
     if as_json:
-        document({"file": output, "aircraft": str(written), "format": fmt, "attributes": tree.attrs, "terms": describe(tree)})
+        document(
+            {
+                "file": output,
+                "aircraft": str(written),
+                "format": fmt,
+                "attributes": tree.attrs,
+                "terms": describe(tree),
+            }
+        )
         return
     click.echo(summary(tree))
     print_sampled(tree)
-    click.echo(f"\n{aircraft.name}: mass {aircraft.mass:.1f} kg, {len(aircraft.engines)} engines, {len(sim.terms)} terms compiled")
+    click.echo(
+        f"\n{aircraft.name}: mass {aircraft.mass:.1f} kg, {len(aircraft.engines)} engines, {len(sim.terms)} terms compiled"
+    )
     click.echo(aircraft.history) if aircraft.history else None
     click.echo(f"{fmt}: written {output}, {written}")
 
@@ -266,10 +362,22 @@ def import_aircraft(
 def _demand_new(path: Path, force: bool) -> None:
     """Refuse to write over older files: the database, the aircraft file, its tables."""
     if path.suffix == ".toml":
-        raise click.UsageError(f"-o {path} is the aircraft file's name; give that of the database, such as {path.with_suffix('.nc')}")
-    older = [file for file in (path, path.with_suffix(".toml"), *sorted(path.parent.glob(f"{path.stem}_engine*.nc"))) if file.exists()]
+        raise click.UsageError(
+            f"-o {path} is the aircraft file's name; give that of the database, such as {path.with_suffix('.nc')}"
+        )
+    older = [
+        file
+        for file in (
+            path,
+            path.with_suffix(".toml"),
+            *sorted(path.parent.glob(f"{path.stem}_engine*.nc")),
+        )
+        if file.exists()
+    ]
     if older and not force:
-        raise click.UsageError(f"{', '.join(map(str, older))}: already there; give another name, or --force to overwrite")
+        raise click.UsageError(
+            f"{', '.join(map(str, older))}: already there; give another name, or --force to overwrite"
+        )
 
 
 def _jsbsim(file: str, options: dict, daveml: dict, own: dict) -> tuple[xr.DataTree, Aircraft]:
@@ -289,15 +397,22 @@ def _daveml(file: str, options: dict, daveml: dict, own: dict) -> tuple[xr.DataT
             "--inertia is needed: a DAVE-ML file of aerodynamics holds no mass; without an aircraft use aeromatch db import"
         )
     names = dict(_pair(text, "--names", "ALPHA_TOT_D=alpha [deg]") for text in daveml["names"])
-    inputs = {key: _number(value) for key, value in (_pair(text, "--at", "CG_PCT_MAC=25") for text in daveml["at"])}
+    inputs = {
+        key: _number(value)
+        for key, value in (_pair(text, "--at", "CG_PCT_MAC=25") for text in daveml["at"])
+    }
     tree = imported("daveml", file, {**options, "names": names})
-    return tree, import_daveml_aircraft(tree, daveml["inertia"], daveml["propulsion"], inputs, **own)
+    return tree, import_daveml_aircraft(
+        tree, daveml["inertia"], daveml["propulsion"], inputs, **own
+    )
 
 
 def _pair(text: str, option: str, example: str) -> tuple[str, str]:
     key, sign, value = text.partition("=")
     if not sign or not key.strip() or not value.strip():
-        raise click.UsageError(f"{option} is {text!r}; write a variable and its value, such as '{example}'")
+        raise click.UsageError(
+            f"{option} is {text!r}; write a variable and its value, such as '{example}'"
+        )
     return key.strip(), value.strip()
 
 
@@ -305,4 +420,6 @@ def _number(text: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise click.UsageError(f"--at has {text!r}; write a number in the unit of the file, such as CG_PCT_MAC=25") from None
+        raise click.UsageError(
+            f"--at has {text!r}; write a number in the unit of the file, such as CG_PCT_MAC=25"
+        ) from None

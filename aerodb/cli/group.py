@@ -8,7 +8,17 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from flightmech.support.console import InputFile, LazyGroup, NewFile, brief, document, json_option, progress, remark, table
+from flightmech.support.console import (
+    InputFile,
+    LazyGroup,
+    NewFile,
+    brief,
+    document,
+    json_option,
+    progress,
+    remark,
+    table,
+)
 
 if TYPE_CHECKING:
     from aerodb.prior.roles import Assignment
@@ -20,7 +30,9 @@ class ListingPath(click.ParamType):
 
     name = "FILE[:CASE]"
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Place:
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> Place:
         """Return file and case, empty for all cases."""
         from datcom_io.reading.reader import place_of
 
@@ -31,12 +43,16 @@ class ListingPath(click.ParamType):
 
 
 def aircraft_and_places(aircraft: str, places: tuple[str, ...]) -> tuple[Path, tuple[str, ...]]:
-    """Return the aircraft file and the places of the listings; a folder stands for its ``aircraft.toml`` and its listings."""
+    """Return the aircraft file and the places of the listings; a folder stands for its
+    ``aircraft.toml`` and its listings.
+    """
     if not Path(aircraft).is_dir():
         return Path(aircraft), places
     file = Path(aircraft) / "aircraft.toml"
     if not file.is_file():
-        raise click.UsageError(f"no aircraft.toml in the folder {aircraft}; write it, or give the aircraft file first and then the folder")
+        raise click.UsageError(
+            f"no aircraft.toml in the folder {aircraft}; write it, or give the aircraft file first and then the folder"
+        )
     return file, (aircraft, *places)
 
 
@@ -44,15 +60,31 @@ def read_all(places: Iterable[str]) -> list[Any]:
     """Return the listings and cases of places, of folders every listing in them."""
     from datcom_io.reading.reader import listings_in, read, read_place
 
-    return [item for place in places for item in (map(read, listings_in(place)) if Path(place).is_dir() else [read_place(place)])]
+    return [
+        item
+        for place in places
+        for item in (map(read, listings_in(place)) if Path(place).is_dir() else [read_place(place)])
+    ]
 
 
-def role_rows(assigned: Iterable[Assignment], given: Collection[str]) -> list[tuple[str, str, str, str, str]]:
-    """Return file, number and name of each case, its roles less those that are given by options, and why."""
+def role_rows(
+    assigned: Iterable[Assignment], given: Collection[str]
+) -> list[tuple[str, str, str, str, str]]:
+    """Return file, number and name of each case, its roles less those that are given by options,
+    and why.
+    """
     rows = []
     for item in assigned:
         roles = [f"{role} (given otherwise)" if role in given else role for role in item.roles]
-        rows.append((item.case.file, str(item.case.ordinal), item.case.name, ", ".join(roles) or "-", item.reason))
+        rows.append(
+            (
+                item.case.file,
+                str(item.case.ordinal),
+                item.case.name,
+                ", ".join(roles) or "-",
+                item.reason,
+            )
+        )
     return rows
 
 
@@ -82,22 +114,61 @@ def db() -> None:
 @db.command()
 @click.argument("aircraft", type=click.Path(exists=True))
 @click.argument("places", nargs=-1)
-@click.option("--clean", multiple=True, type=ListingPath(), help="Whole aeroplane, static and dynamic pages.")
+@click.option(
+    "--clean", multiple=True, type=ListingPath(), help="Whole aeroplane, static and dynamic pages."
+)
 @click.option("--flaps", multiple=True, type=ListingPath(), help="SYMFLP on the wing.")
-@click.option("--elevator", multiple=True, type=ListingPath(), help="SYMFLP on the tail, one condition per program run.")
+@click.option(
+    "--elevator",
+    multiple=True,
+    type=ListingPath(),
+    help="SYMFLP on the tail, one condition per program run.",
+)
 @click.option("--aileron", multiple=True, type=ListingPath(), help="ASYFLP with ailerons.")
 @click.option("--ground", multiple=True, type=ListingPath(), help="GRNDEF, whole aeroplane.")
 @click.option("--ground-flap", multiple=True, type=ListingPath(), help="GRNDEF with flap settings.")
-@click.option("--ground-elevator", multiple=True, type=ListingPath(), help="GRNDEF with elevator deflections.")
-@click.option("--power", multiple=True, type=ListingPath(), help="JETPWR or PROPWR, at the Mach numbers of the clean listing.")
+@click.option(
+    "--ground-elevator", multiple=True, type=ListingPath(), help="GRNDEF with elevator deflections."
+)
+@click.option(
+    "--power",
+    multiple=True,
+    type=ListingPath(),
+    help="JETPWR or PROPWR, at the Mach numbers of the clean listing.",
+)
 @click.option("--spoilers", multiple=True, type=ListingPath(), help="ASYFLP with spoilers.")
-@click.option("--differential-tail", multiple=True, type=ListingPath(), help="ASYFLP with the halves of the stabilizer.")
+@click.option(
+    "--differential-tail",
+    multiple=True,
+    type=ListingPath(),
+    help="ASYFLP with the halves of the stabilizer.",
+)
 @click.option("--tabs", multiple=True, type=ListingPath(), help="CONTAB with SYMFLP on the tail.")
-@click.option("--aileron-hinge", multiple=True, type=ListingPath(), help="SYMFLP on the wing with the geometry of the aileron.")
-@click.option("--altitude", help="Altitude of the basic tables, such as '10000 ft'; the middle one unless given.")
-@click.option("--powered", is_flag=True, help="Use clean pages with JETPWR or PROPWR: thrust taken off, standard errors widened.")
-@click.option("--tailless", is_flag=True, help="The aircraft has no tail: pages of a wing-body are those of the whole aeroplane.")
-@click.option("--move-reference", is_flag=True, help="Transfer moments by more than 0.1 chord to the reference of the aircraft file.")
+@click.option(
+    "--aileron-hinge",
+    multiple=True,
+    type=ListingPath(),
+    help="SYMFLP on the wing with the geometry of the aileron.",
+)
+@click.option(
+    "--altitude",
+    help="Altitude of the basic tables, such as '10000 ft'; the middle one unless given.",
+)
+@click.option(
+    "--powered",
+    is_flag=True,
+    help="Use clean pages with JETPWR or PROPWR: thrust taken off, standard errors widened.",
+)
+@click.option(
+    "--tailless",
+    is_flag=True,
+    help="The aircraft has no tail: pages of a wing-body are those of the whole aeroplane.",
+)
+@click.option(
+    "--move-reference",
+    is_flag=True,
+    help="Transfer moments by more than 0.1 chord to the reference of the aircraft file.",
+)
 @click.option("-o", "--output", required=True, type=NewFile(), help="The database, netCDF-4.")
 @json_option
 def build(
@@ -113,9 +184,11 @@ def build(
 ) -> None:
     """Build a database from the listings of AIRCRAFT (a TOML file).
 
-    PLACES are listings (FILE, FILE:CASE) and folders of listings, such as `datcom run` left: what each case is (clean, flaps, elevator,
-    aileron, ground, power ...) is found from its cards and headings, and printed. AIRCRAFT may be a folder that holds aircraft.toml and
-    the listings. The options give the role instead; one given twice takes several files. CASE is a number, a name or a part of a name.
+    PLACES are listings (FILE, FILE:CASE) and folders of listings, such as `datcom run` left: what
+    each case is (clean, flaps, elevator, aileron, ground, power ...) is found from its cards and
+    headings, and printed. AIRCRAFT may be a folder that holds aircraft.toml and the listings. The
+    options give the role instead; one given twice takes several files. CASE is a number, a name or
+    a part of a name.
     """
     import warnings
 
@@ -130,7 +203,9 @@ def build(
 
     file, folders = aircraft_and_places(aircraft, places)
     craft = read_aircraft(file)
-    given: dict[str, Any] = {role: [read_place(place) for place in found] for role, found in listings.items() if found}
+    given: dict[str, Any] = {
+        role: [read_place(place) for place in found] for role, found in listings.items() if found
+    }
     assigned = assign_roles(read_all(folders)) if folders else []
     rows = role_rows(assigned, given)
     given = {**by_role(assigned), **given}
@@ -138,9 +213,14 @@ def build(
         table(["file", "no", "case", "taken as", "why"], rows, right=["no"])
         click.echo()
     if "clean" not in given:
-        raise click.UsageError("no case of the whole aeroplane (clean); give one with --clean FILE:CASE, or PLACES that hold one")
+        raise click.UsageError(
+            "no case of the whole aeroplane (clean); give one with --clean FILE:CASE, or PLACES that hold one"
+        )
     count = sum(map(len, given.values()))
-    with progress(f"build a database from {count} cases"), warnings.catch_warnings(record=True) as caught:
+    with (
+        progress(f"build a database from {count} cases"),
+        warnings.catch_warnings(record=True) as caught,
+    ):
         warnings.simplefilter("always", AeromatchWarning)
         tree = from_datcom(
             craft,
@@ -150,12 +230,22 @@ def build(
             move_reference=move_reference,
             **given,
         )
-    messages = [str(warning.message) for warning in caught if issubclass(warning.category, AeromatchWarning)]
+    messages = [
+        str(warning.message) for warning in caught if issubclass(warning.category, AeromatchWarning)
+    ]
     save(tree, output)
     for text in messages:
         remark(f"warning: {text}")
     if as_json:
-        document({"file": output, "attributes": tree.attrs, "terms": describe(tree), "roles": rows, "warnings": messages})
+        document(
+            {
+                "file": output,
+                "attributes": tree.attrs,
+                "terms": describe(tree),
+                "roles": rows,
+                "warnings": messages,
+            }
+        )
     else:
         click.echo(summary(tree))
         click.echo(f"\nwritten: {output}")
@@ -183,7 +273,9 @@ def show(file: str, term: str | None, as_json: bool) -> None:
 
 
 def _overview(file: str) -> tuple[Mapping[str, Any], list[dict[str, Any]]]:
-    """Return the root attributes and a row per term, from the overview that a sealed file carries where it has one."""
+    """Return the root attributes and a row per term, from the overview that a sealed file carries
+    where it has one.
+    """
     from aerodb.store.overview import OVERVIEW
     from aerodb.store.seal import unbroken
 
@@ -209,7 +301,10 @@ def _print_term(file: str, term: str) -> None:
     leaf = leaves[term]
     head, rows = leaf_rows(leaf)
     table(head, rows, title=term, right=head)
-    texts = {key: leaf.attrs.get(key) for key in ("regressors", "decision", "reason", "comment", "references", "history")}
+    texts = {
+        key: leaf.attrs.get(key)
+        for key in ("regressors", "decision", "reason", "comment", "references", "history")
+    }
     for key, text in {"power": power(leaf), **texts}.items():
         if text:
             click.echo(f"{key}: {text}")
@@ -228,13 +323,18 @@ def _term_document(file: str, term: str) -> None:
 @json_option
 @brief()
 def decisions(file: str, as_json: bool) -> None:
-    """Show what the flights decided about each term: replace, correct, keep or delete (not identifiable), and why."""
+    """Show what the flights decided about each term: replace, correct, keep or delete (not
+    identifiable), and why.
+    """
     from aerodb.store.files import look
     from aerodb.update.cautions.notices import notices_of
     from aerodb.update.term_decisions import DECISIONS, rows_of
 
     attributes, leaves = look(file, ["value", "source"], ["decision", "reason"])
-    rows = [{"term": name, "decision": decision, "reason": reason} for name, (decision, reason) in rows_of(leaves).items()]
+    rows = [
+        {"term": name, "decision": decision, "reason": reason}
+        for name, (decision, reason) in rows_of(leaves).items()
+    ]
     if as_json:
         document({"file": file, "terms": rows, "warnings": notices_of(attributes)})
         return
@@ -255,4 +355,6 @@ def check(file: str, as_json: bool) -> None:
 
     tree = open(file)
     count = len(terms(tree))
-    document({"file": file, "terms": count, "problems": []}) if as_json else click.echo(f"{file}: sound, {count} terms")
+    document({"file": file, "terms": count, "problems": []}) if as_json else click.echo(
+        f"{file}: sound, {count} terms"
+    )

@@ -1,17 +1,20 @@
 """Two databases of one aircraft joined, each with the weight that its standard errors give it.
 
-Rule ``inverse_variance`` takes every node of the union of the breakpoints by itself: with values v and standard errors s,
+Rule ``inverse_variance`` takes every node of the union of the breakpoints by itself: with values v
+and standard errors s,
 
     v = v_1 + s_1^2/(s_1^2 + s_2^2) (v_2 - v_1),    1/s^2 = 1/s_1^2 + 1/s_2^2,    chi2 = sum (v_2 - v_1)^2/(s_1^2 + s_2^2),
 
-and rule ``correlated`` all nodes of a table together (mixed estimation [Theil1961]): the second table's own nodes are independent
-observations y = H v, R = diag(s_2^2), of the first, whose errors have the covariance P of `aerodb.update.correlation`,
+and rule ``correlated`` all nodes of a table together (mixed estimation [Theil1961]): the second
+table's own nodes are independent observations y = H v, R = diag(s_2^2), of the first, whose errors
+have the covariance P of `aerodb.update.correlation`,
 
     G = P H' (H P H' + R)^-1,    v = v_1 + G (y - H v_1),    cov = P - G H P,    chi2 = (y - H v_1)' (H P H' + R)^-1 (y - H v_1).
 
-The first assumes that DATCOM is in error at each node on its own; the second, that it is in error along the table, so that a correction
-reaches nodes that the second database does not have.  Along an axis that only the first has, a node of the second is compared with the
-mean of the first (in H), not counted once per breakpoint.
+The first assumes that DATCOM is in error at each node on its own; the second, that it is in error
+along the table, so that a correction reaches nodes that the second database does not have.  Along
+an axis that only the first has, a node of the second is compared with the mean of the first (in H),
+not counted once per breakpoint.
 """
 
 from __future__ import annotations
@@ -25,7 +28,17 @@ import pandas as pd
 import xarray as xr
 
 from aerodb.edit.table_edits import matching
-from aerodb.store.grids import axes_of, folded, known_source, place, same_factors, spread, union_axes, with_table, within
+from aerodb.store.grids import (
+    axes_of,
+    folded,
+    known_source,
+    place,
+    same_factors,
+    spread,
+    union_axes,
+    with_table,
+    within,
+)
 from aerodb.store.schema import terms
 from aerodb.store.undo_history import noted, recorded, remark
 from aerodb.update.correlation import prior_covariance
@@ -33,7 +46,9 @@ from flightmech import terms as _terms
 from flightmech.errors import AeromatchWarning, SchemaError, UnknownName
 
 RULES = ("inverse_variance", "correlated")
-UNLIKELY = 0.01  # probability of a chi-square below which two tables disagree by more than their errors
+UNLIKELY = (
+    0.01  # probability of a chi-square below which two tables disagree by more than their errors
+)
 COUNTED = 0.9  # a node is of the second source where it brought the standard error below this share
 _SAME = ("S", "cbar", "b", "x_ref", "y_ref", "z_ref", "force_axes")
 _AGREE = 1e-6
@@ -55,27 +70,31 @@ def blend(
     db : DataTree
         The database, such as the prior; it is left as it is.
     other : DataTree
-        New knowledge of the same terms, independent of `db`: a result of `tabulate` already holds its prior and does not belong here.
+        New knowledge of the same terms, independent of `db`: a result of `tabulate` already holds
+        its prior and does not belong here.
     names : str or iterable of str, optional
         Terms, or patterns; every term that both have unless given.
     rule : {"inverse_variance", "correlated"}
-        Nodes by themselves, or all nodes of a table together with the correlations of `aerodb.update.correlation` for `db`.
+        Nodes by themselves, or all nodes of a table together with the correlations of
+        `aerodb.update.correlation` for `db`.
     note : str, optional
         Why, for the history.
 
     Returns
     -------
     DataTree
-        Tables over the union of the breakpoints.  A standard error of zero means exact.  Where only one table has a node it stands alone
-        (with ``correlated``, corrected by its neighbours); beyond both, `db` as the simulation continues it.  A node has the source of
-        `other` where that brought its standard error below 0.9 of the former one, else that of `db`.
+        Tables over the union of the breakpoints.  A standard error of zero means exact.  Where only
+        one table has a node it stands alone (with ``correlated``, corrected by its neighbours);
+        beyond both, `db` as the simulation continues it.  A node has the source of `other` where
+        that brought its standard error below 0.9 of the former one, else that of `db`.
 
     Raises
     ------
     UnknownName
         A term that one of the two does not have, or an unknown rule.
     SchemaError
-        Reference quantities or axes differ, terms have other regressors or no standard errors, or both are exact and differ; all faults.
+        Reference quantities or axes differ, terms have other regressors or no standard errors, or
+        both are exact and differ; all faults.
 
     Warns
     -----
@@ -96,13 +115,16 @@ def blend(
             problems += [f"{name}: {fault}" for fault in error.problems]
             continue
         row = frame.loc[name]
-        leaves[name] = noted(new, f"blend: {rule}, chi-square {row.chi2:.4g} of {row.nodes} nodes{remark(note)}")
+        leaves[name] = noted(
+            new, f"blend: {rule}, chi-square {row.chi2:.4g} of {row.nodes} nodes{remark(note)}"
+        )
     if problems:
         raise SchemaError("blend", problems)
     unlike = frame[frame["probability"] < UNLIKELY]
     if len(unlike):
         summary = [
-            f"{name} (chi-square {row.chi2:.4g} of {row.nodes} nodes, {row.worst:.3g} at {row.location})" for name, row in unlike.iterrows()
+            f"{name} (chi-square {row.chi2:.4g} of {row.nodes} nodes, {row.worst:.3g} at {row.location})"
+            for name, row in unlike.iterrows()
         ]
         text = f"blend: tables disagree by more than their standard errors: {'; '.join(summary)}"
         warnings.warn(text, AeromatchWarning, stacklevel=2)
@@ -111,7 +133,10 @@ def blend(
 
 
 def consistency(
-    db: xr.DataTree, other: xr.DataTree, names: str | Iterable[str] | None = None, rule: str = "inverse_variance"
+    db: xr.DataTree,
+    other: xr.DataTree,
+    names: str | Iterable[str] | None = None,
+    rule: str = "inverse_variance",
 ) -> pd.DataFrame:
     """Return how well two databases agree within their standard errors, before they are joined.
 
@@ -123,9 +148,10 @@ def consistency(
     Returns
     -------
     DataFrame, index ``term``
-        ``nodes`` (those of `other` within the table of `db`, unless both are exact there), ``chi2``, its ``probability`` for as many
-        nodes (which errors of `db` that go together along a table make too small or too large unless the rule is ``correlated``),
-        ``worst``, the largest difference other - db in its standard error, signed, and ``location``.
+        ``nodes`` (those of `other` within the table of `db`, unless both are exact there),
+        ``chi2``, its ``probability`` for as many nodes (which errors of `db` that go together along
+        a table make too small or too large unless the rule is ``correlated``), ``worst``, the
+        largest difference other - db in its standard error, signed, and ``location``.
 
     Raises
     ------
@@ -143,13 +169,17 @@ class _Pair:
     theirs: xr.Dataset
 
 
-def _pairs(db: xr.DataTree, other: xr.DataTree, names: str | Iterable[str] | None, rule: str) -> dict[str, _Pair]:
+def _pairs(
+    db: xr.DataTree, other: xr.DataTree, names: str | Iterable[str] | None, rule: str
+) -> dict[str, _Pair]:
     if rule not in RULES:
         raise UnknownName(rule, RULES, "rule")
     ours, theirs = terms(db), terms(other)
     chosen = [name for name in ours if name in theirs] if names is None else matching(db, names)
     problems = [
-        f"{key} is {db.attrs[key]!r} here and {other.attrs[key]!r} there" for key in _SAME if not _agree(db.attrs[key], other.attrs[key])
+        f"{key} is {db.attrs[key]!r} here and {other.attrs[key]!r} there"
+        for key in _SAME
+        if not _agree(db.attrs[key], other.attrs[key])
     ]
     if not chosen:
         problems.append("the two have no term in common")
@@ -159,19 +189,29 @@ def _pairs(db: xr.DataTree, other: xr.DataTree, names: str | Iterable[str] | Non
             raise UnknownName(name, theirs, "term", "the other database does not have it")
         pair = (ours[name], theirs[name])
         problems += [
-            f"{name}: no stderr {where}; give one to every node" for leaf, where in zip(pair, ("here", "there")) if "stderr" not in leaf
+            f"{name}: no stderr {where}; give one to every node"
+            for leaf, where in zip(pair, ("here", "there"))
+            if "stderr" not in leaf
         ]
         words = [" ".join(_terms.multipliers(leaf)) or "none" for leaf in pair]
         if words[0] != words[1]:
-            problems.append(f"{name}: regressors {words[0]} here and {words[1]} there; only tables of the same meaning can be joined")
-        found[name] = _Pair(*pair) if same_factors(*pair) else _Pair(folded(pair[0]), folded(pair[1]))
+            problems.append(
+                f"{name}: regressors {words[0]} here and {words[1]} there; only tables of the same meaning can be joined"
+            )
+        found[name] = (
+            _Pair(*pair) if same_factors(*pair) else _Pair(folded(pair[0]), folded(pair[1]))
+        )
     if problems:
         raise SchemaError("blend", problems)
     return found
 
 
 def _agree(first, second) -> bool:
-    return first == second if isinstance(first, str) else bool(np.isclose(float(first), float(second), rtol=_AGREE, atol=_AGREE))
+    return (
+        first == second
+        if isinstance(first, str)
+        else bool(np.isclose(float(first), float(second), rtol=_AGREE, atol=_AGREE))
+    )
 
 
 def _frame(pairs: dict[str, _Pair], rule: str) -> pd.DataFrame:
@@ -181,7 +221,9 @@ def _frame(pairs: dict[str, _Pair], rule: str) -> pd.DataFrame:
 
 @dataclass(frozen=True)
 class _Observed:
-    """The nodes of theirs within ours as observations of ours: y = H g + e, cov(e) = diag(s^2), g the nodes of a table."""
+    """The nodes of theirs within ours as observations of ours: y = H g + e, cov(e) = diag(s^2), g
+    the nodes of a table.
+    """
 
     points: dict[str, np.ndarray]
     H: np.ndarray  # (observations, nodes)
@@ -198,7 +240,11 @@ def _observed(table: xr.Dataset, pair: _Pair) -> _Observed:
     size = table["value"].size
     if not count:
         return _Observed(points, np.zeros((0, size)), np.zeros(0), np.zeros(0))
-    mesh = dict(zip([*points, *rest], np.meshgrid(*points.values(), *rest.values(), indexing="ij"))) if points or rest else {}
+    mesh = (
+        dict(zip([*points, *rest], np.meshgrid(*points.values(), *rest.values(), indexing="ij")))
+        if points or rest
+        else {}
+    )
     flat = {axis: grid.ravel() for axis, grid in mesh.items()}
     B = _terms.basis(_terms.bare(table[["value"]]), flat, "clamp").toarray()
     H = np.broadcast_to(B, (count * nodes, size)).reshape(count, nodes, size).mean(axis=1)
@@ -225,13 +271,22 @@ def _row(pair: _Pair, rule: str) -> tuple[int, float, float, float, str]:
         chi2 = float((in_errors**2).sum())
     count = int(known.sum())
     at = np.unravel_index(worst, [len(p) for p in seen.points.values()]) if seen.points else ()
-    return count, chi2, float(chi2_distribution.sf(chi2, count)), float(in_errors[worst]), place(seen.points, [int(i) for i in at])
+    return (
+        count,
+        chi2,
+        float(chi2_distribution.sf(chi2, count)),
+        float(in_errors[worst]),
+        place(seen.points, [int(i) for i in at]),
+    )
 
 
 def _blended(pair: _Pair, rule: str) -> xr.Dataset:
     points = union_axes(pair.ours, pair.theirs)
     if len(points) > _terms.MAX_AXES:
-        raise SchemaError("blend", [f"the axes {' '.join(points)} of the two together are more than {_terms.MAX_AXES}"])
+        raise SchemaError(
+            "blend",
+            [f"the axes {' '.join(points)} of the two together are more than {_terms.MAX_AXES}"],
+        )
     ours, theirs = spread(pair.ours, points), spread(pair.theirs, points)
     inside = [_inside(leaf, points) for leaf in (pair.ours, pair.theirs)]
     both, alone = inside[0] & inside[1], inside[1] & ~inside[0]
@@ -240,16 +295,27 @@ def _blended(pair: _Pair, rule: str) -> xr.Dataset:
     off = both & (s1 == 0.0) & (s2 == 0.0) & ~np.isclose(v1, v2, rtol=_AGREE, atol=1e-12)
     if off.any():
         at = place(points, [int(i) for i in np.argwhere(off)[0]])
-        raise SchemaError("blend", [f"both are exact (standard error 0) and differ at {at} and {int(off.sum()) - 1} more nodes"])
+        raise SchemaError(
+            "blend",
+            [
+                f"both are exact (standard error 0) and differ at {at} and {int(off.sum()) - 1} more nodes"
+            ],
+        )
     joined = _together(ours, pair) if rule == "correlated" else _apart(both, v2 - v1, s1, s2)
     value = np.where(alone, v2, v1 + joined[0])
     stderr = np.where(alone, s2, joined[1])
-    source = np.where(alone | (both & (stderr < COUNTED * s1)), known_source(theirs), known_source(ours))
+    source = np.where(
+        alone | (both & (stderr < COUNTED * s1)), known_source(theirs), known_source(ours)
+    )
     return with_table(ours, points, value, stderr, source)
 
 
-def _apart(both: np.ndarray, r: np.ndarray, s1: np.ndarray, s2: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return correction and standard error of nodes by themselves; outside `both` none and the first."""
+def _apart(
+    both: np.ndarray, r: np.ndarray, s1: np.ndarray, s2: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return correction and standard error of nodes by themselves; outside `both` none and the
+    first.
+    """
     total = s1**2 + s2**2
     share = np.divide(s1**2, total, out=np.zeros_like(r), where=both & (total > 0.0))
     return share * r, np.where(both, np.sqrt(share) * s2, s1)
@@ -277,5 +343,7 @@ def _inside(leaf: xr.Dataset, points: dict[str, np.ndarray]) -> np.ndarray:
     found = np.ones([len(p) for p in points.values()], bool)
     for at, (axis, p) in enumerate(points.items()):
         if axis in leaf["value"].dims:
-            found &= within(axes_of(leaf)[axis], p).reshape([-1 if i == at else 1 for i in range(len(points))])
+            found &= within(axes_of(leaf)[axis], p).reshape(
+                [-1 if i == at else 1 for i in range(len(points))]
+            )
     return found

@@ -1,11 +1,13 @@
-"""Ground effect in closed form, as [LR743] 4.5.1 identified it, and the tables K_GE(h) of eq. (11) made of it.
+"""Ground effect in closed form, as [LR743] 4.5.1 identified it, and the tables K_GE(h) of eq. (11)
+made of it.
 
-    (13)  CL(GE) = k_0 CL_0 h^s0 + k_alpha CL_alpha alpha h^salpha + k_q CL_q qhat h^sq + k_de CL_delta_e delta_e h^sde
-    (14)  Cl(GE) = k h^s (CL phi)
+    (13)  CL(GE) = k_0 CL_0 h^s0 + k_alpha CL_alpha alpha h^salpha + k_q CL_q qhat h^sq + k_de
+    CL_delta_e delta_e h^sde (14)  Cl(GE) = k h^s (CL phi)
 
-with the coefficients out of ground effect, and h in metres.  A product k y h^s grows without bound towards the ground, so every
-term has a floor: the least height that was flown, below which the factor stays.  The heights of the report are those of its radio
-altimeter; here h is `h_agl`, the height of the moment reference point.  Who has the height of the antenna counts it over, or
+with the coefficients out of ground effect, and h in metres.  A product k y h^s grows without bound
+towards the ground, so every term has a floor: the least height that was flown, below which the
+factor stays.  The heights of the report are those of its radio altimeter; here h is `h_agl`, the
+height of the moment reference point.  Who has the height of the antenna counts it over, or
 identifies k and s anew: (h + c)^s is no k h^s.
 
 References
@@ -46,12 +48,14 @@ def in_ground_effect(free: xr.Dataset, k: float, exponent: float, floor: float) 
     Returns
     -------
     Dataset
-        A term with the power factor ``max(h_agl, floor)^exponent``; standard errors are those of `free` times abs(k).
+        A term with the power factor ``max(h_agl, floor)^exponent``; standard errors are those of
+        `free` times abs(k).
 
     Raises
     ------
     SchemaError
-        A term with a height or a power factor already, a number that is not finite, a floor that is not positive.
+        A term with a height or a power factor already, a number that is not finite, a floor that is
+        not positive.
 
     Examples
     --------
@@ -65,19 +69,31 @@ def in_ground_effect(free: xr.Dataset, k: float, exponent: float, floor: float) 
     if not np.isfinite(k):
         raise SchemaError("ground effect", [f"k is {k!r}; give a finite number"])
     if "h_agl" in _terms.variables(free) or _terms.power(free) is not None:
-        raise SchemaError("ground effect", ["the term depends on a height or has a power factor already; give it as it is in free air"])
+        raise SchemaError(
+            "ground effect",
+            [
+                "the term depends on a height or has a power factor already; give it as it is in free air"
+            ],
+        )
     leaf = free.assign(value=free["value"] * k)
     if "stderr" in free:
         leaf["stderr"] = free["stderr"] * abs(k)
     leaf = followed(free, leaf, k)
     summary = f"in_ground_effect: {k:g} of the term in free air, {_LIFT}"
     history = "\n".join(text for text in (str(free.attrs.get("history", "")), summary) if text)
-    leaf.attrs = {**free.attrs, "power": "h_agl", "exponent": float(exponent), "floor": float(floor), "history": history}
+    leaf.attrs = {
+        **free.attrs,
+        "power": "h_agl",
+        "exponent": float(exponent),
+        "floor": float(floor),
+        "history": history,
+    }
     return _sound(leaf)
 
 
 def bank_in_ground_effect(k: float, exponent: float, floor: float) -> xr.Dataset:
-    """Return the rolling moment that turns the wings level over the ground: k h^exponent (CL phi), [LR743] eq. (14).
+    """Return the rolling moment that turns the wings level over the ground: k h^exponent (CL phi),
+    [LR743] eq. (14).
 
     Parameters
     ----------
@@ -91,7 +107,8 @@ def bank_in_ground_effect(k: float, exponent: float, floor: float) -> xr.Dataset
     Returns
     -------
     Dataset
-        A term for ``Cl/ground`` with the regressors ``CL phi``; CL is the lift coefficient of the moment.
+        A term for ``Cl/ground`` with the regressors ``CL phi``; CL is the lift coefficient of the
+        moment.
 
     Raises
     ------
@@ -107,53 +124,77 @@ def bank_in_ground_effect(k: float, exponent: float, floor: float) -> xr.Dataset
     >>> round(float(evaluate(term, {"CL": 1.2, "phi": np.radians(5.0), "h_agl": 3.0})), 6)
     -0.002466
     """
-    return _terms.make(k, regressors=("CL", "phi"), power=Power("h_agl", exponent, floor), references=_ROLL)
+    return _terms.make(
+        k, regressors=("CL", "phi"), power=Power("h_agl", exponent, floor), references=_ROLL
+    )
 
 
 def with_height_table(leaf: xr.Dataset, top: float, tolerance: float = 1e-3) -> xr.Dataset:
-    """Return a term whose power factor is a table K1 instead: K_GE(h) of [LR743] eq. (11) from the formula.
+    """Return a term whose power factor is a table K1 instead: K_GE(h) of [LR743] eq. (11) from the
+    formula.
 
     Parameters
     ----------
     leaf : Dataset
         A term with a power factor.
     top : float
-        Last breakpoint, above the floor; beyond it the table holds (top)^exponent. [unit of the variable]
+        Last breakpoint, above the floor; beyond it the table holds (top)^exponent. [unit of the
+        variable]
     tolerance : float
         Largest difference between breakpoints, as a share of the factor. [1]
 
     Returns
     -------
     Dataset
-        Breakpoints from the floor to `top`, each the same multiple of the one before; ``K1`` has the attribute ``formula``.
+        Breakpoints from the floor to `top`, each the same multiple of the one before; ``K1`` has
+        the attribute ``formula``.
 
     Raises
     ------
     SchemaError
-        No power factor, no room for a factor over that variable, a `top` below the floor, a `tolerance` out of 0 ... 1.
+        No power factor, no room for a factor over that variable, a `top` below the floor, a
+        `tolerance` out of 0 ... 1.
     """
     factor = _terms.power(leaf)
     if factor is None:
         raise SchemaError("height table", ["the term has no power factor"])
-    problems = [] if top > factor.floor else [f"top is {top!r}; give more than the floor of {factor.floor:g}"]
-    problems += [] if 0.0 < tolerance < 1.0 else [f"tolerance is {tolerance!r}; give a share between 0 and 1"]
+    problems = (
+        []
+        if top > factor.floor
+        else [f"top is {top!r}; give more than the floor of {factor.floor:g}"]
+    )
+    problems += (
+        []
+        if 0.0 < tolerance < 1.0
+        else [f"tolerance is {tolerance!r}; give a share between 0 and 1"]
+    )
     if factor.variable in leaf.dims or {"K1", "K2"} <= set(leaf):
-        problems.append(f"the term has no room for a factor over {factor.variable}; it has the tables {' '.join(map(str, leaf.data_vars))}")
+        problems.append(
+            f"the term has no room for a factor over {factor.variable}; it has the tables {' '.join(map(str, leaf.data_vars))}"
+        )
     if problems:
         raise SchemaError("height table", problems)
-    count = max(int(np.ceil(np.log(top / factor.floor) / np.log(_ratio(factor.exponent, tolerance)))), 1)
+    count = max(
+        int(np.ceil(np.log(top / factor.floor) / np.log(_ratio(factor.exponent, tolerance)))), 1
+    )
     points = np.geomspace(factor.floor, top, count + 1)
     points[[0, -1]] = factor.floor, top
     axis = (factor.variable, points, attrs(factor.variable))
-    table = xr.DataArray(factor.at(points), {factor.variable: axis}, factor.variable, attrs={"formula": str(factor)})
-    kept = {key: item for key, item in leaf.attrs.items() if key not in ("power", "exponent", "floor")}
+    table = xr.DataArray(
+        factor.at(points), {factor.variable: axis}, factor.variable, attrs={"formula": str(factor)}
+    )
+    kept = {
+        key: item for key, item in leaf.attrs.items() if key not in ("power", "exponent", "floor")
+    }
     tabled = leaf.assign({"K2" if "K1" in leaf else "K1": table})
     tabled.attrs = kept
     return _sound(tabled)
 
 
 def _ratio(exponent: float, tolerance: float) -> float:
-    """Return the ratio of neighbouring breakpoints at which a line between them leaves x^exponent by a share of it."""
+    """Return the ratio of neighbouring breakpoints at which a line between them leaves x^exponent
+    by a share of it.
+    """
     if _chord(exponent, 1e3) < tolerance:
         return 1e3
     return float(brentq(lambda ratio: _chord(exponent, ratio) - tolerance, 1.0 + 1e-6, 1e3))
@@ -176,7 +217,8 @@ def _sound(leaf: xr.Dataset) -> xr.Dataset:
 
 
 def factored(leaf: xr.Dataset, axis: str) -> tuple[xr.Dataset, float]:
-    """Return a term whose table is split into a factor K1 over one axis and a table over the others.
+    """Return a term whose table is split into a factor K1 over one axis and a table over the
+    others.
 
     Parameters
     ----------
@@ -188,7 +230,8 @@ def factored(leaf: xr.Dataset, axis: str) -> tuple[xr.Dataset, float]:
     Returns
     -------
     leaf : Dataset
-        The split term: the product closest to the table, in least squares over all nodes (first singular pair).
+        The split term: the product closest to the table, in least squares over all nodes (first
+        singular pair).
     worst : float
         Largest difference of the product from the table. [unit of the table]
 
@@ -203,7 +246,12 @@ def factored(leaf: xr.Dataset, axis: str) -> tuple[xr.Dataset, float]:
     """
     if "K1" in leaf or axis not in leaf["value"].dims or leaf["value"].ndim < 2:
         names = " ".join(map(str, leaf["value"].dims))
-        raise SchemaError("factored", [f"needs a table over {axis} and another axis, without K1; this one goes over {names or 'nothing'}"])
+        raise SchemaError(
+            "factored",
+            [
+                f"needs a table over {axis} and another axis, without K1; this one goes over {names or 'nothing'}"
+            ],
+        )
     value = leaf["value"].transpose(axis, ...)
     matrix = value.values.reshape(value.sizes[axis], -1)
     left, size, right = np.linalg.svd(matrix, full_matrices=False)
@@ -212,9 +260,20 @@ def factored(leaf: xr.Dataset, axis: str) -> tuple[xr.Dataset, float]:
     worst = float(np.abs(np.outer(K1, table) - matrix).max())
     rest = value.isel({axis: 0}, drop=True)
     axes = {str(name): rest[name].values for name in rest.dims}
-    stderr = np.hypot(leaf["stderr"].transpose(axis, ...).values[at], worst) if "stderr" in leaf else None
+    stderr = (
+        np.hypot(leaf["stderr"].transpose(axis, ...).values[at], worst)
+        if "stderr" in leaf
+        else None
+    )
     factor = xr.DataArray(K1, {axis: (axis, value[axis].values, attrs(axis))}, axis)
-    made = _terms.make(table.reshape(rest.shape), axes, _terms.regressors(leaf), K1=factor, stderr=stderr, power=_terms.power(leaf))
+    made = _terms.make(
+        table.reshape(rest.shape),
+        axes,
+        _terms.regressors(leaf),
+        K1=factor,
+        stderr=stderr,
+        power=_terms.power(leaf),
+    )
     if "source" in leaf:
         source = leaf["source"].transpose(axis, ...).isel({axis: at}, drop=True)
         made["source"] = rest.dims, source.values, dict(leaf["source"].attrs)

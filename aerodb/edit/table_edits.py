@@ -1,7 +1,8 @@
 """Single tables changed by hand: scaled, shifted, put on other breakpoints, extended.
 
-Between its nodes every table stays multilinear: a factor table multiplies the nodes, after its own breakpoints were put in, so with axes
-in common a product in between is the straight line, not the parabola.  Numbers, and tables over other axes, act exactly.
+Between its nodes every table stays multilinear: a factor table multiplies the nodes, after its own
+breakpoints were put in, so with axes in common a product in between is the straight line, not the
+parabola.  Numbers, and tables over other axes, act exactly.
 """
 
 from __future__ import annotations
@@ -47,8 +48,9 @@ def replace_terms(db: xr.DataTree, new: Mapping[str, xr.Dataset], note: str = ""
     db : DataTree
         The database; it is left as it is.
     new : mapping of str to Dataset
-        Terms by name, ``"CL/gear"``; a name the database does not have is added and leaves its list `absent`.  The ``notices`` of a
-        `Tabulation` become lines of the history and the root attribute ``notices``.
+        Terms by name, ``"CL/gear"``; a name the database does not have is added and leaves its list
+        `absent`.  The ``notices`` of a `Tabulation` become lines of the history and the root
+        attribute ``notices``.
     note : str, optional
         Why, for the history.
 
@@ -60,12 +62,27 @@ def replace_terms(db: xr.DataTree, new: Mapping[str, xr.Dataset], note: str = ""
     leaves = terms(db)
     added = [name for name in new if name not in leaves]
     taken = [name for name in new if name in leaves]
-    lines = {name: f"replace_terms: {'replaced' if name in leaves else 'added'}{remark(note)}" for name in new}
-    summary = [f"{verb} {' '.join(names)}" for verb, names in (("replaced", taken), ("added", added)) if names]
+    lines = {
+        name: f"replace_terms: {'replaced' if name in leaves else 'added'}{remark(note)}"
+        for name in new
+    }
+    summary = [
+        f"{verb} {' '.join(names)}"
+        for verb, names in (("replaced", taken), ("added", added))
+        if names
+    ]
     leaves |= {name: noted(leaf, lines[name]) for name, leaf in new.items()}
     notices = list(getattr(new, "notices", ()))
     attributes = {**absent(db, without=new), **with_notices(db.attrs, notices)}
-    return recorded(db, leaves, "replace_terms", ", ".join(summary) or "nothing", note, attributes, lines=notices)
+    return recorded(
+        db,
+        leaves,
+        "replace_terms",
+        ", ".join(summary) or "nothing",
+        note,
+        attributes,
+        lines=notices,
+    )
 
 
 def delete_terms(db: xr.DataTree, names: str | Iterable[str], note: str = "") -> xr.DataTree:
@@ -93,7 +110,8 @@ def delete_terms(db: xr.DataTree, names: str | Iterable[str], note: str = "") ->
 
 
 def matching(db: xr.DataTree, names: str | Iterable[str]) -> list[str]:
-    """Return the names of the terms that a name, a pattern such as ``"Cm/*"``, or several of them mean.
+    """Return the names of the terms that a name, a pattern such as ``"Cm/*"``, or several of them
+    mean.
 
     Raises
     ------
@@ -135,7 +153,8 @@ def scale(
     factor : float or array
         A number, or a table over `axes`. [1]
     axes : mapping of str to array, optional
-        Axis to the breakpoints of the factor, which is held beyond them; axes a term does not have are added to it. [SI]
+        Axis to the breakpoints of the factor, which is held beyond them; axes a term does not have
+        are added to it. [SI]
     stderr : float or array
         Standard error of the factor itself. [1]
     source : {"judgement", "flight", "datcom"}
@@ -146,7 +165,8 @@ def scale(
     Returns
     -------
     DataTree
-        value = factor x value, stderr = hypot(factor x stderr, value x standard error of the factor).
+        value = factor x value, stderr = hypot(factor x stderr, value x standard error of the
+        factor).
 
     Raises
     ------
@@ -157,7 +177,9 @@ def scale(
     """
     by = table(factor, axes, stderr, "factor")
 
-    def scaled(leaf: xr.Dataset, times: xr.Dataset) -> tuple[np.ndarray, np.ndarray | None, np.ndarray]:
+    def scaled(
+        leaf: xr.Dataset, times: xr.Dataset
+    ) -> tuple[np.ndarray, np.ndarray | None, np.ndarray]:
         value, f, sd = leaf["value"].values, times["value"].values, times["stderr"].values
         own = leaf["stderr"].values if "stderr" in leaf else 0.0
         return f * value, np.hypot(f * own, sd * value) if "stderr" in leaf or sd.any() else None, f
@@ -182,7 +204,8 @@ def shift(
     db, names, axes, note
         As in `scale`.
     amount : float or array
-        A number, or a table over `axes`, in the unit of the table: per unit of its regressors, before its factors K1 and K2.
+        A number, or a table over `axes`, in the unit of the table: per unit of its regressors,
+        before its factors K1 and K2.
     stderr : float or array
         Standard error of the amount, in its unit; combined with that of the nodes as independent.
     source : {"judgement", "flight", "datcom"}
@@ -196,7 +219,8 @@ def shift(
     Warns
     -----
     AeromatchWarning
-        Nodes that are zero by definition (value and standard error zero: an increment without its cause) would no longer be.
+        Nodes that are zero by definition (value and standard error zero: an increment without its
+        cause) would no longer be.
     """
     by = table(amount, axes, stderr, "amount")
     for name in matching(db, names):
@@ -205,12 +229,23 @@ def shift(
     def shifted(leaf: xr.Dataset, more: xr.Dataset) -> tuple[np.ndarray, np.ndarray | None, float]:
         sd = more["stderr"].values
         own = leaf["stderr"].values if "stderr" in leaf else 0.0
-        return leaf["value"].values + more["value"].values, np.hypot(own, sd) if "stderr" in leaf or sd.any() else None, 1.0
+        return (
+            leaf["value"].values + more["value"].values,
+            np.hypot(own, sd) if "stderr" in leaf or sd.any() else None,
+            1.0,
+        )
 
     return _worked(db, names, by, shifted, "shift", f"by {_described(by)}", source, note)
 
 
-def regrid(db: xr.DataTree, name: str, breakpoints: Mapping[str, Any], *, tolerance: float | None = None, note: str = "") -> xr.DataTree:
+def regrid(
+    db: xr.DataTree,
+    name: str,
+    breakpoints: Mapping[str, Any],
+    *,
+    tolerance: float | None = None,
+    note: str = "",
+) -> xr.DataTree:
     """Return a database with a table on new breakpoints, its nodes read off the old one.
 
     Parameters
@@ -247,14 +282,18 @@ def regrid(db: xr.DataTree, name: str, breakpoints: Mapping[str, Any], *, tolera
             f"regrid {name}: the new table differs from the old one by up to {error:.4g} at {at}, allowed {tolerance:g}; "
             "put breakpoints there or allow more"
         )
-    counts = ", ".join(f"{axis} {np.size(points)} for {leaf.sizes[axis]} breakpoints" for axis, points in breakpoints.items())
+    counts = ", ".join(
+        f"{axis} {np.size(points)} for {leaf.sizes[axis]} breakpoints"
+        for axis, points in breakpoints.items()
+    )
     summary = f"{counts}, differs by up to {error:.4g}{f' at {at}' if error else ''}"
     leaves = terms(db) | {name: noted(new, f"regrid: {summary}{remark(note)}")}
     return recorded(db, leaves, "regrid", f"{name} on {summary}", note)
 
 
 def regrid_error(db: xr.DataTree, name: str, breakpoints: Mapping[str, Any]) -> float:
-    """Return by how much `regrid` would change a term at most, anywhere in the old table; in the unit of the table.
+    """Return by how much `regrid` would change a term at most, anywhere in the old table; in the
+    unit of the table.
 
     Notes
     -----
@@ -285,42 +324,53 @@ def extend(
     points : array
         New breakpoints outside the old ones, on one side or both, rising. [SI]
     how : {"hold", "linear"} or array
-        The end value, the straight line through the last two nodes, or the values: numbers along `points`, or an array of the shape of
-        the table with ``len(points)`` along the axis. Unit of the table.
+        The end value, the straight line through the last two nodes, or the values: numbers along
+        `points`, or an array of the shape of the table with ``len(points)`` along the axis. Unit of
+        the table.
     stderr : float or array, optional
-        Standard error of the new nodes, shaped as values; needed with values where the term has standard errors.
+        Standard error of the new nodes, shaped as values; needed with values where the term has
+        standard errors.
     note : str, optional
         Why, for the history.
 
     Returns
     -------
     DataTree
-        New nodes have the source ``judgement``.  Their standard error, unless given, at t times the last interval beyond the end, with
-        v_1, s_1 of the last node and v_2, s_2 of the one before: hypot(s_1, t (v_1 - v_2)) of a value held, for the straight line may
-        be true; hypot((1 + t) s_1, t s_2) of the straight line.
+        New nodes have the source ``judgement``.  Their standard error, unless given, at t times the
+        last interval beyond the end, with v_1, s_1 of the last node and v_2, s_2 of the one before:
+        hypot(s_1, t (v_1 - v_2)) of a value held, for the straight line may be true; hypot((1 + t)
+        s_1, t s_2) of the straight line.
 
     Raises
     ------
     UnknownName
         The term or the axis.
     SchemaError
-        Points that do not rise or lie inside the table, values that do not fit, a line through a single breakpoint, or no standard errors.
+        Points that do not rise or lie inside the table, values that do not fit, a line through a
+        single breakpoint, or no standard errors.
     """
     leaf = leaf_of(db, name)
     own_axis(name, leaf, axis)
     old, new = leaf[axis].values.astype(float), rising(axis, points)
     if within(old, new).any():
         raise SchemaError(
-            f"extend {name}", [f"breakpoints of {axis} must lie outside {old[0]:.6g} ... {old[-1]:.6g}; regrid puts some inside"]
+            f"extend {name}",
+            [
+                f"breakpoints of {axis} must lie outside {old[0]:.6g} ... {old[-1]:.6g}; regrid puts some inside"
+            ],
         )
     words = how if isinstance(how, str) else "given values"
     value, sd = _beyond(name, leaf, axis, new, how)
     if stderr is not None:
         sd = _along(name, leaf, axis, new, stderr, "stderr")
         if not (sd >= 0.0).all():
-            raise SchemaError(f"extend {name}", ["stderr holds negative numbers or NaN; give zero or more"])
+            raise SchemaError(
+                f"extend {name}", ["stderr holds negative numbers or NaN; give zero or more"]
+            )
     if "stderr" in leaf and sd is None:
-        raise SchemaError(f"extend {name}", ["the term has standard errors; give stderr= with the values"])
+        raise SchemaError(
+            f"extend {name}", ["the term has standard errors; give stderr= with the values"]
+        )
     if "stderr" not in leaf and stderr is not None:
         raise SchemaError(f"extend {name}", ["the term has no standard errors; leave stderr= out"])
     whole = _joined(leaf, axis, new, value, sd if "stderr" in leaf else None)
@@ -339,7 +389,8 @@ def set_nodes(
     source: str = "judgement",
     note: str = "",
 ) -> xr.DataTree:
-    """Return a database with one node of a table, or the nodes along the axes that `at` leaves out, set to a number.
+    """Return a database with one node of a table, or the nodes along the axes that `at` leaves out,
+    set to a number.
 
     Parameters
     ----------
@@ -350,7 +401,8 @@ def set_nodes(
     at : mapping of str to float
         Axis to one of its breakpoints; an axis left out means all of its breakpoints. [SI]
     value : float
-        The number, in the unit of the table: per unit of its regressors, before its factors K1 and K2.
+        The number, in the unit of the table: per unit of its regressors, before its factors K1 and
+        K2.
     stderr : float, optional
         Its standard error; left out, the nodes keep theirs.
     source : {"judgement", "flight", "datcom"}
@@ -378,7 +430,10 @@ def set_nodes(
         raise SchemaError(f"set {name}", faults)
     for axis in at:
         own_axis(name, leaf, axis)
-    node = tuple(_breakpoint(name, leaf, axis, at[axis]) if axis in at else slice(None) for axis in axes_of(leaf))
+    node = tuple(
+        _breakpoint(name, leaf, axis, at[axis]) if axis in at else slice(None)
+        for axis in axes_of(leaf)
+    )
     before = leaf["value"].values
     values, codes = before.copy(), known_source(leaf).copy()
     values[node] = value
@@ -387,15 +442,22 @@ def set_nodes(
         errors[node] = stderr
     codes[values != before] = _terms.SOURCES.index(source)
     whole = with_table(leaf, axes_of(leaf), values, errors, codes)
-    where = ", ".join(f"{axis} {readable(axis, at[axis])}" for axis in axes_of(leaf) if axis in at) or "all nodes"
+    where = (
+        ", ".join(f"{axis} {readable(axis, at[axis])}" for axis in axes_of(leaf) if axis in at)
+        or "all nodes"
+    )
     doubt = "" if stderr is None else f" +- {stderr:g}"
     summary = f"at {where} to {value:g}{doubt}, was {_span_of(before[node])}"
-    leaves = terms(db) | {name: noted(_still_joint(leaf, whole), f"set_nodes: {summary}{remark(note)}")}
+    leaves = terms(db) | {
+        name: noted(_still_joint(leaf, whole), f"set_nodes: {summary}{remark(note)}")
+    }
     return recorded(db, leaves, "set_nodes", f"{name} {summary}", note)
 
 
 def _still_joint(leaf: xr.Dataset, whole: xr.Dataset) -> xr.Dataset:
-    """Return an edited leaf with the joint covariance of the one before; without it where a standard error shrank below the stored one."""
+    """Return an edited leaf with the joint covariance of the one before; without it where a
+    standard error shrank below the stored one.
+    """
     smaller = "stderr" in whole and bool((whole["stderr"].values < leaf["stderr"].values).any())
     return without_posterior(whole) if smaller else followed(leaf, whole)
 
@@ -403,13 +465,26 @@ def _still_joint(leaf: xr.Dataset, whole: xr.Dataset) -> xr.Dataset:
 def _breakpoint(name: str, leaf: xr.Dataset, axis: str, at: float) -> int:
     points = leaf[axis].values.astype(float)
     i = int(np.abs(points - at).argmin())
-    if not abs(points[i] - at) <= 1e-6 * max(np.ptp(points), abs(at)):  # what a person writes in degrees or feet, not what a program does
+    if not abs(points[i] - at) <= 1e-6 * max(
+        np.ptp(points), abs(at)
+    ):  # what a person writes in degrees or feet, not what a program does
         known = ", ".join(readable(axis, x) for x in points)
-        raise OutOfRange(f"set {name}: no breakpoint at {axis} {readable(axis, at)}; there are {known}; regrid puts one there")
+        raise OutOfRange(
+            f"set {name}: no breakpoint at {axis} {readable(axis, at)}; there are {known}; regrid puts one there"
+        )
     return i
 
 
-def _worked(db: xr.DataTree, names, by: xr.Dataset, work: _Work, verb: str, summary: str, source: str, note: str) -> xr.DataTree:
+def _worked(
+    db: xr.DataTree,
+    names,
+    by: xr.Dataset,
+    work: _Work,
+    verb: str,
+    summary: str,
+    source: str,
+    note: str,
+) -> xr.DataTree:
     """Return a database with terms worked on node by node over their breakpoints and those of `by`."""
     _demand_source(verb, source)
     chosen, leaves = matching(db, names), terms(db)
@@ -419,8 +494,12 @@ def _worked(db: xr.DataTree, names, by: xr.Dataset, work: _Work, verb: str, summ
         except SchemaError as error:
             raise SchemaError(f"{verb} {name}", error.problems) from None
         value, stderr, times = work(leaf, other)
-        codes = np.where(value == leaf["value"].values, known_source(leaf), _terms.SOURCES.index(source))
-        edited = followed(leaves[name], with_table(leaf, axes_of(leaf), value, stderr, codes), times)
+        codes = np.where(
+            value == leaf["value"].values, known_source(leaf), _terms.SOURCES.index(source)
+        )
+        edited = followed(
+            leaves[name], with_table(leaf, axes_of(leaf), value, stderr, codes), times
+        )
         leaves[name] = noted(edited, f"{verb}: {summary}{remark(note)}")
     return recorded(db, leaves, verb, f"{' '.join(chosen)} {summary}", note)
 
@@ -431,14 +510,21 @@ def _demand_source(verb: str, source: str) -> None:
 
 
 def _common(leaf: xr.Dataset, by: xr.Dataset) -> tuple[xr.Dataset, xr.Dataset]:
-    """Return leaf and table over one grid: the breakpoints of the leaf and those of the table between them."""
+    """Return leaf and table over one grid: the breakpoints of the leaf and those of the table
+    between them.
+    """
     if factor_axes(leaf) & set(map(str, by["value"].dims)):
         leaf = folded(leaf)
     points = axes_of(leaf)
     for axis, more in axes_of(by).items():
-        points[axis] = union(points[axis], more[within(points[axis], more)]) if axis in points else more
+        points[axis] = (
+            union(points[axis], more[within(points[axis], more)]) if axis in points else more
+        )
     if len(points) > _terms.MAX_AXES:
-        raise SchemaError("table", [f"would have the axes {' '.join(points)}; at most {_terms.MAX_AXES} are allowed"])
+        raise SchemaError(
+            "table",
+            [f"would have the axes {' '.join(points)}; at most {_terms.MAX_AXES} are allowed"],
+        )
     return spread(leaf, points), spread(by, points)
 
 
@@ -459,13 +545,21 @@ def _warn_of_zeros(name: str, leaf: xr.Dataset, by: xr.Dataset) -> None:
     if "stderr" not in leaf:
         return
     leaf, by = _common(leaf, by)
-    count = int(((leaf["value"].values == 0.0) & (leaf["stderr"].values == 0.0) & (by["value"].values != 0.0)).sum())
+    count = int(
+        (
+            (leaf["value"].values == 0.0)
+            & (leaf["stderr"].values == 0.0)
+            & (by["value"].values != 0.0)
+        ).sum()
+    )
     if count:
         text = f"shift: {count} nodes of {name} were zero by definition and no longer are; shift by a table that is zero there"
         warnings.warn(text, AeromatchWarning, stacklevel=3)
 
 
-def _regridded(name: str, leaf: xr.Dataset, breakpoints: Mapping[str, Any]) -> tuple[xr.Dataset, float, str]:
+def _regridded(
+    name: str, leaf: xr.Dataset, breakpoints: Mapping[str, Any]
+) -> tuple[xr.Dataset, float, str]:
     """Return the leaf on new breakpoints, the largest difference and where it stands."""
     points = axes_of(leaf)
     for axis, wanted in breakpoints.items():
@@ -474,7 +568,9 @@ def _regridded(name: str, leaf: xr.Dataset, breakpoints: Mapping[str, Any]) -> t
         off = new[~within(points[axis], new)]
         if off.size:
             reach = f"{points[axis][0]:.6g} ... {points[axis][-1]:.6g}"
-            raise OutOfRange(f"regrid {name}: {axis} = {off[0]:.6g} lies outside {reach}; extend the table first")
+            raise OutOfRange(
+                f"regrid {name}: {axis} = {off[0]:.6g} lies outside {reach}; extend the table first"
+            )
         points[axis] = new
     new_leaf = spread(leaf, points)
     both = union_axes(leaf, new_leaf)
@@ -484,15 +580,22 @@ def _regridded(name: str, leaf: xr.Dataset, breakpoints: Mapping[str, Any]) -> t
     return new_leaf, float(difference[node] * factors), place(both, [int(i) for i in node])
 
 
-def _beyond(name: str, leaf: xr.Dataset, axis: str, new: np.ndarray, how: Any) -> tuple[np.ndarray, np.ndarray | None]:
+def _beyond(
+    name: str, leaf: xr.Dataset, axis: str, new: np.ndarray, how: Any
+) -> tuple[np.ndarray, np.ndarray | None]:
     """Return values of nodes beyond the ends, and their standard errors where the rule gives them."""
     if not isinstance(how, str):
         return _along(name, leaf, axis, new, how, "values"), None
     if how not in ("hold", "linear"):
-        raise SchemaError(f"extend {name}", [f"how is {how!r}; allowed: hold, linear, or the values"])
+        raise SchemaError(
+            f"extend {name}", [f"how is {how!r}; allowed: hold, linear, or the values"]
+        )
     at, old = leaf["value"].dims.index(axis), leaf[axis].values.astype(float)
     if how == "linear" and len(old) == 1:
-        raise SchemaError(f"extend {name}", [f"{axis} has one breakpoint and no slope; hold the value or give numbers"])
+        raise SchemaError(
+            f"extend {name}",
+            [f"{axis} has one breakpoint and no slope; hold the value or give numbers"],
+        )
     value = np.moveaxis(leaf["value"].values, at, -1)
     sd = np.moveaxis(leaf["stderr"].values, at, -1) if "stderr" in leaf else np.zeros_like(value)
     end = np.where(new > old[-1], len(old) - 1, 0)
@@ -503,24 +606,36 @@ def _beyond(name: str, leaf: xr.Dataset, axis: str, new: np.ndarray, how: Any) -
     if how == "hold":
         found, doubt = value[..., end], np.hypot(sd[..., end], rise)
     else:
-        found, doubt = value[..., end] + rise, np.hypot((1.0 + t) * sd[..., end], t * sd[..., inner])
+        found, doubt = (
+            value[..., end] + rise,
+            np.hypot((1.0 + t) * sd[..., end], t * sd[..., inner]),
+        )
     return np.moveaxis(found, -1, at), np.moveaxis(doubt, -1, at)
 
 
-def _along(name: str, leaf: xr.Dataset, axis: str, new: np.ndarray, given: Any, what: str) -> np.ndarray:
+def _along(
+    name: str, leaf: xr.Dataset, axis: str, new: np.ndarray, given: Any, what: str
+) -> np.ndarray:
     """Return numbers given for new nodes in the shape of the table."""
     at, array = leaf["value"].dims.index(axis), np.asarray(given, float)
     shape = tuple(len(new) if i == at else size for i, size in enumerate(leaf["value"].shape))
     if array.ndim == 1 and len(array) == len(new):
         array = array.reshape([-1 if i == at else 1 for i in range(len(shape))])
-    if array.ndim not in (0, len(shape)) or any(n not in (1, m) for n, m in zip(array.shape, shape)):
+    if array.ndim not in (0, len(shape)) or any(
+        n not in (1, m) for n, m in zip(array.shape, shape)
+    ):
         raise SchemaError(
-            f"extend {name}", [f"{what} have the shape {np.shape(given)}; give {len(new)} numbers along {axis}, or the shape {shape}"]
+            f"extend {name}",
+            [
+                f"{what} have the shape {np.shape(given)}; give {len(new)} numbers along {axis}, or the shape {shape}"
+            ],
         )
     return np.broadcast_to(array, shape)
 
 
-def _joined(leaf: xr.Dataset, axis: str, new: np.ndarray, value: np.ndarray, sd: np.ndarray | None) -> xr.Dataset:
+def _joined(
+    leaf: xr.Dataset, axis: str, new: np.ndarray, value: np.ndarray, sd: np.ndarray | None
+) -> xr.Dataset:
     at, old = leaf["value"].dims.index(axis), leaf[axis].values.astype(float)
     order = np.argsort(np.concatenate([old, new]))
 

@@ -9,7 +9,8 @@ from aerodb.exchange.tables.csv_terms import INDEX
 from flightmech.errors import ParseError
 from flightmech.support.input_files import demand_regular
 
-_HEAD = 65_536  # bytes in which the first element of an XML file must begin, comments and document type before it
+# bytes in which the first element of an XML file must begin, comments and document type before it
+_HEAD = 65_536
 _BEFORE = re.compile(rb"\s+|<\?.*?\?>|<!--.*?-->|<!DOCTYPE[^\[>]*(\[.*?\]\s*)?>", re.DOTALL)
 _ELEMENT = re.compile(rb"<(?:[\w.-]+:)?([\w.-]+)")
 _ROOTS = {b"DAVEfunc": "daveml", b"fdm_config": "jsbsim"}
@@ -17,7 +18,8 @@ _KNOWN = "a database (netCDF-4), a MAT file, a JSBSim or DAVE-ML file, or a fold
 
 
 def recognized(path: Path) -> str:
-    """Return the format of a file or folder: ``netcdf``, ``matlab``, ``jsbsim``, ``daveml`` or ``csv``.
+    """Return the format of a file or folder: ``netcdf``, ``matlab``, ``jsbsim``, ``daveml`` or
+    ``csv``.
 
     Raises
     ------
@@ -41,7 +43,9 @@ def recognized(path: Path) -> str:
     if root:
         raise ParseError(str(path), 0, f"the XML element {root.decode(errors='replace')!r}", _KNOWN)
     if path.name == INDEX:
-        raise ParseError(str(path), 0, "the index of a folder of CSV files", "the name of the folder")
+        raise ParseError(
+            str(path), 0, "the index of a folder of CSV files", "the name of the folder"
+        )
     raise ParseError(str(path), 0, f"the bytes {head[:16]!r}", _KNOWN)
 
 

@@ -23,8 +23,11 @@ class Unsampled(Exception):
     """A function that no table within the bound follows; the text states why, and what to do."""
 
 
-def tabulated(function: Function, grid: Mapping[str, np.ndarray], bound: float, fixed: Collection[str] = ()) -> xr.DataArray:
-    """Return a function on a grid whose intervals are halved until it is straight in each, axis by axis.
+def tabulated(
+    function: Function, grid: Mapping[str, np.ndarray], bound: float, fixed: Collection[str] = ()
+) -> xr.DataArray:
+    """Return a function on a grid whose intervals are halved until it is straight in each, axis by
+    axis.
 
     Parameters
     ----------
@@ -33,7 +36,8 @@ def tabulated(function: Function, grid: Mapping[str, np.ndarray], bound: float, 
     grid : mapping of str to array
         Breakpoints to begin with; all of them are kept.
     bound : float
-        Largest difference allowed between the table and the function; each axis has half of its share of it.
+        Largest difference allowed between the table and the function; each axis has half of its
+        share of it.
     fixed : collection of str
         Axes that keep the breakpoints given.
 
@@ -49,30 +53,49 @@ def tabulated(function: Function, grid: Mapping[str, np.ndarray], bound: float, 
         for axis, at in points.items():
             middle = 0.5 * (at[1:] + at[:-1])
             seen = on_grid(function, {**points, axis: middle})
-            chord = 0.5 * (nodes.isel({axis: slice(1, None)}).values + nodes.isel({axis: slice(None, -1)}).values)
-            off = np.abs(seen.values - chord).max(tuple(i for i, d in enumerate(seen.dims) if d != axis))
+            chord = 0.5 * (
+                nodes.isel({axis: slice(1, None)}).values
+                + nodes.isel({axis: slice(None, -1)}).values
+            )
+            off = np.abs(seen.values - chord).max(
+                tuple(i for i, d in enumerate(seen.dims) if d != axis)
+            )
             split[axis] = middle[off > share] if axis not in fixed else middle[:0]
-            short = np.diff(at)[off > share] < _SHORTEST * np.ptp(at) if axis not in fixed else np.zeros(0, bool)
+            short = (
+                np.diff(at)[off > share] < _SHORTEST * np.ptp(at)
+                if axis not in fixed
+                else np.zeros(0, bool)
+            )
             if short.any():
-                raise Unsampled(f"it jumps near {axis} = {split[axis][short][0]:.6g}; a table cannot follow it, leave it out")
+                raise Unsampled(
+                    f"it jumps near {axis} = {split[axis][short][0]:.6g}; a table cannot follow it, leave it out"
+                )
         if not any(len(new) for new in split.values()):
             return nodes
         points = {axis: np.union1d(at, split[axis]) for axis, at in points.items()}
         if np.prod([float(len(at)) for at in points.values()]) > MOST_NODES:
-            raise Unsampled(f"it needs more than {MOST_NODES} nodes for {bound:.2g}; give a wider bound or a narrower range")
+            raise Unsampled(
+                f"it needs more than {MOST_NODES} nodes for {bound:.2g}; give a wider bound or a narrower range"
+            )
 
 
 def on_grid(function: Function, grid: Mapping[str, np.ndarray]) -> xr.DataArray:
     """Return a function at the nodes of a grid."""
     mesh = np.meshgrid(*grid.values(), indexing="ij")
     shape = tuple(len(points) for points in grid.values())
-    values = np.broadcast_to(function({name: axis.ravel() for name, axis in zip(grid, mesh)}), (int(np.prod(shape)),))
+    values = np.broadcast_to(
+        function({name: axis.ravel() for name, axis in zip(grid, mesh)}), (int(np.prod(shape)),)
+    )
     return xr.DataArray(values.reshape(shape), dict(grid), tuple(grid))
 
 
 def difference(function: Function, table: xr.DataArray) -> float:
-    """Return the largest difference between a function and its table at 5000 states spread over the table."""
+    """Return the largest difference between a function and its table at 5000 states spread over the
+    table.
+    """
     draw = np.random.default_rng(0)
-    at = {str(d): draw.uniform(table[d].values[0], table[d].values[-1], _CHECKS) for d in table.dims}
+    at = {
+        str(d): draw.uniform(table[d].values[0], table[d].values[-1], _CHECKS) for d in table.dims
+    }
     leaf = make(table.values, {str(d): table[d].values for d in table.dims})
     return float(np.abs(evaluate(leaf, at) - function(at)).max())

@@ -1,7 +1,9 @@
-"""Untrusted XML files as plain elements with line numbers: nothing outside the file is opened, nothing is expanded.
+"""Untrusted XML files as plain elements with line numbers: nothing outside the file is opened,
+nothing is expanded.
 
-The parser is the expat of the standard library.  It loads no external document type and no entity, a declaration of an entity is
-refused, and size, depth and number of elements are limited, so that a hostile file costs little.
+The parser is the expat of the standard library.  It loads no external document type and no entity,
+a declaration of an entity is refused, and size, depth and number of elements are limited, so that a
+hostile file costs little.
 """
 
 from __future__ import annotations
@@ -25,7 +27,8 @@ _REQUIRED = "it there; the format requires it"
 
 @dataclass(slots=True)
 class Element:
-    """One element: name and attributes without namespace prefix, line of its start, children, and its own text by line number.
+    """One element: name and attributes without namespace prefix, line of its start, children, and
+    its own text by line number.
 
     A child leaves a blank in the text of its parent.
     """
@@ -52,7 +55,11 @@ class Element:
 
     def numbers(self) -> list[tuple[int, np.ndarray]]:
         """Return the numbers of each line of the text that has any, with its line number."""
-        return [(at, np.array([self._finite(item, at) for item in items])) for at, text in self.lines.items() if (items := text.split())]
+        return [
+            (at, np.array([self._finite(item, at) for item in items]))
+            for at, text in self.lines.items()
+            if (items := text.split())
+        ]
 
     def all(self, *tags: str) -> list[Element]:
         """Return the children with one of these names, in order."""
@@ -93,7 +100,9 @@ class Element:
         except ValueError:
             value = math.nan
         if not math.isfinite(value):
-            raise self.error(f"{text[:40]!r} in <{self.tag}>", "finite numbers separated by blanks", line)
+            raise self.error(
+                f"{text[:40]!r} in <{self.tag}>", "finite numbers separated by blanks", line
+            )
         return value
 
 
@@ -112,8 +121,8 @@ def parse(path: str | os.PathLike, doctype: bool = False) -> Element:
     FileNotFoundError, PermissionError
         The file cannot be read.
     ParseError
-        With the line: not a regular file, not well-formed, a document type declaration, an entity, or beyond `MAX_BYTES`, `MAX_DEPTH` or
-        `MAX_ELEMENTS`.
+        With the line: not a regular file, not well-formed, a document type declaration, an entity,
+        or beyond `MAX_BYTES`, `MAX_DEPTH` or `MAX_ELEMENTS`.
     """
     path = Path(path)
     if not path.exists():
@@ -121,7 +130,9 @@ def parse(path: str | os.PathLike, doctype: bool = False) -> Element:
     if not path.is_file():
         raise ParseError(str(path), 0, "not a regular file", "an XML file")
     if (size := path.stat().st_size) > MAX_BYTES:
-        raise ParseError(str(path), 0, f"a file of {size} bytes", f"at most {MAX_BYTES}; split the tables off")
+        raise ParseError(
+            str(path), 0, f"a file of {size} bytes", f"at most {MAX_BYTES}; split the tables off"
+        )
     return _Builder(str(path), doctype).build(path.read_bytes())
 
 
@@ -149,9 +160,22 @@ class _Builder:
             self.parser.Parse(content, True)
         except expat.ExpatError as error:
             text = expat.ErrorString(error.code)
-            raise ParseError(self.file, error.lineno, f"broken XML ({text})", "well-formed XML; copy or correct the file") from None
-        except (LookupError, ValueError) as error:  # an encoding that Python does not have, or one of several bytes a character
-            raise ParseError(self.file, 1, f"an encoding that cannot be read ({error})", "UTF-8, UTF-16 or ISO-8859-1") from None
+            raise ParseError(
+                self.file,
+                error.lineno,
+                f"broken XML ({text})",
+                "well-formed XML; copy or correct the file",
+            ) from None
+        except (
+            LookupError,
+            ValueError,
+        ) as error:  # an encoding that Python does not have, or one of several bytes a character
+            raise ParseError(
+                self.file,
+                1,
+                f"an encoding that cannot be read ({error})",
+                "UTF-8, UTF-16 or ISO-8859-1",
+            ) from None
         assert self.root is not None
         return self.root
 
@@ -160,11 +184,19 @@ class _Builder:
 
     def _start(self, name: str, attributes: dict[str, str]) -> None:
         if len(self.open) >= MAX_DEPTH:
-            raise self._error(f"elements nested more than {MAX_DEPTH} deep", "a flatter file; this one is damaged or hostile")
+            raise self._error(
+                f"elements nested more than {MAX_DEPTH} deep",
+                "a flatter file; this one is damaged or hostile",
+            )
         self.count += 1
         if self.count > MAX_ELEMENTS:
-            raise self._error(f"more than {MAX_ELEMENTS} elements", "a smaller file; this one is damaged or hostile")
-        kept = {_local(key): text for key, text in attributes.items() if not key.startswith("xmlns")}
+            raise self._error(
+                f"more than {MAX_ELEMENTS} elements",
+                "a smaller file; this one is damaged or hostile",
+            )
+        kept = {
+            _local(key): text for key, text in attributes.items() if not key.startswith("xmlns")
+        }
         element = Element(self.file, _local(name), self.parser.CurrentLineNumber, kept)
         if self.open:
             self.open[-1].children.append(element)
@@ -189,10 +221,16 @@ class _Builder:
         )
 
     def _entity(self, name: str, *declaration: object) -> None:
-        raise self._error(f"a declaration of the entity {name!r}", "plain text; entities are refused, expand them first")
+        raise self._error(
+            f"a declaration of the entity {name!r}",
+            "plain text; entities are refused, expand them first",
+        )
 
     def _unknown_entity(self, name: str, *reference: object) -> int:
-        raise self._error(f"the entity {name!r}", "plain text; no document type is loaded, write the character itself")
+        raise self._error(
+            f"the entity {name!r}",
+            "plain text; no document type is loaded, write the character itself",
+        )
 
 
 def _local(name: str) -> str:

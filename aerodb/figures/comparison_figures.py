@@ -1,4 +1,6 @@
-"""Difference maps: where over two axes one database departs from another, and by how many standard errors."""
+"""Difference maps: where over two axes one database departs from another, and by how many standard
+errors.
+"""
 
 from __future__ import annotations
 
@@ -45,7 +47,8 @@ def plot_difference(
     at: Mapping[str, float] | None = None,
     support: Conditions | None = None,
 ) -> Figure:
-    """Draw the last of several databases less the first over two axes, and the same in standard errors of the first.
+    """Draw the last of several databases less the first over two axes, and the same in standard
+    errors of the first.
 
     Parameters
     ----------
@@ -57,8 +60,8 @@ def plot_difference(
     Returns
     -------
     matplotlib Figure
-        One map, or two where the first database states standard errors. Lines of equal difference are labelled, negative ones
-        dashed; beyond two standard errors the map is hatched.
+        One map, or two where the first database states standard errors. Lines of equal difference
+        are labelled, negative ones dashed; beyond two standard errors the map is hatched.
 
     Raises
     ------
@@ -81,7 +84,9 @@ def plot_difference(
         axes = sheet.panel(LEFT, _TOP, width, _HEIGHT)
         _map(axes, s, s.difference, support, f"difference [{derivative_unit(s.family.regressors)}]")
         if known:
-            ratio = np.divide(s.difference, s.stderr, out=np.full_like(s.difference, np.nan), where=s.stderr > 0)
+            ratio = np.divide(
+                s.difference, s.stderr, out=np.full_like(s.difference, np.nan), where=s.stderr > 0
+            )
             axes = sheet.panel(LEFT + width + _BETWEEN, _TOP, width, _HEIGHT)
             _map(axes, s, ratio, support, f"difference in standard errors of {first}")
             _hatch(axes, s, ratio)
@@ -89,24 +94,47 @@ def plot_difference(
     return sheet.figure
 
 
-def _map(axes: Axes, s: Surface, values: np.ndarray, support: Conditions | None, words: str) -> None:
+def _map(
+    axes: Axes, s: Surface, values: np.ndarray, support: Conditions | None, words: str
+) -> None:
     x, y = shown(s.family.over, s.x), shown(s.family.by, s.y)
     largest = float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 0.0
     if largest > 0.0:
         levels = MaxNLocator(10, symmetric=True).tick_values(-largest, largest)
-        axes.contourf(x, y, values, levels, cmap="PuOr", alpha=0.55, vmin=-1.3 * largest, vmax=1.3 * largest)
-        lines = axes.contour(x, y, values, levels, colors="black", linewidths=0.6, linestyles=["--" if v < 0 else "-" for v in levels])
+        axes.contourf(
+            x, y, values, levels, cmap="PuOr", alpha=0.55, vmin=-1.3 * largest, vmax=1.3 * largest
+        )
+        lines = axes.contour(
+            x,
+            y,
+            values,
+            levels,
+            colors="black",
+            linewidths=0.6,
+            linestyles=["--" if v < 0 else "-" for v in levels],
+        )
         lines.set_label(words)
         axes.clabel(lines, fontsize=6, fmt=number, inline_spacing=2)
     else:
         axes.text(0.5, 0.5, "no difference", transform=axes.transAxes, ha="center")
     axes.grid(False)
-    nodes = np.meshgrid(*(shown(axis, s.family.points[axis]) for axis in (s.family.over, s.family.by)))
+    nodes = np.meshgrid(
+        *(shown(axis, s.family.points[axis]) for axis in (s.family.over, s.family.by))
+    )
     axes.plot(*(grid.ravel() for grid in nodes), "k.", markersize=1.3, label="node")
     if support is not None and s.family.over in support and s.family.by in support:
-        places = [shown(axis, np.ravel(np.asarray(support[axis], float))) for axis in (s.family.over, s.family.by)]
+        places = [
+            shown(axis, np.ravel(np.asarray(support[axis], float)))
+            for axis in (s.family.over, s.family.by)
+        ]
         axes.plot(
-            *_thinned(*places), linestyle="none", marker="+", color="#a63f00", markersize=2.5, markeredgewidth=0.5, label="flight sample"
+            *_thinned(*places),
+            linestyle="none",
+            marker="+",
+            color="#a63f00",
+            markersize=2.5,
+            markeredgewidth=0.5,
+            label="flight sample",
         )
     axes.set_xlim(x[0], x[-1])
     axes.set_ylim(y[0], y[-1])
@@ -128,7 +156,9 @@ def _thinned(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     if not places.size:
         return places
     span = np.ptp(places, axis=1, keepdims=True)
-    _, first = np.unique((places / np.where(span > 0, span, 1.0) * 60).round(), axis=1, return_index=True)
+    _, first = np.unique(
+        (places / np.where(span > 0, span, 1.0) * 60).round(), axis=1, return_index=True
+    )
     return places[:, np.sort(first)]
 
 
@@ -136,13 +166,37 @@ def _handles(known: bool, supported: bool) -> list[Any]:
     handles: list[Any] = [
         Line2D([], [], color="black", linewidth=0.6, label="positive"),
         Line2D([], [], color="black", linewidth=0.6, linestyle="--", label="negative"),
-        Line2D([], [], color="black", linestyle="none", marker=".", markersize=2.5, label="node of a table"),
+        Line2D(
+            [],
+            [],
+            color="black",
+            linestyle="none",
+            marker=".",
+            markersize=2.5,
+            label="node of a table",
+        ),
     ]
     if supported:
-        handles.append(Line2D([], [], color="#a63f00", linestyle="none", marker="+", markersize=4, label="flight sample"))
+        handles.append(
+            Line2D(
+                [],
+                [],
+                color="#a63f00",
+                linestyle="none",
+                marker="+",
+                markersize=4,
+                label="flight sample",
+            )
+        )
     if known:
         handles.append(
-            Patch(facecolor="none", edgecolor="black", hatch="////", linewidth=0.4, label=f"more than {_FAR:.0f} standard errors")
+            Patch(
+                facecolor="none",
+                edgecolor="black",
+                hatch="////",
+                linewidth=0.4,
+                label=f"more than {_FAR:.0f} standard errors",
+            )
         )
     return handles
 

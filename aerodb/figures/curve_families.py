@@ -1,7 +1,8 @@
 """Families of curves out of databases: what a figure shows, as numbers.
 
-A family is a term or a coefficient over one variable (``over``), one curve per value of a second one (``by``), every further
-variable held.  Terms are shown as their tables, K-factors included and regressors left out.
+A family is a term or a coefficient over one variable (``over``), one curve per value of a second
+one (``by``), every further variable held.  Terms are shown as their tables, K-factors included and
+regressors left out.
 """
 
 from __future__ import annotations
@@ -14,16 +15,49 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from aerodb.comparison.conditions import Conditions, axes_of, breakpoints, coefficient_points, neutral
+from aerodb.comparison.conditions import (
+    Conditions,
+    axes_of,
+    breakpoints,
+    coefficient_points,
+    neutral,
+)
 from aerodb.store.schema import terms
 from aerodb.update.standard_errors import spread
 from flightmech import terms as _terms
 from flightmech.errors import SchemaError, UnknownName
 
 MOST_MEMBERS = 9
-# preferred abscissa, first; a family runs over the remaining variables in this order, Mach number after the causes
-_OVER = ("alpha", "beta", "delta_e", "delta_a", "delta_r", "delta_t", "delta_ta", "delta_tr", "delta_s", "delta_d", "delta_f", "mach")
-_BY = ("h_agl", "delta_f", "delta_e", "delta_a", "delta_r", "delta_s", "delta_d", "gear", "speedbrake", "mach", "h", "alpha")
+# preferred abscissa, first; a family runs over the remaining variables in this order, Mach number
+# after the causes
+_OVER = (
+    "alpha",
+    "beta",
+    "delta_e",
+    "delta_a",
+    "delta_r",
+    "delta_t",
+    "delta_ta",
+    "delta_tr",
+    "delta_s",
+    "delta_d",
+    "delta_f",
+    "mach",
+)
+_BY = (
+    "h_agl",
+    "delta_f",
+    "delta_e",
+    "delta_a",
+    "delta_r",
+    "delta_s",
+    "delta_d",
+    "gear",
+    "speedbrake",
+    "mach",
+    "h",
+    "alpha",
+)
 _FINE = 4  # points per interval of the breakpoints: standard errors bend in between
 # what distinguishes configurations when flight samples are sorted to the curves of a coefficient
 _CONFIGURATION = ("mach", "delta_f", "gear", "speedbrake")
@@ -33,8 +67,9 @@ _CONFIGURATION = ("mach", "delta_f", "gear", "speedbrake")
 class Curve:
     """One curve of one database.
 
-    ``x`` [SI], ``y`` and ``stderr`` are (points,), the standard error zero where none is stated; ``node_x``, ``node_y`` and
-    ``node_source`` (0 datcom, 1 flight, 2 judgement, -1 not stated) are the breakpoints of the table that lie on the curve.
+    ``x`` [SI], ``y`` and ``stderr`` are (points,), the standard error zero where none is stated;
+    ``node_x``, ``node_y`` and ``node_source`` (0 datcom, 1 flight, 2 judgement, -1 not stated) are
+    the breakpoints of the table that lie on the curve.
     """
 
     x: np.ndarray
@@ -105,11 +140,12 @@ def family(
     name : str
         ``"CL/basic"``, or ``"CL"`` for the whole coefficient.
     by, over : str, optional
-        Family variable and abscissa; chosen when left out: over alpha, else a deflection, else Mach number, by the cause of a term,
-        else Mach number.
+        Family variable and abscissa; chosen when left out: over alpha, else a deflection, else Mach
+        number, by the cause of a term, else Mach number.
     at : mapping of str to float, optional
-        Where the other variables are held. By default: those of a coefficient at rest, in free air, at the middle Mach number;
-        those of a term where its table is largest, at the middle Mach number. [SI]
+        Where the other variables are held. By default: those of a coefficient at rest, in free air,
+        at the middle Mach number; those of a term where its table is largest, at the middle Mach
+        number. [SI]
 
     Raises
     ------
@@ -121,18 +157,24 @@ def family(
     source = _source(databases, name)
     over, by, held = _layout(source, by, over, at)
     members = thinned(source.points[by]) if by else (0.0,)
-    curves = {label: [source.curve(label, over, {**held, **({by: x} if by else {})}) for x in members] for label in source.labels}
+    curves = {
+        label: [source.curve(label, over, {**held, **({by: x} if by else {})}) for x in members]
+        for label in source.labels
+    }
     if by:
         members, curves = _distinct(members, curves)
-    return Family(name, over, by, members, held, source.regressors, source.points, curves, source.power)
+    return Family(
+        name, over, by, members, held, source.regressors, source.points, curves, source.power
+    )
 
 
 @dataclass(frozen=True)
 class Surface:
     """The difference of two databases over two variables.
 
-    ``x`` (of `over`) and ``y`` (of `by`) [SI] are the sides of the grid; ``difference`` (last less first) and ``stderr`` (of the first)
-    are (y, x), NaN where a table does not reach; ``family`` holds the names and what is held.
+    ``x`` (of `over`) and ``y`` (of `by`) [SI] are the sides of the grid; ``difference`` (last less
+    first) and ``stderr`` (of the first) are (y, x), NaN where a table does not reach; ``family``
+    holds the names and what is held.
     """
 
     family: Family
@@ -149,7 +191,8 @@ def surface(
     over: str | None = None,
     at: Mapping[str, float] | None = None,
 ) -> Surface:
-    """Return how the last of several databases differs from the first over two axes; arguments and errors as in `family`.
+    """Return how the last of several databases differs from the first over two axes; arguments and
+    errors as in `family`.
 
     Raises
     ------
@@ -172,11 +215,19 @@ def surface(
             difference[i, inside] = np.interp(x[inside], b.x, b.y) - np.interp(x[inside], a.x, a.y)
             stderr[i, inside] = np.interp(x[inside], a.x, a.stderr)
     lone: dict[str, list[Curve | None]] = {label: [] for label in (first, last)}
-    return Surface(Family(name, over, by, (), held, source.regressors, source.points, lone, source.power), x, y, difference, stderr)
+    return Surface(
+        Family(name, over, by, (), held, source.regressors, source.points, lone, source.power),
+        x,
+        y,
+        difference,
+        stderr,
+    )
 
 
 def supporting(support: Conditions | None, shown: Family, member: int) -> np.ndarray:
-    """Return the abscissae of the flight samples that belong to one curve: on every fixed variable its node is the nearest. [SI]"""
+    """Return the abscissae of the flight samples that belong to one curve: on every fixed variable
+    its node is the nearest. [SI]
+    """
     if support is None or shown.over not in support:
         return np.zeros(0)
     place = shown.place(member)
@@ -195,14 +246,25 @@ def _source(databases: Mapping[str, xr.DataTree], name: str) -> _TermSource | _C
 
 
 def _layout(
-    source: _TermSource | _CoefficientSource, by: str | None, over: str | None, at: Mapping[str, float] | None
+    source: _TermSource | _CoefficientSource,
+    by: str | None,
+    over: str | None,
+    at: Mapping[str, float] | None,
 ) -> tuple[str, str, dict[str, float]]:
     """Return abscissa, family variable and where the others are held."""
     over = _chosen(over, source.points, _OVER, source.name, ())
-    others = [axis for axis in source.points if axis != over and (source.is_axis(axis) or axis == by)]
+    others = [
+        axis for axis in source.points if axis != over and (source.is_axis(axis) or axis == by)
+    ]
     if by is not None and by not in others:
         raise UnknownName(by, others, "axis", f"{source.name} has curves by these, over {over}")
-    by = _chosen(by, {axis: source.points[axis] for axis in others}, source.order, source.name, (over,)) if others else ""
+    by = (
+        _chosen(
+            by, {axis: source.points[axis] for axis in others}, source.order, source.name, (over,)
+        )
+        if others
+        else ""
+    )
     held = {axis: source.held(axis) for axis in source.points if axis not in (over, by)}
     for axis, value in (at or {}).items():
         if axis not in held:
@@ -225,12 +287,25 @@ class _TermSource:
         self.labels = list(self.leaves)
         self.points = breakpoints(self.leaves.values())
         if not self.points:
-            raise SchemaError(name, ["has no axis and therefore no curve; `aeromatch db show --term` prints the number"])
+            raise SchemaError(
+                name,
+                [
+                    "has no axis and therefore no curve; `aeromatch db show --term` prints the number"
+                ],
+            )
         self.regressors = _terms.regressors(next(iter(self.leaves.values())))
         self.power = _terms.power(next(iter(self.leaves.values())))
-        apart = [f"{label} has {' '.join(_terms.multipliers(leaf)) or 'none'}" for label, leaf in self.leaves.items()]
+        apart = [
+            f"{label} has {' '.join(_terms.multipliers(leaf)) or 'none'}"
+            for label, leaf in self.leaves.items()
+        ]
         if len({text.split(" has ")[1] for text in apart}) > 1:
-            raise SchemaError(name, [f"regressors differ: {', '.join(apart)}; compare the coefficient {name.split('/')[0]} instead"])
+            raise SchemaError(
+                name,
+                [
+                    f"regressors differ: {', '.join(apart)}; compare the coefficient {name.split('/')[0]} instead"
+                ],
+            )
 
     def is_axis(self, axis: str) -> bool:
         return True
@@ -240,14 +315,20 @@ class _TermSource:
         if axis == "mach":
             return float(points[(len(points) - 1) // 2])
         leaf = next(leaf for leaf in reversed(self.leaves.values()) if axis in axes_of(leaf))
-        table = next(leaf[name] for name in ("value", "K1", "K2") if name in leaf and axis in leaf[name].dims)
+        table = next(
+            leaf[name] for name in ("value", "K1", "K2") if name in leaf and axis in leaf[name].dims
+        )
         size = (table**2).mean([d for d in table.dims if d != axis])
         return float(table[axis].values[int(np.argmax(size.values))])
 
     def curve(self, label: str, over: str, place: Mapping[str, float]) -> Curve | None:
         leaf = _terms.bare(self.leaves[label])
         own = axes_of(leaf)
-        if any(not own[axis][0] <= value <= own[axis][-1] for axis, value in place.items() if axis in own):
+        if any(
+            not own[axis][0] <= value <= own[axis][-1]
+            for axis, value in place.items()
+            if axis in own
+        ):
             return None
         x = fine(own.get(over, self.points[over][[0, -1]]))
         y, stderr = _values(leaf, {**place, over: x}, len(x))
@@ -263,17 +344,27 @@ class _CoefficientSource:
     order = ("mach", *_BY)
 
     def __init__(self, databases: Mapping[str, xr.DataTree], name: str):
-        found = {label: [leaf for term, leaf in terms(db).items() if term.split("/")[0] == name] for label, db in databases.items()}
+        found = {
+            label: [leaf for term, leaf in terms(db).items() if term.split("/")[0] == name]
+            for label, db in databases.items()
+        }
         self.name = name
         self.leaves = {label: leaves for label, leaves in found.items() if leaves}
         if not self.leaves:
-            raise UnknownName(name, {term.split("/")[0] for db in databases.values() for term in terms(db)}, "coefficient")
+            raise UnknownName(
+                name,
+                {term.split("/")[0] for db in databases.values() for term in terms(db)},
+                "coefficient",
+            )
         self.labels = list(self.leaves)
         sides = list(self.leaves.values())
         self.points = coefficient_points(*(sides if len(sides) > 1 else [sides[0], []]))
         apart = [axis for axis, points in self.points.items() if not len(points)]
         if apart:
-            raise SchemaError(name, [f"the databases have no common range of {', '.join(apart)}; show them one by one"])
+            raise SchemaError(
+                name,
+                [f"the databases have no common range of {', '.join(apart)}; show them one by one"],
+            )
 
     def is_axis(self, axis: str) -> bool:
         return any(axis in axes_of(leaf) for leaves in self.leaves.values() for leaf in leaves)
@@ -285,16 +376,27 @@ class _CoefficientSource:
     def curve(self, label: str, over: str, place: Mapping[str, float]) -> Curve:
         x = fine(self.points[over])
         parts = [_values(leaf, {**place, over: x}, len(x)) for leaf in self.leaves[label]]
-        return Curve(x, np.sum([y for y, _ in parts], axis=0), np.sqrt(np.sum([s**2 for _, s in parts], axis=0)))
+        return Curve(
+            x,
+            np.sum([y for y, _ in parts], axis=0),
+            np.sqrt(np.sum([s**2 for _, s in parts], axis=0)),
+        )
 
 
-def _values(leaf: xr.Dataset, conditions: Mapping[str, Any], count: int) -> tuple[np.ndarray, np.ndarray]:
+def _values(
+    leaf: xr.Dataset, conditions: Mapping[str, Any], count: int
+) -> tuple[np.ndarray, np.ndarray]:
     B = _terms.basis(leaf, conditions, "clamp")
-    y, stderr = (np.broadcast_to(part, (count,)) for part in (B @ leaf["value"].values.ravel(), spread(B, leaf)))
+    y, stderr = (
+        np.broadcast_to(part, (count,))
+        for part in (B @ leaf["value"].values.ravel(), spread(B, leaf))
+    )
     return y, stderr
 
 
-def _nodes_on(leaf: xr.Dataset, over: str, place: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _nodes_on(
+    leaf: xr.Dataset, over: str, place: Mapping[str, float]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the nodes of the table that lie on a curve: none when it runs between breakpoints."""
     table = leaf["value"]
     none = np.zeros(0), np.zeros(0), np.zeros(0, int)
@@ -310,13 +412,28 @@ def _nodes_on(leaf: xr.Dataset, over: str, place: Mapping[str, float]) -> tuple[
         at[axis] = int(on[0])
     x = table[over].values
     y, _ = _values(leaf, {**place, over: x}, len(x))
-    return x, y, leaf["source"].isel(at).values.astype(int) if "source" in leaf else np.full(len(x), -1)
+    return (
+        x,
+        y,
+        leaf["source"].isel(at).values.astype(int) if "source" in leaf else np.full(len(x), -1),
+    )
 
 
-def _chosen(wanted: str | None, points: Mapping[str, Any], order: Sequence[str], name: str, taken: Sequence[str]) -> str:
+def _chosen(
+    wanted: str | None,
+    points: Mapping[str, Any],
+    order: Sequence[str],
+    name: str,
+    taken: Sequence[str],
+) -> str:
     if wanted is not None:
         if wanted not in points:
-            raise UnknownName(wanted, [axis for axis in points if axis not in taken], "axis", f"{name} is drawn over and by its own axes")
+            raise UnknownName(
+                wanted,
+                [axis for axis in points if axis not in taken],
+                "axis",
+                f"{name} is drawn over and by its own axes",
+            )
         return wanted
     return next((axis for axis in order if axis in points), next(iter(points)))
 
@@ -335,16 +452,23 @@ def thinned(points: np.ndarray, most: int = MOST_MEMBERS) -> tuple[float, ...]:
     return tuple(float(x) for x in points[kept])
 
 
-def _distinct(members: tuple[float, ...], curves: dict[str, list[Curve | None]]) -> tuple[tuple[float, ...], dict[str, list[Curve | None]]]:
+def _distinct(
+    members: tuple[float, ...], curves: dict[str, list[Curve | None]]
+) -> tuple[tuple[float, ...], dict[str, list[Curve | None]]]:
     """Leave out members whose curves repeat those of an earlier member in every database."""
     kept: list[int] = []
     for i in range(len(members)):
         if not any(all(_alike(found[i], found[k]) for found in curves.values()) for k in kept):
             kept.append(i)
-    return tuple(members[i] for i in kept), {label: [found[i] for i in kept] for label, found in curves.items()}
+    return tuple(members[i] for i in kept), {
+        label: [found[i] for i in kept] for label, found in curves.items()
+    }
 
 
 def _alike(one: Curve | None, other: Curve | None) -> bool:
     if one is None or other is None:
         return one is other
-    return all(np.array_equal(getattr(one, what), getattr(other, what)) for what in ("x", "y", "stderr", "node_source"))
+    return all(
+        np.array_equal(getattr(one, what), getattr(other, what))
+        for what in ("x", "y", "stderr", "node_source")
+    )

@@ -1,6 +1,8 @@
-"""What all figures of databases share: line code, a sheet measured in inches, notes at its foot, files that repeat byte by byte.
+"""What all figures of databases share: line code, a sheet measured in inches, notes at its foot,
+files that repeat byte by byte.
 
-matplotlib is an extra of the installation; it is imported here and nowhere else, the other modules take its names from this one.
+matplotlib is an extra of the installation; it is imported here and nowhere else, the other modules
+take its names from this one.
 """
 
 from __future__ import annotations
@@ -26,7 +28,9 @@ from flightmech.units import from_si
 try:
     import matplotlib
 except ModuleNotFoundError as missing:
-    raise AeromatchError("figures need matplotlib, which is not installed; run: pip install 'aeromatch[figures]'") from missing
+    raise AeromatchError(
+        "figures need matplotlib, which is not installed; run: pip install 'aeromatch[figures]'"
+    ) from missing
 
 from matplotlib import colormaps as colormaps
 from matplotlib import style
@@ -68,11 +72,19 @@ _FILES = {
     "Ch_a": "hinge-aileron",
     "Ch_r": "hinge-rudder",
 }
-_PRINTED = {"1": "", "m s-1": "m/s", "m s-2": "m/s$^2$", "kg m-3": "kg/m$^3$", "degC": "°C", "kg m2": "kg m$^2$"}
+_PRINTED = {
+    "1": "",
+    "m s-1": "m/s",
+    "m s-2": "m/s$^2$",
+    "kg m-3": "kg/m$^3$",
+    "degC": "°C",
+    "kg m2": "kg m$^2$",
+}
 
 
 def symbol(name: str) -> str:
-    """Return the symbol of a quantity or coefficient in mathematical notation, without dollar signs.
+    """Return the symbol of a quantity or coefficient in mathematical notation, without dollar
+    signs.
 
     Examples
     --------
@@ -91,7 +103,8 @@ def symbol(name: str) -> str:
 
 
 def term_symbol(term: str, regressors: Sequence[str]) -> str:
-    """Return the symbol of a term: ``C_L`` of CL/basic, a derivative by its regressors, else an increment.
+    """Return the symbol of a term: ``C_L`` of CL/basic, a derivative by its regressors, else an
+    increment.
 
     Examples
     --------
@@ -108,7 +121,8 @@ def term_symbol(term: str, regressors: Sequence[str]) -> str:
 
 
 def derivative_unit(regressors: Sequence[str]) -> str:
-    """Return the unit of a table that regressors multiply: angles stay in radians, as everywhere in a database.
+    """Return the unit of a table that regressors multiply: angles stay in radians, as everywhere in
+    a database.
 
     Examples
     --------
@@ -156,7 +170,9 @@ def positive(name: str) -> str:
 
 
 def file_stem(name: str) -> str:
-    """Return a file name for a term or coefficient: ``CL/basic`` becomes ``lift-basic``, ``Cl`` becomes ``roll``."""
+    """Return a file name for a term or coefficient: ``CL/basic`` becomes ``lift-basic``, ``Cl``
+    becomes ``roll``.
+    """
     coefficient, _, contribution = name.partition("/")
     stem = _FILES.get(coefficient, coefficient.replace("_", "-"))
     return f"{stem}-{contribution}".replace("_", "-") if contribution else stem
@@ -197,9 +213,14 @@ class Pen(NamedTuple):
     width: float
 
 
-# line code of LR-743 Figs. 18 to 21, without a flight trace: a priori dotted, in between dashed, the last one solid
+# line code of LR-743 Figs. 18 to 21, without a flight trace: a priori dotted, in between dashed,
+# the last one solid
 _FIRST, _LAST = Pen("#6e6e6e", (0, (1.2, 1.2)), 1.3), Pen("#0072b2", "-", 1.0)
-_BETWEEN = (Pen("#8a5a00", (0, (4.5, 2)), 1.0), Pen("#00664b", (0, (6, 1.5, 1.2, 1.5)), 1.0), Pen("#000000", (0, (2.5, 1)), 0.8))
+_BETWEEN = (
+    Pen("#8a5a00", (0, (4.5, 2)), 1.0),
+    Pen("#00664b", (0, (6, 1.5, 1.2, 1.5)), 1.0),
+    Pen("#000000", (0, (2.5, 1)), 0.8),
+)
 # open as the prior gave it, filled where flight has touched it, a cross where an engineer decided
 MARKS: dict[int, dict[str, Any]] = {
     0: {"marker": "o", "markerfacecolor": "white"},
@@ -210,7 +231,9 @@ MARKS: dict[int, dict[str, Any]] = {
 
 
 def pens(names: Sequence[str]) -> dict[str, Pen]:
-    """Return the line code of several databases in order: dotted, dashed ..., solid; a single one is solid."""
+    """Return the line code of several databases in order: dotted, dashed ..., solid; a single one
+    is solid.
+    """
     if len(names) == 1:
         return {names[0]: _LAST}
     between = [_BETWEEN[i % len(_BETWEEN)] for i in range(len(names) - 2)]
@@ -233,7 +256,9 @@ class Sheet:
 
     def panel(self, left: float, top: float, width: float, height: float) -> Axes:
         """Return new axes."""
-        return self.figure.add_axes((left / WIDTH, 1.0 - (top + height) / self.height, width / WIDTH, height / self.height))
+        return self.figure.add_axes(
+            (left / WIDTH, 1.0 - (top + height) / self.height, width / WIDTH, height / self.height)
+        )
 
     def text(self, left: float, top: float, words: str, **looks: Any) -> None:
         """Write words with their upper left corner at a place."""
@@ -269,7 +294,11 @@ class Sheet:
 
 def foot_lines(notes: Iterable[str]) -> list[str]:
     """Return notes broken into lines of the sheet."""
-    return [line for note in notes for line in textwrap.wrap(note, FOOT_CHARACTERS, break_long_words=False)]
+    return [
+        line
+        for note in notes
+        for line in textwrap.wrap(note, FOOT_CHARACTERS, break_long_words=False)
+    ]
 
 
 def foot_height(lines: Sequence[str]) -> float:
@@ -278,7 +307,9 @@ def foot_height(lines: Sequence[str]) -> float:
 
 
 def reference_notes(databases: Mapping[str, xr.DataTree]) -> list[str]:
-    """Return what every number refers to: areas, lengths, moment point, axes; once when all databases agree."""
+    """Return what every number refers to: areas, lengths, moment point, axes; once when all
+    databases agree.
+    """
     texts: dict[str, list[str]] = {}
     for name, db in databases.items():
         a = db.attrs
@@ -295,13 +326,19 @@ def reference_notes(databases: Mapping[str, xr.DataTree]) -> list[str]:
 
 def database_handles(code: Mapping[str, Pen]) -> list[Line2D]:
     """Return the legend of the databases."""
-    return [Line2D([], [], color=pen.color, linestyle=pen.dashes, linewidth=pen.width, label=name) for name, pen in code.items()]
+    return [
+        Line2D([], [], color=pen.color, linestyle=pen.dashes, linewidth=pen.width, label=name)
+        for name, pen in code.items()
+    ]
 
 
 def source_handles(codes: Iterable[int]) -> list[Line2D]:
     """Return the legend of the sources of nodes."""
     words = {**dict(enumerate(SOURCES)), -1: "source not stated"}
-    return [Line2D([], [], color="black", linestyle="none", label=f"node: {words[code]}", **MARKS[code]) for code in sorted(codes)]
+    return [
+        Line2D([], [], color="black", linestyle="none", label=f"node: {words[code]}", **MARKS[code])
+        for code in sorted(codes)
+    ]
 
 
 def band_handle(color: str, label: str) -> Patch:
@@ -326,12 +363,22 @@ def save_figure(figure: Figure, path: str | os.PathLike) -> None:
     """
     kind = Path(path).suffix.lower().lstrip(".")
     if kind not in FORMATS:
-        raise SchemaError(str(path), [f"the suffix is {Path(path).suffix!r}; allowed: {', '.join(f'.{f}' for f in FORMATS)}"])
+        raise SchemaError(
+            str(path),
+            [
+                f"the suffix is {Path(path).suffix!r}; allowed: {', '.join(f'.{f}' for f in FORMATS)}"
+            ],
+        )
     title = figure.get_label() or "figure"
     metadata: dict[str, dict[str, Any]] = {
         "svg": {"Date": None, "Creator": "aeromatch", "Title": title},
         "png": {"Software": "aeromatch", "Title": title},
-        "pdf": {"CreationDate": None, "Creator": "aeromatch", "Producer": f"matplotlib {matplotlib.__version__}", "Title": title},
+        "pdf": {
+            "CreationDate": None,
+            "Creator": "aeromatch",
+            "Producer": f"matplotlib {matplotlib.__version__}",
+            "Title": title,
+        },
     }
     with drawing(), written_atomically(path) as part:
         figure.savefig(part, format=kind, metadata=metadata[kind])
@@ -339,7 +386,9 @@ def save_figure(figure: Figure, path: str | os.PathLike) -> None:
 
 def padded(values: Iterable[np.ndarray], zero: bool = False) -> tuple[float, float]:
     """Return the limits of an axis that shows all values."""
-    finite = np.concatenate([np.ravel(v)[np.isfinite(np.ravel(v))] for v in values] + [np.zeros(int(zero))])
+    finite = np.concatenate(
+        [np.ravel(v)[np.isfinite(np.ravel(v))] for v in values] + [np.zeros(int(zero))]
+    )
     low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 1.0)
     pad = 0.06 * (high - low) or 0.1 * abs(high) or 1.0
     return low - pad, high + pad

@@ -1,8 +1,11 @@
-"""Figures of databases: families of curves as LR-743 Figs. 1 to 4 and 12 to 15 show them, databases over each other.
+"""Figures of databases: families of curves as LR-743 Figs. 1 to 4 and 12 to 15 show them, databases
+over each other.
 
-A sheet has one panel per database with the whole family, then one panel per member of the family with all databases in it: bands of
-one standard error, the nodes marked by their source, ticks where flight samples lie, and below each the difference to the
-first database.  Databases are distinguished by line code, members by a label at the end of the curve, so that a grey print reads as well.
+A sheet has one panel per database with the whole family, then one panel per member of the family
+with all databases in it: bands of one standard error, the nodes marked by their source, ticks where
+flight samples lie, and below each the difference to the first database.  Databases are
+distinguished by line code, members by a label at the end of the curve, so that a grey print reads
+as well.
 """
 
 from __future__ import annotations
@@ -51,9 +54,16 @@ from aerodb.store.templates import lr743
 from flightmech.names import lookup
 
 _HEAD, _KEY, _FAMILY, _PANEL, _STRIP = 0.5, 0.28, 1.95, 1.3, 0.46
-_TITLE, _TICKS, _AXIS = 0.2, 0.16, 0.34  # above a panel; below it with tick labels only, and with the name of the axis too [in]
+_TITLE, _TICKS, _AXIS = (
+    0.2,
+    0.16,
+    0.34,
+)  # above a panel; below it with tick labels only, and with the name of the axis too [in]
 _COLUMNS = 3
-_LEADER, _DIGIT = 0.14, 0.06  # from a panel to the labels at the ends of its curves, and the width of one character there [in]
+_LEADER, _DIGIT = (
+    0.14,
+    0.06,
+)  # from a panel to the labels at the ends of its curves, and the width of one character there [in]
 _MOST_TICKS = 300
 
 
@@ -104,23 +114,26 @@ def plot_comparison(
     at: Mapping[str, float] | None = None,
     support: Conditions | None = None,
 ) -> Figure:
-    """Draw a term or a coefficient of several databases over each other, as LR-743 sets Figs. 1 to 4 against Figs. 12 to 15.
+    """Draw a term or a coefficient of several databases over each other, as LR-743 sets Figs. 1 to
+    4 against Figs. 12 to 15.
 
     Parameters
     ----------
     databases : mapping of str to DataTree
-        Name to database, the a-priori one first: it is drawn dotted and the others are set against it; the last one is solid.
+        Name to database, the a-priori one first: it is drawn dotted and the others are set against
+        it; the last one is solid.
     name : str
         ``"CL/basic"``, or ``"CL"`` for the whole coefficient.
     family : str, optional
-        Variable that distinguishes the curves, such as ``"mach"`` or ``"delta_f"``; see `aerodb.figures.curve_families` for the choice made
-        without.
+        Variable that distinguishes the curves, such as ``"mach"`` or ``"delta_f"``; see
+        `aerodb.figures.curve_families` for the choice made without.
     over : str, optional
         The abscissa; alpha where the term has it.
     at : mapping of str to float, optional
         Where the other variables are held. [SI]
     support : mapping of str to array, optional
-        Flight samples by variable, a Dataset or DataFrame; each is a tick in the panel it belongs to. [SI]
+        Flight samples by variable, a Dataset or DataFrame; each is a tick in the panel it belongs
+        to. [SI]
 
     Returns
     -------
@@ -154,13 +167,25 @@ def _sheet(databases: Mapping[str, xr.DataTree], f: Family, support: Conditions 
     with drawing():
         sheet = Sheet(height)
         sheet.figure.set_label(title(f.name))
-        sheet.head(f"{next(iter(databases.values())).attrs['aircraft']}: {title(f.name)}", _head_lines(f))
+        sheet.head(
+            f"{next(iter(databases.values())).attrs['aircraft']}: {title(f.name)}", _head_lines(f)
+        )
         sheet.key(_handles(f, code, any(len(t) for t in ticks)), _HEAD)
         if several:
             _families(sheet, f, code, top + _TITLE)
         for i in range(len(f.members)):
             lowest = i + columns >= len(f.members)
-            axes = _member(sheet, f, code, i, ticks[i], columns, members_top + (i // columns) * step, panel, strips)
+            axes = _member(
+                sheet,
+                f,
+                code,
+                i,
+                ticks[i],
+                columns,
+                members_top + (i // columns) * step,
+                panel,
+                strips,
+            )
             axes.set_xlabel(axis_label(f.over) if lowest else "", labelpad=1)
         sheet.foot(notes)
     return sheet.figure
@@ -188,12 +213,20 @@ def _head_lines(f: Family) -> list[str]:
     times = "".join(rf"\,{symbol(name)}" for name in f.regressors) + _power_symbol(f)
     unit = printed_unit(f.by) if f.by else ""
     by = f", curves by ${symbol(f.by)}$" + (f" [{unit}]" if unit else "") if f.by else ""
-    first = f"${quantity_symbol(f)}$" + (f" times ${times}$" if times else "") + f" over ${symbol(f.over)}${by}"
+    first = (
+        f"${quantity_symbol(f)}$"
+        + (f" times ${times}$" if times else "")
+        + f" over ${symbol(f.over)}${by}"
+    )
     return [first + held_text(f)]
 
 
 def _power_symbol(f: Family) -> str:
-    return rf"\,\max({symbol(f.power.variable)}, {f.power.floor:g})^{{{f.power.exponent:g}}}" if f.power is not None else ""
+    return (
+        rf"\,\max({symbol(f.power.variable)}, {f.power.floor:g})^{{{f.power.exponent:g}}}"
+        if f.power is not None
+        else ""
+    )
 
 
 def held_text(f: Family) -> str:
@@ -211,7 +244,11 @@ def _notes(databases: Mapping[str, xr.DataTree], f: Family, code: Mapping[str, P
         + multiplied
         + " Bands: one standard error either side, node errors correlated as in an a-priori table"
         + ("." if f.is_term else ", terms independent.")
-        + (f" Lower strips: difference to {next(iter(code))}, grey band one standard error of {next(iter(code))}." if len(code) > 1 else "")
+        + (
+            f" Lower strips: difference to {next(iter(code))}, grey band one standard error of {next(iter(code))}."
+            if len(code) > 1
+            else ""
+        )
     )
     lacking = [name for name in databases if name not in code]
     notes += [f"{name}: {databases[name].attrs['title']}." for name in code]
@@ -225,7 +262,17 @@ def _handles(f: Family, code: Mapping[str, Pen], supported: bool) -> list[Any]:
     if any(curve.stderr.any() for curve in curves):
         handles.append(band_handle(list(code.values())[-1].color, "standard error"))
     if supported:
-        handles.append(Line2D([], [], color="black", linestyle="none", marker="|", markersize=6, label="flight sample"))
+        handles.append(
+            Line2D(
+                [],
+                [],
+                color="black",
+                linestyle="none",
+                marker="|",
+                markersize=6,
+                label="flight sample",
+            )
+        )
     return handles
 
 
@@ -233,7 +280,9 @@ def _families(sheet: Sheet, f: Family, code: Mapping[str, Pen], top: float) -> N
     """Draw the whole family of every database, side by side in equal scales."""
     count = len(code)
     words = [number(float(shown(f.by, member))) for member in f.members]
-    room = _LEADER + _DIGIT * max(4, *map(len, words))  # as wide as the symbol above the labels at least
+    room = _LEADER + _DIGIT * max(
+        4, *map(len, words)
+    )  # as wide as the symbol above the labels at least
     width = (WIDTH - LEFT - RIGHT - room - (count - 1) * (room + RIGHT)) / count
     limits = padded(curve.y for found in f.curves.values() for curve in found if curve is not None)
     shades = colormaps["cividis"](np.linspace(0.0, 0.72, len(f.members)))
@@ -244,17 +293,38 @@ def _families(sheet: Sheet, f: Family, code: Mapping[str, Pen], top: float) -> N
             if curve is None:
                 continue
             x = shown(f.over, curve.x)
-            axes.plot(x, curve.y, color=shade, linestyle=pen.dashes, linewidth=pen.width, label=f"{name} {equals(f.by, member)}")
+            axes.plot(
+                x,
+                curve.y,
+                color=shade,
+                linestyle=pen.dashes,
+                linewidth=pen.width,
+                label=f"{name} {equals(f.by, member)}",
+            )
             ends.append((float(x[-1]), float(curve.y[-1]), label))
         _frame(axes, f, limits, k == 0)
         axes.set_title(name, fontsize=7.5, loc="left", pad=3)
-        axes.text(1.0 + _LEADER / width, 1.05, f"${symbol(f.by)}$", transform=axes.transAxes, va="bottom", fontsize=7)
+        axes.text(
+            1.0 + _LEADER / width,
+            1.05,
+            f"${symbol(f.by)}$",
+            transform=axes.transAxes,
+            va="bottom",
+            fontsize=7,
+        )
         end_labels(axes, ends, limits, (width, _FAMILY))
         axes.set_xlabel(axis_label(f.over), labelpad=1)
 
 
-def end_labels(axes: Axes, ends: Sequence[tuple[float, float, str]], limits: tuple[float, float], size: tuple[float, float]) -> None:
-    """Write the member at the end of each curve, moved apart where curves end close together; `size` of the panel. [in]"""
+def end_labels(
+    axes: Axes,
+    ends: Sequence[tuple[float, float, str]],
+    limits: tuple[float, float],
+    size: tuple[float, float],
+) -> None:
+    """Write the member at the end of each curve, moved apart where curves end close together;
+    `size` of the panel. [in]
+    """
     (low, high), (width, height) = limits, size
     order = np.argsort([y for _, y, _ in ends], kind="stable")
     wanted = np.array([(ends[i][1] - low) / (high - low) for i in order])
@@ -269,13 +339,21 @@ def end_labels(axes: Axes, ends: Sequence[tuple[float, float, str]], limits: tup
             va="center",
             fontsize=6.5,
             annotation_clip=False,
-            arrowprops={"arrowstyle": "-", "linewidth": 0.35, "color": "#8c8c8c", "shrinkA": 0.5, "shrinkB": 0.0},
+            arrowprops={
+                "arrowstyle": "-",
+                "linewidth": 0.35,
+                "color": "#8c8c8c",
+                "shrinkA": 0.5,
+                "shrinkB": 0.0,
+            },
         )
     axes.set_xlim(right=right)
 
 
 def spread_apart(places: np.ndarray, least: float) -> np.ndarray:
-    """Return rising places moved so that neighbours are at least `least` apart, inside 0 ... 1 where they fit, with little movement."""
+    """Return rising places moved so that neighbours are at least `least` apart, inside 0 ... 1
+    where they fit, with little movement.
+    """
     groups: list[list[float]] = []  # sum of the wanted places of the first label, number of labels
     for i, place in enumerate(np.asarray(places, float)):
         groups.append([place - i * least, 1.0])
@@ -283,15 +361,29 @@ def spread_apart(places: np.ndarray, least: float) -> np.ndarray:
             total, number_of = groups.pop()
             groups[-1][0] += total
             groups[-1][1] += number_of
-    base = np.concatenate([np.full(int(n), total / n) for total, n in groups]) if groups else np.zeros(0)
+    base = (
+        np.concatenate([np.full(int(n), total / n) for total, n in groups])
+        if groups
+        else np.zeros(0)
+    )
     room = max(0.0, 1.0 - least * (len(base) - 1))
     return np.clip(base, 0.0, room) + least * np.arange(len(base))
 
 
 def _member(
-    sheet: Sheet, f: Family, code: Mapping[str, Pen], i: int, ticks: np.ndarray, columns: int, top: float, panel: float, strips: float
+    sheet: Sheet,
+    f: Family,
+    code: Mapping[str, Pen],
+    i: int,
+    ticks: np.ndarray,
+    columns: int,
+    top: float,
+    panel: float,
+    strips: float,
 ) -> Axes:
-    """Draw one member of the family with all databases in it and the differences below; return the lower axes."""
+    """Draw one member of the family with all databases in it and the differences below; return the
+    lower axes.
+    """
     width = (WIDTH - LEFT - RIGHT - (columns - 1) * 0.12) / columns
     left = LEFT + (i % columns) * (width + 0.12)
     axes = sheet.panel(left, top, width, panel)
@@ -310,7 +402,9 @@ def _member(
     strip = sheet.panel(left, top + panel + 0.05, width, strips - 0.05)
     _differences(strip, f, code, i)
     _frame(strip, f, padded(_difference_range(f, code), zero=True), i % columns == 0)
-    strip.set_ylabel(rf"difference [{derivative_unit(f.regressors)}]" if i % columns == 0 else "", fontsize=6)
+    strip.set_ylabel(
+        rf"difference [{derivative_unit(f.regressors)}]" if i % columns == 0 else "", fontsize=6
+    )
     strip.yaxis.set_major_locator(MaxNLocator(3))
     return strip
 
@@ -318,13 +412,26 @@ def _member(
 def _curve(axes: Axes, f: Family, curve: Curve, name: str, pen: Pen) -> None:
     x = shown(f.over, curve.x)
     if curve.stderr.any():
-        axes.fill_between(x, curve.y - curve.stderr, curve.y + curve.stderr, color=pen.color, alpha=0.2, linewidth=0, label=f"{name} error")
+        axes.fill_between(
+            x,
+            curve.y - curve.stderr,
+            curve.y + curve.stderr,
+            color=pen.color,
+            alpha=0.2,
+            linewidth=0,
+            label=f"{name} error",
+        )
     axes.plot(x, curve.y, color=pen.color, linestyle=pen.dashes, linewidth=pen.width, label=name)
     for source, mark in MARKS.items():
         on = curve.node_source == source
         if on.any():
             looks = {"color": pen.color, "linestyle": "none", "markeredgewidth": 0.6, **mark}
-            axes.plot(shown(f.over, curve.node_x[on]), curve.node_y[on], label=f"{name} nodes {source}", **looks)
+            axes.plot(
+                shown(f.over, curve.node_x[on]),
+                curve.node_y[on],
+                label=f"{name} nodes {source}",
+                **looks,
+            )
 
 
 def _differences(strip: Axes, f: Family, code: Mapping[str, Pen], i: int) -> None:
@@ -332,10 +439,19 @@ def _differences(strip: Axes, f: Family, code: Mapping[str, Pen], i: int) -> Non
     base = f.curves[next(iter(code))][i]
     if base is None:
         return
-    strip.fill_between(shown(f.over, base.x), -base.stderr, base.stderr, color="#6e6e6e", alpha=0.25, linewidth=0)
+    strip.fill_between(
+        shown(f.over, base.x), -base.stderr, base.stderr, color="#6e6e6e", alpha=0.25, linewidth=0
+    )
     for name, pen in list(code.items())[1:]:
         x, d = _difference(base, f.curves[name][i])
-        strip.plot(shown(f.over, x), d, color=pen.color, linestyle=pen.dashes, linewidth=pen.width, label=name)
+        strip.plot(
+            shown(f.over, x),
+            d,
+            color=pen.color,
+            linestyle=pen.dashes,
+            linewidth=pen.width,
+            label=name,
+        )
 
 
 def _difference(base: Curve | None, other: Curve | None) -> tuple[np.ndarray, np.ndarray]:
@@ -348,18 +464,34 @@ def _difference(base: Curve | None, other: Curve | None) -> tuple[np.ndarray, np
 
 def _difference_range(f: Family, code: Mapping[str, Pen]) -> list[np.ndarray]:
     first, *others = code
-    lines = [_difference(base, other)[1] for name in others for base, other in zip(f.curves[first], f.curves[name])]
-    return [*lines, *(s * base.stderr for base in f.curves[first] if base is not None for s in (-1, 1))]
+    lines = [
+        _difference(base, other)[1]
+        for name in others
+        for base, other in zip(f.curves[first], f.curves[name])
+    ]
+    return [
+        *lines,
+        *(s * base.stderr for base in f.curves[first] if base is not None for s in (-1, 1)),
+    ]
 
 
 def _support(axes: Axes, x: np.ndarray) -> None:
-    """Draw a tick at the foot of the panel for every flight sample, as many as can be distinguished."""
+    """Draw a tick at the foot of the panel for every flight sample, as many as can be
+    distinguished.
+    """
     low, high = axes.get_xlim()
     places = np.unique(((x - low) / (high - low) * _MOST_TICKS).round()) / _MOST_TICKS
     inside = low + (high - low) * places[(places >= 0) & (places <= 1)]
     if len(inside):
         axes.vlines(
-            inside, 0.0, 0.055, transform=axes.get_xaxis_transform(), color="black", linewidth=0.5, alpha=0.6, label="flight sample"
+            inside,
+            0.0,
+            0.055,
+            transform=axes.get_xaxis_transform(),
+            color="black",
+            linewidth=0.5,
+            alpha=0.6,
+            label="flight sample",
         )
 
 

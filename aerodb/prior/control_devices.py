@@ -1,8 +1,9 @@
 """Hinge moments from SYMFLP pages and control-tab streams, for the loading of the controls.
 
-A hinge-moment coefficient is referred to qbar and twice the moment of the control's area about its hinge line [DATCOM 6.1.6], both sides
-together: S_hinge c_hinge of the aircraft file.  Positive turns the trailing edge as a positive deflection does, so a control that
-blows back has negative slopes.
+A hinge-moment coefficient is referred to qbar and twice the moment of the control's area about its
+hinge line [DATCOM 6.1.6], both sides together: S_hinge c_hinge of the aircraft file.  Positive
+turns the trailing edge as a positive deflection does, so a control that blows back has negative
+slopes.
 """
 
 from __future__ import annotations
@@ -27,13 +28,23 @@ def spoilers(given: Source, h_ref: float) -> Effect:
     The program prints a positive rolling and a positive yawing moment [DATCOM 6.2]: the wing with the spoiler goes down
     and back, which is the right wing.  A spoiler on the left, positive ``delta_s``, gives the negative moments.
     """
-    grid, page = at_height(given.grid("spoiler"), h_ref), given.tree.children["spoiler"].to_dataset(inherit=False)
+    grid, page = (
+        at_height(given.grid("spoiler"), h_ref),
+        given.tree.children["spoiler"].to_dataset(inherit=False),
+    )
     if "ds_c" not in page.coords:
         raise SchemaError(given.role, ["the page names no spoiler height DS/C; give one with it"])
     height = np.asarray(page["ds_c"].values, float)
     if np.unique(height).size != height.size or (height < 0).any():
-        raise SchemaError(given.role, [f"the spoiler heights {height.tolist()} are not different and positive"])
-    grid = grid.drop_vars("ds_c", errors="ignore").assign_coords(deflection=height).rename(deflection="delta_s").sortby("delta_s")
+        raise SchemaError(
+            given.role, [f"the spoiler heights {height.tolist()} are not different and positive"]
+        )
+    grid = (
+        grid.drop_vars("ds_c", errors="ignore")
+        .assign_coords(deflection=height)
+        .rename(deflection="delta_s")
+        .sortby("delta_s")
+    )
     tables = known({c: grid[c] for c in ("Cl", "Cn")})
     stale = float(np.abs(tables["Cl"].sel(delta_s=0.0)).max()) if (height == 0.0).any() else 0.0
     if stale > 0.0:
@@ -41,37 +52,65 @@ def spoilers(given: Source, h_ref: float) -> Effect:
             f"{given.role}: Cl {stale:.4g} is printed for a spoiler of no height: below some height the program's chart holds its end; "
             "no height counts as no moment, and small heights are as printed"
         )
-    note = f"{page.attrs.get('device', 'spoiler')}, wing-body, constant in alpha along stability axes"
+    note = (
+        f"{page.attrs.get('device', 'spoiler')}, wing-body, constant in alpha along stability axes"
+    )
     both = {c: _both_sides(table) for c, table in tables.items()}
-    return Effect("spoiler", both, zeros={"delta_s": [0.0]}, references=given.place("spoiler"), comment=note)
+    return Effect(
+        "spoiler", both, zeros={"delta_s": [0.0]}, references=given.place("spoiler"), comment=note
+    )
 
 
 def differential_tail(given: Source, h_ref: float) -> Effect:
-    """Return the effect of ``delta_d`` = (right - left)/2 of the stabilizer halves on Cl, in stability axes; Cn has no method."""
+    """Return the effect of ``delta_d`` = (right - left)/2 of the stabilizer halves on Cl, in
+    stability axes; Cn has no method.
+    """
     grid = at_height(given.grid("asyflp"), h_ref)
     if grid.attrs.get("surface") != "tail":
-        raise SchemaError(given.role, ["the deflected surface is the wing, the tail is needed (STYPE 5); ailerons go to aileron="])
+        raise SchemaError(
+            given.role,
+            [
+                "the deflected surface is the wing, the tail is needed (STYPE 5); ailerons go to aileron="
+            ],
+        )
     delta = (
-        0.5 * (grid["delta_right"] - grid["delta_left"]).values if "delta_left" in grid.coords else -0.5 * grid["delta_difference"].values
+        0.5 * (grid["delta_right"] - grid["delta_left"]).values
+        if "delta_left" in grid.coords
+        else -0.5 * grid["delta_difference"].values
     )
     if np.unique(delta).size != delta.size:
-        raise SchemaError(given.role, ["two pairs of deflections have the same (right - left); give pairs that differ in it"])
+        raise SchemaError(
+            given.role,
+            ["two pairs of deflections have the same (right - left); give pairs that differ in it"],
+        )
     Cl, note = grid["Cl"], ""
     if "Cl_transonic" in grid:
         flat = Cl.isnull().all([d for d in Cl.dims if d != "mach"]) & grid["Cl_transonic"].notnull()
         Cl = xr.where(flat, grid["Cl_transonic"], Cl)
         if bool(flat.any()):
-            machs = " ".join(f"{mach:g}" for mach in flat["mach"].values[flat.any("delta_pair").values])
+            machs = " ".join(
+                f"{mach:g}" for mach in flat["mach"].values[flat.any("delta_pair").values]
+            )
             note = f"mach {machs}: the page prints one value for all alphas"
     drop = [name for name in Cl.coords if name not in Cl.dims]
-    Cl = Cl.drop_vars(drop).assign_coords(delta_pair=delta).rename(delta_pair="delta_d").sortby("delta_d")
+    Cl = (
+        Cl.drop_vars(drop)
+        .assign_coords(delta_pair=delta)
+        .rename(delta_pair="delta_d")
+        .sortby("delta_d")
+    )
     return Effect(
-        "differential_tail", {"Cl": from_zero(Cl, "delta_d")}, zeros={"delta_d": [0.0]}, references=given.place("asyflp"), comment=note
+        "differential_tail",
+        {"Cl": from_zero(Cl, "delta_d")},
+        zeros={"delta_d": [0.0]},
+        references=given.place("asyflp"),
+        comment=note,
     )
 
 
 def stabilizer(given: Source, h_ref: float) -> Effect:
-    """Return the effect of an all-movable stabilizer, as ``delta_e`` from its rigged incidence, on CL and Cm.
+    """Return the effect of an all-movable stabilizer, as ``delta_e`` from its rigged incidence, on
+    CL and Cm.
 
     Notes
     -----
@@ -80,9 +119,12 @@ def stabilizer(given: Source, h_ref: float) -> Effect:
 
         CL_delta_e = eta dCL_tail/dalpha,      Cm_delta_e = CL_delta_e x (Cm_tail / CL_tail at trim)
 
-    which gives CL_tail at trim back as CL_delta_e (alpha - epsilon + i) within the rounding of the incidence.  Range: the linear one.
+    which gives CL_tail at trim back as CL_delta_e (alpha - epsilon + i) within the rounding of the
+    incidence.  Range: the linear one.
     """
-    page, downwash = (at_height(given.grid(leaf), h_ref) for leaf in ("trim_stabilizer", "downwash"))
+    page, downwash = (
+        at_height(given.grid(leaf), h_ref) for leaf in ("trim_stabilizer", "downwash")
+    )
     near = page.sel(alpha=np.abs(page["alpha"]) <= _LINEAR)
     slope = near["CL_tail"].polyfit("alpha", 1)["polyfit_coefficients"].sel(degree=1, drop=True)
     eta = downwash["q_ratio"].sel(alpha=near["alpha"], method="nearest").mean("alpha")
@@ -90,7 +132,9 @@ def stabilizer(given: Source, h_ref: float) -> Effect:
     arm = (lift * moment).sum("alpha") / (lift**2).where(moment.notnull()).sum("alpha")
     tables = known({"CL": eta * slope, "Cm": eta * slope * arm})
     if set(tables) != {"CL", "Cm"}:
-        warn(f"{given.role}: the page of stabilizer trim holds no lift and moment of the tail at trim; the terms are left absent")
+        warn(
+            f"{given.role}: the page of stabilizer trim holds no lift and moment of the tail at trim; the terms are left absent"
+        )
         return Effect("elevator", {})
     comment = joined(
         "all-movable stabilizer: delta_e is its incidence less the rigged one, trailing edge down",
@@ -107,8 +151,14 @@ def stabilizer(given: Source, h_ref: float) -> Effect:
 
 
 def _both_sides(table: xr.DataArray) -> xr.DataArray:
-    """Return a table for spoilers on the left (positive) and on the right (negative), from that of the right wing."""
-    right = table.where(table["delta_s"] != 0.0, 0.0 * table) if bool((table["delta_s"] == 0.0).any()) else from_zero(table, "delta_s")
+    """Return a table for spoilers on the left (positive) and on the right (negative), from that of
+    the right wing.
+    """
+    right = (
+        table.where(table["delta_s"] != 0.0, 0.0 * table)
+        if bool((table["delta_s"] == 0.0).any())
+        else from_zero(table, "delta_s")
+    )
     up = right.sel(delta_s=right["delta_s"] > 0.0)
     mirrored = up.assign_coords(delta_s=-up["delta_s"]).sortby("delta_s")
     return xr.concat([mirrored, -right], "delta_s")
@@ -130,31 +180,56 @@ def elevator_hinge(given: Source, clean: Source, h_ref: float) -> list[Effect]:
     slope = _slope("Ch_e", grid)
     if not slope:
         return found
-    place = next((source for source in (given, clean) if source.has("downwash") and source.decks), None)
+    place = next(
+        (source for source in (given, clean) if source.has("downwash") and source.decks), None
+    )
     if place is None:
-        warn(f"{given.role}: (CH)A is per angle of attack of the tail, and no listing with downwash is at hand; Ch_e/alpha is left absent")
+        warn(
+            f"{given.role}: (CH)A is per angle of attack of the tail, and no listing with downwash is at hand; Ch_e/alpha is left absent"
+        )
         return found
     epsilon = at_height(place.grid("downwash"), h_ref)["epsilon"]
-    epsilon = epsilon.interp(mach=slope["Ch_e"]["mach"]) if place is clean and epsilon.sizes["mach"] > 1 else epsilon
+    epsilon = (
+        epsilon.interp(mach=slope["Ch_e"]["mach"])
+        if place is clean and epsilon.sizes["mach"] > 1
+        else epsilon
+    )
     i_H = place.card("SYNTHS", "ALIH", 0.0) * DEGREE
     table = slope["Ch_e"] * (epsilon["alpha"] - epsilon + i_H)
     comment = f"(CH)A times the angle of attack of the tail, alpha - epsilon + {i_H / DEGREE:g} deg"
-    return [Effect("alpha", {"Ch_e": table.transpose("mach", "alpha")}, references=lines, comment=comment), *found]
+    return [
+        Effect(
+            "alpha", {"Ch_e": table.transpose("mach", "alpha")}, references=lines, comment=comment
+        ),
+        *found,
+    ]
 
 
 def aileron_hinge(given: Source, h_ref: float) -> list[Effect]:
-    """Return the effects ``alpha`` and ``delta`` on Ch_a of one aileron, from SYMFLP pages of the wing with the aileron's geometry."""
+    """Return the effects ``alpha`` and ``delta`` on Ch_a of one aileron, from SYMFLP pages of the
+    wing with the aileron's geometry.
+    """
     grid = at_height(given.grid("symflp"), h_ref)
     if grid.attrs.get("surface") != "wing":
-        raise SchemaError(given.role, ["the deflected surface is the tail, the wing is needed: run the aileron as a SYMFLP without tail"])
+        raise SchemaError(
+            given.role,
+            [
+                "the deflected surface is the tail, the wing is needed: run the aileron as a SYMFLP without tail"
+            ],
+        )
     slope = _slope("Ch_a", grid)
     comment = "one aileron; equal on both sides, so that it cancels at the wheel unless the aeroplane rolls"
     found = _deflection("Ch_a", grid, "delta_a", given)
-    return [Effect("alpha", slope, "alpha", references=given.place("symflp"), comment=comment), *found] if slope else found
+    return (
+        [Effect("alpha", slope, "alpha", references=given.place("symflp"), comment=comment), *found]
+        if slope
+        else found
+    )
 
 
 def tabs(given: Source, h_ref: float, with_page: bool) -> list[Effect]:
-    """Return the effects ``tab`` and ``tab_gearing`` on Ch_e, and ``alpha`` and ``delta`` unless a SYMFLP page gives them.
+    """Return the effects ``tab`` and ``tab_gearing`` on Ch_e, and ``alpha`` and ``delta`` unless a
+    SYMFLP page gives them.
 
     Parameters
     ----------
@@ -167,34 +242,65 @@ def tabs(given: Source, h_ref: float, with_page: bool) -> list[Effect]:
 
         locked = B1 delta + B3 alpha,      gearing = (...) delta + (...) alpha,      tab for no stick force = -locked / B4 (trim tab alone)
 
-    With a control tab too the program prints +free / B4, and the stream of the free tab holds B1 + D1 B2 / D2 where a tab without moment
-    requires B1 - D1 B2 / D2: faults of sign.  So the free tab is not used.
+    With a control tab too the program prints +free / B4, and the stream of the free tab holds B1 +
+    D1 B2 / D2 where a tab without moment requires B1 - D1 B2 / D2: faults of sign.  So the free tab
+    is not used.
     """
     grid = at_height(given.grid("tabs"), h_ref).isel(mach=0)
-    planes = {name: _plane(grid[name], grid["one_decimal"]) for name in grid.data_vars if str(name).startswith(("Ch_", "delta_"))}
+    planes = {
+        name: _plane(grid[name], grid["one_decimal"])
+        for name in grid.data_vars
+        if str(name).startswith(("Ch_", "delta_"))
+    }
     lines = _lines(given)
     found = []
     tab = _tab_effect(planes)
     if np.isfinite(tab):
         comment = "per deflection of the trim tab; the engineer's own B4 of CONTAB, from hinge moment over tab for no stick force"
-        found.append(Effect("tab", {"Ch_e": xr.DataArray(tab)}, "delta_t", references=lines, comment=comment))
+        found.append(
+            Effect("tab", {"Ch_e": xr.DataArray(tab)}, "delta_t", references=lines, comment=comment)
+        )
     else:
-        warn(f"{given.role}: hinge moment and tab for no stick force do not fit each other; Ch_e/tab is left absent")
+        warn(
+            f"{given.role}: hinge moment and tab for no stick force do not fit each other; Ch_e/tab is left absent"
+        )
     per_alpha, per_delta = planes.get("Ch_tab_gearing", (np.nan, np.nan))
     if np.isfinite(per_delta) and abs(per_delta) > 1e-6:
         surface = (per_alpha * grid["alpha"] + per_delta * grid["delta"]).rename(delta="delta_e")
         comment = "moment of the geared tab on the control; plane through the printed stream"
-        found.append(Effect("tab_gearing", {"Ch_e": surface.drop_vars(["mach"], errors="ignore")}, references=lines, comment=comment))
+        found.append(
+            Effect(
+                "tab_gearing",
+                {"Ch_e": surface.drop_vars(["mach"], errors="ignore")},
+                references=lines,
+                comment=comment,
+            )
+        )
     locked = planes.get("Ch_tab_locked", (np.nan, np.nan))
     if not with_page and np.isfinite(locked).all():
-        comment = "tab locked; the engineer's own B1 and B3 of CONTAB, angle of attack of the aeroplane"
-        for name, value, regressor in (("alpha", locked[0], "alpha"), ("delta", locked[1], "delta_e")):
-            found.append(Effect(name, {"Ch_e": xr.DataArray(value)}, regressor, references=lines, comment=comment))
+        comment = (
+            "tab locked; the engineer's own B1 and B3 of CONTAB, angle of attack of the aeroplane"
+        )
+        for name, value, regressor in (
+            ("alpha", locked[0], "alpha"),
+            ("delta", locked[1], "delta_e"),
+        ):
+            found.append(
+                Effect(
+                    name,
+                    {"Ch_e": xr.DataArray(value)},
+                    regressor,
+                    references=lines,
+                    comment=comment,
+                )
+            )
     return found
 
 
 def _deflection(coefficient: str, grid: xr.Dataset, axis: str, given: Source) -> list[Effect]:
-    """Return the effect ``delta``: (CH)D times the deflection, whose slope the program takes from zero."""
+    """Return the effect ``delta``: (CH)D times the deflection, whose slope the program takes from
+    zero.
+    """
     slope = known({coefficient: grid["Ch_delta"].rename(delta=axis)} if "Ch_delta" in grid else {})
     if not slope:
         return []
@@ -202,7 +308,11 @@ def _deflection(coefficient: str, grid: xr.Dataset, axis: str, given: Source) ->
     table = exact_zero(table, axis) if bool((table[axis] == 0.0).any()) else from_zero(table, axis)
     return [
         Effect(
-            "delta", {coefficient: table.sortby(axis)}, zeros={axis: [0.0]}, references=given.place("symflp"), comment="(CH)D times delta"
+            "delta",
+            {coefficient: table.sortby(axis)},
+            zeros={axis: [0.0]},
+            references=given.place("symflp"),
+            comment="(CH)D times delta",
         )
     ]
 
@@ -210,11 +320,15 @@ def _deflection(coefficient: str, grid: xr.Dataset, axis: str, given: Source) ->
 def _slope(coefficient: str, grid: xr.Dataset) -> dict[str, xr.DataArray]:
     """Return (CH)A, which is printed once for all deflections."""
     at = int(np.argmin(np.abs(grid["delta"].values)))
-    return known({coefficient: grid["Ch_alpha"].isel(delta=at, drop=True)} if "Ch_alpha" in grid else {})
+    return known(
+        {coefficient: grid["Ch_alpha"].isel(delta=at, drop=True)} if "Ch_alpha" in grid else {}
+    )
 
 
 def _plane(stream: xr.DataArray, one_decimal: xr.DataArray) -> tuple[float, float]:
-    """Return the slopes of a stream per alpha and per deflection [1/rad], by the values printed with three digits."""
+    """Return the slopes of a stream per alpha and per deflection [1/rad], by the values printed
+    with three digits.
+    """
     alpha, delta, rough = xr.broadcast(stream["alpha"], stream["delta"], one_decimal)
     good = (rough == 0) & stream.transpose(*alpha.dims).notnull()
     if int(good.sum()) < 3:
@@ -225,11 +339,19 @@ def _plane(stream: xr.DataArray, one_decimal: xr.DataArray) -> tuple[float, floa
 
 
 def _tab_effect(planes: dict) -> float:
-    """Return B4 [1/rad] from the tab for no stick force and the hinge moment it balances, NaN where they do not fit."""
+    """Return B4 [1/rad] from the tab for no stick force and the hinge moment it balances, NaN where
+    they do not fit.
+    """
     free_of_force = np.array(planes.get("delta_tab_trim", (np.nan, np.nan)))
-    for name, sign in (("Ch_tab_locked", -1.0), ("Ch_tab_free", 1.0)):  # trim tab alone; with a control tab
+    for name, sign in (
+        ("Ch_tab_locked", -1.0),
+        ("Ch_tab_free", 1.0),
+    ):  # trim tab alone; with a control tab
         ratios = sign * np.array(planes.get(name, (np.nan, np.nan))) / free_of_force
-        if np.isfinite(ratios).all() and abs(ratios[0] - ratios[1]) <= _AGREE * np.abs(ratios).max():
+        if (
+            np.isfinite(ratios).all()
+            and abs(ratios[0] - ratios[1]) <= _AGREE * np.abs(ratios).max()
+        ):
             return float(ratios[1])
     return float("nan")
 

@@ -1,4 +1,6 @@
-"""Effects to terms: cells that are not printed filled or cut away, standard errors and sources given to every node."""
+"""Effects to terms: cells that are not printed filled or cut away, standard errors and sources
+given to every node.
+"""
 
 from __future__ import annotations
 
@@ -15,10 +17,13 @@ from flightmech.units import DEGREE
 
 AXIS_ORDER = ("h", "h_agl", "delta_f", "mach", "alpha", "delta_e", "delta_a", "delta_s", "delta_d")
 _NONE = np.array([])
-_HELD = 2.0  # standard error of a node that is held or not the program's own, against the rule for printed ones
+# standard error of a node that is held or not the program's own, against the rule for printed ones
+_HELD = 2.0
 
 
-def leaves(effect: Effect, prior: PriorErrors, cover: Mapping[str, tuple[float, float]]) -> dict[str, xr.Dataset]:
+def leaves(
+    effect: Effect, prior: PriorErrors, cover: Mapping[str, tuple[float, float]]
+) -> dict[str, xr.Dataset]:
     """Return the terms of an effect by name.
 
     Parameters
@@ -42,7 +47,9 @@ def leaves(effect: Effect, prior: PriorErrors, cover: Mapping[str, tuple[float, 
     found: dict[str, xr.Dataset] = {}
     carried: dict[tuple[float, float], list[str]] = {}
     for coefficient, table in effect.tables.items():
-        whole, printed, notes = completed(table.transpose(*(axis for axis in AXIS_ORDER if axis in table.dims)))
+        whole, printed, notes = completed(
+            table.transpose(*(axis for axis in AXIS_ORDER if axis in table.dims))
+        )
         if not whole.size:
             continue
         name = f"{coefficient}/{effect.name}"
@@ -59,13 +66,20 @@ def leaves(effect: Effect, prior: PriorErrors, cover: Mapping[str, tuple[float, 
             value.values,
             {str(axis): value[axis].values for axis in value.dims},
             effect.regressor.split(),
-            stderr=_stderr(name, value, prior, effect.zeros) * np.where(held.transpose(*value.dims), _HELD, 1.0),
+            stderr=_stderr(name, value, prior, effect.zeros)
+            * np.where(held.transpose(*value.dims), _HELD, 1.0),
             source="datcom",
             references=effect.references,
-            comment=joined(effect.comment, *notes, *(_range_text(axis, points) for axis, points in ends.items())),
+            comment=joined(
+                effect.comment,
+                *notes,
+                *(_range_text(axis, points) for axis, points in ends.items()),
+            ),
             history=f"from_datcom: {name}",
         )
-        code = np.where(judged.transpose(*value.dims), _terms.SOURCES.index("judgement"), leaf["source"]).astype(np.uint8)
+        code = np.where(
+            judged.transpose(*value.dims), _terms.SOURCES.index("judgement"), leaf["source"]
+        ).astype(np.uint8)
         found[name] = leaf.assign(source=leaf["source"].copy(data=code))
     for (last, end), names in carried.items():
         warn(
@@ -81,7 +95,9 @@ def _among(table: xr.DataArray, axis: str, points: np.ndarray) -> xr.DataArray |
 
 
 def completed(table: xr.DataArray) -> tuple[xr.DataArray, xr.DataArray, list[str]]:
-    """Return a table without NaN, which of its cells are printed, and what was done; an empty one when nothing is printed."""
+    """Return a table without NaN, which of its cells are printed, and what was done; an empty one
+    when nothing is printed.
+    """
     good = table.notnull()
     if bool(good.all()):
         return table, good, []
@@ -100,9 +116,16 @@ def completed(table: xr.DataArray) -> tuple[xr.DataArray, xr.DataArray, list[str
         table, good = table.sel(alpha=keep), good.sel(alpha=keep)
         missing = int((~good).sum())
         if missing:
-            notes.append(f"{missing} of {good.size} cells are not printed: value of the nearest printed alpha held there")
+            notes.append(
+                f"{missing} of {good.size} cells are not printed: value of the nearest printed alpha held there"
+            )
             table = xr.apply_ufunc(
-                _nearest, table["alpha"], table, input_core_dims=[["alpha"], ["alpha"]], output_core_dims=[["alpha"]], vectorize=True
+                _nearest,
+                table["alpha"],
+                table,
+                input_core_dims=[["alpha"], ["alpha"]],
+                output_core_dims=[["alpha"]],
+                vectorize=True,
             ).transpose(*table.dims)
     return table, good, notes
 
@@ -112,8 +135,12 @@ def _nearest(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return np.interp(x, x[good], y[good]) if good.any() else y
 
 
-def covered(table: xr.DataArray, cover: Mapping[str, tuple[float, float]]) -> tuple[xr.DataArray, dict[str, np.ndarray]]:
-    """Return a table whose axes cover ranges, the last values held, and the breakpoints that were put in."""
+def covered(
+    table: xr.DataArray, cover: Mapping[str, tuple[float, float]]
+) -> tuple[xr.DataArray, dict[str, np.ndarray]]:
+    """Return a table whose axes cover ranges, the last values held, and the breakpoints that were
+    put in.
+    """
     ends = {}
     for axis, (low, high) in cover.items():
         if axis not in table.dims:
@@ -138,7 +165,9 @@ def _words(axis: str, points: np.ndarray) -> str:
     return " ".join(f"{point / scale:.4g}" for point in points) + unit
 
 
-def _stderr(name: str, table: xr.DataArray, prior: PriorErrors, zeros: Mapping[str, Sequence[float]]) -> np.ndarray:
+def _stderr(
+    name: str, table: xr.DataArray, prior: PriorErrors, zeros: Mapping[str, Sequence[float]]
+) -> np.ndarray:
     stderr = prior.stderr(name, table)
     for axis, points in zeros.items():
         if axis in table.dims:

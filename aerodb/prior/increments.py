@@ -22,14 +22,17 @@ _TAIL = {"surface": "horizontal tail"}
 
 
 def with_tail_share(effect: Effect, clean: Source, h_ref: float) -> Effect:
-    """Return the effect of ``alphadothat`` with its missing subsonic and transonic cells taken from the downwash, where that is printed.
+    """Return the effect of ``alphadothat`` with its missing subsonic and transonic cells taken from
+    the downwash, where that is printed.
 
     Parameters
     ----------
     effect : Effect
-        CL and Cm over mach and alpha, with NaN where nothing is printed; empty tables when there is no dynamic page.
+        CL and Cm over mach and alpha, with NaN where nothing is printed; empty tables when there is
+        no dynamic page.
     clean : Source
-        The listing; without downwash and PART pages (leaves ``downwash interference planform``) the effect returns as it came.
+        The listing; without downwash and PART pages (leaves ``downwash interference planform``) the
+        effect returns as it came.
     """
     if not all(clean.has(leaf) for leaf in ("downwash", "interference", "planform")):
         return effect
@@ -43,14 +46,30 @@ def with_tail_share(effect: Effect, clean: Source, h_ref: float) -> Effect:
     count = int(judged["CL"].sum() + judged["Cm"].sum())
     if not count:
         return effect
-    lines = effect.references or f"{clean.place('downwash')}; {clean.place('interference')}; {clean.place('planform')}"
-    return Effect(effect.name, tables, effect.regressor, judged=judged, references=lines, comment=COMMENT.format(count=count))
+    lines = (
+        effect.references
+        or f"{clean.place('downwash')}; {clean.place('interference')}; {clean.place('planform')}"
+    )
+    return Effect(
+        effect.name,
+        tables,
+        effect.regressor,
+        judged=judged,
+        references=lines,
+        comment=COMMENT.format(count=count),
+    )
 
 
 def _tail_share(clean: Source, h_ref: float) -> tuple[xr.DataArray, xr.DataArray]:
     """Return CL_alphadothat of the tail over mach and alpha, and its arm in chords over mach."""
-    downwash, carried, planform = (_at(clean, leaf, h_ref) for leaf in ("downwash", "interference", "planform"))
-    tail = carried.set_index(surface="surface").sel(_TAIL, drop=True) if "surface" not in carried.indexes else carried.sel(_TAIL, drop=True)
+    downwash, carried, planform = (
+        _at(clean, leaf, h_ref) for leaf in ("downwash", "interference", "planform")
+    )
+    tail = (
+        carried.set_index(surface="surface").sel(_TAIL, drop=True)
+        if "surface" not in carried.indexes
+        else carried.sel(_TAIL, drop=True)
+    )
     panel = planform.sel(_TAIL, drop=True).sel(panel="total exposed", drop=True)
     slope = tail["CL_alpha_body"] + tail["CL_alpha_surface"]
     arm = (panel["x_c4_mac"] - clean.reference["x_cg"]) / clean.reference["cbar"]
@@ -62,7 +81,8 @@ def _at(clean: Source, leaf: str, h_ref: float) -> xr.Dataset:
 
 
 _PRINTED_ZERO = 2e-4  # ground pages print 0.01 deg for no flap deflection [rad]
-FAR = 30_000.0  # second breakpoint without ground effect, so that flight at height lies inside the table [m]
+# second breakpoint without ground effect, so that flight at height lies inside the table [m]
+FAR = 30_000.0
 _LONGITUDINAL = ("CL", "CD", "Cm")
 _PITCH = ("qhat", "alphadothat")
 _DRIFT = (
@@ -72,37 +92,67 @@ _DRIFT = (
 
 
 def static(clean: Source, h_ref: float) -> list[Effect]:
-    """Return the effects ``basic`` and ``altitude``: CL, CD, Cm over Mach and alpha, and what altitude adds to them."""
+    """Return the effects ``basic`` and ``altitude``: CL, CD, Cm over Mach and alpha, and what
+    altitude adds to them.
+    """
     grid, power_in_it = clean.grid("static"), ""
     if clean.powered:
         grid, power_in_it = without_thrust(clean, grid)
         warn(f"{clean.role}: CL, CD and Cm are {power_in_it}")
     tables = known({coefficient: grid[coefficient] for coefficient in _LONGITUDINAL})
     if "CL" not in tables:
-        raise SchemaError(clean.role, [f"{clean.file} prints no lift coefficient; give a case whose static page has numbers"])
+        raise SchemaError(
+            clean.role,
+            [f"{clean.file} prints no lift coefficient; give a case whose static page has numbers"],
+        )
     basic = {coefficient: table.sel(h=h_ref, drop=True) for coefficient, table in tables.items()}
     lines = clean.place("static")
-    found = [Effect("basic", basic, references=lines, comment=joined(f"clean aeroplane at {h_ref:.0f} m", power_in_it))]
+    found = [
+        Effect(
+            "basic",
+            basic,
+            references=lines,
+            comment=joined(f"clean aeroplane at {h_ref:.0f} m", power_in_it),
+        )
+    ]
     if grid.sizes["h"] > 1:
         comment = f"Reynolds-number effect of altitude, against the basic table at {h_ref:.0f} m"
-        found.append(Effect("altitude", {c: tables[c] - basic[c] for c in basic}, zeros={"h": [h_ref]}, references=lines, comment=comment))
+        found.append(
+            Effect(
+                "altitude",
+                {c: tables[c] - basic[c] for c in basic},
+                zeros={"h": [h_ref]},
+                references=lines,
+                comment=comment,
+            )
+        )
     return found
 
 
 def pitch_rates(clean: Source, h_ref: float) -> list[Effect]:
-    """Return the effects of ``qhat`` and ``alphadothat`` on CL and Cm; without dynamic page only the tail's share of the latter."""
+    """Return the effects of ``qhat`` and ``alphadothat`` on CL and Cm; without dynamic page only
+    the tail's share of the latter.
+    """
     if not clean.has("dynamic"):
         return [with_tail_share(Effect("alphadothat", {}, "alphadothat"), clean, h_ref)]
     grid = clean.grid("dynamic").sel(h=h_ref, drop=True)
     lines = clean.place("dynamic")
-    q, alphadot = (Effect(rate, known({c: grid[f"{c}_{rate}"] for c in ("CL", "Cm")}), rate, references=lines) for rate in _PITCH)
+    q, alphadot = (
+        Effect(rate, known({c: grid[f"{c}_{rate}"] for c in ("CL", "Cm")}), rate, references=lines)
+        for rate in _PITCH
+    )
     return [q, with_tail_share(alphadot, clean, h_ref)]
 
 
 def sideslip(clean: Source, h_ref: float) -> Effect:
     """Return the effect of ``beta`` on CY, Cl and Cn, in stability axes."""
     grid = clean.grid("static").sel(h=h_ref, drop=True)
-    return Effect("beta", known({c: grid[f"{c}_beta"] for c in ("CY", "Cl", "Cn")}), "beta", references=clean.place("static"))
+    return Effect(
+        "beta",
+        known({c: grid[f"{c}_beta"] for c in ("CY", "Cl", "Cn")}),
+        "beta",
+        references=clean.place("static"),
+    )
 
 
 def lateral_rates(clean: Source, h_ref: float) -> tuple[Effect, Effect]:
@@ -111,13 +161,17 @@ def lateral_rates(clean: Source, h_ref: float) -> tuple[Effect, Effect]:
     lines, comment = clean.place("dynamic"), "CY_rhat, which has no DATCOM method, counts as zero"
     roll = known({c: grid[f"{c}_phat"] for c in ("CY", "Cl", "Cn")})
     yaw = known({c: grid[f"{c}_rhat"] for c in ("Cl", "Cn")})
-    return Effect("phat", roll, "phat", references=lines, comment=comment), Effect("rhat", yaw, "rhat", references=lines)
+    return Effect("phat", roll, "phat", references=lines, comment=comment), Effect(
+        "rhat", yaw, "rhat", references=lines
+    )
 
 
 def elevator(given: Source, h_ref: float) -> Effect:
     """Return the effect of ``delta_e`` on CL, CD, Cm."""
     tables, _, note = _symflp(given, "tail", "delta_e", h_ref)
-    return Effect("elevator", tables, zeros={"delta_e": [0.0]}, references=given.place("symflp"), comment=note)
+    return Effect(
+        "elevator", tables, zeros={"delta_e": [0.0]}, references=given.place("symflp"), comment=note
+    )
 
 
 def flaps(given: Source, h_ref: float) -> list[Effect]:
@@ -128,7 +182,11 @@ def flaps(given: Source, h_ref: float) -> list[Effect]:
     found = [Effect("flap", tables, zeros=zeros, references=lines, comment=comment)]
     if slope is not None:
         comment = "lift slope of the flapped surface against the same without deflection; per radian of alpha"
-        found.append(Effect("flap_slope", {"CL": slope}, "alpha", zeros=zeros, references=lines, comment=comment))
+        found.append(
+            Effect(
+                "flap_slope", {"CL": slope}, "alpha", zeros=zeros, references=lines, comment=comment
+            )
+        )
     return found
 
 
@@ -137,12 +195,23 @@ def aileron(given: Source, h_ref: float) -> Effect:
     grid = at_height(given.grid("asyflp"), h_ref)
     if grid.attrs.get("surface", "wing") != "wing":
         raise SchemaError(
-            given.role, ["the deflected surface is the tail, ailerons are needed (STYPE 4); this case goes to differential_tail="]
+            given.role,
+            [
+                "the deflected surface is the tail, ailerons are needed (STYPE 4); this case goes to differential_tail="
+            ],
         )
     delta_a = 0.5 * (grid["delta_right"] - grid["delta_left"]).values
     if np.unique(delta_a).size != delta_a.size:
-        raise SchemaError(given.role, ["two pairs of deflections have the same (right - left); give pairs that differ in it"])
-    grid = grid.drop_vars(["delta_left", "delta_right"]).assign_coords(delta_pair=delta_a).rename(delta_pair="delta_a").sortby("delta_a")
+        raise SchemaError(
+            given.role,
+            ["two pairs of deflections have the same (right - left); give pairs that differ in it"],
+        )
+    grid = (
+        grid.drop_vars(["delta_left", "delta_right"])
+        .assign_coords(delta_pair=delta_a)
+        .rename(delta_pair="delta_a")
+        .sortby("delta_a")
+    )
     tables = known({c: from_zero(grid[c], "delta_a") for c in ("Cl", "Cn") if c in grid})
     return Effect("aileron", tables, zeros={"delta_a": [0.0]}, references=given.place("asyflp"))
 
@@ -158,16 +227,24 @@ def ground(given: Source, h_ref: float, b: float, z_ref: float) -> Effect:
         Moment reference point below the drawing datum, from which DATCOM counts the height. [m]
     """
     tables, note = _over_ground(given, h_ref, b, z_ref, without_deflection=True)
-    return Effect("ground", tables, zeros={"h_agl": [2 * b, FAR]}, references=given.place("static"), comment=note)
+    return Effect(
+        "ground",
+        tables,
+        zeros={"h_agl": [2 * b, FAR]},
+        references=given.place("static"),
+        comment=note,
+    )
 
 
 def ground_flap(given: Source, h_ref: float, b: float, z_ref: float) -> Effect:
-    """Return the effect ``ground_flap``: what the flaps add to the ground effect; `b`, `z_ref` as for `ground`.
+    """Return the effect ``ground_flap``: what the flaps add to the ground effect; `b`, `z_ref` as
+    for `ground`.
 
     Raises
     ------
     SchemaError
-        Pages hold the ground effect of other deflections, or there are no several deflections with zero among them.
+        Pages hold the ground effect of other deflections, or there are no several deflections with
+        zero among them.
 
     Notes
     -----
@@ -175,26 +252,42 @@ def ground_flap(given: Source, h_ref: float, b: float, z_ref: float) -> Effect:
     the deflection; so the difference between the pages with and without deflection is the ground effect alone.
     """
     tables, note = _over_ground(given, h_ref, b, z_ref)
-    if "delta_f" in tables["CL"].dims:  # the page in free air stands at zero, where there need be none over ground
-        printed = tables["CL"].isel(h_agl=slice(0, -2)).notnull().any([dim for dim in tables["CL"].dims if dim != "delta_f"])
+    if (
+        "delta_f" in tables["CL"].dims
+    ):  # the page in free air stands at zero, where there need be none over ground
+        printed = (
+            tables["CL"]
+            .isel(h_agl=slice(0, -2))
+            .notnull()
+            .any([dim for dim in tables["CL"].dims if dim != "delta_f"])
+        )
         tables = {c: t.isel(delta_f=np.flatnonzero(printed)) for c, t in tables.items()}
-    points = tables["CL"]["delta_f"].values if "delta_f" in tables["CL"].dims else np.array([np.inf])
+    points = (
+        tables["CL"]["delta_f"].values if "delta_f" in tables["CL"].dims else np.array([np.inf])
+    )
     if np.abs(points).min() > _PRINTED_ZERO:
         raise SchemaError(
-            given.role, ["the ground pages hold no several delta_f with zero among them; give a case with GRNDEF for each deflection"]
+            given.role,
+            [
+                "the ground pages hold no several delta_f with zero among them; give a case with GRNDEF for each deflection"
+            ],
         )
     zero = {c: t.isel(delta_f=int(np.argmin(np.abs(points))), drop=True) for c, t in tables.items()}
     increments = {c: exact_zero(t - zero[c], "delta_f") for c, t in tables.items()}
     return Effect(
-        "ground_flap", increments, zeros={"h_agl": [2 * b, FAR], "delta_f": [0.0]}, references=given.place("static"), comment=note
+        "ground_flap",
+        increments,
+        zeros={"h_agl": [2 * b, FAR], "delta_f": [0.0]},
+        references=given.place("static"),
+        comment=note,
     )
 
 
 def ground_elevator(given: Source) -> Effect:
     """Return the effect ``ground_elevator``, which is empty: the program has no method for it.
 
-    With a flap on the tail the first deflection of a run prints the ground pages of the clean aeroplane, whatever it is, and every
-    other one adds the ground effect of those before it.
+    With a flap on the tail the first deflection of a run prints the ground pages of the clean
+    aeroplane, whatever it is, and every other one adds the ground effect of those before it.
     """
     warn(
         f"{given.role}: the program computes the ground effect without the elevator (the first deflection of a run prints the pages of "
@@ -203,12 +296,21 @@ def ground_elevator(given: Source) -> Effect:
     return Effect("ground_elevator", {})
 
 
-def _symflp(given: Source, surface: str, axis: str, h_ref: float) -> tuple[dict[str, xr.DataArray], xr.DataArray | None, str]:
-    """Return CL, CD, Cm of a symmetrical flap, zero at zero deflection, its lift-slope increment, and a note."""
+def _symflp(
+    given: Source, surface: str, axis: str, h_ref: float
+) -> tuple[dict[str, xr.DataArray], xr.DataArray | None, str]:
+    """Return CL, CD, Cm of a symmetrical flap, zero at zero deflection, its lift-slope increment,
+    and a note.
+    """
     grid = at_height(given.grid("symflp"), h_ref)
     found = grid.attrs.get("surface")
     if found != surface:
-        raise SchemaError(given.role, [f"the deflected surface is the {found}, the {surface} is needed; exchange flaps and elevator"])
+        raise SchemaError(
+            given.role,
+            [
+                f"the deflected surface is the {found}, the {surface} is needed; exchange flaps and elevator"
+            ],
+        )
     if "symflp" in given.looped:
         warn(_DRIFT.format(role=given.role))
     grid = grid.rename(delta=axis).sortby(axis)
@@ -222,12 +324,16 @@ def _symflp(given: Source, surface: str, axis: str, h_ref: float) -> tuple[dict[
 
 
 def at_height(grid: xr.Dataset, h_ref: float) -> xr.Dataset:
-    """Return the altitude nearest the reference; controls are printed at few altitudes and hardly depend on it."""
+    """Return the altitude nearest the reference; controls are printed at few altitudes and hardly
+    depend on it.
+    """
     return grid.sel(h=h_ref, method="nearest", drop=True)
 
 
 def from_zero(table: xr.DataArray, axis: str) -> xr.DataArray:
-    """Return increments that are zero at zero deflection: its own value taken off, or a node put in."""
+    """Return increments that are zero at zero deflection: its own value taken off, or a node put
+    in.
+    """
     points = table[axis].values
     if np.any(points == 0.0):
         return exact_zero(table - table.sel({axis: 0.0}, drop=True), axis)
@@ -248,7 +354,12 @@ def _over_ground(
     """Return page over ground minus page in free air over h_agl, fading to zero at two spans."""
     grid = at_height(given.grid("static"), h_ref)
     if "ground_height" not in grid.dims or not np.isinf(grid["ground_height"].values).any():
-        raise SchemaError(given.role, ["the case holds no pages over ground next to the one in free air; give a case with GRNDEF"])
+        raise SchemaError(
+            given.role,
+            [
+                "the case holds no pages over ground next to the one in free air; give a case with GRNDEF"
+            ],
+        )
     low = grid.sel(ground_height=np.isfinite(grid["ground_height"]))
     if without_deflection:
         low = _clean_pages(low)
@@ -256,7 +367,10 @@ def _over_ground(
     tables = {}
     for coefficient in _LONGITUDINAL:
         free = grid[coefficient].sel(ground_height=np.inf, drop=True)
-        for axis in set(free.dims) & {"delta_f", "delta_e"}:  # the free-air page is printed once, without deflection
+        for axis in set(free.dims) & {
+            "delta_f",
+            "delta_e",
+        }:  # the free-air page is printed once, without deflection
             free = free.dropna(axis, how="all").isel({axis: 0}, drop=True)
         tables[coefficient] = low[coefficient] - free
     tables = known(tables)
@@ -264,12 +378,12 @@ def _over_ground(
     if last >= 2 * b:
         raise SchemaError(
             given.role,
-            [f"ground heights reach {last:.1f} m, beyond two spans ({2 * b:.1f} m) where the effect is taken as zero; leave them out"],
+            [
+                f"ground heights reach {last:.1f} m, beyond two spans ({2 * b:.1f} m) where the effect is taken as zero; leave them out"
+            ],
         )
     machs = grid["mach"].values
-    comment = (
-        f"zero from two spans ({2 * b:.2f} m) on, by definition; the breakpoint at {FAR:.0f} m keeps flight at height inside the table"
-    )
+    comment = f"zero from two spans ({2 * b:.2f} m) on, by definition; the breakpoint at {FAR:.0f} m keeps flight at height inside the table"
     if machs.size == 1:
         tables = {name: table.isel(mach=0, drop=True) for name, table in tables.items()}
         comment = joined(f"computed at Mach {machs[0]:g}", comment)
@@ -277,13 +391,19 @@ def _over_ground(
 
 
 def _faded(table: xr.DataArray, b: float, z_ref: float) -> xr.DataArray:
-    table = table.assign_coords(ground_height=table["ground_height"] - z_ref).rename(ground_height="h_agl").sortby("h_agl")
+    table = (
+        table.assign_coords(ground_height=table["ground_height"] - z_ref)
+        .rename(ground_height="h_agl")
+        .sortby("h_agl")
+    )
     far = xr.zeros_like(table.isel(h_agl=[0, 0])).assign_coords(h_agl=[2 * b, FAR])
     return xr.concat([table, far], "h_agl")
 
 
 def _clean_pages(low: xr.Dataset) -> xr.Dataset:
-    """Return the pages over ground without deflection; with an elevator the first deflection of the run prints them, whatever it is."""
+    """Return the pages over ground without deflection; with an elevator the first deflection of the
+    run prints them, whatever it is.
+    """
     if "delta_e" in low.dims and "CL_flag" in low:
         low = low.isel(delta_e=int(_suspects(low).argmin("delta_e")))
     for axis in {"delta_f", "delta_e"} & set(low.dims):

@@ -1,12 +1,14 @@
 """A-priori standard errors of DATCOM's estimates, by method class.
 
-The standard error of a node is ``factor * hypot(relative * |value|, absolute)``; nodes that are zero by definition (an increment at
-zero deflection, a ground effect at height) have none.  Relative and absolute figures go by term and are those of the subsonic
-methods; the factor goes by class of method (static, dynamic, control, ground, power, hinge) and speed regime.  The relative figures
-are the engineering defaults of the project's identification guide (``7.6 A-priori weighting``) where it names the derivative (marked
-g); the others, and all factors, are engineering judgement (j), set by the kind of method: fin-and-body build-ups, section data,
-charts of a few points, fairings between two regimes.  They are starting values, to be replaced by a project's own comparison of
-estimates with flight: pass ``stderr=`` to `aerodb.from_datcom`.
+The standard error of a node is ``factor * hypot(relative * |value|, absolute)``; nodes that are
+zero by definition (an increment at zero deflection, a ground effect at height) have none.  Relative
+and absolute figures go by term and are those of the subsonic methods; the factor goes by class of
+method (static, dynamic, control, ground, power, hinge) and speed regime.  The relative figures are
+the engineering defaults of the project's identification guide (``7.6 A-priori weighting``) where it
+names the derivative (marked g); the others, and all factors, are engineering judgement (j), set by
+the kind of method: fin-and-body build-ups, section data, charts of a few points, fairings between
+two regimes.  They are starting values, to be replaced by a project's own comparison of estimates
+with flight: pass ``stderr=`` to `aerodb.from_datcom`.
 """
 
 from __future__ import annotations
@@ -21,7 +23,10 @@ import xarray as xr
 from flightmech.errors import SchemaError, UnknownName
 
 REGIMES = ("subsonic", "transonic", "supersonic")
-STMACH, TSMACH = 0.6, 1.4  # where DATCOM ends its subsonic methods and starts its supersonic ones, unless the deck states otherwise
+STMACH, TSMACH = (
+    0.6,
+    1.4,
+)  # where DATCOM ends its subsonic methods and starts its supersonic ones, unless the deck states otherwise
 
 # term: (relative, absolute), subsonic; the absolute one in the unit of the table
 PRIOR_ERRORS: dict[str, tuple[float, float]] = {
@@ -60,7 +65,10 @@ PRIOR_ERRORS: dict[str, tuple[float, float]] = {
     "Cn/aileron": (1.0, 0.002),  # g; j: the estimate passes through zero with CL
     "Cl/spoiler": (0.5, 0.002),  # j: charts of section data, nothing at small heights
     "Cn/spoiler": (0.5, 0.001),  # j
-    "Cl/differential_tail": (0.25, 0.0),  # j: a little worse than the aileron, downwash of the other half
+    "Cl/differential_tail": (
+        0.25,
+        0.0,
+    ),  # j: a little worse than the aileron, downwash of the other half
     # ground
     "CL/ground": (0.3, 0.01),  # j: outside its linear range the program warns itself
     "CD/ground": (0.3, 0.003),  # j
@@ -76,7 +84,10 @@ PRIOR_ERRORS: dict[str, tuple[float, float]] = {
     "CD/power": (0.5, 0.02),  # j
     "Cm/power": (0.5, 0.02),  # j
     # hinge
-    "Ch_e/alpha": (0.3, 0.02),  # j: depends on gap, nose and boundary layer, which the charts do not know
+    "Ch_e/alpha": (
+        0.3,
+        0.02,
+    ),  # j: depends on gap, nose and boundary layer, which the charts do not know
     "Ch_e/delta": (0.3, 0.0),  # j
     "Ch_e/tab": (0.1, 0.0),  # j: the engineer's own figure comes back
     "Ch_e/tab_gearing": (0.1, 0.0),  # j: as the tab
@@ -84,7 +95,8 @@ PRIOR_ERRORS: dict[str, tuple[float, float]] = {
     "Ch_a/delta": (0.3, 0.0),  # j
 }
 
-# class: factor in the transonic and in the supersonic regime, j throughout; ground and power methods are subsonic ones
+# class: factor in the transonic and in the supersonic regime, j throughout; ground and power
+# methods are subsonic ones
 REGIME_FACTORS: dict[str, tuple[float, float]] = {
     "static": (2.0, 1.25),  # transonic: a fairing between the two others
     "dynamic": (2.0, 1.5),
@@ -96,14 +108,17 @@ REGIME_FACTORS: dict[str, tuple[float, float]] = {
 _CLASS = {
     **dict.fromkeys(("basic", "altitude", "beta"), "static"),
     **dict.fromkeys(("qhat", "alphadothat", "phat", "rhat"), "dynamic"),
-    **dict.fromkeys(("flap", "flap_slope", "elevator", "aileron", "spoiler", "differential_tail"), "control"),
+    **dict.fromkeys(
+        ("flap", "flap_slope", "elevator", "aileron", "spoiler", "differential_tail"), "control"
+    ),
     **dict.fromkeys(("ground", "ground_flap", "ground_elevator"), "ground"),
     "power": "power",
 }
 
 
 def method_class(term: str) -> str:
-    """Return the class of method a term of DATCOM comes from: ``static dynamic control ground power hinge``.
+    """Return the class of method a term of DATCOM comes from: ``static dynamic control ground power
+    hinge``.
 
     Examples
     --------
@@ -135,15 +150,24 @@ class PriorErrors:
 
     def regime(self, mach: float) -> str:
         """Return the speed regime of a Mach number."""
-        return REGIMES[0] if mach <= self.stmach else REGIMES[2] if mach >= self.tsmach else REGIMES[1]
+        return (
+            REGIMES[0] if mach <= self.stmach else REGIMES[2] if mach >= self.tsmach else REGIMES[1]
+        )
 
     def widened(self, more: Mapping[str, float]) -> PriorErrors:
-        """Return the rules with a further absolute standard error of some terms, added in quadrature. [unit of the table]"""
-        wider = {term: (self.terms[term][0], float(np.hypot(self.terms[term][1], size))) for term, size in more.items()}
+        """Return the rules with a further absolute standard error of some terms, added in
+        quadrature. [unit of the table]
+        """
+        wider = {
+            term: (self.terms[term][0], float(np.hypot(self.terms[term][1], size)))
+            for term, size in more.items()
+        }
         return replace(self, terms={**self.terms, **wider})
 
     def stderr(self, term: str, table: xr.DataArray) -> xr.DataArray:
-        """Return the standard error of every node of a table; one without a Mach axis counts as subsonic."""
+        """Return the standard error of every node of a table; one without a Mach axis counts as
+        subsonic.
+        """
         relative, absolute = self.terms[term]
         found = ((relative * table) ** 2 + absolute**2) ** 0.5
         if "mach" not in table.dims:
@@ -153,14 +177,18 @@ class PriorErrors:
         return found * xr.DataArray([factor[self.regime(m)] for m in mach], {"mach": mach}, "mach")
 
 
-def errors_with(overrides: Mapping[str, tuple[float, float] | float] | None, stmach: float = STMACH, tsmach: float = TSMACH) -> PriorErrors:
+def errors_with(
+    overrides: Mapping[str, tuple[float, float] | float] | None,
+    stmach: float = STMACH,
+    tsmach: float = TSMACH,
+) -> PriorErrors:
     """Return the rules with a project's own figures laid over them.
 
     Parameters
     ----------
     overrides : mapping, optional
-        Term name to relative and absolute standard error, ``{"Cm/qhat": (0.5, 0.0)}`` [1, unit of the table]; or regime and class
-        to a factor, ``{"transonic static": 3.0}``.
+        Term name to relative and absolute standard error, ``{"Cm/qhat": (0.5, 0.0)}`` [1, unit of
+        the table]; or regime and class to a factor, ``{"transonic static": 3.0}``.
     stmach, tsmach : float
         As in `PriorErrors`.
 
@@ -179,16 +207,27 @@ def errors_with(overrides: Mapping[str, tuple[float, float] | float] | None, stm
         elif name in known:
             regime, kind = name.split()
             transonic, supersonic = factors[kind]
-            factors[kind] = (_factor(name, item), supersonic) if regime == REGIMES[1] else (transonic, _factor(name, item))
+            factors[kind] = (
+                (_factor(name, item), supersonic)
+                if regime == REGIMES[1]
+                else (transonic, _factor(name, item))
+            )
         else:
-            raise UnknownName(name, [*terms, *known], "term", "stderr= takes terms that a listing can give, and regimes with a class")
+            raise UnknownName(
+                name,
+                [*terms, *known],
+                "term",
+                "stderr= takes terms that a listing can give, and regimes with a class",
+            )
     return PriorErrors(terms, factors, stmach, tsmach)
 
 
 def _pair(name: str, item: object) -> tuple[float, float]:
     if isinstance(item, tuple | list) and len(item) == 2 and _sound(item[0]) and _sound(item[1]):
         return float(item[0]), float(item[1])
-    raise SchemaError("stderr", [f"{name} is {item!r}; give (relative, absolute), two numbers of zero or more"])
+    raise SchemaError(
+        "stderr", [f"{name} is {item!r}; give (relative, absolute), two numbers of zero or more"]
+    )
 
 
 def _factor(name: str, item: object) -> float:
@@ -198,4 +237,9 @@ def _factor(name: str, item: object) -> float:
 
 
 def _sound(number: object) -> TypeGuard[float]:
-    return isinstance(number, int | float) and not isinstance(number, bool) and bool(np.isfinite(number)) and number >= 0
+    return (
+        isinstance(number, int | float)
+        and not isinstance(number, bool)
+        and bool(np.isfinite(number))
+        and number >= 0
+    )

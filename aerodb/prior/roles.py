@@ -14,9 +14,13 @@ if TYPE_CHECKING:
     from datcom_io.listing import Case
 
 _SPOILERS, _AILERON, _DIFFERENTIAL_TAIL = (1, 2, 3), 4, 5
-# what the program carries from condition to condition and from deflection to deflection: short runs are the better ones
+# what the program carries from condition to condition and from deflection to deflection: short runs
+# are the better ones
 _DRIFTING = ("flaps", "elevator", "tabs", "aileron_hinge", "ground_flap")
-_OF_THE_DEFLECTION = ("NDELTA", *next(needed + others for name, _, needed, others in COUNTS if name == "SYMFLP"))
+_OF_THE_DEFLECTION = (
+    "NDELTA",
+    *next(needed + others for name, _, needed, others in COUNTS if name == "SYMFLP"),
+)
 _OF_THE_RUN = ("FLTCON", "GRNDEF")  # namelists that do not make another aircraft or device
 
 
@@ -44,14 +48,16 @@ def assign_roles(given: Iterable[Any]) -> list[Assignment]:
     Parameters
     ----------
     given : iterable of Listing or Case
-        What `datcom_io.split_deck` and `datcom_io.run_deck` left, or listings of several cases in any order.
+        What `datcom_io.split_deck` and `datcom_io.run_deck` left, or listings of several cases in
+        any order.
 
     Returns
     -------
     list of Assignment
-        In the order given.  The whole aeroplane is the configuration with the most components.  Of cases that give the same conditions in
-        one role the first is taken, with SYMFLP that of the shortest run.  Where every case of the whole aeroplane has a deflection, the
-        static pages of the elevator cases are the clean ones: the program prints them without deflection.
+        In the order given.  The whole aeroplane is the configuration with the most components.  Of
+        cases that give the same conditions in one role the first is taken, with SYMFLP that of the
+        shortest run.  Where every case of the whole aeroplane has a deflection, the static pages of
+        the elevator cases are the clean ones: the program prints them without deflection.
 
     Raises
     ------
@@ -79,18 +85,28 @@ def by_role(found: Iterable[Assignment]) -> dict[str, list[Case]]:
     return roles
 
 
-def _role(case: Case, whole: str, hinges: set[tuple[float | None, ...]]) -> tuple[tuple[str, ...], str]:
+def _role(
+    case: Case, whole: str, hinges: set[tuple[float | None, ...]]
+) -> tuple[tuple[str, ...], str]:
     """Return the roles of a case by itself, and why."""
     printed = {item.name for page in case.pages for item in page.printed}
     configuration = _configuration(case)
     power = next((page.power for page in case.pages if page.power != "off"), "")
     if power:
-        return ("power",), f"{'JETPWR' if power == 'jet' else 'PROPWR'}: {configuration} with {power} power"
+        return (
+            "power",
+        ), f"{'JETPWR' if power == 'jet' else 'PROPWR'}: {configuration} with {power} power"
     if any(page.ground_height != float("inf") and page.kind == "static" for page in case.pages):
         return _ground_role(case, configuration, whole)
     if printed & {"asyflp_roll", "asyflp_tail", "spoiler", "spoiler_slot", "spoiler_supersonic"}:
         style = _style(case)
-        role = "spoilers" if style in _SPOILERS else "differential_tail" if style == _DIFFERENTIAL_TAIL else "aileron"
+        role = (
+            "spoilers"
+            if style in _SPOILERS
+            else "differential_tail"
+            if style == _DIFFERENTIAL_TAIL
+            else "aileron"
+        )
         return (role,), f"ASYFLP with STYPE {style}"
     if "symflp" in printed:
         return _flap_roles(case, printed, hinges)
@@ -99,7 +115,11 @@ def _role(case: Case, whole: str, hinges: set[tuple[float | None, ...]]) -> tupl
     if configuration != whole:
         return (), f"{configuration}: a part of {whole}"
     movable = printed & {"trim_stabilizer", "trim_stabilizer_aircraft"}
-    return (("clean", "elevator"), f"{configuration}; TRIM with an all-movable stabilizer") if movable else (("clean",), configuration)
+    return (
+        (("clean", "elevator"), f"{configuration}; TRIM with an all-movable stabilizer")
+        if movable
+        else (("clean",), configuration)
+    )
 
 
 def _ground_role(case: Case, configuration: str, whole: str) -> tuple[tuple[str, ...], str]:
@@ -107,26 +127,40 @@ def _ground_role(case: Case, configuration: str, whole: str) -> tuple[tuple[str,
         surface = control_surface(case.deck)
         reason = f"GRNDEF with SYMFLP on the {surface}"
         if surface == "wing" and (case.deck.count("SYMFLP", "NDELTA") or 0) > 1:
-            return (), f"{reason}: only the first of several deflections of a run is right; run one at a time (datcom split)"
+            return (
+                (),
+                f"{reason}: only the first of several deflections of a run is right; run one at a time (datcom split)",
+            )
         return ("ground_elevator" if surface == "tail" else "ground_flap",), reason
     if configuration != whole:
         return (), f"GRNDEF with {configuration}: a part of {whole}"
     return ("ground",), f"GRNDEF: {configuration}"
 
 
-def _flap_roles(case: Case, printed: set[str], hinges: set[tuple[float | None, ...]]) -> tuple[tuple[str, ...], str]:
+def _flap_roles(
+    case: Case, printed: set[str], hinges: set[tuple[float | None, ...]]
+) -> tuple[tuple[str, ...], str]:
     if control_surface(case.deck) == "wing":
         if _stations(case, "SYMFLP") in hinges:
             return ("aileron_hinge",), "SYMFLP on the wing at the span stations of the aileron"
         return ("flaps",), "SYMFLP on the wing"
     tabs = any(name.startswith("tab_") for name in printed)
-    return (("elevator", "tabs"), "SYMFLP on the tail with CONTAB") if tabs else (("elevator",), "SYMFLP on the tail")
+    return (
+        (("elevator", "tabs"), "SYMFLP on the tail with CONTAB")
+        if tabs
+        else (("elevator",), "SYMFLP on the tail")
+    )
 
 
 def _clean_among_others(found: list[Assignment], whole: str) -> list[Assignment]:
     """Take the static pages of elevator cases, or the powered pages, for the clean ones."""
-    for role, why in (("elevator", "its static pages, without deflection"), ("power", "no case without power")):
-        usable = [item for item in found if role in item.roles and _configuration(item.case) == whole]
+    for role, why in (
+        ("elevator", "its static pages, without deflection"),
+        ("power", "no case without power"),
+    ):
+        usable = [
+            item for item in found if role in item.roles and _configuration(item.case) == whole
+        ]
         if usable:
             return [_also_clean(item, role, why) if item in usable else item for item in found]
     return found
@@ -158,22 +192,36 @@ def _geometries(one: Case, other: Case) -> Iterator[tuple[str, object, object]]:
 
 
 def _without_repetitions(found: list[Assignment], role: str) -> list[Assignment]:
-    """Leave out cases whose conditions another case of the role gives, and other devices than the first one."""
+    """Leave out cases whose conditions another case of the role gives, and other devices than the
+    first one.
+    """
     inside = [item for item in found if role in item.roles]
-    device = {"aileron": "ASYFLP", "spoilers": "ASYFLP", "differential_tail": "ASYFLP"}.get(role, "SYMFLP")
+    device = {"aileron": "ASYFLP", "spoilers": "ASYFLP", "differential_tail": "ASYFLP"}.get(
+        role, "SYMFLP"
+    )
     first = _shape(inside[0].case, device) if inside else None
     taken: list[Assignment] = []
     left: dict[int, str] = {}
-    for item in sorted(inside, key=lambda item: len(_places(item.case, role)) * (1 if role in _DRIFTING else -1)):
-        same = next((other for other in taken if _places(other.case, role) & _places(item.case, role)), None)
+    for item in sorted(
+        inside, key=lambda item: len(_places(item.case, role)) * (1 if role in _DRIFTING else -1)
+    ):
+        same = next(
+            (other for other in taken if _places(other.case, role) & _places(item.case, role)), None
+        )
         if role != "clean" and _shape(item.case, device) != first:
-            left[id(item)] = f"left out as {role}: another {device} than in {_words(inside[0].case)}"
+            left[id(item)] = (
+                f"left out as {role}: another {device} than in {_words(inside[0].case)}"
+            )
         elif same is not None:
             left[id(item)] = f"left out as {role}: conditions of {_words(same.case)}"
         else:
             taken.append(item)
     return [
-        replace(item, roles=tuple(other for other in item.roles if other != role), reason=f"{item.reason}; {left[id(item)]}")
+        replace(
+            item,
+            roles=tuple(other for other in item.roles if other != role),
+            reason=f"{item.reason}; {left[id(item)]}",
+        )
         if id(item) in left
         else item
         for item in found
@@ -194,19 +242,33 @@ def _meaning(case: Case) -> dict[str, Any]:
 def _shape(case: Case, device: str) -> dict[str, Any]:
     """Return the cards of a device without its deflections."""
     group = _meaning(case).get(device) or {}
-    return {name: values for name, values in group.items() if device != "SYMFLP" or name not in _OF_THE_DEFLECTION}
+    return {
+        name: values
+        for name, values in group.items()
+        if device != "SYMFLP" or name not in _OF_THE_DEFLECTION
+    }
 
 
 def _places(case: Case, role: str) -> set[tuple[float, float, float]]:
-    """Return Mach numbers and altitudes of the pages, as printed, and the deflections of symmetrical flaps. [1, of the deck, deg]"""
+    """Return Mach numbers and altitudes of the pages, as printed, and the deflections of
+    symmetrical flaps. [1, of the deck, deg]
+    """
     pages = [page for page in case.pages if page.conditions is not None and page.printed]
     deflections = case.deck.schedule("SYMFLP", "DELTA", "NDELTA") if role in _DRIFTING else []
-    return {(page.condition("mach"), page.condition("h"), delta) for page in pages for delta in deflections or [0.0]}
+    return {
+        (page.condition("mach"), page.condition("h"), delta)
+        for page in pages
+        for delta in deflections or [0.0]
+    }
 
 
 def _configuration(case: Case) -> str:
     """Return the configuration of the static pages with the most components."""
-    return max((page.configuration for page in case.pages if page.kind == "static"), key=_components, default="")
+    return max(
+        (page.configuration for page in case.pages if page.kind == "static"),
+        key=_components,
+        default="",
+    )
 
 
 def _components(configuration: str) -> int:

@@ -1,4 +1,6 @@
-"""From DATCOM case trees to gridded tables: conditions to Mach and altitude, missing cells cut away, references kept."""
+"""From DATCOM case trees to gridded tables: conditions to Mach and altitude, missing cells cut
+away, references kept.
+"""
 
 from __future__ import annotations
 
@@ -66,7 +68,11 @@ class Source:
     def place(self, leaf: str) -> str:
         """Return files and lines where the tables of a leaf stand."""
         lines = self.tree[leaf].coords.get("lines")
-        ends = [int(end) for text in (lines.values.ravel() if lines is not None else ()) for end in re.findall(r"\d+", str(text))]
+        ends = [
+            int(end)
+            for text in (lines.values.ravel() if lines is not None else ())
+            for end in re.findall(r"\d+", str(text))
+        ]
         return f"{self.file}, lines {min(ends)}-{max(ends)}" if ends else self.file
 
     def card(self, namelist: str, variable: str, default: float | None = None) -> float:
@@ -77,13 +83,26 @@ class Source:
         SchemaError
             No cards came with the tables, the number is not given, or the cases differ in it.
         """
-        found = {default if value is None else value for value in (deck.value(namelist, variable) for deck in self.decks)}
+        found = {
+            default if value is None else value
+            for value in (deck.value(namelist, variable) for deck in self.decks)
+        }
         if len(found) == 1 and (value := found.pop()) is not None:
             return value
         name = f"{namelist} {variable}"
         if not self.decks:
-            raise SchemaError(self.role, [f"{name} is needed and the trees hold no input cards; give the Listing or the Case itself"])
-        raise SchemaError(self.role, [f"the input cards give {'no' if not found else 'several values of'} {name}; give cases of one deck"])
+            raise SchemaError(
+                self.role,
+                [
+                    f"{name} is needed and the trees hold no input cards; give the Listing or the Case itself"
+                ],
+            )
+        raise SchemaError(
+            self.role,
+            [
+                f"the input cards give {'no' if not found else 'several values of'} {name}; give cases of one deck"
+            ],
+        )
 
     @property
     def regimes(self) -> tuple[float, float]:
@@ -94,29 +113,40 @@ class Source:
 
     @property
     def configuration(self) -> str:
-        """Configuration of the static pages that are used, as printed: ``WING-BODY``; empty where none is known."""
+        """Configuration of the static pages that are used, as printed: ``WING-BODY``; empty where
+        none is known.
+        """
         if not self.has("static"):
             return ""
         pages = self._of_most_components("static")
         return str(pages["configuration"].item()) if "configuration" in pages.coords else ""
 
     def grid(self, leaf: str) -> xr.Dataset:
-        """Return a leaf over ``mach`` and ``h`` instead of ``condition``, of the configuration with the most components.
+        """Return a leaf over ``mach`` and ``h`` instead of ``condition``, of the configuration with
+        the most components.
 
         Raises
         ------
         SchemaError
-            There is no such leaf, its pages are computed with power where those without are needed (or the reverse), or its conditions
-            fill no grid.
+            There is no such leaf, its pages are computed with power where those without are needed
+            (or the reverse), or its conditions fill no grid.
         """
         if not self.has(leaf):
-            raise SchemaError(self.role, [f"the listing {self.file} holds no {leaf} table; give the case that prints it"])
+            raise SchemaError(
+                self.role,
+                [f"the listing {self.file} holds no {leaf} table; give the case that prints it"],
+            )
         dataset = self._with_power(self._of_most_components(leaf))
         try:
             found = datcom_io.to_grid(_along_mach(dataset))
         except SchemaError as error:
-            raise SchemaError(f"{self.role}, {leaf}", [*error.problems, "run the deck with LOOP=2 and every Mach number once"]) from None
-        return found.drop_vars([name for name in found.coords if name not in found.dims and name not in _KEPT])
+            raise SchemaError(
+                f"{self.role}, {leaf}",
+                [*error.problems, "run the deck with LOOP=2 and every Mach number once"],
+            ) from None
+        return found.drop_vars(
+            [name for name in found.coords if name not in found.dims and name not in _KEPT]
+        )
 
     def _of_most_components(self, leaf: str) -> xr.Dataset:
         dataset = self.tree.children[leaf].to_dataset(inherit=False)
@@ -134,11 +164,16 @@ class Source:
             found = f"the pages of {self.file} are computed with power {' and '.join(kinds)}"
             wish = "give one case with JETPWR or PROPWR" if self.powered else _WITHOUT_POWER
             raise SchemaError(self.role, [f"{found}; {wish}"])
-        return dataset.sel(power=wanted[0], drop=True) if "power" in dataset.dims else dataset.drop_vars("power")
+        return (
+            dataset.sel(power=wanted[0], drop=True)
+            if "power" in dataset.dims
+            else dataset.drop_vars("power")
+        )
 
 
 def source(role: str, given: Any, powered: bool = False) -> Source:
-    """Return what a listing, a case, a case tree or several of them hold; `powered`: its pages with power effects are wanted.
+    """Return what a listing, a case, a case tree or several of them hold; `powered`: its pages with
+    power effects are wanted.
 
     Raises
     ------
@@ -148,7 +183,12 @@ def source(role: str, given: Any, powered: bool = False) -> Source:
     parts = [(tree, deck) for tree, deck in _parts(given) if tree.children]
     trees = [tree for tree, _ in parts]
     if not trees:
-        raise SchemaError(role, ["no case with tables was given; give a Listing, a Case, a case tree or a list of them"])
+        raise SchemaError(
+            role,
+            [
+                "no case with tables was given; give a Listing, a Case, a case tree or a list of them"
+            ],
+        )
     problems = [
         f"case {tree.attrs.get('case')} has no reference quantity {key}; give OPTINS and SYNTHS in the deck"
         for tree in trees
@@ -161,13 +201,27 @@ def source(role: str, given: Any, powered: bool = False) -> Source:
         joined = datcom_io.join(trees)
     except SchemaError as error:
         hint = "give cases of one kind and one aircraft (FILE:CASE), or let the roles be found from the listings (db build AIRCRAFT FILE)"
-        raise SchemaError(f"{role}: {len(trees)} cases cannot be joined", [*error.problems[:_SHOWN], hint]) from None
+        raise SchemaError(
+            f"{role}: {len(trees)} cases cannot be joined", [*error.problems[:_SHOWN], hint]
+        ) from None
     decks = tuple(deck for _, deck in parts if deck is not None)
-    looped = {name for tree in trees for name, leaf in tree.children.items() if leaf.sizes.get("condition", 1) > 1}
+    looped = {
+        name
+        for tree in trees
+        for name, leaf in tree.children.items()
+        if leaf.sizes.get("condition", 1) > 1
+    }
     if role == "clean" and "static" in joined.children:
         _report_pairs(role, joined.children["static"].to_dataset(inherit=False))
         _report_suspects(role, joined)
-    return Source(role, joined, {key: float(joined.attrs[key]) for key in REFERENCES}, frozenset(looped), decks, powered)
+    return Source(
+        role,
+        joined,
+        {key: float(joined.attrs[key]) for key in REFERENCES},
+        frozenset(looped),
+        decks,
+        powered,
+    )
 
 
 def apart(given: Any) -> tuple[list[Any], list[Any]]:
@@ -180,40 +234,79 @@ def apart(given: Any) -> tuple[list[Any], list[Any]]:
 
 def _is_powered(item: Any) -> bool:
     if isinstance(item, xr.DataTree):
-        static = item.children["static"].to_dataset(inherit=False) if "static" in item.children else xr.Dataset()
+        static = (
+            item.children["static"].to_dataset(inherit=False)
+            if "static" in item.children
+            else xr.Dataset()
+        )
         return "power" in static.coords and bool((static["power"] != "off").any())
     return any(page.power != "off" for page in item.pages)
 
 
 def _along_mach(dataset: xr.Dataset) -> xr.Dataset:
-    """Return a leaf whose Mach numbers stand at an altitude each as if they stood at one, and any other one as it is."""
+    """Return a leaf whose Mach numbers stand at an altitude each as if they stood at one, and any
+    other one as it is.
+    """
     heights = dataset["h"].values
     if not _paired(dataset):
         return dataset
-    return dataset.assign_coords(h=("condition", np.full(len(heights), np.sort(heights)[len(heights) // 2]), dataset["h"].attrs))
+    return dataset.assign_coords(
+        h=(
+            "condition",
+            np.full(len(heights), np.sort(heights)[len(heights) // 2]),
+            dataset["h"].attrs,
+        )
+    )
 
 
 def _paired(dataset: xr.Dataset) -> bool:
     """Return whether every Mach number occurs once, and not all at one altitude."""
     machs, heights = dataset["mach"].values, dataset["h"].values
-    return len(np.unique(machs)) == len(machs) and len(np.unique(heights)) > 1 and bool(np.isfinite(heights).all())
+    return (
+        len(np.unique(machs)) == len(machs)
+        and len(np.unique(heights)) > 1
+        and bool(np.isfinite(heights).all())
+    )
 
 
 def _report_pairs(role: str, static: xr.Dataset) -> None:
     if _paired(static):
-        places = ", ".join(f"{mach:g} at {h:.0f} m" for mach, h in zip(static["mach"].values, static["h"].values))
-        warn(f"{role}: every Mach number stands at an altitude of its own ({places}); the tables go over Mach number alone")
+        places = ", ".join(
+            f"{mach:g} at {h:.0f} m" for mach, h in zip(static["mach"].values, static["h"].values)
+        )
+        warn(
+            f"{role}: every Mach number stands at an altitude of its own ({places}); the tables go over Mach number alone"
+        )
 
 
 def _report_suspects(role: str, joined: xr.DataTree) -> None:
-    """Warn of pages in free air without power that hold suspect cells; of those with power they are taken out (`power`)."""
+    """Warn of pages in free air without power that hold suspect cells; of those with power they are
+    taken out (`power`).
+    """
     suspect = datcom_io.FLAGS.index("suspect")
-    leaves = [joined.children[name].to_dataset(inherit=False) for name in ("static", "dynamic") if name in joined.children]
-    leaves = [leaf.sel(ground_height=np.inf) if "ground_height" in leaf.dims else leaf for leaf in leaves]
-    leaves = [leaf for leaf in leaves if "power" not in leaf.coords or bool((leaf["power"] == "off").all())]
-    count = sum(int((leaf[name] == suspect).sum()) for leaf in leaves for name in leaf.data_vars if str(name).endswith("_flag"))
+    leaves = [
+        joined.children[name].to_dataset(inherit=False)
+        for name in ("static", "dynamic")
+        if name in joined.children
+    ]
+    leaves = [
+        leaf.sel(ground_height=np.inf) if "ground_height" in leaf.dims else leaf for leaf in leaves
+    ]
+    leaves = [
+        leaf
+        for leaf in leaves
+        if "power" not in leaf.coords or bool((leaf["power"] == "off").all())
+    ]
+    count = sum(
+        int((leaf[name] == suspect).sum())
+        for leaf in leaves
+        for name in leaf.data_vars
+        if str(name).endswith("_flag")
+    )
     if count:
-        warn(f"{role}: {count} numbers of {joined.attrs.get('file')} are suspect; its messages state why (datcom show)")
+        warn(
+            f"{role}: {count} numbers of {joined.attrs.get('file')} are suspect; its messages state why (datcom show)"
+        )
 
 
 def known(tables: Mapping[str, xr.DataArray]) -> dict[str, xr.DataArray]:
@@ -229,14 +322,19 @@ def _parts(given: Any) -> Iterator[tuple[xr.DataTree, Deck | None]]:
 
 def _items(given: Any) -> Iterator[Any]:
     """Yield the cases and case trees."""
-    if isinstance(given, xr.DataTree) or (hasattr(given, "to_datatree") and not hasattr(given, "cases")):
+    if isinstance(given, xr.DataTree) or (
+        hasattr(given, "to_datatree") and not hasattr(given, "cases")
+    ):
         yield given
     elif isinstance(given, Iterable):
         for item in given:
             yield from _items(item)
     else:
         raise SchemaError(
-            "source", [f"found an object of type {type(given).__name__}; give a Listing, a Case, a case tree or a list of them"]
+            "source",
+            [
+                f"found an object of type {type(given).__name__}; give a Listing, a Case, a case tree or a list of them"
+            ],
         )
 
 

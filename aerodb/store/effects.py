@@ -1,12 +1,13 @@
 """One physical effect on all six coefficients at once, and what changes of reference do to it.
 
-An effect is what one state, control or configuration does to the aeroplane: the tables of CL, CD, CY, Cl, Cm, Cn that
-share a contribution name and a regressor.  Changes of reference quantities, of axes and of the moment reference point act
-on forces and moments together, so they act on effects and not on single terms.
+An effect is what one state, control or configuration does to the aeroplane: the tables of CL, CD,
+CY, Cl, Cm, Cn that share a contribution name and a regressor.  Changes of reference quantities, of
+axes and of the moment reference point act on forces and moments together, so they act on effects
+and not on single terms.
 
-Axes, as found on listings (see docs/aero-model.md): DATCOM's lift and drag, and its lateral moments and rates, belong to
-stability axes, body axes turned by alpha about y.  ``d`` is the vector from the new moment reference point to the old one,
-in body axes; it lies in the plane of symmetry.
+Axes, as found on listings (see docs/aero-model.md): DATCOM's lift and drag, and its lateral moments
+and rates, belong to stability axes, body axes turned by alpha about y.  ``d`` is the vector from
+the new moment reference point to the old one, in body axes; it lies in the plane of symmetry.
 """
 
 from __future__ import annotations
@@ -42,7 +43,8 @@ class Effect:
     references, comment : str
         Where it comes from, what to know about it.
 
-    Cells the listing does not print are NaN here; `aerodb.prior.effect_to_terms` fills or cuts them.
+    Cells the listing does not print are NaN here; `aerodb.prior.effect_to_terms` fills or cuts
+    them.
     """
 
     name: str
@@ -92,7 +94,8 @@ def rereference(effect: Effect, old: Mapping[str, float], new: Mapping[str, floa
 
 
 def rolled_to_body(effect: Effect, alpha: xr.DataArray) -> Effect:
-    """Return an effect of sideslip or of a roll control with its moments turned from stability to body axes.
+    """Return an effect of sideslip or of a roll control with its moments turned from stability to
+    body axes.
 
     Parameters
     ----------
@@ -118,7 +121,8 @@ def _known(table: xr.DataArray) -> xr.DataArray:
 
 
 def rates_to_body(roll: Effect, yaw: Effect) -> tuple[Effect, Effect]:
-    """Return the effects of phat and rhat with moments *and* rates turned from stability to body axes.
+    """Return the effects of phat and rhat with moments *and* rates turned from stability to body
+    axes.
 
     Notes
     -----
@@ -138,10 +142,14 @@ def rates_to_body(roll: Effect, yaw: Effect) -> tuple[Effect, Effect]:
         "Cl": lr * cos**2 + (lp - nr) * sin * cos - np_ * sin**2,
         "Cn": nr * cos**2 + (lr + np_) * sin * cos + lp * sin**2,
     }
-    return roll.with_tables({c: rolling[c] for c in roll.tables}), yaw.with_tables({c: yawing[c] for c in yaw.tables})
+    return roll.with_tables({c: rolling[c] for c in roll.tables}), yaw.with_tables(
+        {c: yawing[c] for c in yaw.tables}
+    )
 
 
-def transferred(effect: Effect, d: Sequence[float], cbar: float, b: float, alpha: xr.DataArray) -> Effect:
+def transferred(
+    effect: Effect, d: Sequence[float], cbar: float, b: float, alpha: xr.DataArray
+) -> Effect:
     """Return an effect with its moments about another point, M_new = M_old + d x F.
 
     Parameters
@@ -166,8 +174,11 @@ def transferred(effect: Effect, d: Sequence[float], cbar: float, b: float, alpha
     return effect.with_tables(tables, f"moments moved by {-dx:.4f} m forward and {-dz:.4f} m down")
 
 
-def rate_shift(basic: Effect, beta: Effect, d: Sequence[float], cbar: float, b: float) -> dict[str, dict[str, xr.DataArray]]:
-    """Return what the flow angles at the new point add to the rate derivatives, by effect name and coefficient.
+def rate_shift(
+    basic: Effect, beta: Effect, d: Sequence[float], cbar: float, b: float
+) -> dict[str, dict[str, xr.DataArray]]:
+    """Return what the flow angles at the new point add to the rate derivatives, by effect name and
+    coefficient.
 
     Notes
     -----
@@ -176,8 +187,8 @@ def rate_shift(basic: Effect, beta: Effect, d: Sequence[float], cbar: float, b: 
         alpha_old - alpha = -q (dx cos(alpha) + dz sin(alpha)) / V,    beta_old - beta = (r dx - p dz) / V,
         V_old / V - 1 = q (dz cos(alpha) - dx sin(alpha)) / V,
 
-    and stability axes that are turned by the difference of alpha.  Exact to first order in the rates.  `basic` and `beta` are
-    those about the new point.
+    and stability axes that are turned by the difference of alpha.  Exact to first order in the
+    rates.  `basic` and `beta` are those about the new point.
     """
     dx, _, dz = d
     sin, cos = _sin_cos(next(iter(basic.tables.values())))
@@ -185,7 +196,10 @@ def rate_shift(basic: Effect, beta: Effect, d: Sequence[float], cbar: float, b: 
     faster = 2.0 / cbar * (dz * cos - dx * sin)
     zero = xr.DataArray(0.0)
     tilt = {"CL": basic.tables.get("CD", zero), "CD": -basic.tables.get("CL", zero)}
-    qhat = {c: (table.differentiate("alpha") + tilt.get(c, zero)) * turned + 2.0 * table * faster for c, table in basic.tables.items()}
+    qhat = {
+        c: (table.differentiate("alpha") + tilt.get(c, zero)) * turned + 2.0 * table * faster
+        for c, table in basic.tables.items()
+    }
     return {
         "qhat": qhat,
         "phat": {c: table * (-2.0 * dz / b) for c, table in beta.tables.items()},
@@ -203,10 +217,14 @@ def with_added(effect: Effect, more: Mapping[str, xr.DataArray]) -> Effect:
 
 def _own_alpha(effect: Effect, alpha: xr.DataArray) -> xr.DataArray:
     """Return the alpha axis of an effect's tables, or another one for tables without."""
-    return next((table["alpha"] for table in effect.tables.values() if "alpha" in table.dims), alpha)
+    return next(
+        (table["alpha"] for table in effect.tables.values() if "alpha" in table.dims), alpha
+    )
 
 
 def _sin_cos(table: xr.DataArray) -> tuple[xr.DataArray, xr.DataArray]:
     """Return sine and cosine of the alpha axis of a table."""
     alpha = table["alpha"].values
-    return xr.DataArray(np.sin(alpha), {"alpha": alpha}, "alpha"), xr.DataArray(np.cos(alpha), {"alpha": alpha}, "alpha")
+    return xr.DataArray(np.sin(alpha), {"alpha": alpha}, "alpha"), xr.DataArray(
+        np.cos(alpha), {"alpha": alpha}, "alpha"
+    )

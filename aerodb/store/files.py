@@ -1,4 +1,6 @@
-"""Databases on disk: netCDF-4 that plain HDF5 readers open, written atomically (completely or not at all), sealed against damage."""
+"""Databases on disk: netCDF-4 that plain HDF5 readers open, written atomically (completely or not
+at all), sealed against damage.
+"""
 
 from __future__ import annotations
 
@@ -37,8 +39,8 @@ def save(db: xr.DataTree, path: str | os.PathLike) -> None:
     Raises
     ------
     SchemaError
-        With all faults, or the file is another one than this process read or wrote last: somebody else saved it meanwhile.  Nothing is
-        written then.
+        With all faults, or the file is another one than this process read or wrote last: somebody
+        else saved it meanwhile.  Nothing is written then.
     OSError
         The disk is full, say; the older file stays as it was.
     """
@@ -77,8 +79,15 @@ def open(path: str | os.PathLike) -> xr.DataTree:
         db, problems = read(path)
     except SchemaError as error:
         raise SchemaError(str(path), error.problems) from None
-    except Exception as error:  # a damaged file makes HDF5 raise OSError, KeyError, RuntimeError, ValueError ...
-        raise ParseError(str(path), 0, f"a damaged file ({type(error).__name__}: {error})", "a database; build or copy it again") from error
+    except (
+        Exception
+    ) as error:  # a damaged file makes HDF5 raise OSError, KeyError, RuntimeError, ValueError ...
+        raise ParseError(
+            str(path),
+            0,
+            f"a damaged file ({type(error).__name__}: {error})",
+            "a database; build or copy it again",
+        ) from error
     problems += check(db)
     problems += [] if problems else _failing_checks(db)
     if problems:
@@ -96,13 +105,18 @@ def look(
 ) -> tuple[Mapping, Mapping[str, xr.Dataset | Leaf]]:
     """Return the root attributes and the terms of a database for a look at it, errors as `open`.
 
-    The seal stands for the checks that the file passed when it was saved: of a sealed file the given variables and attributes of each term
-    are read, with the breakpoints of their axes, and no Dataset is made.  A file of another program, or one with faults, is opened.
-    `whole` is what `unbroken` found where the seal has been checked already.  Of `names`, where they are given, the other terms of a
-    sealed file are left out.
+    The seal stands for the checks that the file passed when it was saved: of a sealed file the
+    given variables and attributes of each term are read, with the breakpoints of their axes, and no
+    Dataset is made.  A file of another program, or one with faults, is opened. `whole` is what
+    `unbroken` found where the seal has been checked already.  Of `names`, where they are given, the
+    other terms of a sealed file are left out.
     """
     path = Path(path)
-    leaves = read_leaves(path, variables, attributes, GROUPS, names) if (whole or unbroken(path)).sealed else None
+    leaves = (
+        read_leaves(path, variables, attributes, GROUPS, names)
+        if (whole or unbroken(path)).sealed
+        else None
+    )
     if leaves is None:
         from aerodb.store.schema import terms
 
@@ -111,19 +125,27 @@ def look(
     return leaves.pop("").attrs, leaves
 
 
-def list_terms(path: str | os.PathLike, whole: Unbroken) -> tuple[Mapping[str, Any], list[dict[str, Any]]]:
-    """Return the root attributes of a database and a row per term, as `aerodb.store.overview.describe` gives them; errors as `open`."""
+def list_terms(
+    path: str | os.PathLike, whole: Unbroken
+) -> tuple[Mapping[str, Any], list[dict[str, Any]]]:
+    """Return the root attributes of a database and a row per term, as
+    `aerodb.store.overview.describe` gives them; errors as `open`.
+    """
     attributes, leaves = look(path, SHOWN, STATED, whole)
     return attributes, facts(leaves)
 
 
 def list_edits(path: str | os.PathLike) -> list[tuple]:
-    """Return the rows of `aerodb.store.undo_history.history`, of a sealed file without reading its tables; errors as `open`."""
+    """Return the rows of `aerodb.store.undo_history.history`, of a sealed file without reading its
+    tables; errors as `open`.
+    """
     from aerodb.store.undo_history import edit_rows, history
 
     path = Path(path)
     found = read_edits(path) if unbroken(path).sealed else None
-    return edit_rows(*found) if found else list(history(open(path)).itertuples(index=False, name=None))
+    return (
+        edit_rows(*found) if found else list(history(open(path)).itertuples(index=False, name=None))
+    )
 
 
 def _overview(content: bytes) -> tuple[Mapping[str, Any], list[dict[str, Any]]] | None:
@@ -144,7 +166,9 @@ def _digest(content: bytes) -> bytes:
 
 
 def _demand_as_read(path: Path) -> None:
-    """Raise when a file that is about to be replaced is not the one that was read: another editor's work would be lost."""
+    """Raise when a file that is about to be replaced is not the one that was read: another editor's
+    work would be lost.
+    """
     known = _known.get(_key(path))
     if known is not None and path.exists() and _digest(path.read_bytes()) != known:
         text = "was saved by another program after it was read here; open it again and repeat the edit, or save under another name"
@@ -152,7 +176,9 @@ def _demand_as_read(path: Path) -> None:
 
 
 def _demand_database(path: Path) -> None:
-    """Raise one sentence on a file of ours of another kind, where a list of all that it lacks would hide what it is."""
+    """Raise one sentence on a file of ours of another kind, where a list of all that it lacks would
+    hide what it is.
+    """
     try:
         with h5py.File(path) as file:
             groups, about = set(file), set(file.attrs)

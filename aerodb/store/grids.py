@@ -1,8 +1,9 @@
 """Leaves brought onto other breakpoints, and sums of leaves over the union of their breakpoints.
 
-Tables are multilinear, so a grid that holds all old breakpoints loses nothing.  At a new node the value is what the simulation computes
-there; the standard error is interpolated like the value, as if the errors of neighbouring nodes went together; the source is that of the
-nodes it comes from when they share one, else judgement, which is also the source of nodes beyond the old table.
+Tables are multilinear, so a grid that holds all old breakpoints loses nothing.  At a new node the
+value is what the simulation computes there; the standard error is interpolated like the value, as
+if the errors of neighbouring nodes went together; the source is that of the nodes it comes from
+when they share one, else judgement, which is also the source of nodes beyond the old table.
 """
 
 from __future__ import annotations
@@ -19,12 +20,16 @@ from flightmech.errors import SchemaError, UnknownName
 from flightmech.names import attrs
 
 JUDGEMENT = _terms.SOURCES.index("judgement")
-_NEAR = 1e-9  # of the span of an axis: breakpoints closer than this are the same; degrees come to radians on several ways
+# of the span of an axis: breakpoints closer than this are the same; degrees come to radians on
+# several ways
+_NEAR = 1e-9
 _FACTORS = ("K1", "K2")
 
 
 def union(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Return the breakpoints of two axes, rising; those of `second` that repeat one of `first` are left out."""
+    """Return the breakpoints of two axes, rising; those of `second` that repeat one of `first` are
+    left out.
+    """
     first, second = np.asarray(first, float), np.asarray(second, float)
     near = _NEAR * np.ptp(np.concatenate([first, second]))
     fresh = second[np.abs(second[:, None] - first).min(axis=1) > near]
@@ -54,32 +59,50 @@ def union_axes(*leaves: xr.Dataset) -> dict[str, np.ndarray]:
 def rising(axis: str, points: Any) -> np.ndarray:
     """Return breakpoints as an array; a `SchemaError` when they do not rise."""
     found = np.asarray(points, float)
-    if found.ndim != 1 or not found.size or not np.isfinite(found).all() or (np.diff(found) <= 0).any():
-        raise SchemaError("breakpoints", [f"of {axis} are {points!r}; give finite numbers that rise"])
+    if (
+        found.ndim != 1
+        or not found.size
+        or not np.isfinite(found).all()
+        or (np.diff(found) <= 0).any()
+    ):
+        raise SchemaError(
+            "breakpoints", [f"of {axis} are {points!r}; give finite numbers that rise"]
+        )
     return found
 
 
 def own_axis(name: str, leaf: xr.Dataset, axis: str) -> None:
     """Raise `UnknownName` when `axis` is none of the table's."""
     if axis not in leaf["value"].dims:
-        hint = "it belongs to a factor; put a changed leaf in with replace_terms" if axis in factor_axes(leaf) else f"of the table {name}"
+        hint = (
+            "it belongs to a factor; put a changed leaf in with replace_terms"
+            if axis in factor_axes(leaf)
+            else f"of the table {name}"
+        )
         raise UnknownName(axis, map(str, leaf["value"].dims), "axis", hint)
 
 
 def table(value: Any, axes: Mapping[str, Any] | None, stderr: Any, what: str) -> xr.Dataset:
     """Return a number, or a table over axes, as a leaf."""
     shape = tuple(np.size(points) for points in (axes or {}).values())
-    over = f"its axes {', '.join(axes)} need {shape}" if axes else "a number, or axes for it, is needed"
+    over = (
+        f"its axes {', '.join(axes)} need {shape}"
+        if axes
+        else "a number, or axes for it, is needed"
+    )
     faults = [f"has the shape {np.shape(value)}; {over}"] if np.shape(value) != shape else []
     if np.shape(stderr) not in ((), shape):
-        faults.append(f"stderr has the shape {np.shape(stderr)}; a number or the shape {shape} is needed")
+        faults.append(
+            f"stderr has the shape {np.shape(stderr)}; a number or the shape {shape} is needed"
+        )
     if faults:
         raise SchemaError(what, faults)
     return _terms.make(value, axes, stderr=stderr)
 
 
 def spread(leaf: xr.Dataset, points: Mapping[str, np.ndarray]) -> xr.Dataset:
-    """Return a leaf with its table on other breakpoints; axes it did not have are added, factors and attributes stay.
+    """Return a leaf with its table on other breakpoints; axes it did not have are added, factors
+    and attributes stay.
 
     Parameters
     ----------
@@ -100,7 +123,9 @@ def spread(leaf: xr.Dataset, points: Mapping[str, np.ndarray]) -> xr.Dataset:
         new["stderr"] = there(leaf["stderr"].values, abs(B))
     if "source" in leaf:
         codes = leaf["source"].values
-        shares = np.array([there((codes == code).astype(float), abs(B)) for code in range(len(_terms.SOURCES))])
+        shares = np.array(
+            [there((codes == code).astype(float), abs(B)) for code in range(len(_terms.SOURCES))]
+        )
         beyond = np.zeros(shape, bool)
         for axis, old in axes_of(leaf).items():
             beyond |= ~within(old, mesh[axis])
@@ -108,22 +133,39 @@ def spread(leaf: xr.Dataset, points: Mapping[str, np.ndarray]) -> xr.Dataset:
     return with_table(leaf, points, **new)
 
 
-def with_table(leaf: xr.Dataset, points: Mapping[str, np.ndarray], value, stderr=None, source=None) -> xr.Dataset:
-    """Return a leaf with another table; factors and attributes stay, standard error and source only when given."""
+def with_table(
+    leaf: xr.Dataset, points: Mapping[str, np.ndarray], value, stderr=None, source=None
+) -> xr.Dataset:
+    """Return a leaf with another table; factors and attributes stay, standard error and source only
+    when given.
+    """
     dims = tuple(points)
     tables = {"value": (dims, np.array(value, float), leaf["value"].attrs)}
     if stderr is not None:
-        tables["stderr"] = dims, np.array(stderr, float), leaf["stderr"].attrs if "stderr" in leaf else {}
+        tables["stderr"] = (
+            dims,
+            np.array(stderr, float),
+            leaf["stderr"].attrs if "stderr" in leaf else {},
+        )
     if source is not None:
-        tables["source"] = dims, np.array(source, np.uint8), {"flag_values": "0 1 2", "flag_meanings": " ".join(_terms.SOURCES)}
-    coords = {axis: (axis, own, dict(leaf[axis].attrs) if axis in leaf.coords else attrs(axis)) for axis, own in points.items()}
+        tables["source"] = (
+            dims,
+            np.array(source, np.uint8),
+            {"flag_values": "0 1 2", "flag_meanings": " ".join(_terms.SOURCES)},
+        )
+    coords = {
+        axis: (axis, own, dict(leaf[axis].attrs) if axis in leaf.coords else attrs(axis))
+        for axis, own in points.items()
+    }
     new = xr.Dataset(tables, coords, leaf.attrs)
     factors = {key: leaf[key] for key in _FACTORS if key in leaf}
     return new.assign(factors) if factors else new
 
 
 def folded(leaf: xr.Dataset) -> xr.Dataset:
-    """Return a leaf with its factors multiplied into the table, which computes the same: their axes are others."""
+    """Return a leaf with its factors multiplied into the table, which computes the same: their axes
+    are others.
+    """
     factors = [leaf[key] for key in _FACTORS if key in leaf]
     if not factors:
         return leaf
@@ -135,7 +177,9 @@ def folded(leaf: xr.Dataset) -> xr.Dataset:
     for factor in factors:
         times = times * factor
     scale = {"value": times, "stderr": abs(times), "source": one}
-    whole = {key: (leaf[key] * scale[key]).transpose(*points).values for key in scale if key in leaf}
+    whole = {
+        key: (leaf[key] * scale[key]).transpose(*points).values for key in scale if key in leaf
+    }
     new = with_table(leaf.drop_vars(list(_FACTORS), errors="ignore"), points, **whole)
     faults = _terms.check(new)
     if faults:
@@ -144,7 +188,9 @@ def folded(leaf: xr.Dataset) -> xr.Dataset:
 
 
 def without_formula(leaf: xr.Dataset) -> xr.Dataset:
-    """Return a leaf whose factors no longer state which formula they came from: their breakpoints have changed."""
+    """Return a leaf whose factors no longer state which formula they came from: their breakpoints
+    have changed.
+    """
     changed = {}
     for key in _FACTORS:
         if key in leaf and "formula" in leaf[key].attrs:
@@ -155,11 +201,15 @@ def without_formula(leaf: xr.Dataset) -> xr.Dataset:
 
 def same_factors(first: xr.Dataset, second: xr.Dataset) -> bool:
     """Return whether two leaves have the same factor tables."""
-    return all((key in first) == (key in second) and (key not in first or first[key].equals(second[key])) for key in _FACTORS)
+    return all(
+        (key in first) == (key in second) and (key not in first or first[key].equals(second[key]))
+        for key in _FACTORS
+    )
 
 
 def added(leaf: xr.Dataset, more: xr.Dataset) -> xr.Dataset:
-    """Return the sum of two leaves that the same things multiply, over the union of their breakpoints; errors count as independent.
+    """Return the sum of two leaves that the same things multiply, over the union of their
+    breakpoints; errors count as independent.
 
     Raises
     ------
@@ -170,7 +220,9 @@ def added(leaf: xr.Dataset, more: xr.Dataset) -> xr.Dataset:
         leaf, more = folded(leaf), folded(more)
     points = union_axes(leaf, more)
     if len(points) > _terms.MAX_AXES:
-        raise SchemaError("sum", [f"has the axes {' '.join(points)}; at most {_terms.MAX_AXES} are allowed"])
+        raise SchemaError(
+            "sum", [f"has the axes {' '.join(points)}; at most {_terms.MAX_AXES} are allowed"]
+        )
     a, b = spread(leaf, points), spread(more, points)
     value = a["value"].values + b["value"].values
     errors = [part["stderr"].values for part in (a, b) if "stderr" in part]
@@ -179,16 +231,24 @@ def added(leaf: xr.Dataset, more: xr.Dataset) -> xr.Dataset:
 
 
 def joint_source(*parts: xr.Dataset) -> np.ndarray:
-    """Return the sources of the nodes of a sum: that of the parts that are not zero when they share one, else judgement."""
+    """Return the sources of the nodes of a sum: that of the parts that are not zero when they share
+    one, else judgement.
+    """
     codes = np.array([known_source(part) for part in parts])
     counts = np.array([part["value"].values != 0.0 for part in parts])
-    shares = np.array([((codes == code) & counts).any(axis=0) for code in range(len(_terms.SOURCES))])
+    shares = np.array(
+        [((codes == code) & counts).any(axis=0) for code in range(len(_terms.SOURCES))]
+    )
     return np.where(counts.any(axis=0), _single(shares, JUDGEMENT), codes[0])
 
 
 def known_source(leaf: xr.Dataset) -> np.ndarray:
     """Return the source of every node; judgement where the leaf does not state it."""
-    return leaf["source"].values if "source" in leaf else np.full(leaf["value"].shape, JUDGEMENT, np.uint8)
+    return (
+        leaf["source"].values
+        if "source" in leaf
+        else np.full(leaf["value"].shape, JUDGEMENT, np.uint8)
+    )
 
 
 def factor_axes(leaf: xr.Dataset) -> set[str]:
@@ -198,7 +258,12 @@ def factor_axes(leaf: xr.Dataset) -> set[str]:
 
 def place(points: Mapping[str, np.ndarray], node: Sequence[int]) -> str:
     """Return where a node lies as a person reads it: ``mach 0.2, alpha 8 deg``."""
-    return ", ".join(f"{axis} {readable(axis, own[i])}" for (axis, own), i in zip(points.items(), node)) or "its only node"
+    return (
+        ", ".join(
+            f"{axis} {readable(axis, own[i])}" for (axis, own), i in zip(points.items(), node)
+        )
+        or "its only node"
+    )
 
 
 def _single(present: np.ndarray, otherwise: int) -> np.ndarray:

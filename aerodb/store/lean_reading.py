@@ -1,8 +1,9 @@
 """A look at a database file: a few variables of each term, as they stand in the file.
 
-The objects of HDF5 itself are read, and only those that are wanted: the classes of h5py above them take three times as long, which was a
-third of ``aeromatch db show``.  Whatever is laid out otherwise than `flightmech.support.netcdf_trees.image` does is left to
-`read` there, which states what is wrong with it.
+The objects of HDF5 itself are read, and only those that are wanted: the classes of h5py above them
+take three times as long, which was a third of ``aeromatch db show``.  Whatever is laid out
+otherwise than `flightmech.support.netcdf_trees.image` does is left to `read` there, which states
+what is wrong with it.
 """
 
 from __future__ import annotations
@@ -18,7 +19,15 @@ import numpy as np
 from h5py import h5a, h5d, h5ds, h5g, h5o, h5s, h5t
 
 from aerodb.store.undo_history import Entry
-from flightmech.support.netcdf_trees import CHECKS, LARGEST, LAYOUT, PACKED, PREVIOUS, Leaf, Variable
+from flightmech.support.netcdf_trees import (
+    CHECKS,
+    LARGEST,
+    LAYOUT,
+    PACKED,
+    PREVIOUS,
+    Leaf,
+    Variable,
+)
 
 _PACKED = [name.encode() for name in PACKED]
 _TABLES = ("value", "K1", "K2")  # of a term, each over axes of its own
@@ -31,16 +40,19 @@ def read_leaves(
     without: Collection[str],
     names: Collection[str] | None = None,
 ) -> dict[str, Leaf] | None:
-    """Return the terms of a file by name, ``"CL/basic"``, and its root by the name ``""``; None when it is laid out otherwise.
+    """Return the terms of a file by name, ``"CL/basic"``, and its root by the name ``""``; None
+    when it is laid out otherwise.
 
     Parameters
     ----------
     source : path or file in memory
         Of HDF5.
     variables : collection of str
-        Variables of a term to read, where it has them; the breakpoints of their axes come with them.
+        Variables of a term to read, where it has them; the breakpoints of their axes come with
+        them.
     attributes : collection of str or None
-        Attributes of a term to read, where it has them; all for None.  Those of the root are all read.
+        Attributes of a term to read, where it has them; all for None.  Those of the root are all
+        read.
     without : collection of str
         Groups at the root that are left out.
     names : collection of str, optional
@@ -65,13 +77,18 @@ def read_leaves(
 
 
 def read_edits(source: Path) -> tuple[dict[str, Any], dict[str, Entry]] | None:
-    """Return the root attributes of a file and the undo entries by the names of their groups; None when it is laid out otherwise."""
+    """Return the root attributes of a file and the undo entries by the names of their groups; None
+    when it is laid out otherwise.
+    """
     with h5py.File(source, "r") as file:
         try:
             root = h5o.open(file.id, b"/")
             top = _group(root, PREVIOUS) if PREVIOUS in _members(root) else None
             groups = {name: _group(top, name) for name in _members(top)} if top is not None else {}
-            return _attributes(root, None), {name: Entry(_attributes(group, None), _terms(group)) for name, group in groups.items()}
+            return _attributes(root, None), {
+                name: Entry(_attributes(group, None), _terms(group))
+                for name, group in groups.items()
+            }
         except _ERRORS:
             return None
 
@@ -83,7 +100,9 @@ def _terms(entry: h5g.GroupID) -> list[str]:
         if coefficient != CHECKS:
             group = _group(entry, coefficient)
             found += [
-                f"{coefficient}/{contribution}" for contribution in _members(group) if "value" in _members(_group(group, contribution))
+                f"{coefficient}/{contribution}"
+                for contribution in _members(group)
+                if "value" in _members(_group(group, contribution))
             ]
     return found
 
@@ -98,7 +117,11 @@ _ERRORS = (_OtherLayout, RuntimeError, OSError, KeyError, TypeError, ValueError)
 def _members(group: h5g.GroupID) -> list[str]:
     """Return the names in a group in the order in which they were written."""
     links: list[tuple[bytes, int]] = []
-    group.links.iterate(lambda name, link: links.append((name, link.type)), idx_type=h5py.h5.INDEX_CRT_ORDER, info=True)
+    group.links.iterate(
+        lambda name, link: links.append((name, link.type)),
+        idx_type=h5py.h5.INDEX_CRT_ORDER,
+        info=True,
+    )
     if any(kind != h5py.h5l.TYPE_HARD for _, kind in links):
         raise _OtherLayout
     return [name.decode() for name, _ in links]
@@ -112,13 +135,18 @@ def _group(above: h5g.GroupID, name: str) -> h5g.GroupID:
 
 
 def _variables(term: h5g.GroupID, wanted: Collection[str]) -> dict[str, Variable]:
-    """Return variables with the breakpoints of their axes; a standard error and a source stand over the axes of the value."""
+    """Return variables with the breakpoints of their axes; a standard error and a source stand over
+    the axes of the value.
+    """
     found: dict[str, Variable] = {}
     for name in sorted(set(_members(term)) & set(wanted), key=_TABLES.__contains__, reverse=True):
         table = h5o.open(term, name.encode())
         numbers = _numbers(table)
         if name in _TABLES:
-            axes = tuple(h5ds.iterate(table, number, lambda scale: _axis(scale, found)) or "" for number in range(numbers.ndim))
+            axes = tuple(
+                h5ds.iterate(table, number, lambda scale: _axis(scale, found)) or ""
+                for number in range(numbers.ndim)
+            )
         elif "value" not in found or numbers.shape != found["value"].values.shape:
             raise _OtherLayout
         else:
@@ -136,9 +164,15 @@ def _axis(scale: h5d.DatasetID, found: dict[str, Variable]) -> str:
 
 
 def _numbers(table: h5d.DatasetID) -> np.ndarray:
-    """Return the numbers of a dataset, which HDF5 converts, if they are any; those that stand elsewhere have no place in the file."""
+    """Return the numbers of a dataset, which HDF5 converts, if they are any; those that stand
+    elsewhere have no place in the file.
+    """
     shape = table.get_space().get_simple_extent_dims()
-    if table.get_offset() is None or 8 * math.prod(shape) > LARGEST or any(h5a.exists(table, key) for key in _PACKED):
+    if (
+        table.get_offset() is None
+        or 8 * math.prod(shape) > LARGEST
+        or any(h5a.exists(table, key) for key in _PACKED)
+    ):
         raise _OtherLayout
     numbers = np.empty(shape)
     table.read(h5s.ALL, h5s.ALL, numbers, h5t.NATIVE_DOUBLE)
@@ -149,7 +183,11 @@ def _attributes(owner: h5g.GroupID, wanted: Collection[str] | None) -> dict[str,
     names: list[bytes] = []
     h5a.iterate(owner, names.append, index_type=h5py.h5.INDEX_CRT_ORDER)
     texts = [name.decode() for name in names]
-    return {name: _attribute(owner, name) for name in texts if name not in LAYOUT and (wanted is None or name in wanted)}
+    return {
+        name: _attribute(owner, name)
+        for name in texts
+        if name not in LAYOUT and (wanted is None or name in wanted)
+    }
 
 
 def _attribute(owner: h5g.GroupID, name: str) -> Any:

@@ -50,9 +50,9 @@ def describe(db: xr.DataTree) -> list[dict[str, Any]]:
     Returns
     -------
     list of dict
-        ``term``, ``axes`` (of all its tables: name, breakpoints [SI], unit), ``regressors``, ``power`` (factor in words, or
-        empty), ``value`` and ``stderr`` (smallest and
-        largest, or None), ``source`` (name to share of the nodes).
+        ``term``, ``axes`` (of all its tables: name, breakpoints [SI], unit), ``regressors``,
+        ``power`` (factor in words, or empty), ``value`` and ``stderr`` (smallest and largest, or
+        None), ``source`` (name to share of the nodes).
     """
     from aerodb.store.schema import terms
 
@@ -60,19 +60,25 @@ def describe(db: xr.DataTree) -> list[dict[str, Any]]:
 
 
 def facts(leaves: Mapping[str, xr.Dataset | Leaf]) -> list[dict[str, Any]]:
-    """Return the rows of `describe` of terms by name, also as they stand in a file; who changes what they hold raises `OVERVIEW`."""
+    """Return the rows of `describe` of terms by name, also as they stand in a file; who changes
+    what they hold raises `OVERVIEW`.
+    """
     return [_facts(name, leaf) for name, leaf in leaves.items()]
 
 
 def summary(db: xr.DataTree) -> str:
-    """Return a table of the terms as text: axes with ranges (angles in degrees), regressors, values, standard errors, source."""
+    """Return a table of the terms as text: axes with ranges (angles in degrees), regressors,
+    values, standard errors, source.
+    """
     from aerodb.store.schema import terms
 
     return text_of(db.attrs, terms(db))
 
 
 def text_of(attributes: Mapping, leaves: Mapping[str, xr.Dataset | Leaf]) -> str:
-    """Return the text of `summary` from root attributes and terms by name, also as they stand in a file."""
+    """Return the text of `summary` from root attributes and terms by name, also as they stand in a
+    file.
+    """
     return listing(attributes, facts(leaves))
 
 
@@ -80,12 +86,17 @@ def listing(attributes: Mapping, terms: Iterable[Mapping[str, Any]]) -> str:
     """Return the text of `summary` from root attributes and the rows of `describe`."""
     rows = [_texts(row) for row in terms]
     widths = [max(len(line[i]) for line in [HEAD, *rows]) for i in range(len(HEAD))]
-    lines = ["  ".join(cell.ljust(width) for cell, width in zip(line, widths)).rstrip() for line in [HEAD, *rows]]
+    lines = [
+        "  ".join(cell.ljust(width) for cell, width in zip(line, widths)).rstrip()
+        for line in [HEAD, *rows]
+    ]
     return "\n".join([*heading(attributes), "", *lines])
 
 
 def heading(a: Mapping) -> list[str]:
-    """Return the lines about the whole database from its root attributes: title, reference quantities, axes, absent terms."""
+    """Return the lines about the whole database from its root attributes: title, reference
+    quantities, axes, absent terms.
+    """
     point = ", ".join(f"{a[key]:.4f}" for key in ("x_ref", "y_ref", "z_ref"))
     return [
         str(a["title"]),
@@ -112,10 +123,18 @@ def _absent(names: list[str]) -> str:
 def _facts(name: str, leaf: xr.Dataset | Leaf) -> dict[str, Any]:
     from flightmech import terms as _terms
 
-    axes = [(str(axis), leaf[str(axis)].values) for key in ("value", "K1", "K2") if key in leaf for axis in leaf[key].dims]
+    axes = [
+        (str(axis), leaf[str(axis)].values)
+        for key in ("value", "K1", "K2")
+        if key in leaf
+        for axis in leaf[key].dims
+    ]
     return {
         "term": name,
-        "axes": [{"name": axis, "points": points.astype(float).tolist(), "units": lookup(axis).units} for axis, points in axes],
+        "axes": [
+            {"name": axis, "points": points.astype(float).tolist(), "units": lookup(axis).units}
+            for axis, points in axes
+        ],
         "regressors": list(_terms.regressors(leaf)),
         "power": str(_terms.power(leaf) or ""),
         "value": _ends(leaf["value"].values),
@@ -136,7 +155,9 @@ def _shares(leaf: xr.Dataset | Leaf) -> dict[str, float]:
     from flightmech import terms as _terms
 
     codes, counts = np.unique(leaf["source"].values, return_counts=True)
-    return {_terms.SOURCES[int(code)]: float(count / counts.sum()) for code, count in zip(codes, counts)}
+    return {
+        _terms.SOURCES[int(code)]: float(count / counts.sum()) for code, count in zip(codes, counts)
+    }
 
 
 def _texts(row: Mapping[str, Any]) -> tuple[str, ...]:
@@ -148,7 +169,11 @@ def _texts(row: Mapping[str, Any]) -> tuple[str, ...]:
         " ".join(filter(None, [*row["regressors"], row["power"]])) or "-",
         _span(row["value"]),
         _span(row["stderr"]) if row["stderr"] else "-",
-        ", ".join(f"{word} {100 * share:.0f} %" if len(shares) > 1 else word for word, share in shares.items()) or "-",
+        ", ".join(
+            f"{word} {100 * share:.0f} %" if len(shares) > 1 else word
+            for word, share in shares.items()
+        )
+        or "-",
     )
 
 
@@ -164,14 +189,18 @@ def _span(ends: list[float]) -> str:
 
 
 def leaf_rows(leaf: xr.Dataset | Leaf) -> tuple[list[str], list[tuple[str, ...]]]:
-    """Return one term as a table of texts: a row per node of all axes but the last, whose breakpoints head the columns."""
+    """Return one term as a table of texts: a row per node of all axes but the last, whose
+    breakpoints head the columns.
+    """
     import numpy as np
 
     values = leaf["value"].values
     if not values.ndim:
         return ["value"], [(f"{float(values):.6g}",)]
     *rows_over, across = (str(axis) for axis in leaf["value"].dims)
-    head = [_label(axis) for axis in rows_over] + [f"{across} {_show(across, x)}" for x in leaf[across].values]
+    head = [_label(axis) for axis in rows_over] + [
+        f"{across} {_show(across, x)}" for x in leaf[across].values
+    ]
     rows = []
     for node in np.ndindex(values.shape[:-1]):
         place = tuple(_show(axis, leaf[axis].values[i]) for axis, i in zip(rows_over, node))

@@ -26,18 +26,28 @@ _TEXTS = ("title", "aircraft", "force_axes")
 _NUMBERS = ("S", "cbar", "b", "x_ref", "y_ref", "z_ref")
 _NAME = re.compile(r"^[A-Za-z][A-Za-z0-9_]*$")
 
-SCHEME = tuple(lr743())  # names of the build-up; what a source cannot give is listed in the root attribute absent
+SCHEME = tuple(
+    lr743()
+)  # names of the build-up; what a source cannot give is listed in the root attribute absent
 
 
 def terms(db: xr.DataTree) -> dict[str, xr.Dataset]:
-    """Return the terms of a database by name, ``{"CL/basic": leaf, ...}``, in the order of the tree; the groups `GROUPS` hold none."""
+    """Return the terms of a database by name, ``{"CL/basic": leaf, ...}``, in the order of the
+    tree; the groups `GROUPS` hold none.
+    """
     found: dict[str, xr.Dataset] = {}
-    level = [(db.path.strip("/"), db)]  # one after the other as `DataTree.subtree`, which forms the path of a node from all its parents
+    level = [
+        (db.path.strip("/"), db)
+    ]  # one after the other as `DataTree.subtree`, which forms the path of a node from all its parents
     while level:
         for name, node in level:
             if name and (node.has_data or not node.children) and name.split("/")[0] not in GROUPS:
                 found[name] = node.to_dataset(inherit=False)
-        level = [(f"{name}/{key}".lstrip("/"), child) for name, node in level for key, child in node.children.items()]
+        level = [
+            (f"{name}/{key}".lstrip("/"), child)
+            for name, node in level
+            for key, child in node.children.items()
+        ]
     return found
 
 
@@ -49,9 +59,9 @@ def database(leaves: Mapping[str, xr.Dataset], **attributes: str | float) -> xr.
     leaves : mapping of str to Dataset
         Terms by name, ``"CL/basic"``.
     **attributes : str or float
-        Root attributes: ``title``, ``aircraft``, ``S`` [m2], ``cbar``, ``b`` [m], ``x_ref``, ``y_ref``, ``z_ref`` (moment
-        reference point from the drawing datum, body directions) [m], ``force_axes``, and any of ``source``, ``history``,
-        ``references``, ``comment``, ``absent``.
+        Root attributes: ``title``, ``aircraft``, ``S`` [m2], ``cbar``, ``b`` [m], ``x_ref``,
+        ``y_ref``, ``z_ref`` (moment reference point from the drawing datum, body directions) [m],
+        ``force_axes``, and any of ``source``, ``history``, ``references``, ``comment``, ``absent``.
 
     Raises
     ------
@@ -60,7 +70,9 @@ def database(leaves: Mapping[str, xr.Dataset], **attributes: str | float) -> xr.
     """
     import xarray as xr
 
-    tree = xr.DataTree.from_dict({"/": xr.Dataset(attrs=attributes), **{f"/{name}": leaf for name, leaf in leaves.items()}})
+    tree = xr.DataTree.from_dict(
+        {"/": xr.Dataset(attrs=attributes), **{f"/{name}": leaf for name, leaf in leaves.items()}}
+    )
     require(tree)
     return tree
 
@@ -69,14 +81,18 @@ def check(db: xr.DataTree) -> list[str]:
     """Return every fault of a database as a text; an empty list means it is sound."""
     problems = _root_faults(db.attrs)
     if db.data_vars:
-        problems.append(f"root holds the variables {', '.join(map(str, db.data_vars))}; tables belong into leaves such as CL/basic")
+        problems.append(
+            f"root holds the variables {', '.join(map(str, db.data_vars))}; tables belong into leaves such as CL/basic"
+        )
     axes = FORCE_AXES.get(str(db.attrs.get("force_axes")))
     allowed = () if axes is None else (*axes, *HINGE)
     leaves = terms(db)
     if not leaves:
         problems.append("holds no term; a database has leaves such as CL/basic")
     for name, leaf in leaves.items():
-        problems += [f"{name}: {fault}" for fault in _name_faults(name, allowed) + _terms.check(leaf)]
+        problems += [
+            f"{name}: {fault}" for fault in _name_faults(name, allowed) + _terms.check(leaf)
+        ]
     if axes is not None and not problems:
         problems += levels(leaves, str(db.attrs["force_axes"]))[1]
     return problems
@@ -98,7 +114,9 @@ def leaf_of(db: xr.DataTree, name: str) -> xr.Dataset:
 
 
 def coefficients(db: xr.DataTree) -> tuple[str, ...]:
-    """Return the six coefficients of force and moment a database may hold, by its force axes; hinge moments are in `HINGE`."""
+    """Return the six coefficients of force and moment a database may hold, by its force axes; hinge
+    moments are in `HINGE`.
+    """
     return FORCE_AXES[str(db.attrs["force_axes"])]
 
 
@@ -114,10 +132,16 @@ def _root_faults(attributes: Mapping) -> list[str]:
         elif key in ("S", "cbar", "b") and item <= 0:
             problems.append(f"root attribute {key} is {item!r}; it must be positive")
     if isinstance(attributes.get("force_axes"), str) and attributes["force_axes"] not in FORCE_AXES:
-        problems.append(f"root attribute force_axes is {attributes['force_axes']!r}; allowed: {', '.join(FORCE_AXES)}")
+        problems.append(
+            f"root attribute force_axes is {attributes['force_axes']!r}; allowed: {', '.join(FORCE_AXES)}"
+        )
     for key, item in attributes.items():
-        if key not in _TEXTS + _NUMBERS and not isinstance(item, str | int | float | np.integer | np.floating):
-            problems.append(f"root attribute {key} is a {type(item).__name__}; only text and numbers survive in a file")
+        if key not in _TEXTS + _NUMBERS and not isinstance(
+            item, str | int | float | np.integer | np.floating
+        ):
+            problems.append(
+                f"root attribute {key} is a {type(item).__name__}; only text and numbers survive in a file"
+            )
     return problems
 
 
@@ -127,7 +151,9 @@ def _name_faults(name: str, allowed: tuple[str, ...]) -> list[str]:
         return ["a term stands at <coefficient>/<contribution>, two levels, no more and no less"]
     faults = []
     if allowed and parts[0] not in allowed:
-        faults.append(f"unknown coefficient {parts[0]!r}; with these force_axes allowed: {', '.join(allowed)}")
+        faults.append(
+            f"unknown coefficient {parts[0]!r}; with these force_axes allowed: {', '.join(allowed)}"
+        )
     if not _NAME.match(parts[1]):
         faults.append(f"contribution {parts[1]!r} is not a word of letters, digits and underscores")
     return faults

@@ -1,4 +1,6 @@
-"""The seal of a database file, checked before anything reads it; see `flightmech.support.hdf5_seal`."""
+"""The seal of a database file, checked before anything reads it; see
+`flightmech.support.hdf5_seal`.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,8 @@ from flightmech.support.input_files import file_kind
 
 
 def unbroken(path: Path) -> Unbroken:
-    """Return what a database file has behind its HDF5 content, which must be sealed, or nothing: a file of another program.
+    """Return what a database file has behind its HDF5 content, which must be sealed, or nothing: a
+    file of another program.
 
     Raises
     ------
@@ -23,7 +26,12 @@ def unbroken(path: Path) -> Unbroken:
     if not path.exists():
         raise FileNotFoundError(f"{path}: no such file; `aeromatch db build` writes a database")
     if not path.is_file() or not _is_hdf5(path):
-        raise ParseError(str(path), 0, f"no netCDF-4 (HDF5) signature: {file_kind(path)}", "a database, as `aeromatch db build` writes it")
+        raise ParseError(
+            str(path),
+            0,
+            f"no netCDF-4 (HDF5) signature: {file_kind(path)}",
+            "a database, as `aeromatch db build` writes it",
+        )
     return seal.unbroken(path, "a database; build or copy it again")
 
 

@@ -1,9 +1,10 @@
 """Undo history: what edits replaced is kept in the file, listed, and restored.
 
-Edit number 7 leaves the group ``/previous/e007`` behind.  It holds every leaf that the edit replaced or deleted as it was before, the
-check cases that no longer hold, and in its attributes what else is needed to undo the edit: the terms that it ``added``, root
-attributes that it changed (``was_x_ref``) or that were not there (``unset``), the number of ``lines`` that the history had.  Root
-attribute ``edits`` counts the edits, also those whose undo entries were dropped.
+Edit number 7 leaves the group ``/previous/e007`` behind.  It holds every leaf that the edit
+replaced or deleted as it was before, the check cases that no longer hold, and in its attributes
+what else is needed to undo the edit: the terms that it ``added``, root attributes that it changed
+(``was_x_ref``) or that were not there (``unset``), the number of ``lines`` that the history had.
+Root attribute ``edits`` counts the edits, also those whose undo entries were dropped.
 """
 
 from __future__ import annotations
@@ -65,7 +66,9 @@ def recorded(
     import xarray as xr
 
     before = terms(db)
-    replaced = [name for name, leaf in leaves.items() if name in before and not leaf.identical(before[name])]
+    replaced = [
+        name for name, leaf in leaves.items() if name in before and not leaf.identical(before[name])
+    ]
     added = [name for name in leaves if name not in before]
     deleted = [name for name in before if name not in leaves]
     stale = _under(db, CHECKS) if replaced or added or deleted else {}
@@ -73,15 +76,31 @@ def recorded(
     warned = [f"warning: {' '.join(line.split())}" for line in lines]
     old = {str(key): item for key, item in db.attrs.items()}
     text = f"{verb}: {summary}{'; check cases set aside' if stale else ''}{remark(note)}"
-    new = {**old, **(attributes or {}), "edits": number, "history": "\n".join([*before_it, text, *warned])}
+    new = {
+        **old,
+        **(attributes or {}),
+        "edits": number,
+        "history": "\n".join([*before_it, text, *warned]),
+    }
     kept: dict[str, str | int | float] = {"verb": verb, "lines": len(before_it)}
-    kept |= {key: str(item) for key, item in {**facts, "note": " ".join(note.split())}.items() if item}
-    kept |= {key: " ".join(names) for key, names in (("added", added), ("deleted", deleted)) if names}
+    kept |= {
+        key: str(item) for key, item in {**facts, "note": " ".join(note.split())}.items() if item
+    }
+    kept |= {
+        key: " ".join(names) for key, names in (("added", added), ("deleted", deleted)) if names
+    }
     kept |= {"order": " ".join(before)} if deleted else {}
-    kept |= {f"{_WAS}{key}": old[key] for key in new if key in old and key not in ("history", "edits") and old[key] != new[key]}
+    kept |= {
+        f"{_WAS}{key}": old[key]
+        for key in new
+        if key in old and key not in ("history", "edits") and old[key] != new[key]
+    }
     kept |= {"unset": " ".join(key for key in new if key not in old)} if set(new) - set(old) else {}
     place = f"/{PREVIOUS}/{_group(number)}"
-    entry = {place: xr.Dataset(attrs=kept), **{f"{place}/{name}": before[name] for name in (*replaced, *deleted)}}
+    entry = {
+        place: xr.Dataset(attrs=kept),
+        **{f"{place}/{name}": before[name] for name in (*replaced, *deleted)},
+    }
     entry |= {f"{place}{path}": node for path, node in stale.items()}
     rest = {} if stale else _under(db, CHECKS)
     return _tree(new, leaves, {**rest, **_under(db, PREVIOUS), **entry})
@@ -93,20 +112,35 @@ def history(db: xr.DataTree) -> pd.DataFrame:
     Returns
     -------
     DataFrame, index ``line``
-        ``edit`` (number, for `previous`; None where no undo entry is kept), ``verb``, ``terms`` (replaced, added or deleted by a kept edit,
-        names separated by blanks), ``note``, ``text`` (the line).
+        ``edit`` (number, for `previous`; None where no undo entry is kept), ``verb``, ``terms``
+        (replaced, added or deleted by a kept edit, names separated by blanks), ``note``, ``text``
+        (the line).
     """
     import pandas as pd
 
-    entries = {name: Entry({str(key): item for key, item in node.attrs.items()}, _held(node)) for name, node in _entries(db).items()}
+    entries = {
+        name: Entry({str(key): item for key, item in node.attrs.items()}, _held(node))
+        for name, node in _entries(db).items()
+    }
     rows = edit_rows(db.attrs, entries)
-    return pd.DataFrame(rows, columns=list(COLUMNS), index=pd.RangeIndex(1, len(rows) + 1, name="line"), dtype=object)
+    return pd.DataFrame(
+        rows,
+        columns=list(COLUMNS),
+        index=pd.RangeIndex(1, len(rows) + 1, name="line"),
+        dtype=object,
+    )
 
 
 def edit_rows(attributes: Mapping, entries: Mapping[str, Entry]) -> list[tuple]:
-    """Return the rows of `history` from root attributes and undo entries by the names of their groups, also as they stand in a file."""
-    kept = {int(entry.attrs["lines"]): (number, entry) for number, entry in _numbered(entries).items()}
-    return [_row(text, *kept.get(line, (None, None))) for line, text in enumerate(_lines(attributes))]
+    """Return the rows of `history` from root attributes and undo entries by the names of their
+    groups, also as they stand in a file.
+    """
+    kept = {
+        int(entry.attrs["lines"]): (number, entry) for number, entry in _numbered(entries).items()
+    }
+    return [
+        _row(text, *kept.get(line, (None, None))) for line, text in enumerate(_lines(attributes))
+    ]
 
 
 def previous(db: xr.DataTree, steps: int = 1, edit: int | None = None) -> xr.DataTree:
@@ -132,18 +166,31 @@ def previous(db: xr.DataTree, steps: int = 1, edit: int | None = None) -> xr.Dat
     """
     kept = _kept(db)
     if edit is not None and edit not in kept:
-        raise UnknownName(str(edit), map(str, kept), "edit", "aerodb.store.history lists the edits that can be undone")
+        raise UnknownName(
+            str(edit),
+            map(str, kept),
+            "edit",
+            "aerodb.store.history lists the edits that can be undone",
+        )
     if edit is None and not 1 <= steps <= len(kept):
         raise OutOfRange(f"{steps} edits cannot be undone; the undo history holds {len(kept)}")
     latest_first = sorted(kept, reverse=True)
-    back = latest_first[:steps] if edit is None else [number for number in latest_first if number >= edit]
+    back = (
+        latest_first[:steps]
+        if edit is None
+        else [number for number in latest_first if number >= edit]
+    )
     attributes = {str(key): item for key, item in db.attrs.items()}
     leaves, rest = terms(db), _under(db, CHECKS)
     for number in back:
         attributes, leaves, checks = _taken_back(kept[number], attributes, leaves)
         rest = checks or rest
     gone = {_group(number) for number in back}
-    remaining = {path: node for path, node in _under(db, PREVIOUS).items() if not gone.intersection(path.split("/")[2:3])}
+    remaining = {
+        path: node
+        for path, node in _under(db, PREVIOUS).items()
+        if not gone.intersection(path.split("/")[2:3])
+    }
     return _tree(attributes, leaves, {**rest, **(remaining if len(kept) > len(back) else {})})
 
 
@@ -153,7 +200,9 @@ def forget(db: xr.DataTree) -> xr.DataTree:
 
 
 def last(db: xr.DataTree) -> Mapping[str, str | int | float]:
-    """Return what is known of the last edit in the undo history: ``verb``, ``note`` and its facts; empty without one."""
+    """Return what is known of the last edit in the undo history: ``verb``, ``note`` and its facts;
+    empty without one.
+    """
     kept = _kept(db)
     return {str(key): item for key, item in kept[max(kept)].attrs.items()} if kept else {}
 
@@ -169,27 +218,43 @@ def remark(note: str) -> str:
     return f" ({' '.join(note.split())})" if note.split() else ""
 
 
-def absent(db: xr.DataTree, without: Iterable[str] = (), more: Iterable[str] = ()) -> dict[str, str]:
-    """Return the root attribute ``absent`` after names left it and others came; empty when it is as before."""
+def absent(
+    db: xr.DataTree, without: Iterable[str] = (), more: Iterable[str] = ()
+) -> dict[str, str]:
+    """Return the root attribute ``absent`` after names left it and others came; empty when it is as
+    before.
+    """
     old = str(db.attrs.get("absent", ""))
     gone = set(without)
     new = " ".join(dict.fromkeys([*(name for name in old.split() if name not in gone), *more]))
     return {"absent": new} if new != old else {}
 
 
-def _taken_back(group: xr.DataTree, attributes: dict, leaves: dict[str, xr.Dataset]) -> tuple[dict, dict, dict]:
-    """Return root attributes, terms and check cases before an edit; no check cases where it set none aside."""
+def _taken_back(
+    group: xr.DataTree, attributes: dict, leaves: dict[str, xr.Dataset]
+) -> tuple[dict, dict, dict]:
+    """Return root attributes, terms and check cases before an edit; no check cases where it set
+    none aside.
+    """
     facts = group.attrs
     unset, added = (str(facts.get(key, "")).split() for key in ("unset", "added"))
     old = {key: item for key, item in attributes.items() if key not in unset}
     if "edits" in old:
         old["edits"] = int(old["edits"]) - 1
-    old |= {str(key).removeprefix(_WAS): item for key, item in facts.items() if str(key).startswith(_WAS)}
+    old |= {
+        str(key).removeprefix(_WAS): item
+        for key, item in facts.items()
+        if str(key).startswith(_WAS)
+    }
     if "history" in old:
         old["history"] = "\n".join(str(old["history"]).split("\n")[: int(facts["lines"])])
     found = _under(group, "")
     checks = {path: node for path, node in found.items() if path.split("/")[1] == CHECKS}
-    back = {path.strip("/"): node for path, node in found.items() if path not in checks and node.data_vars}
+    back = {
+        path.strip("/"): node
+        for path, node in found.items()
+        if path not in checks and node.data_vars
+    }
     restored = {name: leaf for name, leaf in {**leaves, **back}.items() if name not in added}
     order = str(facts.get("order", "")).split() or list(restored)
     return old, {name: restored[name] for name in order}, checks
@@ -205,7 +270,11 @@ def _row(text: str, number: int | None, entry: Entry | None) -> tuple:
 
 def _held(group: xr.DataTree) -> list[str]:
     """Return the terms that an undo entry holds."""
-    return [path.strip("/") for path, node in _under(group, "").items() if node.data_vars and path.split("/")[1] != CHECKS]
+    return [
+        path.strip("/")
+        for path, node in _under(group, "").items()
+        if node.data_vars and path.split("/")[1] != CHECKS
+    ]
 
 
 def _kept(db: xr.DataTree) -> dict[int, xr.DataTree]:
@@ -214,15 +283,27 @@ def _kept(db: xr.DataTree) -> dict[int, xr.DataTree]:
 
 
 def _entries(db: xr.DataTree) -> dict[str, xr.DataTree]:
-    return {str(name): node for name, node in db[PREVIOUS].children.items()} if PREVIOUS in db.children else {}
+    return (
+        {str(name): node for name, node in db[PREVIOUS].children.items()}
+        if PREVIOUS in db.children
+        else {}
+    )
 
 
 def _numbered(entries: Mapping[str, Any]) -> dict[int, Any]:
     """Return undo entries by number of their edit; a group that no edit wrote is an error."""
-    foreign = [name for name, entry in entries.items() if not (_NAME.match(name) and {"verb", "lines"} <= set(entry.attrs))]
+    foreign = [
+        name
+        for name, entry in entries.items()
+        if not (_NAME.match(name) and {"verb", "lines"} <= set(entry.attrs))
+    ]
     if foreign:
         raise SchemaError(
-            PREVIOUS, [f"/{PREVIOUS}/{name} is not the undo entry of an edit; aerodb.store.forget drops all of them" for name in foreign]
+            PREVIOUS,
+            [
+                f"/{PREVIOUS}/{name} is not the undo entry of an edit; aerodb.store.forget drops all of them"
+                for name in foreign
+            ],
         )
     return {int(name[1:]): entry for name, entry in entries.items()}
 
@@ -240,7 +321,9 @@ def _lines(attributes: Mapping) -> list[str]:
 
 
 def _under(db: xr.DataTree, child: str) -> dict[str, xr.Dataset]:
-    """Return the nodes of a group by path from `db`, ``/checks/...``; all below `db` for an empty name."""
+    """Return the nodes of a group by path from `db`, ``/checks/...``; all below `db` for an empty
+    name.
+    """
     if child and child not in db.children:
         return {}
     top = db[child] if child else db
@@ -248,10 +331,16 @@ def _under(db: xr.DataTree, child: str) -> dict[str, xr.Dataset]:
     return {path: node for path, node in nodes.items() if path != "/."}
 
 
-def _tree(attributes: Mapping, leaves: Mapping[str, xr.Dataset], rest: Mapping[str, xr.Dataset]) -> xr.DataTree:
+def _tree(
+    attributes: Mapping, leaves: Mapping[str, xr.Dataset], rest: Mapping[str, xr.Dataset]
+) -> xr.DataTree:
     import xarray as xr
 
-    nodes = {"/": xr.Dataset(attrs=dict(attributes)), **{f"/{name}": leaf for name, leaf in leaves.items()}, **rest}
+    nodes = {
+        "/": xr.Dataset(attrs=dict(attributes)),
+        **{f"/{name}": leaf for name, leaf in leaves.items()},
+        **rest,
+    }
     tree = xr.DataTree.from_dict(nodes)
     require(tree)
     return tree

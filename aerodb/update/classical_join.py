@@ -1,22 +1,29 @@
-"""Local submodels joined into tables by regression over incidence and Mach number, configuration by configuration (LR-743 eq. (12)).
+"""Local submodels joined into tables by regression over incidence and Mach number, configuration by
+configuration (LR-743 eq. (12)).
 
-Every test point gave a submodel, C = C0 + C_alpha alpha + C_alpha2 alpha^2 + C_q q c/V + C_delta delta, whose estimates theta expect H g
-of the nodes g of the tables (`aerodb.update.tabulation`).  The tables are corrected by few parameters,
+Every test point gave a submodel, C = C0 + C_alpha alpha + C_alpha2 alpha^2 + C_q q c/V + C_delta
+delta, whose estimates theta expect H g of the nodes g of the tables (`aerodb.update.tabulation`).
+The tables are corrected by few parameters,
 
     g = g0 + F a + r
 
-with F both kinds of the a-priori error of a term (`aerodb.update.correlation.error_kinds`), that times incidence and its square, and that
-times Mach number: a regression over the test points.  Coefficients are those about the moment reference, whatever the centre of gravity of
-the record was, so that it is no variable of the regression.  What scatters about it beyond the errors of the submodels is r, a deviation
-of the tables in proportion to their a-priori errors, whose size makes chi-squared of the submodels what it should be [Paule1982].
+with F both kinds of the a-priori error of a term (`aerodb.update.correlation.error_kinds`), that
+times incidence and its square, and that times Mach number: a regression over the test points.
+Coefficients are those about the moment reference, whatever the centre of gravity of the record was,
+so that it is no variable of the regression.  What scatters about it beyond the errors of the
+submodels is r, a deviation of the tables in proportion to their a-priori errors, whose size makes
+chi-squared of the submodels what it should be [Paule1982].
 
-The clean configuration is the base: the fits that no increment touches determine the terms without device.  What they expect is subtracted
-from the other fits, which determine the increments of flaps, gear, speed brake and ground; the errors of the base count among theirs.
+The clean configuration is the base: the fits that no increment touches determine the terms without
+device.  What they expect is subtracted from the other fits, which determine the increments of
+flaps, gear, speed brake and ground; the errors of the base count among theirs.
 
-Parameters are estimated by least squares with the covariance of each submodel and with the a-priori errors of the tables (mixed
-estimation [Theil1961]): what no test point determines stays with the handbook.  A term whose correction is larger than its a-priori error
-allows gets a larger one.  Errors common to all fits are considered.  Beyond the flown range of incidence and Mach number a table is
-displaced by the correction at the edge, and its standard error goes back to that of the handbook, times the same factor.
+Parameters are estimated by least squares with the covariance of each submodel and with the a-priori
+errors of the tables (mixed estimation [Theil1961]): what no test point determines stays with the
+handbook.  A term whose correction is larger than its a-priori error allows gets a larger one.
+Errors common to all fits are considered.  Beyond the flown range of incidence and Mach number a
+table is displaced by the correction at the edge, and its standard error goes back to that of the
+handbook, times the same factor.
 """
 
 from __future__ import annotations
@@ -53,12 +60,19 @@ DEVICES = ("delta_f", "gear", "speedbrake", "h_agl")
 """Variables whose terms are increments on the clean configuration."""
 
 _HISTORY = "join_submodels: joined with {} fits"
-_UNTOUCHED = 0.3  # a-priori error of the increments over the standard error of an estimate, below which a fit counts as clean
+# a-priori error of the increments over the standard error of an estimate, below which a fit counts
+# as clean
+_UNTOUCHED = 0.3
 _FADE = 2.0  # of the correlation with the flown region, per correlation length
-_BEND = 0.5  # a-priori size of the parameters of incidence and Mach number, against one of the level
+_BEND = (
+    0.5  # a-priori size of the parameters of incidence and Mach number, against one of the level
+)
 _HUBER = 2.5
 _ROUNDS = 16  # of factors and weights; scatter in the second half
-_SCATTER = (0.003, 4.0)  # least and largest variance of r over that of the tables a priori: no aeroplane has curves of few parameters
+_SCATTER = (
+    0.003,
+    4.0,
+)  # least and largest variance of r over that of the tables a priori: no aeroplane has curves of few parameters
 
 
 def join_submodels(
@@ -78,9 +92,10 @@ def join_submodels(
     Returns
     -------
     Tabulation
-        As that of `tabulate`; the parts of a prior covariance are not learnt (``level reach long short`` of ``report`` are NaN),
-        ``prior_inflation`` is the factor on the a-priori errors of the term, ``inflation`` of ``compatibility`` is 1, and ``chi2``
-        is that of the submodels without the scatter r.  The joint covariance of the nodes is not kept.
+        As that of `tabulate`; the parts of a prior covariance are not learnt (``level reach long
+        short`` of ``report`` are NaN), ``prior_inflation`` is the factor on the a-priori errors of
+        the term, ``inflation`` of ``compatibility`` is 1, and ``chi2`` is that of the submodels
+        without the scatter r.  The joint covariance of the nodes is not kept.
 
     Raises
     ------
@@ -90,7 +105,8 @@ def join_submodels(
     Warns
     -----
     AeromatchWarning
-        As in `tabulate`.  The chi-squared of the join also counts what curves of few parameters leave.
+        As in `tabulate`.  The chi-squared of the join also counts what curves of few parameters
+        leave.
 
     References
     ----------
@@ -103,13 +119,17 @@ def join_submodels(
     lengths = {**LENGTHS, **(lengths or {})}
     lost = unplaced_terms(fits, prior, held)
     notices = demand_places(lost, unplaced)
-    found = together([_one(known, observed, lengths) for known, observed in observations(fits, prior, held)])
+    found = together(
+        [_one(known, observed, lengths) for known, observed in observations(fits, prior, held)]
+    )
     return cautioned(found, lost, notices)
 
 
 @dataclass(frozen=True)
 class _Table:
-    """One term in a regression: its nodes among all, its parameters, its deviation r and its factor on the a-priori error."""
+    """One term in a regression: its nodes among all, its parameters, its deviation r and its factor
+    on the a-priori error.
+    """
 
     nodes: slice
     F: np.ndarray  # (nodes, parameters)
@@ -134,7 +154,9 @@ def _one(known: Known, observed: Sequence[Observation], lengths: Mapping[str, fl
     sampled = np.max([o.sampled for o in observed], axis=0)
     touched = np.any([np.abs(o.H).max(axis=0) > 0 for o in observed], axis=0)
     seen, ranges = sampled * touched, _ranges(observed)
-    tables = [_table(leaf, at, seen[at], ranges, lengths) for leaf, at in zip(free.values(), slices)]
+    tables = [
+        _table(leaf, at, seen[at], ranges, lengths) for leaf, at in zip(free.values(), slices)
+    ]
     increments = [bool(set(_terms.variables(leaf)) & set(DEVICES)) for leaf in free.values()]
     value = np.concatenate([leaf["value"].values.ravel() for leaf in free.values()])
     stages: list[_Stage] = []
@@ -142,8 +164,16 @@ def _one(known: Known, observed: Sequence[Observation], lengths: Mapping[str, fl
     variance, factors = np.zeros(len(value)), np.ones(len(tables))
     distance, weight = np.zeros(len(observed)), np.ones(len(observed))
     for fits, members in _order(observed, tables, increments):
-        found = _regression([observed[k] for k in fits], [tables[k] for k in members], value, [stage.root for stage in stages])
-        value, variance = value + found.change, variance + (found.root**2).sum(axis=1) + found.rough**2
+        found = _regression(
+            [observed[k] for k in fits],
+            [tables[k] for k in members],
+            value,
+            [stage.root for stage in stages],
+        )
+        value, variance = (
+            value + found.change,
+            variance + (found.root**2).sum(axis=1) + found.rough**2,
+        )
         distance[fits], weight[fits], factors[members] = found.distance, found.weight, found.factors
         behind |= {k: [observed[fit] for fit in fits] for k in members}
         stages.append(found)
@@ -151,32 +181,60 @@ def _one(known: Known, observed: Sequence[Observation], lengths: Mapping[str, fl
     for k, ((name, leaf), at, factor) in enumerate(zip(free.items(), slices, factors)):
         if touched[at].any():
             away = flown_distance(leaf, seen[at], lengths)
-            sd = np.sqrt(variance[at] + (factor * leaf["stderr"].values.ravel()) ** 2 * (1.0 - np.exp(-_FADE * away)))
+            sd = np.sqrt(
+                variance[at]
+                + (factor * leaf["stderr"].values.ravel()) ** 2 * (1.0 - np.exp(-_FADE * away))
+            )
             flown = ((sampled >= FLOWN) & touched)[at]
-            new[name] = new_leaf(leaf, value[at], sd, flown, contributors(behind.get(k, []), at), _HISTORY)
+            new[name] = new_leaf(
+                leaf, value[at], sd, flown, contributors(behind.get(k, []), at), _HISTORY
+            )
             places[name] = flown.reshape(leaf["value"].shape)
     new = decided(known.leaves, new, places)
     inflated = dict(zip(free, factors))
     unlearnt = np.full(len(PARTS), np.nan)
-    rows = [term_row(name, free[name], leaf, unlearnt).assign(prior_inflation=inflated[name]) for name, leaf in new.items()]
-    points = point_rows(known.coefficient, observed, known.leaves, {**known.leaves, **new}, distance, weight)
+    rows = [
+        term_row(name, free[name], leaf, unlearnt).assign(prior_inflation=inflated[name])
+        for name, leaf in new.items()
+    ]
+    points = point_rows(
+        known.coefficient, observed, known.leaves, {**known.leaves, **new}, distance, weight
+    )
     count, chi2 = sum(len(o.theta) for o in observed), sum(stage.chi2 for stage in stages)
-    return Tabulation(new, pd.concat(rows), points, compatibility_row(known.coefficient, count, chi2, 1.0))
+    return Tabulation(
+        new, pd.concat(rows), points, compatibility_row(known.coefficient, count, chi2, 1.0)
+    )
 
 
-def _order(observed: Sequence[Observation], tables: Sequence[_Table], increments: Sequence[bool]) -> list[tuple[list[int], list[int]]]:
-    """Return which fits determine which tables, base first; without a fit of the clean configuration all determine all."""
+def _order(
+    observed: Sequence[Observation], tables: Sequence[_Table], increments: Sequence[bool]
+) -> list[tuple[list[int], list[int]]]:
+    """Return which fits determine which tables, base first; without a fit of the clean
+    configuration all determine all.
+    """
     of_device = [table for table, increment in zip(tables, increments) if increment]
-    touched = [max((_share(o, table) for table in of_device), default=0.0) > _UNTOUCHED for o in observed]
-    clean, other = [k for k, one in enumerate(touched) if not one], [k for k, one in enumerate(touched) if one]
+    touched = [
+        max((_share(o, table) for table in of_device), default=0.0) > _UNTOUCHED for o in observed
+    ]
+    clean, other = (
+        [k for k, one in enumerate(touched) if not one],
+        [k for k, one in enumerate(touched) if one],
+    )
     if not clean or not other:
         return [(clean or other, list(range(len(tables))))]
-    return [(clean, [k for k, one in enumerate(increments) if not one]), (other, [k for k, one in enumerate(increments) if one])]
+    return [
+        (clean, [k for k, one in enumerate(increments) if not one]),
+        (other, [k for k, one in enumerate(increments) if one]),
+    ]
 
 
 def _share(o: Observation, table: _Table) -> float:
-    """Return the a-priori error of a table in the estimates of a fit over their standard errors, the largest."""
-    return float((np.linalg.norm(o.H[:, table.nodes] @ table.F, axis=1) / np.sqrt(np.diag(o.C))).max())
+    """Return the a-priori error of a table in the estimates of a fit over their standard errors,
+    the largest.
+    """
+    return float(
+        (np.linalg.norm(o.H[:, table.nodes] @ table.F, axis=1) / np.sqrt(np.diag(o.C))).max()
+    )
 
 
 def _ranges(observed: Sequence[Observation]) -> dict[str, tuple[float, float]]:
@@ -191,28 +249,49 @@ def _ranges(observed: Sequence[Observation]) -> dict[str, tuple[float, float]]:
 
 
 def _table(
-    leaf: xr.Dataset, nodes: slice, sampled: np.ndarray, ranges: Mapping[str, tuple[float, float]], lengths: Mapping[str, float]
+    leaf: xr.Dataset,
+    nodes: slice,
+    sampled: np.ndarray,
+    ranges: Mapping[str, tuple[float, float]],
+    lengths: Mapping[str, float],
 ) -> _Table:
     """Return the regression of one term: parameters of one standard error a priori each."""
     kinds = error_kinds(leaf).T
     size = np.linalg.norm(kinds, axis=1)
     grids = np.meshgrid(*(leaf[axis].values for axis in leaf["value"].dims), indexing="ij")
     place = {str(axis): grid.ravel() for axis, grid in zip(leaf["value"].dims, grids)}
-    x = {name: np.clip((place[name] - middle) / half, -1.0, 1.0) for name, (middle, half) in ranges.items() if name in place}
+    x = {
+        name: np.clip((place[name] - middle) / half, -1.0, 1.0)
+        for name, (middle, half) in ranges.items()
+        if name in place
+    }
     bends = [x["alpha"], x["alpha"] ** 2 - 1.0 / 3.0] if "alpha" in x else []
     bends += [x["mach"]] if "mach" in x else []
     F = np.column_stack([kinds, *(_BEND * size * bend for bend in bends)])
-    return _Table(nodes, F[:, np.abs(F).max(axis=0) > 0], prior_parts(leaf, sampled, lengths)[PARTS.index("short")])
+    return _Table(
+        nodes,
+        F[:, np.abs(F).max(axis=0) > 0],
+        prior_parts(leaf, sampled, lengths)[PARTS.index("short")],
+    )
 
 
-def _regression(observed: Sequence[Observation], tables: Sequence[_Table], value: np.ndarray, before: Sequence[np.ndarray]) -> _Stage:
-    """Least squares of the parameters of one stage; the errors of the stages before are among the common ones."""
+def _regression(
+    observed: Sequence[Observation],
+    tables: Sequence[_Table],
+    value: np.ndarray,
+    before: Sequence[np.ndarray],
+) -> _Stage:
+    """Least squares of the parameters of one stage; the errors of the stages before are among the
+    common ones.
+    """
     from scipy.linalg import block_diag
 
     H = np.vstack([o.H for o in observed])
     y = np.concatenate([o.theta for o in observed]) - H @ value
     D = np.hstack([np.vstack([o.D for o in observed]), *(H @ root for root in before)])
-    parts = [slice(a, b) for a, b in pairwise(np.cumsum([0, *(len(o.theta) for o in observed)]).tolist())]
+    parts = [
+        slice(a, b) for a, b in pairwise(np.cumsum([0, *(len(o.theta) for o in observed)]).tolist())
+    ]
     owner = np.repeat(np.arange(len(tables)), [table.F.shape[1] for table in tables])
     A = np.hstack([H[:, table.nodes] @ table.F for table in tables])
     rough = np.stack([H[:, table.nodes] @ table.rough @ H[:, table.nodes].T for table in tables])
@@ -228,20 +307,33 @@ def _regression(observed: Sequence[Observation], tables: Sequence[_Table], value
         M, gain = _mixed(A * size, S)
         a = gain @ y
         v = y - A @ (size * a)
-        distance = np.array([np.sqrt(v[part] @ np.linalg.solve(S[part, part], v[part]) / len(v[part])) for part in parts])
+        distance = np.array(
+            [
+                np.sqrt(v[part] @ np.linalg.solve(S[part, part], v[part]) / len(v[part]))
+                for part in parts
+            ]
+        )
         weight = np.minimum(1.0, (_HUBER / np.maximum(distance, 1e-12)) ** 2)
         power = (size * a) ** 2 + size**2 * np.diag(M)
-        factors = np.array([max(1.0, np.sqrt(power[owner == k].mean())) for k in range(len(tables))])
+        factors = np.array(
+            [max(1.0, np.sqrt(power[owner == k].mean())) for k in range(len(tables))]
+        )
     covariance = M @ M + gain @ (noise + scatter * deviation) @ gain.T + (gain @ D) @ (gain @ D).T
     own_values, shape = np.linalg.eigh(covariance)
     loose = shape * np.sqrt(np.maximum(own_values, 0.0))
-    change, root, deviations = np.zeros(len(value)), np.zeros((len(value), len(a))), np.zeros(len(value))
+    change, root, deviations = (
+        np.zeros(len(value)),
+        np.zeros((len(value), len(a))),
+        np.zeros(len(value)),
+    )
     for k, table in enumerate(tables):
         F = table.F * size[owner == k]
         change[table.nodes], root[table.nodes] = F @ a[owner == k], F @ loose[owner == k]
         deviations[table.nodes] = factors[k] * np.sqrt(scatter * np.diag(table.rough))
     plain = (A * size) @ (A * size).T + noise + own
-    return _Stage(change, root, deviations, weight, distance, factors, float(y @ np.linalg.solve(plain, y)))
+    return _Stage(
+        change, root, deviations, weight, distance, factors, float(y @ np.linalg.solve(plain, y))
+    )
 
 
 def _mixed(A: np.ndarray, S: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -254,7 +346,9 @@ def _mixed(A: np.ndarray, S: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _scatter(y: np.ndarray, S: np.ndarray, deviation: np.ndarray) -> float:
-    """Return the variance of the deviations with which chi-squared is the number of estimates, by bisection of its logarithm."""
+    """Return the variance of the deviations with which chi-squared is the number of estimates, by
+    bisection of its logarithm.
+    """
     low, high = np.log(_SCATTER)
     for _ in range(40):
         middle = (low + high) / 2.0

@@ -1,9 +1,10 @@
 """Standard errors that a database will have after fits, before their estimates are known.
 
-The posterior covariance of `aerodb.tabulate` does not depend on the estimates but through the weights that it learns.  Here the
-parts of the prior covariance have their a-priori weights, the errors of the fits are taken as declared, and no fit is an outlier: what
-flights will give when the declared errors are right.  Once some flights have been tabulated, what `tabulate` learnt from them takes the
-place of both.
+The posterior covariance of `aerodb.tabulate` does not depend on the estimates but through the
+weights that it learns.  Here the parts of the prior covariance have their a-priori weights, the
+errors of the fits are taken as declared, and no fit is an outlier: what flights will give when the
+declared errors are right.  Once some flights have been tabulated, what `tabulate` learnt from them
+takes the place of both.
 """
 
 from __future__ import annotations
@@ -17,14 +18,22 @@ import xarray as xr
 
 from aerodb.store.schema import terms
 from aerodb.update.correlation import LENGTHS, PARTS, SHARES, prior_parts
-from aerodb.update.observations import Known, Observation, coefficient_of, common_errors, known_terms, observe
+from aerodb.update.observations import (
+    Known,
+    Observation,
+    coefficient_of,
+    common_errors,
+    known_terms,
+    observe,
+)
 from aerodb.update.tabulation import FLOWN, Tabulation, slices_of
 
 _WEIGHTS = np.array(list(SHARES.values()))
 
 
 class Expectation:
-    """Standard errors of the nodes of a database after any of some fits; what a fit observes is worked out once.
+    """Standard errors of the nodes of a database after any of some fits; what a fit observes is
+    worked out once.
 
     Parameters
     ----------
@@ -35,8 +44,9 @@ class Expectation:
     lengths : mapping, optional
         As in `aerodb.tabulate`. [SI]
     learnt : Tabulation, optional
-        Of flights done already, with the same prior: weights of the parts of the prior covariance by term, and the factor on the standard
-        errors of fits by coefficient.  What it does not have keeps the a-priori ones.
+        Of flights done already, with the same prior: weights of the parts of the prior covariance
+        by term, and the factor on the standard errors of fits by coefficient.  What it does not
+        have keeps the a-priori ones.
 
     References
     ----------
@@ -54,26 +64,37 @@ class Expectation:
         self._weights: dict[str, np.ndarray] = {}
         self._inflation: dict[str, float] = {}
         if learnt is not None:
-            self._weights = {str(name): row.to_numpy(float) for name, row in learnt.report[list(PARTS)].iterrows()}
-            self._inflation = {str(name): float(factor) for name, factor in learnt.compatibility["inflation"].items()}
+            self._weights = {
+                str(name): row.to_numpy(float)
+                for name, row in learnt.report[list(PARTS)].iterrows()
+            }
+            self._inflation = {
+                str(name): float(factor)
+                for name, factor in learnt.compatibility["inflation"].items()
+            }
         self._leaves = terms(prior)
         self._known: dict[str, Known] = {}
         self._observed: dict[int, tuple[Any, Observation, list[str]]] = {}
 
-    def stderr(self, fits: Sequence[Any], wanted: Mapping[str, np.ndarray] | None = None) -> dict[str, np.ndarray]:
+    def stderr(
+        self, fits: Sequence[Any], wanted: Mapping[str, np.ndarray] | None = None
+    ) -> dict[str, np.ndarray]:
         """Return the standard errors of nodes after some fits.
 
         Parameters
         ----------
         fits : sequence of Fit
-            Fits of flights, or predicted ones; used is what `aerodb.tabulate` uses, but for the estimates.
+            Fits of flights, or predicted ones; used is what `aerodb.tabulate` uses, but for the
+            estimates.
         wanted : mapping of str to bool array, optional
-            Nodes by term, in the shape of its table; without it all nodes of the terms of the coefficients that are fitted.
+            Nodes by term, in the shape of its table; without it all nodes of the terms of the
+            coefficients that are fitted.
 
         Returns
         -------
         dict of str to array
-            In the shape of the table; NaN at nodes that are not wanted.  A term that no fit touches keeps its standard errors.
+            In the shape of the table; NaN at nodes that are not wanted.  A term that no fit touches
+            keeps its standard errors.
 
         Raises
         ------
@@ -83,24 +104,39 @@ class Expectation:
         if wanted is None:
             mine = {coefficient_of(fit) for fit in fits}
             wanted = {
-                n: np.ones(self._leaves[n]["value"].shape, bool) for n in self._leaves if n.split("/")[0] in mine and n not in self.held
+                n: np.ones(self._leaves[n]["value"].shape, bool)
+                for n in self._leaves
+                if n.split("/")[0] in mine and n not in self.held
             }
-        found = {name: np.where(nodes, self._leaves[name]["stderr"].values, np.nan) for name, nodes in wanted.items()}
+        found = {
+            name: np.where(nodes, self._leaves[name]["stderr"].values, np.nan)
+            for name, nodes in wanted.items()
+        }
         for coefficient in dict.fromkeys(name.split("/")[0] for name in wanted):
             local = [fit for fit in fits if coefficient_of(fit) == coefficient]
             if local:
-                found |= self._of_coefficient(coefficient, local, {n: x for n, x in wanted.items() if n.split("/")[0] == coefficient})
+                found |= self._of_coefficient(
+                    coefficient,
+                    local,
+                    {n: x for n, x in wanted.items() if n.split("/")[0] == coefficient},
+                )
         return found
 
     def flown(self, fits: Sequence[Any]) -> dict[str, np.ndarray]:
-        """Return which nodes lie in the region that some fits flew, by term, as `aerodb.tabulate` has it."""
+        """Return which nodes lie in the region that some fits flew, by term, as `aerodb.tabulate`
+        has it.
+        """
         found: dict[str, np.ndarray] = {}
         for coefficient in dict.fromkeys(map(coefficient_of, fits)):
-            observed = [self._observation(fit)[0] for fit in fits if coefficient_of(fit) == coefficient]
+            observed = [
+                self._observation(fit)[0] for fit in fits if coefficient_of(fit) == coefficient
+            ]
             sampled = np.max([o.sampled for o in observed], axis=0)
             touched = np.any([np.abs(o.H).max(axis=0) > 0 for o in observed], axis=0)
             for name, nodes in self._slices(coefficient).items():
-                found[name] = ((sampled >= FLOWN) & touched)[nodes].reshape(self._leaves[name]["value"].shape)
+                found[name] = ((sampled >= FLOWN) & touched)[nodes].reshape(
+                    self._leaves[name]["value"].shape
+                )
         return found
 
     def _terms_of(self, coefficient: str) -> Known:
@@ -117,11 +153,17 @@ class Expectation:
         if id(fit) not in self._observed:
             sources = common_errors([fit])
             seen = observe(fit, self._terms_of(coefficient_of(fit)), sources)
-            self._observed[id(fit)] = fit, replace(seen, bases={}), sources  # these are as large as the samples
+            self._observed[id(fit)] = (
+                fit,
+                replace(seen, bases={}),
+                sources,
+            )  # these are as large as the samples
         _, observation, sources = self._observed[id(fit)]
         return observation, sources
 
-    def _of_coefficient(self, coefficient: str, fits: Sequence[Any], wanted: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    def _of_coefficient(
+        self, coefficient: str, fits: Sequence[Any], wanted: Mapping[str, np.ndarray]
+    ) -> dict[str, np.ndarray]:
         pairs = [self._observation(fit) for fit in fits]
         observed = [one for one, _ in pairs]
         H, D = np.vstack([o.H for o in observed]), _aligned(pairs)
@@ -134,7 +176,10 @@ class Expectation:
             asked = np.zeros(leaf["value"].size, bool) if asked is None else asked.ravel()
             chosen = np.flatnonzero(asked | touched[nodes] | (sampled[nodes] > 0))
             parts = prior_parts(leaf, (sampled * touched)[nodes], self.lengths, chosen)
-            P, h = np.einsum("k,kij->ij", self._weights.get(name, _WEIGHTS), parts), H[:, nodes][:, chosen]
+            P, h = (
+                np.einsum("k,kij->ij", self._weights.get(name, _WEIGHTS), parts),
+                H[:, nodes][:, chosen],
+            )
             PH = P @ h.T
             prior = prior + h @ PH
             blocks.append((name, chosen, asked[chosen], np.diag(P), PH))
@@ -159,7 +204,9 @@ class Expectation:
 
 
 def _aligned(pairs: Sequence[tuple[Any, list[str]]]) -> np.ndarray:
-    """Return the errors that fits share, (estimates, errors): those of one name in one column, those of held terms behind them."""
+    """Return the errors that fits share, (estimates, errors): those of one name in one column,
+    those of held terms behind them.
+    """
     names = list(dict.fromkeys(name for _, sources in pairs for name in sources))
     rows = []
     for o, sources in pairs:

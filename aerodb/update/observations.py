@@ -1,4 +1,6 @@
-"""Local models and samples from flight as linear observations of the nodes of tables (`aerodb.update.tabulation`)."""
+"""Local models and samples from flight as linear observations of the nodes of tables
+(`aerodb.update.tabulation`).
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,9 @@ _NEGLIGIBLE = 1e-6  # variance of an error of a held term, over its largest
 
 @dataclass(frozen=True)
 class Known:
-    """The terms of one coefficient: those that the flights may change, and those that are held with their independent errors."""
+    """The terms of one coefficient: those that the flights may change, and those that are held with
+    their independent errors.
+    """
 
     coefficient: str
     leaves: Mapping[str, xr.Dataset]
@@ -50,10 +54,14 @@ class Observation:
     C: np.ndarray  # (estimates, estimates)
     sampled: np.ndarray  # (free nodes,), largest weight of each at a sample
     bases: dict[str, Any]  # of all terms, free and held: (samples, nodes)
-    errors: Sequence[str]  # names of the common errors, the first columns of D; those of held terms have none
+    errors: Sequence[
+        str
+    ]  # names of the common errors, the first columns of D; those of held terms have none
 
 
-def observations(fits: Sequence[Any], prior: xr.DataTree, held: Sequence[str]) -> Iterator[tuple[Known, list[Observation]]]:
+def observations(
+    fits: Sequence[Any], prior: xr.DataTree, held: Sequence[str]
+) -> Iterator[tuple[Known, list[Observation]]]:
     """Yield the terms of every coefficient and the fits of it; raises as `known_terms` does."""
     for known in known_terms([coefficient_of(fit) for fit in fits], prior, held):
         local = [fit for fit in fits if coefficient_of(fit) == known.coefficient]
@@ -67,7 +75,9 @@ def common_errors(fits: Sequence[Any]) -> list[str]:
 
 
 def observe(fit: Any, known: Known, sources: Sequence[str]) -> Observation:
-    """Return what a fit observes of the terms of its coefficient; `sources` are the common errors of the first columns of D."""
+    """Return what a fit observes of the terms of its coefficient; `sources` are the common errors
+    of the first columns of D.
+    """
     Q, R = np.linalg.qr(fit.design.values)
 
     def local(samples: np.ndarray) -> np.ndarray:
@@ -97,7 +107,9 @@ def observe(fit: Any, known: Known, sources: Sequence[str]) -> Observation:
 
 
 def _factor(leaf: xr.Dataset) -> np.ndarray:
-    """Return independent errors of a term that is held, (nodes, errors): their covariance is that a priori."""
+    """Return independent errors of a term that is held, (nodes, errors): their covariance is that a
+    priori.
+    """
     if "stderr" not in leaf:
         return np.zeros((leaf["value"].size, 0))
     size, shape = np.linalg.eigh(joint_covariance({"": leaf})[1])
@@ -106,10 +118,14 @@ def _factor(leaf: xr.Dataset) -> np.ndarray:
 
 
 def _nearest(leaf: xr.Dataset, data: xr.Dataset) -> np.ndarray:
-    """Return the largest weight that the table gives to each node at a sample inside it: 1 at a sample on the node."""
+    """Return the largest weight that the table gives to each node at a sample inside it: 1 at a
+    sample on the node.
+    """
     bare = _terms.bare(leaf)
     B = basis_at(bare, data)[~outside(bare, data)]
-    return np.asarray(B.max(axis=0).todense()).ravel() if B.shape[0] else np.zeros(leaf["value"].size)
+    return (
+        np.asarray(B.max(axis=0).todense()).ravel() if B.shape[0] else np.zeros(leaf["value"].size)
+    )
 
 
 def known_terms(wanted: Iterable[str], prior: xr.DataTree, held: Sequence[str]) -> list[Known]:
@@ -129,10 +145,17 @@ def known_terms(wanted: Iterable[str], prior: xr.DataTree, held: Sequence[str]) 
     wanted = list(dict.fromkeys(wanted))
     for name in wanted:
         if name not in coefficients(prior):
-            raise UnknownName(name, coefficients(prior), "coefficient", "the database does not hold it with its force axes")
+            raise UnknownName(
+                name,
+                coefficients(prior),
+                "coefficient",
+                "the database does not hold it with its force axes",
+            )
     problems = []
     if prior.attrs["force_axes"] == "wind" and set(wanted) & {"CL", "CD", "CY"}:
-        problems.append("force_axes is 'wind', the fits are of stability axes; build the database in stability axes")
+        problems.append(
+            "force_axes is 'wind', the fits are of stability axes; build the database in stability axes"
+        )
     for name, leaf in leaves.items():
         if name.split("/")[0] in wanted and name not in held and "stderr" not in leaf:
             problems.append(f"{name} has no stderr; give one to every node, or hold the term")
@@ -142,12 +165,21 @@ def known_terms(wanted: Iterable[str], prior: xr.DataTree, held: Sequence[str]) 
     for coefficient in wanted:
         mine = {name: leaf for name, leaf in leaves.items() if name.startswith(f"{coefficient}/")}
         fixed = {name: (leaf, _factor(leaf)) for name, leaf in mine.items() if name in held}
-        found.append(Known(coefficient, mine, {name: leaf for name, leaf in mine.items() if name not in held}, fixed))
+        found.append(
+            Known(
+                coefficient,
+                mine,
+                {name: leaf for name, leaf in mine.items() if name not in held},
+                fixed,
+            )
+        )
     return found
 
 
 def _conditions(leaf: xr.Dataset, data: xr.Dataset) -> dict[str, Any]:
-    """The samples of a fit as conditions of a term; devices that were not recorded are at rest, the ground is far."""
+    """The samples of a fit as conditions of a term; devices that were not recorded are at rest, the
+    ground is far.
+    """
     found: dict[str, Any] = {}
     for name in _terms.variables(leaf):
         if name in data:
@@ -162,7 +194,8 @@ def _conditions(leaf: xr.Dataset, data: xr.Dataset) -> dict[str, Any]:
 
 
 def basis_at(leaf: xr.Dataset, data: xr.Dataset):
-    """Return the linear map from the nodes of a term to its contribution at the samples of a fit, sparse (sample, node).
+    """Return the linear map from the nodes of a term to its contribution at the samples of a fit,
+    sparse (sample, node).
 
     Parameters
     ----------
@@ -178,7 +211,11 @@ def basis_at(leaf: xr.Dataset, data: xr.Dataset):
     """
     B = _terms.basis(leaf, _conditions(leaf, data), outside="clamp")
     # a single number without axes or regressors has no samples of its own
-    return B if B.shape[0] == data.sizes["sample"] else type(B)(np.repeat(B.toarray(), data.sizes["sample"], axis=0))
+    return (
+        B
+        if B.shape[0] == data.sizes["sample"]
+        else type(B)(np.repeat(B.toarray(), data.sizes["sample"], axis=0))
+    )
 
 
 def outside(leaf: xr.Dataset, data: xr.Dataset) -> np.ndarray:

@@ -4,17 +4,20 @@ A piecewise-linear table is linear in its nodes, so samples are
 
     z = B g + E s + v,    s ~ N(0, 1)
 
-with the nodes g of all terms of one coefficient, changes E by one standard error of the errors that all samples share, and a
-disturbance v that is correlated in time.  Nodes are many and what one manoeuvre knows of them is little.  With the a-priori
-covariance P = F F' of the nodes it moves, the singular value decomposition B F = U S W' gives the combinations theta = U'z whose
-a-priori standard errors are S; those are kept that are some times above the standard error of U'v, with the coloured covariance of
-what the combinations kept leave over.  What is smaller holds no more about the tables than about everything that neither tables nor
-disturbance describe: the bend of the true curves between two nodes, noise of the states in step with that of the coefficient.  Kept
-down to one standard error, the rate of incidence of the T-37 came out 3.5 of its standard errors wrong.
+with the nodes g of all terms of one coefficient, changes E by one standard error of the errors that
+all samples share, and a disturbance v that is correlated in time.  Nodes are many and what one
+manoeuvre knows of them is little.  With the a-priori covariance P = F F' of the nodes it moves, the
+singular value decomposition B F = U S W' gives the combinations theta = U'z whose a-priori standard
+errors are S; those are kept that are some times above the standard error of U'v, with the coloured
+covariance of what the combinations kept leave over.  What is smaller holds no more about the tables
+than about everything that neither tables nor disturbance describe: the bend of the true curves
+between two nodes, noise of the states in step with that of the coefficient.  Kept down to one
+standard error, the rate of incidence of the T-37 came out 3.5 of its standard errors wrong.
 
-An observation of directions is then one like that of a local fit: the same learnt prior covariance, the same weights, the same
-common errors, considered and not estimated (`aerodb.update.tabulation`).  No local model stands between samples and tables, hence
-what it leaves out does not scatter its estimates, and no term needs to be in all manoeuvres.
+An observation of directions is then one like that of a local fit: the same learnt prior covariance,
+the same weights, the same common errors, considered and not estimated (`aerodb.update.tabulation`).
+No local model stands between samples and tables, hence what it leaves out does not scatter its
+estimates, and no term needs to be in all manoeuvres.
 """
 
 from __future__ import annotations
@@ -29,13 +32,22 @@ import xarray as xr
 from aerodb.store.schema import terms
 from aerodb.update.cautions.unplaced_terms import demand_places, unplaced_controls, unplaced_terms
 from aerodb.update.correlation import LENGTHS, SHARES, prior_parts
-from aerodb.update.observations import Known, Observation, basis_at, coefficient_of, common_errors, known_terms, observe
+from aerodb.update.observations import (
+    Known,
+    Observation,
+    basis_at,
+    coefficient_of,
+    common_errors,
+    known_terms,
+    observe,
+)
 from aerodb.update.shapes import Shape, demand_shapes
 from aerodb.update.tabulation import Tabulation, cautioned, joined, slices_of, together
 from flightmech import terms as _terms
 from flightmech.errors import IdentificationError
 
-KEEP = 4.0  # a-priori standard error of a direction over that of its measurement from which on it is kept
+# a-priori standard error of a direction over that of its measurement from which on it is kept
+KEEP = 4.0
 _HISTORY = "regress_tables: from the samples of {} groups of manoeuvres"
 _ROUNDING = 1e-6  # singular value over the largest
 _PORTION = 4_000_000  # numbers of samples times directions held at a time
@@ -59,22 +71,26 @@ def regress_tables(
     Parameters
     ----------
     samples : sequence of Dataset (sample,)
-        One for every manoeuvre or group of manoeuvres of one disturbance: a coefficient, named by the attribute ``coefficient``, and
-        the variables of its terms [SI].  Where they have common errors, the changes by one standard error of each:
-        ``<coefficient>_error`` (error, sample) and the same of variables.  The attribute ``name`` is for reports.
+        One for every manoeuvre or group of manoeuvres of one disturbance: a coefficient, named by
+        the attribute ``coefficient``, and the variables of its terms [SI].  Where they have common
+        errors, the changes by one standard error of each: ``<coefficient>_error`` (error, sample)
+        and the same of variables.  The attribute ``name`` is for reports.
     prior : DataTree
         The database; its leaves need ``stderr``, a node with ``stderr`` 0 stays.
     covariance : callable
-        ``covariance(samples, X, v)``: the covariance of the least-squares estimate with the regressors X (sample, term), of which v
-        are the residuals; such as `flighttest.combining.coloured_covariance`.
+        ``covariance(samples, X, v)``: the covariance of the least-squares estimate with the
+        regressors X (sample, term), of which v are the residuals; such as
+        `flighttest.combining.coloured_covariance`.
     held, lengths, shapes
         As in `tabulate`.
     fits : sequence of Fit
-        Estimates whose samples are not at hand, such as published values; they count as in `tabulate`.
+        Estimates whose samples are not at hand, such as published values; they count as in
+        `tabulate`.
     unplaced : {"raise", "warn"}
-        As in `tabulate`, for the terms of `fits` and `local`, and where no local model describes samples for their primary controls
-        (elevator of CL and Cm, aileron of Cl, rudder of CY and Cn, flaps, gear): one that moved and on which no term of the coefficient
-        depends is significant if its t value in the residual of the tables is 4.47 or more.
+        As in `tabulate`, for the terms of `fits` and `local`, and where no local model describes
+        samples for their primary controls (elevator of CL and Cm, aileron of Cl, rudder of CY and
+        Cn, flaps, gear): one that moved and on which no term of the coefficient depends is
+        significant if its t value in the residual of the tables is 4.47 or more.
     local : sequence of Fit
         Local models of the same samples.  They are not counted; only their terms must have a place.
 
@@ -101,22 +117,44 @@ def regress_tables(
     .. [Morelli1997] Morelli, Klein, J. Guidance 20, 1997.
     """
     if not samples:
-        raise IdentificationError("no samples; regress_tables needs those of at least one manoeuvre")
+        raise IdentificationError(
+            "no samples; regress_tables needs those of at least one manoeuvre"
+        )
     lengths = {**LENGTHS, **(lengths or {})}
-    demand_shapes(shapes or {}, {name: leaf for name, leaf in terms(prior).items() if name not in held})
+    demand_shapes(
+        shapes or {}, {name: leaf for name, leaf in terms(prior).items() if name not in held}
+    )
     findings, lost = [], [unplaced_terms([*fits, *local], prior, held)]
     modelled = {(coefficient_of(fit), str(fit.estimates.attrs.get("name", ""))) for fit in local}
-    for known in known_terms([*(str(one.attrs["coefficient"]) for one in samples), *map(coefficient_of, fits)], prior, held):
+    for known in known_terms(
+        [*(str(one.attrs["coefficient"]) for one in samples), *map(coefficient_of, fits)],
+        prior,
+        held,
+    ):
         mine = [one for one in samples if one.attrs["coefficient"] == known.coefficient]
         given = [fit for fit in fits if coefficient_of(fit) == known.coefficient]
-        of_samples = [str(name) for one in mine if "error" in one.coords for name in one["error"].values]
+        of_samples = [
+            str(name) for one in mine if "error" in one.coords for name in one["error"].values
+        ]
         sources = list(dict.fromkeys([*of_samples, *common_errors(given)]))
-        sampled = np.max([known.sampled(data) for data in (*mine, *(fit.data for fit in given))], axis=0)
-        priors = [_declared(leaf, sampled[at], lengths) for leaf, at in zip(known.free.values(), slices_of(known.free.values()))]
+        sampled = np.max(
+            [known.sampled(data) for data in (*mine, *(fit.data for fit in given))], axis=0
+        )
+        priors = [
+            _declared(leaf, sampled[at], lengths)
+            for leaf, at in zip(known.free.values(), slices_of(known.free.values()))
+        ]
         seen = [_observe(one, known, priors, sources, covariance) for one in mine]
-        unmodelled = [k for k, one in enumerate(seen) if (known.coefficient, one.name) not in modelled]
-        lost += [unplaced_controls(seen[k].name, mine[k], known, seen[k].directions, covariance) for k in unmodelled]
-        observed = [one.observation for one in seen] + [observe(fit, known, sources) for fit in given]
+        unmodelled = [
+            k for k, one in enumerate(seen) if (known.coefficient, one.name) not in modelled
+        ]
+        lost += [
+            unplaced_controls(seen[k].name, mine[k], known, seen[k].directions, covariance)
+            for k in unmodelled
+        ]
+        observed = [one.observation for one in seen] + [
+            observe(fit, known, sources) for fit in given
+        ]
         findings.append(joined(known, observed, lengths, shapes, _HISTORY))
     table = pd.concat([one for one in lost if len(one)] or lost[:1])
     notices = demand_places(table, unplaced)
@@ -124,7 +162,9 @@ def regress_tables(
 
 
 class _Seen(NamedTuple):
-    """The observation of one set of samples, and what returns the orthonormal directions in which its samples move the tables."""
+    """The observation of one set of samples, and what returns the orthonormal directions in which
+    its samples move the tables.
+    """
 
     observation: Observation
     directions: Callable[[], np.ndarray]
@@ -140,7 +180,13 @@ def _declared(leaf: xr.Dataset, sampled: np.ndarray, lengths: Mapping[str, float
     return np.einsum("k,kij->ij", list(SHARES.values()), prior_parts(leaf, sampled, lengths))
 
 
-def _observe(samples: xr.Dataset, known: Known, priors: Sequence[np.ndarray], sources: Sequence[str], covariance: Covariance) -> _Seen:
+def _observe(
+    samples: xr.Dataset,
+    known: Known,
+    priors: Sequence[np.ndarray],
+    sources: Sequence[str],
+    covariance: Covariance,
+) -> _Seen:
     from scipy.sparse import hstack
 
     bases = known.bases_at(samples)
@@ -152,7 +198,9 @@ def _observe(samples: xr.Dataset, known: Known, priors: Sequence[np.ndarray], so
     touched, F = _moved([bases[name] for name in known.free], priors)
     BF = _Product(B[:, touched], F)
     r = z - B @ g0
-    s, W, U = _kept(BF, r, lambda X, v: covariance(samples, X, v), str(samples.attrs.get("name", "")))
+    s, W, U = _kept(
+        BF, r, lambda X, v: covariance(samples, X, v), str(samples.attrs.get("name", ""))
+    )
     C = covariance(samples, U, r - U @ (U.T @ r))
     nodes = g0.copy()
     nodes[touched] += F @ (W @ (s / (s**2 + np.diag(C)) * (U.T @ r)))
@@ -163,11 +211,18 @@ def _observe(samples: xr.Dataset, known: Known, priors: Sequence[np.ndarray], so
     H[:, touched] = (B[:, touched].T @ U).T
     D = [common, *(U.T @ (bases[name] @ factor) for name, (_, factor) in known.fixed.items())]
     name = str(samples.attrs.get("name", ""))
-    return _Seen(Observation(name, samples, U.T @ z, H, np.hstack(D), C, known.sampled(samples), bases, sources), BF.all_directions)
+    return _Seen(
+        Observation(
+            name, samples, U.T @ z, H, np.hstack(D), C, known.sampled(samples), bases, sources
+        ),
+        BF.all_directions,
+    )
 
 
 def _moved(bases: Sequence, priors: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """Return which nodes the samples move, among all, and a factor F of their a-priori covariance F F'."""
+    """Return which nodes the samples move, among all, and a factor F of their a-priori covariance F
+    F'.
+    """
     from scipy.linalg import block_diag
 
     places, factors, before = [], [], 0
@@ -189,11 +244,15 @@ class _Product:
         self.B, self.F = B, F
 
     def decomposed(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return singular values and right singular vectors (columns), by the triangular factor of portions of the rows."""
+        """Return singular values and right singular vectors (columns), by the triangular factor of
+        portions of the rows.
+        """
         rows = max(self.F.shape[1], _PORTION // max(self.F.shape[1], 1))
         R = np.zeros((0, self.F.shape[1]))
         for start in range(0, self.B.shape[0], rows):
-            R = np.asarray(np.linalg.qr(np.vstack([R, self.B[start : start + rows] @ self.F]), mode="r"))
+            R = np.asarray(
+                np.linalg.qr(np.vstack([R, self.B[start : start + rows] @ self.F]), mode="r")
+            )
         _, s, Wt = np.linalg.svd(R, full_matrices=False)
         known = s > _ROUNDING * s[0]
         return s[known], Wt[known].T
@@ -208,9 +267,14 @@ class _Product:
 
 
 def _kept(
-    BF: _Product, r: np.ndarray, covariance: Callable[[np.ndarray, np.ndarray], np.ndarray], name: str
+    BF: _Product,
+    r: np.ndarray,
+    covariance: Callable[[np.ndarray, np.ndarray], np.ndarray],
+    name: str,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return singular values, right and left singular vectors of the directions that distinguish the tables; one at least."""
+    """Return singular values, right and left singular vectors of the directions that distinguish
+    the tables; one at least.
+    """
     s, W = BF.decomposed()
     if len(s) >= len(r):
         raise IdentificationError(
@@ -229,8 +293,12 @@ def _kept(
     return s[keep], W[:, keep], U[:, keep]
 
 
-def _changes(samples: xr.Dataset, known: Known, bases: Mapping, nodes: np.ndarray) -> tuple[list[str], np.ndarray]:
-    """Return names of the common errors and what they change of measured minus tables, (error, sample)."""
+def _changes(
+    samples: xr.Dataset, known: Known, bases: Mapping, nodes: np.ndarray
+) -> tuple[list[str], np.ndarray]:
+    """Return names of the common errors and what they change of measured minus tables, (error,
+    sample).
+    """
     name = f"{known.coefficient}_error"
     if name not in samples:
         return [], np.zeros((0, samples.sizes["sample"]))
@@ -238,10 +306,16 @@ def _changes(samples: xr.Dataset, known: Known, bases: Mapping, nodes: np.ndarra
     values = {term: nodes[at] for term, at in zip(known.free, slices_of(known.free.values()))}
     values |= {term: leaf["value"].values.ravel() for term, (leaf, _) in known.fixed.items()}
     for term, leaf in known.leaves.items():
-        moving = {x: samples[f"{x}_error"].values for x in _terms.variables(leaf) if f"{x}_error" in samples}
+        moving = {
+            x: samples[f"{x}_error"].values
+            for x in _terms.variables(leaf)
+            if f"{x}_error" in samples
+        }
         for k in range(len(change)):
             by = {x: steps[k] for x, steps in moving.items() if steps[k].any()}
             if by:
-                moved = samples.assign({x: ("sample", samples[x].values + step) for x, step in by.items()})
+                moved = samples.assign(
+                    {x: ("sample", samples[x].values + step) for x, step in by.items()}
+                )
                 change[k] -= (basis_at(leaf, moved) - bases[term]) @ values[term]
     return [str(source) for source in samples["error"].values], change

@@ -1,8 +1,11 @@
-"""Standard errors of coefficients, of their derivatives and of terms at conditions, from the joint covariance of the nodes.
+"""Standard errors of coefficients, of their derivatives and of terms at conditions, from the joint
+covariance of the nodes.
 
-A contribution is linear in the nodes, c = B g (`flightmech.terms.basis`), so its variance is B V B'.  V is the covariance that the
-tables hold (`aerodb.update.posterior`): after a flight the joint one of all terms of a coefficient.  A table without it has the correlation
-that `aerodb.update.correlation` gives an a-priori table, and is independent of the others.  Factor tables K are taken as known.
+A contribution is linear in the nodes, c = B g (`flightmech.terms.basis`), so its variance is B V
+B'.  V is the covariance that the tables hold (`aerodb.update.posterior`): after a flight the joint
+one of all terms of a coefficient.  A table without it has the correlation that
+`aerodb.update.correlation` gives an a-priori table, and is independent of the others.  Factor
+tables K are taken as known.
 """
 
 from __future__ import annotations
@@ -31,7 +34,12 @@ _MODE = ("omega_n", "damping_ratio")
 
 
 def with_standard_errors(
-    found: Characteristics, aircraft: Aircraft, db: xr.DataTree, condition: Mapping[str, float], count: int = 50, seed: int = 1
+    found: Characteristics,
+    aircraft: Aircraft,
+    db: xr.DataTree,
+    condition: Mapping[str, float],
+    count: int = 50,
+    seed: int = 1,
 ) -> Characteristics:
     """Return characteristics with the standard errors that follow from those of the database.
 
@@ -42,15 +50,17 @@ def with_standard_errors(
     aircraft, db, condition
         As there; mass, c.g., inertia and thrust count as known.
     count : int
-        Databases to draw, 10 or more; each takes as long as one call of `flightmech.characteristics`.
+        Databases to draw, 10 or more; each takes as long as one call of
+        `flightmech.characteristics`.
     seed : int
         Of the random numbers.
 
     Returns
     -------
     Characteristics
-        ``table`` with the column ``stderr``, ``modes`` with ``omega_n_stderr`` and ``damping_ratio_stderr``: standard deviations over the
-        draws in which a quantity exists; NaN when these are fewer than 10.
+        ``table`` with the column ``stderr``, ``modes`` with ``omega_n_stderr`` and
+        ``damping_ratio_stderr``: standard deviations over the draws in which a quantity exists; NaN
+        when these are fewer than 10.
 
     Raises
     ------
@@ -65,18 +75,33 @@ def with_standard_errors(
     tables, modes, failures = [], [], []
     for k in range(count):
         try:
-            one = characteristics(aircraft, drawn(db, {name: nodes[k] for name, nodes in values.items()}), condition)
+            one = characteristics(
+                aircraft, drawn(db, {name: nodes[k] for name, nodes in values.items()}), condition
+            )
         except AeromatchError as error:
             failures.append(str(error))
             continue
         tables.append(one.table["value"])
         modes.append(one.modes.drop_duplicates("mode").set_index("mode")[list(_MODE)])
     if len(tables) < _LEAST:
-        raise SchemaError("samples", [f"{len(failures)} of {count} draws cannot be evaluated; the first: {failures[0]}"])
+        raise SchemaError(
+            "samples",
+            [f"{len(failures)} of {count} draws cannot be evaluated; the first: {failures[0]}"],
+        )
     spread = pd.concat(tables, axis=1).apply(_deviation, axis=1)
-    of_modes = {name: pd.concat([one[name] for one in modes], axis=1).apply(_deviation, axis=1) for name in _MODE}
-    errors = {f"{name}_stderr": found.modes["mode"].map(deviations) for name, deviations in of_modes.items()}
-    return replace(found, table=found.table.assign(stderr=spread.reindex(found.table.index)), modes=found.modes.assign(**errors))
+    of_modes = {
+        name: pd.concat([one[name] for one in modes], axis=1).apply(_deviation, axis=1)
+        for name in _MODE
+    }
+    errors = {
+        f"{name}_stderr": found.modes["mode"].map(deviations)
+        for name, deviations in of_modes.items()
+    }
+    return replace(
+        found,
+        table=found.table.assign(stderr=spread.reindex(found.table.index)),
+        modes=found.modes.assign(**errors),
+    )
 
 
 def _deviation(values: pd.Series) -> float:
@@ -85,12 +110,17 @@ def _deviation(values: pd.Series) -> float:
     return float(known.std(ddof=1)) if len(known) >= _LEAST else float("nan")
 
 
-_STEP = float(np.finfo(float).eps ** (1.0 / 3.0))  # half the width of a central difference, of a variable of the size of one
+_STEP = float(
+    np.finfo(float).eps ** (1.0 / 3.0)
+)  # half the width of a central difference, of a variable of the size of one
 _CHUNK = 4096  # samples at a time: 16 x 16 corners of each
 
 
-def standard_error(db: xr.DataTree, coefficient: str, conditions: Mapping[str, Any], derivative: str | None = None) -> np.ndarray:
-    """Return the standard error of a coefficient, or of one of its derivatives, at given conditions.
+def standard_error(
+    db: xr.DataTree, coefficient: str, conditions: Mapping[str, Any], derivative: str | None = None
+) -> np.ndarray:
+    """Return the standard error of a coefficient, or of one of its derivatives, at given
+    conditions.
 
     Parameters
     ----------
@@ -99,15 +129,17 @@ def standard_error(db: xr.DataTree, coefficient: str, conditions: Mapping[str, A
     coefficient : str
         Such as ``"CL"``.
     conditions : mapping of str to array
-        Every variable the terms need, broadcast against each other; beyond a table the rule of the leaf. [SI]
+        Every variable the terms need, broadcast against each other; beyond a table the rule of the
+        leaf. [SI]
     derivative : str, optional
-        One of the conditions, such as ``"alpha"``: that of the derivative with respect to it, a central difference as the derivatives
-        of `flightmech.characteristics` are.
+        One of the conditions, such as ``"alpha"``: that of the derivative with respect to it, a
+        central difference as the derivatives of `flightmech.characteristics` are.
 
     Returns
     -------
     array (broadcast shape of the conditions used)
-        Root of the variance of the sum of all terms; a term without ``stderr`` counts as exact.  [1, or 1 per unit of the variable]
+        Root of the variance of the sum of all terms; a term without ``stderr`` counts as exact.
+        [1, or 1 per unit of the variable]
 
     Raises
     ------
@@ -119,22 +151,32 @@ def standard_error(db: xr.DataTree, coefficient: str, conditions: Mapping[str, A
         raise UnknownName(coefficient, {name.split("/")[0] for name in terms(db)}, "coefficient")
     if derivative is not None and derivative not in conditions:
         raise UnknownName(derivative, conditions, "condition")
-    shape = np.broadcast_shapes(*(_terms.evaluate(leaf, conditions, "clamp").shape for leaf in leaves.values()))
+    shape = np.broadcast_shapes(
+        *(_terms.evaluate(leaf, conditions, "clamp").shape for leaf in leaves.values())
+    )
     used = {name for leaf in leaves.values() for name in _terms.variables(leaf)}
-    whole = {name: np.broadcast_to(np.asarray(x, float), shape).ravel() for name, x in conditions.items() if name in used}
+    whole = {
+        name: np.broadcast_to(np.asarray(x, float), shape).ravel()
+        for name, x in conditions.items()
+        if name in used
+    }
     if derivative not in (None, *used):
         return np.zeros(shape)
     count = int(np.prod(shape))
-    return spread_of_sum([(_map(leaf, whole, derivative, count), leaf) for leaf in leaves.values()]).reshape(shape)
+    return spread_of_sum(
+        [(_map(leaf, whole, derivative, count), leaf) for leaf in leaves.values()]
+    ).reshape(shape)
 
 
 def spread_of_sum(parts: Sequence[tuple[csr_array, xr.Dataset]]) -> np.ndarray:
-    """Return the standard errors of sums of linear combinations of the nodes of several terms of one coefficient.
+    """Return the standard errors of sums of linear combinations of the nodes of several terms of
+    one coefficient.
 
     Parameters
     ----------
     parts : sequence of (sparse array (samples, nodes), Dataset)
-        From `flightmech.terms.basis`, or a linear combination of several of them, and the term; one without ``stderr`` counts as exact.
+        From `flightmech.terms.basis`, or a linear combination of several of them, and the term; one
+        without ``stderr`` counts as exact.
 
     Returns
     -------
@@ -153,17 +195,25 @@ def spread_of_sum(parts: Sequence[tuple[csr_array, xr.Dataset]]) -> np.ndarray:
     return np.sqrt(np.maximum(variance, 0.0))
 
 
-def _map(leaf: xr.Dataset, conditions: Mapping[str, np.ndarray], derivative: str | None, count: int) -> csr_array:
-    """Return the linear map from the nodes of a term to its contribution at every condition, or to the derivative of it."""
+def _map(
+    leaf: xr.Dataset, conditions: Mapping[str, np.ndarray], derivative: str | None, count: int
+) -> csr_array:
+    """Return the linear map from the nodes of a term to its contribution at every condition, or to
+    the derivative of it.
+    """
     if derivative is None:
         return repeated(_terms.basis(leaf, conditions, "clamp"), count)
-    steps = [{**conditions, derivative: conditions[derivative] + side * _STEP} for side in (1.0, -1.0)]
+    steps = [
+        {**conditions, derivative: conditions[derivative] + side * _STEP} for side in (1.0, -1.0)
+    ]
     after, before = (repeated(_terms.basis(leaf, at, "clamp"), count) for at in steps)
     return (after - before) / (2.0 * _STEP)
 
 
 def repeated(B: csr_array, count: int) -> csr_array:
-    """Return a map with a row for every condition: that of a term without variables has a single one."""
+    """Return a map with a row for every condition: that of a term without variables has a single
+    one.
+    """
     return B if B.shape[0] == count else type(B)(np.repeat(B.toarray(), count, axis=0))
 
 

@@ -1,33 +1,39 @@
 """Local estimates from flight and a prior database joined into tables.
 
-A local estimate theta = (X'X)^-1 X' z of samples that follow the tables, z = B g, has the expectation H g with
-H = (X'X)^-1 X' B, whatever the local model leaves out.  Every fit is therefore an observation
+A local estimate theta = (X'X)^-1 X' z of samples that follow the tables, z = B g, has the
+expectation H g with H = (X'X)^-1 X' B, whatever the local model leaves out.  Every fit is therefore
+an observation
 
     theta = H g + D s + e,    s ~ N(0, 1),    e ~ N(0, C)
 
-of the nodes g of all terms of its coefficient at once.  C is its coloured-residual covariance; D holds the changes by
-one standard error of every error that fits share: mass, inertia, thrust, the pick-ups of the surfaces, and what the
-instruments leave open in the reconstructed states.  With the prior g ~ N(g0, P) everything is Gaussian, and the nodes have
-a posterior in closed form.  The common errors s are *considered*, not estimated across fits: the nodes are weighed as if every
-fit had errors s of its own, and their covariance is that of these weights when all fits share s.  Terms that are held are
-considered likewise, with their a-priori errors.  An estimate that a common error dominates (a damping, by the lag of the vanes)
-then distorts no table, and what all fits agree in is taken as measured.  Estimating s across fits lets the shape of a handbook
-table decide about an instrument: the bias of an elevator pick-up, which nothing but that shape distinguishes from a
-constant pitching moment, then came out with a third of its true uncertainty, at values that were no better.
+of the nodes g of all terms of its coefficient at once.  C is its coloured-residual covariance; D
+holds the changes by one standard error of every error that fits share: mass, inertia, thrust, the
+pick-ups of the surfaces, and what the instruments leave open in the reconstructed states.  With the
+prior g ~ N(g0, P) everything is Gaussian, and the nodes have a posterior in closed form.  The
+common errors s are *considered*, not estimated across fits: the nodes are weighed as if every fit
+had errors s of its own, and their covariance is that of these weights when all fits share s.  Terms
+that are held are considered likewise, with their a-priori errors.  An estimate that a common error
+dominates (a damping, by the lag of the vanes) then distorts no table, and what all fits agree in is
+taken as measured.  Estimating s across fits lets the shape of a handbook table decide about an
+instrument: the bias of an elevator pick-up, which nothing but that shape distinguishes from a
+constant pitching moment, then came out with a third of its true uncertainty, at values that were no
+better.
 
-The prior covariance of the nodes is a sum of four parts (`aerodb.update.correlation.prior_parts`): common to the whole table; common
-to its flown region, and fading with the distance from it; a smooth curve there that fades alike; and a rough one.  The
-weights of the parts, and one factor on C, are learnt for each term: those with the largest marginal likelihood, given lognormal
-hyperpriors about the a-priori shares, found by Newton's method with exact derivatives.  The weights used are their lognormal
-means, which for a term that no fit informs are the a-priori shares.  What the flights determine about the reach of a correction
-holds where they were flown: the second part hardly follows the fits and never counts less than a priori, so that outside the flown
-region the standard errors go back to those of the handbook.  What the whole handbook method is wrong by is the first part,
-which may grow by much, and carries a correction to nodes that were not flown.
-Nodes of different terms are independent a priori; after the flight they are not.  The term tables keep their joint covariance
-(`aerodb.update.posterior`); ``stderr`` is that of single nodes.
+The prior covariance of the nodes is a sum of four parts (`aerodb.update.correlation.prior_parts`):
+common to the whole table; common to its flown region, and fading with the distance from it; a
+smooth curve there that fades alike; and a rough one.  The weights of the parts, and one factor on
+C, are learnt for each term: those with the largest marginal likelihood, given lognormal hyperpriors
+about the a-priori shares, found by Newton's method with exact derivatives.  The weights used are
+their lognormal means, which for a term that no fit informs are the a-priori shares.  What the
+flights determine about the reach of a correction holds where they were flown: the second part
+hardly follows the fits and never counts less than a priori, so that outside the flown region the
+standard errors go back to those of the handbook.  What the whole handbook method is wrong by is the
+first part, which may grow by much, and carries a correction to nodes that were not flown. Nodes of
+different terms are independent a priori; after the flight they are not.  The term tables keep their
+joint covariance (`aerodb.update.posterior`); ``stderr`` is that of single nodes.
 
-What no fit separates stays divided by the priors: a fit with one term for pitch rate and rate of incidence informs
-``qhat`` and ``alphadothat`` together.
+What no fit separates stays divided by the priors: a fit with one term for pitch rate and rate of
+incidence informs ``qhat`` and ``alphadothat`` together.
 """
 
 from __future__ import annotations
@@ -53,7 +59,8 @@ from flightmech import terms as _terms
 from flightmech.errors import AeromatchWarning, IdentificationError
 
 SUSPECT = 0.3  # weight below which a fit is listed as suspect
-FLOWN = 0.25  # least weight that some sample gives to a node from flight: half a cell away on each of two axes
+# least weight that some sample gives to a node from flight: half a cell away on each of two axes
+FLOWN = 0.25
 _HUBER = 2.5
 _ROUNDS, _STEPS = 4, 100  # of weighting, and of Newton's method within each
 _SPREAD_OF_FITS = 0.7  # standard error of the logarithm of the factor on C a priori
@@ -62,32 +69,39 @@ _SETTLED = 1e-6  # step in these logarithms
 
 @dataclass(frozen=True)
 class Tabulation(Mapping):
-    """The new terms, ``{"CL/basic": leaf, ...}``, ready for `replace_terms`, and what was found on the way.
+    """The new terms, ``{"CL/basic": leaf, ...}``, ready for `replace_terms`, and what was found on
+    the way.
 
     Attributes
     ----------
     terms : dict of str to Dataset
-        Every term that the fits inform.  ``source`` is flight at nodes of the flown region (some sample gives
-        them a quarter of its weight, none but samples inside the table counting) whose standard error fell below 0.9 of the
-        a-priori one, and stays as it was elsewhere.
+        Every term that the fits inform.  ``source`` is flight at nodes of the flown region (some
+        sample gives them a quarter of its weight, none but samples inside the table counting) whose
+        standard error fell below 0.9 of the a-priori one, and stays as it was elsewhere.
     report : DataFrame
-        Index term; ``nodes``, ``flight`` (nodes from flight), ``corrected`` and ``identified`` (nodes with a ratio of
-        posterior to prior standard error below 0.9 and 0.5), ``ratio_least``, ``ratio_median``, ``change_rms``,
-        ``change_largest``, ``change_in_sd`` (largest change, in a-priori standard errors), ``prior_inflation`` (factor on the
-        a-priori standard errors; above 1 they were too small), ``level reach long short`` (weights of the parts of the
-        prior covariance), ``decision`` and ``reason`` (`aerodb.update.term_decisions`; also attributes of the term).
+        Index term; ``nodes``, ``flight`` (nodes from flight), ``corrected`` and ``identified``
+        (nodes with a ratio of posterior to prior standard error below 0.9 and 0.5),
+        ``ratio_least``, ``ratio_median``, ``change_rms``, ``change_largest``, ``change_in_sd``
+        (largest change, in a-priori standard errors), ``prior_inflation`` (factor on the a-priori
+        standard errors; above 1 they were too small), ``level reach long short`` (weights of the
+        parts of the prior covariance), ``decision`` and ``reason`` (`aerodb.update.term_decisions`;
+        also attributes of the term).
     points : DataFrame
-        Index (coefficient, fit): ``rms_prior``, ``rms`` of measured minus tables with the prior and the new ones,
-        ``range`` of the coefficient, ``distance`` of the fit from the tables in its own standard errors, ``weight``,
-        ``suspect``, ``clamped`` (share of samples outside a table).
+        Index (coefficient, fit): ``rms_prior``, ``rms`` of measured minus tables with the prior and
+        the new ones, ``range`` of the coefficient, ``distance`` of the fit from the tables in its
+        own standard errors, ``weight``, ``suspect``, ``clamped`` (share of samples outside a
+        table).
     compatibility : DataFrame
-        Index coefficient; ``chi2`` of the fits against prior and measurement errors, ``count`` of estimates,
-        ``probability``, ``inflation`` (factor on the standard errors of all fits, 1 or more, from their disagreement).
+        Index coefficient; ``chi2`` of the fits against prior and measurement errors, ``count`` of
+        estimates, ``probability``, ``inflation`` (factor on the standard errors of all fits, 1 or
+        more, from their disagreement).
     unplaced : DataFrame
-        Terms of the fits that no table of the database carries, insignificant ones too: index (coefficient, fit); ``term``,
-        ``estimate``, ``stderr``, ``t``, ``carried``, ``significant``, ``reason``.
+        Terms of the fits that no table of the database carries, insignificant ones too: index
+        (coefficient, fit); ``term``, ``estimate``, ``stderr``, ``t``, ``carried``, ``significant``,
+        ``reason``.
     notices : tuple of str
-        Warnings, one line each; `aerodb.replace_terms` writes them into the history of the database.
+        Warnings, one line each; `aerodb.replace_terms` writes them into the history of the
+        database.
     """
 
     terms: dict[str, xr.Dataset]
@@ -120,23 +134,25 @@ def tabulate(
     Parameters
     ----------
     fits : sequence of Fit
-        Of any coefficients; used are ``estimates`` (``estimate``, ``covariance``, ``systematic``; attributes
-        ``coefficient``, ``name``), ``data`` and ``design``.
+        Of any coefficients; used are ``estimates`` (``estimate``, ``covariance``, ``systematic``;
+        attributes ``coefficient``, ``name``), ``data`` and ``design``.
     prior : DataTree
-        The database; its leaves need ``stderr``, a node with ``stderr`` 0 stays.  A term that the flight shall bring in
-        must be there, as zeros with a wide standard error.
+        The database; its leaves need ``stderr``, a node with ``stderr`` 0 stays.  A term that the
+        flight shall bring in must be there, as zeros with a wide standard error.
     held : sequence of str
-        Terms such as ``"CL/altitude"`` that keep their values; their standard errors, where they have them, count among those of
-        the others.
+        Terms such as ``"CL/altitude"`` that keep their values; their standard errors, where they
+        have them, count among those of the others.
     lengths : mapping, optional
         Correlation lengths by axis that differ from `LENGTHS`; ``inf`` for fully correlated. [SI]
     shapes : mapping of str to sequence of Shape, optional
-        What the table of a term must be, by ``"CL/basic"``: `aerodb.update.Shape`.  Values meet it, standard errors stay; ``report`` has
-        the inequalities at their bound (``shape_bounds``) and what they would make of the standard errors (``shape_ratio``).
+        What the table of a term must be, by ``"CL/basic"``: `aerodb.update.Shape`.  Values meet it,
+        standard errors stay; ``report`` has the inequalities at their bound (``shape_bounds``) and
+        what they would make of the standard errors (``shape_ratio``).
     unplaced : {"raise", "warn"}
-        What to do if no table of the database carries a significant term of a fit, as the elevator of a fit where the database comes
-        from a clean listing alone.  ``warn`` goes on without the estimate: the control has no effect in the model then, and estimates of
-        regressors that move with it are biased.
+        What to do if no table of the database carries a significant term of a fit, as the elevator
+        of a fit where the database comes from a clean listing alone.  ``warn`` goes on without the
+        estimate: the control has no effect in the model then, and estimates of regressors that move
+        with it are biased.
 
     Returns
     -------
@@ -145,16 +161,18 @@ def tabulate(
     Raises
     ------
     SchemaError
-        Terms without standard errors, or force axes other than those of the fits; significant terms that no table carries; all faults.
+        Terms without standard errors, or force axes other than those of the fits; significant terms
+        that no table carries; all faults.
     UnknownName
-        A held term or a coefficient that the database does not have, or a variable that a table needs and the data of a
-        fit do not hold.
+        A held term or a coefficient that the database does not have, or a variable that a table
+        needs and the data of a fit do not hold.
 
     Warns
     -----
     AeromatchWarning
-        Fits that are incompatible with each other and the a-priori tables (probability of chi-squared below 1e-6), and with
-        ``unplaced="warn"`` the significant terms that no table carries.
+        Fits that are incompatible with each other and the a-priori tables (probability of
+        chi-squared below 1e-6), and with ``unplaced="warn"`` the significant terms that no table
+        carries.
 
     Notes
     -----
@@ -173,10 +191,17 @@ def tabulate(
     if not fits:
         raise IdentificationError("no fit; tabulate needs at least one")
     lengths = {**LENGTHS, **(lengths or {})}
-    demand_shapes(shapes or {}, {name: leaf for name, leaf in terms(prior).items() if name not in held})
+    demand_shapes(
+        shapes or {}, {name: leaf for name, leaf in terms(prior).items() if name not in held}
+    )
     lost = unplaced_terms(fits, prior, held)
     notices = demand_places(lost, unplaced)
-    found = together([joined(known, observed, lengths, shapes) for known, observed in observations(fits, prior, held)])
+    found = together(
+        [
+            joined(known, observed, lengths, shapes)
+            for known, observed in observations(fits, prior, held)
+        ]
+    )
     return cautioned(found, lost, notices)
 
 
@@ -212,26 +237,57 @@ def joined(
     for (name, leaf), nodes in zip(free.items(), slices_of(free.values())):
         if touched[nodes].any():
             flown = ((sampled >= FLOWN) & touched)[nodes]
-            made = new_leaf(leaf, found.value[nodes], found.stderr[nodes], flown, contributors(observed, nodes), history)
+            made = new_leaf(
+                leaf,
+                found.value[nodes],
+                found.stderr[nodes],
+                flown,
+                contributors(observed, nodes),
+                history,
+            )
             away = flown_distance(leaf, (sampled * touched)[nodes], lengths)
-            new[name] = with_posterior(leaf, made, found.parts[name], away, lengths, found.taken[nodes], found.common[nodes], found.errors)
+            new[name] = with_posterior(
+                leaf,
+                made,
+                found.parts[name],
+                away,
+                lengths,
+                found.taken[nodes],
+                found.common[nodes],
+                found.errors,
+            )
             places[name] = flown.reshape(leaf["value"].shape)
     new, effect = shaped(decided(leaves, of_one_origin(new), places), shapes or {})
     rows = [term_row(name, leaves[name], leaf, found.parts[name]) for name, leaf in new.items()]
     rows = [row.assign(**effect.get(name, {})) for name, row in zip(new, rows)]
-    points = point_rows(known.coefficient, observed, leaves, {**leaves, **new}, found.distance, found.weight)
+    points = point_rows(
+        known.coefficient, observed, leaves, {**leaves, **new}, found.distance, found.weight
+    )
     count = sum(len(o.theta) for o in observed)
-    return Tabulation(new, pd.concat(rows), points, compatibility_row(known.coefficient, count, found.chi2, found.inflation))
+    return Tabulation(
+        new,
+        pd.concat(rows),
+        points,
+        compatibility_row(known.coefficient, count, found.chi2, found.inflation),
+    )
 
 
 def together(findings: Sequence[Tabulation]) -> Tabulation:
     """Return what was found of several coefficients as one."""
     new = {name: leaf for one in findings for name, leaf in one.items()}
-    return Tabulation(new, *(pd.concat([getattr(one, name) for one in findings]) for name in ("report", "points", "compatibility")))
+    return Tabulation(
+        new,
+        *(
+            pd.concat([getattr(one, name) for one in findings])
+            for name in ("report", "points", "compatibility")
+        ),
+    )
 
 
 def cautioned(found: Tabulation, unplaced: pd.DataFrame, notices: Sequence[str]) -> Tabulation:
-    """Return a tabulation with the terms that have no place and all notices; each notice is also a warning, for the caller's caller."""
+    """Return a tabulation with the terms that have no place and all notices; each notice is also a
+    warning, for the caller's caller.
+    """
     lost = [f"no place in the database, the estimate is left out: {line}" for line in notices]
     texts = (*lost, *incompatible_fits(found.compatibility))
     for text in texts:
@@ -239,8 +295,12 @@ def cautioned(found: Tabulation, unplaced: pd.DataFrame, notices: Sequence[str])
     return replace(found, unplaced=unplaced, notices=texts)
 
 
-def _posterior(observed: Sequence[Observation], free: Mapping[str, xr.Dataset], sampled: np.ndarray, lengths) -> _Posterior:
-    """Nodes given the fits; fits far from the tables that the others support lose weight, the prior covariance is learnt."""
+def _posterior(
+    observed: Sequence[Observation], free: Mapping[str, xr.Dataset], sampled: np.ndarray, lengths
+) -> _Posterior:
+    """Nodes given the fits; fits far from the tables that the others support lose weight, the prior
+    covariance is learnt.
+    """
     H, D = np.vstack([o.H for o in observed]), np.vstack([o.D for o in observed])
     g0 = np.concatenate([leaf["value"].values.ravel() for leaf in free.values()])
     y = np.concatenate([o.theta for o in observed]) - H @ g0
@@ -258,30 +318,55 @@ def _posterior(observed: Sequence[Observation], free: Mapping[str, xr.Dataset], 
         noise = factors[-1] * noise + own_errors
         inverse = _inverse(np.einsum("k,kij->ij", factors[:-1], expected) + noise)
         residual = noise @ inverse @ y
-        distance = np.array([_distance(residual[part], o.C + o.D @ o.D.T) for part, o in zip(slices, observed)])
+        distance = np.array(
+            [_distance(residual[part], o.C + o.D @ o.D.T) for part, o in zip(slices, observed)]
+        )
         weight = np.minimum(1.0, (_HUBER * np.sqrt(factors[-1]) / np.maximum(distance, 1e-12)) ** 2)
     weights = factors[:-1].reshape(len(free), -1)
     reach = np.vstack([np.einsum("k,kij->ij", w, one) for w, one in zip(weights, PH)])
     own = np.concatenate([w @ np.diagonal(P, axis1=1, axis2=2) for w, P in zip(weights, priors)])
     gain = reach @ inverse
-    variance = own - np.einsum("ij,ij->i", gain, reach) + ((gain @ D) ** 2).sum(axis=1) - np.einsum("ij,ij->i", gain @ own_errors, gain)
+    variance = (
+        own
+        - np.einsum("ij,ij->i", gain, reach)
+        + ((gain @ D) ** 2).sum(axis=1)
+        - np.einsum("ij,ij->i", gain @ own_errors, gain)
+    )
     declared = np.einsum("k,kij->ij", np.tile(list(SHARES.values()), len(free)), expected)
     chi2 = float(y @ _inverse(declared + D @ D.T + _block_diagonal([o.C for o in observed])) @ y)
     stderr = np.sqrt(np.maximum(variance, 0.0))
     acting = np.flatnonzero(D.any(axis=0))
-    taken, common = gain @ _root(np.einsum("k,kij->ij", factors[:-1], expected) + noise + own_errors), gain @ D[:, acting]
+    taken, common = (
+        gain @ _root(np.einsum("k,kij->ij", factors[:-1], expected) + noise + own_errors),
+        gain @ D[:, acting],
+    )
     names = [*observed[0].errors, *[""] * (D.shape[1] - len(observed[0].errors))]
     parts, inflation = dict(zip(free, weights)), float(np.sqrt(factors[-1]))
-    return _Posterior(g0 + gain @ y, stderr, weight, distance, parts, inflation, chi2, taken, common, [names[k] for k in acting])
+    return _Posterior(
+        g0 + gain @ y,
+        stderr,
+        weight,
+        distance,
+        parts,
+        inflation,
+        chi2,
+        taken,
+        common,
+        [names[k] for k in acting],
+    )
 
 
-def _learnt(y: np.ndarray, parts: np.ndarray, fixed: np.ndarray, start: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
-    """Return the weights of the parts of the covariance that the fits support, and their logarithms at the mode.
+def _learnt(
+    y: np.ndarray, parts: np.ndarray, fixed: np.ndarray, start: np.ndarray | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the weights of the parts of the covariance that the fits support, and their logarithms
+    at the mode.
 
-    The covariance of `y` is ``sum(exp(u_k) parts_k) + fixed``: `PARTS` for each table, and last the errors of the fits.  All
-    are learnt together, so that an overconfident prior is not mistaken for fits that disagree.  The u are normal a
-    priori, with the shares as the means of exp(u); at the mode of their posterior the inverse of the information matrix is taken
-    for their covariance, and the weights are the means of exp(u) again.  The part that fades outside the flown region, and
+    The covariance of `y` is ``sum(exp(u_k) parts_k) + fixed``: `PARTS` for each table, and last the
+    errors of the fits.  All are learnt together, so that an overconfident prior is not mistaken for
+    fits that disagree.  The u are normal a priori, with the shares as the means of exp(u); at the
+    mode of their posterior the inverse of the information matrix is taken for their covariance, and
+    the weights are the means of exp(u) again.  The part that fades outside the flown region, and
     the errors of the fits, are never made smaller.
     """
     tables = (len(parts) - 1) // len(SHARES)
@@ -293,12 +378,16 @@ def _learnt(y: np.ndarray, parts: np.ndarray, fixed: np.ndarray, start: np.ndarr
     u[used], covariance[np.ix_(used, used)] = _mode(
         y, parts[used], fixed, mean[used], spread[used], (mean if start is None else start)[used]
     )
-    least = np.append(np.tile([share if name == "reach" else 0.0 for name, share in SHARES.items()], tables), 1.0)
+    least = np.append(
+        np.tile([share if name == "reach" else 0.0 for name, share in SHARES.items()], tables), 1.0
+    )
     return np.maximum(np.exp(u + np.diag(covariance) / 2.0), least), u
 
 
 def _mode(y, parts, fixed, mean, spread, u) -> tuple[np.ndarray, np.ndarray]:
-    """Return the mode of the logarithms and the inverse of the information there: Newton's method with Marquardt's damping."""
+    """Return the mode of the logarithms and the inverse of the information there: Newton's method
+    with Marquardt's damping.
+    """
     cost, S = _cost(y, parts, fixed, mean, spread, u)
     damping = 1e-3
     for _ in range(_STEPS):
@@ -334,12 +423,16 @@ def _mode(y, parts, fixed, mean, spread, u) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _cost(y, parts, fixed, mean, spread, u) -> tuple[float, np.ndarray]:
-    """Return the negative logarithm of the density of `y` and the logarithms, and the covariance of `y`."""
+    """Return the negative logarithm of the density of `y` and the logarithms, and the covariance of
+    `y`.
+    """
     S = np.einsum("k,kij->ij", np.exp(u), parts) + fixed
     scale = np.sqrt(np.diag(S))
     L = np.linalg.cholesky(S / np.outer(scale, scale))
     z = np.linalg.solve(L, y / scale)
-    return float(np.log(scale * np.diag(L)).sum() + z @ z / 2.0 + (((u - mean) / spread) ** 2).sum() / 2.0), S
+    return float(
+        np.log(scale * np.diag(L)).sum() + z @ z / 2.0 + (((u - mean) / spread) ** 2).sum() / 2.0
+    ), S
 
 
 def slices_of(leaves: Iterable[xr.Dataset]) -> list[slice]:
@@ -372,20 +465,38 @@ def _distance(residual: np.ndarray, C: np.ndarray) -> float:
 
 
 def new_leaf(
-    leaf: xr.Dataset, value: np.ndarray, sd: np.ndarray, flown: np.ndarray, contributors: Sequence[str], history: str
+    leaf: xr.Dataset,
+    value: np.ndarray,
+    sd: np.ndarray,
+    flown: np.ndarray,
+    contributors: Sequence[str],
+    history: str,
 ) -> xr.Dataset:
     """Return a term with its new nodes, their sources, and what made them."""
     shape = leaf["value"].shape
     flown = flown.reshape(shape) & (sd.reshape(shape) < CORRECTED * leaf["stderr"].values)
-    known = leaf["source"].values if "source" in leaf else np.full(shape, _terms.SOURCES.index("judgement"), np.uint8)
+    known = (
+        leaf["source"].values
+        if "source" in leaf
+        else np.full(shape, _terms.SOURCES.index("judgement"), np.uint8)
+    )
     new = leaf.copy(deep=True)
     new["value"] = leaf["value"].dims, value.reshape(shape), leaf["value"].attrs
     new["stderr"] = leaf["value"].dims, sd.reshape(shape), leaf["stderr"].attrs
     source = np.where(flown, _terms.SOURCES.index("flight"), known).astype(np.uint8)
-    new["source"] = leaf["value"].dims, source, {"flag_values": "0 1 2", "flag_meanings": " ".join(_terms.SOURCES)}
-    words = [str(leaf.attrs.get("comment", "")), f"{int(flown.sum())} of {flown.size} nodes from flight: {', '.join(contributors)}."]
+    new["source"] = (
+        leaf["value"].dims,
+        source,
+        {"flag_values": "0 1 2", "flag_meanings": " ".join(_terms.SOURCES)},
+    )
+    words = [
+        str(leaf.attrs.get("comment", "")),
+        f"{int(flown.sum())} of {flown.size} nodes from flight: {', '.join(contributors)}.",
+    ]
     if set(_terms.regressors(leaf)) & {"qhat", "alphadothat"}:
-        words.append("Pitch rate and rate of incidence move alike in flight; between their terms the a-priori errors decide.")
+        words.append(
+            "Pitch rate and rate of incidence move alike in flight; between their terms the a-priori errors decide."
+        )
     new.attrs["comment"] = " ".join(word for word in words if word)
     line = history.format(len(contributors))
     new.attrs["history"] = f"{leaf.attrs['history']}\n{line}" if leaf.attrs.get("history") else line
@@ -421,12 +532,22 @@ def term_row(name: str, before: xr.Dataset, after: xr.Dataset, weights: np.ndarr
     return pd.DataFrame(row, index=pd.Index([name], name="term"))
 
 
-def point_rows(coefficient: str, observed: Sequence[Observation], before, after, distance: np.ndarray, weight: np.ndarray) -> pd.DataFrame:
+def point_rows(
+    coefficient: str,
+    observed: Sequence[Observation],
+    before,
+    after,
+    distance: np.ndarray,
+    weight: np.ndarray,
+) -> pd.DataFrame:
     """Return the rows of `Tabulation.points` of a coefficient."""
     rows = []
     for k, o in enumerate(observed):
         z = o.data[coefficient].values
-        prior, new = (z - sum(B @ leaves[name]["value"].values.ravel() for name, B in o.bases.items()) for leaves in (before, after))
+        prior, new = (
+            z - sum(B @ leaves[name]["value"].values.ravel() for name, B in o.bases.items())
+            for leaves in (before, after)
+        )
         rows.append(
             {
                 "coefficient": coefficient,
@@ -447,7 +568,12 @@ def compatibility_row(coefficient: str, count: int, chi2: float, inflation: floa
     """Return the row of `Tabulation.compatibility` of a coefficient."""
     from scipy.stats import chi2 as chi2_distribution
 
-    row = {"chi2": chi2, "count": count, "probability": float(chi2_distribution.sf(chi2, count)), "inflation": inflation}
+    row = {
+        "chi2": chi2,
+        "count": count,
+        "probability": float(chi2_distribution.sf(chi2, count)),
+        "inflation": inflation,
+    }
     return pd.DataFrame(row, index=pd.Index([coefficient], name="coefficient"))
 
 

@@ -1,4 +1,6 @@
-"""What the flights decide about each term: replace, correct, keep or delete it, with the reason in numbers ([LR743] 4.5)."""
+"""What the flights decide about each term: replace, correct, keep or delete it, with the reason in
+numbers ([LR743] 4.5).
+"""
 
 from __future__ import annotations
 
@@ -16,17 +18,26 @@ if TYPE_CHECKING:
 
     from flightmech.support.netcdf_trees import Leaf
 
-REPLACED, CORRECTED = 0.5, 0.9  # posterior over prior standard error of a node: below the first identified, below the second corrected
+REPLACED, CORRECTED = (
+    0.5,
+    0.9,
+)  # posterior over prior standard error of a node: below the first identified, below the second corrected
 DECISIONS = ("replace", "correct", "keep", "delete")
-_JOINT = 0.9  # correlation from which two terms are determined by the flights together rather than one by one
+# correlation from which two terms are determined by the flights together rather than one by one
+_JOINT = 0.9
 
 
-def decided(before: Mapping[str, xr.Dataset], after: Mapping[str, xr.Dataset], flown: Mapping[str, np.ndarray]) -> dict[str, xr.Dataset]:
+def decided(
+    before: Mapping[str, xr.Dataset],
+    after: Mapping[str, xr.Dataset],
+    flown: Mapping[str, np.ndarray],
+) -> dict[str, xr.Dataset]:
     """Return identified terms with the attributes ``decision`` and ``reason``.
 
-    ``replace``: at half or more of the flown nodes the standard error fell below 0.5 of the a-priori one.  ``correct``: below 0.9 at some
-    flown node.  ``keep``: at none, the a-priori values stand.  ``delete``: at none, and there is no a-priori value either (all
-    nodes were zero, none from DATCOM): the term cannot be identified from these flights.
+    ``replace``: at half or more of the flown nodes the standard error fell below 0.5 of the
+    a-priori one.  ``correct``: below 0.9 at some flown node.  ``keep``: at none, the a-priori
+    values stand.  ``delete``: at none, and there is no a-priori value either (all nodes were zero,
+    none from DATCOM): the term cannot be identified from these flights.
 
     Parameters
     ----------
@@ -35,17 +46,24 @@ def decided(before: Mapping[str, xr.Dataset], after: Mapping[str, xr.Dataset], f
     flown : mapping of str to array of bool
         The nodes in the flown region, in the shape of the table.
     """
-    return {name: leaf.assign_attrs(zip(("decision", "reason"), _decision(name, before, after, flown))) for name, leaf in after.items()}
+    return {
+        name: leaf.assign_attrs(zip(("decision", "reason"), _decision(name, before, after, flown)))
+        for name, leaf in after.items()
+    }
 
 
 def decisions(db: xr.DataTree) -> pd.DataFrame:
-    """Return what the flights decided about each term of a database, index term, columns ``decision reason``.
+    """Return what the flights decided about each term of a database, index term, columns ``decision
+    reason``.
 
-    Terms that no fit informs have no decision of their own: the a-priori ones are kept, empty ones deleted.  `aerodb.delete_terms` deletes.
+    Terms that no fit informs have no decision of their own: the a-priori ones are kept, empty ones
+    deleted.  `aerodb.delete_terms` deletes.
     """
     import pandas as pd
 
-    return pd.DataFrame.from_dict(rows_of(terms(db)), orient="index", columns=["decision", "reason"]).rename_axis("term")
+    return pd.DataFrame.from_dict(
+        rows_of(terms(db)), orient="index", columns=["decision", "reason"]
+    ).rename_axis("term")
 
 
 def rows_of(leaves: Mapping[str, xr.Dataset | Leaf]) -> dict[str, tuple[str, str]]:
@@ -53,7 +71,10 @@ def rows_of(leaves: Mapping[str, xr.Dataset | Leaf]) -> dict[str, tuple[str, str
     rows = {}
     for name, leaf in leaves.items():
         unknown = ("delete" if _opened(leaf) else "keep", "no fit informs it")
-        decision, reason = (str(leaf.attrs.get(key, word)) for key, word in zip(("decision", "reason"), unknown, strict=True))
+        decision, reason = (
+            str(leaf.attrs.get(key, word))
+            for key, word in zip(("decision", "reason"), unknown, strict=True)
+        )
         rows[name] = decision, reason
     return rows
 
@@ -72,10 +93,10 @@ def _decision(name: str, before, after, flown) -> tuple[str, str]:
         decision, numbers = "correct", f"{numbers}, {corrected} with less than {CORRECTED:g}"
     else:
         decision = "delete" if _opened(old) else "keep"
-        numbers = (
-            f"none of {len(ratio)} flown nodes with less than {CORRECTED:g} of the a-priori standard error, at least {ratio.min():.2f}"
-        )
-    return decision, "; ".join([numbers, *_significance(old, new, known), *_partner(name, after, flown)])
+        numbers = f"none of {len(ratio)} flown nodes with less than {CORRECTED:g} of the a-priori standard error, at least {ratio.min():.2f}"
+    return decision, "; ".join(
+        [numbers, *_significance(old, new, known), *_partner(name, after, flown)]
+    )
 
 
 def _opened(leaf: xr.Dataset | Leaf) -> bool:
@@ -95,8 +116,12 @@ def _significance(old: xr.Dataset, new: xr.Dataset, known: np.ndarray) -> list[s
     )
 
 
-def _partner(name: str, after: Mapping[str, xr.Dataset], flown: Mapping[str, np.ndarray]) -> list[str]:
-    """Return the term that a term is most correlated with at its flown nodes, when it is from `_JOINT`; none without a joint covariance."""
+def _partner(
+    name: str, after: Mapping[str, xr.Dataset], flown: Mapping[str, np.ndarray]
+) -> list[str]:
+    """Return the term that a term is most correlated with at its flown nodes, when it is from
+    `_JOINT`; none without a joint covariance.
+    """
     if "posterior_factor" not in after[name]:
         return []
     from aerodb.update.posterior import factor_of
@@ -105,10 +130,18 @@ def _partner(name: str, after: Mapping[str, xr.Dataset], flown: Mapping[str, np.
     for term, leaf in after.items():
         at = flown[term].ravel()
         F, sign = factor_of(leaf)
-        rows[term] = F[at] / np.maximum(leaf["stderr"].values.ravel()[at], np.finfo(float).tiny)[:, None]
+        rows[term] = (
+            F[at] / np.maximum(leaf["stderr"].values.ravel()[at], np.finfo(float).tiny)[:, None]
+        )
     own = rows.pop(name) * sign
-    largest = {term: R.flat[np.abs(R).argmax()] for term, other in rows.items() if (R := own @ other.T).size}
+    largest = {
+        term: R.flat[np.abs(R).argmax()]
+        for term, other in rows.items()
+        if (R := own @ other.T).size
+    }
     partner = max(largest, key=lambda term: abs(largest[term]), default="")
     if not partner or abs(largest[partner]) < _JOINT:
         return []
-    return [f"correlation {largest[partner]:.2f} with {partner}: the flights determine them together"]
+    return [
+        f"correlation {largest[partner]:.2f} with {partner}: the flights determine them together"
+    ]

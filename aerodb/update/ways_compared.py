@@ -21,18 +21,20 @@ def compare_ways(found: Mapping[str, Mapping[str, xr.Dataset]], prior: xr.DataTr
     Parameters
     ----------
     found : mapping of str to Tabulation
-        By the name of the way, such as ``{"tabulate": tabulate(...), "direct": regress_tables(...), "join": join_submodels(...)}``; a
-        term that one of them did not change counts with its a-priori values.
+        By the name of the way, such as ``{"tabulate": tabulate(...), "direct": regress_tables(...),
+        "join": join_submodels(...)}``; a term that one of them did not change counts with its
+        a-priori values.
     prior : DataTree
         The database before.
 
     Returns
     -------
     DataFrame
-        Index (term, node), the node counted in the order of ``value.ravel()``.  Columns ``place`` (breakpoints, SI), ``value prior``,
-        ``stderr prior``; for every way ``value``, ``stderr`` and ``source`` with its name; for every two ways ``A - B``, their difference
-        over the root of the sum of their squared standard errors (0 where both are exact and equal).  They rest on the same flights, so
-        that a difference of one is large.
+        Index (term, node), the node counted in the order of ``value.ravel()``.  Columns ``place``
+        (breakpoints, SI), ``value prior``, ``stderr prior``; for every way ``value``, ``stderr``
+        and ``source`` with its name; for every two ways ``A - B``, their difference over the root
+        of the sum of their squared standard errors (0 where both are exact and equal).  They rest
+        on the same flights, so that a difference of one is large.
 
     Raises
     ------
@@ -54,21 +56,29 @@ def compare_ways(found: Mapping[str, Mapping[str, xr.Dataset]], prior: xr.DataTr
         }
         for way, leaves in found.items():
             after = leaves.get(name, leaf)
-            columns |= {f"value {way}": after["value"].values.ravel(), f"stderr {way}": after["stderr"].values.ravel()}
+            columns |= {
+                f"value {way}": after["value"].values.ravel(),
+                f"stderr {way}": after["stderr"].values.ravel(),
+            }
             columns[f"source {way}"] = _sources(after)
         for a, b in combinations(found, 2):
             apart = columns[f"value {a}"] - columns[f"value {b}"]
             with np.errstate(divide="ignore", invalid="ignore"):
                 ratio = apart / np.hypot(columns[f"stderr {a}"], columns[f"stderr {b}"])
             columns[f"{a} - {b}"] = np.where(apart == 0.0, 0.0, ratio)
-        index = pd.MultiIndex.from_product([[name], range(leaf["value"].size)], names=["term", "node"])
+        index = pd.MultiIndex.from_product(
+            [[name], range(leaf["value"].size)], names=["term", "node"]
+        )
         parts.append(pd.DataFrame(columns, index=index))
     return pd.concat(parts)
 
 
 def _places(leaf: xr.Dataset) -> list[str]:
     axes = [str(axis) for axis in leaf["value"].dims]
-    return [", ".join(f"{axis} {float(leaf[axis].values[k]):.6g}" for axis, k in zip(axes, at)) for at in np.ndindex(*leaf["value"].shape)]
+    return [
+        ", ".join(f"{axis} {float(leaf[axis].values[k]):.6g}" for axis, k in zip(axes, at))
+        for at in np.ndindex(*leaf["value"].shape)
+    ]
 
 
 def _sources(leaf: xr.Dataset) -> np.ndarray:

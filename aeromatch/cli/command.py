@@ -1,4 +1,6 @@
-"""The command ``aeromatch``: collects the command groups of the packages, each loaded when it is called."""
+"""The command ``aeromatch``: collects the command groups of the packages, each loaded when it is
+called.
+"""
 
 from __future__ import annotations
 
@@ -14,15 +16,24 @@ from typing import NoReturn, TextIO
 
 import click
 
-# group or verb: (module, attribute, one line for --help); nothing heavy is imported to print the help
+# group or verb: (module, attribute, one line for --help); nothing heavy is imported to print the
+# help
 COMMANDS = {
     "datcom": ("datcom_io.cli.group", "datcom", "Read Digital DATCOM listings."),
     "db": ("aerodb.cli.group", "db", "Build, show and compare aero databases."),
-    "flight": ("flighttest.cli.group", "flight", "Read flight records, reconstruct states, identify."),
+    "flight": (
+        "flighttest.cli.group",
+        "flight",
+        "Read flight records, reconstruct states, identify.",
+    ),
     "fmu": ("flightmech.cli", "fmu", "Write simulation models as FMUs."),
     "pom": ("pom.cli.group", "pom", "Replay recorded inputs and judge the match."),
     "init": ("aeromatch.cli.init", "init", "Draft a project folder from listings and recordings."),
-    "schema": ("aeromatch.project.editing", "schema", "Write JSON schemas of project files, for editors."),
+    "schema": (
+        "aeromatch.project.editing",
+        "schema",
+        "Write JSON schemas of project files, for editors.",
+    ),
     "set": ("aeromatch.project.editing", "set_verb", "Change one key of a project's TOML files."),
     "match": ("aeromatch.cli.verbs", "match", "Perform the whole job of a project file."),
     "store": ("aeromatch.cli.store", "store", "Show or clear what match keeps of its stages."),
@@ -53,7 +64,10 @@ class LazyGroup(click.Group):
             from difflib import get_close_matches
 
             near = get_close_matches(args[0], COMMANDS, n=1)
-            ctx.fail(f"no command {args[0]!r}; " + (f"did you mean {near[0]!r}?" if near else f"there are: {', '.join(COMMANDS)}"))
+            ctx.fail(
+                f"no command {args[0]!r}; "
+                + (f"did you mean {near[0]!r}?" if near else f"there are: {', '.join(COMMANDS)}")
+            )
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
@@ -72,10 +86,14 @@ def cli() -> None:
 
 
 def main() -> None:
-    """Run the command; errors and warnings of the package become one clear line, errors exit code 2."""
-    # the matrices of flight records are small: threads of the linear algebra would wait for each other, and sum in an order of their own
+    """Run the command; errors and warnings of the package become one clear line, errors exit code
+    2.
+    """
+    # the matrices of flight records are small: threads of the linear algebra would wait for each
+    # other, and sum in an order of their own
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # read when NumPy is imported, below
-    # at the end of a process Python searches all objects of all modules for circles, a fifth of the time of a verb that only shows
+    # at the end of a process Python searches all objects of all modules for circles, a fifth of the
+    # time of a verb that only shows
     atexit.register(gc.freeze)
     _state_processor()
     try:
@@ -84,7 +102,9 @@ def main() -> None:
             warnings.showwarning = _warn
             # joblib replaces a worker whose memory has grown, and gives its jobs to another
             warnings.filterwarnings("ignore", "A worker stopped while some jobs", UserWarning)
-            code = cli(prog_name="aeromatch", standalone_mode=False)  # click returns the code of ctx.exit() here
+            code = cli(
+                prog_name="aeromatch", standalone_mode=False
+            )  # click returns the code of ctx.exit() here
     except click.Abort:
         sys.exit(130)
     except click.ClickException as error:
@@ -100,7 +120,9 @@ def main() -> None:
         import traceback
 
         traceback.print_exc()
-        click.echo("internal fault: please report the lines above with the command and its input", err=True)
+        click.echo(
+            "internal fault: please report the lines above with the command and its input", err=True
+        )
         _fail("internal fault", f"{type(error).__name__}: {error}", 3)
     sys.exit(code if isinstance(code, int) else 0)
 
@@ -108,19 +130,27 @@ def main() -> None:
 def _state_processor() -> None:
     """Keep h5py from starting the program ``uname``, which costs as much as a third of its import.
 
-    It looks for machines of the kind ppc64le by `platform.processor`, for which Python starts ``uname -p`` on Linux: that prints the
-    kind of machine, which Python knows without it, or that it is unknown.
+    It looks for machines of the kind ppc64le by `platform.processor`, for which Python starts
+    ``uname -p`` on Linux: that prints the kind of machine, which Python knows without it, or that
+    it is unknown.
     """
     if sys.platform == "linux":
         vars(platform.uname()).setdefault("processor", platform.machine())
 
 
 def _fail(kind: str, text: str, code: int, problems: Sequence[str] = ()) -> NoReturn:
-    """End with an exit code; with ``--json`` the output is a JSON document as well, ``{"error": {kind, text, problems}}``."""
+    """End with an exit code; with ``--json`` the output is a JSON document as well, ``{"error":
+    {kind, text, problems}}``.
+    """
     if "--json" in sys.argv[1:]:
         import json
 
-        click.echo(json.dumps({"error": {"kind": kind, "text": text, "problems": list(problems)}}, ensure_ascii=False))
+        click.echo(
+            json.dumps(
+                {"error": {"kind": kind, "text": text, "problems": list(problems)}},
+                ensure_ascii=False,
+            )
+        )
     sys.exit(code)
 
 
@@ -141,11 +171,22 @@ def _text(error: Exception) -> str:
 
 
 def _warn(
-    message: Warning | str, category: type[Warning], filename: str, lineno: int, file: TextIO | None = None, line: str | None = None
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
 ) -> None:
-    """Print a warning of the package as one line for the user, any other as Python does, for the developer."""
+    """Print a warning of the package as one line for the user, any other as Python does, for the
+    developer.
+    """
     from flightmech.errors import AeromatchWarning
 
     own = issubclass(category, AeromatchWarning)
-    text = f"warning: {message}" if own else warnings.formatwarning(message, category, filename, lineno, line).rstrip()
+    text = (
+        f"warning: {message}"
+        if own
+        else warnings.formatwarning(message, category, filename, lineno, line).rstrip()
+    )
     click.echo(text, err=True)

@@ -16,23 +16,47 @@ _MODEL = click.Choice(["datcom", "corrected", "final"])
 
 @click.group()
 def package() -> None:
-    """Make, verify and compare data packages: models, database, aircraft, proof and check cases in one folder or zip."""
+    """Make, verify and compare data packages: models, database, aircraft, proof and check cases in
+    one folder or zip.
+    """
 
 
 @package.command()
 @click.argument("project", type=InputFile(path_type=Path))
 @click.argument("match", type=click.Path(exists=True, file_okay=False, path_type=Path))
-@click.option("-o", "--output", type=click.Path(path_type=Path), required=True, help="Folder to write, or a file ending in .zip.")
-@click.option("--recordings", is_flag=True, help="Put the flight recordings into the package; without it their SHA-256 only.")
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path),
+    required=True,
+    help="Folder to write, or a file ending in .zip.",
+)
+@click.option(
+    "--recordings",
+    is_flag=True,
+    help="Put the flight recordings into the package; without it their SHA-256 only.",
+)
 @click.option("--licence", type=InputFile(path_type=Path), help="Text of the licence.")
 @click.option("--revision", default="", help="Revision of the package.")
 @json_option
-def make(project: Path, match: Path, output: Path, recordings: bool, licence: Path | None, revision: str, as_json: bool) -> None:
-    """Write the data package of a PROJECT file from the folder that aeromatch MATCH wrote; the same bytes when made again."""
+def make(
+    project: Path,
+    match: Path,
+    output: Path,
+    recordings: bool,
+    licence: Path | None,
+    revision: str,
+    as_json: bool,
+) -> None:
+    """Write the data package of a PROJECT file from the folder that aeromatch MATCH wrote; the same
+    bytes when made again.
+    """
     from aeromatch.delivery.contents import Wishes, write_package
     from aeromatch.project.project import read_project
 
-    refused = write_package(read_project(project), match.resolve(), output, Wishes(recordings, licence, revision), step)
+    refused = write_package(
+        read_project(project), match.resolve(), output, Wishes(recordings, licence, revision), step
+    )
     if as_json:
         document({"package": str(output), "refused": refused})
         return
@@ -46,7 +70,9 @@ def make(project: Path, match: Path, output: Path, recordings: bool, licence: Pa
 @json_option
 @click.pass_context
 def verify(ctx: click.Context, package_file: Path, as_json: bool) -> None:
-    """Verify a PACKAGE (folder or zip): hashes, verdicts judged again, check cases through every format; exit code 1 on a difference."""
+    """Verify a PACKAGE (folder or zip): hashes, verdicts judged again, check cases through every
+    format; exit code 1 on a difference.
+    """
     from aeromatch.delivery.verification import unpacked, verify_package
 
     with unpacked(package_file) as folder:
@@ -59,7 +85,13 @@ def verify(ctx: click.Context, package_file: Path, as_json: bool) -> None:
             own = [item for item in found if item.kind == kind]
             click.echo(f"{kind:>8}: {sum(item.good for item in own)} of {len(own)} hold")
         shown = bad + [item for item in found if item.good and item.kind in ("states", "flown")]
-        table(["", "what", "found"], [("" if item.good else "DIFFERS", f"{item.kind}: {item.name}", item.detail) for item in shown])
+        table(
+            ["", "what", "found"],
+            [
+                ("" if item.good else "DIFFERS", f"{item.kind}: {item.name}", item.detail)
+                for item in shown
+            ],
+        )
     ctx.exit(1 if bad else 0)
 
 
@@ -70,7 +102,9 @@ def verify(ctx: click.Context, package_file: Path, as_json: bool) -> None:
 @click.option("--against", type=_MODEL, help="Model of B.  [default: that of A]")
 @json_option
 def diff(one: Path, other: Path, model: str, against: str | None, as_json: bool) -> None:
-    """State what changed from package A to B, or between two models of one: terms, parts, cases, verdicts."""
+    """State what changed from package A to B, or between two models of one: terms, parts, cases,
+    verdicts.
+    """
     from aeromatch.delivery.verification import package_difference, unpacked
     from flightmech.units import DEGREE, FOOT, KNOT
     from pom.report.presentation.quantities import term_words
@@ -83,13 +117,28 @@ def diff(one: Path, other: Path, model: str, against: str | None, as_json: bool)
     names = f"{one.name}, {model} -> {other.name}, {against or model}"
     if found["felt"]:
         at = found["condition"]
-        where = (
-            f"{at['V'] / KNOT:.0f} kt true, {at['h'] / FOOT:.0f} ft, {at['mass']:.0f} kg, flaps {at.get('delta_f', 0.0) / DEGREE:.0f} deg"
-        )
+        where = f"{at['V'] / KNOT:.0f} kt true, {at['h'] / FOOT:.0f} ft, {at['mass']:.0f} kg, flaps {at.get('delta_f', 0.0) / DEGREE:.0f} deg"
         gear = "down" if at.get("gear", 0.0) > 0.5 else "up"
-        felt = [(row["words"], row["unit"], *(_digits(row[key]) for key in ("before", "after"))) for row in found["felt"]]
-        table(["what a pilot feels", "unit", "before", "after"], felt, f"{names}: at {where}, gear {gear}", right=["before", "after"])
-    head = ["", "state", "before", "after", "where they differ most", "rms", "in standard errors", "in words"]
+        felt = [
+            (row["words"], row["unit"], *(_digits(row[key]) for key in ("before", "after")))
+            for row in found["felt"]
+        ]
+        table(
+            ["what a pilot feels", "unit", "before", "after"],
+            felt,
+            f"{names}: at {where}, gear {gear}",
+            right=["before", "after"],
+        )
+    head = [
+        "",
+        "state",
+        "before",
+        "after",
+        "where they differ most",
+        "rms",
+        "in standard errors",
+        "in words",
+    ]
     rows = [
         (
             row["name"],
@@ -102,9 +151,21 @@ def diff(one: Path, other: Path, model: str, against: str | None, as_json: bool)
         )
         for row in (*found["coefficients"], *found["terms"])
     ]
-    table(head, rows, f"{names}: {len(found['terms'])} terms differ", right=[*head[2:4], *head[5:7]])
+    table(
+        head, rows, f"{names}: {len(found['terms'])} terms differ", right=[*head[2:4], *head[5:7]]
+    )
     click.echo(f"parts of the aircraft that differ: {', '.join(found['parts']) or 'none'}")
-    cases = [(r["row"], r["case"], r["before"], r["after"], _ratio(r["worst_before"]), _ratio(r["worst_after"])) for r in found["cases"]]
+    cases = [
+        (
+            r["row"],
+            r["case"],
+            r["before"],
+            r["after"],
+            _ratio(r["worst_before"]),
+            _ratio(r["worst_after"]),
+        )
+        for r in found["cases"]
+    ]
     head = ["row", "case", "before", "after", "worst before", "worst after"]
     table(head, cases, "Verdicts, worst difference / tolerance", right=head[4:])
     for row in found["files"]:
@@ -127,13 +188,19 @@ def _ratio(value: float | None) -> str:
     type=click.Path(file_okay=False, path_type=Path),
     help="Working folder: reconstructed records, fits, match, log of the actions.  [default: workbench, next to the project file]",
 )
-@click.option("--port", type=click.IntRange(0, 65535), default=0, help="Port on 127.0.0.1.  [default: a free one]")
+@click.option(
+    "--port",
+    type=click.IntRange(0, 65535),
+    default=0,
+    help="Port on 127.0.0.1.  [default: a free one]",
+)
 @click.option("--no-browser", is_flag=True, help="Print the address only.")
 def view(project: Path, output: Path | None, port: int, no_browser: bool) -> None:
     """Open the workbench of a PROJECT in the browser: records, identification, database, match.
 
-    It is served on this machine alone, to who has the printed address. What changes a file is a verb of this command line; the log
-    actions.jsonl in the working folder is replayed by aeromatch match --actions.
+    It is served on this machine alone, to who has the printed address. What changes a file is a
+    verb of this command line; the log actions.jsonl in the working folder is replayed by aeromatch
+    match --actions.
     """
     from flightmech.errors import AeromatchError
 
@@ -141,7 +208,9 @@ def view(project: Path, output: Path | None, port: int, no_browser: bool) -> Non
         import starlette  # noqa: F401
         import uvicorn  # noqa: F401
     except ImportError as missing:
-        raise AeromatchError("the workbench needs starlette and uvicorn: pip install 'aeromatch[view]'") from missing
+        raise AeromatchError(
+            "the workbench needs starlette and uvicorn: pip install 'aeromatch[view]'"
+        ) from missing
     from aeromatch.project.project import read_project
     from aeromatch.workbench.opened import Opened
     from aeromatch.workbench.server import Workbench

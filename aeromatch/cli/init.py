@@ -21,38 +21,85 @@ _ASKED = {
 
 @click.command()
 @click.argument("folder", type=click.Path(file_okay=False, path_type=Path))
-@click.option("--datcom", multiple=True, type=_FILES, help="Listing or deck of Digital DATCOM, or a folder of them; may be repeated.")
-@click.option("--records", multiple=True, type=_FILES, help="Recording of any format, or a folder of them; may be repeated.")
-@click.option("--names", "own_map", type=MapFile(), help="Name map of the recordings, such as a corrected draft; used as it stands.")
+@click.option(
+    "--datcom",
+    multiple=True,
+    type=_FILES,
+    help="Listing or deck of Digital DATCOM, or a folder of them; may be repeated.",
+)
+@click.option(
+    "--records",
+    multiple=True,
+    type=_FILES,
+    help="Recording of any format, or a folder of them; may be repeated.",
+)
+@click.option(
+    "--names",
+    "own_map",
+    type=MapFile(),
+    help="Name map of the recordings, such as a corrected draft; used as it stands.",
+)
 @click.option("--name", default="", help="Name of the aircraft.")
 @click.option("--mass", help="Gross mass, with its unit: '2400 kg'.")
 @click.option("--Ixx", "Ixx", help="Moment of inertia in roll: '10826 kg m2'.")
 @click.option("--Iyy", "Iyy", help="Moment of inertia in pitch.")
 @click.option("--Izz", "Izz", help="Moment of inertia in yaw.")
 @click.option("--Ixz", "Ixz", help="Product of inertia, integral of xz dm.")
-@click.option("--cg", nargs=3, metavar="X Y Z", help="Centre of gravity from the moment reference point, body axes: '0 m' '0 m' '0.2 m'.")
-@click.option("--imu", nargs=3, metavar="X Y Z", help="Place of the inertial unit from the moment reference point, body axes.")
-@click.option("--temperature", help="Temperature of the outside air, where the recordings have none, such as '12 degC'.")
+@click.option(
+    "--cg",
+    nargs=3,
+    metavar="X Y Z",
+    help="Centre of gravity from the moment reference point, body axes: '0 m' '0 m' '0.2 m'.",
+)
+@click.option(
+    "--imu",
+    nargs=3,
+    metavar="X Y Z",
+    help="Place of the inertial unit from the moment reference point, body axes.",
+)
+@click.option(
+    "--temperature",
+    help="Temperature of the outside air, where the recordings have none, such as '12 degC'.",
+)
 @click.option("--latitude", help="Latitude of the flights, such as '45 deg'.")
 @click.option("--runway-elevation", help="Over mean sea level: '120 m'.")
-@click.option("--prove", multiple=True, metavar="RECORD", help="Recording that proves the model and identifies nothing; may be repeated.")
+@click.option(
+    "--prove",
+    multiple=True,
+    metavar="RECORD",
+    help="Recording that proves the model and identifies nothing; may be repeated.",
+)
 @click.option("--force", is_flag=True, help="Overwrite older files.")
 @json_option
 def init(
-    folder: Path, datcom: tuple[Path, ...], records: tuple[Path, ...], force: bool, as_json: bool, own_map: str | None, **stated
+    folder: Path,
+    datcom: tuple[Path, ...],
+    records: tuple[Path, ...],
+    force: bool,
+    as_json: bool,
+    own_map: str | None,
+    **stated,
 ) -> None:
-    """Draft a project in FOLDER: aircraft.toml, names.toml, manoeuvres.csv, cases and aeromatch.toml, each commented.
+    """Draft a project in FOLDER: aircraft.toml, names.toml, manoeuvres.csv, cases and
+    aeromatch.toml, each commented.
 
-    Without --datcom and --records the listings, decks and recordings in FOLDER and the folders inside it are taken. What neither
-    cards nor recordings give is requested on a terminal, and else written as "?", which the next verb refuses. Columns without a
-    quantity are named; write them into names.toml and run init again with --names names.toml --force.
+    Without --datcom and --records the listings, decks and recordings in FOLDER and the folders
+    inside it are taken. What neither cards nor recordings give is requested on a terminal, and else
+    written as "?", which the next verb refuses. Columns without a quantity are named; write them
+    into names.toml and run init again with --names names.toml --force.
     """
     from aeromatch.drafting.folder import Known, draft_project
 
     if sys.stdin.isatty() and not as_json:
-        stated |= {key: click.prompt(text, default="", show_default=False) for key, text in _ASKED.items() if not stated[key]}
+        stated |= {
+            key: click.prompt(text, default="", show_default=False)
+            for key, text in _ASKED.items()
+            if not stated[key]
+        }
     name, prove, cg, imu = (stated.pop(key) for key in ("name", "prove", "cg", "imu"))
-    known = Known(name, {key: value for key, value in stated.items() if value}, cg or None, imu or None)
+    known = Known(
+        name, {key: value for key, value in stated.items() if value}, cg or None, imu or None
+    )
     done = draft_project(folder, datcom, records, known, prove, force, progress, own_map)
     if as_json:
         document(done.to_dict())
@@ -60,7 +107,10 @@ def init(
     if done.roles:
         table(["listing", "case", "name", "taken for", "because"], done.roles)
     if done.records:
-        rows = [(name, about["channels"], ", ".join(about["manoeuvres"]) or "-") for name, about in done.records.items()]
+        rows = [
+            (name, about["channels"], ", ".join(about["manoeuvres"]) or "-")
+            for name, about in done.records.items()
+        ]
         table(["record", "channels", "manoeuvres"], rows, right=["channels"])
     for text in done.remarks:
         remark(f"  - {text}")

@@ -6,7 +6,13 @@ import click
 
 from flightmech.errors import SchemaError
 from flightmech.support.console import document, json_option, remark, table
-from flightmech.support.kept_stages.store import PLACE, StageStore, bytes_of, size_limit, store_folder
+from flightmech.support.kept_stages.store import (
+    PLACE,
+    StageStore,
+    bytes_of,
+    size_limit,
+    store_folder,
+)
 
 _MEGABYTE = 1e6
 
@@ -15,7 +21,8 @@ _MEGABYTE = 1e6
 def store() -> None:
     """Show or clear the store, which keeps the results of the stages of `match`.
 
-    It lies in the user's cache, or where AEROMATCH_STORE states; AEROMATCH_STORE=off switches it off, AEROMATCH_STORE_LIMIT is its size.
+    It lies in the user's cache, or where AEROMATCH_STORE states; AEROMATCH_STORE=off switches it
+    off, AEROMATCH_STORE_LIMIT is its size.
     """
 
 
@@ -28,15 +35,25 @@ def info(as_json: bool) -> None:
     total = sum(size for _, size in usage.values())
     if as_json:
         stages = {name: {"count": count, "bytes": size} for name, (count, size) in usage.items()}
-        document({"folder": str(place.folder), "bytes": total, "limit": int(limit), "stages": stages})
+        document(
+            {"folder": str(place.folder), "bytes": total, "limit": int(limit), "stages": stages}
+        )
         return
-    rows = [(name.replace("_", " "), count, f"{size / _MEGABYTE:.1f}") for name, (count, size) in usage.items()]
+    rows = [
+        (name.replace("_", " "), count, f"{size / _MEGABYTE:.1f}")
+        for name, (count, size) in usage.items()
+    ]
     table(("stage", "results", "MB"), rows, title=f"Store in {place.folder}")
     click.echo(f"{total / _MEGABYTE:.1f} MB of at most {limit / _MEGABYTE:.0f} MB")
 
 
 @store.command()
-@click.option("--to", "size", metavar="SIZE", help="Keep what was used last, up to this size, such as 500MB; without it nothing.")
+@click.option(
+    "--to",
+    "size",
+    metavar="SIZE",
+    help="Keep what was used last, up to this size, such as 500MB; without it nothing.",
+)
 def clear(size: str | None) -> None:
     """Clear the store; the next match computes what is gone."""
     place = _place()
@@ -51,5 +68,7 @@ def clear(size: str | None) -> None:
 def _place() -> StageStore:
     folder = store_folder()
     if folder is None:
-        raise SchemaError(PLACE, ["the store is switched off; name a folder, or remove the variable"])
+        raise SchemaError(
+            PLACE, ["the store is switched off; name a folder, or remove the variable"]
+        )
     return StageStore(folder)

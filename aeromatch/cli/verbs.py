@@ -1,4 +1,6 @@
-"""``aeromatch match PROJECT`` and ``aeromatch demo``: the whole job from listings and flights to the report."""
+"""``aeromatch match PROJECT`` and ``aeromatch demo``: the whole job from listings and flights to
+the report.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,17 @@ from typing import Any
 import click
 
 from flightmech.errors import AeromatchWarning, SchemaError
-from flightmech.support.console import InputFile, NewFolder, command_line, document, jobs_option, json_option, remark, step, table
+from flightmech.support.console import (
+    InputFile,
+    NewFolder,
+    command_line,
+    document,
+    jobs_option,
+    json_option,
+    remark,
+    step,
+    table,
+)
 from pom.cli.report import samples_options
 
 EXAMPLES = {
@@ -28,7 +40,8 @@ INPUTS = ("README.md", "datcom", "flight")
 
 
 def example_folder(name: str) -> Path:
-    """Return the folder of an example: in the installed package, or in the checkout that is installed as editable.
+    """Return the folder of an example: in the installed package, or in the checkout that is
+    installed as editable.
 
     Raises
     ------
@@ -39,7 +52,10 @@ def example_folder(name: str) -> Path:
     for place in places:
         if (place / "aeromatch.toml").is_file():
             return place
-    raise SchemaError("example", [f"no {name} in {places[0].parent} or {places[1].parent}; install the package again"])
+    raise SchemaError(
+        "example",
+        [f"no {name} in {places[0].parent} or {places[1].parent}; install the package again"],
+    )
 
 
 def copy_example(name: str, folder: Path, inputs_only: bool = False) -> list[Path]:
@@ -66,7 +82,9 @@ def copy_example(name: str, folder: Path, inputs_only: bool = False) -> list[Pat
     """
     source = example_folder(name)
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise SchemaError("example", [f"{folder} exists and is not an empty folder; name a new one"])
+        raise SchemaError(
+            "example", [f"{folder} exists and is not an empty folder; name a new one"]
+        )
     folder.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=folder.parent) as scratch:
         made = Path(scratch) / name
@@ -89,13 +107,17 @@ def copy_example(name: str, folder: Path, inputs_only: bool = False) -> list[Pat
 @click.command(epilog="  ".join(f"{name}: {text}." for name, text in EXAMPLES.items()))
 @click.argument("name", type=click.Choice(list(EXAMPLES)))
 @click.argument("folder", type=click.Path(path_type=Path))
-@click.option("--inputs-only", is_flag=True, help="Listings and recordings alone, what a project starts from.")
+@click.option(
+    "--inputs-only", is_flag=True, help="Listings and recordings alone, what a project starts from."
+)
 @json_option
 def example(name: str, folder: Path, inputs_only: bool, as_json: bool) -> None:
     """Copy an example that comes with the product into FOLDER, which is new or empty."""
     files = copy_example(name, folder, inputs_only)
     if as_json:
-        document({"name": name, "folder": str(folder), "files": [file.as_posix() for file in files]})
+        document(
+            {"name": name, "folder": str(folder), "files": [file.as_posix() for file in files]}
+        )
         return
     size = sum((folder / file).stat().st_size for file in files)
     click.echo(f"written: {folder}, {len(files)} files, {size / 1e6:.1f} MB")
@@ -107,12 +129,27 @@ BUILD_FLAGS = ("--fresh", "--explain")
 _DECISIVE = ("samples", "seed", "compare")  # options that decide the bytes of the output
 _PLANNED = ("scheduler", "resume", "samples", "compare")  # options that the plan depends on
 
-fresh_option = click.option("--fresh", is_flag=True, help="Compute every stage, whatever the store keeps of it, and keep it anew.")
-explain_option = click.option("--explain", is_flag=True, help="State for every stage that is computed why, and how many are reused.")
+fresh_option = click.option(
+    "--fresh",
+    is_flag=True,
+    help="Compute every stage, whatever the store keeps of it, and keep it anew.",
+)
+explain_option = click.option(
+    "--explain",
+    is_flag=True,
+    help="State for every stage that is computed why, and how many are reused.",
+)
 
 
 @click.command()
-@click.option("-o", "--output", type=NewFolder(), default=Path("out/t37"), show_default=True, help="Folder to write.")
+@click.option(
+    "-o",
+    "--output",
+    type=NewFolder(),
+    default=Path("out/t37"),
+    show_default=True,
+    help="Folder to write.",
+)
 @jobs_option
 @fresh_option
 @explain_option
@@ -120,18 +157,30 @@ explain_option = click.option("--explain", is_flag=True, help="State for every s
 def demo(output: Path, jobs: int, fresh: bool, explain: bool, as_json: bool) -> None:
     """Perform the whole job on the shipped T-37 example."""
 
-    _match(example_folder("t37") / "aeromatch.toml", output, jobs, as_json, fresh, explain, None, {})
+    _match(
+        example_folder("t37") / "aeromatch.toml", output, jobs, as_json, fresh, explain, None, {}
+    )
 
 
 @click.command()
 @click.argument("project", type=InputFile(path_type=Path))
 @click.option("-o", "--output", type=NewFolder(), required=True, help="Folder to write.")
 @jobs_option
-@click.option("--scheduler", metavar="tcp://HOST:PORT", help="Work on the workers of a dask.distributed cluster that see the same files.")
 @click.option(
-    "--resume", type=click.Path(file_okay=False, path_type=Path), help="Folder that keeps flights; what is there is not flown again."
+    "--scheduler",
+    metavar="tcp://HOST:PORT",
+    help="Work on the workers of a dask.distributed cluster that see the same files.",
 )
-@click.option("--compare-tables", is_flag=True, help="Make the tables in all ways and write tables_compared.csv, node by node.")
+@click.option(
+    "--resume",
+    type=click.Path(file_okay=False, path_type=Path),
+    help="Folder that keeps flights; what is there is not flown again.",
+)
+@click.option(
+    "--compare-tables",
+    is_flag=True,
+    help="Make the tables in all ways and write tables_compared.csv, node by node.",
+)
 @click.option(
     "--actions",
     type=InputFile(path_type=Path),
@@ -143,7 +192,12 @@ def demo(output: Path, jobs: int, fresh: bool, explain: bool, as_json: bool) -> 
     help="Stop, or go on with a warning, if no table of the database carries a significant term of a fit; as in PROJECT unless given.",
 )
 @samples_options
-@click.option("--plan", "plan_only", is_flag=True, help="Print steps, records, fits, cases, products and all problems; compute nothing.")
+@click.option(
+    "--plan",
+    "plan_only",
+    is_flag=True,
+    help="Print steps, records, fits, cases, products and all problems; compute nothing.",
+)
 @fresh_option
 @explain_option
 @json_option
@@ -165,25 +219,40 @@ def match(
 ) -> None:
     """Perform the whole job of a PROJECT file: databases, FMUs and the Proof-of-Match report.
 
-    Everything is checked before the first computation: windows, channels, drives, manoeuvres, terms, models and folders. Exit code 0
-    when the job was done: failed rows are its result.
+    Everything is checked before the first computation: windows, channels, drives, manoeuvres,
+    terms, models and folders. Exit code 0 when the job was done: failed rows are its result.
     """
     if plan_only:
         if actions is not None:
-            raise click.UsageError("--plan and --actions exclude each other; a plan carries out no action")
-        options = {"scheduler": scheduler, "resume": resume, "samples": samples, "compare": compare_tables}
+            raise click.UsageError(
+                "--plan and --actions exclude each other; a plan carries out no action"
+            )
+        options = {
+            "scheduler": scheduler,
+            "resume": resume,
+            "samples": samples,
+            "compare": compare_tables,
+        }
         _plan(project, output, jobs, as_json, fresh, explain, unplaced, options)
         return
     if actions is not None:
         if _replayed(project, output, actions):
             return
         output = output / "match"
-    options = {"scheduler": scheduler, "resume": resume, "samples": samples, "seed": seed, "compare": compare_tables}
+    options = {
+        "scheduler": scheduler,
+        "resume": resume,
+        "samples": samples,
+        "seed": seed,
+        "compare": compare_tables,
+    }
     _match(project, output, jobs, as_json, fresh, explain, unplaced, options)
 
 
 def _replayed(project: Path, output: Path, log: Path) -> bool:
-    """Carry out the actions of a log, and return whether the match of the project as they leave it is one of them."""
+    """Carry out the actions of a log, and return whether the match of the project as they leave it
+    is one of them.
+    """
     from aeromatch.workbench.actions import Places, carry_out, matched, read_log, to_do
 
     output.mkdir(parents=True, exist_ok=True)
@@ -215,11 +284,18 @@ def _match(
     store, limit, command = _store(), size_limit(), command_line(without=BUILD_FLAGS)
     watched = Watched(file)
     decisive = {name: options[name] for name in _DECISIVE if name in options}
-    settings = {"command": command, "project": str(file.resolve()), "unplaced": unplaced, **decisive}
+    settings = {
+        "command": command,
+        "project": str(file.resolve()),
+        "unplaced": unplaced,
+        **decisive,
+    }
     finished = Finished(store.folder, output) if store is not None else None
     shown = finished.read(watched, settings) if finished is not None and not fresh else None
     if shown is not None:
-        remark(f"nothing changed since the last match: {len(watched.files)} files read, every file of {output} intact")
+        remark(
+            f"nothing changed since the last match: {len(watched.files)} files read, every file of {output} intact"
+        )
         for text in shown["remarks"]:
             click.echo(f"warning: {text}", err=True)
     else:
@@ -227,7 +303,9 @@ def _match(
             finished.forget()
         shown = _performed(file, output, jobs, command, store, fresh, explain, unplaced, options)
         if finished is not None and watched.unchanged():
-            finished.write(watched, settings, [output.resolve() / name for name in shown["files"]], shown)
+            finished.write(
+                watched, settings, [output.resolve() / name for name in shown["files"]], shown
+            )
         if store is not None:
             store.shorten(limit)
     if as_json:
@@ -275,7 +353,13 @@ def _performed(
         for text in dict.fromkeys(stages.remarks if store is not None else ()):
             warnings.warn(text, AeromatchWarning, stacklevel=2)
         outcome = perform(project, output, jobs, step, command, stages=stages, **options)
-    return plain({"document": outcome.to_dict(), "remarks": list(dict.fromkeys(stages.remarks)), **_summary(outcome)})
+    return plain(
+        {
+            "document": outcome.to_dict(),
+            "remarks": list(dict.fromkeys(stages.remarks)),
+            **_summary(outcome),
+        }
+    )
 
 
 def _project(file: Path, unplaced: str | None) -> Any:
@@ -286,7 +370,14 @@ def _project(file: Path, unplaced: str | None) -> Any:
     return project if unplaced is None else replace(project, unplaced=unplaced)
 
 
-def _made_plan(project: Any, output: Path, jobs: int, options: Mapping[str, Any], stages: Any, keep_records: bool = False) -> Any:
+def _made_plan(
+    project: Any,
+    output: Path,
+    jobs: int,
+    options: Mapping[str, Any],
+    stages: Any,
+    keep_records: bool = False,
+) -> Any:
     from aeromatch.planning.match_plan import MatchOptions, make_plan
 
     chosen = MatchOptions(**{name: options[name] for name in _PLANNED if name in options})
@@ -295,7 +386,9 @@ def _made_plan(project: Any, output: Path, jobs: int, options: Mapping[str, Any]
 
 @contextmanager
 def _stages(store: Any, output: Path, fresh: bool, explain: bool) -> Iterator[Any]:
-    """Give the stages of a job; when it is over, also by an error, state why stages were computed if that is wanted."""
+    """Give the stages of a job; when it is over, also by an error, state why stages were computed
+    if that is wanted.
+    """
     from flightmech.support.kept_stages.explanation import StageTrace
     from flightmech.support.kept_stages.stages import Stages
 
@@ -306,17 +399,25 @@ def _stages(store: Any, output: Path, fresh: bool, explain: bool) -> Iterator[An
         yield stages
     finally:
         names = dict.fromkeys([*stages.reused, *stages.computed])
-        counts = [f"{stage}: {stages.computed[stage]} computed, {stages.reused[stage]} reused" for stage in names]
+        counts = [
+            f"{stage}: {stages.computed[stage]} computed, {stages.reused[stage]} reused"
+            for stage in names
+        ]
         for text in [*reasons, *counts] if explain else ():
             click.echo(text, err=True)
 
 
 def _summary(outcome: Any) -> dict[str, Any]:
-    """Return what is printed of a match: columns, rows of cases, lines, and the files that it wrote."""
+    """Return what is printed of a match: columns, rows of cases, lines, and the files that it
+    wrote.
+    """
     from pom.report.case.remarks import sampled_line
 
     runs = list(outcome.results[0].runs)
-    rows = [[result.case.id, result.case.title, *(_cell(result, run) for run in runs)] for result in outcome.results]
+    rows = [
+        [result.case.id, result.case.title, *(_cell(result, run) for run in runs)]
+        for result in outcome.results
+    ]
     lines = []
     for run in runs:
         statuses = [result.status(run) for result in outcome.results]
@@ -327,13 +428,31 @@ def _summary(outcome: Any) -> dict[str, Any]:
         lines.append(f"{run:>10}: {statuses.count('pass')} of {len(statuses)} pass{more}")
     for result in outcome.results:
         for run in result.samples:
-            lines.append(f"{result.case.id:<8}{result.case.title:<44} {run}: {sampled_line(result, run)}")
-    lines.append(f"corrected = datcom with {len(outcome.corrected_terms)} of the {outcome.differing} terms and parts of final that differ")
-    lines += [f"{submodel:>15}: {', '.join(names)}" for submodel, names in outcome.corrected_submodels.items()]
+            lines.append(
+                f"{result.case.id:<8}{result.case.title:<44} {run}: {sampled_line(result, run)}"
+            )
+    lines.append(
+        f"corrected = datcom with {len(outcome.corrected_terms)} of the {outcome.differing} terms and parts of final that differ"
+    )
+    lines += [
+        f"{submodel:>15}: {', '.join(names)}"
+        for submodel, names in outcome.corrected_submodels.items()
+    ]
     for name, terms in outcome.joint_terms.items():
-        lines.append(f"added for {name}, which does not pass with what each case needs alone: {', '.join(terms)}")
-    failures = [*outcome.record_errors, *(f"{result.case.name}: {result.failure}" for result in outcome.results if result.failure)]
-    return {"columns": ["row", "case", *runs], "rows": rows, "lines": lines, "failures": failures, "files": outcome.files}
+        lines.append(
+            f"added for {name}, which does not pass with what each case needs alone: {', '.join(terms)}"
+        )
+    failures = [
+        *outcome.record_errors,
+        *(f"{result.case.name}: {result.failure}" for result in outcome.results if result.failure),
+    ]
+    return {
+        "columns": ["row", "case", *runs],
+        "rows": rows,
+        "lines": lines,
+        "failures": failures,
+        "files": outcome.files,
+    }
 
 
 def _plan(
@@ -359,19 +478,61 @@ def _plan(
 
 
 def _print_plan(plan: Any) -> None:
-    table(("", "step"), list(enumerate(plan.steps, 1)), title=f"{plan.project.title}: {plan.project.file}", right=("",))
-    rows = [(row["record"], f"{row['start']:g} ... {row['end']:g}", row["channels"], row["for"]) for row in plan.record_rows()]
-    table(("record", "time [s]", "channels", "for"), rows, title="\nFlight records", right=("channels",))
-    fits = [(row["fit"], row["records"], row["windows"], f"{row['seconds']:.0f}", "; ".join(row["models"])) for row in plan.fit_rows()]
-    table(("fit", "records", "windows", "time [s]", "models"), fits, title="\nFits", right=("records", "windows", "time [s]"))
+    table(
+        ("", "step"),
+        list(enumerate(plan.steps, 1)),
+        title=f"{plan.project.title}: {plan.project.file}",
+        right=("",),
+    )
+    rows = [
+        (row["record"], f"{row['start']:g} ... {row['end']:g}", row["channels"], row["for"])
+        for row in plan.record_rows()
+    ]
+    table(
+        ("record", "time [s]", "channels", "for"),
+        rows,
+        title="\nFlight records",
+        right=("channels",),
+    )
+    fits = [
+        (
+            row["fit"],
+            row["records"],
+            row["windows"],
+            f"{row['seconds']:.0f}",
+            "; ".join(row["models"]),
+        )
+        for row in plan.fit_rows()
+    ]
+    table(
+        ("fit", "records", "windows", "time [s]", "models"),
+        fits,
+        title="\nFits",
+        right=("records", "windows", "time [s]"),
+    )
     cases = [
-        (row["id"], row["case"], row["record"], f"{row['start']:g} ... {row['end']:g}", row["drive"], row["criteria"])
+        (
+            row["id"],
+            row["case"],
+            row["record"],
+            f"{row['start']:g} ... {row['end']:g}",
+            row["drive"],
+            row["criteria"],
+        )
         for row in plan.case_rows()
     ]
-    table(("row", "case", "record", "window [s]", "drive", "criteria"), cases, title="\nCases", right=("criteria",))
+    table(
+        ("row", "case", "record", "window [s]", "drive", "criteria"),
+        cases,
+        title="\nCases",
+        right=("criteria",),
+    )
     click.echo("\nProducts\n" + "\n".join(plan.products))
     count = len(plan.problems)
-    click.echo(f"\n{count} problem{'' if count == 1 else 's'}" + ("" if count else "; nothing was computed or written"))
+    click.echo(
+        f"\n{count} problem{'' if count == 1 else 's'}"
+        + ("" if count else "; nothing was computed or written")
+    )
 
 
 def _print(shown: Mapping[str, Any]) -> None:
@@ -389,5 +550,9 @@ def _cell(result: Any, run: str) -> str:
 
     worst = result.worst(run)
     status = result.status(run)
-    ratio = "" if worst is None else f"  {worst['worst_ratio']:.2f}  {worst['criterion'].replace('_', ' ')}"
+    ratio = (
+        ""
+        if worst is None
+        else f"  {worst['worst_ratio']:.2f}  {worst['criterion'].replace('_', ' ')}"
+    )
     return status_text(status) + ratio

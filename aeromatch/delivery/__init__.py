@@ -1,1 +1,3 @@
-"""The data package: everything a customer gets of a project in one folder or zip, with check cases, and its verification and comparison."""
+"""The data package: everything a customer gets of a project in one folder or zip, with check cases,
+and its verification and comparison.
+"""

@@ -1,4 +1,6 @@
-"""The data package of a project: models, database in every format, aircraft, roadmap, cases, report, check cases, manifest."""
+"""The data package of a project: models, database in every format, aircraft, roadmap, cases,
+report, check cases, manifest.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +41,8 @@ from flightmech.terms import power
 MANIFEST = "manifest.json"
 MODELS = ("datcom", "corrected", "final")
 FLOWN, STATES = "check_cases/flown", "check_cases/states.csv"
-_HIGHEST = 1000.0  # [m] to which tables replace formulas of the ground effect, in formats that take tables only
+# [m] to which tables replace formulas of the ground effect, in formats that take tables only
+_HIGHEST = 1000.0
 _STATES = 200  # check cases of the database
 _INSIDE = "data_package"  # folder in a zip
 _EPOCH = (1980, 1, 1, 0, 0, 0)  # of every file in a zip: the same bytes when made again
@@ -66,7 +69,9 @@ class Wishes:
     revision: str = ""
 
 
-def write_package(project: Project, match: Path, target: Path, wishes: Wishes, step: Step) -> dict[str, str]:
+def write_package(
+    project: Project, match: Path, target: Path, wishes: Wishes, step: Step
+) -> dict[str, str]:
     """Write the data package of a matched project.
 
     Parameters
@@ -75,7 +80,8 @@ def write_package(project: Project, match: Path, target: Path, wishes: Wishes, s
     match : Path
         Folder of `aeromatch match`: databases, aircraft, FMUs, report.
     target : Path
-        Folder to write, or a file ``.zip``; written completely or not at all, the same bytes when made again.
+        Folder to write, or a file ``.zip``; written completely or not at all, the same bytes when
+        made again.
     wishes : Wishes
     step : callable
         ``with step("text"):`` surrounds every step.
@@ -90,9 +96,14 @@ def write_package(project: Project, match: Path, target: Path, wishes: Wishes, s
     SchemaError
         The folder is not that of a finished match.
     """
-    wanted = [match / f"final.{kind}" for kind in ("nc", "toml", "fmu")] + [match / REPORT / "manifest.json"]
+    wanted = [match / f"final.{kind}" for kind in ("nc", "toml", "fmu")] + [
+        match / REPORT / "manifest.json"
+    ]
     if missing := [str(file.relative_to(match)) for file in wanted if not file.is_file()]:
-        raise SchemaError(str(match), [f"no {name}; give the folder that `aeromatch match` wrote" for name in missing])
+        raise SchemaError(
+            str(match),
+            [f"no {name}; give the folder that `aeromatch match` wrote" for name in missing],
+        )
     if target.suffix.lower() != ".zip":
         with folder_written_atomically(target, lambda name: True) as new:
             return _fill(new, project, match, wishes, step)
@@ -108,8 +119,13 @@ def write_package(project: Project, match: Path, target: Path, wishes: Wishes, s
     return found
 
 
-def _fill(folder: Path, project: Project, match: Path, wishes: Wishes, step: Step) -> dict[str, str]:
-    database, aircraft = aerodb.open(match / "final.nc"), flightmech.read_aircraft(match / "final.toml")
+def _fill(
+    folder: Path, project: Project, match: Path, wishes: Wishes, step: Step
+) -> dict[str, str]:
+    database, aircraft = (
+        aerodb.open(match / "final.nc"),
+        flightmech.read_aircraft(match / "final.toml"),
+    )
     archive = pom.read_archive(match / REPORT)
     with step("copy models, aircraft, cases and report"):
         _copy(folder, project, match, wishes)
@@ -118,7 +134,9 @@ def _fill(folder: Path, project: Project, match: Path, wishes: Wishes, step: Ste
     with step("write the check cases"):
         export_checkcases(database, _made(folder / STATES), _STATES)
         (folder / FLOWN).mkdir(parents=True)
-        flown = write_flown_checks(database, aircraft, conditions_of(archive.results), folder / FLOWN)
+        flown = write_flown_checks(
+            database, aircraft, conditions_of(archive.results), folder / FLOWN
+        )
     if not flown:
         refused[FLOWN] = "no case starts from a trimmed flight in the air"
     _write(folder / "roadmap.csv", roadmap(archive.results))
@@ -127,7 +145,10 @@ def _fill(folder: Path, project: Project, match: Path, wishes: Wishes, step: Ste
         "title": project.title,
         "revision": wishes.revision,
         "version": version("aeromatch"),
-        "results": [(r.case.id, r.case.title, [(run, r.status(run)) for run in r.runs]) for r in archive.results],
+        "results": [
+            (r.case.id, r.case.title, [(run, r.status(run)) for run in r.runs])
+            for r in archive.results
+        ],
         "refused": refused,
         "flown": [file.name for file in flown],
         "recordings": wishes.recordings,
@@ -136,7 +157,11 @@ def _fill(folder: Path, project: Project, match: Path, wishes: Wishes, step: Ste
     }
     pages = environment(PackageLoader("aeromatch.delivery", "."))
     _write(folder / "README.md", pages.get_template("README.md.j2").render(about))
-    licence = wishes.licence.read_text(encoding="utf-8") if wishes.licence else pages.get_template("LICENCE.md.j2").render(about)
+    licence = (
+        wishes.licence.read_text(encoding="utf-8")
+        if wishes.licence
+        else pages.get_template("LICENCE.md.j2").render(about)
+    )
     _write(folder / "LICENCE.md", licence)
     _write(folder / MANIFEST, manifest_text(folder, about | {"results": None}))
     return refused
@@ -145,7 +170,11 @@ def _fill(folder: Path, project: Project, match: Path, wishes: Wishes, step: Ste
 def _copy(folder: Path, project: Project, match: Path, wishes: Wishes) -> None:
     for name in MODELS:
         for file in sorted(match.glob(f"{name}*")):
-            kind = {".fmu": "models", ".toml": "aircraft", ".nc": "database" if file.stem == name else "aircraft"}.get(file.suffix)
+            kind = {
+                ".fmu": "models",
+                ".toml": "aircraft",
+                ".nc": "database" if file.stem == name else "aircraft",
+            }.get(file.suffix)
             if kind:
                 shutil.copyfile(file, _made(folder / kind / file.name))
     for file in project.cases:
@@ -170,21 +199,31 @@ def _database(folder: Path, database: xr.DataTree, aircraft: Aircraft) -> dict[s
     for name, write in writers.items():
         try:
             write(_made(folder / name))
-        except AeromatchError as error:  # one format cannot hold this database: the package states it
+        except (
+            AeromatchError
+        ) as error:  # one format cannot hold this database: the package states it
             refused[f"database/{name}"] = "; ".join(getattr(error, "problems", ()) or [str(error)])
     return refused
 
 
 def _with_height_tables(database: xr.DataTree) -> xr.DataTree:
     leaves = aerodb.terms(database)
-    closed = [name for name, leaf in leaves.items() if (factor := power(leaf)) is not None and lookup(factor.variable).units == "m"]
+    closed = [
+        name
+        for name, leaf in leaves.items()
+        if (factor := power(leaf)) is not None and lookup(factor.variable).units == "m"
+    ]
     return aerodb.replace_terms(
-        database, {name: with_height_table(leaves[name], _HIGHEST) for name in closed}, "tables for formulas over the height"
+        database,
+        {name: with_height_table(leaves[name], _HIGHEST) for name in closed},
+        "tables for formulas over the height",
     )
 
 
 def roadmap(results: Sequence[Any]) -> str:
-    """Return the validation data roadmap as CSV: row of the standard, record that proves it, configuration, verdicts."""
+    """Return the validation data roadmap as CSV: row of the standard, record that proves it,
+    configuration, verdicts.
+    """
     runs = list(dict.fromkeys(run for result in results for run in result.runs))
     target = io.StringIO()
     rows = csv.writer(target, lineterminator="\n")
@@ -202,17 +241,30 @@ def roadmap(results: Sequence[Any]) -> str:
         "h [m]",
         "V [m/s]",
     )
-    rows.writerow([*columns, *(f"{run}: verdict" for run in runs), *(f"{run}: worst ratio" for run in runs)])
+    rows.writerow(
+        [*columns, *(f"{run}: verdict" for run in runs), *(f"{run}: worst ratio" for run in runs)]
+    )
     for result in results:
         case, at = result.case, dict(result.conditions)
         worst = {run: result.worst(run) for run in result.runs}
         rows.writerow(
             [
-                *(case.id, case.title, case.standard, case.edition, case.name, Path(case.record).name, *(f"{t:g}" for t in case.window)),
+                *(
+                    case.id,
+                    case.title,
+                    case.standard,
+                    case.edition,
+                    case.name,
+                    Path(case.record).name,
+                    *(f"{t:g}" for t in case.window),
+                ),
                 f"flaps {at.get('delta_f', 0.0) * 57.29577951308232:.1f} deg; gear {'down' if at.get('gear', 0.0) > 0.5 else 'up'}",
                 *(f"{at[name]:.1f}" if name in at else "" for name in ("mass", "h", "V")),
                 *(result.status(run) if run in result.runs else "" for run in runs),
-                *(f"{found['worst_ratio']:.3f}" if (found := worst.get(run)) else "" for run in runs),
+                *(
+                    f"{found['worst_ratio']:.3f}" if (found := worst.get(run)) else ""
+                    for run in runs
+                ),
             ]
         )
     return target.getvalue()
@@ -221,23 +273,45 @@ def roadmap(results: Sequence[Any]) -> str:
 def _recordings(project: Project, results: Sequence[Any]) -> str:
     proved = {Path(result.case.record).stem: result.case.name for result in results}
     lines = ["file,sha256,proves"]
-    lines += [f"{file.name},{sha256(file)},{proved.get(name, '')}" for name, file in project.flights.items()]
+    lines += [
+        f"{file.name},{sha256(file)},{proved.get(name, '')}"
+        for name, file in project.flights.items()
+    ]
     return "\n".join([*lines, ""])
 
 
 def platforms(fmu: Path) -> list[str]:
     """Return the platforms that an FMU brings a library for."""
     with zipfile.ZipFile(fmu) as content:
-        return sorted({name.split("/")[1] for name in content.namelist() if name.startswith("binaries/") and name.count("/") > 1})
+        return sorted(
+            {
+                name.split("/")[1]
+                for name in content.namelist()
+                if name.startswith("binaries/") and name.count("/") > 1
+            }
+        )
 
 
 def manifest_text(folder: Path, about: dict[str, Any]) -> str:
     """Return the manifest of a folder: every file with its SHA-256, but for the manifest itself."""
-    files = {file.relative_to(folder).as_posix(): sha256(file) for file in sorted(folder.rglob("*")) if file.is_file()}
+    files = {
+        file.relative_to(folder).as_posix(): sha256(file)
+        for file in sorted(folder.rglob("*"))
+        if file.is_file()
+    }
     files.pop(MANIFEST, None)
-    head = {key: item for key, item in about.items() if key in ("title", "revision", "version", "refused", "platforms")}
+    head = {
+        key: item
+        for key, item in about.items()
+        if key in ("title", "revision", "version", "refused", "platforms")
+    }
     return (
-        json.dumps({"content": "aeromatch data package, format 1", **head, "files": files}, indent=1, sort_keys=True, ensure_ascii=False)
+        json.dumps(
+            {"content": "aeromatch data package, format 1", **head, "files": files},
+            indent=1,
+            sort_keys=True,
+            ensure_ascii=False,
+        )
         + "\n"
     )
 

@@ -1,8 +1,10 @@
-"""A flown check case flown by JSBSim: another program, with its own equations of motion, Earth and atmosphere.
+"""A flown check case flown by JSBSim: another program, with its own equations of motion, Earth and
+atmosphere.
 
-JSBSim differs from the kernel in what is no fault of the model: it takes the damping from rates against the Earth and not against inertial
-space (7e-5 rad/s), inputs act one frame later, and load factor and lift of the step before.  So the two are compared by a twentieth of the
-bands of 14 CFR Part 60, Table A2A, below which no proof of match depends on the program.
+JSBSim differs from the kernel in what is no fault of the model: it takes the damping from rates
+against the Earth and not against inertial space (7e-5 rad/s), inputs act one frame later, and load
+factor and lift of the step before.  So the two are compared by a twentieth of the bands of 14 CFR
+Part 60, Table A2A, below which no proof of match depends on the program.
 
 JSBSim ends the whole process when it does not like a file; it is run in one of its own.
 """
@@ -64,7 +66,9 @@ def jsbsim_installed() -> bool:
     return importlib.util.find_spec("jsbsim") is not None
 
 
-def fly_by_jsbsim(model: Path, case: xr.Dataset, facts: Mapping[str, float]) -> dict[str, np.ndarray]:
+def fly_by_jsbsim(
+    model: Path, case: xr.Dataset, facts: Mapping[str, float]
+) -> dict[str, np.ndarray]:
     """Return outputs of a check case flown by JSBSim, those of `BANDS`. [SI]
 
     Parameters
@@ -97,14 +101,26 @@ def fly_by_jsbsim(model: Path, case: xr.Dataset, facts: Mapping[str, float]) -> 
             signals=np.column_stack([*signals.values()]),
             outputs=np.array([name for name, _ in _OUTPUTS.values()]),
         )
-        ended = subprocess.run([sys.executable, "-m", __name__, str(folder)], capture_output=True, text=True, errors="replace")
+        ended = subprocess.run(
+            [sys.executable, "-m", __name__, str(folder)],
+            capture_output=True,
+            text=True,
+            errors="replace",
+        )
         if ended.returncode:
             words = " ".join((ended.stderr.strip() or ended.stdout.strip()).splitlines()[-3:])
-            raise SimulationError(f"JSBSim flies no check case with {model.name}: {words or f'it ended with code {ended.returncode}'}")
+            raise SimulationError(
+                f"JSBSim flies no check case with {model.name}: {words or f'it ended with code {ended.returncode}'}"
+            )
         rows = np.load(folder / "flown.npy")
-    found = {name: rows[:, column] * factor for column, (name, (_, factor)) in enumerate(_OUTPUTS.items())}
+    found = {
+        name: rows[:, column] * factor
+        for column, (name, (_, factor)) in enumerate(_OUTPUTS.items())
+    }
     for angle in ("phi", "psi"):  # JSBSim gives the heading from 0 to 2 pi
-        found[angle] = case[angle].values + (found[angle] - case[angle].values + np.pi) % (2.0 * np.pi) - np.pi
+        found[angle] = (
+            case[angle].values + (found[angle] - case[angle].values + np.pi) % (2.0 * np.pi) - np.pi
+        )
     return found
 
 
@@ -120,7 +136,9 @@ def _load(root: ET.Element, facts: Mapping[str, float]) -> None:
         name = channel.get("name", "")
         if name.startswith("engine"):
             control.remove(channel)
-            ET.SubElement(control, "property", value="0").text = thrust(int(name.removeprefix("engine")))
+            ET.SubElement(control, "property", value="0").text = thrust(
+                int(name.removeprefix("engine"))
+            )
 
 
 def _only(parent: ET.Element, path: str) -> ET.Element:
@@ -134,7 +152,9 @@ def _start(case: xr.Dataset, facts: Mapping[str, float]) -> dict[str, float]:
     """Return the initial condition in the properties of JSBSim, whose rates are against the Earth."""
     at = {str(name): float(item.values[0]) for name, item in case.data_vars.items()}
     turn = _EARTH_RATE * np.array([np.cos(at["lat"]), 0.0, -np.sin(at["lat"])])
-    rates = np.array([at["p"], at["q"], at["r"]]) - rotation(at["phi"], at["theta"], at["psi"]) @ turn
+    rates = (
+        np.array([at["p"], at["q"], at["r"]]) - rotation(at["phi"], at["theta"], at["psi"]) @ turn
+    )
     return {
         "atmosphere/delta-T": facts["delta_T"] * 1.8,
         "atmosphere/P-sl-psf": facts["qnh"] / PSF,
@@ -150,8 +170,12 @@ def _start(case: xr.Dataset, facts: Mapping[str, float]) -> dict[str, float]:
 
 
 def _commands(root: ET.Element, case: xr.Dataset) -> Iterator[tuple[str, np.ndarray]]:
-    """Yield the commands and thrusts that make the positions of the case, from the scaling that the file states."""
-    variables = {name: variable for variable, name in AXIS.items()} | {"fcs/right-aileron-pos-rad": "delta_a"}
+    """Yield the commands and thrusts that make the positions of the case, from the scaling that the
+    file states.
+    """
+    variables = {name: variable for variable, name in AXIS.items()} | {
+        "fcs/right-aileron-pos-rad": "delta_a"
+    }
     for scale in root.iter("aerosurface_scale"):
         variable = variables.get(_only(scale, "output").text or "")
         if variable not in case:
@@ -194,8 +218,13 @@ def _fly(folder: Path) -> None:
     for row in range(len(signals)):
         states = [program[name] for name in outputs]
         command(row)
-        program.run()  # the state moves before the commands of the row act: their load factor is that of this frame
-        rows[row] = [program[name] if name == _OUTPUTS["nz"][0] else state for name, state in zip(outputs, states)]
+        # the state moves before the commands of the row act: their load factor is that of this
+        # frame
+        program.run()
+        rows[row] = [
+            program[name] if name == _OUTPUTS["nz"][0] else state
+            for name, state in zip(outputs, states)
+        ]
         for _ in range(_FRAMES - 1):
             program.run()
     np.save(folder / "flown.npy", rows)

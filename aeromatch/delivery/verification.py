@@ -1,4 +1,6 @@
-"""Whether a data package is what it was and does what it states: hashes, verdicts, and check cases through every format that runs."""
+"""Whether a data package is what it was and does what it states: hashes, verdicts, and check cases
+through every format that runs.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,13 @@ from aerodb.exchange.jsbsim.read import import_jsbsim
 from aerodb.exchange.tables.csv_terms import import_csv, run_checkcases
 from aerodb.exchange.tables.matlab import import_matlab
 from aeromatch.delivery.contents import FLOWN, MANIFEST, STATES, sha256
-from aeromatch.delivery.flown_checks import compared, conditions_of, fly_by_fmu, fly_by_kernel, read_flown_check
+from aeromatch.delivery.flown_checks import (
+    compared,
+    conditions_of,
+    fly_by_fmu,
+    fly_by_kernel,
+    read_flown_check,
+)
 from aeromatch.delivery.jsbsim_flight import BANDS, PART, fly_by_jsbsim, jsbsim_installed
 from flightmech.aircraft.parts import different_parts
 from flightmech.errors import AeromatchError, ParseError, SchemaError
@@ -31,7 +39,9 @@ from pom.result import status_text
 
 _MOST = 20_000_000_000  # bytes that a zip may unpack to
 _PROVED = ("output", "statement", "tolerance", "verdict")  # of a report apart from its inputs
-_TABLES = 2e-3  # of the largest magnitude: what tables in place of a formula over the height may change
+_TABLES = (
+    2e-3  # of the largest magnitude: what tables in place of a formula over the height may change
+)
 _READERS: dict[str, tuple[Callable[[Path], xr.DataTree], float]] = {
     "database/final.nc": (aerodb.open, 1.0),
     "database/final.mat": (import_matlab, 1.0),
@@ -75,11 +85,17 @@ def unpacked(package: str | Path) -> Iterator[Path]:
         yield _demanded(package)
         return
     if not zipfile.is_zipfile(package):
-        raise SchemaError(str(package), ["neither a folder nor a zip; give what `aeromatch package make` wrote"])
+        raise SchemaError(
+            str(package), ["neither a folder nor a zip; give what `aeromatch package make` wrote"]
+        )
     with zipfile.ZipFile(package) as content, tempfile.TemporaryDirectory() as place:
         if sum(item.file_size for item in content.infolist()) > _MOST:
             raise SchemaError(str(package), [f"unpacks to more than {_MOST:g} bytes"])
-        bad = [name for name in content.namelist() if name.startswith(("/", "\\")) or ".." in Path(name).parts]
+        bad = [
+            name
+            for name in content.namelist()
+            if name.startswith(("/", "\\")) or ".." in Path(name).parts
+        ]
         if bad:
             raise SchemaError(str(package), [f"{bad[0]!r} leads out of the package"])
         content.extractall(place)
@@ -114,20 +130,30 @@ def verify_package(folder: Path) -> Iterator[Finding]:
     Yields
     ------
     Finding
-        Hashes of all files; statements, tolerances and verdicts of the report, judged again; the states of the check table through
-        every format of the database; the flown check cases through kernel, FMU, and JSBSim where it is installed.
+        Hashes of all files; statements, tolerances and verdicts of the report, judged again; the
+        states of the check table through every format of the database; the flown check cases
+        through kernel, FMU, and JSBSim where it is installed.
     """
     yield from _hashes(folder)
     for item in pom.verify(folder / "report"):
         if item.kind in _PROVED:
-            yield Finding("report", f"{item.kind}: {item.name}", item.state == "same", item.detail or item.state)
+            yield Finding(
+                "report",
+                f"{item.kind}: {item.name}",
+                item.state == "same",
+                item.detail or item.state,
+            )
     yield from _states(folder)
     yield from _flown(folder)
 
 
 def _hashes(folder: Path) -> Iterator[Finding]:
     stated = read_manifest(folder)["files"]
-    there = {file.relative_to(folder).as_posix(): file for file in sorted(folder.rglob("*")) if file.is_file()}
+    there = {
+        file.relative_to(folder).as_posix(): file
+        for file in sorted(folder.rglob("*"))
+        if file.is_file()
+    }
     for name, digest in stated.items():
         if name not in there:
             yield Finding("hash", name, False, "missing")
@@ -148,18 +174,30 @@ def _states(folder: Path) -> Iterator[Finding]:
         except AeromatchError as error:
             yield Finding("states", name, False, str(error))
             continue
-        own = found[[("/" not in str(output)) for output in found.index]]  # coefficients; formulas become tables term by term
+        own = found[
+            [("/" not in str(output)) for output in found.index]
+        ]  # coefficients; formulas become tables term by term
         ratio = own["largest_difference"].abs() / own["tolerance"]
         worst = str(ratio.idxmax())
-        limit = 1.0 if allowed == 1.0 else allowed / 1e-9  # the tolerance of a table is 1e-9 of its largest magnitude
-        yield Finding("states", name, bool((ratio <= limit).all()), f"largest difference {ratio[worst] * 1e-9:.2g} of the largest {worst}")
+        limit = (
+            1.0 if allowed == 1.0 else allowed / 1e-9
+        )  # the tolerance of a table is 1e-9 of its largest magnitude
+        yield Finding(
+            "states",
+            name,
+            bool((ratio <= limit).all()),
+            f"largest difference {ratio[worst] * 1e-9:.2g} of the largest {worst}",
+        )
 
 
 def _flown(folder: Path) -> Iterator[Finding]:
     files = sorted((folder / FLOWN).glob("*.csv"))
     if not files:
         return
-    sim = flightmech.compile(flightmech.read_aircraft(folder / "aircraft/final.toml"), aerodb.open(folder / "database/final.nc"))
+    sim = flightmech.compile(
+        flightmech.read_aircraft(folder / "aircraft/final.toml"),
+        aerodb.open(folder / "database/final.nc"),
+    )
     ways: dict[str, Callable[..., Any]] = {
         "kernel": lambda *case: fly_by_kernel(sim, *case),
         "FMU": lambda *case: fly_by_fmu(folder / "models/final.fmu", *case),
@@ -171,13 +209,22 @@ def _flown(folder: Path) -> Iterator[Finding]:
     for file in files:
         case, facts, stated = read_flown_check(file)
         for way, fly in ways.items():
-            tolerance, of = (between_programs, f"1/{1 / PART:g} of the band") if way == "JSBSim" else (stated, "its tolerance")
+            tolerance, of = (
+                (between_programs, f"1/{1 / PART:g} of the band")
+                if way == "JSBSim"
+                else (stated, "its tolerance")
+            )
             try:
                 ratio, worst = compared(case, fly(case, facts), tolerance)
             except Exception as error:  # an FMU without a library for this platform, a flight that fails: a finding, not the end
                 yield Finding("flown", f"{file.name} by {way}", False, str(error))
                 continue
-            yield Finding("flown", f"{file.name} by {way}", ratio <= 1.0, f"largest difference {ratio:.2g} of {of}, in {worst}")
+            yield Finding(
+                "flown",
+                f"{file.name} by {way}",
+                ratio <= 1.0,
+                f"largest difference {ratio:.2g} of {of}, in {worst}",
+            )
 
 
 _FELT = {
@@ -201,7 +248,9 @@ _OF_MODES = {
 }
 
 
-def package_difference(one: Path, other: Path, model: str = "final", other_model: str | None = None) -> dict[str, Any]:
+def package_difference(
+    one: Path, other: Path, model: str = "final", other_model: str | None = None
+) -> dict[str, Any]:
     """Return what changed from one package to another, or from one model to another of the same.
 
     Parameters
@@ -214,19 +263,31 @@ def package_difference(one: Path, other: Path, model: str = "final", other_model
     Returns
     -------
     dict
-        ``terms`` and ``coefficients`` (name; state ``added``, ``deleted`` or ``changed``; value before and after where they differ most,
-        and where that is; rms difference; largest in standard errors of both), ``parts``, ``cases`` (verdict and worst ratio before and
-        after), ``files`` that were added, deleted or changed; ``felt``: what a pilot feels of it, trimmed at the ``condition`` of the
-        cleanest validation flight (words, unit, before, after).
+        ``terms`` and ``coefficients`` (name; state ``added``, ``deleted`` or ``changed``; value
+        before and after where they differ most, and where that is; rms difference; largest in
+        standard errors of both), ``parts``, ``cases`` (verdict and worst ratio before and after),
+        ``files`` that were added, deleted or changed; ``felt``: what a pilot feels of it, trimmed
+        at the ``condition`` of the cleanest validation flight (words, unit, before, after).
     """
     second = other_model or model
-    before, after = aerodb.open(one / f"database/{model}.nc"), aerodb.open(other / f"database/{second}.nc")
-    aircraft = [flightmech.read_aircraft(folder / f"aircraft/{name}.toml") for folder, name in ((one, model), (other, second))]
+    before, after = (
+        aerodb.open(one / f"database/{model}.nc"),
+        aerodb.open(other / f"database/{second}.nc"),
+    )
+    aircraft = [
+        flightmech.read_aircraft(folder / f"aircraft/{name}.toml")
+        for folder, name in ((one, model), (other, second))
+    ]
     rows, condition = _differences(before, after), _condition(other)
     return {
         "models": [model, second],
         "condition": condition,
-        "felt": _felt(*(_characteristics(craft, db, condition) for craft, db in zip(aircraft, (before, after), strict=True))),
+        "felt": _felt(
+            *(
+                _characteristics(craft, db, condition)
+                for craft, db in zip(aircraft, (before, after), strict=True)
+            )
+        ),
         "terms": [row for row in rows if "/" in row["name"]],
         "coefficients": [row for row in rows if "/" not in row["name"]],
         "parts": different_parts(*aircraft),
@@ -259,7 +320,9 @@ def _differences(before: Any, after: Any) -> list[dict[str, Any]]:
 
 
 def _condition(package: Path) -> dict[str, float]:
-    """Return speed, height, mass and configuration of the validation flight with the least flaps and gear; empty where none is trimmed."""
+    """Return speed, height, mass and configuration of the validation flight with the least flaps
+    and gear; empty where none is trimmed.
+    """
     flights = conditions_of(pom.read_archive(package / "report").results).values()
     found = min(flights, key=lambda at: (at.get("delta_f", 0.0), at.get("gear", 0.0)), default={})
     return {name: found[name] for name in ("V", "h", "mass", "delta_f", "gear") if name in found}
@@ -273,22 +336,35 @@ def _characteristics(aircraft: Any, db: Any, condition: dict[str, float]) -> Any
 
 
 def _felt(before: Any, after: Any) -> list[dict[str, Any]]:
-    """Return the rows of `_FELT` and of the eigenmotions that both models have, in the units of the field."""
+    """Return the rows of `_FELT` and of the eigenmotions that both models have, in the units of the
+    field.
+    """
     if before is None or after is None:
         return []
     rows = []
     for name, (words, unit) in _FELT.items():
-        values = [value for found in (before, after) if (value := _value(found.table, name)) is not None]
+        values = [
+            value for found in (before, after) if (value := _value(found.table, name)) is not None
+        ]
         if len(values) == 2:
             shown = [float(from_si(value, unit)) if unit else value for value in values]
             rows.append({"words": words, "unit": unit, "before": shown[0], "after": shown[1]})
     for mode in _MODES:
         sides = [found.modes[found.modes["mode"] == mode] for found in (before, after)]
-        for column, (words, unit) in _OF_MODES.items() if all(len(side) == 1 for side in sides) else ():
+        for column, (words, unit) in (
+            _OF_MODES.items() if all(len(side) == 1 for side in sides) else ()
+        ):
             shown = [float(side[column].iloc[0]) for side in sides]
             periodic = any(np.isfinite(side["period"].iloc[0]) for side in sides)
             if np.isfinite(shown).any() and (periodic or column != "damping_ratio"):
-                rows.append({"words": f"{mode}: {words}", "unit": unit, "before": shown[0], "after": shown[1]})
+                rows.append(
+                    {
+                        "words": f"{mode}: {words}",
+                        "unit": unit,
+                        "before": shown[0],
+                        "after": shown[1],
+                    }
+                )
     return rows
 
 
@@ -299,15 +375,31 @@ def _value(characteristics: Any, name: str) -> float | None:
 
 
 def _cases(one: Path, model: str, other: Path, second: str) -> list[dict[str, Any]]:
-    old, new = ({r.case.name: r for r in pom.read_archive(folder / "report").results} for folder in (one, other))
+    old, new = (
+        {r.case.name: r for r in pom.read_archive(folder / "report").results}
+        for folder in (one, other)
+    )
     rows = []
     for name in dict.fromkeys([*old, *new]):
-        sides = [(found[name], run) if name in found and run in found[name].runs else None for found, run in ((old, model), (new, second))]
+        sides = [
+            (found[name], run) if name in found and run in found[name].runs else None
+            for found, run in ((old, model), (new, second))
+        ]
         states = ["" if side is None else status_text(side[0].status(side[1])) for side in sides]
-        worst = [None if side is None else (side[0].worst(side[1]) or {}).get("worst_ratio") for side in sides]
+        worst = [
+            None if side is None else (side[0].worst(side[1]) or {}).get("worst_ratio")
+            for side in sides
+        ]
         case = (new[name] if name in new else old[name]).case
         rows.append(
-            {"row": case.id, "case": case.title, "before": states[0], "after": states[1], "worst_before": worst[0], "worst_after": worst[1]}
+            {
+                "row": case.id,
+                "case": case.title,
+                "before": states[0],
+                "after": states[1],
+                "worst_before": worst[0],
+                "worst_after": worst[1],
+            }
         )
     return rows
 

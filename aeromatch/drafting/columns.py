@@ -15,7 +15,8 @@ from flighttest.reconstruction.quality.checks.mistake_search import plausible
 from flighttest.records.readers.columns import split_heading, units_at_the_end, words_of
 from flighttest.records.readers.name_map import units_of
 
-# what recorders call a channel, in lower case without separators, in addition to the other names of the field (`flightmech.errors.synonym`)
+# what recorders call a channel, in lower case without separators, in addition to the other names of
+# the field (`flightmech.errors.synonym`)
 _WORDS = {
     "p": "p ratep rollrate bodyrollrate gyrox gyrp wx",
     "q": "q rateq pitchrate bodypitchrate gyroy gyrq wy",
@@ -71,20 +72,62 @@ _WORDS = {
     "engine.torque": "torque trq",
 }
 _NAME = {word: name for name, words in _WORDS.items() for word in words.split()}
-_RECORDED = {"x_cg": "x_cg_b", "alpha": "alpha_vane", "beta": "beta_vane", "h": "h_baro", "ax": "ax_imu", "ay": "ay_imu", "az": "az_imu"}
+_RECORDED = {
+    "x_cg": "x_cg_b",
+    "alpha": "alpha_vane",
+    "beta": "beta_vane",
+    "h": "h_baro",
+    "ax": "ax_imu",
+    "ay": "ay_imu",
+    "az": "az_imu",
+}
 """Canonical names that stand for a corrected quantity, and what a recorder shows of it."""
 _DECORATION = frozenset(
     (
-        *("pos", "position", "defl", "deflection", "angle", "meas", "measured", "sensor", "raw", "value", "act", "actual", "ang"),
+        *(
+            "pos",
+            "position",
+            "defl",
+            "deflection",
+            "angle",
+            "meas",
+            "measured",
+            "sensor",
+            "raw",
+            "value",
+            "act",
+            "actual",
+            "ang",
+        ),
         *("filtered", "filt", "corr", "corrected", "body", "rec", "surf", "surface", "lever"),
-        *("adc", "ins", "ahrs", "imu", "ads", "fms", "efis", "irs", "dau", "daq", "fdr", "egi", "nav", "air", "adhrs"),
+        *(
+            "adc",
+            "ins",
+            "ahrs",
+            "imu",
+            "ads",
+            "fms",
+            "efis",
+            "irs",
+            "dau",
+            "daq",
+            "fdr",
+            "egi",
+            "nav",
+            "air",
+            "adhrs",
+        ),
     )
 )
-# +1 where a word of the heading names the positive sense of the quantity, -1 where it names the other one; the positive senses are
+# +1 where a word of the heading names the positive sense of the quantity, -1 where it names the
+# other one; the positive senses are
 # trailing edge down, trailing edge left, and an aileron that rolls to the left
 _SENSES = {
     "delta_e": {"teu": -1, "ted": 1, "anu": -1, "nu": -1, "and": 1, "nd": 1, "up": -1, "dn": 1},
-    **{name: {"teu": -1, "ted": 1} for name in ("delta_a_left", "delta_a_right", "delta_f", "delta_t")},
+    **{
+        name: {"teu": -1, "ted": 1}
+        for name in ("delta_a_left", "delta_a_right", "delta_f", "delta_t")
+    },
     "delta_a": {"lwd": 1, "rwd": -1, "teu": -1, "ted": 1},
     "delta_r": {"tel": 1, "ter": -1, "anl": 1, "nl": 1, "anr": -1, "nr": -1},
     **{name: {"anu": 1, "nu": 1, "and": -1, "nd": -1} for name in ("theta", "q", "alpha_vane")},
@@ -129,8 +172,8 @@ def guess(column: str) -> Guess | None:
     Parameters
     ----------
     column : str
-        As the file calls it, with or without its unit in brackets; a table or group before it (``adc/KIAS``) counts for satellite
-        receivers only.
+        As the file calls it, with or without its unit in brackets; a table or group before it
+        (``adc/KIAS``) counts for satellite receivers only.
 
     Examples
     --------
@@ -171,7 +214,9 @@ def _guess(own: str, column: str) -> Guess | None:
 
 
 def _with_sense(words: list[str], sense: str, own: str, column: str) -> Guess | None:
-    """Return the guess of a heading that ends with the sense of its quantity; None where the word is not one of the quantity."""
+    """Return the guess of a heading that ends with the sense of its quantity; None where the word
+    is not one of the quantity.
+    """
     found = _of_parts(words, own, column)
     sign = _SENSES.get(found.name, {}).get(sense) if found else None
     return replace(found, sign=sign) if found and sign else None
@@ -197,14 +242,25 @@ def _canonical(own: str) -> str:
         lookup(own)
     except UnknownName:
         return ""
-    return "" if own in _NO_CHANNELS else f"engine1.{own}" if own in _OF_ENGINES else _RECORDED.get(own, own)
+    return (
+        ""
+        if own in _NO_CHANNELS
+        else f"engine1.{own}"
+        if own in _OF_ENGINES
+        else _RECORDED.get(own, own)
+    )
 
 
 def _of_words(words: list[str], column: str) -> tuple[str, int] | None:
     """Return the quantity that some words mean, and how much of them had to be left out."""
     plain, engine = _numbered(words)
     bare = [word for word in plain if word not in _DECORATION]
-    tries = [(words, 1), (plain, 1), (bare, 2), *((bare[start:], 2 + start) for start in range(1, len(bare)))]
+    tries = [
+        (words, 1),
+        (plain, 1),
+        (bare, 2),
+        *((bare[start:], 2 + start) for start in range(1, len(bare))),
+    ]
     for part, rank in tries:
         text = "".join(part)
         name = _NAME.get(text) or _RECORDED.get(synonym(text) or "", synonym(text))
@@ -217,12 +273,20 @@ def _of_words(words: list[str], column: str) -> tuple[str, int] | None:
 
 
 def _numbered(words: list[str]) -> tuple[list[str], int]:
-    """Return the words without the number or side of an engine or surface, and that number; 0 without one."""
+    """Return the words without the number or side of an engine or surface, and that number; 0
+    without one.
+    """
     plain: list[str] = []
     number = 0
     for position, word in enumerate(words):
         match = re.fullmatch(r"(?:eng|engine|e)?([1-9])", word) if len(words) > 1 else None
-        if word in _SIDES and len(words) > 1 and not (word in "lr" and position == 0 and len(words) == 2 and words[1] in ("dot", "rate")):
+        if (
+            word in _SIDES
+            and len(words) > 1
+            and not (
+                word in "lr" and position == 0 and len(words) == 2 and words[1] in ("dot", "rate")
+            )
+        ):
             number = _SIDES[word]
         elif match:
             number = int(match[1])
@@ -238,7 +302,11 @@ def _for_engine(name: str, number: int) -> str:
         name = f"engine.{name}"
     if name.startswith("engine."):
         return name.replace("engine.", f"engine{number or 1}.")
-    return f"{name}_{'left' if number == 1 else 'right'}" if name in ("delta_a", "delta_f") and number in (1, 2) else name
+    return (
+        f"{name}_{'left' if number == 1 else 'right'}"
+        if name in ("delta_a", "delta_f") and number in (1, 2)
+        else name
+    )
 
 
 def _own_unit(own: str, name: str) -> str | None:
@@ -256,7 +324,13 @@ def _same_kind(unit: str, name: str) -> bool:
 
 _LEVELS = {  # median size of a channel in flight by its unit [lowest, highest]
     "az_imu": {"m/s2": (5.0, 20.0), "g": (0.5, 2.0), "ft/s2": (22.0, 50.0)},
-    "p_static": {"Pa": (20e3, 110e3), "hPa": (200.0, 1100.0), "kPa": (20.0, 110.0), "psf": (400.0, 2300.0), "psi": (2.9, 16.0)},
+    "p_static": {
+        "Pa": (20e3, 110e3),
+        "hPa": (200.0, 1100.0),
+        "kPa": (20.0, 110.0),
+        "psf": (400.0, 2300.0),
+        "psi": (2.9, 16.0),
+    },
     "temperature": {"K": (200.0, 330.0), "degC": (-70.0, 50.0)},
 }
 _TURNED = "psi"
@@ -292,23 +366,41 @@ def by_size(columns: Mapping[str, np.ndarray]) -> dict[str, tuple[str, str]]:
     """
     largest = {name: _largest(values) for name, values in columns.items()}
     turning = any(
-        size > (2.0 * np.pi + 0.1 if name == _TURNED else _LARGEST_ANGLE) for name, size in largest.items() if lookup(name).units == "rad"
+        size > (2.0 * np.pi + 0.1 if name == _TURNED else _LARGEST_ANGLE)
+        for name, size in largest.items()
+        if lookup(name).units == "rad"
     )
-    rotating = any(size > _LARGEST_RATE for name, size in largest.items() if lookup(name).units == "rad s-1")
+    rotating = any(
+        size > _LARGEST_RATE for name, size in largest.items() if lookup(name).units == "rad s-1"
+    )
     found = {}
     for name, values in columns.items():
         units = lookup(name).units
         if units == "rad":
-            found[name] = ("deg", "angles exceed 1.6 rad") if turning else ("rad", "no angle exceeds 1.6 rad")
+            found[name] = (
+                ("deg", "angles exceed 1.6 rad") if turning else ("rad", "no angle exceeds 1.6 rad")
+            )
         elif units == "rad s-1":
             in_degrees = rotating or (turning and largest[name] > 0.5)
-            found[name] = ("deg/s", "as the angles" if not rotating else "rates exceed 3 rad/s") if in_degrees else ("rad/s", "by size")
+            found[name] = (
+                ("deg/s", "as the angles" if not rotating else "rates exceed 3 rad/s")
+                if in_degrees
+                else ("rad/s", "by size")
+            )
         elif name.rpartition(".")[2] in _FRACTIONS and units == "1":
-            found[name] = ("%", f"reaches {largest[name]:.3g}") if largest[name] > 2.0 else ("1", "by size")
+            found[name] = (
+                ("%", f"reaches {largest[name]:.3g}") if largest[name] > 2.0 else ("1", "by size")
+            )
         else:
             found[name] = _level(name, values)
     if "az_imu" in found:  # accelerations of one unit stand in one unit
-        found.update({name: (found["az_imu"][0], "as az_imu") for name in ("ax_imu", "ay_imu") if name in found})
+        found.update(
+            {
+                name: (found["az_imu"][0], "as az_imu")
+                for name in ("ax_imu", "ay_imu")
+                if name in found
+            }
+        )
     return found
 
 
@@ -323,7 +415,11 @@ def _level(name: str, values: np.ndarray) -> tuple[str, str]:
     candidates = units_of(name) or (lookup(name).units,)
     limits = plausible(name)
     if limits is not None and len(finite):
-        fitting = [unit for unit in candidates if limits[0] <= _si(finite.min(), unit) and _si(finite.max(), unit) <= limits[1]]
+        fitting = [
+            unit
+            for unit in candidates
+            if limits[0] <= _si(finite.min(), unit) and _si(finite.max(), unit) <= limits[1]
+        ]
         if len(fitting) == 1:
             return fitting[0], "the only unit in which it is possible"
     return candidates[0], "CONFIRM: taken as SI" if len(candidates) > 1 else "SI"

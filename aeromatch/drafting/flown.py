@@ -1,4 +1,6 @@
-"""Which manoeuvres identify and which prove: fits and test points from the manoeuvres of the records."""
+"""Which manoeuvres identify and which prove: fits and test points from the manoeuvres of the
+records.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,8 @@ import pandas as pd
 from flightmech.errors import AeromatchError
 from pom.cases.drafting.draft import init_case
 
-# what a manoeuvre proves: kind and control, the tests of the tolerance table, and the name of the case
+# what a manoeuvre proves: kind and control, the tests of the tolerance table, and the name of the
+# case
 _TESTS = {
     ("3211", "elevator"): ("2.c.10", "short_period"),
     ("doublet", "elevator"): ("2.c.10", "short_period"),
@@ -28,7 +31,10 @@ _TESTS = {
     ("spiral", "aileron"): ("2.d.4", "spiral_stability"),
     ("power_change", "throttle"): ("2.c.1", "power_change"),
     **{(f"flaps_{way}", "flaps"): ("2.c.2", "flap_change") for way in ("out", "in")},
-    **{(f"speedbrake_{way}", "speedbrake"): ("2.c.3", "speed_brake_change") for way in ("out", "in")},
+    **{
+        (f"speedbrake_{way}", "speedbrake"): ("2.c.3", "speed_brake_change")
+        for way in ("out", "in")
+    },
     **{(f"gear_{way}", "gear"): ("2.c.4", "gear_change") for way in ("out", "in")},
     ("throttle_chop", "throttle"): ("1.f.2", "engine_deceleration"),
     ("throttle_slam", "throttle"): ("1.f.1", "engine_acceleration"),
@@ -47,7 +53,15 @@ _AXES = {
     "pitch": {"elevator"},
     "roll and yaw": {"aileron", "rudder"},
 }
-_IDENTIFYING = ("3211", "doublet", "pulse", "sweep", "multisine", "pull_up_push_down", "steady_sideslip")
+_IDENTIFYING = (
+    "3211",
+    "doublet",
+    "pulse",
+    "sweep",
+    "multisine",
+    "pull_up_push_down",
+    "steady_sideslip",
+)
 _DROPPED = "unknown"
 _SURFACES = {"elevator": "delta_e", "aileron": "delta_a", "rudder": "delta_r"}
 _LEAD = 1.5  # s of steady flight before a manoeuvre that the case may use
@@ -76,18 +90,27 @@ class CaseDraft:
     window: tuple[float, float]
 
 
-def held_for_proof(tables: Mapping[str, pd.DataFrame], prove: Sequence[str], with_engine: Collection[str]) -> list[CaseDraft]:
-    """Return the manoeuvres that prove the model: all that fit a test in the records `prove`; without them the last of each test.
+def held_for_proof(
+    tables: Mapping[str, pd.DataFrame], prove: Sequence[str], with_engine: Collection[str]
+) -> list[CaseDraft]:
+    """Return the manoeuvres that prove the model: all that fit a test in the records `prove`;
+    without them the last of each test.
 
-    A test of which there is one manoeuvre only is left to the identification.  Tests of the engine need one of the records
-    `with_engine`, in which the speed of an engine is recorded.
+    A test of which there is one manoeuvre only is left to the identification.  Tests of the engine
+    need one of the records `with_engine`, in which the speed of an engine is recorded.
     """
     by_test: dict[str, list[tuple[str, str, float, float]]] = {}
     for record, table in tables.items():
         for row in table.to_dict("records"):
             test = _TESTS.get((str(row["manoeuvre"]), str(row["control"])))
-            if test is not None and (not prove or record in prove) and (test[0] not in _OF_ENGINE or record in with_engine):
-                by_test.setdefault(test[0], []).append((test[1], record, float(row["start"]), float(row["end"])))
+            if (
+                test is not None
+                and (not prove or record in prove)
+                and (test[0] not in _OF_ENGINE or record in with_engine)
+            ):
+                by_test.setdefault(test[0], []).append(
+                    (test[1], record, float(row["start"]), float(row["end"]))
+                )
     chosen = []
     for number_of_test, rows in by_test.items():
         taken = rows if prove else rows[-1:] if len(rows) > 1 else []
@@ -99,9 +122,16 @@ def held_for_proof(tables: Mapping[str, pd.DataFrame], prove: Sequence[str], wit
 
 
 def written_cases(
-    chosen: Sequence[CaseDraft], records: Mapping[str, Path], folder: Path, names: Path | None, aircraft: Path, remarks: list[str]
+    chosen: Sequence[CaseDraft],
+    records: Mapping[str, Path],
+    folder: Path,
+    names: Path | None,
+    aircraft: Path,
+    remarks: list[str],
 ) -> dict[str, tuple[float, float]]:
-    """Write the case files, as `aeromatch pom init` does, and return record and window of each by file name."""
+    """Write the case files, as `aeromatch pom init` does, and return record and window of each by
+    file name.
+    """
     windows = {}
     for case in chosen:
         try:
@@ -116,7 +146,9 @@ def written_cases(
                 force=True,
             )
         except AeromatchError as error:
-            remarks.append(f"no case for {case.test} from {case.record}: {' '.join(str(error).split())}")
+            remarks.append(
+                f"no case for {case.test} from {case.record}: {' '.join(str(error).split())}"
+            )
             continue
         windows[case.file] = made.window
         remarks += [f"{case.file}: {text}" for text in left]
@@ -124,7 +156,10 @@ def written_cases(
 
 
 def fits_of(
-    tables: Mapping[str, pd.DataFrame], taken: Mapping[str, Sequence[tuple[float, float]]], channels: set[str], own: set[str]
+    tables: Mapping[str, pd.DataFrame],
+    taken: Mapping[str, Sequence[tuple[float, float]]],
+    channels: set[str],
+    own: set[str],
 ) -> list[FitDraft]:
     """Return the fits of the manoeuvres outside the windows of the cases.
 
@@ -152,10 +187,18 @@ def fits_of(
                 grouped.setdefault(names, []).append(record)
             elif free:
                 windows = tuple((float(row["start"]), float(row["end"])) for row in free)
-                fits.append(FitDraft(f"{axis}, {record}", (record,), (), windows, _models(axis, free, channels)))
+                fits.append(
+                    FitDraft(
+                        f"{axis}, {record}", (record,), (), windows, _models(axis, free, channels)
+                    )
+                )
         for names, records in grouped.items():
             moved: list[Mapping[Any, Any]] = [{"control": name.partition(" ")[2]} for name in names]
-            name = axis if len(grouped) == 1 else f"{axis}, {records[0]}{' and others' if len(records) > 1 else ''}"
+            name = (
+                axis
+                if len(grouped) == 1
+                else f"{axis}, {records[0]}{' and others' if len(records) > 1 else ''}"
+            )
             fits.append(FitDraft(name, tuple(records), names, (), _models(axis, moved, channels)))
     return fits
 
@@ -178,13 +221,23 @@ def _overlap(row: Mapping[Any, Any], taken: Sequence[tuple[float, float]]) -> bo
 def _models(axis: str, rows: Sequence[Mapping[Any, Any]], channels: set[str]) -> tuple[str, ...]:
     """Return local models of an axis with the controls that moved and are recorded."""
     moved = {word for row in rows for word in str(row["control"]).split()}
-    known = [surface for word, surface in _SURFACES.items() if word in moved and _recorded(surface, channels)]
+    known = [
+        surface
+        for word, surface in _SURFACES.items()
+        if word in moved and _recorded(surface, channels)
+    ]
     if axis == "pitch":
         elevator = " + delta_e" if "delta_e" in known else ""
-        return tuple(f"{name} = 1 + alpha{' + alpha**2' if name == 'CD' else ' + qhat'}{elevator}" for name in ("CL", "CD", "Cm"))
+        return tuple(
+            f"{name} = 1 + alpha{' + alpha**2' if name == 'CD' else ' + qhat'}{elevator}"
+            for name in ("CL", "CD", "Cm")
+        )
     rudder = " + delta_r" if "delta_r" in known else ""
     aileron = " + delta_a" if "delta_a" in known else ""
-    return (f"CY = 1 + beta + phat + rhat{rudder}", *(f"{name} = 1 + beta + phat + rhat{aileron}{rudder}" for name in ("Cl", "Cn")))
+    return (
+        f"CY = 1 + beta + phat + rhat{rudder}",
+        *(f"{name} = 1 + beta + phat + rhat{aileron}{rudder}" for name in ("Cl", "Cn")),
+    )
 
 
 def _recorded(surface: str, channels: set[str]) -> bool:

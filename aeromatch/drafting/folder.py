@@ -1,4 +1,6 @@
-"""A project folder from listings, decks and recordings: the files of a project, commented and checked before they are left."""
+"""A project folder from listings, decks and recordings: the files of a project, commented and
+checked before they are left.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,14 @@ import xarray as xr
 import flightmech
 import flighttest
 from aeromatch.drafting.aircraft import Geometry, Known, aircraft_text, geometry_of
-from aeromatch.drafting.flown import CaseDraft, FitDraft, fits_of, held_for_proof, without_unknown, written_cases
+from aeromatch.drafting.flown import (
+    CaseDraft,
+    FitDraft,
+    fits_of,
+    held_for_proof,
+    without_unknown,
+    written_cases,
+)
 from aeromatch.drafting.gaps import listed_columns, missing_channels, unknown_columns
 from aeromatch.drafting.names import NamesDraft, checked, draft_names, names_text, own_names
 from aeromatch.project.editing import schema_lines
@@ -32,7 +41,19 @@ from flighttest.flight_programme.manoeuvre_finding.finding import find_manoeuvre
 from flighttest.records.manoeuvre_table import write_manoeuvres
 
 FILES = ("aircraft.toml", "names.toml", "manoeuvres.csv", "aeromatch.toml")
-RECORD_SUFFIXES = (".csv", ".gz", ".nc", ".h5", ".hdf5", ".mat", ".ulg", ".bin", ".mdf", ".mf4", ".dat")
+RECORD_SUFFIXES = (
+    ".csv",
+    ".gz",
+    ".nc",
+    ".h5",
+    ".hdf5",
+    ".mat",
+    ".ulg",
+    ".bin",
+    ".mdf",
+    ".mf4",
+    ".dat",
+)
 DECK_SUFFIXES = (".inp", ".dcm", ".dat", ".deck")
 _FACTS = {"temperature": "K", "latitude": "rad", "runway_elevation": "m"}
 
@@ -94,16 +115,32 @@ def sources_of(datcom: Sequence[Path], records: Sequence[Path]) -> Sources:
     for path in datcom:
         found = _listings(path)
         listings += found
-        decks += [file for file in _inside(path) if file not in found and _is_deck(file, path.is_file())]
-    flights = [file for path in records for file in _inside(path) if file not in listings + decks and _is_record(file, path)]
+        decks += [
+            file for file in _inside(path) if file not in found and _is_deck(file, path.is_file())
+        ]
+    flights = [
+        file
+        for path in records
+        for file in _inside(path)
+        if file not in listings + decks and _is_record(file, path)
+    ]
     if not listings and not decks and not flights:
-        raise SchemaError("init", ["no listing, deck or recording was found; give them with --datcom and --records"])
+        raise SchemaError(
+            "init",
+            ["no listing, deck or recording was found; give them with --datcom and --records"],
+        )
     return Sources(tuple(listings), tuple(decks), tuple(flights))
 
 
 def _with_subfolders(folder: Path) -> tuple[Path, ...]:
-    """Return a folder and those in it that may hold sources: neither hidden, nor cases, nor what `aeromatch match` left."""
-    inside = (item for item in sorted(folder.iterdir()) if item.is_dir() and item.name != "cases" and not item.name.startswith("."))
+    """Return a folder and those in it that may hold sources: neither hidden, nor cases, nor what
+    `aeromatch match` left.
+    """
+    inside = (
+        item
+        for item in sorted(folder.iterdir())
+        if item.is_dir() and item.name != "cases" and not item.name.startswith(".")
+    )
     return (folder, *(item for item in inside if not (item / "report").is_dir()))
 
 
@@ -117,11 +154,15 @@ def _listings(path: Path) -> list[Path]:
             return listings_in(path)
         except FileNotFoundError:
             return []
-    return [path] if path.suffix.lower() not in DECK_SUFFIXES or b"CONERR" in path.read_bytes() else []
+    return (
+        [path] if path.suffix.lower() not in DECK_SUFFIXES or b"CONERR" in path.read_bytes() else []
+    )
 
 
 def _is_deck(file: Path, named: bool) -> bool:
-    return named or (file.suffix.lower() in DECK_SUFFIXES and b"$FLTCON" in file.read_bytes()[:100_000].upper())
+    return named or (
+        file.suffix.lower() in DECK_SUFFIXES and b"$FLTCON" in file.read_bytes()[:100_000].upper()
+    )
 
 
 def _is_record(file: Path, given: Path) -> bool:
@@ -143,20 +184,23 @@ def draft_project(
     Parameters
     ----------
     folder : path
-        Gets ``aircraft.toml names.toml manoeuvres.csv aeromatch.toml cases/``; what it holds besides stays.
+        Gets ``aircraft.toml names.toml manoeuvres.csv aeromatch.toml cases/``; what it holds
+        besides stays.
     datcom, records : sequence of Path
-        Listings, decks and recordings, or folders of them; without both those in `folder` and in the folders inside it.
+        Listings, decks and recordings, or folders of them; without both those in `folder` and in
+        the folders inside it.
     known : Known, optional
         What the author knows besides.
     prove : sequence of str
-        Records, by file name without extension, that prove the model and identify nothing; without them the last of several manoeuvres
-        of a test does.
+        Records, by file name without extension, that prove the model and identify nothing; without
+        them the last of several manoeuvres of a test does.
     force : bool
         Overwrite older files.
     step : callable
         ``with step("text"):`` surrounds every step, for progress.
     own_map : str or Path, optional
-        Name map of the recordings, a TOML file or a shipped map, which is used as it stands; without it one is drafted.
+        Name map of the recordings, a TOML file or a shipped map, which is used as it stands;
+        without it one is drafted.
 
     Returns
     -------
@@ -178,21 +222,35 @@ def draft_project(
     remarks: list[str] = []
     if sources.records:
         with step(f"read {len(sources.records)} recordings, find names, units and signs"):
-            draft = own_names(own_map) if own_map is not None else draft_names(sources.records, geometry.flap)
+            draft = (
+                own_names(own_map)
+                if own_map is not None
+                else draft_names(sources.records, geometry.flap)
+            )
             names, flights, left = checked(_with_facts(draft, known), sources.records)
             names, flights = _with_temperature(names, flights, sources.records, known, remarks)
-        unmapped = dict.fromkeys(name for record in flights.values() for name in listed_columns(record))
+        unmapped = dict.fromkeys(
+            name for record in flights.values() for name in listed_columns(record)
+        )
         remarks += [*names.remarks, *missing_channels(flights), *left]
-        remarks += unknown_columns(list(unmapped) if names.own is not None else names.left_out, names.own is not None)
+        remarks += unknown_columns(
+            list(unmapped) if names.own is not None else names.left_out, names.own is not None
+        )
     else:
         names, flights = NamesDraft(identity=True), {}
-        remarks.append(f"no recording was given: replace the {UNFILLED!r} of flights in aeromatch.toml")
+        remarks.append(
+            f"no recording was given: replace the {UNFILLED!r} of flights in aeromatch.toml"
+        )
     with step("find manoeuvres"):
         marks, own = _manoeuvres(flights, remarks)
-    chosen = held_for_proof(marks, prove, [name for name, record in flights.items() if _has_engine_speed(record)])
+    chosen = held_for_proof(
+        marks, prove, [name for name, record in flights.items() if _has_engine_speed(record)]
+    )
     targets = _targets(folder, names, own, marks, chosen)
     if not force and (there := [str(file) for file in targets if file.exists()]):
-        raise FileExistsError(f"{', '.join(there)}: there already; give another folder, or --force to overwrite")
+        raise FileExistsError(
+            f"{', '.join(there)}: there already; give another folder, or --force to overwrite"
+        )
     with step("write and check the project"), _all_or_none(folder, targets) as write:
         text, missing = aircraft_text(geometry, known, list(flights.values()))
         remarks += missing
@@ -204,32 +262,68 @@ def draft_project(
             write_manoeuvres(table, folder / "manoeuvres.csv")
         files = {file.stem: file for file in sources.records}
         map_file = _map_file(folder, names)
-        windows = written_cases(chosen, files, folder / "cases", map_file, folder / "aircraft.toml", remarks)
+        windows = written_cases(
+            chosen, files, folder / "cases", map_file, folder / "aircraft.toml", remarks
+        )
         proven = [case for case in chosen if case.file in windows]
         taken: dict[str, list[tuple[float, float]]] = {}
         for case in proven:
             taken.setdefault(case.record, []).append(windows[case.file])
-        channels = {str(name) for record in flights.values() for node in record.children.values() for name in node.data_vars}
+        channels = {
+            str(name)
+            for record in flights.values()
+            for node in record.children.values()
+            for name in node.data_vars
+        }
         fits = fits_of(marks, taken, channels, set(prove))
         if not fits:
-            remarks.append("no manoeuvre that identifies was found: add [[fit]] with windows to aeromatch.toml")
+            remarks.append(
+                "no manoeuvre that identifies was found: add [[fit]] with windows to aeromatch.toml"
+            )
         if not proven:
-            remarks.append("no case was drafted: write one with 'aeromatch pom init RECORD --test ...' into the folder cases")
-        write("aeromatch.toml", project_text(folder, geometry, sources, names, fits, proven, known, len(own) < len(marks)))
+            remarks.append(
+                "no case was drafted: write one with 'aeromatch pom init RECORD --test ...' into the folder cases"
+            )
+        write(
+            "aeromatch.toml",
+            project_text(
+                folder, geometry, sources, names, fits, proven, known, len(own) < len(marks)
+            ),
+        )
         complete = _sound(folder)
     about = {name: _about(files[name], record, marks[name]) for name, record in flights.items()}
-    return Drafted(tuple(file for file in targets if file.exists()), tuple(remarks), tuple(_roles(geometry)), about, complete)
+    return Drafted(
+        tuple(file for file in targets if file.exists()),
+        tuple(remarks),
+        tuple(_roles(geometry)),
+        about,
+        complete,
+    )
 
 
 def _has_engine_speed(record: xr.DataTree) -> bool:
-    return any(str(name).endswith((".n1", ".n2")) for node in record.children.values() for name in node.data_vars)
+    return any(
+        str(name).endswith((".n1", ".n2"))
+        for node in record.children.values()
+        for name in node.data_vars
+    )
 
 
 def _with_facts(names: NamesDraft, known: Known) -> NamesDraft:
     """Return a map with the facts that the author states."""
-    stated = {key: quantity(_number(known.values[key]), unit) for key, unit in _FACTS.items() if known.values.get(key)}
+    stated = {
+        key: quantity(_number(known.values[key]), unit)
+        for key, unit in _FACTS.items()
+        if known.values.get(key)
+    }
     if names.own is not None and stated:
-        raise SchemaError("init", [f"{key} stands in [record] of the name map {names.file}; write it there" for key in stated])
+        raise SchemaError(
+            "init",
+            [
+                f"{key} stands in [record] of the name map {names.file}; write it there"
+                for key in stated
+            ],
+        )
     return replace(names, facts={**names.facts, **stated})
 
 
@@ -241,10 +335,21 @@ def _number(text: str) -> str | float:
 
 
 def _with_temperature(
-    names: NamesDraft, flights: dict[str, xr.DataTree], files: Sequence[Path], known: Known, remarks: list[str]
+    names: NamesDraft,
+    flights: dict[str, xr.DataTree],
+    files: Sequence[Path],
+    known: Known,
+    remarks: list[str],
 ) -> tuple[NamesDraft, dict[str, xr.DataTree]]:
-    """Return map and records with the temperature of the standard atmosphere where none is recorded or stated."""
-    channels = {str(name) for record in flights.values() for node in record.children.values() for name in node.data_vars}
+    """Return map and records with the temperature of the standard atmosphere where none is recorded
+    or stated.
+    """
+    channels = {
+        str(name)
+        for record in flights.values()
+        for node in record.children.values()
+        for name in node.data_vars
+    }
     if names.identity or "temperature" in channels or "temperature" in names.facts:
         return names, flights
     heights = [
@@ -271,7 +376,9 @@ def _with_temperature(
     return names, {file.stem: flighttest.read(file, names.mapping()) for file in files}
 
 
-def _manoeuvres(flights: Mapping[str, xr.DataTree], remarks: list[str]) -> tuple[dict[str, pd.DataFrame], set[str]]:
+def _manoeuvres(
+    flights: Mapping[str, xr.DataTree], remarks: list[str]
+) -> tuple[dict[str, pd.DataFrame], set[str]]:
     """Return the manoeuvres of every record, and the records that carry marks of their own."""
     marks, own = {}, set()
     for name, record in flights.items():
@@ -289,16 +396,30 @@ def _manoeuvres(flights: Mapping[str, xr.DataTree], remarks: list[str]) -> tuple
 
 
 def _map_file(folder: Path, names: NamesDraft) -> Path | None:
-    """Return the name map of the project: the author's, or the drafted one; None where none is needed."""
+    """Return the name map of the project: the author's, or the drafted one; None where none is
+    needed.
+    """
     if names.identity:
         return None
     return Path(names.file) if names.own is not None else folder / "names.toml"
 
 
-def _targets(folder: Path, names: NamesDraft, own: set[str], marks: Mapping[str, pd.DataFrame], chosen: Sequence[CaseDraft]) -> list[Path]:
+def _targets(
+    folder: Path,
+    names: NamesDraft,
+    own: set[str],
+    marks: Mapping[str, pd.DataFrame],
+    chosen: Sequence[CaseDraft],
+) -> list[Path]:
     drafted = not names.identity and names.own is None
-    files = ["aircraft.toml", *(["names.toml"] if drafted else []), *(["manoeuvres.csv"] if len(own) < len(marks) else [])]
-    return [folder / file for file in (*files, "aeromatch.toml")] + [folder / "cases" / case.file for case in chosen]
+    files = [
+        "aircraft.toml",
+        *(["names.toml"] if drafted else []),
+        *(["manoeuvres.csv"] if len(own) < len(marks) else []),
+    ]
+    return [folder / file for file in (*files, "aeromatch.toml")] + [
+        folder / "cases" / case.file for case in chosen
+    ]
 
 
 @contextmanager
@@ -339,7 +460,13 @@ def project_text(
         'aircraft = "aircraft.toml"',
         *_names_line(folder, names),
         f"flights = {_patterns(folder, sources.records)}   # a record is named by its file without extension",
-        *(['manoeuvres = "manoeuvres.csv"   # found in the movements of the controls: confirm kinds and times'] if table else []),
+        *(
+            [
+                'manoeuvres = "manoeuvres.csv"   # found in the movements of the controls: confirm kinds and times'
+            ]
+            if table
+            else []
+        ),
         'cases = ["cases/*.toml"]' if cases else "cases = []",
         '# cutoff = "4 Hz"             # low-pass before coefficients are formed, 2 to 3 times the fastest mode of motion',
         "",
@@ -350,9 +477,13 @@ def project_text(
             continue
         reasons = {item.reason for item in geometry.roles if role in item.roles}
         shown = [_text(_relative(place, folder)) for place in places]
-        lines.append(f"{role} = {shown[0] if len(shown) == 1 else '[' + ', '.join(shown) + ']'}   # {'; '.join(sorted(reasons))}")
+        lines.append(
+            f"{role} = {shown[0] if len(shown) == 1 else '[' + ', '.join(shown) + ']'}   # {'; '.join(sorted(reasons))}"
+        )
     if geometry.powered:
-        lines.append("powered = true   # all clean pages hold power effects: the thrust is taken off, standard errors are wider")
+        lines.append(
+            "powered = true   # all clean pages hold power effects: the thrust is taken off, standard errors are wider"
+        )
     if "clean" not in geometry.places:
         lines.append(
             f"clean = {_text(UNFILLED)}   # listing of the whole aeroplane: run the deck (aeromatch datcom run), then name it here"
@@ -383,7 +514,9 @@ def _patterns(folder: Path, records: Sequence[Path]) -> str:
     homes, endings = {file.parent.resolve() for file in records}, {file.suffix for file in records}
     if len(homes) == 1 and len(endings) == 1:
         home, ending = homes.pop(), endings.pop()
-        if {file.resolve() for file in home.glob(f"*{ending}")} == {file.resolve() for file in records} and home != folder.resolve():
+        if {file.resolve() for file in home.glob(f"*{ending}")} == {
+            file.resolve() for file in records
+        } and home != folder.resolve():
             return _text(f"{_relative(str(home), folder)}/*{ending}")
     return _list([_relative(str(file), folder) for file in records])
 
@@ -401,7 +534,8 @@ def _list(items: Sequence[str]) -> str:
 
 
 def _sound(folder: Path) -> bool:
-    """Read everything back as `aeromatch match` does; whether nothing but what is marked is missing.
+    """Read everything back as `aeromatch match` does; whether nothing but what is marked is
+    missing.
 
     Raises
     ------
@@ -409,7 +543,10 @@ def _sound(folder: Path) -> bool:
         A drafted file is faulty although all its numbers are given.
     """
     whole = True
-    for read, file in ((flightmech.read_aircraft, "aircraft.toml"), (read_project, "aeromatch.toml")):
+    for read, file in (
+        (flightmech.read_aircraft, "aircraft.toml"),
+        (read_project, "aeromatch.toml"),
+    ):
         text = (folder / file).read_text(encoding="utf-8")
         tomllib.loads(text)
         if _text(UNFILLED) in text or (file == "aeromatch.toml" and "[[fit]]" not in text):
@@ -427,4 +564,10 @@ def _about(file: Path, record: xr.DataTree, table: pd.DataFrame) -> dict[str, An
 
 def _roles(geometry: Geometry) -> Iterator[tuple[str, str, str, str, str]]:
     for item in geometry.roles:
-        yield item.case.file, str(item.case.ordinal), item.case.name, ", ".join(item.roles) or "-", item.reason
+        yield (
+            item.case.file,
+            str(item.case.ordinal),
+            item.case.name,
+            ", ".join(item.roles) or "-",
+            item.reason,
+        )

@@ -1,4 +1,6 @@
-"""What the records lack: channels that identification needs, and columns that no quantity was found for."""
+"""What the records lack: channels that identification needs, and columns that no quantity was found
+for.
+"""
 
 from __future__ import annotations
 
@@ -12,17 +14,34 @@ _NEEDED = (
     (("delta_a", "delta_a_left", "delta_a_right"), "aileron", "no roll manoeuvre can be found"),
     (("delta_r",), "rudder", "no yaw manoeuvre can be found"),
     (("V", "V_cas", "mach", "q_c"), "airspeed", "no coefficient can be formed"),
-    (("h_baro", "p_static", "h_gps"), "altitude or static pressure", "no air density can be formed"),
-    (("alpha_vane",), "angle of attack", "it follows from the reconstruction alone, with a larger standard error"),
+    (
+        ("h_baro", "p_static", "h_gps"),
+        "altitude or static pressure",
+        "no air density can be formed",
+    ),
+    (
+        ("alpha_vane",),
+        "angle of attack",
+        "it follows from the reconstruction alone, with a larger standard error",
+    ),
 )
 _MOST = 20  # columns that a remark names; names.toml lists all
 
 
 def missing_channels(flights: Mapping[str, xr.DataTree]) -> list[str]:
     """Return a remark for each channel that no record has, with what is impossible without it."""
-    shown = {str(name) for record in flights.values() for node in record.children.values() for name in node.data_vars}
+    shown = {
+        str(name)
+        for record in flights.values()
+        for node in record.children.values()
+        for name in node.data_vars
+    }
     absent = [(names[0], word, loss) for names, word, loss in _NEEDED if not shown & set(names)]
-    return [f"no {word} ({name}) is recorded or recognised: {loss}" for name, word, loss in absent] if flights else []
+    return (
+        [f"no {word} ({name}) is recorded or recognised: {loss}" for name, word, loss in absent]
+        if flights
+        else []
+    )
 
 
 def listed_columns(record: xr.DataTree) -> list[str]:
@@ -40,4 +59,6 @@ def unknown_columns(columns: Sequence[str], has_map: bool) -> list[str]:
         if has_map
         else "add them to names.toml and run init again with --names names.toml --force"
     )
-    return [f"columns without a quantity: {', '.join(columns[:_MOST])}{more}; where one is a channel, {remedy}"]
+    return [
+        f"columns without a quantity: {', '.join(columns[:_MOST])}{more}; where one is a channel, {remedy}"
+    ]

@@ -1,4 +1,6 @@
-"""A first name map for recordings: columns by their names, units by file, name or size, less the mistakes that its check finds."""
+"""A first name map for recordings: columns by their names, units by file, name or size, less the
+mistakes that its check finds.
+"""
 
 from __future__ import annotations
 
@@ -102,7 +104,9 @@ class NamesDraft:
         leaves: dict[str, dict[str, Channel]] = {}
         for row in self.rows:
             leaves.setdefault(row.leaf, {})[row.name] = row.channel
-        return NameMap(leaves, self.clock, Facts(**self.facts), "draft", self.clocks, constants=self.constants)
+        return NameMap(
+            leaves, self.clock, Facts(**self.facts), "draft", self.clocks, constants=self.constants
+        )
 
 
 def own_names(names: str | Path) -> NamesDraft:
@@ -119,7 +123,9 @@ def own_names(names: str | Path) -> NamesDraft:
         The map is faulty, with all problems.
     """
     mapping = read_names(names)
-    return NamesDraft(facts=mapping.facts.stated(), constants=mapping.constants, own=mapping, file=str(names))
+    return NamesDraft(
+        facts=mapping.facts.stated(), constants=mapping.constants, own=mapping, file=str(names)
+    )
 
 
 def draft_names(files: Sequence[Path], flap: float | None = None) -> NamesDraft:
@@ -129,20 +135,32 @@ def draft_names(files: Sequence[Path], flap: float | None = None) -> NamesDraft:
     ----------
     files : sequence of Path
     flap : float, optional
-        Largest deflection of the flaps in the listings, for records that show a position 0 ... 1. [rad]
+        Largest deflection of the flaps in the listings, for records that show a position 0 ... 1.
+        [rad]
 
     Raises
     ------
     SchemaError
-        Files of several formats, bus words without a table, or files in which no quantity is recognised.
+        Files of several formats, bus words without a table, or files in which no quantity is
+        recognised.
     """
     kinds = {recognise(file) for file in files}
     if len(kinds) > 1:
         names = ", ".join(sorted(FORMATS[kind][1] for kind in kinds))
-        raise SchemaError("recordings", [f"several formats ({names}); one name map serves one recorder: give the files of one of them"])
+        raise SchemaError(
+            "recordings",
+            [
+                f"several formats ({names}); one name map serves one recorder: give the files of one of them"
+            ],
+        )
     (kind,) = kinds
     if kind == "chapter10":
-        raise SchemaError("recordings", ["Chapter 10 holds words of a bus; write their [decode] tables first (docs/flight-records.md)"])
+        raise SchemaError(
+            "recordings",
+            [
+                "Chapter 10 holds words of a bus; write their [decode] tables first (docs/flight-records.md)"
+            ],
+        )
     if kind in LOGS:
         remark = f"surface angles are not in a {FORMATS[kind][1]} log: add the bench table of each surface to [controls] of names.toml, "
         remark += "then write manoeuvres.csv with 'aeromatch flight manoeuvres RECORD --names names.toml -o manoeuvres.csv'"
@@ -153,24 +171,57 @@ def draft_names(files: Sequence[Path], flap: float | None = None) -> NamesDraft:
     tables: dict[str, Table] = {}
     for recording in recordings.values():
         tables |= {name: table for name, table in recording.tables.items() if name not in tables}
-    clocks = {name: stamps for name, table in tables.items() if (stamps := _clock_of(name, table)) is not None}
-    found, left_out, remarks, constants = _assigned(tables, flap, {clock.column for clock, _ in clocks.values() if clock.column})
+    clocks = {
+        name: stamps
+        for name, table in tables.items()
+        if (stamps := _clock_of(name, table)) is not None
+    }
+    found, left_out, remarks, constants = _assigned(
+        tables, flap, {clock.column for clock, _ in clocks.values() if clock.column}
+    )
     if not found:
-        raise SchemaError("recordings", [f"no column of {files[0].name} has the name of a quantity; see 'aeromatch flight info'"])
-    everywhere = [{f"{t}/{c}" for t, table in recording.tables.items() for c in table.columns} for recording in recordings.values()]
+        raise SchemaError(
+            "recordings",
+            [
+                f"no column of {files[0].name} has the name of a quantity; see 'aeromatch flight info'"
+            ],
+        )
+    everywhere = [
+        {f"{t}/{c}" for t, table in recording.tables.items() for c in table.columns}
+        for recording in recordings.values()
+    ]
     rows = _rows(found, tables, everywhere, flap, remarks)
     first = next(iter(clocks.values()), (Clock(), ""))
     several = {name: clock for name, (clock, _) in clocks.items() if clock != first[0]}
     facts = _facts(found, tables, rows)
-    return NamesDraft(tuple(rows), first[0], several, first[1], facts, constants, left_out=tuple(left_out), remarks=tuple(remarks))
+    return NamesDraft(
+        tuple(rows),
+        first[0],
+        several,
+        first[1],
+        facts,
+        constants,
+        left_out=tuple(left_out),
+        remarks=tuple(remarks),
+    )
 
 
 def _clock_of(name: str, table: Table) -> tuple[Clock, str] | None:
-    """Return the clock of a table that has none of its own, and why; None where the reader needs no help."""
+    """Return the clock of a table that has none of its own, and why; None where the reader needs no
+    help.
+    """
     if table.time is not None:
         return None
     known = clock_name(table.columns)
-    columns = [known] if known else [column for column in table.columns if any(word in column.lower() for word in _CLOCK_WORDS)]
+    columns = (
+        [known]
+        if known
+        else [
+            column
+            for column in table.columns
+            if any(word in column.lower() for word in _CLOCK_WORDS)
+        ]
+    )
     columns += [] if known else [column for column in table.columns if column not in columns]
     for column in columns:
         stamps = np.asarray(table.columns[column], float)
@@ -183,14 +234,23 @@ def _clock_of(name: str, table: Table) -> tuple[Clock, str] | None:
             chosen = unit or word or sized
             if known and chosen == "s":
                 return None
-            return Clock(column=column, unit=chosen), f"{column} rises by {step:.6g} at each sample: taken as {chosen}"
-    raise SchemaError("recordings", [f'table {name}: no column that rises all along; state the clock: [time] rate = "50 Hz" in a name map'])
+            return Clock(
+                column=column, unit=chosen
+            ), f"{column} rises by {step:.6g} at each sample: taken as {chosen}"
+    raise SchemaError(
+        "recordings",
+        [
+            f'table {name}: no column that rises all along; state the clock: [time] rate = "50 Hz" in a name map'
+        ],
+    )
 
 
 def _assigned(
     tables: Mapping[str, Table], flap: float | None, stamps: set[str | None]
 ) -> tuple[dict[str, tuple[str, str, Guess]], list[str], list[str], dict[str, float]]:
-    """Return table, column and guess of every quantity, the columns without one, remarks, and what stood still."""
+    """Return table, column and guess of every quantity, the columns without one, remarks, and what
+    stood still.
+    """
     found: dict[str, tuple[str, str, Guess]] = {}
     left_out, remarks = [], []
     for table, content in tables.items():
@@ -199,13 +259,21 @@ def _assigned(
             if column in stamps or column in CLOCK_NAMES or column == clock:
                 continue
             one = guess(f"{table}/{column}")
-            one = None if one is not None and _of_another_kind(content.units.get(column), one.name) else one
+            one = (
+                None
+                if one is not None and _of_another_kind(content.units.get(column), one.name)
+                else one
+            )
             place = f"{table}/{column}" if len(tables) > 1 else column
             if one is None:
                 left_out.append(place)
             elif _is_fraction(content, column, one) and (flap is None or one.name != "delta_f"):
-                left_out.append(f'{place}: a position 0 ... 1; {one.name} = {{ column = "{place}", scale = "40 deg" }} with the angle at 1')
-                remarks.append(f"{one.name}: column {place} is a position 0 ... 1: give its angle at 1 as scale in names.toml")
+                left_out.append(
+                    f'{place}: a position 0 ... 1; {one.name} = {{ column = "{place}", scale = "40 deg" }} with the angle at 1'
+                )
+                remarks.append(
+                    f"{one.name}: column {place} is a position 0 ... 1: give its angle at 1 as scale in names.toml"
+                )
             elif one.name in found and found[one.name][2].rank <= one.rank:
                 left_out.append(f"{place} (another {one.name})")
             else:
@@ -220,16 +288,24 @@ def _assigned(
     constants = {}
     if flap is not None and not {"delta_f", "delta_f_left"} & set(found):
         constants["delta_f"] = 0.0
-        remarks.append("no column shows the flaps and the listings have them: delta_f = 0 stands in [constants] of names.toml; confirm it")
+        remarks.append(
+            "no column shows the flaps and the listings have them: delta_f = 0 stands in [constants] of names.toml; confirm it"
+        )
     return found, left_out, remarks, constants
 
 
 def _is_fraction(table: Table, column: str, one: Guess) -> bool:
-    """Return whether a control is recorded as a share of its travel: flaps without a unit between 0 and 1."""
+    """Return whether a control is recorded as a share of its travel: flaps without a unit between 0
+    and 1.
+    """
     unit = table.units.get(column)
     x = np.asarray(table.columns[column], float)
     between = bool(np.nanmin(x) >= 0.0 and np.nanmax(x) <= 1.0)
-    fraction = known_unit(unit) in ("1", "%") if unit else one.unit is None and one.name.startswith("delta_f")
+    fraction = (
+        known_unit(unit) in ("1", "%")
+        if unit
+        else one.unit is None and one.name.startswith("delta_f")
+    )
     return lookup(one.name).units == "rad" and fraction and between
 
 
@@ -249,15 +325,32 @@ def _rows(
     flap: float | None,
     remarks: list[str],
 ) -> list[Row]:
-    values = {name: np.asarray(tables[table].columns[column], float) for name, (table, column, _) in found.items()}
-    in_file = {name: stated(tables[table].units.get(column), name) for name, (table, column, _) in found.items()}
-    in_name = {name: stated(_force(guess.unit, name), name) for name, (_, _, guess) in found.items()}
-    sized = by_size({name: values[name] for name in found if in_file[name] is None and in_name[name] is None})
+    values = {
+        name: np.asarray(tables[table].columns[column], float)
+        for name, (table, column, _) in found.items()
+    }
+    in_file = {
+        name: stated(tables[table].units.get(column), name)
+        for name, (table, column, _) in found.items()
+    }
+    in_name = {
+        name: stated(_force(guess.unit, name), name) for name, (_, _, guess) in found.items()
+    }
+    sized = by_size(
+        {name: values[name] for name in found if in_file[name] is None and in_name[name] is None}
+    )
     rows = []
     for name, (table, column, one) in sorted(
-        found.items(), key=lambda item: (_order(item[0])[0], _leaf(item[0], item[1][0], tables), _order(item[0]))
+        found.items(),
+        key=lambda item: (_order(item[0])[0], _leaf(item[0], item[1][0], tables), _order(item[0])),
     ):
-        unit, reason = (in_file[name], "") if in_file[name] else (in_name[name], "") if in_name[name] else sized[name]
+        unit, reason = (
+            (in_file[name], "")
+            if in_file[name]
+            else (in_name[name], "")
+            if in_name[name]
+            else sized[name]
+        )
         keys: dict[str, Any] = {} if in_file[name] else {"unit": unit}
         if _is_fraction(tables[table], column, one):
             keys = {"scale": f"{np.degrees(flap or 0.0):.6g} deg"}
@@ -267,13 +360,17 @@ def _rows(
             reason = reason or ("recorded positive up" if keys.get("sign") == -1 else "")
         elif one.sign < 0:
             keys["sign"] = -1
-            reason = "; ".join(filter(None, (reason, "the heading states the opposite positive sense")))
+            reason = "; ".join(
+                filter(None, (reason, "the heading states the opposite positive sense"))
+            )
         if any(f"{table}/{column}" not in there for there in everywhere):
             keys["optional"] = True
         if one.rank > 2:
             reason = f"{_CONFIRM}: by a part of its name{'; ' + reason if reason else ''}"
         if reason.startswith(_CONFIRM):
-            remarks.append(f"{name} from column {column!r}{f' in {unit}' if unit else ''}: {reason}")
+            remarks.append(
+                f"{name} from column {column!r}{f' in {unit}' if unit else ''}: {reason}"
+            )
         place = f"{table}/{column}" if len(tables) > 1 else column
         rows.append(Row(_leaf(name, table, tables), name, Channel(column=place, **keys), reason))
     return rows
@@ -300,23 +397,35 @@ def _order(name: str) -> tuple[int, int]:
 
 
 def _leaf(name: str, table: str, tables: Mapping[str, Table]) -> str:
-    """Return the leaf of a channel: its subject, with the table where there are several, because a leaf has one clock."""
-    subject = next((group for group, names in _GROUPS.items() if name in names), "engine" if name.startswith("engine") else "controls")
+    """Return the leaf of a channel: its subject, with the table where there are several, because a
+    leaf has one clock.
+    """
+    subject = next(
+        (group for group, names in _GROUPS.items() if name in names),
+        "engine" if name.startswith("engine") else "controls",
+    )
     word = "".join(letter if letter.isalnum() else "_" for letter in table)
     return subject if len(tables) == 1 else word if subject in word else f"{subject}_{word}"
 
 
-def _facts(found: Mapping[str, tuple[str, str, Guess]], tables: Mapping[str, Table], rows: Sequence[Row]) -> dict[str, Any]:
+def _facts(
+    found: Mapping[str, tuple[str, str, Guess]], tables: Mapping[str, Table], rows: Sequence[Row]
+) -> dict[str, Any]:
     if "lat" not in found:
         return {}
     table, column, _ = found["lat"]
     row = next(row for row in rows if row.name == "lat")
-    shown = row.channel.convert(np.asarray(tables[table].columns[column], float), tables[table].units.get(column), "lat")
+    shown = row.channel.convert(
+        np.asarray(tables[table].columns[column], float), tables[table].units.get(column), "lat"
+    )
     return {"latitude": float(np.nanmedian(shown))}
 
 
-def checked(draft: NamesDraft, files: Sequence[Path]) -> tuple[NamesDraft, dict[str, xr.DataTree], list[str]]:
-    """Return a map with the mistakes undone that the check of the records finds, the records, and what remains wrong.
+def checked(
+    draft: NamesDraft, files: Sequence[Path]
+) -> tuple[NamesDraft, dict[str, xr.DataTree], list[str]]:
+    """Return a map with the mistakes undone that the check of the records finds, the records, and
+    what remains wrong.
 
     Notes
     -----
@@ -325,16 +434,34 @@ def checked(draft: NamesDraft, files: Sequence[Path]) -> tuple[NamesDraft, dict[
     """
     left: list[str] = []
     if draft.own is not None:
-        found = {file: _findings(draft, file) for file in sorted(files, key=lambda file: -file.stat().st_size)[:_RECORDS]}
-        left = [f"{file.name}: {one.name}: {one.text}; {one.remedy}" for file, findings in found.items() for one in findings]
+        found = {
+            file: _findings(draft, file)
+            for file in sorted(files, key=lambda file: -file.stat().st_size)[:_RECORDS]
+        }
+        left = [
+            f"{file.name}: {one.name}: {one.text}; {one.remedy}"
+            for file, findings in found.items()
+            for one in findings
+        ]
         return draft, {file.stem: flighttest.read(file, draft.mapping()) for file in files}, left
     looked_at = sorted(files, key=lambda file: -file.stat().st_size)[:_RECORDS]
     for file in looked_at:
         for _ in range(_ROUNDS):
             findings = _findings(draft, file)
-            repaired = _repaired(draft, [one for one in findings if one.kind in _REPAIRED and not one.evidence.get("instead")])
+            repaired = _repaired(
+                draft,
+                [
+                    one
+                    for one in findings
+                    if one.kind in _REPAIRED and not one.evidence.get("instead")
+                ],
+            )
             if repaired is None:
-                left += [f"{file.name}: {one.name}: {one.text}; {one.remedy}" for one in findings if one.severity == "error"]
+                left += [
+                    f"{file.name}: {one.name}: {one.text}; {one.remedy}"
+                    for one in findings
+                    if one.severity == "error"
+                ]
                 break
             draft = repaired
     return draft, {file.stem: flighttest.read(file, draft.mapping()) for file in files}, left
@@ -359,21 +486,29 @@ def _repaired(draft: NamesDraft, findings: Sequence[Any]) -> NamesDraft | None:
         for name, entry in _flat(lines).items():
             channel = Channel(**(entry if isinstance(entry, dict) else {"column": entry}))
             changed[name] = channel, one.text.split(" (")[0]
-    rows = tuple(_corrected(row, *changed[row.name]) if row.name in changed else row for row in draft.rows)
+    rows = tuple(
+        _corrected(row, *changed[row.name]) if row.name in changed else row for row in draft.rows
+    )
     return None if rows == draft.rows else replace(draft, rows=rows)
 
 
 def _corrected(row: Row, channel: Channel, text: str) -> Row:
     old = row.channel.optional
-    return replace(row, channel=channel.changed(optional=old), reason=f"by the check of the record: {text}")
+    return replace(
+        row, channel=channel.changed(optional=old), reason=f"by the check of the record: {text}"
+    )
 
 
 def _flat(lines: Mapping[str, Any]) -> dict[str, Any]:
     return {
-        f"{name}.{key}" if name.startswith("engine") and isinstance(entry, dict) and "column" not in entry else name: item
+        f"{name}.{key}"
+        if name.startswith("engine") and isinstance(entry, dict) and "column" not in entry
+        else name: item
         for name, entry in lines.items()
         for key, item in (
-            entry.items() if name.startswith("engine") and isinstance(entry, dict) and "column" not in entry else [("", entry)]
+            entry.items()
+            if name.startswith("engine") and isinstance(entry, dict) and "column" not in entry
+            else [("", entry)]
         )
     }
 
@@ -392,14 +527,34 @@ def names_text(draft: NamesDraft, files: Sequence[Path]) -> str:
     absent = {"latitude": '"45 deg"', "runway_elevation": '"120 m"'}
     lines += [f"# {key} = {example}" for key, example in absent.items() if key not in draft.facts]
     if draft.constants:
-        lines += ["", "[constants]   # channels that no column shows and that did not change; CONFIRM"]
-        lines += [f"{name} = {item:.6g}   # {lookup(name).long_name} [{lookup(name).units}]" for name, item in draft.constants.items()]
+        lines += [
+            "",
+            "[constants]   # channels that no column shows and that did not change; CONFIRM",
+        ]
+        lines += [
+            f"{name} = {item:.6g}   # {lookup(name).long_name} [{lookup(name).units}]"
+            for name, item in draft.constants.items()
+        ]
     if draft.extends:
-        lines += ["", "# [controls]                      # bench table of each surface: demand against angle", *_BENCH]
+        lines += [
+            "",
+            "# [controls]                      # bench table of each surface: demand against angle",
+            *_BENCH,
+        ]
     if draft.clock.column:
-        lines += ["", "[time]", f"column = {_text(draft.clock.column)}", f"unit = {_text(str(draft.clock.unit))}   # {draft.clock_reason}"]
+        lines += [
+            "",
+            "[time]",
+            f"column = {_text(draft.clock.column)}",
+            f"unit = {_text(str(draft.clock.unit))}   # {draft.clock_reason}",
+        ]
     for name, clock in draft.clocks.items():
-        lines += ["", f"[time.{_text(name)}]", f"column = {_text(str(clock.column))}", f"unit = {_text(str(clock.unit))}"]
+        lines += [
+            "",
+            f"[time.{_text(name)}]",
+            f"column = {_text(str(clock.column))}",
+            f"unit = {_text(str(clock.unit))}",
+        ]
     leaf = ""
     for row in draft.rows:
         if row.leaf != leaf:
@@ -408,7 +563,9 @@ def names_text(draft: NamesDraft, files: Sequence[Path]) -> str:
         about = f"{lookup(row.name).long_name}{'; ' + row.reason if row.reason else ''}"
         lines.append(f"{line_of(row.name, row.channel)}   # {about}")
     if draft.left_out:
-        lines += ["", "# Columns without a quantity:"] + [f"#   {column}" for column in draft.left_out]
+        lines += ["", "# Columns without a quantity:"] + [
+            f"#   {column}" for column in draft.left_out
+        ]
     return "\n".join(lines) + "\n"
 
 

@@ -1,4 +1,6 @@
-"""Every case with every model that will fly it; a case without a problem is not checked again until it, its record or a model changes."""
+"""Every case with every model that will fly it; a case without a problem is not checked again until
+it, its record or a model changes.
+"""
 
 from __future__ import annotations
 
@@ -55,21 +57,38 @@ class CaseChecks:
         own = model_checks.own_models(aircraft, databases, problems)
         foreign = model_checks.foreign_models(self._project, problems)
         laws = Models({})
-        # the engines of the final model may be identified, with tables that the aircraft file does not have
-        started = {name: sim for name, sim in own.items() if name == "datcom" or self._project.engine is None}
+        # the engines of the final model may be identified, with tables that the aircraft file does
+        # not have
+        started = {
+            name: sim
+            for name, sim in own.items()
+            if name == "datcom" or self._project.engine is None
+        }
 
         def check(case: PomCase, states: xr.Dataset | None) -> list[str]:
             found: list[str] = []
             models = {name: kernel_model(name, sim) for name, sim in own.items()}
             if case.law:
                 law = collect(found, f"case {case.name}", laws.law_of, case)
-                models = {name: replace(model, law=law) for name, model in models.items()} if law is not None else {}
+                models = (
+                    {name: replace(model, law=law) for name, model in models.items()}
+                    if law is not None
+                    else {}
+                )
             for name, one in foreign.items():
-                models |= {name: made[name]} if (made := collect(found, f"case {case.name}", one.of, case)) is not None else {}
+                models |= (
+                    {name: made[name]}
+                    if (made := collect(found, f"case {case.name}", one.of, case)) is not None
+                    else {}
+                )
             if states is None:
                 return found
             flown = {} if case.law else started  # the kernel flies no control law
-            return [*found, *model_checks.ground_problems(aircraft["final"], case), *start_problems(case, states, models, flown)]
+            return [
+                *found,
+                *model_checks.ground_problems(aircraft["final"], case),
+                *start_problems(case, states, models, flown),
+            ]
 
         def compute(missing: list[str], put: Callable[..., None]) -> None:
             for item in missing:
@@ -77,24 +96,45 @@ class CaseChecks:
                 faults = check(case, states)
                 put(item, faults, keep=not faults and states is not None)
 
-        items = {_label(cases, number): (case, windows[number]) for number, case in enumerate(cases)}
+        items = {
+            _label(cases, number): (case, windows[number]) for number, case in enumerate(cases)
+        }
         flown = {name: self._stages.given(one) for name, one in aircraft.items()}  # hashed once
-        made_of = {"databases": databases, "aircraft": flown, "engine is identified": self._project.engine is not None}
+        made_of = {
+            "databases": databases,
+            "aircraft": flown,
+            "engine is identified": self._project.engine is not None,
+        }
         common = {"models": made_of, "faulty models": problems[:], "foreign": self._foreign()}
-        inputs = {item: {"case": case, "files": self._files(case), "states": states, **common} for item, (case, states) in items.items()}
+        inputs = {
+            item: {"case": case, "files": self._files(case), "states": states, **common}
+            for item, (case, states) in items.items()
+        }
         found = self._stages.batch("case check", inputs, compute)
         return [*problems, *(text for kept in found.values() for text in kept.value)]
 
     def _foreign(self) -> dict[str, list[FileContent | None]]:
         """Return the models from elsewhere with their tables of names as inputs of a stage."""
-        files = {name: [file, self._project.tables.get(name)] for name, file in self._project.models.items()}
-        return {name: [self._content(file) for file in own if file is not None] for name, own in files.items()}
+        files = {
+            name: [file, self._project.tables.get(name)]
+            for name, file in self._project.models.items()
+        }
+        return {
+            name: [self._content(file) for file in own if file is not None]
+            for name, own in files.items()
+        }
 
     def _files(self, case: PomCase) -> list[FileContent | None]:
-        return [self._content(Path(name)) for name in (case.names, case.aircraft, case.law, case.law_names) if name]
+        return [
+            self._content(Path(name))
+            for name in (case.names, case.aircraft, case.law, case.law_names)
+            if name
+        ]
 
     def _content(self, file: Path) -> FileContent | None:
-        """Return a file as an input of a stage; None where it cannot be read, which the check states."""
+        """Return a file as an input of a stage; None where it cannot be read, which the check
+        states.
+        """
         try:
             return FileContent(file, self._custody.sha256(file))
         except OSError:

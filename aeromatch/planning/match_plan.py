@@ -89,21 +89,46 @@ class MatchPlan:
         return [self._record_row(look) for look in self.looks.values()]
 
     def _record_row(self, look: RecordLook) -> dict[str, Any]:
-        purpose = [f"{place} ({count}: {seconds:.0f} s)" if count else place for place, (count, seconds) in look.taken.items()]
-        purpose += [f"case {case.name}" for case in self.cases if Path(case.record).stem == look.name]
-        return {"record": look.name, "start": look.first, "end": look.last, "channels": look.channels, "for": "; ".join(purpose)}
+        purpose = [
+            f"{place} ({count}: {seconds:.0f} s)" if count else place
+            for place, (count, seconds) in look.taken.items()
+        ]
+        purpose += [
+            f"case {case.name}" for case in self.cases if Path(case.record).stem == look.name
+        ]
+        return {
+            "record": look.name,
+            "start": look.first,
+            "end": look.last,
+            "channels": look.channels,
+            "for": "; ".join(purpose),
+        }
 
     def fit_rows(self) -> list[dict[str, Any]]:
         """Return a row for every fit: its records, manoeuvres and windows, time [s] and models."""
         rows = []
         for fit in self.project.fits:
-            taken = [look.taken.get(f"fit {fit.name!r}", (0, 0.0)) for name, look in self.looks.items() if name in fit.records]
+            taken = [
+                look.taken.get(f"fit {fit.name!r}", (0, 0.0))
+                for name, look in self.looks.items()
+                if name in fit.records
+            ]
             count, seconds = sum(number for number, _ in taken), sum(span for _, span in taken)
-            rows.append({"fit": fit.name, "records": len(fit.records), "windows": count, "seconds": seconds, "models": list(fit.models)})
+            rows.append(
+                {
+                    "fit": fit.name,
+                    "records": len(fit.records),
+                    "windows": count,
+                    "seconds": seconds,
+                    "models": list(fit.models),
+                }
+            )
         return rows
 
     def case_rows(self) -> list[dict[str, Any]]:
-        """Return a row for every case: its row of the tolerance table, record, window [s], drives and judged criteria."""
+        """Return a row for every case: its row of the tolerance table, record, window [s], drives
+        and judged criteria.
+        """
         return [
             {
                 "id": case.id,
@@ -142,8 +167,8 @@ def make_plan(
 ) -> MatchPlan:
     """Return the plan of a match, with every problem that its inputs show.
 
-    The a-priori database is built, every record is read, and its path is set up at start values; nothing is estimated, and
-    nothing is written into the folder.
+    The a-priori database is built, every record is read, and its path is set up at start values;
+    nothing is estimated, and nothing is written into the folder.
 
     Parameters
     ----------
@@ -151,7 +176,8 @@ def make_plan(
     folder : path
         Where the match would write.
     jobs : int
-        Processes that read records, where the system can fork; -1 for one per core. The plan is the same for any number.
+        Processes that read records, where the system can fork; -1 for one per core. The plan is the
+        same for any number.
     options : MatchOptions, optional
     stages : Stages, optional
         Those of the match: they keep the a-priori database and each check that found no problem.
@@ -171,7 +197,9 @@ def make_plan(
         plan.cases += [case] if case is not None else []
     problems += model_checks.name_problems(project)
     aircraft = collect(problems, "", flightmech.read_aircraft, project.aircraft)
-    apriori = collect(problems, "", before_flight, project, aircraft) if aircraft is not None else None
+    apriori = (
+        collect(problems, "", before_flight, project, aircraft) if aircraft is not None else None
+    )
     names = _record_names(project, plan.cases, problems)
     if aircraft is not None and apriori is not None:
         problems += model_checks.submodel_structure_problems(project, apriori, aircraft)
@@ -206,13 +234,23 @@ def _check_places(folder: Path, chosen: MatchOptions, problems: list[str]) -> No
         collect(problems, "--scheduler", demand_scheduler, chosen.scheduler)
 
 
-def _record_names(project: Project, cases: Sequence[PomCase], problems: list[str]) -> dict[str, bool]:
+def _record_names(
+    project: Project, cases: Sequence[PomCase], problems: list[str]
+) -> dict[str, bool]:
     """Return the records that the match reads, in its order, and whether each identifies something."""
     named = [case.name for case in cases]
     doubled = [name for name in dict.fromkeys(named) if named.count(name) > 1]
-    problems += [f"{named.count(name)} cases are named {name!r}; give each a name of its own" for name in doubled]
+    problems += [
+        f"{named.count(name)} cases are named {name!r}; give each a name of its own"
+        for name in doubled
+    ]
     found = {record: True for fit in project.fits for record in fit.records}
-    found |= {record: True for flown in project.submodels.values() for one in flown for record in one.records}
+    found |= {
+        record: True
+        for flown in project.submodels.values()
+        for one in flown
+        for record in one.records
+    }
     for case in cases:
         record = Path(case.record).stem
         if record not in project.flights:
@@ -223,19 +261,36 @@ def _record_names(project: Project, cases: Sequence[PomCase], problems: list[str
 
 
 def _tasks(
-    project: Project, cases: Sequence[PomCase], aircraft: Aircraft, names: Mapping[str, bool], problems: list[str]
+    project: Project,
+    cases: Sequence[PomCase],
+    aircraft: Aircraft,
+    names: Mapping[str, bool],
+    problems: list[str],
 ) -> list[LookTask]:
     given: Mapping[str, pd.DataFrame] = {}
     if project.manoeuvres is not None:
-        given = collect(problems, "manoeuvres", flighttest.records.read_manoeuvres, project.manoeuvres) or {}
-        problems += [f"manoeuvres: {UnknownName(name, project.flights, 'record')}" for name in given if name not in project.flights]
+        given = (
+            collect(problems, "manoeuvres", flighttest.records.read_manoeuvres, project.manoeuvres)
+            or {}
+        )
+        problems += [
+            f"manoeuvres: {UnknownName(name, project.flights, 'record')}"
+            for name in given
+            if name not in project.flights
+        ]
     return [LookTask.of(name, project, aircraft, cases, given.get(name)) for name in names]
 
 
 def _databases(
-    project: Project, aircraft: Aircraft, custody: pom.archive.Custody, stages: Stages, problems: list[str]
+    project: Project,
+    aircraft: Aircraft,
+    custody: pom.archive.Custody,
+    stages: Stages,
+    problems: list[str],
 ) -> dict[str, Kept[xr.DataTree]]:
-    """Return the databases before the flights, by the model that they belong to; empty if they cannot be made."""
+    """Return the databases before the flights, by the model that they belong to; empty if they
+    cannot be made.
+    """
     try:
         datcom, start = databases_before(project, aircraft, custody, stages)
         return {"datcom": datcom, "final": start}
@@ -245,7 +300,10 @@ def _databases(
     if prior is None:
         return {}
     opening = collect(problems, "", opened, project, prior)
-    return {"datcom": stages.given(prior), "final": stages.given(prior if opening is None else opening)}
+    return {
+        "datcom": stages.given(prior),
+        "final": stages.given(prior if opening is None else opening),
+    }
 
 
 def _check_models(
@@ -260,7 +318,11 @@ def _check_models(
     """Check the databases with what enters them, and every case with every model that will fly it."""
     project = plan.project
     published = model_checks.published_fits(project, problems)
-    starts = {name: look.start for name, look in plan.looks.items() if look.start is not None and _forms_coefficients(look)}
+    starts = {
+        name: look.start
+        for name, look in plan.looks.items()
+        if look.start is not None and _forms_coefficients(look)
+    }
     names = model_checks.coefficient_names(project, aircraft, starts, stages, problems)
     problems += model_checks.regressor_problems(project, names)
     problems += model_checks.height_problems(project, names)
@@ -270,7 +332,9 @@ def _check_models(
         problems += model_checks.variable_problems(project, start, names)
     windows = {number: _window(plan, case) for number, case in enumerate(plan.cases)}
     checks = CaseChecks(project, custody, stages)
-    problems += checks.problems(plan.cases, windows, databases, {"datcom": apriori, "final": aircraft})
+    problems += checks.problems(
+        plan.cases, windows, databases, {"datcom": apriori, "final": aircraft}
+    )
 
 
 def _window(plan: MatchPlan, case: PomCase) -> xr.Dataset | None:

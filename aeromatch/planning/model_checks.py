@@ -1,4 +1,6 @@
-"""Whether databases, submodels and foreign models of a project can be made, as far as its files show."""
+"""Whether databases, submodels and foreign models of a project can be made, as far as its files
+show.
+"""
 
 from __future__ import annotations
 
@@ -25,15 +27,25 @@ from flighttest.submodels.landing_gear.reconstructed_loads import wheels_of
 from pom.cases.case import PomCase
 from pom.fmu.simulate import Models
 
-_FORMED = ("h_agl", "delta_t", "delta_ta", "delta_tr", "gear", "speedbrake")  # at rest or far from the ground where not recorded
+_FORMED = (
+    "h_agl",
+    "delta_t",
+    "delta_ta",
+    "delta_tr",
+    "gear",
+    "speedbrake",
+)  # at rest or far from the ground where not recorded
 
 
 def own_models(
-    aircraft: Mapping[str, Aircraft], databases: Mapping[str, Kept[xr.DataTree]], problems: list[str]
+    aircraft: Mapping[str, Aircraft],
+    databases: Mapping[str, Kept[xr.DataTree]],
+    problems: list[str],
 ) -> dict[str, flightmech.SimModel]:
     """Return the models of the project by name as far as they can be compiled.
 
-    The final model is compiled from the database before the flights; it has the same inputs, outputs and parameters.
+    The final model is compiled from the database before the flights; it has the same inputs,
+    outputs and parameters.
     """
     found = {}
     for name, database in databases.items():
@@ -47,7 +59,9 @@ def ground_problems(aircraft: Aircraft, case: PomCase) -> list[str]:
     """Return that a case starts on wheels which the aircraft does not have."""
     if case.drive.trim != "ground" or case.law or (aircraft.gear and aircraft.gear.contacts):
         return []
-    return [f"case {case.name}: drive.trim is ground, and {aircraft.name} has no landing gear; give [[gear.contact]] in its file"]
+    return [
+        f"case {case.name}: drive.trim is ground, and {aircraft.name} has no landing gear; give [[gear.contact]] in its file"
+    ]
 
 
 def foreign_models(project: Project, problems: list[str]) -> dict[str, Models]:
@@ -63,9 +77,13 @@ def foreign_models(project: Project, problems: list[str]) -> dict[str, Models]:
 
 
 def term_problems(project: Project, start: xr.DataTree, published: Sequence[Any]) -> list[str]:
-    """Return why fits cannot enter the database: coefficients and held terms that it lacks, terms without standard errors."""
+    """Return why fits cannot enter the database: coefficients and held terms that it lacks, terms
+    without standard errors.
+    """
     found: list[str] = []
-    wanted = dict.fromkeys(Model.parse(text).coefficient for fit in project.fits for text in fit.models)
+    wanted = dict.fromkeys(
+        Model.parse(text).coefficient for fit in project.fits for text in fit.models
+    )
     wanted |= dict.fromkeys(str(fit.model.coefficient) for fit in published)
     for coefficient in wanted:
         collect(found, f"fits of {coefficient}", known_terms, [coefficient], start, project.held)
@@ -73,7 +91,11 @@ def term_problems(project: Project, start: xr.DataTree, published: Sequence[Any]
 
 
 def coefficient_names(
-    project: Project, aircraft: Aircraft, starts: Mapping[str, xr.Dataset], stages: Stages, problems: list[str]
+    project: Project,
+    aircraft: Aircraft,
+    starts: Mapping[str, xr.Dataset],
+    stages: Stages,
+    problems: list[str],
 ) -> dict[str, set[str]]:
     """Return the variables that `flighttest.coefficients` gives along records, by record.
 
@@ -83,30 +105,51 @@ def coefficient_names(
         First states of records that fits or the ground effect use. [SI]
     stages : Stages
     problems : list of str
-        Gets what it lacks: a state such as the thrust of an engine, or samples fast enough for the low-pass.
+        Gets what it lacks: a state such as the thrust of an engine, or samples fast enough for the
+        low-pass.
     """
     # one record of all that hold the same channels
     first: dict[frozenset[str], str] = {}
-    alike = {record: first.setdefault(frozenset(map(str, states.data_vars)), record) for record, states in starts.items()}
-    settings = {"aircraft": stages.given(aircraft), "errors": project.errors, "cutoff": project.cutoff}
+    alike = {
+        record: first.setdefault(frozenset(map(str, states.data_vars)), record)
+        for record, states in starts.items()
+    }
+    settings = {
+        "aircraft": stages.given(aircraft),
+        "errors": project.errors,
+        "cutoff": project.cutoff,
+    }
 
     def compute(missing: list[str], put: Callable[..., None]) -> None:
         for record in missing:
-            names = collect(problems, f"record {record}", _names_of, starts[record], aircraft, project)
+            names = collect(
+                problems, f"record {record}", _names_of, starts[record], aircraft, project
+            )
             put(record, names or set(), keep=names is not None)
 
-    found = stages.batch("coefficient names", {record: {"states": starts[record], **settings} for record in first.values()}, compute)
+    found = stages.batch(
+        "coefficient names",
+        {record: {"states": starts[record], **settings} for record in first.values()},
+        compute,
+    )
     return {record: found[one].value for record, one in alike.items()}
 
 
 def _names_of(states: xr.Dataset, aircraft: Aircraft, project: Project) -> set[str]:
     # the start of a record may be a standstill, where coefficients have no value
     with np.errstate(all="ignore"):
-        return set(map(str, flighttest.coefficients(states, aircraft, project.errors, project.cutoff).data_vars))
+        return set(
+            map(
+                str,
+                flighttest.coefficients(states, aircraft, project.errors, project.cutoff).data_vars,
+            )
+        )
 
 
 def regressor_problems(project: Project, names: Mapping[str, set[str]]) -> list[str]:
-    """Return the variables that models need and the records do not hold; `names` from `coefficient_names`."""
+    """Return the variables that models need and the records do not hold; `names` from
+    `coefficient_names`.
+    """
     needs = {f"fit {fit.name!r}": (fit.models, list(fit.records)) for fit in project.fits}
     if project.ground_effect is not None:
         flown = [record for one in project.ground_effect.flown for record in one.records]
@@ -115,9 +158,13 @@ def regressor_problems(project: Project, names: Mapping[str, set[str]]) -> list[
     for place, (models, records) in needs.items():
         for model in map(Model.parse, models):
             for name in (model.coefficient, *model.variables):
-                lacking = [record for record in records if names.get(record) and name not in names[record]]
+                lacking = [
+                    record for record in records if names.get(record) and name not in names[record]
+                ]
                 if lacking:
-                    found.append(f"{place}: {model} needs {name}, which record {', '.join(lacking)} does not hold; map its channel")
+                    found.append(
+                        f"{place}: {model} needs {name}, which record {', '.join(lacking)} does not hold; map its channel"
+                    )
     return found
 
 
@@ -126,18 +173,30 @@ def height_problems(project: Project, names: Mapping[str, set[str]]) -> list[str
     if project.ground_effect is None:
         return []
     records = [record for one in project.ground_effect.flown for record in one.records]
-    if not all(names.get(record) for record in records) or any("h_agl" in names[record] for record in records):
+    if not all(names.get(record) for record in records) or any(
+        "h_agl" in names[record] for record in records
+    ):
         return []
-    return ["ground_effect.flown: no record has a height over the runway, h_agl; give runway_elevation in [record] of the name map"]
+    return [
+        "ground_effect.flown: no record has a height over the runway, h_agl; give runway_elevation in [record] of the name map"
+    ]
 
 
-def variable_problems(project: Project, start: xr.DataTree, names: Mapping[str, set[str]]) -> list[str]:
-    """Return the variables that terms of the database need and the records of the fits do not hold; `names` by record."""
+def variable_problems(
+    project: Project, start: xr.DataTree, names: Mapping[str, set[str]]
+) -> list[str]:
+    """Return the variables that terms of the database need and the records of the fits do not hold;
+    `names` by record.
+    """
     leaves = aerodb.terms(start)
     missing: dict[tuple[str, str], list[str]] = {}
     for fit in project.fits:
         coefficients = {Model.parse(text).coefficient for text in fit.models}
-        needed = {name: flightmech.terms.variables(leaf) for name, leaf in leaves.items() if name.split("/")[0] in coefficients}
+        needed = {
+            name: flightmech.terms.variables(leaf)
+            for name, leaf in leaves.items()
+            if name.split("/")[0] in coefficients
+        }
         for record in fit.records:
             if not names.get(record):
                 continue  # it cannot be read, which is reported
@@ -173,15 +232,28 @@ def name_problems(project: Project) -> list[str]:
     ]
 
 
-def submodel_structure_problems(project: Project, apriori: Aircraft, aircraft: Aircraft) -> list[str]:
+def submodel_structure_problems(
+    project: Project, apriori: Aircraft, aircraft: Aircraft
+) -> list[str]:
     """Return what the aircraft files lack for the submodels that are to be identified."""
     found: list[str] = []
     if project.engine is not None:
         found += _engine_problems(project, apriori)
     for item, asked in project.controls.items():
-        collect(found, f"controls.{item}", loading_of, aircraft, item, asked.model, asked.constants, asked.arm)
+        collect(
+            found,
+            f"controls.{item}",
+            loading_of,
+            aircraft,
+            item,
+            asked.model,
+            asked.constants,
+            asked.arm,
+        )
         if item not in aircraft.circuits:
-            found.append(f"controls.{item}: {aircraft.name} has no [circuit.{item}]; give stops and mass at least")
+            found.append(
+                f"controls.{item}: {aircraft.name} has no [circuit.{item}]; give stops and mass at least"
+            )
     if project.gear is not None:
         collect(found, "gear", wheels_of, aircraft)
     if project.ground_effect is not None:
@@ -204,7 +276,9 @@ def _engine_problems(project: Project, apriori: Aircraft) -> list[str]:
             f"engine: settled points correct the table corrected_thrust of the a-priori deck; it has {' '.join(tables) or 'no tables'}"
         )
     if asked is not None and structure is not None and structure.tables and not asked.flights:
-        found.append(f"engine.flights: missing; the tables {', '.join(structure.tables)} of engine.structure come from whole flights")
+        found.append(
+            f"engine.flights: missing; the tables {', '.join(structure.tables)} of engine.structure come from whole flights"
+        )
     return found
 
 
@@ -212,12 +286,16 @@ def _ground_problems(asked: Any) -> list[str]:
     models = [Model.parse(text) for text in asked.models]
     coefficients = [model.coefficient for model in models]
     found = [
-        f"ground_effect.models: two models of {name}; give one" for name in dict.fromkeys(coefficients) if coefficients.count(name) > 1
+        f"ground_effect.models: two models of {name}; give one"
+        for name in dict.fromkeys(coefficients)
+        if coefficients.count(name) > 1
     ]
     for text in asked.ground:
         model = Model.parse(text)
         if model.coefficient not in coefficients:
-            found.append(f"ground_effect.ground: {model} has no model of {model.coefficient} in ground_effect.models; add one")
+            found.append(
+                f"ground_effect.ground: {model} has no model of {model.coefficient} in ground_effect.models; add one"
+            )
     return found
 
 

@@ -1,4 +1,6 @@
-"""One record before the match: what fits, submodels and cases take of it, and what it lacks for them."""
+"""One record before the match: what fits, submodels and cases take of it, and what it lacks for
+them.
+"""
 
 from __future__ import annotations
 
@@ -66,7 +68,14 @@ class LookTask:
     sections: dict[str, Any] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, name: str, project: Project, aircraft: Aircraft, cases: Sequence[PomCase], given: pd.DataFrame | None) -> LookTask:
+    def of(
+        cls,
+        name: str,
+        project: Project,
+        aircraft: Aircraft,
+        cases: Sequence[PomCase],
+        given: pd.DataFrame | None,
+    ) -> LookTask:
         """Return what a project does with a record."""
         alone = {"records": (name,)}
         own = [case for case in cases if Path(case.record).stem == name]
@@ -80,11 +89,15 @@ class LookTask:
                 section, _, rest = place.partition(".")
                 asked = getattr(project, section)
                 task.submodels[place] = taken
-                task.sections[place] = asked[rest.partition(".")[0]] if section == "controls" else asked
+                task.sections[place] = (
+                    asked[rest.partition(".")[0]] if section == "controls" else asked
+                )
         return task
 
     def inputs(self, aircraft: Kept[Aircraft]) -> dict[str, Any]:
-        """Return what the look depends on besides the record, for a stage; `aircraft` is the one of the task."""
+        """Return what the look depends on besides the record, for a stage; `aircraft` is the one of
+        the task.
+        """
         uses = {"fits": self.fits, "submodels": self.submodels, "sections": self.sections}
         return {"aircraft": aircraft, "cases": self.cases, "manoeuvres": self.given, **uses}
 
@@ -102,7 +115,8 @@ class RecordLook:
     channels : int
         Recorded channels.
     taken : dict of str to (int, float)
-        By fit or place of a submodel: number of manoeuvres and windows, and their time together. [s]
+        By fit or place of a submodel: number of manoeuvres and windows, and their time together.
+        [s]
     start : Dataset (time,) or None
         The first states of a record that identifies something. [SI]
     windows : dict of str to Dataset (time,)
@@ -119,8 +133,12 @@ class RecordLook:
     windows: dict[str, xr.Dataset] = field(default_factory=dict)
 
 
-def look_at(task: LookTask, record: xr.DataTree, states: xr.Dataset | None = None) -> tuple[RecordLook, xr.Dataset | None]:
-    """Return what a record holds for the project, with all problems, and its states; `states` are these, where they are at hand."""
+def look_at(
+    task: LookTask, record: xr.DataTree, states: xr.Dataset | None = None
+) -> tuple[RecordLook, xr.Dataset | None]:
+    """Return what a record holds for the project, with all problems, and its states; `states` are
+    these, where they are at hand.
+    """
     look = RecordLook(task.name)
     look.channels = sum(len(leaf.data_vars) for leaf in record.children.values())
     if states is None:
@@ -140,9 +158,14 @@ def look_at(task: LookTask, record: xr.DataTree, states: xr.Dataset | None = Non
     return look, states
 
 
-def _spans(task: LookTask, record: xr.DataTree, look: RecordLook) -> dict[str, list[tuple[float, float]]]:
+def _spans(
+    task: LookTask, record: xr.DataTree, look: RecordLook
+) -> dict[str, list[tuple[float, float]]]:
     """Return start and end of everything that identifies something, by fit or place of a submodel."""
-    users: dict[str, Sequence[Flown]] = {**{place: [fit] for place, fit in task.fits.items()}, **task.submodels}
+    users: dict[str, Sequence[Flown]] = {
+        **{place: [fit] for place, fit in task.fits.items()},
+        **task.submodels,
+    }
     if not users:
         return {}
     marks = flighttest.manoeuvres(record) if task.given is None else task.given
@@ -157,7 +180,10 @@ def _spans(task: LookTask, record: xr.DataTree, look: RecordLook) -> dict[str, l
 
 
 def _look_for_identification(
-    task: LookTask, states: xr.Dataset, spans: Mapping[str, Sequence[tuple[float, float]]], look: RecordLook
+    task: LookTask,
+    states: xr.Dataset,
+    spans: Mapping[str, Sequence[tuple[float, float]]],
+    look: RecordLook,
 ) -> None:
     """Check the parts of a record that identify something."""
     look.start = states.isel(time=slice(0, START))
@@ -167,14 +193,17 @@ def _look_for_identification(
         where = f"{place}, record {task.name}"
         outside = [span for span in own if span[0] > -np.inf and not _is_inside(span, states)]
         look.problems += [
-            f"{where}: {start:g} ... {end:g} s is not inside the record, {look.first:g} ... {look.last:g} s" for start, end in outside
+            f"{where}: {start:g} ... {end:g} s is not inside the record, {look.first:g} ... {look.last:g} s"
+            for start, end in outside
         ]
         if outside:
             continue
         if place in task.fits:
             look.problems += fit_problems(where, task.fits[place], states, own)
         else:
-            look.problems += submodel_problems(where, place, task.sections[place], task.aircraft, states, own)
+            look.problems += submodel_problems(
+                where, place, task.sections[place], task.aircraft, states, own
+            )
 
 
 def _is_inside(span: tuple[float, float], states: xr.Dataset) -> bool:
@@ -199,7 +228,9 @@ STATES = "states at start values"
 
 @dataclass
 class _Found:
-    """A look; record and states if they were made and shall be kept, and the texts of the warnings of reading the record."""
+    """A look; record and states if they were made and shall be kept, and the texts of the warnings
+    of reading the record.
+    """
 
     look: RecordLook
     record: xr.DataTree | None = None
@@ -219,10 +250,18 @@ class RecordLooks:
     jobs : int
         Processes, where the system can fork; -1 for one per core.
     keep_records : bool
-        Whether a match follows, which takes the records from the stages; to keep them takes longer than to look at them.
+        Whether a match follows, which takes the records from the stages; to keep them takes longer
+        than to look at them.
     """
 
-    def __init__(self, project: Project, custody: pom.archive.Custody, stages: Stages, jobs: int, keep_records: bool) -> None:
+    def __init__(
+        self,
+        project: Project,
+        custody: pom.archive.Custody,
+        stages: Stages,
+        jobs: int,
+        keep_records: bool,
+    ) -> None:
         self._project, self._custody, self._stages = project, custody, stages
         self._keeps = keep_records and stages.store is not None
         self._jobs = jobs if jobs > 0 else os.cpu_count() or 1
@@ -231,7 +270,9 @@ class RecordLooks:
         self._aircraft: Kept[Aircraft] | None = None
         self._records: dict[str, dict[str, Any]] = {}
 
-    def take(self, tasks: Sequence[LookTask], meanwhile: Callable[[], Any]) -> dict[str, RecordLook]:
+    def take(
+        self, tasks: Sequence[LookTask], meanwhile: Callable[[], Any]
+    ) -> dict[str, RecordLook]:
         """Return the looks by record.
 
         Parameters
@@ -248,7 +289,9 @@ class RecordLooks:
             try:
                 self._records[task.name] = record_inputs(self._project, task.name, self._custody)
             except OSError as error:
-                unread[task.name] = RecordLook(task.name, [f"record {task.name}: {text}" for text in texts_of(error)])
+                unread[task.name] = RecordLook(
+                    task.name, [f"record {task.name}: {text}" for text in texts_of(error)]
+                )
                 continue
             assert self._aircraft is not None
             inputs[task.name] = {"record": self._records[task.name], **task.inputs(self._aircraft)}
@@ -256,10 +299,15 @@ class RecordLooks:
         def compute(missing: list[str], put: Callable[..., None]) -> None:
             for found in self._looked(missing, meanwhile):
                 self._keep(found)
-                put(found.look.name, found.look, keep=not found.look.problems)  # a fault may be corrected without a trace in the inputs
+                put(
+                    found.look.name, found.look, keep=not found.look.problems
+                )  # a fault may be corrected without a trace in the inputs
 
         kept = self._stages.batch("record look", inputs, compute)
-        return {task.name: kept[task.name].value if task.name in kept else unread[task.name] for task in tasks}
+        return {
+            task.name: kept[task.name].value if task.name in kept else unread[task.name]
+            for task in tasks
+        }
 
     def look(self, name: str) -> _Found:
         """Look at one record, in whatever process."""
@@ -270,9 +318,15 @@ class RecordLooks:
             try:
                 made, remarks = recorded(record_of, self._project, name, self._custody, self._names)
             except (AeromatchError, OSError) as error:
-                return _Found(RecordLook(name, [f"record {name}: {text}" for text in texts_of(error)]))
+                return _Found(
+                    RecordLook(name, [f"record {name}: {text}" for text in texts_of(error)])
+                )
         record: xr.DataTree = made if kept is None else kept  # type: ignore[assignment]
-        known = self._stages.recall(STATES, self._of_states(name), None) if self._tasks[name].cases else None
+        known = (
+            self._stages.recall(STATES, self._of_states(name), None)
+            if self._tasks[name].cases
+            else None
+        )
         with warnings.catch_warnings():  # the reconstruction gives them again
             warnings.simplefilter("ignore", AeromatchWarning)
             look, states = look_at(self._tasks[name], record, known)
@@ -283,7 +337,9 @@ class RecordLooks:
         return {"record": self._records[name], "aircraft": self._aircraft}
 
     def _keep(self, found: _Found) -> None:
-        """Keep a record and its states as the results of their stages, and give the warnings of reading the record."""
+        """Keep a record and its states as the results of their stages, and give the warnings of
+        reading the record.
+        """
 
         def make() -> xr.DataTree | None:
             for text in found.remarks:
@@ -330,7 +386,9 @@ def _look(name: str) -> _Found:
 
 
 def _name_map(project: Project) -> Any:
-    """Return the name map, read once for all records; None where there is none, or a faulty one, which every record states."""
+    """Return the name map, read once for all records; None where there is none, or a faulty one,
+    which every record states.
+    """
     if project.names is None:
         return None
     try:

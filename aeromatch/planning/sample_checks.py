@@ -1,4 +1,6 @@
-"""Whether the samples of a record can determine what a fit or a submodel takes from it, as far as recorded channels show."""
+"""Whether the samples of a record can determine what a fit or a submodel takes from it, as far as
+recorded channels show.
+"""
 
 from __future__ import annotations
 
@@ -23,14 +25,26 @@ from flighttest.submodels.engine.records import engine_channels
 from flighttest.submodels.engine.schedule import quiet
 from flighttest.submodels.landing_gear.reconstructed_loads import TOUCHING, wheels_of
 
-_CERTAIN = 0.5  # of the least movement: readings before the reconstruction move a little more or less than after it
-_RUNNING = ("phi", "theta", "psi", "p", "q", "r", "vn", "ve", "vd")  # states that the loads of the wheels need
+# of the least movement: readings before the reconstruction move a little more or less than after it
+_CERTAIN = 0.5
+_RUNNING = (
+    "phi",
+    "theta",
+    "psi",
+    "p",
+    "q",
+    "r",
+    "vn",
+    "ve",
+    "vd",
+)  # states that the loads of the wheels need
 
 Spans = Sequence[tuple[float, float]]
 
 
 def fit_problems(where: str, fit: Fit, states: xr.Dataset, spans: Spans) -> list[str]:
-    """Return why a fit cannot be made of some windows of a record: too few samples, inputs that do not move.
+    """Return why a fit cannot be made of some windows of a record: too few samples, inputs that do
+    not move.
 
     Parameters
     ----------
@@ -51,16 +65,21 @@ def fit_problems(where: str, fit: Fit, states: xr.Dataset, spans: Spans) -> list
         model = Model.parse(text)
         least = SAMPLES_PER_TERM * len(model.terms)
         if count < least:
-            found.append(f"{where}: {count} samples in flight for {len(model.terms)} terms of {model}; at least {least} are needed")
+            found.append(
+                f"{where}: {count} samples in flight for {len(model.terms)} terms of {model}; at least {least} are needed"
+            )
         else:
             found += [
-                f"{where}: {model}: {term} does not move; leave it out, or add a manoeuvre" for term in _resting(model, states, chosen)
+                f"{where}: {model}: {term} does not move; leave it out, or add a manoeuvre"
+                for term in _resting(model, states, chosen)
             ]
     return found
 
 
 def _inside(time: np.ndarray, spans: Spans) -> np.ndarray:
-    """Return the places of the samples in some windows, as `flighttest.between` takes them, one window after the other."""
+    """Return the places of the samples in some windows, as `flighttest.between` takes them, one
+    window after the other.
+    """
     step = float(np.median(np.diff(time)))
     ends = [np.searchsorted(time, (start, stop - 0.5 * step)) for start, stop in spans]
     return np.concatenate([np.arange(first, behind) for first, behind in ends])
@@ -69,11 +88,17 @@ def _inside(time: np.ndarray, spans: Spans) -> np.ndarray:
 def _on_wheels(states: xr.Dataset) -> np.ndarray:
     """Return whether a wheel is on the ground, (time,)."""
     wheels = [name for name in map(str, states.data_vars) if name.startswith("wow_")]
-    return np.any([states.variables[name].values > 0.5 for name in wheels], axis=0) if wheels else np.zeros(states.sizes["time"], bool)
+    return (
+        np.any([states.variables[name].values > 0.5 for name in wheels], axis=0)
+        if wheels
+        else np.zeros(states.sizes["time"], bool)
+    )
 
 
 def _resting(model: Model, states: xr.Dataset, chosen: np.ndarray) -> list[str]:
-    """Return the terms of single recorded variables that do not move, next to a constant, by the rule of `flighttest.regress`."""
+    """Return the terms of single recorded variables that do not move, next to a constant, by the
+    rule of `flighttest.regress`.
+    """
     if not least_squares.constants(model.terms).any():
         return []
     found = []
@@ -90,7 +115,9 @@ def _resting(model: Model, states: xr.Dataset, chosen: np.ndarray) -> list[str]:
     return found
 
 
-def submodel_problems(where: str, place: str, asked: Any, aircraft: Aircraft, states: xr.Dataset, spans: Spans) -> list[str]:
+def submodel_problems(
+    where: str, place: str, asked: Any, aircraft: Aircraft, states: xr.Dataset, spans: Spans
+) -> list[str]:
     """Return why a record cannot identify a submodel.
 
     Parameters
@@ -128,7 +155,9 @@ def _engine_problems(where: str, place: str, asked: Any, parts: Sequence[xr.Data
         if record is None:
             continue
         if place != "engine.starts" and "throttle" not in record:
-            found.append(f"{where}: no lever of engine {asked.engines[0]} (engine{asked.engines[0]}.throttle or .pla); map its channel")
+            found.append(
+                f"{where}: no lever of engine {asked.engines[0]} (engine{asked.engines[0]}.throttle or .pla); map its channel"
+            )
         elif place == "engine.flown":
             try:
                 quiet(thinned(record, asked.rate))
@@ -137,13 +166,19 @@ def _engine_problems(where: str, place: str, asked: Any, parts: Sequence[xr.Data
     return list(dict.fromkeys(found))
 
 
-def _control_problems(where: str, item: str, asked: Any, aircraft: Aircraft, states: xr.Dataset) -> list[str]:
+def _control_problems(
+    where: str, item: str, asked: Any, aircraft: Aircraft, states: xr.Dataset
+) -> list[str]:
     try:
         needed = channels(loading_of(aircraft, item, asked.model, asked.constants, asked.arm))
     except AeromatchError:
         return []  # reported once, without a record
     have = {*map(str, states.data_vars)} | ({"wow"} if "wow_nose" in states else set())
-    return [f"{where}: the {item} needs {name}, which the record does not hold; map its channel" for name in needed if name not in have]
+    return [
+        f"{where}: the {item} needs {name}, which the record does not hold; map its channel"
+        for name in needed
+        if name not in have
+    ]
 
 
 def _gear_problems(where: str, aircraft: Aircraft, parts: Sequence[xr.Dataset]) -> list[str]:
@@ -154,7 +189,12 @@ def _gear_problems(where: str, aircraft: Aircraft, parts: Sequence[xr.Dataset]) 
     found = []
     for part in parts:
         absent = [name for name in (*wheels, *_RUNNING) if name not in part]
-        found += [f"{where}: the landing gear needs {name}, which the record does not hold; map its channel" for name in absent]
+        found += [
+            f"{where}: the landing gear needs {name}, which the record does not hold; map its channel"
+            for name in absent
+        ]
         if not absent and not any((part[name].values > TOUCHING).any() for name in wheels):
-            found.append(f"{where}: no wheel is compressed by more than {TOUCHING:g} m; give ground runs or landings")
+            found.append(
+                f"{where}: no wheel is compressed by more than {TOUCHING:g} m; give ground runs or landings"
+            )
     return list(dict.fromkeys(found))

@@ -21,8 +21,12 @@ def texts_of(error: Exception) -> list[str]:
     return [str(error)]
 
 
-def collect(problems: list[str], place: str, act: Callable[..., Result], *items: Any) -> Result | None:
-    """Return ``act(*items)``; None if it raises an error of the package or of the disk, whose texts are added to `problems`."""
+def collect(
+    problems: list[str], place: str, act: Callable[..., Result], *items: Any
+) -> Result | None:
+    """Return ``act(*items)``; None if it raises an error of the package or of the disk, whose texts
+    are added to `problems`.
+    """
     try:
         return act(*items)
     except (AeromatchError, OSError) as error:
@@ -58,8 +62,14 @@ def steps_of(project: Project, records: Mapping[str, bool], cases: int, compare:
         f"reconstruct {len(records)} paths; {identifying} records determine the constants of the instruments",
     ]
     steps += ["identify the engine"] if project.engine is not None else []
-    steps += [f"identify the control loading of {', '.join(project.controls)}"] if project.controls else []
-    steps += [f"fit {_count_fits(project)} local models, read {len(project.published)} files of published ones"]
+    steps += (
+        [f"identify the control loading of {', '.join(project.controls)}"]
+        if project.controls
+        else []
+    )
+    steps += [
+        f"fit {_count_fits(project)} local models, read {len(project.published)} files of published ones"
+    ]
     steps += [_TABLES[project.tabulation]]
     steps += [f"make the tables in all {len(WAYS)} ways and compare them"] if compare else []
     steps += ["identify the ground effect"] if project.ground_effect is not None else []
@@ -82,7 +92,14 @@ def products_of(project: Project, cases: Sequence[Any], compare: bool) -> list[s
     names = ("datcom", "corrected", "final")
     files = [f"{name}{ending}" for name in names for ending in (".nc", ".toml", ".fmu")]
     files += [FLOWN, *([COMPARED] if compare else [])]
-    report = ("report.html", "report.pdf", "results.json", "results.nc", "results.xml", "manifest.json")
+    report = (
+        "report.html",
+        "report.pdf",
+        "results.json",
+        "results.nc",
+        "results.xml",
+        "manifest.json",
+    )
     return [*files, *_inside(REPORT, report), f"{REPORT}/csv/ ({len(cases)} files)"]
 
 

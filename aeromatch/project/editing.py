@@ -1,4 +1,6 @@
-"""``aeromatch set``: one key of a project's TOML file, with the rest of the text and its comments as they are."""
+"""``aeromatch set``: one key of a project's TOML file, with the rest of the text and its comments
+as they are.
+"""
 
 from __future__ import annotations
 
@@ -62,15 +64,25 @@ SCHEMAS: dict[str, Callable[[], dict[str, Any]]] = {
 def schema_lines(kind: str) -> list[str]:
     """Return the first lines of a file of a kind, by which editors find its schema."""
     file = f"{kind}.schema.json"
-    return [f"#:schema {file}", f"# `aeromatch schema {kind}` writes {file}; an editor that knows it completes and checks the keys.", ""]
+    return [
+        f"#:schema {file}",
+        f"# `aeromatch schema {kind}` writes {file}; an editor that knows it completes and checks the keys.",
+        "",
+    ]
 
 
 @click.command()
 @click.argument("kind", required=False, type=click.Choice(list(SCHEMAS)))
-@click.option("-o", "--output", type=click.Path(path_type=Path), help="File, or without KIND a folder.  [default: KIND.schema.json]")
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path),
+    help="File, or without KIND a folder.  [default: KIND.schema.json]",
+)
 @json_option
 def schema(kind: str | None, output: Path | None, as_json: bool) -> None:
-    """Write the JSON schema of the files of a KIND, or of all kinds, for an editor that completes and checks the keys.
+    """Write the JSON schema of the files of a KIND, or of all kinds, for an editor that completes
+    and checks the keys.
 
     The first line of a file names its schema: #:schema aircraft.schema.json
     """
@@ -126,18 +138,20 @@ _READERS: dict[str, Callable[[Path], None]] = {
 
 
 def set_key(path: str | Path, key: str, value: str | None) -> Any:
-    """Change one key of a project, aircraft, case or name file; the file is written when it still reads well as a whole.
+    """Change one key of a project, aircraft, case or name file; the file is written when it still
+    reads well as a whole.
 
     Parameters
     ----------
     path : path
         TOML.
     key : str
-        With dots; a number is the place in a list, from 0, and ``+`` the end of it: ``fit.2.models``, ``fit.+``,
-        ``terms."CL/gear".stderr``.  A name with dots needs no quotes, ``controls.engine1.throttle``: it is found however the file
-        writes it.
+        With dots; a number is the place in a list, from 0, and ``+`` the end of it:
+        ``fit.2.models``, ``fit.+``, ``terms."CL/gear".stderr``.  A name with dots needs no quotes,
+        ``controls.engine1.throttle``: it is found however the file writes it.
     value : str or None
-        As written in TOML (``0.05``, ``["Cm/qhat"]``, ``"4 Hz"``); else taken as a text. None removes the key.
+        As written in TOML (``0.05``, ``["Cm/qhat"]``, ``"4 Hz"``); else taken as a text. None
+        removes the key.
 
     Returns
     -------
@@ -159,7 +173,8 @@ TRIAL = "TRIAL, no part of the proof of match"
 
 
 def write_trial(path: str | Path, output: str | Path, changes: Sequence[tuple[str, str]]) -> None:
-    """Write a copy of a case file with other keys, marked as a trial in its title and notes; the case file stays as it is.
+    """Write a copy of a case file with other keys, marked as a trial in its title and notes; the
+    case file stays as it is.
 
     Parameters
     ----------
@@ -180,14 +195,19 @@ def write_trial(path: str | Path, output: str | Path, changes: Sequence[tuple[st
 
     path, output = Path(path), Path(output)
     if not file_kind(path).startswith("a case file"):
-        raise SchemaError(str(path), [f"it is {file_kind(path)}; a trial is the copy of a case file"])
+        raise SchemaError(
+            str(path), [f"it is {file_kind(path)}; a trial is the copy of a case file"]
+        )
     if output.resolve() == path.resolve():
         raise SchemaError(str(output), ["it is the case file itself; give the trial another name"])
     content = _content(path)
     for key, value in changes:
         _changed(content, path, key, value)
     case = content["case"]
-    for table, keys in ((case, ("record", "names", "aircraft")), (content.get("control_law", {}), ("fmu", "names"))):
+    for table, keys in (
+        (case, ("record", "names", "aircraft")),
+        (content.get("control_law", {}), ("fmu", "names")),
+    ):
         for name in keys:
             _rebase(table, name, path, output)
     for name in content.get("models", {}):
@@ -200,7 +220,9 @@ def write_trial(path: str | Path, output: str | Path, changes: Sequence[tuple[st
 
 def _rebase(table: Any, key: str, path: Path, output: Path) -> None:
     if name := table.get(key, ""):
-        table[key] = Path(os.path.relpath(path.resolve().parent / name, output.resolve().parent)).as_posix()
+        table[key] = Path(
+            os.path.relpath(path.resolve().parent / name, output.resolve().parent)
+        ).as_posix()
 
 
 def _content(path: Path) -> Any:
@@ -229,10 +251,14 @@ def _changed(content: Any, path: Path, key: str, value: str | None) -> Any:
     for number, place in enumerate(outer):
         made = tomlkit.aot if places[number + 1] == "+" else tomlkit.table
         above.append((item, place))
-        item = _inside(item, place, path, ".".join(places[: number + 1]), made if value is not None else None)
+        item = _inside(
+            item, place, path, ".".join(places[: number + 1]), made if value is not None else None
+        )
     if value is None:
         _remove(item, last, path, key)
-        while above and item == {} and isinstance(above[-1][0], dict) and not _has_heading(*above[-1]):  # engine1 of engine1.throttle
+        while (
+            above and item == {} and isinstance(above[-1][0], dict) and not _has_heading(*above[-1])
+        ):  # engine1 of engine1.throttle
             item, place = above.pop()
             del item[place]
         return None
@@ -242,12 +268,16 @@ def _changed(content: Any, path: Path, key: str, value: str | None) -> Any:
 
 
 def _as_written(content: Any, places: list[str]) -> list[str]:
-    """Return the places of a key as the file has them: a name with dots may be one key in quotes, or a table in a table."""
+    """Return the places of a key as the file has them: a name with dots may be one key in quotes,
+    or a table in a table.
+    """
     item, found, rest = content, [], list(places)
     while rest:
         used = 1
         if isinstance(item, dict):
-            used = next((number for number in range(len(rest), 0, -1) if ".".join(rest[:number]) in item), 0)
+            used = next(
+                (number for number in range(len(rest), 0, -1) if ".".join(rest[:number]) in item), 0
+            )
             head, dot, tail = rest[0].partition(".")
             if not used and dot and isinstance(item.get(head), dict):
                 rest[:1] = [head, tail]
@@ -273,20 +303,29 @@ def _write(content: Any, path: Path, output: Path) -> None:
     kind = next((kind for kind in _READERS if file_kind(path).startswith(kind)), "")
     demand, text = _READERS.get(kind, _demand_names), tomlkit.dumps(content)
     if tomlkit.parse(text).unwrap() != content.unwrap():
-        raise SchemaError(str(path), ["the change cannot be made between the other lines of the file; make it with an editor"])
+        raise SchemaError(
+            str(path),
+            [
+                "the change cannot be made between the other lines of the file; make it with an editor"
+            ],
+        )
     with written_atomically(output) as part:
         part.write_text(text, encoding="utf-8", newline="")
         _demand_sound(demand, part, output)
 
 
 def _demand_sound(demand: Callable[[Path], None], part: Path, path: Path) -> None:
-    """Read the new file where it stands, next to the old one; its problems carry the name of the file."""
+    """Read the new file where it stands, next to the old one; its problems carry the name of the
+    file.
+    """
     from flightmech.errors import ParseError, SchemaError
 
     try:
         demand(part)
     except SchemaError as error:
-        raise SchemaError(str(path), [text.replace(str(part), str(path)) for text in error.problems]) from None
+        raise SchemaError(
+            str(path), [text.replace(str(part), str(path)) for text in error.problems]
+        ) from None
     except ParseError as error:
         raise SchemaError(str(path), [str(error).replace(str(part), str(path))]) from None
 
@@ -316,7 +355,9 @@ def _put(item: Any, place: str, new: Any, path: Path, key: str) -> None:
         elif place.isdigit() and int(place) < len(item):
             item[int(place)] = _filled(item[int(place)], new)
         else:
-            raise SchemaError(str(path), [f"{key}: the list has {len(item)} entries, from 0; + appends one"])
+            raise SchemaError(
+                str(path), [f"{key}: the list has {len(item)} entries, from 0; + appends one"]
+            )
     elif isinstance(item, dict):
         item[place] = _filled(item[place], new) if _has_heading(item, place) else new
     else:
@@ -331,7 +372,9 @@ def _remove(item: Any, place: str, path: Path, key: str) -> None:
     elif isinstance(item, dict) and place in item:
         del item[place]
     else:
-        known = list(item) if isinstance(item, dict) else [str(number) for number in range(len(item))]
+        known = (
+            list(item) if isinstance(item, dict) else [str(number) for number in range(len(item))]
+        )
         raise SchemaError(str(path), [f"{key}: {UnknownName(place, known, 'key')}"])
 
 
@@ -360,7 +403,9 @@ def _in_lines(new: Any) -> Any:
 
 
 def _filled(old: Any, new: Any) -> Any:
-    """Return a table with a heading that holds what the new one does, with its comments; all else than two tables: the new one."""
+    """Return a table with a heading that holds what the new one does, with its comments; all else
+    than two tables: the new one.
+    """
     import tomlkit
 
     if not (isinstance(old, tomlkit.items.Table) and isinstance(new, tomlkit.items.InlineTable)):
@@ -373,7 +418,9 @@ def _filled(old: Any, new: Any) -> Any:
 
 
 def _has_heading(item: Any, place: str) -> bool:
-    """Whether what stands at a place of a table is a table with a heading of its own, such as [terms.X]."""
+    """Whether what stands at a place of a table is a table with a heading of its own, such as
+    [terms.X].
+    """
     import tomlkit
 
     if not isinstance(item.get(place), tomlkit.items.Table):
@@ -393,16 +440,27 @@ def _has_heading(item: Any, place: str) -> bool:
     help="Copy of a case file to write with the change, marked as a trial in title and notes; FILE stays as it is.",
 )
 @click.option(
-    "--also", nargs=2, multiple=True, metavar="KEY VALUE", help="Another key of the copy and its value, with --trial; may be repeated."
+    "--also",
+    nargs=2,
+    multiple=True,
+    metavar="KEY VALUE",
+    help="Another key of the copy and its value, with --trial; may be repeated.",
 )
 @json_option
 def set_verb(
-    file: Path, key: str, value: str | None, remove: bool, trial: str | None, also: tuple[tuple[str, str], ...], as_json: bool
+    file: Path,
+    key: str,
+    value: str | None,
+    remove: bool,
+    trial: str | None,
+    also: tuple[tuple[str, str], ...],
+    as_json: bool,
 ) -> None:
-    """Change KEY of a project, aircraft, case or name FILE to VALUE (TOML, or a text); the remainder of the file stays as it is.
+    """Change KEY of a project, aircraft, case or name FILE to VALUE (TOML, or a text); the
+    remainder of the file stays as it is.
 
-    The file is checked with the change and is left alone when it has a problem. Example: aeromatch set aeromatch.toml fit.0.models
-    '["CL = 1 + alpha"]'
+    The file is checked with the change and is left alone when it has a problem. Example: aeromatch
+    set aeromatch.toml fit.0.models '["CL = 1 + alpha"]'
     """
     if (value is None) != remove:
         raise click.UsageError("give a VALUE, or --remove")
@@ -416,7 +474,10 @@ def set_verb(
         if as_json:
             document({"file": trial, "trial of": str(file), "changes": dict(changes)})
         else:
-            click.echo(f"written: {trial}, a trial of {file} with " + ", ".join(f"{one} = {other}" for one, other in changes))
+            click.echo(
+                f"written: {trial}, a trial of {file} with "
+                + ", ".join(f"{one} = {other}" for one, other in changes)
+            )
         return
     new = set_key(file, key, value)
     if as_json:

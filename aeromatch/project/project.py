@@ -1,4 +1,6 @@
-"""A project: one aircraft, its listings, its flights, its test points and its Proof-of-Match cases, from one TOML file."""
+"""A project: one aircraft, its listings, its flights, its test points and its Proof-of-Match cases,
+from one TOML file.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,15 @@ import numpy as np
 import xarray as xr
 from pydantic import Field, field_validator, model_validator
 
-from aeromatch.project.sections import Control, Controls, Engine, Flown, Gear, GroundEffect, selections
+from aeromatch.project.sections import (
+    Control,
+    Controls,
+    Engine,
+    Flown,
+    Gear,
+    GroundEffect,
+    selections,
+)
 from datcom_io.reading.reader import Place, place_of
 from flightmech import terms
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
@@ -35,49 +45,81 @@ OWN_MODELS = ("datcom", "corrected", "final")
 
 
 class NewTerm(Strict):
-    """A term that the listings cannot give: zero at first, with a wide standard error, for the flights to find."""
+    """A term that the listings cannot give: zero at first, with a wide standard error, for the
+    flights to find.
+    """
 
     axes: dict[str, tuple[float | str, ...]] = Field(
         default={},
         description="Breakpoints by axis, SI or with units; without them one number.",
         examples=[{"delta_f": ["0 deg", "40 deg"]}],
     )
-    regressors: tuple[str, ...] = Field(default=(), description="What the table is multiplied by.", examples=[["gear"]])
-    stderr: float | tuple[float, ...] = Field(
-        description="Standard error of the zero it starts from: one for all nodes, or one each.", examples=[0.05]
+    regressors: tuple[str, ...] = Field(
+        default=(), description="What the table is multiplied by.", examples=[["gear"]]
     )
-    comment: str = Field(default="", description="Why the term is there.", examples=["drag of the gear"])
+    stderr: float | tuple[float, ...] = Field(
+        description="Standard error of the zero it starts from: one for all nodes, or one each.",
+        examples=[0.05],
+    )
+    comment: str = Field(
+        default="", description="Why the term is there.", examples=["drag of the gear"]
+    )
 
     def leaf(self) -> xr.Dataset:
         """Return the term, zero at every node."""
-        axes = {name: [quantity(point, lookup(name).units) for point in points] for name, points in self.axes.items()}
+        axes = {
+            name: [quantity(point, lookup(name).units) for point in points]
+            for name, points in self.axes.items()
+        }
         value = np.zeros(tuple(len(points) for points in axes.values()))
         if np.ndim(self.stderr) and np.shape(self.stderr) != value.shape:
             raise SchemaError(
-                "term", [f"stderr has {np.size(self.stderr)} values for {value.size} nodes; give one for all, or one per node"]
+                "term",
+                [
+                    f"stderr has {np.size(self.stderr)} values for {value.size} nodes; give one for all, or one per node"
+                ],
             )
-        return terms.make(value, axes, self.regressors, stderr=self.stderr, source="judgement", comment=self.comment)
+        return terms.make(
+            value,
+            axes,
+            self.regressors,
+            stderr=self.stderr,
+            source="judgement",
+            comment=self.comment,
+        )
 
 
 class Fit(Flown):
-    """Manoeuvres or windows of a record that are fitted together by each of some models; the same for each of `records`."""
+    """Manoeuvres or windows of a record that are fitted together by each of some models; the same
+    for each of `records`.
+    """
 
     name: str = Field(description="Name of the fit, for the report.")
-    models: tuple[str, ...] = Field(description="Models to fit, one for each coefficient: terms of the right-hand side are regressors.")
+    models: tuple[str, ...] = Field(
+        description="Models to fit, one for each coefficient: terms of the right-hand side are regressors."
+    )
 
     @model_validator(mode="after")
     def _of_something(self) -> Fit:
         if not self.manoeuvres and not self.window:
-            raise ValueError("neither manoeuvres nor window; give one of them, as window = [start, end] in seconds of the record")
+            raise ValueError(
+                "neither manoeuvres nor window; give one of them, as window = [start, end] in seconds of the record"
+            )
         return self
 
 
 class ThirdPartyModel(Strict):
-    """A model from elsewhere that is replayed with those of the project, and its table of names (`pom.replay`)."""
+    """A model from elsewhere that is replayed with those of the project, and its table of names
+    (`pom.replay`).
+    """
 
-    fmu: str = Field(description="The FMU, relative to this file.", examples=["other/simulator.fmu"])
+    fmu: str = Field(
+        description="The FMU, relative to this file.", examples=["other/simulator.fmu"]
+    )
     names: str = Field(
-        default="", description="Its table of names, when names, units or signs are not the canonical ones.", examples=["other/names.toml"]
+        default="",
+        description="Its table of names, when names, units or signs are not the canonical ones.",
+        examples=["other/names.toml"],
     )
 
 
@@ -85,7 +127,9 @@ Paths = str | tuple[str, ...]
 
 
 class Listings(Strict):
-    """Digital DATCOM listings by their role in `aerodb.from_datcom`, one or several each; ``FILE:CASE`` takes one case of a file."""
+    """Digital DATCOM listings by their role in `aerodb.from_datcom`, one or several each;
+    ``FILE:CASE`` takes one case of a file.
+    """
 
     clean: Paths = Field(description="The whole aeroplane without deflections.")
     flaps: Paths = Field(default=(), description="Increments of the flaps.")
@@ -93,34 +137,71 @@ class Listings(Strict):
     aileron: Paths = Field(default=(), description="Increments of the ailerons.")
     ground: Paths = Field(default=(), description="The whole aeroplane in ground effect.")
     ground_flap: Paths = Field(default=(), description="The same with flaps.")
-    ground_elevator: Paths = Field(default=(), examples=["datcom/ground_elevator.out"], description="The same with elevator.")
-    power: Paths = Field(default=(), examples=["datcom/power.out"], description="The whole aeroplane with power effects.")
-    spoilers: Paths = Field(default=(), examples=["datcom/spoilers.out"], description="Increments of the spoilers.")
+    ground_elevator: Paths = Field(
+        default=(), examples=["datcom/ground_elevator.out"], description="The same with elevator."
+    )
+    power: Paths = Field(
+        default=(),
+        examples=["datcom/power.out"],
+        description="The whole aeroplane with power effects.",
+    )
+    spoilers: Paths = Field(
+        default=(), examples=["datcom/spoilers.out"], description="Increments of the spoilers."
+    )
     differential_tail: Paths = Field(
-        default=(), examples=["datcom/differential_tail.out"], description="Increments of a differential tail."
+        default=(),
+        examples=["datcom/differential_tail.out"],
+        description="Increments of a differential tail.",
     )
-    tabs: Paths = Field(default=(), examples=["datcom/tabs.out"], description="Increments of trim tabs.")
-    aileron_hinge: Paths = Field(default=(), examples=["datcom/aileron_hinge.out"], description="Hinge moments of the ailerons.")
-    altitude: si("m") | None = Field(default=None, examples=["5000 ft"], description="Reference altitude of the a-priori tables.")  # type: ignore[valid-type]
+    tabs: Paths = Field(
+        default=(), examples=["datcom/tabs.out"], description="Increments of trim tabs."
+    )
+    aileron_hinge: Paths = Field(
+        default=(),
+        examples=["datcom/aileron_hinge.out"],
+        description="Hinge moments of the ailerons.",
+    )
+    altitude: si("m") | None = Field(  # type: ignore[valid-type]
+        default=None, examples=["5000 ft"], description="Reference altitude of the a-priori tables."
+    )
     powered: bool = Field(
-        default=False, description="Whether clean pages hold power effects: thrust terms are taken off and standard errors are wider."
+        default=False,
+        description="Whether clean pages hold power effects: thrust terms are taken off and standard errors are wider.",
     )
-    tailless: bool = Field(default=False, description="Whether the aeroplane has no horizontal tail.")
-    move_reference: bool = Field(default=False, description="Whether the listing's reference point is moved to that of the aircraft file.")
+    tailless: bool = Field(
+        default=False, description="Whether the aeroplane has no horizontal tail."
+    )
+    move_reference: bool = Field(
+        default=False,
+        description="Whether the listing's reference point is moved to that of the aircraft file.",
+    )
 
 
 class _File(Strict):
     title: str = Field(description="Title of the project and its report.")
     aircraft: str = Field(description="Aircraft file.")
-    apriori: str | None = Field(default=None, description="Aircraft file as it was known before the flights; without it aircraft.")
-    names: str | None = Field(default=None, description="Name map of the flight records; not needed where they have canonical names.")
-    flights: Paths = Field(description="Pattern of the flight records, or several; a record is named by its file without extension.")
-    manoeuvres: str | None = Field(
-        default=None, description="Table of manoeuvres, CSV or TOML; its rows stand in place of the marks that their records carry."
+    apriori: str | None = Field(
+        default=None,
+        description="Aircraft file as it was known before the flights; without it aircraft.",
     )
-    listings: Listings = Field(description="Digital DATCOM listings by role: FILE, FILE:CASE, or several.")
+    names: str | None = Field(
+        default=None,
+        description="Name map of the flight records; not needed where they have canonical names.",
+    )
+    flights: Paths = Field(
+        description="Pattern of the flight records, or several; a record is named by its file without extension."
+    )
+    manoeuvres: str | None = Field(
+        default=None,
+        description="Table of manoeuvres, CSV or TOML; its rows stand in place of the marks that their records carry.",
+    )
+    listings: Listings = Field(
+        description="Digital DATCOM listings by role: FILE, FILE:CASE, or several."
+    )
     cases: tuple[str, ...] = Field(description="Patterns of Proof-of-Match cases.")
-    cutoff: si("Hz") | None = Field(default=None, description="Low-pass before coefficients are formed; none without it.")  # type: ignore[valid-type]
+    cutoff: si("Hz") | None = Field(  # type: ignore[valid-type]
+        default=None, description="Low-pass before coefficients are formed; none without it."
+    )
     tabulation: Literal["tabulate", "direct", "join"] = Field(
         default="tabulate",
         description="How flights enter the tables: local models projected on the nodes, nodes estimated directly from the samples, or "
@@ -131,29 +212,45 @@ class _File(Strict):
         description="What to do if no table of the database carries a significant term of a fit: stop, or go on with a warning in the "
         "history of the database and in the report.",
     )
-    held: tuple[str, ...] = Field(default=(), examples=[["Cm/qhat"]], description="Terms that keep their a-priori value.")
+    held: tuple[str, ...] = Field(
+        default=(), examples=[["Cm/qhat"]], description="Terms that keep their a-priori value."
+    )
     errors: dict[str, Annotated[float, Field(ge=0.0)]] = Field(
         default={},
         json_schema_extra={"propertyNames": {"enum": list(ERRORS)}},
         description="Relative standard errors where not the defaults of flighttest.coefficients.",
     )
     terms: dict[str, NewTerm] = Field(
-        default={}, description="Terms that the listings cannot give, zero at first, by a name such as CL/gear."
+        default={},
+        description="Terms that the listings cannot give, zero at first, by a name such as CL/gear.",
     )
-    models: dict[str, ThirdPartyModel] = Field(default={}, description="Models from elsewhere that are replayed as well, by name.")
+    models: dict[str, ThirdPartyModel] = Field(
+        default={}, description="Models from elsewhere that are replayed as well, by name."
+    )
     fit: tuple[Fit, ...] = Field(description="Local models: what is fitted to which manoeuvres.")
     published: tuple[str, ...] = Field(
         default=(),
         examples=[["literature/local_models.csv"]],
         description="Local models from elsewhere with standard errors, CSV; they identify as the fits do.",
     )
-    engine: Engine | None = Field(default=None, description="Identification of the engine; without it that of the aircraft file.")
-    controls: Controls = Field(default=Controls(), description="Identification of the control loading, by control.")
-    gear: Gear | None = Field(default=None, description="Identification of the landing gear; without it that of the aircraft file.")
-    ground_effect: GroundEffect | None = Field(
-        default=None, description="Identification of the ground effect; without it that of the listings."
+    engine: Engine | None = Field(
+        default=None,
+        description="Identification of the engine; without it that of the aircraft file.",
     )
-    signatures: dict[Role, Signature] = Field(default={}, description="Who signs the report, by role; printed on its cover.")
+    controls: Controls = Field(
+        default=Controls(), description="Identification of the control loading, by control."
+    )
+    gear: Gear | None = Field(
+        default=None,
+        description="Identification of the landing gear; without it that of the aircraft file.",
+    )
+    ground_effect: GroundEffect | None = Field(
+        default=None,
+        description="Identification of the ground effect; without it that of the listings.",
+    )
+    signatures: dict[Role, Signature] = Field(
+        default={}, description="Who signs the report, by role; printed on its cover."
+    )
     chapters: tuple[Literal["identification", "database"], ...] = Field(
         default=(),
         examples=[["identification", "database"]],
@@ -164,7 +261,9 @@ class _File(Strict):
     @classmethod
     def _above_zero(cls, cutoff: float | None) -> float | None:
         if cutoff is not None and not 0.0 < cutoff < math.inf:
-            raise ValueError("a low-pass needs a frequency of more than 0 Hz; leave the key out for none")
+            raise ValueError(
+                "a low-pass needs a frequency of more than 0 Hz; leave the key out for none"
+            )
         return cutoff
 
 
@@ -180,9 +279,11 @@ class Project:
     names : Path or None
         The name map of the flight records; None where they speak canonical names.
     apriori : Path or None
-        The aircraft as it was known before the flights, when its engines, gear or control circuits were others.
+        The aircraft as it was known before the flights, when its engines, gear or control circuits
+        were others.
     listings : dict of str to tuple of Place
-        Digital DATCOM listings, or single cases of them, by their role in `aerodb.from_datcom`: ``clean``, ``flaps``, ``elevator`` ...
+        Digital DATCOM listings, or single cases of them, by their role in `aerodb.from_datcom`:
+        ``clean``, ``flaps``, ``elevator`` ...
     altitude : float or None
         Reference altitude of the a-priori tables. [m]
     flights : dict of str to Path
@@ -192,7 +293,8 @@ class Project:
     cutoff : float or None
         Low-pass applied before coefficients are formed. [Hz]
     errors : dict of str to float
-        Relative standard errors of ``qbar mass inertia thrust`` that differ from the defaults, see `flighttest.coefficients`.
+        Relative standard errors of ``qbar mass inertia thrust`` that differ from the defaults, see
+        `flighttest.coefficients`.
     terms : dict of str to NewTerm
         Terms that start from nothing, by ``CL/gear``.
     held : tuple of str
@@ -213,7 +315,8 @@ class Project:
     points : dict of str to Path
         Files for the engine: settled ``points``, ``climbs``, and the ``structure`` of its deck.
     manoeuvres : Path or None
-        Table of manoeuvres, in place of the marks of its records (`flighttest.records.read_manoeuvres`).
+        Table of manoeuvres, in place of the marks of its records
+        (`flighttest.records.read_manoeuvres`).
     stated : dict of str to bool
         What is stated about the listings: `STATED`.
     published : tuple of Path
@@ -276,7 +379,8 @@ def read_project(path: str | Path) -> Project:
     ParseError
         Not TOML.
     SchemaError
-        All unknown keys and wrong types; when there are none, all missing files, unknown records and quantities, and faulty models.
+        All unknown keys and wrong types; when there are none, all missing files, unknown records
+        and quantities, and faulty models.
     """
     path = Path(path)
     content = validate(_File, load(path), str(path))
@@ -291,22 +395,37 @@ def read_project(path: str | Path) -> Project:
 
     def listing(text: str, place: str) -> Place:
         if text == UNFILLED:
-            problems.append(f"{place}: {UNFILLED!r} stands for a listing that is still to be given; write FILE, or FILE:CASE")
+            problems.append(
+                f"{place}: {UNFILLED!r} stands for a listing that is still to be given; write FILE, or FILE:CASE"
+            )
             return Place(folder / text)
         try:
             return place_of(text, folder)
         except FileNotFoundError:
-            problems.append(f"{place}: no file {text!r} in {folder}; write FILE, or FILE:CASE for one case of it")
+            problems.append(
+                f"{place}: no file {text!r} in {folder}; write FILE, or FILE:CASE for one case of it"
+            )
             return Place(folder / text)
 
-    given = {role: paths for role, paths in content.listings if role not in ("altitude", *STATED) and paths}
+    given = {
+        role: paths
+        for role, paths in content.listings
+        if role not in ("altitude", *STATED) and paths
+    }
     listings = {
-        role: tuple(listing(name, f"listings.{role}") for name in ((paths,) if isinstance(paths, str) else paths))
+        role: tuple(
+            listing(name, f"listings.{role}")
+            for name in ((paths,) if isinstance(paths, str) else paths)
+        )
         for role, paths in given.items()
     }
     patterns = (content.flights,) if isinstance(content.flights, str) else content.flights
     flights = {file.stem: file for pattern in patterns for file in _matching(folder, pattern)}
-    problems += [f"flights: {_no_match(folder, pattern)}" for pattern in patterns if not _matching(folder, pattern)]
+    problems += [
+        f"flights: {_no_match(folder, pattern)}"
+        for pattern in patterns
+        if not _matching(folder, pattern)
+    ]
     if not patterns:
         problems.append("flights: an empty list; give a file or a pattern such as 'flight/*.csv'")
     for number, fit in enumerate(content.fit):
@@ -322,11 +441,19 @@ def read_project(path: str | Path) -> Project:
     for term, new in content.terms.items():
         _collect(problems, f"terms.{term}", new.leaf)
     cases = tuple(file for pattern in content.cases for file in _matching(folder, pattern))
-    problems += [f"cases: {_no_match(folder, pattern)}" for pattern in content.cases if not _matching(folder, pattern)]
+    problems += [
+        f"cases: {_no_match(folder, pattern)}"
+        for pattern in content.cases
+        if not _matching(folder, pattern)
+    ]
     for name in content.models:
         if name in OWN_MODELS or name == "flight":
-            problems.append(f"models.{name}: the name is taken; call it otherwise than flight, {', '.join(OWN_MODELS)}")
-    wanted = {name: getattr(content.engine, name, None) for name in ("points", "climbs", "structure")}
+            problems.append(
+                f"models.{name}: the name is taken; call it otherwise than flight, {', '.join(OWN_MODELS)}"
+            )
+    wanted = {
+        name: getattr(content.engine, name, None) for name in ("points", "climbs", "structure")
+    }
     engine_files = {name: existing(file, f"engine.{name}") for name, file in wanted.items() if file}
     structure = engine_files.get("structure")
     if structure is not None and structure.is_file():
@@ -347,7 +474,11 @@ def read_project(path: str | Path) -> Project:
         content.held,
         content.fit,
         {name: existing(item.fmu, f"models.{name}.fmu") for name, item in content.models.items()},
-        {name: existing(item.names, f"models.{name}.names") for name, item in content.models.items() if item.names},
+        {
+            name: existing(item.names, f"models.{name}.names")
+            for name, item in content.models.items()
+            if item.names
+        },
         content.engine,
         content.controls.given,
         content.gear,
@@ -368,12 +499,16 @@ def read_project(path: str | Path) -> Project:
 
 def project_schema() -> dict[str, Any]:
     """Return the JSON schema of project files."""
-    return file_schema(_File, "A project: one aircraft, its listings, its flights and its Proof-of-Match cases.")
+    return file_schema(
+        _File, "A project: one aircraft, its listings, its flights and its Proof-of-Match cases."
+    )
 
 
 def _matching(folder: Path, pattern: str) -> list[Path]:
     """Return the files that a pattern names, from `folder` or absolute, in order."""
-    return sorted(Path(name) for name in glob(str(folder / pattern), recursive=True) if Path(name).is_file())
+    return sorted(
+        Path(name) for name in glob(str(folder / pattern), recursive=True) if Path(name).is_file()
+    )
 
 
 def _no_match(folder: Path, pattern: str) -> str:
@@ -381,18 +516,29 @@ def _no_match(folder: Path, pattern: str) -> str:
         return f"{UNFILLED!r} stands for files that are still to be given; write a file or a pattern such as 'folder/*.csv'"
     if pattern and (folder / pattern).is_dir():
         return f"{pattern!r} is a folder; name its files, such as {str(Path(pattern) / '*')!r}"
-    return f"no file matches {pattern!r} in {folder}; give a file or a pattern such as 'folder/*.toml'"
+    return (
+        f"no file matches {pattern!r} in {folder}; give a file or a pattern such as 'folder/*.toml'"
+    )
 
 
 def _submodel_problems(content: _File, flights: Mapping[str, Path]) -> list[str]:
     """Return what is wrong with the sections of the submodels."""
     found = [
-        text for section in (content.engine, content.gear, content.ground_effect) if section is not None for text in section.problems()
+        text
+        for section in (content.engine, content.gear, content.ground_effect)
+        if section is not None
+        for text in section.problems()
     ]
     found += [text for item, one in content.controls.given.items() for text in one.problems(item)]
-    for place, flown in selections(content.engine, content.controls.given, content.gear, content.ground_effect).items():
+    for place, flown in selections(
+        content.engine, content.controls.given, content.gear, content.ground_effect
+    ).items():
         records = dict.fromkeys(record for one in flown for record in one.records)
-        found += [f"{place}.records: {UnknownName(record, flights, 'record')}" for record in records if record not in flights]
+        found += [
+            f"{place}.records: {UnknownName(record, flights, 'record')}"
+            for record in records
+            if record not in flights
+        ]
     return found
 
 

@@ -1,4 +1,6 @@
-"""Sections of a project file that identify a submodel: ``[engine]``, ``[controls.*]``, ``[gear]``, ``[ground_effect]``."""
+"""Sections of a project file that identify a submodel: ``[engine]``, ``[controls.*]``, ``[gear]``,
+``[ground_effect]``.
+"""
 
 from __future__ import annotations
 
@@ -19,23 +21,35 @@ Positive = Annotated[float, Field(gt=0.0)]
 
 
 class Flown(Strict):
-    """Records, and what is taken of each: manoeuvres that it marks, and windows from start to end; without both the whole record."""
+    """Records, and what is taken of each: manoeuvres that it marks, and windows from start to end;
+    without both the whole record.
+    """
 
     records: Annotated[Names, Field(min_length=1)] = Field(
         examples=[["run_1", "run_2"]], description="Records, by file name without extension."
     )
     manoeuvres: Names = Field(
-        default=(), examples=[["doublet elevator"]], description="Manoeuvres of the records, by kind, or by kind and control."
+        default=(),
+        examples=[["doublet elevator"]],
+        description="Manoeuvres of the records, by kind, or by kind and control.",
     )
     window: tuple[tuple[si("s"), si("s")], ...] = Field(  # type: ignore[valid-type]
-        default=(), examples=[[[12.0, 27.5]]], description="[start, end] in seconds of the record, or several."
+        default=(),
+        examples=[[[12.0, 27.5]]],
+        description="[start, end] in seconds of the record, or several.",
     )
 
     @field_validator("window", mode="before")
     @classmethod
     def _several(cls, item: Any) -> Any:
         """One window may stand alone."""
-        return (item,) if isinstance(item, list | tuple) and len(item) == 2 and not isinstance(item[0], list | tuple) else item
+        return (
+            (item,)
+            if isinstance(item, list | tuple)
+            and len(item) == 2
+            and not isinstance(item[0], list | tuple)
+            else item
+        )
 
     @field_validator("window")
     @classmethod
@@ -43,22 +57,36 @@ class Flown(Strict):
         """A window ends after its start."""
         for start, end in item:
             if not start < end:
-                raise ValueError(f"a window from {start:g} to {end:g} s; give start and end in seconds of the record, the end later")
+                raise ValueError(
+                    f"a window from {start:g} to {end:g} s; give start and end in seconds of the record, the end later"
+                )
         return item
 
 
 class GroundEffect(Strict):
-    """``[ground_effect]``: landings and low passes, and records in free air of the same flap setting, for `identify_ground_effect`."""
+    """``[ground_effect]``: landings and low passes, and records in free air of the same flap
+    setting, for `identify_ground_effect`.
+    """
 
-    flown: Annotated[tuple[Flown, ...], Field(min_length=1)] = Field(description="Low passes, landings, and free air with the same flaps.")
+    flown: Annotated[tuple[Flown, ...], Field(min_length=1)] = Field(
+        description="Low passes, landings, and free air with the same flaps."
+    )
     models: Annotated[Names, Field(min_length=1)] = Field(
         examples=[["CL = 1 + alpha + delta_e"]], description="Free-air terms of each coefficient."
     )
-    ground: Names = Field(default=(), description="Terms that the ground may change; all without it.", examples=[["CL = 1 + alpha"]])
-    free_air: Literal["estimated", "held"] = Field(
-        default="estimated", description="Whether the free-air terms are estimated too, or held at the database."
+    ground: Names = Field(
+        default=(),
+        description="Terms that the ground may change; all without it.",
+        examples=[["CL = 1 + alpha"]],
     )
-    tables: bool = Field(default=False, description="Whether the effect is a table over the height in place of k h^s.")
+    free_air: Literal["estimated", "held"] = Field(
+        default="estimated",
+        description="Whether the free-air terms are estimated too, or held at the database.",
+    )
+    tables: bool = Field(
+        default=False,
+        description="Whether the effect is a table over the height in place of k h^s.",
+    )
 
     def problems(self) -> Iterator[str]:
         """Yield what is wrong with the models."""
@@ -68,7 +96,9 @@ class GroundEffect(Strict):
 
 
 class Gear(Strict):
-    """``[gear]``: ground runs and landings with the compression of the legs, for `identify_landing_gear`."""
+    """``[gear]``: ground runs and landings with the compression of the legs, for
+    `identify_landing_gear`.
+    """
 
     flown: Annotated[tuple[Flown, ...], Field(min_length=1)] = Field(
         description="Ground runs and landings with the compression of every leg."
@@ -80,7 +110,8 @@ class Gear(Strict):
         description="Standard errors where not the defaults.",
     )
     output_error: bool = Field(
-        default=True, description="Whether tyres and steering are estimated by output error too, or by wheel loads alone."
+        default=True,
+        description="Whether tyres and steering are estimated by output error too, or by wheel loads alone.",
     )
 
     def problems(self) -> Iterator[str]:
@@ -91,11 +122,16 @@ class Gear(Strict):
 
 
 class Engine(Strict):
-    """``[engine]``: power changes that begin at rest, starts, and settled points, for `identify_engine`."""
+    """``[engine]``: power changes that begin at rest, starts, and settled points, for
+    `identify_engine`.
+    """
 
-    flown: tuple[Flown, ...] = Field(default=(), description="Chops, slams and steps, each beginning with the lever at rest.")
+    flown: tuple[Flown, ...] = Field(
+        default=(), description="Chops, slams and steps, each beginning with the lever at rest."
+    )
     flights: tuple[Flown, ...] = Field(
-        default=(), description="Whole flights: power changes are cut out of them, and the tables that structure names estimated."
+        default=(),
+        description="Whole flights: power changes are cut out of them, and the tables that structure names estimated.",
     )
     starts: tuple[Flown, ...] = Field(default=(), description="Starts and shut-downs.")
     engines: tuple[Annotated[int, Field(ge=1)], ...] = Field(
@@ -106,15 +142,33 @@ class Engine(Strict):
         description="Lever angles of idle and full power, where records have angles.",
         examples=[["10 deg", "50 deg"]],
     )
-    rate: Positive = Field(default=25.0, examples=[10.0], description="Samples of the records per second that are used.")
-    structure: str | None = Field(default=None, examples=["engine.toml"], description="TOML file of what the tables depend on.")
-    points: str | None = Field(default=None, description="CSV file of settled points with recorded thrust.", examples=["engine_points.csv"])
-    climbs: str | None = Field(
-        default=None, description="CSV file of climbs and level accelerations; needs polar.", examples=["climbs.csv"]
+    rate: Positive = Field(
+        default=25.0,
+        examples=[10.0],
+        description="Samples of the records per second that are used.",
     )
-    polar: tuple[float, float] | None = Field(default=None, description="CD0 and K of the drag polar.", examples=[[0.025, 0.05]])
+    structure: str | None = Field(
+        default=None,
+        examples=["engine.toml"],
+        description="TOML file of what the tables depend on.",
+    )
+    points: str | None = Field(
+        default=None,
+        description="CSV file of settled points with recorded thrust.",
+        examples=["engine_points.csv"],
+    )
+    climbs: str | None = Field(
+        default=None,
+        description="CSV file of climbs and level accelerations; needs polar.",
+        examples=["climbs.csv"],
+    )
+    polar: tuple[float, float] | None = Field(
+        default=None, description="CD0 and K of the drag polar.", examples=[[0.025, 0.05]]
+    )
     polar_stderr: tuple[float, float] = Field(
-        default=(0.0, 0.0), description="Their standard errors; zero holds them.", examples=[[0.001, 0.002]]
+        default=(0.0, 0.0),
+        description="Their standard errors; zero holds them.",
+        examples=[[0.001, 0.002]],
     )
 
     def problems(self) -> Iterator[str]:
@@ -126,20 +180,30 @@ class Engine(Strict):
 
 
 class Control(Strict):
-    """``[controls.column]``, ``wheel`` or ``pedal``: slow manoeuvres and free motion, for `identify_control_loading`."""
+    """``[controls.column]``, ``wheel`` or ``pedal``: slow manoeuvres and free motion, for
+    `identify_control_loading`.
+    """
 
     driven: Annotated[tuple[Flown, ...], Field(min_length=1)] = Field(
         description="Slow manoeuvres at several speeds and tab settings; whole records are taken without the free manoeuvres."
     )
     free: tuple[Flown, ...] = Field(default=(), description="Pulses and releases.")
-    model: str = Field(default="", description="Hinge moment; without it the usual one of the control.")
+    model: str = Field(
+        default="", description="Hinge moment; without it the usual one of the control."
+    )
     constants: Names = Field(
         default=(),
         examples=[["preload", "friction"]],
         description="Terms of the force; the rest is held at zero. Without it the usual ones of the control.",
     )
-    arm: si("m") = Field(default=0.0, examples=["3.4 m"], description="Ailerons from the plane of symmetry; the wheel needs it.")  # type: ignore[valid-type]
-    order: Literal[2, 4] = Field(default=4, description="Masses: 4: cockpit and surface on a cable; 2: one.")
+    arm: si("m") = Field(  # type: ignore[valid-type]
+        default=0.0,
+        examples=["3.4 m"],
+        description="Ailerons from the plane of symmetry; the wheel needs it.",
+    )
+    order: Literal[2, 4] = Field(
+        default=4, description="Masses: 4: cockpit and surface on a cable; 2: one."
+    )
 
     def problems(self, item: str) -> Iterator[str]:
         """Yield what is wrong with model and constants."""
@@ -165,12 +229,19 @@ class Controls(Strict):
 
 
 def selections(
-    engine: Engine | None, controls: Mapping[str, Control], gear: Gear | None, ground_effect: GroundEffect | None
+    engine: Engine | None,
+    controls: Mapping[str, Control],
+    gear: Gear | None,
+    ground_effect: GroundEffect | None,
 ) -> dict[str, tuple[Flown, ...]]:
     """Return the records and manoeuvres of every section, by the place in the project file."""
     found: dict[str, tuple[Flown, ...]] = {}
     if engine is not None:
-        found |= {"engine.flown": engine.flown, "engine.flights": engine.flights, "engine.starts": engine.starts}
+        found |= {
+            "engine.flown": engine.flown,
+            "engine.flights": engine.flights,
+            "engine.starts": engine.starts,
+        }
     for item, one in controls.items():
         found |= {f"controls.{item}.driven": one.driven, f"controls.{item}.free": one.free}
     if gear is not None:

@@ -1,7 +1,9 @@
-"""The record of a finished match: by it a match of which nothing changed is over before anything is imported that computes.
+"""The record of a finished match: by it a match of which nothing changed is over before anything is
+imported that computes.
 
-It holds the hashes of every file that went in, of every file that came out, of program and settings.  Only when all of them are as they
-were is the match left out; whatever else is looked at, its result is the one that is there.
+It holds the hashes of every file that went in, of every file that came out, of program and
+settings.  Only when all of them are as they were is the match left out; whatever else is looked at,
+its result is the one that is there.
 """
 
 from __future__ import annotations
@@ -52,7 +54,9 @@ class Watched:
     def _take(self, file: Path) -> None:
         if str(file) in self.files:
             return
-        self._states[str(file)] = _state(str(file))  # first: what changes while it is hashed is noticed
+        self._states[str(file)] = _state(
+            str(file)
+        )  # first: what changes while it is hashed is noticed
         self.files[str(file)] = sha256(file)
         if file.suffix.lower() != ".toml":
             return
@@ -72,7 +76,9 @@ class Watched:
             self.patterns[place] = _matching(place)
             found = self.patterns[place]
         else:
-            found = [name for name in (place, place.rpartition(":")[0]) if name and os.path.isfile(name)][:1]
+            found = [
+                name for name in (place, place.rpartition(":")[0]) if name and os.path.isfile(name)
+            ][:1]
         for name in found:
             self._take(Path(name).resolve())
 
@@ -89,23 +95,39 @@ class Finished:
 
     def __init__(self, store: Path, output: Path) -> None:
         self._output = output.resolve()
-        self._file = store / "finished" / f"{hashlib.sha256(str(self._output).encode()).hexdigest()[:32]}.json"
+        self._file = (
+            store
+            / "finished"
+            / f"{hashlib.sha256(str(self._output).encode()).hexdigest()[:32]}.json"
+        )
 
     def read(self, watched: Watched, settings: Mapping[str, Any]) -> dict[str, Any] | None:
-        """Return what `write` kept when inputs, settings, program and every file of the output are the same; else None."""
+        """Return what `write` kept when inputs, settings, program and every file of the output are
+        the same; else None.
+        """
         try:
             head, _, body = self._file.read_bytes().partition(b"\n")
             if hashlib.sha256(body).hexdigest().encode() != head:
                 return None
             record = json.loads(body)
-            if record["inputs"] != watched.as_dict() or record["settings"] != _with_program(settings):
+            if record["inputs"] != watched.as_dict() or record["settings"] != _with_program(
+                settings
+            ):
                 return None
-            intact = all(sha256(self._output / name) == digest for name, digest in record["outputs"].items())
+            intact = all(
+                sha256(self._output / name) == digest for name, digest in record["outputs"].items()
+            )
         except (OSError, ValueError, KeyError, TypeError):
             return None
         return record["shown"] if intact else None
 
-    def write(self, watched: Watched, settings: Mapping[str, Any], outputs: Iterable[Path], shown: Mapping[str, Any]) -> None:
+    def write(
+        self,
+        watched: Watched,
+        settings: Mapping[str, Any],
+        outputs: Iterable[Path],
+        shown: Mapping[str, Any],
+    ) -> None:
         """Keep the record of a match.
 
         Parameters
@@ -122,7 +144,9 @@ class Finished:
         record = {
             "settings": _with_program(settings),
             "inputs": watched.as_dict(),
-            "outputs": {file.relative_to(self._output).as_posix(): sha256(file) for file in sorted(outputs)},
+            "outputs": {
+                file.relative_to(self._output).as_posix(): sha256(file) for file in sorted(outputs)
+            },
             "shown": dict(shown),
         }
         body = json.dumps(record, ensure_ascii=False).encode()
@@ -144,7 +168,9 @@ def sha256(file: Path) -> str:
 
 
 def _with_program(settings: Mapping[str, Any]) -> dict[str, Any]:
-    return json.loads(json.dumps({**settings, "program": installation(), "arithmetic": arithmetic()}))
+    return json.loads(
+        json.dumps({**settings, "program": installation(), "arithmetic": arithmetic()})
+    )
 
 
 def _state(file: str) -> tuple[int, ...]:

@@ -28,9 +28,11 @@ class Outcome:
     corrected_terms : list of str
         Terms, and parts of the aircraft, that the corrected model takes from the final one.
     corrected_submodels : dict of str to list of str
-        The same by submodel: ``aerodynamics``, ``ground effect``, ``control loading``, ``engine``, ``landing gear``.
+        The same by submodel: ``aerodynamics``, ``ground effect``, ``control loading``, ``engine``,
+        ``landing gear``.
     joint_terms : dict of str to list of str
-        Those of them that no case needs alone: added since the terms of one case change another, by the case for which.
+        Those of them that no case needs alone: added since the terms of one case change another, by
+        the case for which.
     differing : int
         Terms and parts that differ between the a-priori and the final model.
     tables : Kept
@@ -82,7 +84,9 @@ class Outcome:
         }
 
 
-def model_files(stages: Stages, name: str, database: Kept[Any], aircraft: Kept[Any]) -> Kept[dict[str, bytes]]:
+def model_files(
+    stages: Stages, name: str, database: Kept[Any], aircraft: Kept[Any]
+) -> Kept[dict[str, bytes]]:
     """Return database, aircraft and FMU of a model as files by name."""
 
     def make() -> dict[str, bytes]:
@@ -90,10 +94,14 @@ def model_files(stages: Stages, name: str, database: Kept[Any], aircraft: Kept[A
             folder = Path(place)
             aerodb.save(database.value, folder / f"{name}.nc")
             flightmech.write_aircraft(aircraft.value, folder / f"{name}.toml")
-            flightmech.write_fmu(flightmech.compile(aircraft.value, database.value), folder / f"{name}.fmu")
+            flightmech.write_fmu(
+                flightmech.compile(aircraft.value, database.value), folder / f"{name}.fmu"
+            )
             return {file.name: file.read_bytes() for file in sorted(folder.iterdir())}
 
-    return stages.one("model files", {"name": name, "database": database, "aircraft": aircraft}, make, name)
+    return stages.one(
+        "model files", {"name": name, "database": database, "aircraft": aircraft}, make, name
+    )
 
 
 def written(files: Mapping[str, bytes], folder: Path) -> None:
@@ -130,8 +138,17 @@ def of_cases(
     }
     found = {}
     for case in cases:
-        files = [content(Path(name)) for name in (case.names, case.aircraft, case.law, case.law_names) if name]
-        found[case.name] = {"case": case, "files of the case": files, "record": paths[Path(case.record).stem], **common}
+        files = [
+            content(Path(name))
+            for name in (case.names, case.aircraft, case.law, case.law_names)
+            if name
+        ]
+        found[case.name] = {
+            "case": case,
+            "files of the case": files,
+            "record": paths[Path(case.record).stem],
+            **common,
+        }
     return found
 
 
@@ -143,7 +160,8 @@ def replays(
     paths: Mapping[str, Kept[Any]],
     **options: Any,
 ) -> list[PomResult]:
-    """Return the results of all cases in their order; those that are kept are neither flown nor judged.
+    """Return the results of all cases in their order; those that are kept are neither flown nor
+    judged.
 
     Parameters
     ----------
@@ -159,7 +177,9 @@ def replays(
             # a flight that failed may have failed for want of time: it is tried again
             put(result.case.name, result, keep=not result.failure)
 
-        pom.replay_all([named[name] for name in missing], fmus, Values(paths), progress=progress, **options)
+        pom.replay_all(
+            [named[name] for name in missing], fmus, Values(paths), progress=progress, **options
+        )
 
     return [kept.value for kept in stages.batch("replay", inputs, compute).values()]
 
@@ -193,7 +213,17 @@ def sampled(
 
     def arguments(name: str) -> tuple[Any, ...]:
         case = cases[name]
-        return case, paths[Path(case.record).stem].value, dict(fmus), dict(databases), dict(options), jobs
+        return (
+            case,
+            paths[Path(case.record).stem].value,
+            dict(fmus),
+            dict(databases),
+            dict(options),
+            jobs,
+        )
 
     found = stages.each("samples", drawn, samples_of_case, arguments, 1, threads=stages.local)
-    return [replace(one, samples=found[one.case.name].value) if one.case.name in found else one for one in results]
+    return [
+        replace(one, samples=found[one.case.name].value) if one.case.name in found else one
+        for one in results
+    ]

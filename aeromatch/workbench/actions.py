@@ -1,4 +1,6 @@
-"""What changes files is a verb of the command line: which may be called, the log of what was done, and its replay."""
+"""What changes files is a verb of the command line: which may be called, the log of what was done,
+and its replay.
+"""
 
 from __future__ import annotations
 
@@ -48,7 +50,8 @@ class ActionError(AeromatchError):
 
 
 def demand_allowed(words: Sequence[str]) -> None:
-    """Refuse a command that is not one of `VERBS`, or that names a place outside of project and working folder.
+    """Refuse a command that is not one of `VERBS`, or that names a place outside of project and
+    working folder.
 
     Raises
     ------
@@ -61,8 +64,14 @@ def demand_allowed(words: Sequence[str]) -> None:
         raise ActionError(f"no action {' '.join(words[:2])!r}; there are: {allowed}")
     for word in words:
         value = word.rpartition("=")[2]
-        if value.startswith(("/", "\\", "~")) or re.match(r"[A-Za-z]:[\\/]", value) or ".." in re.split(r"[\\/]", value):
-            raise ActionError(f"{word!r} leads out of the project; begin it with {PROJECT}/ or {WORK}/")
+        if (
+            value.startswith(("/", "\\", "~"))
+            or re.match(r"[A-Za-z]:[\\/]", value)
+            or ".." in re.split(r"[\\/]", value)
+        ):
+            raise ActionError(
+                f"{word!r} leads out of the project; begin it with {PROJECT}/ or {WORK}/"
+            )
 
 
 @dataclass(frozen=True)
@@ -79,12 +88,17 @@ class Places:
 
     def real(self, words: Sequence[str]) -> list[str]:
         """Return the words of a command with the folders in place of the placeholders."""
-        return [word.replace(PROJECT, str(self.project)).replace(WORK, str(self.work)) for word in words]
+        return [
+            word.replace(PROJECT, str(self.project)).replace(WORK, str(self.work)) for word in words
+        ]
 
     def named(self, path: str | Path) -> str:
         """Return a path with the placeholder in place of its folder."""
         path = Path(path)
-        for mark, folder in ((WORK, self.work), (PROJECT, self.project)):  # the working folder may lie in that of the project
+        for mark, folder in (
+            (WORK, self.work),
+            (PROJECT, self.project),
+        ):  # the working folder may lie in that of the project
             if path.is_relative_to(folder):
                 return f"{mark}/{path.relative_to(folder).as_posix()}"
         return str(path)
@@ -103,7 +117,9 @@ def make_folders(words: Sequence[str], places: Places) -> None:
 
 
 def digests(words: Sequence[str], places: Places) -> dict[str, str]:
-    """Return the SHA-256 of every file and folder that a command names, by its place; empty for what is not there."""
+    """Return the SHA-256 of every file and folder that a command names, by its place; empty for
+    what is not there.
+    """
     named = [match[1] + (match[2] or "") for word in words if (match := _PLACE.search(word))]
     return {name: _digest(Path(places.real([name])[0])) for name in dict.fromkeys(named)}
 
@@ -115,7 +131,9 @@ def _digest(path: Path) -> str:
         return ""
     total = hashlib.sha256()
     for file in sorted(item for item in path.rglob("*") if item.is_file()):
-        total.update(f"{file.relative_to(path).as_posix()}\0{hashlib.sha256(file.read_bytes()).hexdigest()}\n".encode())
+        total.update(
+            f"{file.relative_to(path).as_posix()}\0{hashlib.sha256(file.read_bytes()).hexdigest()}\n".encode()
+        )
     return total.hexdigest()
 
 
@@ -142,12 +160,19 @@ class Entry:
 
     def line(self) -> str:
         """Return the entry as a line of JSON."""
-        return json.dumps({"number": self.number, "words": self.words, "code": self.code, "files": self.files}, ensure_ascii=False)
+        return json.dumps(
+            {"number": self.number, "words": self.words, "code": self.code, "files": self.files},
+            ensure_ascii=False,
+        )
 
 
 def changed(before: dict[str, str], after: dict[str, str]) -> dict[str, tuple[str, str]]:
     """Return what a command changed, from `digests` before and after it."""
-    return {name: (before.get(name, ""), found) for name, found in after.items() if before.get(name, "") != found}
+    return {
+        name: (before.get(name, ""), found)
+        for name, found in after.items()
+        if before.get(name, "") != found
+    }
 
 
 def append(log: Path, words: Sequence[str], code: int, files: dict[str, tuple[str, str]]) -> Entry:
@@ -176,17 +201,23 @@ def read_log(path: str | Path) -> list[Entry]:
             item: dict[str, Any] = json.loads(line)
             if set(item) != _LOG_KEYS:
                 raise ValueError
-            files = {str(name): (str(before), str(after)) for name, (before, after) in item["files"].items()}
+            files = {
+                str(name): (str(before), str(after))
+                for name, (before, after) in item["files"].items()
+            }
             entry = Entry(int(item["number"]), tuple(item["words"]), int(item["code"]), files)
         except (ValueError, TypeError, AttributeError) as error:
-            raise ParseError(str(path), number, line[:60], f"JSON with the keys {', '.join(sorted(_LOG_KEYS))}") from error
+            raise ParseError(
+                str(path), number, line[:60], f"JSON with the keys {', '.join(sorted(_LOG_KEYS))}"
+            ) from error
         demand_allowed(entry.words)
         found.append(entry)
     return found
 
 
 def to_do(entries: Sequence[Entry], places: Places) -> list[Entry]:
-    """Return the actions that are still to be carried out: those from the first whose files are not yet in the state that it left.
+    """Return the actions that are still to be carried out: those from the first whose files are not
+    yet in the state that it left.
 
     Parameters
     ----------
@@ -208,11 +239,17 @@ def to_do(entries: Sequence[Entry], places: Places) -> list[Entry]:
         elif present == states[0][1] or name.startswith(WORK):  # results are made again
             position[name] = 0
         else:
-            raise ActionError(f"{name}: its content is none that the log knows; take the project as it was before action {states[0][0]}")
-    return [entry for entry in entries if any(position[name] < entry.number for name in entry.files)]
+            raise ActionError(
+                f"{name}: its content is none that the log knows; take the project as it was before action {states[0][0]}"
+            )
+    return [
+        entry for entry in entries if any(position[name] < entry.number for name in entry.files)
+    ]
 
 
-def carry_out(entries: Iterable[Entry], places: Places, step: Callable[[str], AbstractContextManager[None]]) -> list[str]:
+def carry_out(
+    entries: Iterable[Entry], places: Places, step: Callable[[str], AbstractContextManager[None]]
+) -> list[str]:
     """Carry out actions, and return the remarks: results that differ from those of the log.
 
     Raises
@@ -233,11 +270,15 @@ def carry_out(entries: Iterable[Entry], places: Places, step: Callable[[str], Ab
             )
         if done.returncode != entry.code:
             last = (done.stderr.strip().splitlines() or [""])[-1]
-            raise ActionError(f"action {entry.number} ends with code {done.returncode}, in the log with {entry.code}: {last}")
+            raise ActionError(
+                f"action {entry.number} ends with code {done.returncode}, in the log with {entry.code}: {last}"
+            )
         for name, found in digests(entry.words, places).items():
             if name in entry.files and found != entry.files[name][1]:
                 if name.startswith(PROJECT):
-                    raise ActionError(f"action {entry.number}: {name} is not what the log has; was another version at work?")
+                    raise ActionError(
+                        f"action {entry.number}: {name} is not what the log has; was another version at work?"
+                    )
                 remarks.append(f"action {entry.number}: {name} differs from that of the log")
     return remarks
 

@@ -1,7 +1,9 @@
-"""Coefficients along reconstructed records, formed once and kept in the working folder: any number of records can be fitted together.
+"""Coefficients along reconstructed records, formed once and kept in the working folder: any number
+of records can be fitted together.
 
-Those of a record of five minutes are 100 MB with the changes by all sources of error; windows of it are read from the file. Those of
-long or many records a server forms in a child process, which runs this module and can be cancelled.
+Those of a record of five minutes are 100 MB with the changes by all sources of error; windows of it
+are read from the file. Those of long or many records a server forms in a child process, which runs
+this module and can be cancelled.
 """
 
 from __future__ import annotations
@@ -34,7 +36,8 @@ _forming = threading.Lock()
 
 
 def form_missing(opened: Opened, records: Iterable[str], cutoff: float | None) -> None:
-    """Form the coefficients that are not there along long or many records in one child process; `window_of` forms those of few samples.
+    """Form the coefficients that are not there along long or many records in one child process;
+    `window_of` forms those of few samples.
 
     Parameters
     ----------
@@ -59,19 +62,33 @@ def form_missing(opened: Opened, records: Iterable[str], cutoff: float | None) -
         if sum(opened.path(record).states.sizes["time"] for record in missing) <= MOST_HERE:
             return
         about = [
-            [str(opened.path_file(record)), str(aircraft), dict(errors), cutoff, str(_target(opened, record, cutoff))] for record in missing
+            [
+                str(opened.path_file(record)),
+                str(aircraft),
+                dict(errors),
+                cutoff,
+                str(_target(opened, record, cutoff)),
+            ]
+            for record in missing
         ]
-        title = f"coefficients along {missing[0] if len(missing) == 1 else f'{len(missing)} records'}"
+        title = (
+            f"coefficients along {missing[0] if len(missing) == 1 else f'{len(missing)} records'}"
+        )
         job = opened.run(title, __spec__.name, [json.dumps(about)])
         if job.state != "done":
             for record in missing:  # what the process had begun to write
                 remove_leftovers(opened.work / FOLDER, f".{_target(opened, record, cutoff).name}")
-            raise ActionError(f"{title}: {job.about()['error'] or job.state}; fit again to form them")
+            raise ActionError(
+                f"{title}: {job.about()['error'] or job.state}; fit again to form them"
+            )
         _trim(_target(opened, missing[-1], cutoff))
 
 
-def window_of(opened: Opened, record: str, start: float, end: float, cutoff: float | None) -> xr.Dataset:
-    """Return the coefficients of a record between two instants, as `flighttest.coefficients` forms them along the whole record.
+def window_of(
+    opened: Opened, record: str, start: float, end: float, cutoff: float | None
+) -> xr.Dataset:
+    """Return the coefficients of a record between two instants, as `flighttest.coefficients` forms
+    them along the whole record.
 
     Parameters
     ----------
@@ -96,7 +113,9 @@ def window_of(opened: Opened, record: str, start: float, end: float, cutoff: flo
     about = (record, cutoff, tuple(opened.project.errors.items()))
 
     def make() -> xr.Dataset:
-        kept = opened.kept(("coefficients", *about), made_from, lambda: _formed(opened, record, cutoff))
+        kept = opened.kept(
+            ("coefficients", *about), made_from, lambda: _formed(opened, record, cutoff)
+        )
         if not kept.exists():  # taken away while the server ran
             kept = _formed(opened, record, cutoff)
         os.utime(kept)
@@ -126,12 +145,17 @@ def _target(opened: Opened, record: str, cutoff: float | None) -> Path:
         raise FileNotFoundError(2, "not reconstructed yet", str(file))
     aircraft, errors = opened.project.aircraft, opened.project.errors
     key = opened.kept(
-        ("key", record, cutoff, tuple(errors.items())), [file, aircraft], lambda: _key(file, aircraft, errors, cutoff), _KEPT_WINDOWS
+        ("key", record, cutoff, tuple(errors.items())),
+        [file, aircraft],
+        lambda: _key(file, aircraft, errors, cutoff),
+        _KEPT_WINDOWS,
     )
     return opened.work / FOLDER / f"{record}_{key}.nc"
 
 
-def form(file: Path, aircraft: Path, errors: Mapping[str, float], cutoff: float | None, target: Path) -> None:
+def form(
+    file: Path, aircraft: Path, errors: Mapping[str, float], cutoff: float | None, target: Path
+) -> None:
     """Write the coefficients along a reconstructed record.
 
     Parameters
@@ -146,22 +170,32 @@ def form(file: Path, aircraft: Path, errors: Mapping[str, float], cutoff: float 
     target : Path
         Gets the file, atomically: completely or not at all.
     """
-    found = flighttest.coefficients(flighttest.dynamics.open_path(file), read_aircraft(aircraft), dict(errors), cutoff)
+    found = flighttest.coefficients(
+        flighttest.dynamics.open_path(file), read_aircraft(aircraft), dict(errors), cutoff
+    )
     target.parent.mkdir(parents=True, exist_ok=True)
     with written_atomically(target) as part:
         found.to_netcdf(part, engine="h5netcdf")
 
 
 def _key(file: Path, aircraft: Path, errors: Mapping[str, float], cutoff: float | None) -> str:
-    """Return a name for what the coefficients were formed from: the program, files, standard errors, low-pass."""
+    """Return a name for what the coefficients were formed from: the program, files, standard
+    errors, low-pass.
+    """
     hashes = [hashlib.sha256(one.read_bytes()).hexdigest() for one in (file, aircraft)]
-    return hashlib.sha256(repr((program(), hashes, sorted(errors.items()), cutoff)).encode()).hexdigest()[:16]
+    return hashlib.sha256(
+        repr((program(), hashes, sorted(errors.items()), cutoff)).encode()
+    ).hexdigest()[:16]
 
 
 def _trim(newest: Path) -> None:
     """Remove the files that were used longest ago until the folder is no larger than `MOST_BYTES`."""
     total = 0
-    for file in sorted(newest.parent.glob("*.nc"), key=lambda one: (one == newest, one.stat().st_mtime_ns), reverse=True):
+    for file in sorted(
+        newest.parent.glob("*.nc"),
+        key=lambda one: (one == newest, one.stat().st_mtime_ns),
+        reverse=True,
+    ):
         total += file.stat().st_size
         if total > MOST_BYTES and file != newest:
             file.unlink(missing_ok=True)

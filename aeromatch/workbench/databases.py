@@ -1,4 +1,6 @@
-"""Page of the databases: terms, tables on common axes, flight estimates, history, two databases compared."""
+"""Page of the databases: terms, tables on common axes, flight estimates, history, two databases
+compared.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +35,12 @@ _MOST_NODES = 200_000  # of a table over the breakpoints of all databases shown
 def files(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
     """Return the databases of the working folder, and the aircraft files with which they fly."""
     found = _files(opened)
-    return {"files": [{"file": place, "label": file.stem, "aircraft": _aircraft(opened, file)} for place, file in found.items()]}
+    return {
+        "files": [
+            {"file": place, "label": file.stem, "aircraft": _aircraft(opened, file)}
+            for place, file in found.items()
+        ]
+    }
 
 
 def _files(opened: Opened) -> dict[str, Path]:
@@ -46,13 +53,20 @@ def _files(opened: Opened) -> dict[str, Path]:
 
 
 def _is_engine(file: Path) -> bool:
-    """Whether a file holds the tables of an engine, which stand next to an aircraft file as ``NAME_engine1.nc``."""
+    """Whether a file holds the tables of an engine, which stand next to an aircraft file as
+    ``NAME_engine1.nc``.
+    """
     return file.stem.rpartition("_")[2].rstrip("0123456789") == "engine"
 
 
 def _aircraft(opened: Opened, file: Path) -> str:
-    """Return the aircraft file of a database: that of its name, that of the match from which it was edited, or that of the project."""
-    near = [file.with_suffix(".toml"), *(opened.work / MATCH / f"{name}.toml" for name in reversed(_OF_A_MATCH))]
+    """Return the aircraft file of a database: that of its name, that of the match from which it was
+    edited, or that of the project.
+    """
+    near = [
+        file.with_suffix(".toml"),
+        *(opened.work / MATCH / f"{name}.toml" for name in reversed(_OF_A_MATCH)),
+    ]
     return opened.places.named(next((one for one in near if one.exists()), opened.project.aircraft))
 
 
@@ -66,13 +80,23 @@ def _opened(opened: Opened, place: str) -> xr.DataTree:
 def database(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
     """Return terms and history of a database (``file``)."""
     db = _opened(opened, query.get("file", ""))
-    rows = [{**row, "axes": [_axis(axis["name"], axis["points"]) for axis in row["axes"]]} for row in describe(db)]
+    rows = [
+        {**row, "axes": [_axis(axis["name"], axis["points"]) for axis in row["axes"]]}
+        for row in describe(db)
+    ]
     title, *about = heading(db.attrs)
     edits = aerodb.store.history(db)
     return {
         "title": title,
         "about": about,
-        "terms": [{**row, "coefficient": row["term"].split("/")[0], "size": aerodb.terms(db)[row["term"]]["value"].size} for row in rows],
+        "terms": [
+            {
+                **row,
+                "coefficient": row["term"].split("/")[0],
+                "size": aerodb.terms(db)[row["term"]]["value"].size,
+            }
+            for row in rows
+        ],
         "history": edits[["edit", "text"]].to_dict("records"),
         "undo": int(edits["edit"].notna().sum()),
     }
@@ -80,13 +104,20 @@ def database(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, A
 
 def _axis(name: str, points: Any) -> dict[str, Any]:
     shown, unit = displayed(name, np.asarray(points, float))
-    return {"name": name, "unit": "" if unit == "1" else unit, "points": shown, "meaning": lookup(name).long_name}
+    return {
+        "name": name,
+        "unit": "" if unit == "1" else unit,
+        "points": shown,
+        "meaning": lookup(name).long_name,
+    }
 
 
 def term(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
-    """Return one term (``term``) of several databases (``files`` with commas): the nodes of the first that has it, and all on common axes.
+    """Return one term (``term``) of several databases (``files`` with commas): the nodes of the
+    first that has it, and all on common axes.
 
-    Common axes have the breakpoints of all of them, so that nothing is lost between the nodes: tables are multilinear.
+    Common axes have the breakpoints of all of them, so that nothing is lost between the nodes:
+    tables are multilinear.
 
     Raises
     ------
@@ -95,7 +126,10 @@ def term(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
     SchemaError
         The table over the common axes would be too large.
     """
-    name, places = query.get("term", ""), [place for place in query.get("files", "").split(",") if place]
+    name, places = (
+        query.get("term", ""),
+        [place for place in query.get("files", "").split(",") if place],
+    )
     held = {place: aerodb.terms(_opened(opened, place)) for place in places}
     leaves = {place: own[name] for place, own in held.items() if name in own}
     if not leaves:
@@ -104,17 +138,30 @@ def term(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
     points = union_axes(*leaves.values())
     size = int(np.prod([len(own) for own in points.values()], dtype=float))
     if size > _MOST_NODES:
-        raise SchemaError(name, [f"the databases together have {size} nodes, at most {_MOST_NODES} are drawn; show one of them"])
+        raise SchemaError(
+            name,
+            [
+                f"the databases together have {size} nodes, at most {_MOST_NODES} are drawn; show one of them"
+            ],
+        )
     return {
         "term": name,
         "file": first,
         "regressors": list(_terms.regressors(leaves[first])),
         "power": str(_terms.power(leaves[first]) or ""),
-        "factors": [f"{key} over {' '.join(map(str, leaves[first][key].dims))}" for key in ("K1", "K2") if key in leaves[first]],
+        "factors": [
+            f"{key} over {' '.join(map(str, leaves[first][key].dims))}"
+            for key in ("K1", "K2")
+            if key in leaves[first]
+        ],
         "nodes": {"axes": _axes(leaves[first]), **_table(leaves[first])},
         "axes": [_axis(axis, own) for axis, own in points.items()],
         "curves": [
-            {"file": place, **_table(spread(leaf, points)), "multipliers": " ".join(_terms.multipliers(leaf))}
+            {
+                "file": place,
+                **_table(spread(leaf, points)),
+                "multipliers": " ".join(_terms.multipliers(leaf)),
+            }
             for place, leaf in leaves.items()
         ],
         "lacking": [place for place in places if place not in leaves],
@@ -136,11 +183,13 @@ def _table(leaf: xr.Dataset) -> dict[str, Any]:
     }
 
 
-def _estimates(opened: Opened, name: str, place: str, leaf: xr.Dataset, axes: list[str]) -> dict[str, Any]:
+def _estimates(
+    opened: Opened, name: str, place: str, leaf: xr.Dataset, axes: list[str]
+) -> dict[str, Any]:
     """Return what the flights show of a term, one row each.
 
-    Of a term that is a derivative the local estimates; of any other the partial residuals: the measured coefficient less all other terms
-    of the database shown, by manoeuvre.
+    Of a term that is a derivative the local estimates; of any other the partial residuals: the
+    measured coefficient less all other terms of the database shown, by manoeuvre.
     """
     file = opened.work / MATCH / FLOWN
     if not file.exists():
@@ -152,15 +201,25 @@ def _estimates(opened: Opened, name: str, place: str, leaf: xr.Dataset, axes: li
         make = lambda: aerodb.figures.partial_residuals(_opened(opened, place), flown, name)  # noqa: E731
         table = opened.kept(("partial", name), [database, file], make)
         return {
-            "rows": _rows(table, axes, table["record"] + ": " + table["label"] if len(table) else ()),
+            "rows": _rows(
+                table, axes, table["record"] + ": " + table["label"] if len(table) else ()
+            ),
             "of": coefficient,
             "kind": "partial",
         }
     table = flown.estimates
     table = table[(table["coefficient"] == coefficient) & (table["term"] == own[0])]
     separated = flown.estimates["term"].eq(_RATE_OF_ALPHA).any()
-    mixed = f", which holds that per {_RATE_OF_ALPHA}: the fits do not separate the two" if own[0] == "qhat" and not separated else ""
-    return {"rows": _rows(table, axes, table["fit"]), "of": f"{coefficient} per {own[0]}{mixed}", "kind": "estimate"}
+    mixed = (
+        f", which holds that per {_RATE_OF_ALPHA}: the fits do not separate the two"
+        if own[0] == "qhat" and not separated
+        else ""
+    )
+    return {
+        "rows": _rows(table, axes, table["fit"]),
+        "of": f"{coefficient} per {own[0]}{mixed}",
+        "kind": "estimate",
+    }
 
 
 def _rows(table: pd.DataFrame, axes: list[str], names: Iterable[Any]) -> list[dict[str, Any]]:
@@ -173,14 +232,20 @@ def _rows(table: pd.DataFrame, axes: list[str], names: Iterable[Any]) -> list[di
             "stderr": float(row["stderr"]),
             "clean": bool(of_clean),
             "configuration": configuration(row),
-            "at": {axis: float(displayed(axis, np.array([row[axis]]))[0][0]) for axis in axes if axis in table},
+            "at": {
+                axis: float(displayed(axis, np.array([row[axis]]))[0][0])
+                for axis in axes
+                if axis in table
+            },
         }
         for (_, row), of_clean, name in zip(table.iterrows(), clean, names, strict=True)
     ]
 
 
 def comparison(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
-    """Return the differences b - a of two databases (``a``, ``b``): a row per term and per coefficient."""
+    """Return the differences b - a of two databases (``a``, ``b``): a row per term and per
+    coefficient.
+    """
     known = _files(opened)
     pair = [query.get(side, "") for side in ("a", "b")]
     trees = [_opened(opened, place) for place in pair]
@@ -189,8 +254,13 @@ def comparison(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str,
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", AeromatchWarning)
             frame = aerodb.compare(*trees)
-        rows = [{"term": str(name), **{str(key): item for key, item in row.items()}} for name, row in frame.to_dict("index").items()]
-        return rows, [str(one.message) for one in caught if issubclass(one.category, AeromatchWarning)]
+        rows = [
+            {"term": str(name), **{str(key): item for key, item in row.items()}}
+            for name, row in frame.to_dict("index").items()
+        ]
+        return rows, [
+            str(one.message) for one in caught if issubclass(one.category, AeromatchWarning)
+        ]
 
     rows, remarks = opened.kept(("comparison",), [known[place] for place in pair], work)
     return {"a": pair[0], "b": pair[1], "rows": rows, "remarks": remarks}

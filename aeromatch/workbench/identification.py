@@ -1,4 +1,6 @@
-"""Page of the identification: windows of reconstructed records, a model, its fit, and what changes without a term or a manoeuvre."""
+"""Page of the identification: windows of reconstructed records, a model, its fit, and what changes
+without a term or a manoeuvre.
+"""
 
 from __future__ import annotations
 
@@ -59,21 +61,33 @@ class Wanted(Strict):
     @model_validator(mode="after")
     def _in_time_or_in_frequency(self) -> Wanted:
         if self.band is not None and not self.band[0] < self.band[1]:
-            raise ValueError(f"band {self.band[0]:g} to {self.band[1]:g} Hz; the upper edge must be the larger")
+            raise ValueError(
+                f"band {self.band[0]:g} to {self.band[1]:g} Hz; the upper edge must be the larger"
+            )
         if self.band is not None and self.weights != "equal":
-            raise ValueError("weights go with a fit in time; a fit in frequency weighs by its spectrum")
+            raise ValueError(
+                "weights go with a fit in time; a fit in frequency weighs by its spectrum"
+            )
         return self
 
 
 def identification(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
-    """Return what can be chosen: reconstructed records, fits of the project, databases of the prior, fits that were saved."""
+    """Return what can be chosen: reconstructed records, fits of the project, databases of the
+    prior, fits that were saved.
+    """
     project = opened.project
     folder = opened.work / FITS
     return {
         "file": opened.places.named(opened.file),
         "records": [name for name in project.flights if opened.path_file(name).exists()],
         "fits": [
-            {"name": fit.name, "records": fit.records, "manoeuvres": fit.manoeuvres, "windows": fit.window, "models": fit.models}
+            {
+                "name": fit.name,
+                "records": fit.records,
+                "manoeuvres": fit.manoeuvres,
+                "windows": fit.window,
+                "models": fit.models,
+            }
             for fit in project.fits
         ],
         "coefficients": MEASURED,
@@ -90,7 +104,9 @@ def windows(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, An
 
 
 def fit(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
-    """Return estimates, tests, remarks, prior, correlation and the spectrum of the residual of the fit that the body describes."""
+    """Return estimates, tests, remarks, prior, correlation and the spectrum of the residual of the
+    fit that the body describes.
+    """
     wanted = validate(Wanted, body if isinstance(body, dict) else {}, "fit")
     begun = time.perf_counter()
     _parts(opened, wanted)
@@ -104,7 +120,12 @@ def fit(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
     for k, term in enumerate(e["term"].values):
         row = {name: float(e[name].values[k]) for name in columns}
         rows.append(
-            {"term": str(term), **row, "total": float(np.hypot(row["stderr"], row["stderr_systematic"])), **prior.get(str(term), {})}
+            {
+                "term": str(term),
+                **row,
+                "total": float(np.hypot(row["stderr"], row["stderr_systematic"])),
+                **prior.get(str(term), {}),
+            }
         )
     return {
         "model": str(found.model),
@@ -122,16 +143,27 @@ def fit(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
 
 
 def samples(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
-    """Return measured and fitted coefficient and residual along the windows, one after another, for a screen.
+    """Return measured and fitted coefficient and residual along the windows, one after another, for
+    a screen.
 
-    The body has the fit (``fit``), and may have ``start``, ``stop`` [s along the windows] and ``points``.
+    The body has the fit (``fit``), and may have ``start``, ``stop`` [s along the windows] and
+    ``points``.
     """
     body = body if isinstance(body, dict) else {}
     wanted = validate(Wanted, body.get("fit") if isinstance(body.get("fit"), dict) else {}, "fit")
     found = _fit(opened, wanted)
     along, edges, lines = _along(found)
-    start, stop, points = (_number(body, key, default) for key, default in (("start", -np.inf), ("stop", np.inf), ("points", 2000.0)))
-    at, values = traces(along, {name: Levels(line) for name, line in lines.items()}, start, stop, int(min(max(points, 1.0), _MOST_POINTS)))
+    start, stop, points = (
+        _number(body, key, default)
+        for key, default in (("start", -np.inf), ("stop", np.inf), ("points", 2000.0))
+    )
+    at, values = traces(
+        along,
+        {name: Levels(line) for name, line in lines.items()},
+        start,
+        stop,
+        int(min(max(points, 1.0), _MOST_POINTS)),
+    )
     spans = [
         {**window.model_dump(), "label": _label(opened, window), "from": first, "to": last}
         for window, (first, last) in zip(_ordered(wanted), edges, strict=True)
@@ -140,7 +172,8 @@ def samples(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, An
 
 
 def partial(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
-    """Return the partial regression of the ``term`` in the body: coefficient and regressor, both less what the other terms explain.
+    """Return the partial regression of the ``term`` in the body: coefficient and regressor, both
+    less what the other terms explain.
 
     Their least-squares line has the estimate of the term as its slope ([Belsley1980]_).
 
@@ -163,8 +196,11 @@ def partial(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, An
     }
 
 
-def partial_residuals(found: flighttest.Fit, term: str, band: tuple[float, float] | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """Return the residuals of a regressor and of the coefficient on all other regressors, with the weights of the fit.
+def partial_residuals(
+    found: flighttest.Fit, term: str, band: tuple[float, float] | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the residuals of a regressor and of the coefficient on all other regressors, with the
+    weights of the fit.
 
     Parameters
     ----------
@@ -176,12 +212,14 @@ def partial_residuals(found: flighttest.Fit, term: str, band: tuple[float, float
     Returns
     -------
     regressor, coefficient : ndarray (sample,)
-        Of a fit in frequency (equation,): real and imaginary parts of the transforms at its frequencies.
+        Of a fit in frequency (equation,): real and imaginary parts of the transforms at its
+        frequencies.
 
     Raises
     ------
     UnknownName
-        A term that the fit does not have, or the constant of a fit in frequency, which is found in time.
+        A term that the fit does not have, or the constant of a fit in frequency, which is found in
+        time.
     """
     terms = [str(name) for name in found.estimates["term"].values]
     X, z = found.regressors.values, found.data[found.model.coefficient].values
@@ -198,10 +236,17 @@ def partial_residuals(found: flighttest.Fit, term: str, band: tuple[float, float
     return X[:, j] - Q @ (Q.T @ X[:, j]), z - Q @ (Q.T @ z)
 
 
-def in_frequency(found: flighttest.Fit, band: tuple[float, float], X: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the equations of a fit in frequency, (equation, terms) and (equation,): transforms of regressors and coefficient in a band."""
+def in_frequency(
+    found: flighttest.Fit, band: tuple[float, float], X: np.ndarray, z: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the equations of a fit in frequency, (equation, terms) and (equation,): transforms of
+    regressors and coefficient in a band.
+    """
     window, moment = found.data["manoeuvre"].values, found.data["time"].values
-    steps = [float(np.median(np.diff(moment[window == k]))) for k in range(found.estimates.attrs["manoeuvres"])]
+    steps = [
+        float(np.median(np.diff(moment[window == k])))
+        for k in range(found.estimates.attrs["manoeuvres"])
+    ]
     parts = stretches(Samples(found.data, steps), band)
     return stacked(transform(X, parts)), stacked(transform(z[:, None], parts))[:, 0]
 
@@ -215,17 +260,31 @@ def without(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, An
     if len(ordered) > 1:
         for k, window in enumerate(ordered):
             rest = wanted.model_copy(update={"windows": (*ordered[:k], *ordered[k + 1 :])})
-            rows.append({"left_out": "window", "name": f"{window.record}: {_label(opened, window)}", **_outcome(opened, rest)})
+            rows.append(
+                {
+                    "left_out": "window",
+                    "name": f"{window.record}: {_label(opened, window)}",
+                    **_outcome(opened, rest),
+                }
+            )
     for term in [one for one in model.terms if one != "1"] if len(model.terms) > 1 else []:
         rest_of = flighttest.Model(model.coefficient, [one for one in model.terms if one != term])
-        rows.append({"left_out": "term", "name": term, **_outcome(opened, wanted.model_copy(update={"model": str(rest_of)}))})
+        rows.append(
+            {
+                "left_out": "term",
+                "name": term,
+                **_outcome(opened, wanted.model_copy(update={"model": str(rest_of)})),
+            }
+        )
     return {"rows": rows}
 
 
 def entry(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
-    """Return the fit in the body (``fit``, ``name``) as entries ``[[fit]]`` of the project file, in TOML.
+    """Return the fit in the body (``fit``, ``name``) as entries ``[[fit]]`` of the project file, in
+    TOML.
 
-    A fit of the project is made for each of its records by itself; records with the same manoeuvres share an entry.
+    A fit of the project is made for each of its records by itself; records with the same manoeuvres
+    share an entry.
     """
     body = body if isinstance(body, dict) else {}
     wanted = validate(Wanted, body.get("fit") if isinstance(body.get("fit"), dict) else {}, "fit")
@@ -236,7 +295,9 @@ def entry(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]
 
 
 def entries(opened: Opened, wanted: Wanted, name: str) -> list[str]:
-    """Return the entries of `entry`; windows that are not all manoeuvres of some kinds are written in seconds."""
+    """Return the entries of `entry`; windows that are not all manoeuvres of some kinds are written
+    in seconds.
+    """
     import tomlkit
 
     model = str(flighttest.Model.parse(wanted.model))
@@ -245,24 +306,44 @@ def entries(opened: Opened, wanted: Wanted, name: str) -> list[str]:
     for record in dict.fromkeys(window.record for window in ordered):
         spans = [(window.start, window.end) for window in ordered if window.record == record]
         _, rows = _marks(opened, record)
-        labels = tuple(dict.fromkeys(row["label"] for row in rows if (row["start"], row["end"]) in spans))
+        labels = tuple(
+            dict.fromkeys(row["label"] for row in rows if (row["start"], row["end"]) in spans)
+        )
         meant = [(row["start"], row["end"]) for row in rows if row["label"] in labels]
-        kind: tuple[str, tuple[Any, ...]] = ("manoeuvres", labels) if sorted(meant) == sorted(spans) else ("window", tuple(spans))
+        kind: tuple[str, tuple[Any, ...]] = (
+            ("manoeuvres", labels) if sorted(meant) == sorted(spans) else ("window", tuple(spans))
+        )
         groups.setdefault(kind, []).append(record)
     found = []
     for number, ((key, value), records) in enumerate(groups.items(), start=1):
         table = tomlkit.inline_table()
         table.update({"name": name if len(groups) == 1 else f"{name} {number}", "records": records})
-        table.update({key: [list(one) if isinstance(one, tuple) else one for one in value], "models": [model]})
+        table.update(
+            {
+                key: [list(one) if isinstance(one, tuple) else one for one in value],
+                "models": [model],
+            }
+        )
         found.append(table.as_string())
     return found
 
 
 def command(opened: Opened, wanted: Wanted) -> list[str]:
-    """Return the words of ``flight identify`` that make the same fit; ``-o`` and the file are still to be added."""
+    """Return the words of ``flight identify`` that make the same fit; ``-o`` and the file are still
+    to be added.
+    """
     ordered = _ordered(wanted)
-    paths = [opened.places.named(opened.path_file(record)) for record in dict.fromkeys(window.record for window in ordered)]
-    words = ["flight", "identify", *paths, "--aircraft", opened.places.named(opened.project.aircraft)]
+    paths = [
+        opened.places.named(opened.path_file(record))
+        for record in dict.fromkeys(window.record for window in ordered)
+    ]
+    words = [
+        "flight",
+        "identify",
+        *paths,
+        "--aircraft",
+        opened.places.named(opened.project.aircraft),
+    ]
     words += ["--model", str(flighttest.Model.parse(wanted.model))]
     for window in ordered:
         words += ["--window-of", window.record, repr(window.start), repr(window.end)]
@@ -282,16 +363,17 @@ def command(opened: Opened, wanted: Wanted) -> list[str]:
 
 
 def spectrum(found: flighttest.Fit) -> dict[str, Any]:
-    """Return the power spectral densities of coefficient and residual, each stretch about its mean, by the method of Welch.
+    """Return the power spectral densities of coefficient and residual, each stretch about its mean,
+    by the method of Welch.
 
-    Segments with a Hann window, half overlapping, as long as the lower median of the stretches, 1024 samples at most; shorter stretches,
-    and those sampled at another rate, have no part in it.
+    Segments with a Hann window, half overlapping, as long as the lower median of the stretches,
+    1024 samples at most; shorter stretches, and those sampled at another rate, have no part in it.
 
     Returns
     -------
     dict
-        ``frequency`` [Hz], ``measured`` and ``residual`` [1/Hz], ``segments``, ``left_out`` (stretches), ``white``: the level of a white
-        residual of the same variance.
+        ``frequency`` [Hz], ``measured`` and ``residual`` [1/Hz], ``segments``, ``left_out``
+        (stretches), ``white``: the level of a white residual of the same variance.
 
     References
     ----------
@@ -308,7 +390,10 @@ def spectrum(found: flighttest.Fit) -> dict[str, Any]:
     counts = [(piece.stop - piece.start - size) // (size - size // 2) + 1 for piece in used]
     powers, frequency = {}, np.zeros(0)
     for name, line in lines.items():
-        parts = [welch(line[piece], 1.0 / step, "hann", size, size // 2, detrend="constant") for piece in used]
+        parts = [
+            welch(line[piece], 1.0 / step, "hann", size, size // 2, detrend="constant")
+            for piece in used
+        ]
         frequency = parts[0][0]
         powers[name] = np.average([power for _, power in parts], axis=0, weights=counts)
     residual = np.concatenate([lines["residual"][piece] for piece in used])
@@ -325,15 +410,23 @@ def _stretches(found: flighttest.Fit) -> list[tuple[slice, float]]:
     """Return the stretches without a gap, each inside one window, with their sampling intervals."""
     moment, window = found.data["time"].values, found.data["manoeuvre"].values
     step = np.diff(moment)
-    usual = {k: float(np.median(step[(window[1:] == k) & (window[:-1] == k)])) for k in np.unique(window) if np.sum(window == k) > 1}
+    usual = {
+        k: float(np.median(step[(window[1:] == k) & (window[:-1] == k)]))
+        for k in np.unique(window)
+        if np.sum(window == k) > 1
+    }
     limit = np.array([1.5 * usual.get(k, 0.0) for k in window[1:]])
     cuts = np.flatnonzero((np.diff(window) != 0) | (step > limit)) + 1
     edges = [0, *cuts.tolist(), len(moment)]
     return [(slice(a, b), usual[window[a]]) for a, b in pairwise(edges) if b - a > 1]
 
 
-def _along(found: flighttest.Fit) -> tuple[np.ndarray, list[tuple[float, float]], dict[str, np.ndarray]]:
-    """Return time along the windows, where each begins and ends, and the lines; NaN stands where a stretch ends."""
+def _along(
+    found: flighttest.Fit,
+) -> tuple[np.ndarray, list[tuple[float, float]], dict[str, np.ndarray]]:
+    """Return time along the windows, where each begins and ends, and the lines; NaN stands where a
+    stretch ends.
+    """
     measured, residual = found.data[found.model.coefficient].values, found.residual
     moment, window = found.data["time"].values, found.data["manoeuvre"].values
     at: list[Any] = []
@@ -342,14 +435,21 @@ def _along(found: flighttest.Fit) -> tuple[np.ndarray, list[tuple[float, float]]
     now = last = 0.0
     for piece, step in _stretches(found):
         own = now + moment[piece] - moment[piece.start]
-        edges[int(window[piece.start])] = (edges.get(int(window[piece.start]), (float(own[0]), 0.0))[0], float(own[-1]))
+        edges[int(window[piece.start])] = (
+            edges.get(int(window[piece.start]), (float(own[0]), 0.0))[0],
+            float(own[-1]),
+        )
         at += [own, [own[-1] + 0.5 * step]]
         places += [np.arange(piece.start, piece.stop), [-1]]
         now = last = float(own[-1]) + step
     index = np.concatenate(places).astype(int)
     lines = {"measured": measured, "fitted": measured - residual, "residual": residual}
     broken = {name: np.where(index < 0, np.nan, line[index]) for name, line in lines.items()}
-    return np.concatenate(at), [edges.get(k, (last, last)) for k in range(found.estimates.attrs["manoeuvres"])], broken
+    return (
+        np.concatenate(at),
+        [edges.get(k, (last, last)) for k in range(found.estimates.attrs["manoeuvres"])],
+        broken,
+    )
 
 
 def _ordered(wanted: Wanted) -> list[Window]:
@@ -360,18 +460,26 @@ def _ordered(wanted: Wanted) -> list[Window]:
 
 def _parts(opened: Opened, wanted: Wanted) -> list[xr.Dataset]:
     form_missing(opened, dict.fromkeys(window.record for window in wanted.windows), wanted.cutoff)
-    return [window_of(opened, window.record, window.start, window.end, wanted.cutoff) for window in _ordered(wanted)]
+    return [
+        window_of(opened, window.record, window.start, window.end, wanted.cutoff)
+        for window in _ordered(wanted)
+    ]
 
 
 def _fit(opened: Opened, wanted: Wanted) -> flighttest.Fit:
-    files = [opened.path_file(record) for record in dict.fromkeys(window.record for window in wanted.windows)]
+    files = [
+        opened.path_file(record)
+        for record in dict.fromkeys(window.record for window in wanted.windows)
+    ]
     about = (wanted.model_copy(update={"prior": None}), tuple(opened.project.errors.items()))
     model = flighttest.Model.parse(wanted.model)
 
     def make() -> flighttest.Fit:
         parts, one, ridge = _parts(opened, wanted), wanted.intercepts, wanted.ridge
         if wanted.band is not None:
-            return flighttest.equation_error.regress_frequency(model, parts, wanted.band, intercepts=one, ridge=ridge)
+            return flighttest.equation_error.regress_frequency(
+                model, parts, wanted.band, intercepts=one, ridge=ridge
+            )
         return flighttest.regress(model, parts, intercepts=one, weights=wanted.weights, ridge=ridge)
 
     return opened.kept(("fit", *about), [*files, opened.project.aircraft], make)
@@ -384,18 +492,25 @@ def _outcome(opened: Opened, wanted: Wanted) -> dict[str, Any]:
     except AeromatchError as error:
         return {"refused": str(error)}
     e = found.estimates
-    estimates = {str(term): float(value) for term, value in zip(e["term"].values, e["estimate"].values, strict=True)}
+    estimates = {
+        str(term): float(value)
+        for term, value in zip(e["term"].values, e["estimate"].values, strict=True)
+    }
     return {"R2": e.attrs["R2"], "residual_rms": e.attrs["residual_rms"], "estimates": estimates}
 
 
 def _priors(opened: Opened) -> dict[str, Path]:
     """Return the databases that may be a prior, by place; that of DATCOM first."""
     made = [opened.work / MATCH / f"{name}.nc" for name in _MODELS]
-    found = [file for file in made if file.exists()] + sorted((opened.work / DATABASES).glob("*.nc"))
+    found = [file for file in made if file.exists()] + sorted(
+        (opened.work / DATABASES).glob("*.nc")
+    )
     return {opened.places.named(file): file for file in found}
 
 
-def _prior(opened: Opened, wanted: Wanted, found: flighttest.Fit) -> tuple[dict[str, dict[str, float]], str]:
+def _prior(
+    opened: Opened, wanted: Wanted, found: flighttest.Fit
+) -> tuple[dict[str, dict[str, float]], str]:
     """Return prior and standard error by term, and why there is none."""
     if wanted.prior is None:
         return {}, ""
@@ -407,8 +522,13 @@ def _prior(opened: Opened, wanted: Wanted, found: flighttest.Fit) -> tuple[dict[
         prior = prior_of(found, opened.kept(("database",), [file], lambda: aerodb.open(file)))
     except AeromatchError as error:
         return {}, str(error)
-    columns = zip(prior["term"].values, prior["estimate"].values, prior["stderr"].values, strict=True)
-    return {str(term): {"prior": float(value), "prior_stderr": float(sigma)} for term, value, sigma in columns}, ""
+    columns = zip(
+        prior["term"].values, prior["estimate"].values, prior["stderr"].values, strict=True
+    )
+    return {
+        str(term): {"prior": float(value), "prior_stderr": float(sigma)}
+        for term, value, sigma in columns
+    }, ""
 
 
 def _marks(opened: Opened, name: str) -> tuple[str, list[dict[str, Any]]]:
@@ -431,7 +551,10 @@ def _words(*words: Any) -> str:
 
 def _label(opened: Opened, window: Window) -> str:
     _, rows = _marks(opened, window.record)
-    own = next((row["label"] for row in rows if (row["start"], row["end"]) == (window.start, window.end)), "")
+    own = next(
+        (row["label"] for row in rows if (row["start"], row["end"]) == (window.start, window.end)),
+        "",
+    )
     return own or f"{window.start:g} to {window.end:g} s"
 
 

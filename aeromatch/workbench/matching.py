@@ -1,4 +1,6 @@
-"""Page of the match: verdicts of all cases and models, what explains a miss, trials by edited databases, tuning."""
+"""Page of the match: verdicts of all cases and models, what explains a miss, trials by edited
+databases, tuning.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,17 @@ from pom.result import results_name, status_text
 RUNS, TUNED = "runs", "tuned"
 """Folders of the working folder: reports of trials, and tuned models."""
 
-_ROWS = ("criterion", "channel", "tolerance_text", "applied_text", "worst_ratio", "worst", "unit", "at", "verdict")
+_ROWS = (
+    "criterion",
+    "channel",
+    "tolerance_text",
+    "applied_text",
+    "worst_ratio",
+    "worst",
+    "unit",
+    "at",
+    "verdict",
+)
 _STAGES = ("sequence", "joint", "single")
 _MOST = 12  # single swaps that are listed
 
@@ -34,7 +46,10 @@ def _archive(opened: Opened, folder: Path) -> Any:
 
 def _report(opened: Opened, report: str) -> Path:
     """Return the folder of a report: ``match``, or the name of a trial."""
-    folders = {MATCH: opened.work / MATCH / "report", **{f"{RUNS}/{name}": opened.work / RUNS / name for name in _trials(opened)}}
+    folders = {
+        MATCH: opened.work / MATCH / "report",
+        **{f"{RUNS}/{name}": opened.work / RUNS / name for name in _trials(opened)},
+    }
     if report not in folders:
         raise UnknownName(report, folders, "report")
     return folders[report]
@@ -45,7 +60,9 @@ def _trials(opened: Opened) -> list[str]:
 
 
 def match(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
-    """Return the verdicts of a report (``report``: ``match`` or ``runs/NAME``), the trials, and the models that can be flown."""
+    """Return the verdicts of a report (``report``: ``match`` or ``runs/NAME``), the trials, and the
+    models that can be flown.
+    """
     report = query.get("report", MATCH)
     there = (opened.work / MATCH / "report" / "results.json").exists()
     found: dict[str, Any] = {
@@ -60,7 +77,10 @@ def match(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]
         "cases": [],
     }
     signed = results_name(_archive(opened, _report(opened, MATCH)).results) if there else ""
-    found |= {"results": signed, "signatures": signature_rows(opened.project.signatures, "", signed)}
+    found |= {
+        "results": signed,
+        "signatures": signature_rows(opened.project.signatures, "", signed),
+    }
     if report not in found["reports"]:
         return found
     archive = _archive(opened, _report(opened, report))
@@ -78,8 +98,13 @@ def match(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]
                 "file": files.get(result.case.name),
                 "status": {run: status_text(result.status(run)) for run in result.runs},
                 "passed": {run: result.status(run) == "pass" for run in result.runs},
-                "worst": {run: None if one is None else one["worst_ratio"] for run, one in worst.items()},
-                "criterion": {run: "" if one is None else one["criterion"].replace("_", " ") for run, one in worst.items()},
+                "worst": {
+                    run: None if one is None else one["worst_ratio"] for run, one in worst.items()
+                },
+                "criterion": {
+                    run: "" if one is None else one["criterion"].replace("_", " ")
+                    for run, one in worst.items()
+                },
                 "failure": result.failure,
             }
         )
@@ -87,7 +112,9 @@ def match(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]
 
 
 def case(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
-    """Return the criteria of one case (``report``, ``name``) for every model, and what explains its miss."""
+    """Return the criteria of one case (``report``, ``name``) for every model, and what explains its
+    miss.
+    """
     archive = _archive(opened, _report(opened, query.get("report", MATCH)))
     results = {result.case.name: result for result in archive.results}
     name = query.get("name", "")
@@ -95,12 +122,18 @@ def case(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
         raise UnknownName(name, results, "case")
     result, table = results[name], archive.diagnoses.get(name)
     now = _cases(opened).get(name, result.case)  # what has been written since the report was made
-    rows = [{"run": row["run"], **{key: row.get(key) for key in _ROWS}} for row in result.verdict_records()]
+    rows = [
+        {"run": row["run"], **{key: row.get(key) for key in _ROWS}}
+        for row in result.verdict_records()
+    ]
     causes = []
     if table is not None:
         for stage in _STAGES:
             part = table[table["stage"] == stage].head(_MOST)
-            causes += [{"stage": stage, **{key: row[key] for key in ("term", "explained", "verdict")}} for row in part.to_dict("records")]
+            causes += [
+                {"stage": stage, **{key: row[key] for key in ("term", "explained", "verdict")}}
+                for row in part.to_dict("records")
+            ]
     return {
         "name": name,
         "rows": rows,
@@ -110,7 +143,10 @@ def case(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
         "ticks": dict(now.ticks),
         "results": (signed := results_name([result])),
         "signatures": signature_rows(now.signatures, archive.provenance.get("date", ""), signed),
-        "subjects": [*dict.fromkeys(criterion.name for criterion in result.case.criteria), *(f"trim.{name}" for name in LIMIT_UNITS)],
+        "subjects": [
+            *dict.fromkeys(criterion.name for criterion in result.case.criteria),
+            *(f"trim.{name}" for name in LIMIT_UNITS),
+        ],
         "window": list(now.window),
         "notes": result.case.notes,
         "trial": query.get("report", MATCH) != MATCH,
@@ -118,7 +154,8 @@ def case(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
 
 
 def moves(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
-    """Return the terms that can be scaled within what flight found: the largest value of a node in its standard errors.
+    """Return the terms that can be scaled within what flight found: the largest value of a node in
+    its standard errors.
 
     A term scaled by 1 + k / `size` moves that node by k standard errors, and no other by more.
     """
@@ -131,8 +168,12 @@ def moves(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]
         if "stderr" not in leaf:
             continue
         value, stderr = np.abs(leaf["value"].values), leaf["stderr"].values
-        if (stderr > 0.0).any() and not (value[stderr == 0.0] > 0.0).any():  # else a node without an error would move as well
-            size = float(np.max(np.divide(value, stderr, out=np.zeros_like(value), where=stderr > 0.0)))
+        if (stderr > 0.0).any() and not (
+            value[stderr == 0.0] > 0.0
+        ).any():  # else a node without an error would move as well
+            size = float(
+                np.max(np.divide(value, stderr, out=np.zeros_like(value), where=stderr > 0.0))
+            )
             if size > 0.0:
                 rows.append({"term": name, "size": size})
     return {"terms": rows}
@@ -159,7 +200,9 @@ def _models(opened: Opened) -> list[dict[str, str]]:
 
 def _databases(opened: Opened) -> list[dict[str, str]]:
     files = [opened.work / MATCH / "final.nc", *sorted((opened.work / "databases").glob("*.nc"))]
-    return [{"name": file.stem, "file": opened.places.named(file)} for file in files if file.exists()]
+    return [
+        {"name": file.stem, "file": opened.places.named(file)} for file in files if file.exists()
+    ]
 
 
 def _tuned(opened: Opened) -> dict[str, Any] | None:

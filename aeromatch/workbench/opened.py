@@ -39,7 +39,9 @@ class Levels:
         self._levels: list[tuple[np.ndarray, np.ndarray]] = []
 
     def level(self, number: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return smallest and largest values of blocks of ``FACTOR ** number`` samples; the last block may be shorter."""
+        """Return smallest and largest values of blocks of ``FACTOR ** number`` samples; the last
+        block may be shorter.
+        """
         while len(self._levels) < number:
             low, high = self._levels[-1] if self._levels else (self.values, self.values)
             self._levels.append((_blocks(low, np.fmin), _blocks(high, np.fmax)))
@@ -69,7 +71,8 @@ def level_of(samples: int, points: int) -> int:
 def traces(
     time: np.ndarray, channels: Mapping[str, Levels], start: float, stop: float, points: int
 ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Return channels of one clock inside a span of time, so that a line through the points looks as through all samples.
+    """Return channels of one clock inside a span of time, so that a line through the points looks
+    as through all samples.
 
     Parameters
     ----------
@@ -91,17 +94,24 @@ def traces(
     last = min(int(np.searchsorted(time, stop, side="right")) + 1, len(time))
     number = level_of(max(last - first, 0), points)
     if number == 0:
-        return time[first:last], {name: channel.values[first:last] for name, channel in channels.items()}
+        return time[first:last], {
+            name: channel.values[first:last] for name, channel in channels.items()
+        }
     size = FACTOR**number
     blocks = slice(first // size, -(-last // size))
     starts = np.arange(blocks.start, blocks.stop) * size
     middle = np.minimum(starts + size // 2, len(time) - 1)
     places = np.column_stack([time[starts], time[middle]]).ravel()
-    found = {name: np.column_stack([part[blocks] for part in channel.level(number)]).ravel() for name, channel in channels.items()}
+    found = {
+        name: np.column_stack([part[blocks] for part in channel.level(number)]).ravel()
+        for name, channel in channels.items()
+    }
     return places, found
 
 
-def packed(groups: Sequence[tuple[dict[str, object], np.ndarray, Mapping[str, np.ndarray]]]) -> bytes:
+def packed(
+    groups: Sequence[tuple[dict[str, object], np.ndarray, Mapping[str, np.ndarray]]],
+) -> bytes:
     """Return traces as bytes for the page.
 
     Parameters
@@ -112,13 +122,20 @@ def packed(groups: Sequence[tuple[dict[str, object], np.ndarray, Mapping[str, np
     Returns
     -------
     bytes
-        Little-endian: length of the head as uint32, the head (JSON, padded by spaces so that the arrays begin at a multiple of 8), then of
-        every group the time as float64 and each channel as float64.
+        Little-endian: length of the head as uint32, the head (JSON, padded by spaces so that the
+        arrays begin at a multiple of 8), then of every group the time as float64 and each channel
+        as float64.
     """
-    head = [{**about, "samples": len(time), "channels": list(values)} for about, time, values in groups]
+    head = [
+        {**about, "samples": len(time), "channels": list(values)} for about, time, values in groups
+    ]
     text = json.dumps(head).encode()
     text += b" " * (-(len(text) + 4) % 8)
-    arrays = [np.asarray(part, "<f8").tobytes() for _, time, values in groups for part in (time, *values.values())]
+    arrays = [
+        np.asarray(part, "<f8").tobytes()
+        for _, time, values in groups
+        for part in (time, *values.values())
+    ]
     return b"".join([len(text).to_bytes(4, "little"), text, *arrays])
 
 
@@ -154,7 +171,9 @@ class Opened:
         self._lock = threading.Lock()
         self._making: dict[tuple[Any, ...], threading.Lock] = {}
 
-    def kept(self, key: tuple[Any, ...], files: list[Path], make: Callable[[], T], most: int = _KEPT) -> T:
+    def kept(
+        self, key: tuple[Any, ...], files: list[Path], make: Callable[[], T], most: int = _KEPT
+    ) -> T:
         """Return what `make` gives, made once as long as none of the files changes.
 
         Of the kind ``key[0]`` the `most` last used are kept.
@@ -186,7 +205,9 @@ class Opened:
     @property
     def aircraft(self) -> Aircraft:
         """The aircraft of the project."""
-        return self.kept(("aircraft",), [self.project.aircraft], lambda: read_aircraft(self.project.aircraft))
+        return self.kept(
+            ("aircraft",), [self.project.aircraft], lambda: read_aircraft(self.project.aircraft)
+        )
 
     def flight(self, name: str) -> Path:
         """Return the file of a flight record.
@@ -203,7 +224,9 @@ class Opened:
     def record(self, name: str) -> xr.DataTree:
         """Return a flight record."""
         file, names = self.flight(name), self.project.names
-        return self.kept(("record",), [file, *([names] if names else [])], lambda: flighttest.read(file, names))
+        return self.kept(
+            ("record",), [file, *([names] if names else [])], lambda: flighttest.read(file, names)
+        )
 
     def path_file(self, name: str) -> Path:
         """Return the file of a reconstructed record, which need not be there."""
@@ -227,11 +250,17 @@ class Opened:
         """Return the channels of a record by clock; `source` is ``record`` or ``path``."""
         if source == "path":
             file = self.path_file(name)
-            return self.kept(("levels", source), [file], lambda: {"path": Channels(self.path(name).states)})
+            return self.kept(
+                ("levels", source), [file], lambda: {"path": Channels(self.path(name).states)}
+            )
         file, names = self.flight(name), self.project.names
         files = [file, *([names] if names else [])]
-        make = lambda: {leaf: Channels(node.to_dataset()) for leaf, node in self.record(name).children.items()}  # noqa: E731
-        return self.kept(("levels", source), files, make)
+
+        def by_leaf() -> dict[str, Channels]:
+            leaves = self.record(name).children.items()
+            return {leaf: Channels(node.to_dataset()) for leaf, node in leaves}
+
+        return self.kept(("levels", source), files, by_leaf)
 
 
 class Channels(Mapping[str, Levels]):
@@ -239,7 +268,11 @@ class Channels(Mapping[str, Levels]):
 
     def __init__(self, data: xr.Dataset) -> None:
         self.time = data["time"].values
-        self._items = {str(name): item for name, item in data.data_vars.items() if item.dims == ("time",) and item.dtype.kind in "fiub"}
+        self._items = {
+            str(name): item
+            for name, item in data.data_vars.items()
+            if item.dims == ("time",) and item.dtype.kind in "fiub"
+        }
         self._made: dict[str, Levels] = {}
 
     def __getitem__(self, name: str) -> Levels:

@@ -1,4 +1,6 @@
-"""Work in child processes with progress and cancel: commands one after another, what only looks at once."""
+"""Work in child processes with progress and cancel: commands one after another, what only looks at
+once.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +37,8 @@ class Job:
     out, err : Path
         What it printed.
     title : str
-        Of a job that is no command of the command line: what it does. It changes no file but those of a cache, and is no action.
+        Of a job that is no command of the command line: what it does. It changes no file but those
+        of a cache, and is no action.
     """
 
     number: int
@@ -48,9 +51,14 @@ class Job:
     process: subprocess.Popen[bytes] | None = field(default=None, repr=False)
 
     def about(self) -> dict[str, Any]:
-        """Return the job as plain data; ``progress`` is the last line that it printed, ``error`` why it failed."""
+        """Return the job as plain data; ``progress`` is the last line that it printed, ``error``
+        why it failed.
+        """
         lines = [line for line in text_of(self.err).splitlines() if line.strip()]
-        first = next((i for i, line in enumerate(lines) if line.startswith(("error:", "Error:"))), len(lines) - 1)
+        first = next(
+            (i for i, line in enumerate(lines) if line.startswith(("error:", "Error:"))),
+            len(lines) - 1,
+        )
         error = "; ".join(line.strip() for line in lines[first:]) if lines else ""
         return {
             "number": self.number,
@@ -106,7 +114,9 @@ class Jobs:
         return job
 
     def run(self, title: str, module: str, words: Sequence[str]) -> Job:
-        """Run a module of Python outside the queue, since it writes no file that a command reads, and return its job when it has ended."""
+        """Run a module of Python outside the queue, since it writes no file that a command reads,
+        and return its job when it has ended.
+        """
         with self._changed:
             job = self._new(words)
             job.title = title
@@ -119,7 +129,12 @@ class Jobs:
 
     def _new(self, words: Sequence[str]) -> Job:
         number = len(self.jobs) + 1
-        self.jobs[number] = Job(number, list(words), self.folder / f"{number}.out.txt", self.folder / f"{number}.err.txt")
+        self.jobs[number] = Job(
+            number,
+            list(words),
+            self.folder / f"{number}.out.txt",
+            self.folder / f"{number}.err.txt",
+        )
         return self.jobs[number]
 
     def cancel(self, number: int) -> None:
@@ -175,7 +190,10 @@ class Jobs:
                         stdin=subprocess.DEVNULL,
                         stdout=out,
                         stderr=err,
-                        env={**os.environ, "OPENBLAS_NUM_THREADS": os.environ.get("OPENBLAS_NUM_THREADS", "1")},
+                        env={
+                            **os.environ,
+                            "OPENBLAS_NUM_THREADS": os.environ.get("OPENBLAS_NUM_THREADS", "1"),
+                        },
                         start_new_session=True,
                     )
                     job.state = "running"

@@ -22,7 +22,9 @@ from flightmech.support.figures import displayed
 from flighttest.reconstruction.quality.assessment import assess
 from flighttest.records.record import faults
 
-_ENTRY = re.compile(r"(?P<name>[^\s=]+) = (?P<value>.+?) +# in \[(?P<leaf>[\w.]+)\] of the name map(?:,.*)?$")
+_ENTRY = re.compile(
+    r"(?P<name>[^\s=]+) = (?P<value>.+?) +# in \[(?P<leaf>[\w.]+)\] of the name map(?:,.*)?$"
+)
 """A line as `flighttest.reconstruction.quality.finding` writes it; behind it may stand for which cause it is."""
 _MOST_POINTS = 8000  # of a screen; a request for more is one of another program
 _CONDITIONS = ("h", "mach", "alpha", "V_cas", "nz")
@@ -39,7 +41,11 @@ def project(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, An
         "folder": str(opened.file.parent),
         "work": str(opened.work),
         "records": [
-            {"name": name, "file": opened.places.named(file), "reconstructed": opened.path_file(name).exists()}
+            {
+                "name": name,
+                "file": opened.places.named(file),
+                "reconstructed": opened.path_file(name).exists(),
+            }
             for name, file in found.flights.items()
         ],
         "cases": [opened.places.named(file) for file in found.cases],
@@ -65,17 +71,25 @@ def project(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, An
 def manoeuvres_of(opened: Opened, name: str) -> tuple[str, pd.DataFrame]:
     """Return where the marks of a record come from (``table`` or ``record``), and the marks."""
     table = opened.project.manoeuvres
-    given = opened.kept(("marks",), [table], lambda: flighttest.records.read_manoeuvres(table)) if table and table.exists() else {}
+    given = (
+        opened.kept(("marks",), [table], lambda: flighttest.records.read_manoeuvres(table))
+        if table and table.exists()
+        else {}
+    )
     if name in given:
         return "table", given[name]
     return "record", flighttest.manoeuvres(opened.record(name))
 
 
 def not_marked(opened: Opened, name: str, marks: pd.DataFrame) -> pd.DataFrame:
-    """Return the manoeuvres found in the movements of the controls of a record, less those of which a mark covers more than half."""
+    """Return the manoeuvres found in the movements of the controls of a record, less those of which
+    a mark covers more than half.
+    """
     names = opened.project.names
     files = [opened.flight(name), *([names] if names else [])]
-    found = opened.kept(("found",), files, lambda: flighttest.manoeuvre_finding.find_manoeuvres(opened.record(name)))
+    found = opened.kept(
+        ("found",), files, lambda: flighttest.manoeuvre_finding.find_manoeuvres(opened.record(name))
+    )
     starts, ends = (marks[key].to_numpy(float) for key in ("start", "end"))
 
     def covered(row: Any) -> bool:
@@ -86,7 +100,8 @@ def not_marked(opened: Opened, name: str, marks: pd.DataFrame) -> pd.DataFrame:
 
 
 def record(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
-    """Return channels, clocks, manoeuvres and faults of the record ``name``; ``find=1`` searches for more manoeuvres.
+    """Return channels, clocks, manoeuvres and faults of the record ``name``; ``find=1`` searches
+    for more manoeuvres.
 
     The marks stand first, in order of time, then what was found and is not marked.
     """
@@ -94,9 +109,17 @@ def record(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any
     tree = opened.record(name)
     source, marks = manoeuvres_of(opened, name)
     more = not_marked(opened, name, marks) if query.get("find") == "1" else marks[:0]
-    rows = [{**row, "found": found} for table, found in ((marks, False), (more, True)) for row in table.to_dict("records")]
+    rows = [
+        {**row, "found": found}
+        for table, found in ((marks, False), (more, True))
+        for row in table.to_dict("records")
+    ]
     channels = [*_channels(tree), *_path_channels(opened, name)]
-    spans = [(time[0], time[-1]) for node in tree.children.values() if len(time := node.to_dataset()["time"].values)]
+    spans = [
+        (time[0], time[-1])
+        for node in tree.children.values()
+        if len(time := node.to_dataset()["time"].values)
+    ]
     return {
         "name": name,
         "file": opened.places.named(opened.flight(name)),
@@ -141,7 +164,8 @@ def _about(name: str) -> dict[str, str]:
 def channels(opened: Opened, query: Mapping[str, str], body: Any) -> bytes:
     """Return channels of a record inside a span of time, as `packed`.
 
-    The query has ``name``, ``channels`` (``source/leaf/channel`` with commas), ``start``, ``stop`` [s] and ``points``.
+    The query has ``name``, ``channels`` (``source/leaf/channel`` with commas), ``start``, ``stop``
+    [s] and ``points``.
     """
     name = query.get("name", "")
     start, stop = (_number(query, key) for key in ("start", "stop"))
@@ -161,7 +185,12 @@ def channels(opened: Opened, query: Mapping[str, str], body: Any) -> bytes:
         known = found[leaf]
         if missing := [one for one in names if one not in known]:
             raise UnknownName(missing[0], known, "channel")
-        groups.append(({"source": source, "leaf": leaf}, *traces(known.time, {one: known[one] for one in names}, start, stop, points)))
+        groups.append(
+            (
+                {"source": source, "leaf": leaf},
+                *traces(known.time, {one: known[one] for one in names}, start, stop, points),
+            )
+        )
     return packed(groups)
 
 
@@ -176,44 +205,88 @@ def _number(query: Mapping[str, str], key: str) -> float:
 
 
 def check(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
-    """Return the findings of ``flight check``; ``entries`` are the lines of the name map that a remedy is made of."""
+    """Return the findings of ``flight check``; ``entries`` are the lines of the name map that a
+    remedy is made of.
+    """
     name = query.get("name", "")
-    files = [opened.flight(name), opened.project.aircraft, *([opened.project.names] if opened.project.names else [])]
-    found = opened.kept(("check",), files, lambda: assess(opened.record(name), opened.aircraft).as_dict())
-    return {"verdict": found["verdict"], "findings": [{**one, "entries": entries(one["remedy"])} for one in found["findings"]]}
+    files = [
+        opened.flight(name),
+        opened.project.aircraft,
+        *([opened.project.names] if opened.project.names else []),
+    ]
+    found = opened.kept(
+        ("check",), files, lambda: assess(opened.record(name), opened.aircraft).as_dict()
+    )
+    return {
+        "verdict": found["verdict"],
+        "findings": [{**one, "entries": entries(one["remedy"])} for one in found["findings"]],
+    }
 
 
 def entries(remedy: str) -> list[dict[str, str]]:
-    """Return keys and values (TOML) of a remedy that is lines of the name map, for ``aeromatch set``; none where it is anything else."""
+    """Return keys and values (TOML) of a remedy that is lines of the name map, for ``aeromatch
+    set``; none where it is anything else.
+    """
     found = [_ENTRY.match(line.strip()) for line in remedy.split("\n")]
-    return [{"key": f"{line['leaf']}.{line['name']}", "value": line["value"]} for line in found if line] if all(found) else []
+    return (
+        [
+            {"key": f"{line['leaf']}.{line['name']}", "value": line["value"]}
+            for line in found
+            if line
+        ]
+        if all(found)
+        else []
+    )
 
 
 def coverage(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
-    """Return the test points of the records named (``names`` with commas): mean conditions of every manoeuvre ([LR743] fig. 9).
+    """Return the test points of the records named (``names`` with commas): mean conditions of every
+    manoeuvre ([LR743] fig. 9).
 
-    Conditions come from the reconstructed record, else from the recorded channels of that name: the height is that of the altimeter then,
-    the angle of attack that of the vane, the Mach number that of calibrated airspeed and height.
+    Conditions come from the reconstructed record, else from the recorded channels of that name: the
+    height is that of the altimeter then, the angle of attack that of the vane, the Mach number that
+    of calibrated airspeed and height.
     """
     rows = []
     for about, found in _points(opened, query.get("names", "")):
         shown = {name: _shown(name, found[name]) for name in _CONDITIONS if name in found}
-        rows.append({**about, **shown, "configuration": configuration(pd.Series({**dict.fromkeys(_SETTINGS, 0.0), **found}))})
-    return {"points": rows, "units": {name: displayed(name, np.zeros(1))[1] for name in _CONDITIONS}}
+        rows.append(
+            {
+                **about,
+                **shown,
+                "configuration": configuration(
+                    pd.Series({**dict.fromkeys(_SETTINGS, 0.0), **found})
+                ),
+            }
+        )
+    return {
+        "points": rows,
+        "units": {name: displayed(name, np.zeros(1))[1] for name in _CONDITIONS},
+    }
 
 
 def one_g(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
-    """Return the 1 g lines of the test points of the records named (``names``), by the last database of the match.
+    """Return the 1 g lines of the test points of the records named (``names``), by the last
+    database of the match.
 
     A line is level flight at the mean mass of the test points of one height and configuration.
     """
     model = next(
-        (name for name in ("final", "datcom") if all((opened.work / MATCH / f"{name}.{kind}").exists() for kind in ("nc", "toml"))), None
+        (
+            name
+            for name in ("final", "datcom")
+            if all((opened.work / MATCH / f"{name}.{kind}").exists() for kind in ("nc", "toml"))
+        ),
+        None,
     )
     if model is None:
         return {"lines": [], "model": None, "remarks": []}
     files = [opened.work / MATCH / f"{model}.{kind}" for kind in ("nc", "toml")]
-    points = pd.DataFrame([found for _, found in _points(opened, query.get("names", ""))], columns=[*_CONDITIONS, *_SETTINGS], dtype=float)
+    points = pd.DataFrame(
+        [found for _, found in _points(opened, query.get("names", ""))],
+        columns=[*_CONDITIONS, *_SETTINGS],
+        dtype=float,
+    )
 
     def make() -> tuple[dict[str, xr.Dataset], list[str]]:
         db = opened.kept(("database",), files[:1], lambda: aerodb.open(files[0]))
@@ -224,13 +297,19 @@ def one_g(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]
     for line in found.values():
         own = line.isel(mach=np.isfinite(line["alpha"].values))
         curves = {name: displayed(name, own[name].values)[0] for name in ("mach", "alpha", "V_cas")}
-        words = {"h": height_text(line.attrs["h"]), "mass": round(line.attrs["mass"], -1), "configuration": line.attrs["configuration"]}
+        words = {
+            "h": height_text(line.attrs["h"]),
+            "mass": round(line.attrs["mass"], -1),
+            "configuration": line.attrs["configuration"],
+        }
         lines.append({**words, **curves})
     return {"lines": lines, "model": model, "remarks": remarks}
 
 
 def _points(opened: Opened, names: str) -> list[tuple[dict[str, Any], dict[str, float]]]:
-    """Return of every manoeuvre of the records named what it is, and the means of its conditions. [SI]"""
+    """Return of every manoeuvre of the records named what it is, and the means of its conditions.
+    [SI]
+    """
     rows = []
     for name in filter(None, names.split(",")):
         _, marks = manoeuvres_of(opened, name)
@@ -240,23 +319,36 @@ def _points(opened: Opened, names: str) -> list[tuple[dict[str, Any], dict[str, 
             else [n.to_dataset() for n in opened.record(name).children.values()]
         )
         for mark in marks.to_dict("records"):
-            about = {"record": name, "manoeuvre": mark["manoeuvre"], "control": mark["control"], "start": mark["start"], "end": mark["end"]}
+            about = {
+                "record": name,
+                "manoeuvre": mark["manoeuvre"],
+                "control": mark["control"],
+                "start": mark["start"],
+                "end": mark["end"],
+            }
             rows.append((about, _conditions(data, float(mark["start"]), float(mark["end"]))))
     return rows
 
 
 def _conditions(data: list[Any], start: float, end: float) -> dict[str, float]:
-    """Return the means over a span of time of the conditions that the data hold, else of what they are recorded by. [SI]"""
+    """Return the means over a span of time of the conditions that the data hold, else of what they
+    are recorded by. [SI]
+    """
     found = {}
     for name in (*_CONDITIONS, *_SETTINGS):
-        own = next((one for one in (name, _RECORDED_BY.get(name)) if any(one in leaf for leaf in data)), None)
+        own = next(
+            (one for one in (name, _RECORDED_BY.get(name)) if any(one in leaf for leaf in data)),
+            None,
+        )
         if own is None:
             continue
         part = next(leaf for leaf in data if own in leaf)[own].sel(time=slice(start, end)).values
         if len(part) and np.isfinite(part).any():
             found[name] = float(np.nanmean(part))
     if "mach" not in found and {"V_cas", "h"} <= found.keys():
-        found["mach"] = float(mach_number(impact_pressure_at(found["V_cas"]), atmosphere(found["h"]).p_static))
+        found["mach"] = float(
+            mach_number(impact_pressure_at(found["V_cas"]), atmosphere(found["h"]).p_static)
+        )
     return found
 
 

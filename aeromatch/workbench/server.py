@@ -29,9 +29,7 @@ from flightmech.errors import AeromatchError
 from flightmech.support.console import plain
 
 TOKEN_HEADER = "x-aeromatch-token"
-_OWN = (
-    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; font-src 'self'; connect-src 'self'; frame-src 'self'"
-)
+_OWN = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; font-src 'self'; connect-src 'self'; frame-src 'self'"
 PAGE_POLICY = f"{_OWN}; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 """Of the page: nothing from another host, no script inside the page, no frame around it."""
 REPORT_POLICY = "sandbox allow-scripts allow-downloads; default-src 'self' 'unsafe-inline' data: blob:; frame-ancestors 'self'"
@@ -39,7 +37,8 @@ REPORT_POLICY = "sandbox allow-scripts allow-downloads; default-src 'self' 'unsa
 
 
 def kept_token(file: Path) -> str:
-    """Return the token of a working folder, made at the first call: a page that is open survives a restart of the server.
+    """Return the token of a working folder, made at the first call: a page that is open survives a
+    restart of the server.
 
     Parameters
     ----------
@@ -60,16 +59,19 @@ def kept_token(file: Path) -> str:
 
 
 class Guard:
-    """ASGI middleware: refuses whatever does not come from the page itself, and sets the headers that keep it so.
+    """ASGI middleware: refuses whatever does not come from the page itself, and sets the headers
+    that keep it so.
 
     Parameters
     ----------
     app : ASGI application
     token : str
-        Every request of data carries it in the header ``x-aeromatch-token``, which no other page can send: there is no CORS. Pages
-        and scripts hold nothing of the project and need none; a report is under a path that only the token's owner was given.
+        Every request of data carries it in the header ``x-aeromatch-token``, which no other page
+        can send: there is no CORS. Pages and scripts hold nothing of the project and need none; a
+        report is under a path that only the token's owner was given.
     hosts : set of str
-        Allowed ``Host`` headers, with port: a name of another host that resolves to this machine (DNS rebinding) is refused.
+        Allowed ``Host`` headers, with port: a name of another host that resolves to this machine
+        (DNS rebinding) is refused.
     """
 
     def __init__(self, app: ASGIApp, token: str, hosts: set[str]) -> None:
@@ -81,7 +83,10 @@ class Guard:
             if scope["type"] == "lifespan":
                 await self.app(scope, receive, send)
             return
-        headers = {name.decode("latin-1").lower(): value.decode("latin-1") for name, value in scope["headers"]}
+        headers = {
+            name.decode("latin-1").lower(): value.decode("latin-1")
+            for name, value in scope["headers"]
+        }
         refusal = self.refusal(scope["path"], headers)
         if refusal:
             kept = {name.decode(): text.decode() for name, text in _headers(PAGE_POLICY, False)}
@@ -91,7 +96,10 @@ class Guard:
 
         async def guarded(message: Message) -> None:
             if message["type"] == "http.response.start":
-                message["headers"] = [*message.get("headers", []), *_headers(policy, scope["path"].startswith("/report/"))]
+                message["headers"] = [
+                    *message.get("headers", []),
+                    *_headers(policy, scope["path"].startswith("/report/")),
+                ]
             await send(message)
 
         await self.app(scope, receive, guarded)
@@ -107,9 +115,14 @@ class Guard:
             and not (origin == "null" and path.startswith("/report/"))
         ):
             return "requests of other pages are refused"
-        if headers.get("sec-fetch-site", "none") not in ("same-origin", "none") and not path.startswith("/report/"):
+        if headers.get("sec-fetch-site", "none") not in (
+            "same-origin",
+            "none",
+        ) and not path.startswith("/report/"):
             return "requests of other pages are refused"
-        if path.startswith("/api/") and not hmac.compare_digest(headers.get(TOKEN_HEADER, ""), self.token):
+        if path.startswith("/api/") and not hmac.compare_digest(
+            headers.get(TOKEN_HEADER, ""), self.token
+        ):
             return "wrong token; open the address that aeromatch view printed"
         return ""
 
@@ -119,7 +132,9 @@ def _headers(policy: str, sandboxed: bool) -> list[tuple[bytes, bytes]]:
         "content-security-policy": policy,
         "x-content-type-options": "nosniff",
         "referrer-policy": "no-referrer",
-        "cross-origin-resource-policy": "cross-origin" if sandboxed else "same-origin",  # a sandboxed page has no origin to be the same as
+        "cross-origin-resource-policy": "cross-origin"
+        if sandboxed
+        else "same-origin",  # a sandboxed page has no origin to be the same as
         "cross-origin-opener-policy": "same-origin",
         "cache-control": "no-store",
     }
@@ -153,13 +168,17 @@ class Workbench:
         self.port = self.socket.getsockname()[1]
         self._before: dict[int, dict[str, str]] = {}
         self._log_lock = threading.Lock()
-        self.jobs = Jobs(opened.work / "jobs", opened.places.project, opened.places.real, self._begin, self._end)
+        self.jobs = Jobs(
+            opened.work / "jobs", opened.places.project, opened.places.real, self._begin, self._end
+        )
         opened.run = self.jobs.run
         self.ticket = hmac.new(self.token.encode(), b"report", hashlib.sha256).hexdigest()
 
     @property
     def address(self) -> str:
-        """Address that opens the page; the token stands behind #, which no browser sends to a server."""
+        """Address that opens the page; the token stands behind #, which no browser sends to a
+        server.
+        """
         return f"http://127.0.0.1:{self.port}/#token={self.token}"
 
     def app(self) -> Any:
@@ -172,7 +191,12 @@ class Workbench:
 
         routes = [
             Route(path, self._data(call), methods=[method])
-            for (method, path), call in {**records.ROUTES, **identification.ROUTES, **databases.ROUTES, **matching.ROUTES}.items()
+            for (method, path), call in {
+                **records.ROUTES,
+                **identification.ROUTES,
+                **databases.ROUTES,
+                **matching.ROUTES,
+            }.items()
         ]
         routes += [
             Route("/api/act", self._data(self._act), methods=["POST"]),
@@ -193,11 +217,19 @@ class Workbench:
 
         self.socket.listen(128)
         threading.Thread(target=self._warm, daemon=True).start()
-        config = uvicorn.Config(self.app(), log_level="warning", access_log=False, server_header=False, date_header=False)
+        config = uvicorn.Config(
+            self.app(),
+            log_level="warning",
+            access_log=False,
+            server_header=False,
+            date_header=False,
+        )
         uvicorn.Server(config).run(sockets=[self.socket])
 
     def _warm(self) -> None:
-        """Read the first record while the browser starts: the page finds it, and the packages behind it, there."""
+        """Read the first record while the browser starts: the page finds it, and the packages
+        behind it, there.
+        """
         with contextlib.suppress(AeromatchError, OSError):  # the page reports it
             self.opened.record(next(iter(self.opened.project.flights), ""))
 
@@ -209,7 +241,9 @@ class Workbench:
                 async for part in request.stream():
                     raw += part
                     if len(raw) > _MOST_BODY:
-                        return JSONResponse({"error": "request", "text": f"more than {_MOST_BODY} bytes"}, 413)
+                        return JSONResponse(
+                            {"error": "request", "text": f"more than {_MOST_BODY} bytes"}, 413
+                        )
                 try:
                     body = json.loads(raw or b"null")
                 except ValueError:
@@ -218,7 +252,9 @@ class Workbench:
                 found = await run_in_threadpool(call, self.opened, dict(request.query_params), body)
             except (AeromatchError, OSError) as error:
                 problems = list(getattr(error, "problems", ()))
-                return JSONResponse({"error": type(error).__name__, "text": str(error), "problems": problems}, 400)
+                return JSONResponse(
+                    {"error": type(error).__name__, "text": str(error), "problems": problems}, 400
+                )
             if isinstance(found, bytes):
                 return Response(found, media_type="application/octet-stream")
             return JSONResponse(plain(found))
@@ -226,7 +262,9 @@ class Workbench:
         return answer
 
     def _act(self, opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
-        words = body["words"] if isinstance(body, dict) and isinstance(body.get("words"), list) else []
+        words = (
+            body["words"] if isinstance(body, dict) and isinstance(body.get("words"), list) else []
+        )
         actions.demand_allowed(words)
         job = self.jobs.add(words)
         wait = body.get("wait", 0.0)
@@ -238,7 +276,10 @@ class Workbench:
         return {**job.about(), "command": job.title or self.opened.places.command(job.words)}
 
     def _jobs(self, opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
-        return {"jobs": [self._about(job) for job in self.jobs.jobs.values()], "report": self._report_address()}
+        return {
+            "jobs": [self._about(job) for job in self.jobs.jobs.values()],
+            "report": self._report_address(),
+        }
 
     def _cancel(self, opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
         job = self._job(body.get("number") if isinstance(body, dict) else None)
@@ -248,7 +289,11 @@ class Workbench:
     def _output(self, opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
         number = query.get("number", "")
         job = self._job(int(number) if number.isdigit() else None)
-        return {**self._about(job), "out": actions.text_of(job.out), "err": actions.text_of(job.err)}
+        return {
+            **self._about(job),
+            "out": actions.text_of(job.out),
+            "err": actions.text_of(job.err),
+        }
 
     def _job(self, number: Any) -> Job:
         if number not in self.jobs.jobs:
@@ -260,7 +305,12 @@ class Workbench:
         return {
             "log": opened.places.named(opened.log),
             "actions": [
-                {"number": entry.number, "command": opened.places.command(entry.words), "files": list(entry.files)} for entry in entries
+                {
+                    "number": entry.number,
+                    "command": opened.places.command(entry.words),
+                    "files": list(entry.files),
+                }
+                for entry in entries
             ],
         }
 
@@ -275,7 +325,10 @@ class Workbench:
                 actions.append(self.opened.log, job.words, job.code or 0, files)
 
     def _report_address(self) -> str | None:
-        reports = [self.opened.work / MATCH / "report", *(self.opened.work / matching.RUNS).glob("*")]
+        reports = [
+            self.opened.work / MATCH / "report",
+            *(self.opened.work / matching.RUNS).glob("*"),
+        ]
         there = any((folder / "report.html").exists() for folder in reports)
         return f"/report/{self.ticket}/{MATCH}/report/report.html" if there else None
 

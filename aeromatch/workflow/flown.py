@@ -1,4 +1,6 @@
-"""What was flown, kept next to the databases of a project: samples, local estimates, submodels, for the figures of LR-743."""
+"""What was flown, kept next to the databases of a project: samples, local estimates, submodels, for
+the figures of LR-743.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,20 @@ _RATE = 10.0  # samples per second that are kept: loops of lift over angle of at
 _STEADY = 0.5  # of a manoeuvre before its input, from which the steady condition is taken [s]
 _KEPT = (
     *("alpha", "beta", "mach", "h", "h_agl", "phi", "phat", "qhat", "rhat", "mass"),
-    *("delta_e", "delta_a", "delta_r", "delta_f", "gear", "speedbrake", "CL", "CD", "CY", "Cl", "Cm", "Cn"),
+    *(
+        "delta_e",
+        "delta_a",
+        "delta_r",
+        "delta_f",
+        "gear",
+        "speedbrake",
+        "CL",
+        "CD",
+        "CY",
+        "Cl",
+        "Cm",
+        "Cn",
+    ),
 )
 _AT_REST = {"delta_f": 0.0, "gear": 0.0, "speedbrake": 0.0, "h_agl": FREE_AIR, "mass": np.nan}
 
@@ -50,8 +65,9 @@ def flown_tree(
     Returns
     -------
     DataTree
-        ``samples`` at 10 Hz, ``manoeuvres`` with the means over their first half second, ``estimates`` of the local models with the means
-        of their samples, ``submodels`` ([LR743] table 1) and ``ground`` (table 2). [SI]
+        ``samples`` at 10 Hz, ``manoeuvres`` with the means over their first half second,
+        ``estimates`` of the local models with the means of their samples, ``submodels`` ([LR743]
+        table 1) and ``ground`` (table 2). [SI]
     """
     rows, parts = [], []
     for record, spans in _once(taken).items():
@@ -84,8 +100,14 @@ def _once(taken: Sequence[Spans]) -> dict[str, list[tuple[float, float]]]:
 
 
 def _completed(data: xr.Dataset) -> xr.Dataset:
-    """Return what is kept of coefficients, with devices at rest and free air where a record has none of them."""
-    missing = {name: ("time", np.full(data.sizes["time"], value)) for name, value in _AT_REST.items() if name not in data}
+    """Return what is kept of coefficients, with devices at rest and free air where a record has
+    none of them.
+    """
+    missing = {
+        name: ("time", np.full(data.sizes["time"], value))
+        for name, value in _AT_REST.items()
+        if name not in data
+    }
     return data[[name for name in _KEPT if name in data]].assign(missing)
 
 
@@ -96,17 +118,31 @@ def _means(data: xr.Dataset) -> dict[str, float]:
     return {name: float(values.mean()) if values.size else np.nan for name, values in known.items()}
 
 
-def _manoeuvre(record: str, span: tuple[float, float], part: xr.Dataset, table: pd.DataFrame) -> dict[str, Any]:
+def _manoeuvre(
+    record: str, span: tuple[float, float], part: xr.Dataset, table: pd.DataFrame
+) -> dict[str, Any]:
     same = table[np.isclose(table["start"], span[0]) & np.isclose(table["end"], span[1])]
-    words = same[["manoeuvre", "control"]].fillna("").astype(str).agg(" ".join, axis=1).str.strip() if len(same) else pd.Series(["window"])
+    words = (
+        same[["manoeuvre", "control"]].fillna("").astype(str).agg(" ".join, axis=1).str.strip()
+        if len(same)
+        else pd.Series(["window"])
+    )
     steady = part.sel(time=slice(None, float(part["time"][0]) + _STEADY))
-    return {"record": record, "label": words.iloc[0], "start": float(part["time"][0]), "end": float(part["time"][-1]), **_means(steady)}
+    return {
+        "record": record,
+        "label": words.iloc[0],
+        "start": float(part["time"][0]),
+        "end": float(part["time"][-1]),
+        **_means(steady),
+    }
 
 
 def _thinned(part: xr.Dataset) -> pd.DataFrame:
     step = float(np.median(np.diff(part["time"].values)))
     kept = part.isel(time=slice(None, None, max(1, round(1.0 / (_RATE * step)))))
-    return pd.DataFrame({name: kept[name].values.astype(np.float32) for name in ("time", *_KEPT) if name in kept})
+    return pd.DataFrame(
+        {name: kept[name].values.astype(np.float32) for name in ("time", *_KEPT) if name in kept}
+    )
 
 
 def _estimates(fit: Any) -> list[dict[str, Any]]:
@@ -132,18 +168,35 @@ def _ground(found: Any) -> list[dict[str, Any]]:
     rows = []
     for name, one in found.coefficients.items():
         common = one.form == "k h^s, one s"
-        rows += [{"coefficient": name, **one.row(term, common)._asdict(), "note": f"form taken: {one.form}"} for term in one.ground]
+        rows += [
+            {
+                "coefficient": name,
+                **one.row(term, common)._asdict(),
+                "note": f"form taken: {one.form}",
+            }
+            for term in one.ground
+        ]
         empty = dict.fromkeys(("y_inf", "k", "k_stderr", "s", "s_stderr", "correlation"), np.nan)
-        rows += [{"coefficient": name, "term": term, **empty, "note": why} for term, why in one.not_identified.items()]
+        rows += [
+            {"coefficient": name, "term": term, **empty, "note": why}
+            for term, why in one.not_identified.items()
+        ]
     return rows
 
 
 def _techniques(fits: Sequence[Any], submodels: Submodels) -> list[dict[str, str]]:
-    """Return table 1 of [LR743]: type 1 adjusts a model until its output is that of the flight, type 2 is explicit."""
+    """Return table 1 of [LR743]: type 1 adjusts a model until its output is that of the flight,
+    type 2 is explicit.
+    """
     records = list(dict.fromkeys(fit.name.partition(":")[0] for fit in fits))
     local = f"{len(fits)} local models of {len(records)} records"
     rows = [
-        ("state trajectory", "flight paths of all records together", "type 1, batch least squares", ""),
+        (
+            "state trajectory",
+            "flight paths of all records together",
+            "type 1, batch least squares",
+            "",
+        ),
         ("aerodynamic forces and moments", local, "type 2, equation error", ""),
     ]
     found = sections(submodels.found, submodels.free_motion, submodels.driven_motion)
@@ -156,5 +209,9 @@ def _dataset(table: pd.DataFrame, name: str) -> xr.Dataset:
     for column in table:
         values = table[column].to_numpy()
         known = column in VOCABULARY and name != "submodels"
-        columns[str(column)] = (name, values.astype(str) if values.dtype == object else values, attributes(str(column)) if known else {})
+        columns[str(column)] = (
+            name,
+            values.astype(str) if values.dtype == object else values,
+            attributes(str(column)) if known else {},
+        )
     return xr.Dataset(columns)

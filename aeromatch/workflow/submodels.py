@@ -1,4 +1,6 @@
-"""Submodels of a project identified from its records: engine, control loading, ground effect, landing gear."""
+"""Submodels of a project identified from its records: engine, control loading, ground effect,
+landing gear.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,8 @@ Spans = dict[str, list[tuple[float, float]]]
 
 @dataclass(frozen=True)
 class Submodels:
-    """Submodels identified from the records of a project; None or empty where the project has no section for them.
+    """Submodels identified from the records of a project; None or empty where the project has no
+    section for them.
 
     Attributes
     ----------
@@ -54,11 +57,18 @@ class Submodels:
     @property
     def found(self) -> dict[str, Any]:
         """The results by the name of the submodel, for the report."""
-        named = {"engine": self.engine, **self.controls, "ground effect": self.ground_effect, "landing gear": self.gear}
+        named = {
+            "engine": self.engine,
+            **self.controls,
+            "ground effect": self.ground_effect,
+            "landing gear": self.gear,
+        }
         return {name: result for name, result in named.items() if result is not None}
 
 
-def spans_of(place: str, flown: Iterable[Flown], tables: Mapping[str, pd.DataFrame], problems: list[str]) -> Spans:
+def spans_of(
+    place: str, flown: Iterable[Flown], tables: Mapping[str, pd.DataFrame], problems: list[str]
+) -> Spans:
     """Return start and end of manoeuvres and windows by record; without both the whole record.
 
     Parameters
@@ -80,24 +90,39 @@ def spans_of(place: str, flown: Iterable[Flown], tables: Mapping[str, pd.DataFra
     return found
 
 
-def _spans(place: str, record: str, wanted: Iterable[str], table: pd.DataFrame, problems: list[str]) -> list[tuple[float, float]]:
-    """Return the windows of manoeuvres in one record; ``"3211 elevator"`` is kind and control, ``"trim"`` a kind."""
+def _spans(
+    place: str, record: str, wanted: Iterable[str], table: pd.DataFrame, problems: list[str]
+) -> list[tuple[float, float]]:
+    """Return the windows of manoeuvres in one record; ``"3211 elevator"`` is kind and control,
+    ``"trim"`` a kind.
+    """
     labels = (table["manoeuvre"] + " " + table["control"].fillna("")).str.strip()
     found: list[tuple[float, float]] = []
     for name in wanted:
         rows = table[(labels == name) | (table["manoeuvre"] == name)]
         if rows.empty:
-            problems.append(f"{place}, record {record}: {UnknownName(name, set(labels), 'manoeuvre')}")
-        found += [(float(start), float(end)) for start, end in zip(rows["start"], rows["end"], strict=True)]
+            problems.append(
+                f"{place}, record {record}: {UnknownName(name, set(labels), 'manoeuvre')}"
+            )
+        found += [
+            (float(start), float(end))
+            for start, end in zip(rows["start"], rows["end"], strict=True)
+        ]
     return found
 
 
 def overlaps(place: str, spans: Spans, cases: Iterable[Any]) -> list[str]:
-    """Return a line for every case whose record was to identify something over the time that is replayed."""
+    """Return a line for every case whose record was to identify something over the time that is
+    replayed.
+    """
     found = []
     for case in cases:
         start, end = case.window
-        taken = [span for span in spans.get(Path(case.record).stem, []) if span[0] < end and start < span[1]]
+        taken = [
+            span
+            for span in spans.get(Path(case.record).stem, [])
+            if span[0] < end and start < span[1]
+        ]
         found += [
             f"{place}: record {Path(case.record).stem} proves case {case.name} from {start:g} to {end:g} s; it cannot identify too"
         ] * bool(taken)
@@ -109,8 +134,11 @@ def between(data: xr.Dataset, spans: Iterable[tuple[float, float]]) -> list[xr.D
     return [data.sel(time=slice(start, end)) for start, end in spans]
 
 
-def identified_engine(project: Project, apriori: Aircraft, paths: Mapping[str, Any], spans: Mapping[str, Spans]) -> Any:
-    """Return the engine as the records give it; the a-priori deck is that of the first engine of `apriori`.
+def identified_engine(
+    project: Project, apriori: Aircraft, paths: Mapping[str, Any], spans: Mapping[str, Spans]
+) -> Any:
+    """Return the engine as the records give it; the a-priori deck is that of the first engine of
+    `apriori`.
 
     Parameters
     ----------
@@ -127,11 +155,26 @@ def identified_engine(project: Project, apriori: Aircraft, paths: Mapping[str, A
         return None
 
     def channels(place: str) -> list[xr.Dataset]:
-        parts = [(record, part) for record, own in spans.get(place, {}).items() for part in between(paths[record].states, own)]
-        return [thinned(engine_channels(part, asked.engines, asked.pla), asked.rate).assign_attrs(record=record) for record, part in parts]
+        parts = [
+            (record, part)
+            for record, own in spans.get(place, {}).items()
+            for part in between(paths[record].states, own)
+        ]
+        return [
+            thinned(engine_channels(part, asked.engines, asked.pla), asked.rate).assign_attrs(
+                record=record
+            )
+            for record, part in parts
+        ]
 
-    points = {name: read_points(file) for name, file in project.points.items() if name != "structure"}
-    structure = read_structure(project.points["structure"]) if "structure" in project.points else EngineStructure()
+    points = {
+        name: read_points(file) for name, file in project.points.items() if name != "structure"
+    }
+    structure = (
+        read_structure(project.points["structure"])
+        if "structure" in project.points
+        else EngineStructure()
+    )
     deck = apriori.engines[0].deck if apriori.engines else None
     return flighttest.identify_engine(
         channels("engine.flown"),
@@ -156,47 +199,91 @@ def thinned(data: xr.Dataset, rate: float) -> xr.Dataset:
 def with_engine(aircraft: Aircraft, project: Project, found: Any) -> Aircraft:
     """Return an aircraft all of whose engines have the identified deck."""
     deck = found.deck(project.engine.pla or (0.0, 1.0)) if project.engine else None
-    return replace(aircraft, engines=tuple(replace(engine, deck=deck, thrust=None) for engine in aircraft.engines)) if deck else aircraft
+    return (
+        replace(
+            aircraft,
+            engines=tuple(replace(engine, deck=deck, thrust=None) for engine in aircraft.engines),
+        )
+        if deck
+        else aircraft
+    )
 
 
 def identified_controls(
-    project: Project, aircraft: Aircraft, paths: Mapping[str, Any], spans: Mapping[str, Spans], jobs: int = 1
+    project: Project,
+    aircraft: Aircraft,
+    paths: Mapping[str, Any],
+    spans: Mapping[str, Spans],
+    jobs: int = 1,
 ) -> tuple[dict[str, Any], dict[str, Any], dict[str, list[xr.Dataset]]]:
-    """Return the control loading of every control that the project names, its simulated free motion, and its driven manoeuvres.
+    """Return the control loading of every control that the project names, its simulated free
+    motion, and its driven manoeuvres.
 
-    Driven manoeuvres that are whole records are taken without the free ones.  Controls are shared out to `jobs` threads.
+    Driven manoeuvres that are whole records are taken without the free ones.  Controls are shared
+    out to `jobs` threads.
     """
     from joblib import Parallel, delayed
 
     calls, moved = [], {}
     for item, asked in project.controls.items():
         free = spans.get(f"controls.{item}.free", {})
-        driven = {record: _less(own, free.get(record, [])) for record, own in spans[f"controls.{item}.driven"].items()}
+        driven = {
+            record: _less(own, free.get(record, []))
+            for record, own in spans[f"controls.{item}.driven"].items()
+        }
         moved[item], fast = (
-            [part for record, own in group.items() for part in between(_on_ground(paths[record].states), own)] for group in (driven, free)
+            [
+                part
+                for record, own in group.items()
+                for part in between(_on_ground(paths[record].states), own)
+            ]
+            for group in (driven, free)
         )
         loading = loading_of(aircraft, item, asked.model, asked.constants, asked.arm)
         known, errors = aircraft.circuits.get(item), pick_up_errors(aircraft.instruments)
-        calls.append(delayed(_identified_control)(loading, moved[item], fast, asked.order, errors, known))
-    made = Parallel(n_jobs=max(1, min(jobs, len(calls))), backend="threading")(calls)  # most of it is linear algebra on large arrays
+        calls.append(
+            delayed(_identified_control)(loading, moved[item], fast, asked.order, errors, known)
+        )
+    made = Parallel(n_jobs=max(1, min(jobs, len(calls))), backend="threading")(
+        calls
+    )  # most of it is linear algebra on large arrays
     found = dict(zip(moved, made))
-    return {item: one for item, (one, _) in found.items()}, {item: flown for item, (_, flown) in found.items()}, moved
+    return (
+        {item: one for item, (one, _) in found.items()},
+        {item: flown for item, (_, flown) in found.items()},
+        moved,
+    )
 
 
 def _identified_control(
-    loading: Any, slow: Sequence[xr.Dataset], fast: Sequence[xr.Dataset], order: int, errors: Mapping[str, Any], known: Any
+    loading: Any,
+    slow: Sequence[xr.Dataset],
+    fast: Sequence[xr.Dataset],
+    order: int,
+    errors: Mapping[str, Any],
+    known: Any,
 ) -> tuple[Any, Any]:
     """Return the control loading and its simulated free motion."""
-    found = flighttest.identify_control_loading(loading, slow, fast, order, errors=errors, drawings=known)
+    found = flighttest.identify_control_loading(
+        loading, slow, fast, order, errors=errors, drawings=known
+    )
     return found, found.fly(fast)
 
 
 def _on_ground(states: xr.Dataset) -> xr.Dataset:
-    """Return states with the switch of the nose wheel, which the spring of the pedals requires, under the name ``wow``."""
-    return states.assign(wow=states["wow_nose"]) if "wow_nose" in states and "wow" not in states else states
+    """Return states with the switch of the nose wheel, which the spring of the pedals requires,
+    under the name ``wow``.
+    """
+    return (
+        states.assign(wow=states["wow_nose"])
+        if "wow_nose" in states and "wow" not in states
+        else states
+    )
 
 
-def _less(spans: Sequence[tuple[float, float]], taken: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+def _less(
+    spans: Sequence[tuple[float, float]], taken: Sequence[tuple[float, float]]
+) -> list[tuple[float, float]]:
     """Return the remainder of spans of time without others."""
     left = list(spans)
     for start, end in taken:
@@ -205,28 +292,53 @@ def _less(spans: Sequence[tuple[float, float]], taken: Sequence[tuple[float, flo
     return left
 
 
-def identified_ground_effect(project: Project, data: Mapping[str, xr.Dataset], spans: Mapping[str, Spans], database: xr.DataTree) -> Any:
-    """Return the ground effect next to the free-air terms of `database`; `data` from `flighttest.coefficients`, by record."""
+def identified_ground_effect(
+    project: Project,
+    data: Mapping[str, xr.Dataset],
+    spans: Mapping[str, Spans],
+    database: xr.DataTree,
+) -> Any:
+    """Return the ground effect next to the free-air terms of `database`; `data` from
+    `flighttest.coefficients`, by record.
+    """
     asked = project.ground_effect
     if asked is None:
         return None
-    changed = {model.coefficient: model.terms for model in map(flighttest.Model.parse, asked.ground)}
-    parts = [(record, part) for record, own in spans["ground_effect.flown"].items() for part in between(data[record], own)]
+    changed = {
+        model.coefficient: model.terms for model in map(flighttest.Model.parse, asked.ground)
+    }
+    parts = [
+        (record, part)
+        for record, own in spans["ground_effect.flown"].items()
+        for part in between(data[record], own)
+    ]
     models = [flighttest.Model.parse(text) for text in asked.models]
     names = [record for record, _ in parts]
-    return flighttest.identify_ground_effect(models, [part for _, part in parts], changed, database, asked.free_air == "held", names)
+    return flighttest.identify_ground_effect(
+        models, [part for _, part in parts], changed, database, asked.free_air == "held", names
+    )
 
 
 def identified_gear(
-    project: Project, aircraft: Aircraft, paths: Mapping[str, Any], spans: Mapping[str, Spans], database: xr.DataTree
+    project: Project,
+    aircraft: Aircraft,
+    paths: Mapping[str, Any],
+    spans: Mapping[str, Spans],
+    database: xr.DataTree,
 ) -> Any:
     """Return the landing gear of the ground runs; `database` gives the air forces near the ground."""
     asked = project.gear
     if asked is None:
         return None
-    parts = [(paths[record], part) for record, own in spans["gear.flown"].items() for part in between(paths[record].states, own)]
+    parts = [
+        (paths[record], part)
+        for record, own in spans["gear.flown"].items()
+        for part in between(paths[record].states, own)
+    ]
     records = [GroundRecord(part, path.biases) for path, part in parts]
-    return identify_landing_gear(records, aircraft, database, asked.errors, flown=asked.output_error)
+    return identify_landing_gear(
+        records, aircraft, database, asked.errors, flown=asked.output_error
+    )
 
 
 def demand(project: Project, problems: Sequence[str]) -> None:

@@ -1,10 +1,12 @@
-"""Fly the recordings of ``flight/``: the aircraft ``c182`` of the pip package ``jsbsim``, its motion passed through modelled instruments.
+"""Fly the recordings of ``flight/``: the aircraft ``c182`` of the pip package ``jsbsim``, its
+motion passed through modelled instruments.
 
     pip install jsbsim==1.3.3 numpy pandas
     python make_records.py [FOLDER]
 
-Nothing of the files of that package is copied; recordings are what this script flies.  Each run starts trimmed.  Between inputs a simple
-pilot holds heading, height and speed; during an input all other controls stay where they were.  Body axes x forward, y right, z down.
+Nothing of the files of that package is copied; recordings are what this script flies.  Each run
+starts trimmed.  Between inputs a simple pilot holds heading, height and speed; during an input all
+other controls stay where they were.  Body axes x forward, y right, z down.
 """
 
 from __future__ import annotations
@@ -21,7 +23,8 @@ import pandas as pd
 RATE, FRAMES = 25, 16  # records per second, frames of the simulation per record
 FT, INCH, LBF, KT, LB, G0 = 0.3048, 0.0254, 4.4482216152605, 1852 / 3600, 0.45359237, 9.80665
 DEG = np.pi / 180.0
-STATION, WATERLINE = 43.2, 39.5  # moment reference point of ../aircraft.toml [in], behind the firewall and above the base line
+# moment reference point of ../aircraft.toml [in], behind the firewall and above the base line
+STATION, WATERLINE = 43.2, 39.5
 IMU = np.array([0.40, 0.15, 0.25])  # [m] from that point, surveyed
 VANES = np.array([1.10, -3.60, -0.55])  # boom on the left wing, carries the pitot tube as well
 
@@ -30,7 +33,8 @@ BIAS = {"p": 0.05, "q": -0.04, "r": 0.06, "phi": -0.08, "theta": 0.07, "psi": 0.
 BIAS |= {"alpha": 0.45, "beta": -0.35, "elevator": 0.12, "aileron": -0.10, "rudder": 0.15, "oat": 0.5, "weight": 9.0}
 FACTOR = {"alpha": 1.07, "beta": 1.04, "thrust": 1.01, "elevator": 1.008}
 POSITION_ERROR = 0.012  # of the static pressure, over the impact pressure
-DELAY = {"cas": 0.12, "altitude": 0.12, "oat": 0.12, "vn": 0.15, "ve": 0.15, "vs": 0.15, "gps": 0.15}  # [s]
+# [s]
+DELAY = {"cas": 0.12, "altitude": 0.12, "oat": 0.12, "vn": 0.15, "ve": 0.15, "vs": 0.15, "gps": 0.15}
 VANE_LAG = 0.04  # [s]
 # White noise per sample, in the units of the columns
 NOISE = {"p": 0.03, "q": 0.03, "r": 0.03, "phi": 0.03, "theta": 0.03, "psi": 0.05, "nx": 0.002, "ny": 0.002, "nz": 0.004}
@@ -151,7 +155,8 @@ class Pilot:
     def vertically(self) -> None:
         now, want = self.a.now, self.a.want
         climb = float(np.clip(0.15 * (self.h - now["h"]), -2.0, 2.0))
-        error = float(np.clip((climb + now["vd"]) / self.airspeed(), -0.15, 0.15))  # of the flight-path angle
+        # of the flight-path angle
+        error = float(np.clip((climb + now["vd"]) / self.airspeed(), -0.15, 0.15))
         self.sum["elevator"] = float(np.clip(self.sum["elevator"] - 0.6 * error / RATE, -0.5, 0.5))
         want["elevator"] = self.a.trim["elevator"] + self.sum["elevator"] + float(np.clip(-1.4 * error + 1.2 * now["q"], -0.4, 0.4))
 
@@ -219,9 +224,11 @@ def fly(kcas: float, altitude: float, cards: list[tuple]) -> pd.DataFrame:
 
 
 def measured(motion: pd.DataFrame, wind: np.ndarray, seed: int) -> pd.DataFrame:
-    """Return what the recorder holds: the motion at the instruments, with their errors, in the units of the columns.
+    """Return what the recorder holds: the motion at the instruments, with their errors, in the
+    units of the columns.
 
-    A steady wind (north, east) [kt] carries the aeroplane along: it adds to the ground speed and changes nothing else.
+    A steady wind (north, east) [kt] carries the aeroplane along: it adds to the ground speed and
+    changes nothing else.
     """
     rng = np.random.default_rng([182, seed])
     m = {name: motion[name].to_numpy() for name in motion}

@@ -1,8 +1,9 @@
 """Which flight condition, ground height and deflection a page belongs to.
 
-Headings repeat: a flight condition may occur twice, the dynamic page comes again after every ground page, and with a flap on the
-tail in ground effect the block of heights comes once per deflection under equal headings.  So pages are numbered by their
-order among pages of the same heading, and the printed values only name the group.
+Headings repeat: a flight condition may occur twice, the dynamic page comes again after every ground
+page, and with a flap on the tail in ground effect the block of heights comes once per deflection
+under equal headings.  So pages are numbered by their order among pages of the same heading, and the
+printed values only name the group.
 """
 
 from __future__ import annotations
@@ -18,9 +19,20 @@ from datcom_io.printout.content import Page, PrintedCase
 from flightmech.units import FOOT, INCH, POUND_FORCE
 
 _LENGTH = {"FT": FOOT, "IN": INCH, "M": 1.0, "CM": 0.01}
-_PRESSURE = {"FT": POUND_FORCE / FOOT**2, "IN": POUND_FORCE / INCH**2, "M": 1.0, "CM": 1.0}  # CM prints N/m2 under N/CM**2
+_PRESSURE = {
+    "FT": POUND_FORCE / FOOT**2,
+    "IN": POUND_FORCE / INCH**2,
+    "M": 1.0,
+    "CM": 1.0,
+}  # CM prints N/m2 under N/CM**2
 _ENGLISH = ("FT", "IN")
-_HALF_UNIT = {"mach": 0.0005, "h": 0.005, "ground_height": 0.005, "flap": 0.0151, "reference": 0.0005}  # a flap of 0 prints as 0.01
+_HALF_UNIT = {
+    "mach": 0.0005,
+    "h": 0.005,
+    "ground_height": 0.005,
+    "flap": 0.0151,
+    "reference": 0.0005,
+}  # a flap of 0 prints as 0.01
 
 
 def si_factor(units: str, dim: str) -> float:
@@ -32,7 +44,9 @@ def si_factor(units: str, dim: str) -> float:
         "area": length**2,
         "pressure": _PRESSURE.get(dim, math.nan),
         "temperature": 1.0 / 1.8 if dim in _ENGLISH else 1.0,
-        "reynolds": 1.0 / FOOT if dim in _ENGLISH else 1.0,  # per foot with DIM IN too, per metre with DIM CM
+        "reynolds": 1.0 / FOOT
+        if dim in _ENGLISH
+        else 1.0,  # per foot with DIM IN too, per metre with DIM CM
         "1": 1.0,
     }
     return factors[units]
@@ -50,7 +64,9 @@ class Condition(NamedTuple):
 
 
 class Spot(NamedTuple):
-    """Place of a page: index of the condition, height over ground [m, infinite in free air], deflection [deg]."""
+    """Place of a page: index of the condition, height over ground [m, infinite in free air],
+    deflection [deg].
+    """
 
     condition: int
     ground_height: float
@@ -61,7 +77,9 @@ Group = tuple[str, ...]
 
 
 def printed_condition(page: Page) -> Group:
-    """Return Mach number, altitude and velocity as printed: the part of the line that is right on every kind of page."""
+    """Return Mach number, altitude and velocity as printed: the part of the line that is right on
+    every kind of page.
+    """
     return tuple(page.conditions.text(0, i) for i in range(3)) if page.conditions else ()
 
 
@@ -79,11 +97,13 @@ def control_surface(deck: Deck) -> str:
 
 
 def arrange(case: PrintedCase) -> tuple[list[Condition], dict[int, Spot]]:
-    """Return the flight conditions of a case in order, and the place of each page by its first line.
+    """Return the flight conditions of a case in order, and the place of each page by its first
+    line.
 
-    Dynamic and auxiliary pages that repeat an earlier one, and pages without flight condition, have no place.  Ailerons and spoilers
-    have no part in the ground effect, but the heights come again for each of their deflections: the first page has the place, the later
-    ones hold the ground effect of those before.
+    Dynamic and auxiliary pages that repeat an earlier one, and pages without flight condition, have
+    no place.  Ailerons and spoilers have no part in the ground effect, but the heights come again
+    for each of their deflections: the first page has the place, the later ones hold the ground
+    effect of those before.
     """
     occurrences = _occurrences(case)
     keys: dict[int, tuple[Group, int]] = {}  # page to printed condition and its occurrence
@@ -93,16 +113,24 @@ def arrange(case: PrintedCase) -> tuple[list[Condition], dict[int, Spot]]:
         times = occurrences.get(group, 1)
         each = max(1, len(pages) // times)  # pages of this heading within one condition
         for i, page in enumerate(pages):
-            if i % each and (page.kind in ("dynamic", "auxiliary") or (page.kind == "static" and "ASYFLP" in case.deck.namelists)):
+            if i % each and (
+                page.kind in ("dynamic", "auxiliary")
+                or (page.kind == "static" and "ASYFLP" in case.deck.namelists)
+            ):
                 continue
             if page.kind == "static" and math.isfinite(page.ground_height):
-                keys[page.first], deltas[page.first] = (group, i // each), _ground_delta(case.deck, page, i % each, each)
+                keys[page.first], deltas[page.first] = (
+                    (group, i // each),
+                    _ground_delta(case.deck, page, i % each, each),
+                )
             else:
                 keys[page.first] = (group, i // each)
     order = {key: i for i, key in enumerate(dict.fromkeys(keys[first] for first in sorted(keys)))}
     heights = [h * _LENGTH[case.deck.dim] for h in case.deck.schedule("GRNDEF", "GRDHT", "NGH")]
     spots = {
-        page.first: Spot(order[keys[page.first]], _ground_height(page, heights), deltas.get(page.first, 0.0))
+        page.first: Spot(
+            order[keys[page.first]], _ground_height(page, heights), deltas.get(page.first, 0.0)
+        )
         for page in case.pages
         if page.first in keys
     }
@@ -115,13 +143,23 @@ def _groups(case: PrintedCase) -> dict[tuple, list[Page]]:
     for page in case.pages:
         if page.conditions is not None and page.printed:
             flap = "" if math.isnan(page.flap) else str(page.flap)
-            key = (page.kind, page.printed[0].name, page.configuration, page.power, page.ground_height, flap, *printed_condition(page))
+            key = (
+                page.kind,
+                page.printed[0].name,
+                page.configuration,
+                page.power,
+                page.ground_height,
+                flap,
+                *printed_condition(page),
+            )
             groups[key].append(page)
     return groups
 
 
 def _occurrences(case: PrintedCase) -> dict[Group, int]:
-    """Return how often each printed condition occurs, counted on the free-air pages of one configuration."""
+    """Return how often each printed condition occurs, counted on the free-air pages of one
+    configuration.
+    """
     times: dict[Group, int] = {}
     for pages in _groups(case).values():
         if pages[0].kind == "static" and math.isinf(pages[0].ground_height):
@@ -131,7 +169,9 @@ def _occurrences(case: PrintedCase) -> dict[Group, int]:
 
 
 def _ground_delta(deck: Deck, page: Page, ordinal: int, each: int) -> float:
-    """Return the deflection of a ground page: printed for wing flaps, identified by its ordinal for tail flaps. [deg]"""
+    """Return the deflection of a ground page: printed for wing flaps, identified by its ordinal for
+    tail flaps. [deg]
+    """
     deltas = deck.schedule("SYMFLP", "DELTA", "NDELTA")
     if not math.isnan(page.flap):
         return nearest(page.flap, deltas, _HALF_UNIT["flap"])
@@ -144,9 +184,13 @@ def _ground_height(page: Page, heights: Sequence[float]) -> float:
 
 
 def _conditions(case: PrintedCase, spots: dict[int, Spot], count: int) -> list[Condition]:
-    """Return the conditions in SI, exact Mach number and altitude taken from the deck where they print as the listing shows."""
+    """Return the conditions in SI, exact Mach number and altitude taken from the deck where they
+    print as the listing shows.
+    """
     pages: dict[int, Page] = {}  # the first static page of each condition, or its first page
-    for page in sorted((page for page in case.pages if page.first in spots), key=lambda page: page.kind != "static"):
+    for page in sorted(
+        (page for page in case.pages if page.first in spots), key=lambda page: page.kind != "static"
+    ):
         pages.setdefault(spots[page.first].condition, page)
     schedule = case.deck.conditions()
     exact = schedule if len(schedule) == count else [(math.nan, math.nan)] * count
@@ -156,15 +200,23 @@ def _conditions(case: PrintedCase, spots: dict[int, Spot], count: int) -> list[C
 def _condition(page: Page, exact: tuple[float, float]) -> Condition:
     assert page.conditions is not None
     values = []
-    wrong = page.kind == "high-lift" and page.dim != "FT"  # pressure, temperature and Reynolds number of control pages
+    wrong = (
+        page.kind == "high-lift" and page.dim != "FT"
+    )  # pressure, temperature and Reynolds number of control pages
     for column, name in enumerate(Condition._fields):
         if wrong and name in ("p_static", "temperature", "reynolds_per_m"):
             values.append(math.nan)
             continue
-        value = float(page.conditions.values[0, column]) if page.conditions.flags[0, column] == OK else math.nan
+        value = (
+            float(page.conditions.values[0, column])
+            if page.conditions.flags[0, column] == OK
+            else math.nan
+        )
         if name in ("mach", "h"):
             overflown = page.conditions.flags[0, column] == OVERFLOW
-            value = exact[column] if overflown else nearest(value, [exact[column]], _HALF_UNIT[name])
+            value = (
+                exact[column] if overflown else nearest(value, [exact[column]], _HALF_UNIT[name])
+            )
         values.append(value * si_factor(page.conditions.columns[column].units, page.dim))
     return Condition(*values)
 
@@ -172,8 +224,8 @@ def _condition(page: Page, exact: tuple[float, float]) -> Condition:
 def reference(case: PrintedCase) -> dict[str, float]:
     """Return reference area, lengths and moment centre, in SI, from the pages.
 
-    The page is right where the deck is silent: the program computes what OPTINS does not give.  The deck's digits are used where
-    they print as the page shows.
+    The page is right where the deck is silent: the program computes what OPTINS does not give.  The
+    deck's digits are used where they print as the page shows.
     """
     deck = case.deck
     given = {
@@ -185,7 +237,12 @@ def reference(case: PrintedCase) -> dict[str, float]:
     }
     found: dict[str, float] = {}
     page, table = next(
-        ((page, page.conditions) for page in case.pages if page.kind == "static" and page.conditions is not None), (None, None)
+        (
+            (page, page.conditions)
+            for page in case.pages
+            if page.kind == "static" and page.conditions is not None
+        ),
+        (None, None),
     )
     if page is None or table is None:
         return found
@@ -193,7 +250,11 @@ def reference(case: PrintedCase) -> dict[str, float]:
         if column.quantity in given:
             exact, value = given[column.quantity], float(table.values[0, k])
             if exact is not None:
-                value = exact if table.flags[0, k] == OVERFLOW else nearest(value, [exact], _HALF_UNIT["reference"])
+                value = (
+                    exact
+                    if table.flags[0, k] == OVERFLOW
+                    else nearest(value, [exact], _HALF_UNIT["reference"])
+                )
             found[column.quantity] = value * si_factor(column.units, page.dim)
     return found
 
@@ -234,8 +295,15 @@ def printed_name(made_of: frozenset[str]) -> str:
     if len(made_of) == 1:
         alone = {"body": "DATCOM BODY ALONE", "wing": "WING ALONE"}
         return next(alone.get(part, words) for words, part in _PARTS if part in made_of)
-    order = [("wing", "WING"), ("body", "BODY"), ("horizontal", "HORIZONTAL TAIL"), ("vertical", "VERTICAL TAIL")]
+    order = [
+        ("wing", "WING"),
+        ("body", "BODY"),
+        ("horizontal", "HORIZONTAL TAIL"),
+        ("vertical", "VERTICAL TAIL"),
+    ]
     if made_of == {"body", "wing", "horizontal", "vertical"}:
-        order[2:] = order[:1:-1]  # the vertical tail stands first on the page of the plain aeroplane, and only there
+        order[2:] = order[
+            :1:-1
+        ]  # the vertical tail stands first on the page of the plain aeroplane, and only there
     order += [("fin", "VENTRAL FIN"), ("panels", "TWIN VERTICAL PANEL")]
     return "-".join(words for part, words in order if part in made_of)

@@ -1,7 +1,8 @@
 """All printed cells as one pandas frame.
 
-A listing prints the same few texts over and over, so every distinct text is read once and the cells are codes of texts.  The rest
-of a cell is known for its row, its table or its page, and is spread over the cells when all of them are counted.
+A listing prints the same few texts over and over, so every distinct text is read once and the cells
+are codes of texts.  The rest of a cell is known for its row, its table or its page, and is spread
+over the cells when all of them are counted.
 """
 
 from __future__ import annotations
@@ -49,9 +50,17 @@ def _codes() -> defaultdict[Any, int]:
     return defaultdict(count().__next__)
 
 
-def _read(fields: Collection[Hashable], words: bool) -> tuple[list[str], np.ndarray, np.ndarray, np.ndarray]:
-    """Return the distinct texts, and for each field the index of its text, its value and its flag; with `words` some are tuples."""
-    parts: list[Any] = [field[0] if isinstance(field, tuple) else field for field in fields] if words else list(fields)
+def _read(
+    fields: Collection[Hashable], words: bool
+) -> tuple[list[str], np.ndarray, np.ndarray, np.ndarray]:
+    """Return the distinct texts, and for each field the index of its text, its value and its flag;
+    with `words` some are tuples.
+    """
+    parts: list[Any] = (
+        [field[0] if isinstance(field, tuple) else field for field in fields]
+        if words
+        else list(fields)
+    )
     texts = _codes()
     text = np.fromiter(map(texts.__getitem__, map(str.strip, parts)), np.int32, len(parts))
     value, flag = read_cells(parts)
@@ -86,7 +95,9 @@ class _Strip(NamedTuple):
 
 
 class _Pattern(NamedTuple):
-    """Equal columns of many rows: the place of their names, which of them are axes, how to cut a row."""
+    """Equal columns of many rows: the place of their names, which of them are axes, how to cut a
+    row.
+    """
 
     number: int
     columns: tuple[Column, ...]
@@ -97,7 +108,9 @@ class _Pattern(NamedTuple):
 
 
 class _Override(NamedTuple):
-    """Values of a column of the frame for cells from ``start`` on, where they are not those of the pattern."""
+    """Values of a column of the frame for cells from ``start`` on, where they are not those of the
+    pattern.
+    """
 
     column: str
     start: int
@@ -109,17 +122,26 @@ class _Gathered:
 
     def __init__(self) -> None:
         self.pages, self.tables, self.columns = _codes(), _codes(), _codes()
-        self.rows: list[Iterable[Iterable[Hashable]]] = []  # fields of every row of every table, cut when they are counted
+        self.rows: list[
+            Iterable[Iterable[Hashable]]
+        ] = []  # fields of every row of every table, cut when they are counted
         self.count = 0
         self.lines = array("i")
         self.strips: list[_Strip] = []
-        self.patterns: dict[tuple[int, int], _Pattern] = {}  # by the identity of their columns, which they keep
+        self.patterns: dict[
+            tuple[int, int], _Pattern
+        ] = {}  # by the identity of their columns, which they keep
         self.pattern_columns: list[int] = []  # codes of the column names of all patterns
         self.overrides: list[_Override] = []
 
     def add_page(self, case: PrintedCase, page: Page) -> None:
         """Gather the cells of a page."""
-        place = _Place(case.ordinal, self.pages[" / ".join(page.heading)], page.condition("mach"), page.condition("h"))
+        place = _Place(
+            case.ordinal,
+            self.pages[" / ".join(page.heading)],
+            page.condition("mach"),
+            page.condition("h"),
+        )
         for item in (page.conditions, *page.printed):
             if isinstance(item, Table):
                 self._add_heading(item, place)
@@ -127,10 +149,14 @@ class _Gathered:
             elif isinstance(item, Values):
                 self._add_values(item, place)
 
-    def _strip(self, name: str, lines: Iterable[int], rows: int, pattern: _Pattern, place: _Place) -> None:
+    def _strip(
+        self, name: str, lines: Iterable[int], rows: int, pattern: _Pattern, place: _Place
+    ) -> None:
         self.lines.extend(lines)
         self.count += rows * len(pattern.columns)
-        self.strips.append(_Strip(rows, len(pattern.columns), pattern.number, self.tables[name], *place))
+        self.strips.append(
+            _Strip(rows, len(pattern.columns), pattern.number, self.tables[name], *place)
+        )
 
     def _add_table(self, case: PrintedCase, table: Table, place: _Place) -> None:
         start = self.count
@@ -153,9 +179,18 @@ class _Gathered:
             return
         start = self.count
         shifts = [k * across.step for k in range(len(values))]
-        texts = [table.across_row[max(0, across.first - 1 + shift) : across.last + shift].strip(" =") for shift in shifts]
+        texts = [
+            table.across_row[max(0, across.first - 1 + shift) : across.last + shift].strip(" =")
+            for shift in shifts
+        ]
         self.rows.append((texts,))
-        self._strip(table.name, [table.across_line] * len(values), len(values), self._pattern(_ALONE, 0), place)
+        self._strip(
+            table.name,
+            [table.across_line] * len(values),
+            len(values),
+            self._pattern(_ALONE, 0),
+            place,
+        )
         self._override("column", start, np.full(len(values), self.columns[across.name]))
         self._override("value", start, values)
         self._override(across.quantity, start, values)
@@ -182,22 +217,40 @@ class _Gathered:
         if pattern is None:
             start = len(self.pattern_columns)
             self.pattern_columns += [self.columns[column.name] for column in columns]
-            axes = {column.quantity: k for k, column in enumerate(columns[:keys]) if column.quantity}
-            pattern = _Pattern(len(self.patterns), columns, start, axes, _cutter(columns), any(column.words for column in columns))
+            axes = {
+                column.quantity: k for k, column in enumerate(columns[:keys]) if column.quantity
+            }
+            pattern = _Pattern(
+                len(self.patterns),
+                columns,
+                start,
+                axes,
+                _cutter(columns),
+                any(column.words for column in columns),
+            )
             self.patterns[id(columns), keys] = pattern
         return pattern
 
     def frame(self) -> pd.DataFrame:
         """Spread what is known of rows, tables and pages over the cells."""
-        strips = {name: np.array([strip[k] for strip in self.strips]) for k, name in enumerate(_Strip._fields)}
+        strips = {
+            name: np.array([strip[k] for strip in self.strips])
+            for k, name in enumerate(_Strip._fields)
+        }
         rows = strips["rows"].astype(np.int64)
         of_strip = rows * strips["columns"].astype(np.int64)
         columns_of_row = np.repeat(strips["columns"], rows).astype(np.int64)
         pattern_of_row = np.repeat(strips["pattern"], rows).astype(np.int64)
         start_of_row = np.cumsum(columns_of_row) - columns_of_row
         fields = _codes()
-        codes = np.fromiter(map(fields.__getitem__, chain.from_iterable(chain.from_iterable(self.rows))), np.int32, self.count)
-        texts, text, value, flag = _read(fields, any(pattern.words for pattern in self.patterns.values()))
+        codes = np.fromiter(
+            map(fields.__getitem__, chain.from_iterable(chain.from_iterable(self.rows))),
+            np.int32,
+            self.count,
+        )
+        texts, text, value, flag = _read(
+            fields, any(pattern.words for pattern in self.patterns.values())
+        )
         found: dict[str, Any] = {
             "line": np.repeat(np.frombuffer(self.lines, np.int32), columns_of_row),
             "case": np.repeat(strips["case"].astype(np.int32), of_strip),
@@ -213,10 +266,19 @@ class _Gathered:
         self._apply_overrides(found, ("column", "value", "flag"))
         axes = self._axes(found)
         for name in axes:
-            found.setdefault(name, self._axis(name, found["value"], start_of_row, columns_of_row, pattern_of_row))
+            found.setdefault(
+                name, self._axis(name, found["value"], start_of_row, columns_of_row, pattern_of_row)
+            )
         self._apply_overrides(found, (*axes, "mach", "altitude"))
-        for name, words in {"page": self.pages, "table": self.tables, "column": self.columns, "text": texts}.items():
-            found[name] = pd.Categorical.from_codes(found[name], pd.Index(list(words), dtype="str"), validate=False)
+        for name, words in {
+            "page": self.pages,
+            "table": self.tables,
+            "column": self.columns,
+            "text": texts,
+        }.items():
+            found[name] = pd.Categorical.from_codes(
+                found[name], pd.Index(list(words), dtype="str"), validate=False
+            )
         found["flag"] = pd.Categorical.from_codes(found["flag"], dtype=_FLAGS, validate=False)
         order = (*_FIRST, *(name for name in axes if name not in _FIRST), *_LAST)
         return pd.DataFrame({name: found[name] for name in order}, copy=False)
@@ -231,16 +293,34 @@ class _Gathered:
             if name in names:
                 found[name][start : start + len(values)] = values
 
-    def _columns(self, start_of_row: np.ndarray, columns_of_row: np.ndarray, pattern_of_row: np.ndarray, count: int) -> np.ndarray:
+    def _columns(
+        self,
+        start_of_row: np.ndarray,
+        columns_of_row: np.ndarray,
+        pattern_of_row: np.ndarray,
+        count: int,
+    ) -> np.ndarray:
         if not self.patterns:
             return np.empty(0, np.int8)
-        first = np.array([pattern.start for pattern in self.patterns.values()])[pattern_of_row] - start_of_row
-        return _small(np.array(self.pattern_columns), len(self.columns))[np.repeat(first, columns_of_row) + np.arange(count)]
+        first = (
+            np.array([pattern.start for pattern in self.patterns.values()])[pattern_of_row]
+            - start_of_row
+        )
+        return _small(np.array(self.pattern_columns), len(self.columns))[
+            np.repeat(first, columns_of_row) + np.arange(count)
+        ]
 
     def _axis(
-        self, name: str, value: np.ndarray, start_of_row: np.ndarray, columns_of_row: np.ndarray, pattern_of_row: np.ndarray
+        self,
+        name: str,
+        value: np.ndarray,
+        start_of_row: np.ndarray,
+        columns_of_row: np.ndarray,
+        pattern_of_row: np.ndarray,
     ) -> np.ndarray:
-        keys = np.array([pattern.axes.get(name, -1) for pattern in self.patterns.values()], np.int64)
+        keys = np.array(
+            [pattern.axes.get(name, -1) for pattern in self.patterns.values()], np.int64
+        )
         if not len(keys) or keys.max() < 0:
             return np.full(len(value), np.nan)
         key = keys[pattern_of_row]
@@ -254,10 +334,14 @@ def _small(codes: np.ndarray, count: int) -> np.ndarray:
 
 
 def _cutter(columns: tuple[Column, ...]) -> Callable[[str], Iterable[Hashable]]:
-    """Return a function that cuts a row into its fields; those of columns of words are put into tuples."""
+    """Return a function that cuts a row into its fields; those of columns of words are put into
+    tuples.
+    """
     parts = [slice(column.first - 1, column.last) for column in columns]
     if any(column.words for column in columns):
-        return lambda row: [(row[part],) if column.words else row[part] for part, column in zip(parts, columns)]
+        return lambda row: [
+            (row[part],) if column.words else row[part] for part, column in zip(parts, columns)
+        ]
     return itemgetter(*parts) if len(parts) > 1 else lambda row: (row[parts[0]],)
 
 
@@ -283,16 +367,26 @@ def block(case: PrintedCase, name: str) -> pd.DataFrame:
     """Build the frame of `Case.block`."""
     parts, units = [], {"ground_height": "ft", "flap": "deg"}
     for page, table in case.tables(name):
-        part = _stream(table, case) if table.layout.stream else _wide(table) if table.across is None else _long(table)
+        part = (
+            _stream(table, case)
+            if table.layout.stream
+            else _wide(table)
+            if table.across is None
+            else _long(table)
+        )
         parts.append(_placed(part, page))
-        columns = table.columns[: table.layout.keys + 1] if table.across is not None else table.columns
+        columns = (
+            table.columns[: table.layout.keys + 1] if table.across is not None else table.columns
+        )
         units |= {column.name: printed_units(column, page) for column in columns}
         units["altitude"] = printed_units(Column("", 1, 1, units="length"), page)
         if table.layout.across:
             units[table.layout.across.name] = "deg"
         if table.layout.stream:
             units |= {"ALPHA": "deg", "DELTA": "deg"}
-    for page, group in () if parts else case.values(name):  # a kind of table may carry its headings as labelled numbers
+    for page, group in (
+        () if parts else case.values(name)
+    ):  # a kind of table may carry its headings as labelled numbers
         parts.append(_placed(_labelled(group), page))
         units["altitude"] = printed_units(Column("", 1, 1, units="length"), page)
     if not parts:
@@ -305,7 +399,13 @@ def block(case: PrintedCase, name: str) -> pd.DataFrame:
 
 def _placed(part: pd.DataFrame, page: Page) -> pd.DataFrame:
     """Put what names the page behind the line numbers."""
-    place: tuple[Any, ...] = (page.configuration, page.condition("mach"), page.condition("h"), page.ground_height, page.flap)
+    place: tuple[Any, ...] = (
+        page.configuration,
+        page.condition("mach"),
+        page.condition("h"),
+        page.ground_height,
+        page.flap,
+    )
     for at, (column, value) in enumerate(zip(_PAGE_COLUMNS[1:], place), 1):
         part.insert(at, column, value)
     return part
@@ -314,7 +414,15 @@ def _placed(part: pd.DataFrame, page: Page) -> pd.DataFrame:
 def _labelled(group: Values) -> pd.DataFrame:
     """Return a group of ``label = value`` as one row per value."""
     units = group.units or ("",) * len(group.labels)
-    return pd.DataFrame({"line": group.lines, "label": group.labels, "text": group.texts, "value": group.values, "unit": units})
+    return pd.DataFrame(
+        {
+            "line": group.lines,
+            "label": group.labels,
+            "text": group.texts,
+            "value": group.values,
+            "unit": units,
+        }
+    )
 
 
 def _wide(table: Table) -> pd.DataFrame:
@@ -324,11 +432,21 @@ def _wide(table: Table) -> pd.DataFrame:
 
 
 def _stream(table: Table, case: PrintedCase) -> pd.DataFrame:
-    """Unfold a stream of values into one row per value, with the axis values that the input cards give."""
+    """Unfold a stream of values into one row per value, with the axis values that the input cards
+    give.
+    """
     printed = table.flags.ravel() != BLANK
     axes = table.layout.axes(case.deck, table) if table.layout.axes else {}
-    parts = {"line": np.repeat(table.lines, len(table.columns)), **{name.upper(): values.ravel() for name, values in axes.items()}}
-    return pd.DataFrame({name: values[printed] for name, values in {**parts, table.columns[0].name: table.values.ravel()}.items()})
+    parts = {
+        "line": np.repeat(table.lines, len(table.columns)),
+        **{name.upper(): values.ravel() for name, values in axes.items()},
+    }
+    return pd.DataFrame(
+        {
+            name: values[printed]
+            for name, values in {**parts, table.columns[0].name: table.values.ravel()}.items()
+        }
+    )
 
 
 def _long(table: Table) -> pd.DataFrame:
@@ -362,14 +480,16 @@ def write_tree(tree: xr.DataTree, path: str | os.PathLike[str]) -> None:
 
 
 def write_cells(cases: Iterable[PrintedCase], path: str | os.PathLike[str]) -> int:
-    """Write the cells of cases as they come, one line per cell; a file that stood there stays as it was when writing fails.
+    """Write the cells of cases as they come, one line per cell; a file that stood there stays as it
+    was when writing fails.
 
     Parameters
     ----------
     cases : iterable of PrintedCase
         A `Listing`, or what `datcom_io.iterate` returns: then one case at a time is held in memory.
     path : path
-        CSV file in UTF-8; its folder must exist.  Columns as those of `Case.cells`, all axes included; a missing number is empty.
+        CSV file in UTF-8; its folder must exist.  Columns as those of `Case.cells`, all axes
+        included; a missing number is empty.
 
     Returns
     -------

@@ -1,4 +1,6 @@
-"""Putting together the trees of program runs that differ in the deflection only: one run per deflection, as `split_deck` makes them."""
+"""Putting together the trees of program runs that differ in the deflection only: one run per
+deflection, as `split_deck` makes them.
+"""
 
 from __future__ import annotations
 
@@ -16,10 +18,15 @@ from datcom_io.printout.content import PrintedCase
 
 def case_tree(case: PrintedCase, *, fill_transonic: bool = False) -> xr.DataTree:
     """Build the tree of `Case.to_datatree`."""
-    return xr.DataTree.from_dict({"/": xr.Dataset(attrs=_root_attrs(case)), **_leaves(case, fill_transonic)}, name=_node_name(case))
+    return xr.DataTree.from_dict(
+        {"/": xr.Dataset(attrs=_root_attrs(case)), **_leaves(case, fill_transonic)},
+        name=_node_name(case),
+    )
 
 
-def listing_tree(cases: Iterable[PrintedCase], file: str, runs: int, *, fill_transonic: bool = False) -> xr.DataTree:
+def listing_tree(
+    cases: Iterable[PrintedCase], file: str, runs: int, *, fill_transonic: bool = False
+) -> xr.DataTree:
     """Build the tree of `Listing.to_datatree`."""
     nodes = {"/": xr.Dataset(attrs={"file": file, "runs": runs})}
     for case in cases:
@@ -40,7 +47,9 @@ def _leaves(case: PrintedCase, fill_transonic: bool) -> dict[str, xr.Dataset]:
     """Return the leaves that the case has."""
     conditions, spots = arrange(case)
     stacker = Stacker(case, conditions, spots, fill_transonic)
-    return {name: leaf.dataset() for name, make in LEAVES.items() if (leaf := make(stacker)) is not None}
+    return {
+        name: leaf.dataset() for name, make in LEAVES.items() if (leaf := make(stacker)) is not None
+    }
 
 
 def _root_attrs(case: PrintedCase) -> dict[str, str | float]:
@@ -62,15 +71,23 @@ def _messages(case: PrintedCase) -> str:
     lines: dict[str, list[int]] = {}
     for message in case.messages:
         lines.setdefault(message.text, []).append(message.line)
-    return "\n".join(f"line {at[0]}{f' and {len(at) - 1} more' if at[1:] else ''}: {text}" for text, at in lines.items())
+    return "\n".join(
+        f"line {at[0]}{f' and {len(at) - 1} more' if at[1:] else ''}: {text}"
+        for text, at in lines.items()
+    )
 
 
-AXES = ("delta_f", "delta_e", "delta")  # of static and downwash pages over ground, and of symmetrical flaps
+AXES = (
+    "delta_f",
+    "delta_e",
+    "delta",
+)  # of static and downwash pages over ground, and of symmetrical flaps
 _DIGITS = 9  # of a deflection in radians that distinguish it
 
 
 def over_deflections(trees: Sequence[xr.DataTree]) -> list[xr.DataTree]:
-    """Return the trees with those of the same flap and flight conditions and other deflections put together; others as they are.
+    """Return the trees with those of the same flap and flight conditions and other deflections put
+    together; others as they are.
 
     A leaf that has no axis of deflection is taken from the first tree.
     """
@@ -87,7 +104,9 @@ def over_deflections(trees: Sequence[xr.DataTree]) -> list[xr.DataTree]:
 
 
 def _kind(tree: xr.DataTree) -> tuple[Hashable, list[float]]:
-    """Return what trees of one flap at the same flight conditions have in common, and the deflections; None without symmetrical flap."""
+    """Return what trees of one flap at the same flight conditions have in common, and the
+    deflections; None without symmetrical flap.
+    """
     if "symflp" not in tree.children:
         return None, []
     leaf = tree.children["symflp"].to_dataset(inherit=False)
@@ -99,7 +118,9 @@ def _kind(tree: xr.DataTree) -> tuple[Hashable, list[float]]:
 def _together(trees: list[xr.DataTree]) -> xr.DataTree:
     root = dict(trees[0].attrs)
     for key, between in (("title", "; "), ("case", "; "), ("file", "; "), ("messages", "\n")):
-        root[key] = between.join(dict.fromkeys(str(tree.attrs[key]) for tree in trees if tree.attrs.get(key)))
+        root[key] = between.join(
+            dict.fromkeys(str(tree.attrs[key]) for tree in trees if tree.attrs.get(key))
+        )
     leaves = {}
     for name in trees[0].children:
         parts = [tree.children[name].to_dataset(inherit=False) for tree in trees]
@@ -115,37 +136,60 @@ def _merged(parts: list[xr.Dataset], axis: str) -> xr.Dataset:
     first = parts[0]
     if len(every) == 1 and axis not in first.dims:
         return first
-    places = [np.searchsorted(every, np.round(np.atleast_1d(part[axis].values), _DIGITS)) for part in parts]
+    places = [
+        np.searchsorted(every, np.round(np.atleast_1d(part[axis].values), _DIGITS))
+        for part in parts
+    ]
     variables: dict[str, xr.Variable] = {axis: xr.Variable(axis, given[at], first[axis].attrs)}
     for name in map(str, first.variables):
         if name == axis or name.endswith("_flag"):
             continue
         items = [_over(part, name, axis) for part in parts]
         if axis not in items[0].dims:
-            variables[name] = _texts_joined(items) if items[0].dtype.kind == "U" and name in first.coords else items[0]
+            variables[name] = (
+                _texts_joined(items)
+                if items[0].dtype.kind == "U" and name in first.coords
+                else items[0]
+            )
         elif f"{name}_flag" in first:
             flags = [_over(part, f"{name}_flag", axis) for part in parts]
-            variables[name], variables[f"{name}_flag"] = _filled(items, flags, places, len(every), axis)
+            variables[name], variables[f"{name}_flag"] = _filled(
+                items, flags, places, len(every), axis
+            )
         else:
             variables[name] = _placed_texts(items, places, len(every), axis)
-    coords = {name: variables.pop(name) for name in list(variables) if name in first.coords or name == axis}
+    coords = {
+        name: variables.pop(name)
+        for name in list(variables)
+        if name in first.coords or name == axis
+    }
     return xr.Dataset(variables, coords, first.attrs)
 
 
 def _over(part: xr.Dataset, name: str, axis: str) -> xr.Variable:
-    """Return a variable with the deflection as a dimension, before the angle of attack, where it is a table or names the place of one."""
+    """Return a variable with the deflection as a dimension, before the angle of attack, where it is
+    a table or names the place of one.
+    """
     item = part.variables[name]
     tabled = name in ("lines", "notes") or ("alpha" in item.dims and name != "alpha")
     if axis in item.dims or axis in part.dims or not tabled:
         return item
     at = item.dims.index("alpha") if "alpha" in item.dims else item.ndim
-    return xr.Variable((*item.dims[:at], axis, *item.dims[at:]), np.expand_dims(item.values, at), item.attrs)
+    return xr.Variable(
+        (*item.dims[:at], axis, *item.dims[at:]), np.expand_dims(item.values, at), item.attrs
+    )
 
 
 def _filled(
-    items: list[xr.Variable], flags: list[xr.Variable], places: list[np.ndarray], count: int, axis: str
+    items: list[xr.Variable],
+    flags: list[xr.Variable],
+    places: list[np.ndarray],
+    count: int,
+    axis: str,
 ) -> tuple[xr.Variable, xr.Variable]:
-    """Return values and flags over all deflections; of several cells for one place the first that is printed counts."""
+    """Return values and flags over all deflections; of several cells for one place the first that
+    is printed counts.
+    """
     at = items[0].dims.index(axis)
     shape = (*items[0].shape[:at], count, *items[0].shape[at + 1 :])
     value, flag = np.full(shape, np.nan), np.full(shape, ABSENT, np.uint8)
@@ -154,10 +198,14 @@ def _filled(
         missing = flag[where] == ABSENT
         value[where] = np.where(missing, item.values, value[where])
         flag[where] = np.where(missing, codes.values, flag[where])
-    return xr.Variable(items[0].dims, value, items[0].attrs), xr.Variable(items[0].dims, flag, flags[0].attrs)
+    return xr.Variable(items[0].dims, value, items[0].attrs), xr.Variable(
+        items[0].dims, flag, flags[0].attrs
+    )
 
 
-def _placed_texts(items: list[xr.Variable], places: list[np.ndarray], count: int, axis: str) -> xr.Variable:
+def _placed_texts(
+    items: list[xr.Variable], places: list[np.ndarray], count: int, axis: str
+) -> xr.Variable:
     """Return texts over all deflections, empty where no part gives one, joined where several do."""
     at = items[0].dims.index(axis)
     spread = []
@@ -172,4 +220,6 @@ def _texts_joined(items: list[xr.Variable]) -> xr.Variable:
     """Return the different texts of each place."""
     rows = zip(*(item.values.ravel() for item in items))
     joined = [", ".join(dict.fromkeys(text for text in row if text)) for row in rows]
-    return xr.Variable(items[0].dims, np.array(joined, dtype=str).reshape(items[0].shape), items[0].attrs)
+    return xr.Variable(
+        items[0].dims, np.array(joined, dtype=str).reshape(items[0].shape), items[0].attrs
+    )

@@ -26,7 +26,12 @@ class _DeckOrFolder(console.InputFile):
 
 @click.command("deck")
 @_DECK
-@click.option("-o", "--output", type=console.NewFile(), help="Deck to write as the program reads it: upper case, 80 columns.")
+@click.option(
+    "-o",
+    "--output",
+    type=console.NewFile(),
+    help="Deck to write as the program reads it: upper case, 80 columns.",
+)
 @click.option("--resolved", is_flag=True, help="Every case complete, without SAVE.")
 @console.json_option
 def deck_verb(deck: str, output: str | None, resolved: bool, as_json: bool) -> None:
@@ -38,18 +43,36 @@ def deck_verb(deck: str, output: str | None, resolved: bool, as_json: bool) -> N
         write_deck(found, output, resolved=resolved)
     rows = [_case_row(number, case) for number, case in enumerate(found, 1)]
     if as_json:
-        console.document({"file": found.file, "cases": rows, **({"written": output} if output else {})})
+        console.document(
+            {"file": found.file, "cases": rows, **({"written": output} if output else {})}
+        )
         return
-    head = ["no", "case", "units", "conditions", "Mach", "altitude", "alpha [deg]", "namelists", "cards"]
+    head = [
+        "no",
+        "case",
+        "units",
+        "conditions",
+        "Mach",
+        "altitude",
+        "alpha [deg]",
+        "namelists",
+        "cards",
+    ]
     console.table(
-        head, [tuple(row.values()) for row in rows], title=f"{found.file}: {_count(len(found), 'case')}", right=["no", "conditions"]
+        head,
+        [tuple(row.values()) for row in rows],
+        title=f"{found.file}: {_count(len(found), 'case')}",
+        right=["no", "conditions"],
     )
     if output:
         click.echo(f"written: {output}")
 
 
 def _case_row(number: int, case) -> dict:
-    machs, heights = case.schedule("FLTCON", "MACH", "NMACH"), case.schedule("FLTCON", "ALT", "NALT")
+    machs, heights = (
+        case.schedule("FLTCON", "MACH", "NMACH"),
+        case.schedule("FLTCON", "ALT", "NALT"),
+    )
     return {
         "no": number,
         "case": case.caseid,
@@ -59,7 +82,11 @@ def _case_row(number: int, case) -> dict:
         "altitude": " ".join(f"{x:g}" for x in heights),
         "alpha": " ".join(f"{x:g}" for x in case.schedule("FLTCON", "ALSCHD", "NALPHA")),
         "namelists": " ".join(case.namelists),
-        "cards": " ".join(card.name for card in case.cards if card.name not in ("CASEID", "DIM", "DERIV", "NACA", "NEXT")),
+        "cards": " ".join(
+            card.name
+            for card in case.cards
+            if card.name not in ("CASEID", "DIM", "DERIV", "NACA", "NEXT")
+        ),
     }
 
 
@@ -74,14 +101,26 @@ def check(ctx: click.Context, deck: str, as_json: bool) -> None:
 
     read = read_deck(deck)
     found = check_deck(read)
-    numbers = {severity: sum(finding.severity == severity for finding in found) for severity in ("error", "warning", "note")}
+    numbers = {
+        severity: sum(finding.severity == severity for finding in found)
+        for severity in ("error", "warning", "note")
+    }
     if as_json:
-        console.document({"file": read.file, "cases": len(read), **numbers, "findings": [finding._asdict() for finding in found]})
+        console.document(
+            {
+                "file": read.file,
+                "cases": len(read),
+                **numbers,
+                "findings": [finding._asdict() for finding in found],
+            }
+        )
     else:
         for (severity, text), lines in _together(found).items():
             more = f" and {len(lines) - 1} more" if len(lines) > 1 else ""
             click.echo(f"line {lines[0]}{more}: {severity}: {text}")
-        counts = ", ".join(_count(number, severity) for severity, number in numbers.items() if number)
+        counts = ", ".join(
+            _count(number, severity) for severity, number in numbers.items() if number
+        )
         click.echo(f"{read.file}: {_count(len(read), 'case')}, {counts or 'nothing found'}")
     if numbers["error"]:
         ctx.exit(1)
@@ -97,12 +136,20 @@ def _together(found) -> dict[tuple[str, str], list[int]]:
 
 @click.command()
 @click.argument("study", type=console.InputFile())
-@click.option("-o", "--output", "folder", required=True, type=_FOLDER, help="Folder for the run decks; made when missing.")
+@click.option(
+    "-o",
+    "--output",
+    "folder",
+    required=True,
+    type=_FOLDER,
+    help="Folder for the run decks; made when missing.",
+)
 @console.json_option
 def split(study: str, folder: str, as_json: bool) -> None:
     """Split a study into run decks: clean, flaps, elevator, aileron, ground.
 
-    STUDY is a deck of one case with all devices of the aircraft, or a TOML file that names one and plans the runs.
+    STUDY is a deck of one case with all devices of the aircraft, or a TOML file that names one and
+    plans the runs.
     """
     from datcom_io.decks.deck_file import write_deck
     from datcom_io.runs.splitting import split_deck
@@ -115,23 +162,51 @@ def split(study: str, folder: str, as_json: bool) -> None:
         path = place / deck.file
         write_deck(deck, path, resolved=True)
         case = deck[0]
-        devices = " ".join(name for name in ("SYMFLP", "ASYFLP", "GRNDEF") if name in case.namelists)
-        rows.append({"run": name, "file": str(path), "conditions": len(case.conditions()), "devices": devices, "caseid": case.caseid})
+        devices = " ".join(
+            name for name in ("SYMFLP", "ASYFLP", "GRNDEF") if name in case.namelists
+        )
+        rows.append(
+            {
+                "run": name,
+                "file": str(path),
+                "conditions": len(case.conditions()),
+                "devices": devices,
+                "caseid": case.caseid,
+            }
+        )
     if as_json:
         console.document({"study": study, "runs": rows})
         return
-    console.table(["run", "file", "conditions", "devices", "CASEID"], [tuple(row.values()) for row in rows], right=["conditions"])
+    console.table(
+        ["run", "file", "conditions", "devices", "CASEID"],
+        [tuple(row.values()) for row in rows],
+        right=["conditions"],
+    )
     click.echo(f"{_count(len(rows), 'run deck')} in {folder}")
 
 
 @click.command()
 @click.argument("deck", type=_DeckOrFolder())
 @click.option("--program", required=True, type=click.Path(), help="Your Digital DATCOM executable.")
-@click.option("-o", "--output", "folder", type=_FOLDER, help="Folder for the results; default: the folder of the deck.")
-@click.option("--timeout", type=click.FloatRange(min=0, min_open=True), default=600.0, show_default=True, help="Longest time of a run. [s]")
+@click.option(
+    "-o",
+    "--output",
+    "folder",
+    type=_FOLDER,
+    help="Folder for the results; default: the folder of the deck.",
+)
+@click.option(
+    "--timeout",
+    type=click.FloatRange(min=0, min_open=True),
+    default=600.0,
+    show_default=True,
+    help="Longest time of a run. [s]",
+)
 @console.json_option
 @click.pass_context
-def run(ctx: click.Context, deck: str, program: str, folder: str | None, timeout: float, as_json: bool) -> None:
+def run(
+    ctx: click.Context, deck: str, program: str, folder: str | None, timeout: float, as_json: bool
+) -> None:
     """Run a deck, or all decks of a folder, with your Digital DATCOM program and collect the files.
 
     Exit code 1 when the program left out a case or a run failed.
@@ -147,12 +222,16 @@ def run(ctx: click.Context, deck: str, program: str, folder: str | None, timeout
         done = run_deck(deck, program, folder, timeout=timeout)
     row = _run_row(Path(deck), done)
     if as_json:
-        console.document({key: row[key] for key in ("files", "cases", "without_pages", "messages", "seconds")})
+        console.document(
+            {key: row[key] for key in ("files", "cases", "without_pages", "messages", "seconds")}
+        )
     else:
         for message in done.messages:
             click.echo(f"line {message.line}: {message.text}")
         cases = f"{_count(len(done.listing), 'case')}, {_count(len(done.listing.pages), 'page')}"
-        click.echo(f"{cases} in {done.seconds:.1f} s; written: {', '.join(str(path) for path in done.files.values())}")
+        click.echo(
+            f"{cases} in {done.seconds:.1f} s; written: {', '.join(str(path) for path in done.files.values())}"
+        )
         for name in row["without_pages"]:
             click.echo(f"case without a page: {name}")
     if row["without_pages"]:
@@ -172,20 +251,30 @@ def _run_row(deck: Path, done: Run) -> dict[str, Any]:
     }
 
 
-def _run_folder(ctx: click.Context, decks: str, program: str, folder: str | None, timeout: float, as_json: bool) -> None:
+def _run_folder(
+    ctx: click.Context, decks: str, program: str, folder: str | None, timeout: float, as_json: bool
+) -> None:
     """Run all decks of a folder and print a line for each."""
     from datcom_io.runs.running import Run, run_folder
 
     rows = []
     with console.progress(f"run the decks of {decks}"):
         for deck, done in run_folder(decks, program, folder, timeout=timeout):
-            rows.append(_run_row(deck, done) if isinstance(done, Run) else {"deck": deck.name, "error": str(done)})
+            rows.append(
+                _run_row(deck, done)
+                if isinstance(done, Run)
+                else {"deck": deck.name, "error": str(done)}
+            )
     failed = sum("error" in row or bool(row["without_pages"]) for row in rows)
     if as_json:
         console.document({"folder": decks, "runs": rows, "failed": failed})
     else:
         head = ["deck", "cases", "pages", "without pages", "messages", "result"]
-        console.table(head, [_run_line(row) for row in rows], right=["cases", "pages", "without pages", "messages"])
+        console.table(
+            head,
+            [_run_line(row) for row in rows],
+            right=["cases", "pages", "without pages", "messages"],
+        )
         click.echo(
             f"{_count(len(rows), 'deck')} run, {failed} with a failure or a case without a page"
             if failed

@@ -15,7 +15,9 @@ if TYPE_CHECKING:
 @click.command()
 @click.argument("file", type=console.InputFile())
 @click.option("-o", "--output", required=True, type=console.NewFile(), help="MAT file to write.")
-@click.option("--zero", is_flag=True, help="Zeros instead of NaN where the program prints no number.")
+@click.option(
+    "--zero", is_flag=True, help="Zeros instead of NaN where the program prints no number."
+)
 @click.option("--partial", is_flag=True, help="Take what is complete in a listing that is cut.")
 @console.json_option
 def export(file: str, output: str, zero: bool, partial: bool, as_json: bool) -> None:
@@ -35,11 +37,22 @@ def export(file: str, output: str, zero: bool, partial: bool, as_json: bool) -> 
 
 @click.command()
 @click.argument("file", type=console.InputFile())
-@click.option("--listing", type=console.InputFile(), help="Print file of the same run: check the numbers against it.")
-@click.option("-o", "--output", type=console.NewFile(), help="NetCDF file to write: the listing's tree with the finer digits.")
+@click.option(
+    "--listing",
+    type=console.InputFile(),
+    help="Print file of the same run: check the numbers against it.",
+)
+@click.option(
+    "-o",
+    "--output",
+    type=console.NewFile(),
+    help="NetCDF file to write: the listing's tree with the finer digits.",
+)
 @console.json_option
 def plot(file: str, listing: str | None, output: str | None, as_json: bool) -> None:
-    """Show what a plot file (unit 13 or 14) holds; with --listing take its five digits into the listing's tree."""
+    """Show what a plot file (unit 13 or 14) holds; with --listing take its five digits into the
+    listing's tree.
+    """
     from datcom_io.arrays.frames import write_tree
     from datcom_io.exchange.file_types import plot_case, read_other
     from datcom_io.exchange.refining import refine
@@ -48,7 +61,10 @@ def plot(file: str, listing: str | None, output: str | None, as_json: bool) -> N
 
     tree = read_other(file, "DEG")
     if tree is None:
-        raise SchemaError(file, ["is no plot file; it is written in a run with card PLOT, as for013.dat or for014.dat"])
+        raise SchemaError(
+            file,
+            ["is no plot file; it is written in a run with card PLOT, as for013.dat or for014.dat"],
+        )
     if listing is None:
         if output:
             write_tree(tree, output)
@@ -89,7 +105,9 @@ def _refined(case: xr.DataTree) -> dict[str, dict[str, str]]:
     for leaf, node in case.children.items():
         for name, variable in node.data_vars.items():
             if "refined" in variable.attrs:
-                found.setdefault(leaf, {})[str(name)] = str(variable.attrs["refined"]).partition(" with ")[0]
+                found.setdefault(leaf, {})[str(name)] = str(variable.attrs["refined"]).partition(
+                    " with "
+                )[0]
     return found
 
 
@@ -107,4 +125,9 @@ def show_tree(tree: xr.DataTree, as_json: bool) -> None:
         missing = " ".join(f"{name} {count}" for name, count in row["missing"].items())
         variables = " ".join(row["variables"])
         lines.append((row["case"], row["leaf"], sizes, variables, row["numbers"], missing))
-    console.table(["case", "leaf", "sizes", "variables", "numbers", "missing"], lines, title=f"{tree.attrs.get('file')}", right=["numbers"])
+    console.table(
+        ["case", "leaf", "sizes", "variables", "numbers", "missing"],
+        lines,
+        title=f"{tree.attrs.get('file')}",
+        right=["numbers"],
+    )

@@ -15,8 +15,12 @@ if TYPE_CHECKING:
     from datcom_io.printout.tables import Printed
 
 _FILE = click.argument("file", type=console.InputFile())
-_CASE = click.option("--case", "name", help="Case by its number from 1, its name or a part of the name.")
-_PARTIAL = click.option("--partial", is_flag=True, help="Take what is complete in a listing that is cut.")
+_CASE = click.option(
+    "--case", "name", help="Case by its number from 1, its name or a part of the name."
+)
+_PARTIAL = click.option(
+    "--partial", is_flag=True, help="Take what is complete in a listing that is cut."
+)
 
 
 @click.group()
@@ -31,9 +35,11 @@ def datcom() -> None:
 @console.json_option
 @console.brief()
 def show(file: str, name: str | None, partial: bool, as_json: bool) -> None:
-    """Show cases, conditions, tables, missing values and messages of a listing; with --case its pages too.
+    """Show cases, conditions, tables, missing values and messages of a listing; with --case its
+    pages too.
 
-    A plot file, a MAT file of datcomimport or a CSV of DATCOM+ is recognised by its content; its groups are shown.
+    A plot file, a MAT file of datcomimport or a CSV of DATCOM+ is recognised by its content; its
+    groups are shown.
     """
     from datcom_io.cli.summary import page_row, summary
     from datcom_io.exchange.file_types import read_other
@@ -51,28 +57,65 @@ def show(file: str, name: str | None, partial: bool, as_json: bool) -> None:
         pages = [page_row(page) for page in case.pages]
     remarks = [message._asdict() for message in listing.own_messages]
     if as_json:
-        document = {"file": listing.file, "runs": listing.runs, "lines": listing.line_count, "cases": found, "messages": remarks}
-        console.document({**document, "unread": listing.unread, **({"pages": pages} if pages is not None else {})})
+        document = {
+            "file": listing.file,
+            "runs": listing.runs,
+            "lines": listing.line_count,
+            "cases": found,
+            "messages": remarks,
+        }
+        console.document(
+            {
+                **document,
+                "unread": listing.unread,
+                **({"pages": pages} if pages is not None else {}),
+            }
+        )
         return
     console.table(
-        ["no", "case", "units", "Mach", "altitude", "alpha [deg]", "tables", "not read", "missing, suspect"],
+        [
+            "no",
+            "case",
+            "units",
+            "Mach",
+            "altitude",
+            "alpha [deg]",
+            "tables",
+            "not read",
+            "missing, suspect",
+        ],
         [_summary_row(row) for row in found],
         title=f"{listing.file}: {_count(listing.runs, 'run')}, {_count(len(listing), 'case')}, {_count(listing.line_count, 'line')}",
         right=["no"],
     )
     if pages is not None:
-        rows = [(i, p["kind"], p["configuration"], *_place(p), " ".join(p["tables"]), p["lines"]) for i, p in enumerate(pages, 1)]
-        console.table(["page", "kind", "configuration", "Mach", "altitude", "over ground", "tables", "lines"], rows, right=["page"])
+        rows = [
+            (i, p["kind"], p["configuration"], *_place(p), " ".join(p["tables"]), p["lines"])
+            for i, p in enumerate(pages, 1)
+        ]
+        console.table(
+            ["page", "kind", "configuration", "Mach", "altitude", "over ground", "tables", "lines"],
+            rows,
+            right=["page"],
+        )
     _print_messages([message for row in found for message in row["messages"]] + remarks)
     if listing.unread:
-        numbers = " ".join(map(str, listing.unread[:20])) + (" ..." if len(listing.unread) > 20 else "")
+        numbers = " ".join(map(str, listing.unread[:20])) + (
+            " ..." if len(listing.unread) > 20 else ""
+        )
         click.echo(f"{_count(len(listing.unread), 'line')} not understood: {numbers}")
 
 
 @datcom.command()
 @_FILE
 @_CASE
-@click.option("--page", "number", type=int, required=True, help="Page of the case, as numbered by `show --case`.")
+@click.option(
+    "--page",
+    "number",
+    type=int,
+    required=True,
+    help="Page of the case, as numbered by `show --case`.",
+)
 @_PARTIAL
 @console.json_option
 def table(file: str, name: str | None, number: int, partial: bool, as_json: bool) -> None:
@@ -88,15 +131,23 @@ def table(file: str, name: str | None, number: int, partial: bool, as_json: bool
     sheets = [_sheet(item, page) for item in page.printed]
     if as_json:
         tables = [
-            {"table": t.name, "columns": [h.split("\n") for h in head], "rows": body} for t, (head, body) in zip(page.printed, sheets)
+            {"table": t.name, "columns": [h.split("\n") for h in head], "rows": body}
+            for t, (head, body) in zip(page.printed, sheets)
         ]
-        console.document({**page_row(page), "tables": tables, "notes": [note.text for note in page.notes]})
+        console.document(
+            {**page_row(page), "tables": tables, "notes": [note.text for note in page.notes]}
+        )
         return
     click.echo(f"{' / '.join(page.heading)}  (lines {page.first}-{page.last})")
     if not page.parsed:
         click.echo("tables of this kind of page are not read; see the lines of the file")
     for item, (head, body) in zip(page.printed, sheets):
-        console.table(head, body, title=f"\n{item.name}, lines {item.lines[0]}-{item.lines[-1]}", right=[h for h in head if h != "label"])
+        console.table(
+            head,
+            body,
+            title=f"\n{item.name}, lines {item.lines[0]}-{item.lines[-1]}",
+            right=[h for h in head if h != "label"],
+        )
     for note in page.notes:
         click.echo(f"line {note.line}: {note.text}")
 
@@ -108,21 +159,33 @@ def _sheet(item: Printed, page: Page) -> tuple[list[str], list[list[str]]]:
 
     if not isinstance(item, Table):
         units = item.units or ("",) * len(item.labels)
-        return ["label", "value", "unit"], [list(row) for row in zip(item.labels, item.texts, units)]
+        return ["label", "value", "unit"], [
+            list(row) for row in zip(item.labels, item.texts, units)
+        ]
     heads = [f"{column.name}\n[{printed_units(column, page)}]" for column in item.columns]
     if item.across is not None:
         heads[1:] = [f"{item.columns[1].name}\n{x:g} deg" for x in item.across]
-    return heads, [[item.text(i, k) for k in range(len(item.columns))] for i in range(len(item.rows))]
+    return heads, [
+        [item.text(i, k) for k in range(len(item.columns))] for i in range(len(item.rows))
+    ]
 
 
 @datcom.command()
 @_FILE
 @click.option("-o", "--output", required=True, type=console.NewFile(), help="NetCDF file to write.")
 @_CASE
-@click.option("--join", "joined", is_flag=True, help="Put the cases together along the flight condition.")
+@click.option(
+    "--join", "joined", is_flag=True, help="Put the cases together along the flight condition."
+)
 @_PARTIAL
-@click.option("--fill-transonic", is_flag=True, help="Fill constant columns on transonic pages too.")
-@click.option("--deriv", type=click.Choice(["DEG", "RAD"]), help="Card DERIV of the deck, for a CSV of DATCOM+.")
+@click.option(
+    "--fill-transonic", is_flag=True, help="Fill constant columns on transonic pages too."
+)
+@click.option(
+    "--deriv",
+    type=click.Choice(["DEG", "RAD"]),
+    help="Card DERIV of the deck, for a CSV of DATCOM+.",
+)
 @console.json_option
 def convert(
     file: str,
@@ -134,7 +197,8 @@ def convert(
     deriv: Literal["DEG", "RAD"] | None,
     as_json: bool,
 ) -> None:
-    """Write a listing as a netCDF tree in SI and radians: one group per case, or one case, or all joined.
+    """Write a listing as a netCDF tree in SI and radians: one group per case, or one case, or all
+    joined.
 
     A plot file, a MAT file of datcomimport or a CSV of DATCOM+ is recognised by its content.
     """
@@ -149,12 +213,16 @@ def convert(
         if name is not None:
             tree = listing[name].to_datatree(fill_transonic=fill_transonic)
         elif joined:
-            tree = join(case.to_datatree(fill_transonic=fill_transonic) for case in listing if case.pages)
+            tree = join(
+                case.to_datatree(fill_transonic=fill_transonic) for case in listing if case.pages
+            )
         else:
             tree = listing.to_datatree(fill_transonic=fill_transonic)
     write_tree(tree, output)
     if as_json:
-        console.document({"file": output, "groups": [node.path for node in tree.subtree if node.data_vars]})
+        console.document(
+            {"file": output, "groups": [node.path for node in tree.subtree if node.data_vars]}
+        )
     else:
         click.echo(f"written: {output}")
 
@@ -166,11 +234,16 @@ def convert(
 @_PARTIAL
 @console.json_option
 def cells(file: str, output: str, name: str | None, partial: bool, as_json: bool) -> None:
-    """Write every printed cell of a listing, or of one case, as CSV: line, page, table, axes, column, text, value, flag."""
+    """Write every printed cell of a listing, or of one case, as CSV: line, page, table, axes,
+    column, text, value, flag.
+    """
     from datcom_io.arrays.frames import write_cells
     from datcom_io.reading.reader import iterate, read
 
-    count = write_cells(iterate(file, partial=partial) if name is None else [read(file, partial=partial)[name]], output)
+    count = write_cells(
+        iterate(file, partial=partial) if name is None else [read(file, partial=partial)[name]],
+        output,
+    )
     if as_json:
         console.document({"file": output, "cells": count})
     else:
@@ -192,7 +265,11 @@ def _range(values: list[float], unit: str = "") -> str:
 def _summary_row(row: dict) -> tuple:
     tables = " ".join(f"{name} {count}" for name, count in row["tables"].items())
     not_read = " ".join(f"{name} {count}" for name, count in row["not_read"].items())
-    missing = " ".join(f"{name} {count}" for name, count in {**row["missing"], "suspect": row["suspect"]}.items() if count)
+    missing = " ".join(
+        f"{name} {count}"
+        for name, count in {**row["missing"], "suspect": row["suspect"]}.items()
+        if count
+    )
     alpha = " ... ".join(f"{x:g}" for x in row["alpha"])
     units = f"{row['dim']}, {row['deriv']}"
     return (
@@ -209,7 +286,9 @@ def _summary_row(row: dict) -> tuple:
 
 
 def _place(page: dict) -> tuple[str, str, str]:
-    height = "free air" if page["ground_height"] == float("inf") else f"{page['ground_height']:g} ft"
+    height = (
+        "free air" if page["ground_height"] == float("inf") else f"{page['ground_height']:g} ft"
+    )
     flap = "" if page["flap"] != page["flap"] else f", flap {page['flap']:g} deg"
     known = page["mach"] == page["mach"]
     return (f"{page['mach']:g}", f"{page['altitude']:g}", height + flap) if known else ("", "", "")

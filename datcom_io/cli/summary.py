@@ -15,10 +15,11 @@ from datcom_io.printout.content import Page
 def summary(listing: Listing) -> list[dict[str, Any]]:
     """Return one dict per case, of plain numbers and texts as printed.
 
-    Keys: ``case ordinal run line dim deriv mach altitude alpha pages tables not_read missing suspect messages``.  ``mach`` and
-    ``altitude`` are the printed values in order, ``alpha`` the smallest and largest [deg]; ``tables`` counts tables and groups of
-    ``label = value`` by kind, ``not_read`` pages by kind on which nothing was understood, ``missing`` cells without a number by flag,
-    ``suspect`` the number of cells that a fault of the program makes wrong.
+    Keys: ``case ordinal run line dim deriv mach altitude alpha pages tables not_read missing
+    suspect messages``.  ``mach`` and ``altitude`` are the printed values in order, ``alpha`` the
+    smallest and largest [deg]; ``tables`` counts tables and groups of ``label = value`` by kind,
+    ``not_read`` pages by kind on which nothing was understood, ``missing`` cells without a number
+    by flag, ``suspect`` the number of cells that a fault of the program makes wrong.
     """
     return [_case(case) for case in listing]
 
@@ -27,10 +28,21 @@ def _case(case: Case) -> dict[str, Any]:
     printed = [item for page in case.pages for item in page.printed]
     flags: Counter[str] = Counter()
     for item in printed:
-        flags.update({FLAGS[code]: count for code, count in enumerate(np.bincount(item.flags.ravel())) if count and code != OK})
+        flags.update(
+            {
+                FLAGS[code]: count
+                for code, count in enumerate(np.bincount(item.flags.ravel()))
+                if count and code != OK
+            }
+        )
     suspect = flags.pop(FLAGS[SUSPECT], 0)
     tables = [table for page in case.pages for table in page.tables]
-    alphas = [x for table in tables if table.columns[0].quantity == "alpha" for x in table.values[:, 0].tolist()]
+    alphas = [
+        x
+        for table in tables
+        if table.columns[0].quantity == "alpha"
+        for x in table.values[:, 0].tolist()
+    ]
     return {
         "case": case.name,
         "ordinal": case.ordinal,
@@ -51,12 +63,16 @@ def _case(case: Case) -> dict[str, Any]:
 
 
 def _printed(case: Case, name: str) -> list[float]:
-    values = dict.fromkeys(page.condition(name) for page in case.pages if page.conditions is not None)
+    values = dict.fromkeys(
+        page.condition(name) for page in case.pages if page.conditions is not None
+    )
     return [x for x in values if x == x]
 
 
 def page_row(page: Page) -> dict[str, Any]:
-    """Return the heading of a page as a dict: ``kind configuration mach altitude ground_height flap power tables lines``."""
+    """Return the heading of a page as a dict: ``kind configuration mach altitude ground_height flap
+    power tables lines``.
+    """
     return {
         "kind": page.kind if page.parsed else f"{page.kind} (not read)",
         "configuration": page.configuration or " / ".join(page.heading[:1]),

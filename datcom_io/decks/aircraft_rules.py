@@ -1,4 +1,6 @@
-"""Rules of the aircraft: namelists that need each other, body, reference quantities, control devices, ground effect, trim."""
+"""Rules of the aircraft: namelists that need each other, body, reference quantities, control
+devices, ground effect, trim.
+"""
 
 from __future__ import annotations
 
@@ -10,24 +12,37 @@ from datcom_io.decks.cards import ERROR, WARNING, DeckFinding
 from datcom_io.decks.deck import Deck
 from datcom_io.decks.namelists import DIMENSIONS
 
-_SURFACES = {"W": ("WG", "wing"), "H": ("HT", "horizontal tail"), "V": ("VT", "vertical tail"), "F": ("VF", "ventral fin")}
+_SURFACES = {
+    "W": ("WG", "wing"),
+    "H": ("HT", "horizontal tail"),
+    "V": ("VT", "vertical tail"),
+    "F": ("VF", "ventral fin"),
+}
 _DIFFERENTIAL_TAIL = 5
 _TYPES = 4  # straight, double delta, cranked, curved
 
 
 def is_special(deck: Deck) -> bool:
-    """Return whether the case is one that needs no aircraft: low aspect ratio wing, hypersonic flap or transverse jet."""
+    """Return whether the case is one that needs no aircraft: low aspect ratio wing, hypersonic flap
+    or transverse jet.
+    """
     return bool({"LARWB", "HYPEFF", "TRNJET"} & deck.namelists.keys())
 
 
 def essentials(deck: Deck) -> Iterator[DeckFinding]:
     """Yield namelists without which the program leaves the case out."""
     if not deck.namelists:
-        yield DeckFinding(deck.line, ERROR, "a case without any namelist; the program has nothing to run")
+        yield DeckFinding(
+            deck.line, ERROR, "a case without any namelist; the program has nothing to run"
+        )
     elif not is_special(deck):
         for name, what in (("FLTCON", "flight conditions"), ("SYNTHS", "synthesis data")):
             if name not in deck.namelists:
-                yield DeckFinding(deck.line, ERROR, f"no ${name} ({what}); the program leaves the case out: add it")
+                yield DeckFinding(
+                    deck.line,
+                    ERROR,
+                    f"no ${name} ({what}); the program leaves the case out: add it",
+                )
     elif "FLTCON" not in deck.namelists:
         yield DeckFinding(deck.line, ERROR, "no $FLTCON (flight conditions): add it")
 
@@ -39,18 +54,36 @@ def surfaces(deck: Deck) -> Iterator[DeckFinding]:
         has_section = section in deck.namelists or letter in deck.sections
         if planform in deck.namelists and not has_section:
             # the program itself tests wing and horizontal tail only
-            severity, what_next = (ERROR, "the program leaves the case out") if letter in "WH" else (WARNING, "the program does not notice")
+            severity, what_next = (
+                (ERROR, "the program leaves the case out")
+                if letter in "WH"
+                else (WARNING, "the program does not notice")
+            )
             text = f"${planform} without section: neither ${section} nor a NACA {letter} card for the {what}; {what_next}"
-            yield DeckFinding(deck.line_of(planform), severity if not is_special(deck) else WARNING, text)
+            yield DeckFinding(
+                deck.line_of(planform), severity if not is_special(deck) else WARNING, text
+            )
         if has_section and planform not in deck.namelists:
             severity = WARNING if letter == "F" or is_special(deck) else ERROR
-            line = deck.line_of(section) if section in deck.namelists else _line_of_section(deck, letter)
+            line = (
+                deck.line_of(section)
+                if section in deck.namelists
+                else _line_of_section(deck, letter)
+            )
             text = f"a section for the {what} without ${planform}"
-            yield DeckFinding(line, severity, text + ("; the program leaves the case out" if severity == ERROR else ""))
+            yield DeckFinding(
+                line,
+                severity,
+                text + ("; the program leaves the case out" if severity == ERROR else ""),
+            )
 
 
 def _line_of_section(deck: Deck, letter: str) -> int:
-    return next(card.line for card in reversed(deck.cards) if card.name == "NACA" and card.text[:1] == letter)
+    return next(
+        card.line
+        for card in reversed(deck.cards)
+        if card.name == "NACA" and card.text[:1] == letter
+    )
 
 
 def planform_types(deck: Deck) -> Iterator[DeckFinding]:
@@ -78,7 +111,11 @@ def references(deck: Deck) -> Iterator[DeckFinding]:
     """Yield reference quantities left to the program; readers that take them from the deck fail."""
     if is_special(deck):
         return
-    what = {"SREF": "theoretical wing area", "CBARR": "theoretical mean chord of the wing", "BLREF": "wing span"}
+    what = {
+        "SREF": "theoretical wing area",
+        "CBARR": "theoretical mean chord of the wing",
+        "BLREF": "wing span",
+    }
     missing = [name for name in what if deck.value("OPTINS", name) is None]
     if missing and "FLTCON" in deck.namelists:
         taken = ", ".join(f"the {what[name]} for {name}" for name in missing)
@@ -98,13 +135,25 @@ def flap_span(deck: Deck) -> Iterator[DeckFinding]:
     side = np.float32(tip) - np.float32(exposed)
     inner = np.float32(deck.value(name, "SPANFI") or 0.0)
     if inner < side:
-        rounding = " (by rounding alone: write a little more)" if float(side) - float(inner) < 1e-5 * tip else ""
+        rounding = (
+            " (by rounding alone: write a little more)"
+            if float(side) - float(inner) < 1e-5 * tip
+            else ""
+        )
         text = f"${name}: SPANFI={inner:g} lies inside the body, which reaches to SSPN - SSPNE = {side:g} of ${surface}{rounding}"
-        yield DeckFinding(deck.line_of(name, "SPANFI"), WARNING, f"{text}; the program prints ERROR and computes with {side:g}: write it")
+        yield DeckFinding(
+            deck.line_of(name, "SPANFI"),
+            WARNING,
+            f"{text}; the program prints ERROR and computes with {side:g}: write it",
+        )
     outer = deck.value(name, "SPANFO")
     if outer is not None and outer > tip * 1.0001:
         text = f"${name}: SPANFO={outer:g} lies beyond the tip, SSPN={tip:g} of ${surface}"
-        hint = "; with a wing and a horizontal tail the program puts the device on the tail" if surface == "HTPLNF" else ""
+        hint = (
+            "; with a wing and a horizontal tail the program puts the device on the tail"
+            if surface == "HTPLNF"
+            else ""
+        )
         yield DeckFinding(deck.line_of(name, "SPANFO"), WARNING, text + hint)
 
 
@@ -121,10 +170,16 @@ def trim(deck: Deck) -> Iterator[DeckFinding]:
         return
     line = next(card.line for card in deck.cards if card.name == "TRIM")
     if "ASYFLP" in deck.namelists:
-        yield DeckFinding(line, WARNING, "TRIM with $ASYFLP: the program does not trim; it needs $SYMFLP, or HINAX of $SYNTHS")
+        yield DeckFinding(
+            line,
+            WARNING,
+            "TRIM with $ASYFLP: the program does not trim; it needs $SYMFLP, or HINAX of $SYNTHS",
+        )
     elif "HTPLNF" not in deck.namelists or deck.value("SYNTHS", "HINAX") is None:
         yield DeckFinding(
-            line, WARNING, "TRIM without device: it needs $SYMFLP, or $HTPLNF with HINAX of $SYNTHS for an all-movable stabilizer"
+            line,
+            WARNING,
+            "TRIM without device: it needs $SYMFLP, or $HTPLNF with HINAX of $SYNTHS for an all-movable stabilizer",
         )
 
 
@@ -132,11 +187,19 @@ def _ground_by_regime(deck: Deck) -> Iterator[DeckFinding]:
     """Yield Mach numbers without pages over ground."""
     machs = deck.schedule("FLTCON", "MACH", "NMACH")
     for regime, severity, effect in (
-        ("supersonic", ERROR, "the program prints no static page at all, and no message; take out $GRNDEF or the Mach number"),
+        (
+            "supersonic",
+            ERROR,
+            "the program prints no static page at all, and no message; take out $GRNDEF or the Mach number",
+        ),
         ("transonic", WARNING, "the program prints the page in free air only"),
     ):
         if found := [f"{mach:g}" for mach in machs if deck.regime(mach) == regime]:
-            yield DeckFinding(deck.line_of("GRNDEF"), severity, f"$GRNDEF at Mach {', '.join(found)} ({regime}): {effect}")
+            yield DeckFinding(
+                deck.line_of("GRNDEF"),
+                severity,
+                f"$GRNDEF at Mach {', '.join(found)} ({regime}): {effect}",
+            )
 
 
 def ground(deck: Deck) -> Iterator[DeckFinding]:
@@ -160,7 +223,11 @@ def ground(deck: Deck) -> Iterator[DeckFinding]:
     if heights:
         yield from _ground_by_regime(deck)
     if heights and deck.dim in DIMENSIONS[1:]:
-        yield DeckFinding(deck.line_of("GRNDEF"), WARNING, f"$GRNDEF with DIM {deck.dim}: the program prints ground heights in feet")
+        yield DeckFinding(
+            deck.line_of("GRNDEF"),
+            WARNING,
+            f"$GRNDEF with DIM {deck.dim}: the program prints ground heights in feet",
+        )
 
 
 def weight(deck: Deck) -> Iterator[DeckFinding]:
@@ -170,4 +237,15 @@ def weight(deck: Deck) -> Iterator[DeckFinding]:
         yield DeckFinding(deck.line_of("FLTCON", "WT"), WARNING, text)
 
 
-RULES = (essentials, surfaces, planform_types, body, references, flap_span, tabs, trim, ground, weight)
+RULES = (
+    essentials,
+    surfaces,
+    planform_types,
+    body,
+    references,
+    flap_span,
+    tabs,
+    trim,
+    ground,
+    weight,
+)

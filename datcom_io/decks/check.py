@@ -1,7 +1,8 @@
-"""Checking an input deck before the run: what the program would reject, and what would make its print misleading.
+"""Checking an input deck before the run: what the program would reject, and what would make its
+print misleading.
 
-The rules follow the program's own tests (source of January 1996: routines CONERR, INPUT, NAMER, CHECK, MAJERR) and the faults
-seen in its prints.
+The rules follow the program's own tests (source of January 1996: routines CONERR, INPUT, NAMER,
+CHECK, MAJERR) and the faults seen in its prints.
 """
 
 from __future__ import annotations
@@ -20,7 +21,9 @@ _DEVICES = {"SYMFLP", "ASYFLP", "GRNDEF", "JETPWR", "PROPWR", "CONTAB"}
 _RULES = (*cards.RULES, *flight.RULES, *aircraft.RULES)
 
 
-def check_deck(deck: DeckFile | Deck | str | os.PathLike[str] | Iterable[Deck]) -> list[DeckFinding]:
+def check_deck(
+    deck: DeckFile | Deck | str | os.PathLike[str] | Iterable[Deck],
+) -> list[DeckFinding]:
     """Return what the program would reject or misread.
 
     Parameters
@@ -65,13 +68,22 @@ def _run(cases: list[Deck]) -> Iterator[DeckFinding]:
     if cases and cases[-1].has("SAVE") and cases[-1].has("NEXT"):
         line = next(card.line for card in reversed(cases[-1].cards) if card.name == "SAVE")
         yield DeckFinding(
-            line, WARNING, "SAVE in the last case, before NEXT CASE: the program runs the saved case once more; take SAVE out"
+            line,
+            WARNING,
+            "SAVE in the last case, before NEXT CASE: the program runs the saved case once more; take SAVE out",
         )
 
 
 def _undamped(cases: list[Deck]) -> Iterator[DeckFinding]:
-    """Without DAMP the program computes no derivatives with rates, of which a database needs those of the whole aeroplane."""
-    whole = [case for case in cases if {"WGPLNF", "HTPLNF", "FLTCON"} <= case.namelists.keys() and not _DEVICES & case.namelists.keys()]
+    """Without DAMP the program computes no derivatives with rates, of which a database needs those
+    of the whole aeroplane.
+    """
+    whole = [
+        case
+        for case in cases
+        if {"WGPLNF", "HTPLNF", "FLTCON"} <= case.namelists.keys()
+        and not _DEVICES & case.namelists.keys()
+    ]
     if whole and not any(case.has("DAMP") for case in whole):
         yield DeckFinding(
             whole[0].line,
@@ -87,4 +99,8 @@ def _drift(cases: list[Deck]) -> Iterator[DeckFinding]:
     conditions = sum(max(1, len(case.conditions())) for case in flapped)
     if conditions > 1:
         text = f"$SYMFLP at {conditions} flight conditions of one run: the program carries a part of D(CM) from one to the next"
-        yield DeckFinding(flapped[0].line_of("SYMFLP"), WARNING, f"{text}; where D(CM) counts, make one run per condition (datcom split)")
+        yield DeckFinding(
+            flapped[0].line_of("SYMFLP"),
+            WARNING,
+            f"{text}; where D(CM) counts, make one run per condition (datcom split)",
+        )

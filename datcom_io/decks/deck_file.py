@@ -1,9 +1,10 @@
 """Reading an input deck (unit 5), plain or with the additions of DATCOM+.
 
-DATCOM+ decks hold comments (``*`` or ``#`` in column 1, ``!`` to the end of the line), blank lines, tabs and long lines, which a
-pre-processor of theirs takes away before the program runs.  They are accepted here and reported: the program alone stumbles over them.
-The pre-processor also repeats DAMP and PART in the cases that SAVE continues, which the program itself does not: so does this reader in
-a deck with comments of DATCOM+ or the suffix ``.dcm``.
+DATCOM+ decks hold comments (``*`` or ``#`` in column 1, ``!`` to the end of the line), blank lines,
+tabs and long lines, which a pre-processor of theirs takes away before the program runs.  They are
+accepted here and reported: the program alone stumbles over them. The pre-processor also repeats
+DAMP and PART in the cases that SAVE continues, which the program itself does not: so does this
+reader in a deck with comments of DATCOM+ or the suffix ``.dcm``.
 """
 
 from __future__ import annotations
@@ -66,8 +67,9 @@ def read_deck(source: str | os.PathLike[str] | Iterable[str]) -> DeckFile:
     Returns
     -------
     DeckFile
-        One `Deck` per case: ``deck.items`` are the cards as written, ``deck.namelists`` and ``deck.cards`` what the program sees
-        with those that SAVE replays.  The last NEXT CASE may be missing.
+        One `Deck` per case: ``deck.items`` are the cards as written, ``deck.namelists`` and
+        ``deck.cards`` what the program sees with those that SAVE replays.  The last NEXT CASE may
+        be missing.
 
     Raises
     ------
@@ -85,7 +87,9 @@ def read_deck(source: str | os.PathLike[str] | Iterable[str]) -> DeckFile:
     >>> deck[0].caseid, deck[0].values("FLTCON", "MACH"), deck.comments
     ('ONE', [0.3], ((1, 'A COMMENT'),))
     """
-    file = os.path.basename(os.fspath(source)) if isinstance(source, str | os.PathLike) else "<text>"
+    file = (
+        os.path.basename(os.fspath(source)) if isinstance(source, str | os.PathLike) else "<text>"
+    )
     kind = file_kind(source) if isinstance(source, str | os.PathLike) else "a text"
     if not kind.startswith(("an input deck", "a text", "a file", "an empty")):
         raise ParseError(file, 0, kind, _DECK)
@@ -113,18 +117,26 @@ def _with_cards_kept(cases: list[Deck], text: _Text) -> list[Deck]:
     """Return the cases with DAMP and PART in every case that SAVE continues from one that has them."""
     kept = cases[:1]
     for case in cases[1:]:
-        cards = [Card(case.line, word, "") for word in _KEPT if kept[-1].has("SAVE") and kept[-1].has(word) and not case.has(word)]
+        cards = [
+            Card(case.line, word, "")
+            for word in _KEPT
+            if kept[-1].has("SAVE") and kept[-1].has(word) and not case.has(word)
+        ]
         if cards:
             words = " and ".join(card.name for card in cards)
             text.report(
-                case.line, NOTE, f"{words} of the case before: DATCOM+ repeats it after SAVE, the program does not; write_deck writes it"
+                case.line,
+                NOTE,
+                f"{words} of the case before: DATCOM+ repeats it after SAVE, the program does not; write_deck writes it",
             )
         kept.append(replace(case, items=(*cards, *case.items), cards=(*case.cards, *cards)))
     return kept
 
 
 def _lines(source: str | os.PathLike[str] | Iterable[str]) -> Iterator[str]:
-    """Yield the lines without their ends; bytes are read as ISO 8859-1, so that any byte in a CASEID survives, or as their mark states."""
+    """Yield the lines without their ends; bytes are read as ISO 8859-1, so that any byte in a
+    CASEID survives, or as their mark states.
+    """
     if isinstance(source, str | os.PathLike):
         raw = read_bytes(source, _DECK)
         encoding, skip = marked_encoding(raw)
@@ -140,7 +152,11 @@ def _add_last(cases: list[Deck], cards: list[tuple[int, str]], text: _Text) -> N
     if last.namelists or not cases:
         cases.append(last)
     else:
-        text.report(cards[0][0], WARNING, "cards after the last NEXT CASE without a namelist: the program does not run them")
+        text.report(
+            cards[0][0],
+            WARNING,
+            "cards after the last NEXT CASE without a namelist: the program does not run them",
+        )
 
 
 class _Text:
@@ -161,7 +177,11 @@ class _Text:
             self.report(number, ERROR, "tab: the program reads columns; write blanks")
             line = line.replace("\t", " ")
         if not line.strip():
-            self.report(number, WARNING, "blank line: the program flags it, and stops at two of them inside a namelist; take it out")
+            self.report(
+                number,
+                WARNING,
+                "blank line: the program flags it, and stops at two of them inside a namelist; take it out",
+            )
             return ""
         if line[0] in "*#":
             return self._comment(number, line[1:])
@@ -177,7 +197,9 @@ class _Text:
     def _comment(self, number: int, text: str) -> str:
         self.comments.append((number, text.strip()))
         self.report(
-            number, ERROR, "comment: only the pre-processor of DATCOM+ takes it away, the program does not run the case; use write_deck"
+            number,
+            ERROR,
+            "comment: only the pre-processor of DATCOM+ takes it away, the program does not run the case; use write_deck",
         )
         return ""
 
@@ -191,7 +213,9 @@ _NAME = re.compile(r"[A-Z][A-Z0-9]{0,9}")
 _CONTINUED = "   "
 
 
-def write_deck(deck: DeckFile | Deck | Iterable[Deck], path: str | os.PathLike[str], *, resolved: bool = False) -> None:
+def write_deck(
+    deck: DeckFile | Deck | Iterable[Deck], path: str | os.PathLike[str], *, resolved: bool = False
+) -> None:
     """Write an input deck atomically (completely or not at all).
 
     Parameters
@@ -206,7 +230,8 @@ def write_deck(deck: DeckFile | Deck | Iterable[Deck], path: str | os.PathLike[s
     Raises
     ------
     SchemaError
-        The deck holds what no card can hold: a name or a text that does not fit, a number that is not finite.
+        The deck holds what no card can hold: a name or a text that does not fit, a number that is
+        not finite.
 
     Notes
     -----
@@ -220,7 +245,11 @@ def write_deck(deck: DeckFile | Deck | Iterable[Deck], path: str | os.PathLike[s
 def deck_text(deck: DeckFile | Deck | Iterable[Deck], *, resolved: bool = False) -> str:
     """Return the text that `write_deck` writes."""
     cases = [deck] if isinstance(deck, Deck) else list(deck)
-    problems = [f"case {number}: {problem}" for number, case in enumerate(cases, 1) for problem in _problems(case)]
+    problems = [
+        f"case {number}: {problem}"
+        for number, case in enumerate(cases, 1)
+        for problem in _problems(case)
+    ]
     if problems:
         raise SchemaError("input deck", problems)
     lines = [line for case in cases for line in (_resolved_case(case) if resolved else _case(case))]
@@ -231,7 +260,9 @@ def _problems(case: Deck) -> Iterator[str]:
     for card in case.cards:
         if not card.text.isprintable() or any(ord(letter) > 255 for letter in card.text):
             yield f"{card.name} holds {card.text!r}; a card holds printable characters of ISO 8859-1"
-        if len(card.text) > (CASEID_COLUMNS if card.name == "CASEID" else CARD_COLUMNS - len(card.name) - 1):
+        if len(card.text) > (
+            CASEID_COLUMNS if card.name == "CASEID" else CARD_COLUMNS - len(card.name) - 1
+        ):
             yield f"{card.name} holds {len(card.text)} characters; they do not fit on one card"
     for name, group in case.namelists.items():
         for word in (name, *group):
@@ -247,7 +278,8 @@ def _case(case: Deck) -> Iterator[str]:
     for item in case.items:
         yield from _item(item)
     ends = case.items and isinstance(case.items[-1], Card) and case.items[-1].name == "NEXT"
-    # without a card behind SAVE the program ends; with NEXT CASE it would run the saved case once more
+    # without a card behind SAVE the program ends; with NEXT CASE it would run the saved case once
+    # more
     if not ends and not case.has("SAVE"):
         yield "NEXT CASE"
 
@@ -261,7 +293,9 @@ def _resolved_case(case: Deck) -> Iterator[str]:
         if card.name not in left_out:
             yield _card(card)
     for name, group in case.namelists.items():
-        yield from _namelist(name, (word for piece in pieces(group) for word in _words(name, piece)))
+        yield from _namelist(
+            name, (word for piece in pieces(group) for word in _words(name, piece))
+        )
     for surface, designation in case.sections.items():
         yield f"NACA {surface} {designation}".rstrip()
     if case.caseid:
@@ -273,7 +307,10 @@ def _item(item: Item) -> Iterator[str]:
     if isinstance(item, Card):
         yield _card(item)
     else:
-        yield from _namelist(item.name, (word for assignment in item.assignments for word in _words(item.name, assignment)))
+        yield from _namelist(
+            item.name,
+            (word for assignment in item.assignments for word in _words(item.name, assignment)),
+        )
 
 
 def _card(card: Card) -> str:
@@ -283,8 +320,16 @@ def _card(card: Card) -> str:
 def _words(name: str, assignment: Assignment) -> Iterator[str]:
     """Yield what may stand on one card: the variable with its first value, then value by value."""
     first, *more = map(value_text, assignment.values)
-    is_array = abs(VARIABLES.get(name, {}).get(assignment.variable, 1)) > 1 or assignment.start > 1 or bool(more)
-    yield f"{assignment.variable}({assignment.start})={first}" if is_array else f"{assignment.variable}={first}"
+    is_array = (
+        abs(VARIABLES.get(name, {}).get(assignment.variable, 1)) > 1
+        or assignment.start > 1
+        or bool(more)
+    )
+    yield (
+        f"{assignment.variable}({assignment.start})={first}"
+        if is_array
+        else f"{assignment.variable}={first}"
+    )
     yield from more
 
 

@@ -1,6 +1,8 @@
-"""The vocabulary of the input deck: namelists with their variables, control cards, spellings and limits.
+"""The vocabulary of the input deck: namelists with their variables, control cards, spellings and
+limits.
 
-Sizes are those of the program's own reader; a value beyond them stops the run.  A size below zero denotes a logical variable.
+Sizes are those of the program's own reader; a value beyond them stops the run.  A size below zero
+denotes a logical variable.
 """
 
 from __future__ import annotations
@@ -45,7 +47,9 @@ _TEXT = {
     "ASYFLP": "STYPE NDELTA SPANFI SPANFO PHETE DELTAL(9) DELTAR(9) CHRDFI CHRDFO DELTAD(9) DELTAS(9) XSOC(9) XSPRME HSOC(9)",
     "CONTAB": "TTYPE CFITC CFOTC BITC BOTC CFITT CFOTT BITT BOTT B1 B2 B3 B4 D1 D2 D3 GCMAX KS RL BGR DELR",
     "GRNDEF": "NGH GRDHT(10)",
-    "LARWB": ("ZB SREF DELTEP SFRONT AR R3LEOB DELTAL L SWET PERBAS SBASE HB BB BLF(-1) XCG THETAD ROUNDN(-1) SBS SBSLB XCENSB XCENW"),
+    "LARWB": (
+        "ZB SREF DELTEP SFRONT AR R3LEOB DELTAL L SWET PERBAS SBASE HB BB BLF(-1) XCG THETAD ROUNDN(-1) SBS SBSLB XCENSB XCENW"
+    ),
     "TRNJET": "NT TIME(10) FC(10) ALPHA(10) LAMNRJ(-10) SPAN PHE ME ISP GP CC LFP",
     "HYPEFF": "ALITD XHL TWOTI CF HNDLTA HDELTA(10) LAMNR(-1)",
 }
@@ -87,11 +91,19 @@ COUNTS: tuple[tuple[str, str, tuple[str, ...], tuple[str, ...]], ...] = (
     ("FLTCON", "NALT", ("ALT", "PINF", "TINF"), ()),
     ("BODY", "NX", ("X", "S", "P", "R"), ("ZU", "ZL")),
     ("GRNDEF", "NGH", ("GRDHT",), ()),
-    ("SYMFLP", "NDELTA", ("DELTA",), ("CPRMEI", "CPRMEO", "CAPINB", "CAPOUT", "DOBDEF", "SCLD", "SCMD", "DELJET", "EFFJET")),
+    (
+        "SYMFLP",
+        "NDELTA",
+        ("DELTA",),
+        ("CPRMEI", "CPRMEO", "CAPINB", "CAPOUT", "DOBDEF", "SCLD", "SCMD", "DELJET", "EFFJET"),
+    ),
     ("ASYFLP", "NDELTA", (), ("DELTAL", "DELTAR", "DELTAD", "DELTAS", "XSOC", "HSOC")),
     ("TRNJET", "NT", ("TIME", "FC"), ("ALPHA", "LAMNRJ")),
     ("HYPEFF", "HNDLTA", ("HDELTA",), ()),
-    *((name, "NPTS", ("XCORD",), ("YUPPER", "YLOWER", "MEAN", "THICK")) for name in ("WGSCHR", "HTSCHR", "VTSCHR", "VFSCHR")),
+    *(
+        (name, "NPTS", ("XCORD",), ("YUPPER", "YLOWER", "MEAN", "THICK"))
+        for name in ("WGSCHR", "HTSCHR", "VTSCHR", "VFSCHR")
+    ),
 )
 """Namelist, variable that counts, arrays that need so many values, arrays that may need them."""
 
@@ -138,7 +150,11 @@ def read_values(text: str) -> tuple[tuple[Value, ...], list[tuple[str, str]]]:
 
 def _read(word: str) -> tuple[Value | None, str, str]:
     if _LOGICAL.fullmatch(word):
-        problem = "" if word in _LOGICAL_FORMS else f"has the value {word}; the program knows .TRUE. and .FALSE. with both points"
+        problem = (
+            ""
+            if word in _LOGICAL_FORMS
+            else f"has the value {word}; the program knows .TRUE. and .FALSE. with both points"
+        )
         return "T" in word[:2], "error", problem
     number = _NUMBER.fullmatch(word)
     if number and (number[1] or number[3]):
@@ -148,13 +164,27 @@ def _read(word: str) -> tuple[Value | None, str, str]:
         if any(_overflows(digits or "") for digits in (number[1], number[3])):
             problem = f"has the value {_short(word)}: too many digits, the program's integers overflow; write {DIGITS} digits"
             return value, "error", problem
-        return value, "warning", "" if number[2] else f"has the value {word} without a point; the program uses it and flags a syntax error"
+        return (
+            value,
+            "warning",
+            ""
+            if number[2]
+            else f"has the value {word} without a point; the program uses it and flags a syntax error",
+        )
     if " " in word:
         joined, severity, problem = _read(word.replace(" ", ""))
-        return joined, severity if problem else "warning", problem or f"has the value {word!r} with a blank in it"
+        return (
+            joined,
+            severity if problem else "warning",
+            problem or f"has the value {word!r} with a blank in it",
+        )
     cell = read_cell(word)
     if cell and cell[1] == OK and abs(cell[0]) <= _LARGEST:
-        return cell[0], "error", f"has the value {word}; the program reads only E exponents in upper case"
+        return (
+            cell[0],
+            "error",
+            f"has the value {word}; the program reads only E exponents in upper case",
+        )
     return None, "error", f"has the value {_short(word)!r}, which is no number"
 
 

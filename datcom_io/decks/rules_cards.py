@@ -1,4 +1,6 @@
-"""Rules of the cards: names, types and sizes that the program's own reader knows.  A fault here stops the whole run."""
+"""Rules of the cards: names, types and sizes that the program's own reader knows.  A fault here
+stops the whole run.
+"""
 
 from __future__ import annotations
 
@@ -15,20 +17,28 @@ _STOPS = "it stops the program"
 
 
 def names(deck: Deck) -> Iterator[DeckFinding]:
-    """Yield namelists and variables that the program does not know, and values of another type or beyond the array."""
+    """Yield namelists and variables that the program does not know, and values of another type or
+    beyond the array.
+    """
     for item in deck.items:
         if not isinstance(item, Namelist):
             continue
         known = VARIABLES.get(item.name)
         if known is None:
             yield DeckFinding(
-                item.line, ERROR, f"unknown namelist ${item.name}{_near(item.name, VARIABLES)}; the program does not run the case"
+                item.line,
+                ERROR,
+                f"unknown namelist ${item.name}{_near(item.name, VARIABLES)}; the program does not run the case",
             )
             continue
         for assignment in item.assignments:
             if assignment.variable not in known:
                 near = _near(assignment.variable, known)
-                yield DeckFinding(assignment.line, ERROR, f"${item.name} has no variable {assignment.variable}{near}; {_STOPS}")
+                yield DeckFinding(
+                    assignment.line,
+                    ERROR,
+                    f"${item.name} has no variable {assignment.variable}{near}; {_STOPS}",
+                )
             else:
                 yield from _sizes(item.name, assignment, known[assignment.variable])
 
@@ -43,7 +53,9 @@ def _sizes(name: str, found: Assignment, size: int) -> Iterator[DeckFinding]:
     last = found.start - 1 + len(found.values)
     if last > abs(size):
         allowed = "one value" if abs(size) == 1 else f"{abs(size)} values"
-        yield DeckFinding(found.line, ERROR, f"{where} is given up to place {last}; it holds {allowed}, {_STOPS}")
+        yield DeckFinding(
+            found.line, ERROR, f"{where} is given up to place {last}; it holds {allowed}, {_STOPS}"
+        )
     logical = size < 0
     if any(isinstance(value, bool) is not logical for value in found.values):
         wanted = ".TRUE. or .FALSE." if logical else "a number"
@@ -56,7 +68,11 @@ def control_cards(deck: Deck) -> Iterator[DeckFinding]:
         if not isinstance(card, Card):
             continue
         if card.name == "DIM" and card.text[:2].strip() not in DIMENSIONS:
-            yield DeckFinding(card.line, ERROR, f"DIM {card.text}: allowed are {', '.join(DIMENSIONS)}; the program does not run the case")
+            yield DeckFinding(
+                card.line,
+                ERROR,
+                f"DIM {card.text}: allowed are {', '.join(DIMENSIONS)}; the program does not run the case",
+            )
         if card.name == "NACA":
             yield from _naca(card)
 
@@ -65,16 +81,32 @@ def _naca(card: Card) -> Iterator[DeckFinding]:
     surface, kind, designation = card.text[:1], card.text[2:3], card.text[4:].strip()
     if surface not in _SURFACES or not surface:
         surfaces = "W wing, H horizontal tail, V vertical tail, F ventral fin"
-        yield DeckFinding(card.line, ERROR, f"NACA {card.text}: surface {surface!r} in column 6; allowed are {surfaces}")
+        yield DeckFinding(
+            card.line,
+            ERROR,
+            f"NACA {card.text}: surface {surface!r} in column 6; allowed are {surfaces}",
+        )
     if kind not in _AIRFOIL_TYPES or not kind:
-        yield DeckFinding(card.line, ERROR, f"NACA {card.text}: type {kind!r} in column 8; allowed are {', '.join(_AIRFOIL_TYPES)}")
+        yield DeckFinding(
+            card.line,
+            ERROR,
+            f"NACA {card.text}: type {kind!r} in column 8; allowed are {', '.join(_AIRFOIL_TYPES)}",
+        )
     if not designation:
-        yield DeckFinding(card.line, ERROR, f"NACA {card.text}: no designation from column 10; write one such as 2412")
+        yield DeckFinding(
+            card.line,
+            ERROR,
+            f"NACA {card.text}: no designation from column 10; write one such as 2412",
+        )
 
 
 def length_of_chain(deck: Deck) -> Iterator[DeckFinding]:
     """Yield a series of SAVE cases that has more namelists than the program can replay."""
-    chain = [item for item in (*deck.replayed, *deck.items) if isinstance(item, Namelist) or item.name == "NACA"]
+    chain = [
+        item
+        for item in (*deck.replayed, *deck.items)
+        if isinstance(item, Namelist) or item.name == "NACA"
+    ]
     count = sum(not item.name.startswith("EXPR") for item in chain)
     if count > MOST_NAMELISTS:
         text = f"{count} namelists and NACA cards in a series of SAVE cases; the program takes {MOST_NAMELISTS}: leave SAVE out once"
@@ -83,11 +115,13 @@ def length_of_chain(deck: Deck) -> Iterator[DeckFinding]:
 
 def devices_written(deck: Deck) -> Iterator[DeckFinding]:
     """Yield control devices that exclude each other in one case."""
-    own = [item for item in deck.items if isinstance(item, Namelist) and item.name in ("SYMFLP", "ASYFLP")]
+    own = [
+        item
+        for item in deck.items
+        if isinstance(item, Namelist) and item.name in ("SYMFLP", "ASYFLP")
+    ]
     if {item.name for item in own} == {"SYMFLP", "ASYFLP"}:
-        text = (
-            f"SYMFLP and ASYFLP in one case: the program drops the first and computes ${own[-1].name}; make a case for each (datcom split)"
-        )
+        text = f"SYMFLP and ASYFLP in one case: the program drops the first and computes ${own[-1].name}; make a case for each (datcom split)"
         yield DeckFinding(own[-1].line, ERROR, text)
     elif len(own) > 1:
         text = f"${own[0].name} {len(own)} times in one case: the values of the last overwrite those before; make a case for each"

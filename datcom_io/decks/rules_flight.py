@@ -20,16 +20,28 @@ def counts(deck: Deck) -> Iterator[DeckFinding]:
         wanted = _count(deck, name, counter)
         line, most = deck.line_of(name, counter), abs(VARIABLES[name][given[0]])
         if wanted is None:
-            yield DeckFinding(line, ERROR, f"${name}: {counter} is not given, {', '.join(given)} is; write how many values count")
+            yield DeckFinding(
+                line,
+                ERROR,
+                f"${name}: {counter} is not given, {', '.join(given)} is; write how many values count",
+            )
         elif wanted != int(wanted) or not 0 < wanted <= most:
-            yield DeckFinding(line, ERROR, f"${name}: {counter}={wanted:g}; allowed are whole numbers from 1 to {most}")
+            yield DeckFinding(
+                line,
+                ERROR,
+                f"${name}: {counter}={wanted:g}; allowed are whole numbers from 1 to {most}",
+            )
         else:
             for array in given:
                 severity = ERROR if array in needed and array != "ALSCHD" else WARNING
-                yield from _filled(deck, name, array, f"{counter}={wanted:g}", int(wanted), severity)
+                yield from _filled(
+                    deck, name, array, f"{counter}={wanted:g}", int(wanted), severity
+                )
 
 
-def _filled(deck: Deck, name: str, array: str, required: str, wanted: int, severity: str) -> Iterator[DeckFinding]:
+def _filled(
+    deck: Deck, name: str, array: str, required: str, wanted: int, severity: str
+) -> Iterator[DeckFinding]:
     values = deck.namelists[name][array]
     line = deck.line_of(name, array)
     missing = [i + 1 for i, value in enumerate(values[:wanted]) if value is None]
@@ -39,15 +51,27 @@ def _filled(deck: Deck, name: str, array: str, required: str, wanted: int, sever
             text += ", prints NDM for these angles, and interpolates wrongly at the others unless all are below zero: correct NALPHA"
         yield DeckFinding(line, severity, text)
     elif missing:
-        yield DeckFinding(line, severity, f"${name}: {array} has no value at place {missing[0]}; the program takes it as 1E-30")
+        yield DeckFinding(
+            line,
+            severity,
+            f"${name}: {array} has no value at place {missing[0]}; the program takes it as 1E-30",
+        )
     elif len(values) > wanted:
-        yield DeckFinding(line, NOTE, f"${name}: {array} has {len(values)} values, {required}; the rest is not used")
+        yield DeckFinding(
+            line,
+            NOTE,
+            f"${name}: {array} has {len(values)} values, {required}; the rest is not used",
+        )
 
 
 def _count(deck: Deck, name: str, counter: str) -> float | None:
     """Return a count; NALT may be missing when Mach number and altitude step together."""
     number = deck.value(name, counter)
-    return deck.value(name, "NMACH") if number is None and counter == "NALT" and deck.loop == 1 else number
+    return (
+        deck.value(name, "NMACH")
+        if number is None and counter == "NALT" and deck.loop == 1
+        else number
+    )
 
 
 def essentials(deck: Deck) -> Iterator[DeckFinding]:
@@ -55,19 +79,31 @@ def essentials(deck: Deck) -> Iterator[DeckFinding]:
     if "FLTCON" not in deck.namelists:
         return
     line = deck.line_of("FLTCON")
-    if not deck.values("FLTCON", "ALSCHD") and "TRNJET" not in deck.namelists:  # the page of a transverse jet needs none
+    if (
+        not deck.values("FLTCON", "ALSCHD") and "TRNJET" not in deck.namelists
+    ):  # the page of a transverse jet needs none
         yield DeckFinding(
-            line, ERROR, "$FLTCON: no angles of attack, so the tables have no row with a number; write NALPHA and ALSCHD(1)=..."
+            line,
+            ERROR,
+            "$FLTCON: no angles of attack, so the tables have no row with a number; write NALPHA and ALSCHD(1)=...",
         )
     if deck.value("FLTCON", "MACH") is None and deck.value("FLTCON", "VINF") is None:
-        yield DeckFinding(line, ERROR, "$FLTCON: no speed, neither MACH nor VINF; the program leaves the case out")
+        yield DeckFinding(
+            line, ERROR, "$FLTCON: no speed, neither MACH nor VINF; the program leaves the case out"
+        )
     loop = deck.value("FLTCON", "LOOP")
     if loop not in (None, 1.0, 2.0, 3.0):
         yield DeckFinding(
-            deck.line_of("FLTCON", "LOOP"), WARNING, f"$FLTCON: LOOP={loop:g}; allowed are 1, 2, 3, the program takes the nearest"
+            deck.line_of("FLTCON", "LOOP"),
+            WARNING,
+            f"$FLTCON: LOOP={loop:g}; allowed are 1, 2, 3, the program takes the nearest",
         )
     if deck.loop > 1 and deck.value("FLTCON", "NALT") is None and _has_atmosphere(deck):
-        yield DeckFinding(line, ERROR, f"$FLTCON: LOOP={deck.loop} and no NALT, so there is no flight condition; write NALT")
+        yield DeckFinding(
+            line,
+            ERROR,
+            f"$FLTCON: LOOP={deck.loop} and no NALT, so there is no flight condition; write NALT",
+        )
 
 
 def _has_atmosphere(deck: Deck) -> bool:
@@ -76,29 +112,43 @@ def _has_atmosphere(deck: Deck) -> bool:
 
 
 def atmosphere(deck: Deck) -> Iterator[DeckFinding]:
-    """Yield combinations of speed, atmosphere and Reynolds number that the program completes by itself."""
+    """Yield combinations of speed, atmosphere and Reynolds number that the program completes by
+    itself.
+    """
     if "FLTCON" not in deck.namelists:
         return
-    mach, speed, reynolds = (deck.value("FLTCON", name) is not None for name in ("MACH", "VINF", "RNNUB"))
+    mach, speed, reynolds = (
+        deck.value("FLTCON", name) is not None for name in ("MACH", "VINF", "RNNUB")
+    )
     air = _has_atmosphere(deck)
     line = deck.line_of("FLTCON")
     if not air and not reynolds:
         text = "$FLTCON: neither altitude nor PINF with TINF nor RNNUB; the program takes the Reynolds number 5E6 per unit length"
         yield DeckFinding(line, ERROR, f"{text} and prints ERROR: write ALT")
     if not air and speed and not mach:
-        yield DeckFinding(line, ERROR, "$FLTCON: VINF without atmosphere; the program takes 1000 ft/s as speed of sound: write ALT or MACH")
+        yield DeckFinding(
+            line,
+            ERROR,
+            "$FLTCON: VINF without atmosphere; the program takes 1000 ft/s as speed of sound: write ALT or MACH",
+        )
     if mach and speed:
         yield DeckFinding(
-            deck.line_of("FLTCON", "VINF"), WARNING, "$FLTCON: MACH and VINF; the program uses MACH and overwrites VINF: write one"
+            deck.line_of("FLTCON", "VINF"),
+            WARNING,
+            "$FLTCON: MACH and VINF; the program uses MACH and overwrites VINF: write one",
         )
     if speed and not mach and deck.sections:
         text = "VINF with a NACA card: some builds hang; write MACH, or the section characteristics"
         yield DeckFinding(deck.line_of("FLTCON", "VINF"), ERROR, text)
     if not air and deck.loop > 1:
         yield DeckFinding(
-            line, ERROR, f"$FLTCON: LOOP={deck.loop} without atmosphere; the program takes LOOP=1 and prints ERROR: write ALT"
+            line,
+            ERROR,
+            f"$FLTCON: LOOP={deck.loop} without atmosphere; the program takes LOOP=1 and prints ERROR: write ALT",
         )
-    has_pressure = deck.value("FLTCON", "PINF") is not None and deck.value("FLTCON", "TINF") is not None
+    has_pressure = (
+        deck.value("FLTCON", "PINF") is not None and deck.value("FLTCON", "TINF") is not None
+    )
     if has_pressure and deck.value("FLTCON", "ALT") is not None:
         text = "$FLTCON: ALT and PINF with TINF; the program computes with PINF and TINF and prints ALT: write one"
         yield DeckFinding(deck.line_of("FLTCON", "ALT"), WARNING, text)
@@ -109,7 +159,9 @@ def pairs(deck: Deck) -> Iterator[DeckFinding]:
     machs, heights = deck.value("FLTCON", "NMACH"), deck.value("FLTCON", "NALT")
     if deck.loop == 1 and _has_atmosphere(deck) and machs and heights and machs != heights:
         text = f"$FLTCON: LOOP=1, NMACH={machs:g} and NALT={heights:g}; the program takes the smaller of both and prints ERROR"
-        yield DeckFinding(deck.line_of("FLTCON", "NALT"), ERROR, f"{text}: make them equal, or write LOOP=2")
+        yield DeckFinding(
+            deck.line_of("FLTCON", "NALT"), ERROR, f"{text}: make them equal, or write LOOP=2"
+        )
 
 
 def angles(deck: Deck) -> Iterator[DeckFinding]:

@@ -1,4 +1,6 @@
-"""Other files of Digital DATCOM and its neighbours: plot files, CSV of DATCOM+, the MATLAB structure."""
+"""Other files of Digital DATCOM and its neighbours: plot files, CSV of DATCOM+, the MATLAB
+structure.
+"""
 
 from flightmech.support.imports import attach_stub
 

@@ -1,4 +1,6 @@
-"""Files that accompany the print file, recognised by their content: plot files, MAT files, CSV of DATCOM+."""
+"""Files that accompany the print file, recognised by their content: plot files, MAT files, CSV of
+DATCOM+.
+"""
 
 from __future__ import annotations
 
@@ -24,8 +26,11 @@ _HEAD = 4096
 _CSV_HEADING = re.compile(r"^ *(?:Alpha|Delta\w+) *, *[A-Za-z]\w* *,? *$", re.MULTILINE)
 
 
-def read_other(path: str | os.PathLike[str], deriv: Literal["DEG", "RAD"] | None) -> xr.DataTree | None:
-    """Return the tree of a file that is no print file: unit 13, unit 14, MAT, or CSV of DATCOM+ with its card DERIV; else None.
+def read_other(
+    path: str | os.PathLike[str], deriv: Literal["DEG", "RAD"] | None
+) -> xr.DataTree | None:
+    """Return the tree of a file that is no print file: unit 13, unit 14, MAT, or CSV of DATCOM+
+    with its card DERIV; else None.
 
     Raises
     ------
@@ -68,23 +73,32 @@ def contents(tree: xr.DataTree) -> list[dict[str, Any]]:
         flags: Counter[str] = Counter()
         for name in names:
             if f"{name}_flag" in found:
-                codes = np.bincount(found[f"{name}_flag"].values.ravel(), minlength=len(FLAGS)).tolist()
+                codes = np.bincount(
+                    found[f"{name}_flag"].values.ravel(), minlength=len(FLAGS)
+                ).tolist()
                 flags.update({FLAGS[code]: count for code, count in enumerate(codes) if count})
         rows.append(
             {
                 "case": leaf.path.strip("/").rpartition("/")[0],
                 "leaf": leaf.name,
-                "sizes": {str(dim): size for dim, size in found.sizes.items() if dim in found.coords},
+                "sizes": {
+                    str(dim): size for dim, size in found.sizes.items() if dim in found.coords
+                },
                 "variables": names,
                 "numbers": sum(flags[FLAGS[code]] for code in _NUMBERS),
-                "missing": {name: count for name, count in flags.items() if name not in {FLAGS[code] for code in _NUMBERS}},
+                "missing": {
+                    name: count
+                    for name, count in flags.items()
+                    if name not in {FLAGS[code] for code in _NUMBERS}
+                },
             }
         )
     return rows
 
 
 def plot_case(listing: Listing, case: Case, plot: xr.DataTree) -> xr.DataTree | None:
-    """Return the case in the plot file of its run, None without card PLOT: the cases that have the card stand there in order.
+    """Return the case in the plot file of its run, None without card PLOT: the cases that have the
+    card stand there in order.
 
     Raises
     ------
@@ -95,6 +109,12 @@ def plot_case(listing: Listing, case: Case, plot: xr.DataTree) -> xr.DataTree | 
     if len(plotted) != len(plot.children):
         raise SchemaError(
             f"{plot.attrs.get('file')} is not the plot file of {listing.file}",
-            [f"cases in the plot file: {len(plot.children)}; cases with card PLOT in the listing: {len(plotted)}"],
+            [
+                f"cases in the plot file: {len(plot.children)}; cases with card PLOT in the listing: {len(plotted)}"
+            ],
         )
-    return list(plot.children.values())[plotted.index(case.ordinal)] if case.ordinal in plotted else None
+    return (
+        list(plot.children.values())[plotted.index(case.ordinal)]
+        if case.ordinal in plotted
+        else None
+    )

@@ -17,7 +17,13 @@ from datcom_io.exchange.matlab_fields import BUILD, MISSING, Field, Units, dimen
 from datcom_io.listing import Case, Listing
 from flightmech.support.atomic_write import written_atomically
 
-_SURFACES = {"body": "BODY", "wing": "WGPLNF", "htail": "HTPLNF", "vtail": "VTPLNF", "vfin": "VFPLNF"}
+_SURFACES = {
+    "body": "BODY",
+    "wing": "WGPLNF",
+    "htail": "HTPLNF",
+    "vtail": "VTPLNF",
+    "vfin": "VFPLNF",
+}
 _UPRIGHT = frozenset(("fin", "panels"))
 _NUMBER = (OK, FILLED, SUSPECT)
 _NOT_THERE = (ABSENT, BLANK)
@@ -29,7 +35,9 @@ _NO_FIELD = (
 
 
 class Grid(NamedTuple):
-    """Mach numbers, altitudes [unit of the deck], how they step, and index of both for every flight condition in order."""
+    """Mach numbers, altitudes [unit of the deck], how they step, and index of both for every flight
+    condition in order.
+    """
 
     machs: list[float]
     alts: list[float]
@@ -37,17 +45,20 @@ class Grid(NamedTuple):
     places: list[tuple[int, int]]
 
 
-def write_matlab(listing: Listing, path: str | os.PathLike[str], *, usenan: bool = True) -> list[str]:
+def write_matlab(
+    listing: Listing, path: str | os.PathLike[str], *, usenan: bool = True
+) -> list[str]:
     """Write a listing as the structure that MATLAB's ``datcomimport`` returns.
 
     Parameters
     ----------
     listing : Listing
     path : path
-        MAT file (version 5) to write atomically: variable ``aero``, a cell array with one structure per case, and
-        ``history``, a text that states what was done and what was left out.
+        MAT file (version 5) to write atomically: variable ``aero``, a cell array with one structure
+        per case, and ``history``, a text that states what was done and what was left out.
     usenan : bool
-        NaN, otherwise 0, where the program prints NDM, NA or no number.  A place without a page holds 99999.
+        NaN, otherwise 0, where the program prints NDM, NA or no number.  A place without a page
+        holds 99999.
 
     Returns
     -------
@@ -67,28 +78,50 @@ def write_matlab(listing: Listing, path: str | os.PathLike[str], *, usenan: bool
         left_out += [f"{case.name}: {text}" for text in lost]
     if listing.unparsed:
         left_out.append(f"{len(listing.unparsed)} pages that are located only")
-    history = "\n".join([f"written from {listing.file} by aeromatch; constant columns stand in every row; left out:", *left_out])
+    history = "\n".join(
+        [
+            f"written from {listing.file} by aeromatch; constant columns stand in every row; left out:",
+            *left_out,
+        ]
+    )
     with written_atomically(path) as part:
-        savemat(part, {"aero": cells, "history": history}, appendmat=False, format="5", long_field_names=True, oned_as="row")
+        savemat(
+            part,
+            {"aero": cells, "history": history},
+            appendmat=False,
+            format="5",
+            long_field_names=True,
+            oned_as="row",
+        )
     return left_out
 
 
 def structure(case: Case, *, usenan: bool = True) -> tuple[dict[str, Any], list[str]]:
     """Return the structure of one case as a dict, and what it has no room for."""
     tree = case.to_datatree()
-    units = Units(case.deck.dim, case.deck.deriv, "psi" if case.deck.values("FLTCON", "PINF") else "psf")
+    units = Units(
+        case.deck.dim, case.deck.deriv, "psi" if case.deck.values("FLTCON", "PINF") else "psf"
+    )
     grid = _grid(case, tree, units)
     clean = [leaf for name, leaf in tree.children.items() if name in ("static", "dynamic")]
-    build = 10 if case.deck.has("BUILD") or any("configuration" in leaf.dims for leaf in clean) else 1
+    build = (
+        10 if case.deck.has("BUILD") or any("configuration" in leaf.dims for leaf in clean) else 1
+    )
     found, lost = _scalars(case, tree, grid, build, units), _Lost(tree, grid)
     device = "delta_e" if control_surface(case.deck) == "tail" else "delta_f"
     arrays = _Arrays(grid, build, device, _deltas(case.deck), units, usenan, lost)
     for field in fields(int(case.deck.value("ASYFLP", "STYPE") or 0)):
         leaf = tree.children.get(field.leaf)
-        quantity = "CF_stick" if leaf is not None and field.name == "fc_con" and "CF_stick" in leaf else field.quantity
+        quantity = (
+            "CF_stick"
+            if leaf is not None and field.name == "fc_con" and "CF_stick" in leaf
+            else field.quantity
+        )
         if leaf is None or quantity not in leaf.variables:
             continue
-        field = field._replace(quantity=quantity, units="1" if quantity == "CF_stick" else field.units)
+        field = field._replace(
+            quantity=quantity, units="1" if quantity == "CF_stick" else field.units
+        )
         array = arrays.array(field, leaf.to_dataset(inherit=False))
         if array is not None:
             found[field.name] = _trimmed(array)
@@ -96,7 +129,9 @@ def structure(case: Case, *, usenan: bool = True) -> tuple[dict[str, Any], list[
 
 
 def _grid(case: Case, tree: xr.DataTree, units: Units) -> Grid:
-    """Return where each flight condition stands: by the input cards, or as pairs where they do not state it."""
+    """Return where each flight condition stands: by the input cards, or as pairs where they do not
+    state it.
+    """
     deck = case.deck
     leaf = next((leaf for leaf in tree.children.values() if "condition" in leaf.dims), None)
     schedule = deck.conditions()
@@ -192,7 +227,10 @@ def _deltas(deck: Deck) -> list[float]:
 
 def _alphas(tree: xr.DataTree) -> list[float]:
     """Return printed angles of attack of a case without cards. [deg]"""
-    leaf = next((leaf.to_dataset(inherit=False) for leaf in tree.children.values() if "alpha" in leaf.dims), None)
+    leaf = next(
+        (leaf.to_dataset(inherit=False) for leaf in tree.children.values() if "alpha" in leaf.dims),
+        None,
+    )
     return [] if leaf is None else np.round(np.rad2deg(leaf["alpha"].values), 9).tolist()
 
 
@@ -223,7 +261,11 @@ class _Arrays(NamedTuple):
                 return None
         leaf = self._of_the_cards(leaf, field.leaf)
         value = leaf[field.quantity]
-        flag = leaf[f"{field.quantity}_flag"] if f"{field.quantity}_flag" in leaf else xr.zeros_like(value, dtype=np.uint8)
+        flag = (
+            leaf[f"{field.quantity}_flag"]
+            if f"{field.quantity}_flag" in leaf
+            else xr.zeros_like(value, dtype=np.uint8)
+        )
         if "power" in value.dims:
             kept = next((i for i, name in enumerate(leaf["power"].values) if name == "off"), 0)
             self.lost.power(field.leaf, leaf["power"].values.tolist(), kept)
@@ -237,25 +279,37 @@ class _Arrays(NamedTuple):
         printed = numbers if field.units == "text" else self._as_printed(field, numbers, flags)
         if "build" in others:
             names = np.atleast_1d(leaf["configuration"].values).tolist()
-            self.lost.more |= {f"the words TWIN VERTICAL PANEL in configuration {name}" for name in names if "panels" in parts(name)}
+            self.lost.more |= {
+                f"the words TWIN VERTICAL PANEL in configuration {name}"
+                for name in names
+                if "panels" in parts(name)
+            }
             if self.build == len(BUILD):
-                printed = _along_build(printed, others.index("build") + 1, names, field.leaf, self.lost)
+                printed = _along_build(
+                    printed, others.index("build") + 1, names, field.leaf, self.lost
+                )
         out = self._over_grid(printed, leaf, field)
         order = ["mach", "alt", *others]
         if "alt" not in field.axes:
             there = [j for j in range(out.shape[1]) if (out[:, j] != MISSING).any()]
-            self.lost.more |= {f"leaf {field.leaf} at altitude {self.grid.alts[j]:g}" for j in there[1:]}
+            self.lost.more |= {
+                f"leaf {field.leaf} at altitude {self.grid.alts[j]:g}" for j in there[1:]
+            }
             out = out[:, there[0] if there else 0]
             order.remove("alt")
         return out.transpose([order.index(axis) for axis in field.axes])
 
     def _of_the_cards(self, leaf: xr.Dataset, name: str) -> xr.Dataset:
-        """Return a leaf with the deflections of the cards: the structure has no room for the clean page of a run in ground effect."""
+        """Return a leaf with the deflections of the cards: the structure has no room for the clean
+        page of a run in ground effect.
+        """
         if self.device not in leaf.dims or leaf.sizes[self.device] <= max(len(self.deltas), 1):
             return leaf
         printed = np.round(np.rad2deg(leaf[self.device].values), 6)
         kept = np.isin(printed, np.round(self.deltas, 6))
-        self.lost.more |= {f"{self.device} {angle:g} deg of leaf {name}" for angle in printed[~kept]}
+        self.lost.more |= {
+            f"{self.device} {angle:g} deg of leaf {name}" for angle in printed[~kept]
+        }
         return leaf.isel({self.device: kept})
 
     def _as_printed(self, field: Field, numbers: np.ndarray, flags: np.ndarray) -> np.ndarray:
@@ -269,23 +323,35 @@ class _Arrays(NamedTuple):
         out = np.full(shape, empty, object if field.units == "text" else float)
         for k, place in enumerate(self._places(leaf)):
             if place is None:
-                self.lost.more.add(f"condition {k} of leaf {field.leaf}: its Mach number and altitude are not those of the cards")
+                self.lost.more.add(
+                    f"condition {k} of leaf {field.leaf}: its Mach number and altitude are not those of the cards"
+                )
             else:
                 out[place] = printed[k]
         return out
 
     def _places(self, leaf: xr.Dataset) -> list[tuple[int, int] | None]:
-        """Return the place of each condition of a leaf: all leaves have those of the case, but for special pages."""
+        """Return the place of each condition of a leaf: all leaves have those of the case, but for
+        special pages.
+        """
         if leaf.sizes["condition"] == len(self.grid.places):
             return list(self.grid.places)
-        known = {(self.grid.machs[i], round(self.grid.alts[j], 6) if self.grid.alts else None): (i, j) for i, j in self.grid.places}
+        known = {
+            (self.grid.machs[i], round(self.grid.alts[j], 6) if self.grid.alts else None): (i, j)
+            for i, j in self.grid.places
+        }
         heights = np.round(leaf["h"].values / self.units.factor("length"), 6).tolist()
         machs = leaf["mach"].values.tolist()
-        return [known.get((mach, height if self.grid.alts else None)) for mach, height in zip(machs, heights)]
+        return [
+            known.get((mach, height if self.grid.alts else None))
+            for mach, height in zip(machs, heights)
+        ]
 
 
 def _with_dims(item: xr.DataArray, dims: list[str], count: int) -> np.ndarray:
-    """Return an array with its dimensions in order, those it does not have with length one; a value for all conditions repeated."""
+    """Return an array with its dimensions in order, those it does not have with length one; a value
+    for all conditions repeated.
+    """
     found = item.expand_dims([dim for dim in dims if dim not in item.dims]).transpose(*dims).values
     return found if "condition" in item.dims else np.repeat(found, count, axis=0)
 
@@ -298,7 +364,9 @@ def slot(configuration: str) -> int | None:
     return BUILD.index(made_of) if made_of in BUILD else None
 
 
-def _along_build(numbers: np.ndarray, axis: int, names: list[str], leaf: str, lost: _Lost) -> np.ndarray:
+def _along_build(
+    numbers: np.ndarray, axis: int, names: list[str], leaf: str, lost: _Lost
+) -> np.ndarray:
     shape = list(numbers.shape)
     shape[axis] = len(BUILD)
     out, used = np.moveaxis(np.full(shape, MISSING), axis, 0), set()
@@ -333,11 +401,19 @@ class _Lost:
         """Count the flags of a field that is written."""
         self.written.add((field.leaf, field.quantity))
         codes = np.bincount(flags.ravel(), minlength=len(FLAGS))
-        self.flag_counts.update({FLAGS[code]: int(count) for code, count in enumerate(codes) if count and code not in (OK, ABSENT)})
+        self.flag_counts.update(
+            {
+                FLAGS[code]: int(count)
+                for code, count in enumerate(codes)
+                if count and code not in (OK, ABSENT)
+            }
+        )
 
     def power(self, leaf: str, settings: list[str], kept: int) -> None:
         """Note the pages with another power setting."""
-        self.more |= {f"{leaf} pages with power {name}" for i, name in enumerate(settings) if i != kept}
+        self.more |= {
+            f"{leaf} pages with power {name}" for i, name in enumerate(settings) if i != kept
+        }
 
     def texts(self) -> list[str]:
         """Return one line for each thing left out."""
@@ -346,18 +422,31 @@ class _Lost:
             names = [str(key) for key in leaf.data_vars if not str(key).endswith("_flag")]
             without = [key for key in names if (name, key) not in self.written]
             if without:
-                found.append(f"leaf {name}" if len(without) == len(names) else f"leaf {name}: {' '.join(without)}")
-        found += [f"configuration {name} of {' and '.join(sorted(leaves))}" for name, leaves in self.configurations.items()]
+                found.append(
+                    f"leaf {name}"
+                    if len(without) == len(names)
+                    else f"leaf {name}: {' '.join(without)}"
+                )
+        found += [
+            f"configuration {name} of {' and '.join(sorted(leaves))}"
+            for name, leaves in self.configurations.items()
+        ]
         found += sorted(self.more)
         found += [
-            f"leaf tabs: whether fc_con is {name}" for leaf, name in self.written if leaf == "tabs" and name in ("F_stick", "CF_stick")
+            f"leaf tabs: whether fc_con is {name}"
+            for leaf, name in self.written
+            if leaf == "tabs" and name in ("F_stick", "CF_stick")
         ]
         if self.flag_counts:
-            counts = ", ".join(f"{count} {name}" for name, count in sorted(self.flag_counts.items()))
+            counts = ", ".join(
+                f"{count} {name}" for name, count in sorted(self.flag_counts.items())
+            )
             found.append(f"which cells are what: {counts}")
         if "jet" in self.tree.children and "alpha" in self.tree["jet"].coords:
             found.append("leaf jet: the angle of attack at each time")
         for name, values in (("mach", self.grid.machs), ("alt", self.grid.alts)):
             if not (np.diff(values) > 0).all():
-                found.append(f"(nothing lost) {name} does not rise, as Simulink's block wants it to")
+                found.append(
+                    f"(nothing lost) {name} does not rise, as Simulink's block wants it to"
+                )
         return found

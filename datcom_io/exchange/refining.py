@@ -1,7 +1,8 @@
 """Printed numbers made finer by those of the plot file, each checked against the print first.
 
-The print gives CD, CL, CN and CA three decimals, so at small angles of attack five per cent of CD are lost; the plot file has
-five significant digits.  A number is taken only where it rounds to the printed one.
+The print gives CD, CL, CN and CA three decimals, so at small angles of attack five per cent of CD
+are lost; the plot file has five significant digits.  A number is taken only where it rounds to the
+printed one.
 """
 
 from __future__ import annotations
@@ -16,7 +17,16 @@ from datcom_io.cells import FILLED, is_number
 from flightmech.errors import SchemaError
 from flightmech.units import DEGREE
 
-_DECIMALS = {"CD": 3, "CL": 3, "Cm": 4, "CN": 3, "CA": 3, "q_ratio": 3, "epsilon": 3, "epsilon_alpha": 3}
+_DECIMALS = {
+    "CD": 3,
+    "CL": 3,
+    "Cm": 4,
+    "CN": 3,
+    "CA": 3,
+    "q_ratio": 3,
+    "epsilon": 3,
+    "epsilon_alpha": 3,
+}
 _DECIMALS |= {"dCL": 3, "dCm": 4, "dCLmax": 3, "dCDmin": 5}
 _DIGITS = {"dCDi": 3}  # significant ones; four in all other columns
 _ROUNDING = 1e-9  # of the unit conversions, in half units
@@ -36,9 +46,10 @@ def refine(tree: xr.DataTree, plot: xr.DataTree) -> xr.DataTree:
     Returns
     -------
     DataTree
-        A new tree.  In ``static``, ``downwash`` and ``symflp`` every number of a page in free air, without power and
-        deflection, that the plot file has too is the finer one; attribute ``refined`` of each variable states how many and from
-        where.  Flags, missing numbers and all else stay as printed.
+        A new tree.  In ``static``, ``downwash`` and ``symflp`` every number of a page in free air,
+        without power and deflection, that the plot file has too is the finer one; attribute
+        ``refined`` of each variable states how many and from where.  Flags, missing numbers and all
+        else stay as printed.
 
     Raises
     ------
@@ -58,15 +69,22 @@ def refine(tree: xr.DataTree, plot: xr.DataTree) -> xr.DataTree:
             faults = _axes(name, leaves[name], written)
             if not faults:
                 per_degree = name == "symflp" or tree.attrs.get("deriv") == "DEG"
-                leaves[name], faults = _refined(leaves[name], written, str(plot.attrs.get("file")), per_degree)
+                leaves[name], faults = _refined(
+                    leaves[name], written, str(plot.attrs.get("file")), per_degree
+                )
             problems += faults
     if problems:
-        raise SchemaError(f"{plot.attrs.get('file')} is not the plot file of {tree.attrs.get('file')}: {tree.attrs.get('case')}", problems)
+        raise SchemaError(
+            f"{plot.attrs.get('file')} is not the plot file of {tree.attrs.get('file')}: {tree.attrs.get('case')}",
+            problems,
+        )
     return xr.DataTree.from_dict({"/": tree.to_dataset(inherit=False), **leaves}, name=tree.name)
 
 
 def _with_angles(written: xr.Dataset, printed: xr.Dataset) -> xr.Dataset:
-    """Return a leaf of the plot file without angles that NALPHA counts and the cards do not give, where the print has no row for them."""
+    """Return a leaf of the plot file without angles that NALPHA counts and the cards do not give,
+    where the print has no row for them.
+    """
     if written.sizes.get("alpha") == printed.sizes.get("alpha") or "alpha" not in written.dims:
         return written
     return written.isel(alpha=np.flatnonzero(np.isfinite(written["alpha"].values)))
@@ -80,7 +98,9 @@ def _axes(name: str, printed: xr.Dataset, written: xr.Dataset) -> list[str]:
         a, b = printed[axis].values, written[axis].values
         if axis == "mach" and a.shape == b.shape and np.isnan(b).all():
             continue  # speeds given by VINF: the file has no Mach number
-        tolerance = 0.011 * DEGREE if axis == "delta" else 1e-4  # zero is written as 0.01 deg; five digits else
+        tolerance = (
+            0.011 * DEGREE if axis == "delta" else 1e-4
+        )  # zero is written as 0.01 deg; five digits else
         if a.shape != b.shape or not np.allclose(a, b, rtol=1e-4, atol=tolerance, equal_nan=True):
             found.append(f"{name}: {axis} is {_list(a)} in the print, {_list(b)} in the plot file")
     return found
@@ -90,18 +110,31 @@ def _list(values: np.ndarray) -> str:
     return " ".join(f"{value:.5g}" for value in values.tolist())
 
 
-def _refined(printed: xr.Dataset, written: xr.Dataset, file: str, per_degree: bool) -> tuple[xr.Dataset, list[str]]:
+def _refined(
+    printed: xr.Dataset, written: xr.Dataset, file: str, per_degree: bool
+) -> tuple[xr.Dataset, list[str]]:
     """Return a leaf with finer numbers, and the faults found."""
     finer, faults = printed.copy(deep=True), []
-    for name in (str(name) for name in written.data_vars if not str(name).endswith("_flag") and name in printed):
+    for name in (
+        str(name)
+        for name in written.data_vars
+        if not str(name).endswith("_flag") and name in printed
+    ):
         taken = 0
         for place, source in _places(printed, written):
             dims = printed[name][place].dims
             old, old_flag = (printed[key][place].values for key in (name, f"{name}_flag"))
-            new, new_flag = (written[key].isel(source).transpose(*dims).values for key in (name, f"{name}_flag"))
-            same = (is_number(old_flag) & is_number(new_flag)) | ((old_flag == FILLED) & (new_flag == FILLED))
+            new, new_flag = (
+                written[key].isel(source).transpose(*dims).values for key in (name, f"{name}_flag")
+            )
+            same = (is_number(old_flag) & is_number(new_flag)) | (
+                (old_flag == FILLED) & (new_flag == FILLED)
+            )
             scale = _to_print(name, written[name].attrs, per_degree)
-            differing = same & ~(np.abs(old - new) * scale <= _half_units(name, old, new, scale, _to_file(name, written[name].attrs)))
+            differing = same & ~(
+                np.abs(old - new) * scale
+                <= _half_units(name, old, new, scale, _to_file(name, written[name].attrs))
+            )
             faults += [
                 f"{name} is {old[at] * scale:.6g} in the print, {new[at] * scale:.6g} in the plot file"
                 + "".join(f", {dim} {i}" for dim, i in zip(dims, at))
@@ -114,10 +147,19 @@ def _refined(printed: xr.Dataset, written: xr.Dataset, file: str, per_degree: bo
     return finer, faults
 
 
-def _places(printed: xr.Dataset, written: xr.Dataset) -> list[tuple[dict[Any, Any], dict[Any, Any]]]:
-    """Return where the clean pages of each configuration stand in the printed leaf, and where in the plot file."""
+def _places(
+    printed: xr.Dataset, written: xr.Dataset
+) -> list[tuple[dict[Any, Any], dict[Any, Any]]]:
+    """Return where the clean pages of each configuration stand in the printed leaf, and where in
+    the plot file.
+    """
     clean: dict[str, Any] = {}
-    for axis, value in (("power", "off"), ("ground_height", np.inf), ("delta_e", 0.0), ("delta_f", 0.0)):
+    for axis, value in (
+        ("power", "off"),
+        ("ground_height", np.inf),
+        ("delta_e", 0.0),
+        ("delta_f", 0.0),
+    ):
         if axis not in printed.coords:
             continue
         at = np.flatnonzero(np.atleast_1d(printed[axis].values) == value)
@@ -125,9 +167,14 @@ def _places(printed: xr.Dataset, written: xr.Dataset) -> list[tuple[dict[Any, An
             return []
         if axis in printed.dims:
             clean[axis] = int(at[0])
-    if "configuration" not in written.dims:  # the one downwash table belongs to every page that has one
+    if (
+        "configuration" not in written.dims
+    ):  # the one downwash table belongs to every page that has one
         count = printed.sizes.get("configuration", 1)
-        return [({**clean, "configuration": i} if "configuration" in printed.dims else clean, {}) for i in range(count)]
+        return [
+            ({**clean, "configuration": i} if "configuration" in printed.dims else clean, {})
+            for i in range(count)
+        ]
     blocks = {parts(str(name)): i for i, name in enumerate(written["configuration"].values)}
     found = []
     for i, name in enumerate(np.atleast_1d(printed["configuration"].values)):
@@ -145,14 +192,26 @@ def _to_print(name: str, attrs: dict[str, Any], per_degree: bool) -> float:
 
 
 def _to_file(name: str, attrs: dict[str, Any]) -> float:
-    """Return the factor from the tree to the written number; slopes are written per degree whatever card DERIV states."""
+    """Return the factor from the tree to the written number; slopes are written per degree whatever
+    card DERIV states.
+    """
     return 1.0 / DEGREE if name == "epsilon" else DEGREE if attrs.get("per") == "radian" else 1.0
 
 
-def _half_units(name: str, printed: np.ndarray, written: np.ndarray, to_print: float, to_file: float) -> np.ndarray:
-    """Return the half unit of the last printed digit plus that of the last written one. [as printed]"""
+def _half_units(
+    name: str, printed: np.ndarray, written: np.ndarray, to_print: float, to_file: float
+) -> np.ndarray:
+    """Return the half unit of the last printed digit plus that of the last written one. [as
+    printed]
+    """
     with np.errstate(divide="ignore", invalid="ignore"):
         numbers = (printed * to_print, written * to_file)
-        decades = [np.where(values == 0.0, -30.0, np.floor(np.log10(np.abs(values)))) for values in numbers]
-    last = np.full(printed.shape, -float(_DECIMALS[name])) if name in _DECIMALS else decades[0] - (_DIGITS.get(name, 4) - 1)
+        decades = [
+            np.where(values == 0.0, -30.0, np.floor(np.log10(np.abs(values)))) for values in numbers
+        ]
+    last = (
+        np.full(printed.shape, -float(_DECIMALS[name]))
+        if name in _DECIMALS
+        else decades[0] - (_DIGITS.get(name, 4) - 1)
+    )
     return (1.0 + _ROUNDING) * 0.5 * (10.0**last + 10.0 ** (decades[1] - 4) * to_print / to_file)

@@ -1,4 +1,5 @@
-"""The small plot file of some builds (unit 14), in the manner of Missile DATCOM: one short table per configuration and condition.
+"""The small plot file of some builds (unit 14), in the manner of Missile DATCOM: one short table
+per configuration and condition.
 
 ::
 
@@ -8,8 +9,9 @@
       -2.00000  -0.04119   0.09574   0.01502  -0.01367 ...          alpha, CN, CM, CA, CYB, CNB, CLB; per degree
     R
 
-The letter before the configuration is that of card DIM, the numbers are in feet all the same.  A missing number is written as
-zero: as ``-0.00000`` where the print has a blank, as ``0.00000`` where it has NDM or NA, which a true zero is too.
+The letter before the configuration is that of card DIM, the numbers are in feet all the same.  A
+missing number is written as zero: as ``-0.00000`` where the print has a blank, as ``0.00000`` where
+it has NDM or NA, which a true zero is too.
 """
 
 from __future__ import annotations
@@ -58,9 +60,10 @@ def read_for014(path: str | os.PathLike[str]) -> xr.DataTree:
     Returns
     -------
     DataTree
-        One child per case, ``case 1`` ... (runs in a row with the same angles of attack and references), with a leaf ``static``
-        (run, alpha): ``CN Cm CA CY_beta Cn_beta Cl_beta``, SI, radians, flags.  Every zero is flagged ``sentinel`` and has no
-        value, because the file does not distinguish a missing number from zero; unit 13 does.
+        One child per case, ``case 1`` ... (runs in a row with the same angles of attack and
+        references), with a leaf ``static`` (run, alpha): ``CN Cm CA CY_beta Cn_beta Cl_beta``, SI,
+        radians, flags.  Every zero is flagged ``sentinel`` and has no value, because the file does
+        not distinguish a missing number from zero; unit 13 does.
 
     Raises
     ------
@@ -76,36 +79,63 @@ def read_for014(path: str | os.PathLike[str]) -> xr.DataTree:
         run, at = _read_run(file, lines, at)
         runs.append(run)
     if not runs:
-        raise ParseError(file, 0, "no table", "a plot file of unit 14, whose first line begins with RUN")
+        raise ParseError(
+            file, 0, "no table", "a plot file of unit 14, whose first line begins with RUN"
+        )
     cases: list[list[_Run]] = []
     for run in runs:
-        alike = cases and cases[-1][0].reference == run.reference and np.array_equal(cases[-1][0].rows[:, 0], run.rows[:, 0])
+        alike = (
+            cases
+            and cases[-1][0].reference == run.reference
+            and np.array_equal(cases[-1][0].rows[:, 0], run.rows[:, 0])
+        )
         cases[-1].append(run) if alike else cases.append([run])
     root = xr.DataTree(xr.Dataset(attrs={"file": file}))
     for number, case in enumerate(cases, 1):
-        root[f"case {number}"] = xr.DataTree.from_dict({"/": xr.Dataset(attrs=_attrs(case[0], file, number)), "static": _static(case)})
+        root[f"case {number}"] = xr.DataTree.from_dict(
+            {"/": xr.Dataset(attrs=_attrs(case[0], file, number)), "static": _static(case)}
+        )
     return root
 
 
 def _read_run(file: str, lines: list[str], at: int) -> tuple[_Run, int]:
     head = _RUN.fullmatch(lines[at].rstrip())
     if head is None:
-        raise ParseError(file, at + 1, repr(lines[at][:40]), "a line RUN, number, angles of attack, unit, configuration")
+        raise ParseError(
+            file,
+            at + 1,
+            repr(lines[at][:40]),
+            "a line RUN, number, angles of attack, unit, configuration",
+        )
     first, count = at + 1, int(head[1])
     if count == 0 or at + 3 + count >= len(lines):
-        raise ParseError(file, len(lines), f"the end of a table of {count} rows", "at least one row, and R after the last; run again")
+        raise ParseError(
+            file,
+            len(lines),
+            f"the end of a table of {count} rows",
+            "at least one row, and R after the last; run again",
+        )
     (mach, reynolds), _ = _numbers(file, at + 2, lines[at + 1], 2)
     reference, _ = _numbers(file, at + 3, lines[at + 2], 6)
     rows = [_numbers(file, at + 4 + i, lines[at + 3 + i], 1 + len(_NAMES)) for i in range(count)]
     at += 3 + count
     if lines[at].strip() != "R":
         raise ParseError(file, at + 1, repr(lines[at][:40]), f"R after {count} rows")
-    words = head[2].replace("VT-VF", "VT")  # VF is written with every VT, whether there is a ventral fin or not
+    words = head[2].replace(
+        "VT-VF", "VT"
+    )  # VF is written with every VT, whether there is a ventral fin or not
     made_of = frozenset(_WORDS[word] for word in re.split("[- ]", words) if word in _WORDS)
     if not made_of:
-        raise ParseError(file, first, f"the configuration {head[2]!r}", f"one made of {' '.join(_WORDS)}")
-    values, flags = np.array([values for values, _ in rows]), np.array([flags for _, flags in rows], np.uint8)
-    return _Run(first, printed_name(made_of), mach, reynolds, tuple(reference), values, flags), at + 1
+        raise ParseError(
+            file, first, f"the configuration {head[2]!r}", f"one made of {' '.join(_WORDS)}"
+        )
+    values, flags = (
+        np.array([values for values, _ in rows]),
+        np.array([flags for _, flags in rows], np.uint8),
+    )
+    return _Run(
+        first, printed_name(made_of), mach, reynolds, tuple(reference), values, flags
+    ), at + 1
 
 
 def _numbers(file: str, line: int, text: str, count: int) -> tuple[list[float], list[int]]:
@@ -114,7 +144,9 @@ def _numbers(file: str, line: int, text: str, count: int) -> tuple[list[float], 
     for cell in cells:
         found = read_cell(cell)
         if found is None or not cell.strip():
-            raise ParseError(file, line, f"{cell.strip()!r} in a field of {_WIDTH} columns", f"{count} numbers")
+            raise ParseError(
+                file, line, f"{cell.strip()!r} in a field of {_WIDTH} columns", f"{count} numbers"
+            )
         value, flag = found
         zero = flag == OK and value == 0.0
         values.append(value)
@@ -141,18 +173,29 @@ def _static(runs: list[_Run]) -> xr.Dataset:
             "run": xr.Variable("run", np.arange(len(runs))),
             "configuration": xr.Variable("run", [run.configuration for run in runs]),
             "mach": xr.Variable("run", [run.mach for run in runs], {"units": "1"}),
-            "reynolds_per_m": xr.Variable("run", [run.reynolds / FOOT for run in runs], {"units": "m-1"}),
+            "reynolds_per_m": xr.Variable(
+                "run", [run.reynolds / FOOT for run in runs], {"units": "m-1"}
+            ),
             "line": xr.Variable("run", [run.line for run in runs]),
-            "alpha": xr.Variable("alpha", runs[0].rows[:, 0] * DEGREE, {"units": "rad", "sign": "ANU", "long_name": "angle of attack"}),
+            "alpha": xr.Variable(
+                "alpha",
+                runs[0].rows[:, 0] * DEGREE,
+                {"units": "rad", "sign": "ANU", "long_name": "angle of attack"},
+            ),
         }
     )
     for k, name in enumerate(_NAMES, 1):
         column = _COLUMNS[name]
-        value, flag = np.array([run.rows[:, k] for run in runs]), np.array([run.flags[:, k] for run in runs])
+        value, flag = (
+            np.array([run.rows[:, k] for run in runs]),
+            np.array([run.flags[:, k] for run in runs]),
+        )
         value[flag != OK] = np.nan
         if column.constant and flag.shape[1] > 1:
             constant = (flag[:, 0] == OK) & (flag[:, 1:] == BLANK).all(axis=1)
             value[constant, 1:], flag[constant, 1:] = value[constant, :1], FILLED
         flag[flag == BLANK] = SENTINEL
-        found.add(column, ("run", "alpha"), value / (DEGREE if column.units == "1/angle" else 1.0), flag)
+        found.add(
+            column, ("run", "alpha"), value / (DEGREE if column.units == "1/angle" else 1.0), flag
+        )
     return found.dataset()

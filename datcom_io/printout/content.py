@@ -17,7 +17,9 @@ _CONDITION_COLUMNS = {column.quantity: k for k, column in enumerate(CONDITIONS.c
 
 
 class Message(NamedTuple):
-    """A message: line number from 1 (0: the whole file), text, and its origin, the ``program`` or this ``reader``."""
+    """A message: line number from 1 (0: the whole file), text, and its origin, the ``program`` or
+    this ``reader``.
+    """
 
     line: int
     text: str
@@ -28,11 +30,12 @@ class Message(NamedTuple):
 class Page:
     """One printed page.
 
-    ``kind`` is ``static``, ``dynamic``, ``high-lift``, ``auxiliary``, ``section``, ``special``, ``hypersonic``, ``final inputs``,
-    ``dump``, ``extrapolation`` or ``other``.  ``ground_height`` is the printed height [ft], infinite for FREE AIR and without
-    ground effect; ``flap`` the printed deflection [deg] or NaN; ``power`` is ``off``, ``jet`` or ``propeller``; ``per`` is ``deg``,
-    ``rad`` or empty.  ``heading`` are the heading lines below the program's name; ``notes`` the footnotes; ``unread``
-    the numbers of the lines that were not understood.
+    ``kind`` is ``static``, ``dynamic``, ``high-lift``, ``auxiliary``, ``section``, ``special``,
+    ``hypersonic``, ``final inputs``, ``dump``, ``extrapolation`` or ``other``.  ``ground_height``
+    is the printed height [ft], infinite for FREE AIR and without ground effect; ``flap`` the
+    printed deflection [deg] or NaN; ``power`` is ``off``, ``jet`` or ``propeller``; ``per`` is
+    ``deg``, ``rad`` or empty.  ``heading`` are the heading lines below the program's name;
+    ``notes`` the footnotes; ``unread`` the numbers of the lines that were not understood.
     """
 
     kind: str
@@ -66,13 +69,25 @@ class Page:
         return next((table for table in self.tables if table.name == name), None)
 
     def condition(self, name: str) -> float:
-        """Return a number of the flight-condition line by its quantity, NaN when it is missing. [as printed]
+        """Return a number of the flight-condition line by its quantity, NaN when it is missing. [as
+        printed]
 
         A hypersonic page has no such line, only a Mach number in its heading.
         """
         if self.conditions is None:
-            heading = next((item for item in self.printed if item.name == "hypersonic" and isinstance(item, Values)), None)
-            return heading.value("MACH NUMBER") if heading is not None and name == "mach" else float("nan")
+            heading = next(
+                (
+                    item
+                    for item in self.printed
+                    if item.name == "hypersonic" and isinstance(item, Values)
+                ),
+                None,
+            )
+            return (
+                heading.value("MACH NUMBER")
+                if heading is not None and name == "mach"
+                else float("nan")
+            )
         return self.conditions.number(0, _CONDITION_COLUMNS[name])
 
 
@@ -131,9 +146,11 @@ class PrintedCase:
 
 @contextmanager
 def uncollected() -> Iterator[None]:
-    """Hold the garbage collector still within a block that makes many objects, none of which refers back to itself.
+    """Hold the garbage collector still within a block that makes many objects, none of which refers
+    back to itself.
 
-    The collector runs after so many new objects, walks all that are alive and finds nothing: a fifth of the time of reading.
+    The collector runs after so many new objects, walks all that are alive and finds nothing: a
+    fifth of the time of reading.
     """
     enabled = gc.isenabled()
     gc.disable()

@@ -11,7 +11,16 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from datcom_io.cells import OK, SUSPECT, read_cell, read_cells
-from datcom_io.printout.rows import Across, Cells, Column, Line, read_again, read_fields, shape_of, windows
+from datcom_io.printout.rows import (
+    Across,
+    Cells,
+    Column,
+    Line,
+    read_again,
+    read_fields,
+    shape_of,
+    windows,
+)
 
 if TYPE_CHECKING:
     from datcom_io.decks.deck import Deck
@@ -82,14 +91,22 @@ class Table:
             return self
         given = None if self.given is None else (self.given[0][:count], self.given[1][:count])
         suspect = None if self.suspect is None else self.suspect[:count]
-        return replace(self, lines=self.lines[:count], rows=self.rows[:count], given=given, suspect=suspect)
+        return replace(
+            self, lines=self.lines[:count], rows=self.rows[:count], given=given, suspect=suspect
+        )
 
     def number(self, row: int, column: int) -> float:
-        """Return one printed number, NaN where there is none; the others need not be read for it. [as printed]"""
+        """Return one printed number, NaN where there is none; the others need not be read for it.
+        [as printed]
+        """
         if self.given is not None:
             return float(self.given[0][row, column])
         place = self.columns[column]
-        return read_again(self.rows[row][place.first - 1 : place.last])[0] if not place.words else float("nan")
+        return (
+            read_again(self.rows[row][place.first - 1 : place.last])[0]
+            if not place.words
+            else float("nan")
+        )
 
     def text(self, row: int, column: int) -> str:
         """Return a cell's text as printed, without the blanks around it."""
@@ -99,14 +116,16 @@ class Table:
 
 @dataclass(frozen=True, eq=False)
 class Values:
-    """Numbers printed as ``label = value``, or alone in a line of words, in order; they are read when they are first used.
+    """Numbers printed as ``label = value``, or alone in a line of words, in order; they are read
+    when they are first used.
 
     Attributes
     ----------
     name : str
         Kind of the group, for example ``fairing``.
     labels : tuple of str
-        Label of each value as printed, made unique by the words of the heading above it where it must be.
+        Label of each value as printed, made unique by the words of the heading above it where it
+        must be.
     lines : tuple of int
         Line number of each value.
     texts : tuple of str
@@ -139,12 +158,16 @@ class Values:
 
     @property
     def flags(self) -> np.ndarray:
-        """Codes of `datcom_io.FLAGS` (value,), uint8; a text that is no code of a missing number is ``ok``."""
+        """Codes of `datcom_io.FLAGS` (value,), uint8; a text that is no code of a missing number is
+        ``ok``.
+        """
         return self.cells[1]
 
     def value(self, label: str) -> float:
         """Return the first value of a label, NaN when it is not there. [as printed]"""
-        return float(self.values[self.labels.index(label)]) if label in self.labels else float("nan")
+        return (
+            float(self.values[self.labels.index(label)]) if label in self.labels else float("nan")
+        )
 
 
 Printed = Table | Values
@@ -153,11 +176,12 @@ Printed = Table | Values
 class Layout(NamedTuple):
     """One kind of table with one row per line.
 
-    ``heading`` holds the words of the line that opens it, with single blanks and without dashes; it is empty for a table that a
-    `Block` finds.  The first ``keys`` columns are the row's axes.  ``rows`` names the namelist variable that states how many rows there
-    must be, None where the print decides; ``stops`` are the words of a note that lets the table end earlier.  ``stream`` names the
-    variables whose product is the number of values of a table printed as one stream of numbers, and ``axes`` returns axis values
-    (row, column) by quantity where they are not printed.
+    ``heading`` holds the words of the line that opens it, with single blanks and without dashes; it
+    is empty for a table that a `Block` finds.  The first ``keys`` columns are the row's axes.
+    ``rows`` names the namelist variable that states how many rows there must be, None where the
+    print decides; ``stops`` are the words of a note that lets the table end earlier.  ``stream``
+    names the variables whose product is the number of values of a table printed as one stream of
+    numbers, and ``axes`` returns axis values (row, column) by quantity where they are not printed.
     """
 
     name: str
@@ -174,9 +198,10 @@ class Layout(NamedTuple):
 class Block(NamedTuple):
     """Lines of a page that no heading with one row per line below it describes.
 
-    ``opens`` is searched in the line that opens the block, as `heading_words` gives it, on pages of the kinds ``pages``.
-    ``read(lines, at)`` gets the lines of the page and the index of the opening line; it returns what it found and the index
-    of the line after it, or None when the lines are not what they seemed.  ``names`` are the kinds of table it may return.
+    ``opens`` is searched in the line that opens the block, as `heading_words` gives it, on pages of
+    the kinds ``pages``. ``read(lines, at)`` gets the lines of the page and the index of the opening
+    line; it returns what it found and the index of the line after it, or None when the lines are
+    not what they seemed.  ``names`` are the kinds of table it may return.
     """
 
     names: tuple[str, ...]
@@ -209,7 +234,9 @@ def make_table(
     across_line: int = 0,
     across_row: str = "",
 ) -> Table:
-    """Return a table of rows given as line number, text, cells; `columns` are those of the layout unless given."""
+    """Return a table of rows given as line number, text, cells; `columns` are those of the layout
+    unless given.
+    """
     return Table(
         layout,
         columns or layout.columns,
@@ -218,7 +245,10 @@ def make_table(
         across,
         across_line,
         across_row,
-        (np.array([values for _, _, (values, _) in rows]), np.array([flags for _, _, (_, flags) in rows], dtype=np.uint8)),
+        (
+            np.array([values for _, _, (values, _) in rows]),
+            np.array([flags for _, _, (_, flags) in rows], dtype=np.uint8),
+        ),
     )
 
 
@@ -228,13 +258,16 @@ def make_values(
     axes: dict[str, np.ndarray] | None = None,
     given: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> Values:
-    """Return a group of values given as line number, label, text, unit; `given` are values and flags that the texts do not give."""
+    """Return a group of values given as line number, label, text, unit; `given` are values and
+    flags that the texts do not give.
+    """
     lines, labels, texts, units = zip(*items) if (items := list(items)) else ((), (), (), ())
     return Values(name, labels, lines, tuple(map(str.strip, texts)), units, axes or {}, given)
 
 
 def pairs(text: str) -> list[tuple[str, str]]:
-    """Return label and value of every ``label = value`` of a line; a label may hold blanks and signs of equality.
+    """Return label and value of every ``label = value`` of a line; a label may hold blanks and
+    signs of equality.
 
     Examples
     --------
@@ -245,7 +278,9 @@ def pairs(text: str) -> list[tuple[str, str]]:
     label, *parts = text.split("=")
     for left, part in enumerate(parts, 1 - len(parts)):
         value, _, rest = part.strip().partition(" ")
-        if left and not rest:  # no label before the next sign of equality: this one stands in a label
+        if (
+            left and not rest
+        ):  # no label before the next sign of equality: this one stands in a label
             label += f"={part}"
             continue
         found.append((label.strip(), value))
@@ -254,7 +289,9 @@ def pairs(text: str) -> list[tuple[str, str]]:
 
 
 def read_table(layout: Layout, lines: list[Line], at: int) -> tuple[Table | None, int]:
-    """Return the table whose heading stands before index `at`, and the index after it; None when no row follows."""
+    """Return the table whose heading stands before index `at`, and the index after it; None when no
+    row follows.
+    """
     columns, across, across_line, across_row = layout.columns, None, 0, ""
     if layout.across:
         found = _read_across(layout, lines, at)
@@ -284,10 +321,14 @@ def read_table(layout: Layout, lines: list[Line], at: int) -> tuple[Table | None
         after = at
     if not rows:
         return None, after
-    return Table(layout, columns, tuple(numbers), tuple(rows), across, across_line, across_row), after
+    return Table(
+        layout, columns, tuple(numbers), tuple(rows), across, across_line, across_row
+    ), after
 
 
-def _read_across(layout: Layout, lines: list[Line], at: int) -> tuple[tuple[Column, ...], np.ndarray, int, str, int] | None:
+def _read_across(
+    layout: Layout, lines: list[Line], at: int
+) -> tuple[tuple[Column, ...], np.ndarray, int, str, int] | None:
     """Return columns, heading values, their line and text, and the index of the line after them."""
     across = layout.across
     assert across is not None
@@ -306,7 +347,11 @@ def _read_across(layout: Layout, lines: list[Line], at: int) -> tuple[tuple[Colu
         if cell is None or cell[1] != OK:
             return None
         values.append(cell[0])
-    return (two_way_columns(layout, len(values)), np.array(values), number, text, at + 1) if values else None
+    return (
+        (two_way_columns(layout, len(values)), np.array(values), number, text, at + 1)
+        if values
+        else None
+    )
 
 
 @lru_cache(256)
@@ -315,4 +360,7 @@ def two_way_columns(layout: Layout, count: int) -> tuple[Column, ...]:
     across = layout.across
     assert across is not None
     cell, shifts = across.cell, [k * across.step for k in range(count)]
-    return (*layout.columns, *(cell._replace(first=cell.first + shift, last=cell.last + shift) for shift in shifts))
+    return (
+        *layout.columns,
+        *(cell._replace(first=cell.first + shift, last=cell.last + shift) for shift in shifts),
+    )

@@ -1,6 +1,7 @@
 """Faults of the program and gaps that can be seen in a listing: reported, never repaired.
 
-Both known builds (the source of January 1996 with the corrections of 2011, and the single-file edition) show them.
+Both known builds (the source of January 1996 with the corrections of 2011, and the single-file
+edition) show them.
 """
 
 from __future__ import annotations
@@ -24,10 +25,11 @@ _TAKEN_FOR_FLAPS = (3, 4, 5)  # values of STYPE that are slotted and split flaps
 
 
 def flag_missing_angles(case: Case) -> None:
-    """Flag the rows of angles of attack that NALPHA counts and ALSCHD does not give, and what the program interpolates over them.
+    """Flag the rows of angles of attack that NALPHA counts and ALSCHD does not give, and what the
+    program interpolates over them.
 
-    The program takes them as 1E-30 and prints NDM; its interpolation in alpha needs rising angles.  Increments of flaps and ailerons
-    are computed angle by angle.
+    The program takes them as 1E-30 and prints NDM; its interpolation in alpha needs rising angles.
+    Increments of flaps and ailerons are computed angle by angle.
     """
     given = case.deck.schedule("FLTCON", "ALSCHD", "NALPHA")
     counted = case.deck.count("FLTCON", "NALPHA") or 0
@@ -43,7 +45,11 @@ def flag_missing_angles(case: Case) -> None:
                 lines += table.lines[len(given) :]
         case.pages[i] = page
     if lines:
-        what = "their rows" if rising else "their rows, and all others of pages that the program interpolates over them (CL a third off),"
+        what = (
+            "their rows"
+            if rising
+            else "their rows, and all others of pages that the program interpolates over them (CL a third off),"
+        )
         text = (
             f"NALPHA counts {counted} angles of attack, the input cards give {len(given)}: the program takes the others as 1E-30; {what} "
             "are flagged suspect; correct NALPHA and run the deck again"
@@ -77,7 +83,11 @@ def flag_ground_pages(case: Case) -> None:
 
 def _is_aileron_taken_for_flap(case: Case) -> bool:
     style = case.deck.value("ASYFLP", "STYPE")
-    return style is not None and round(style) in _TAKEN_FOR_FLAPS and control_surface(case.deck) == "wing"
+    return (
+        style is not None
+        and round(style) in _TAKEN_FOR_FLAPS
+        and control_surface(case.deck) == "wing"
+    )
 
 
 def flag_flap_moments(case: Case, before: int) -> int:
@@ -114,16 +124,30 @@ def flag_flap_moments(case: Case, before: int) -> int:
     return before
 
 
-def with_suspects(page: Page, name: str, quantities: tuple[str, ...] | None, rows: slice | np.ndarray = slice(None)) -> Page:
-    """Return a page whose tables of a kind have the flag ``suspect`` in some columns, all but the keys with None."""
+def with_suspects(
+    page: Page,
+    name: str,
+    quantities: tuple[str, ...] | None,
+    rows: slice | np.ndarray = slice(None),
+) -> Page:
+    """Return a page whose tables of a kind have the flag ``suspect`` in some columns, all but the
+    keys with None.
+    """
     if page.table(name) is None:
         return page
-    printed = tuple(_flagged(item, quantities, rows) if isinstance(item, Table) and item.name == name else item for item in page.printed)
+    printed = tuple(
+        _flagged(item, quantities, rows) if isinstance(item, Table) and item.name == name else item
+        for item in page.printed
+    )
     return replace(page, printed=printed)
 
 
 def _flagged(table: Table, quantities: tuple[str, ...] | None, rows: slice | np.ndarray) -> Table:
-    suspect = np.zeros((len(table.rows), len(table.columns)), bool) if table.suspect is None else table.suspect.copy()
+    suspect = (
+        np.zeros((len(table.rows), len(table.columns)), bool)
+        if table.suspect is None
+        else table.suspect.copy()
+    )
     for k, column in enumerate(table.columns):
         if k >= table.layout.keys if quantities is None else column.quantity in quantities:
             suspect[rows, k] = True
@@ -190,8 +214,14 @@ def _last_mach_in_static_pages(case: Case) -> None:
 
 
 def _pressure_on_control_pages(case: Case) -> None:
-    """With DIM M, CM or IN the high-lift and control pages convert pressure, temperature and Reynolds number the wrong way."""
-    right = {printed_condition(page): page.condition("p_static") for page in case.pages if page.kind == "static"}
+    """With DIM M, CM or IN the high-lift and control pages convert pressure, temperature and
+    Reynolds number the wrong way.
+    """
+    right = {
+        printed_condition(page): page.condition("p_static")
+        for page in case.pages
+        if page.kind == "static"
+    }
     for page in case.pages:
         if page.kind != "high-lift" or page.conditions is None:
             continue
@@ -230,14 +260,19 @@ def _flaps_in_ground_effect(case: Case) -> None:
 
 
 def _power_on_missing_cells(case: Case) -> None:
-    """Flag numbers of pages with power that are the increment alone: power has no part in the slopes, which show what is missing."""
+    """Flag numbers of pages with power that are the increment alone: power has no part in the
+    slopes, which show what is missing.
+    """
     first = next((page for page in case.pages if page.power != "off"), None)
     for i, page in enumerate(case.pages):
         static = page.table("static")
         if page.power == "off" or static is None:
             continue
         slopes = {column.quantity: static.flags[:, k] for k, column in enumerate(static.columns)}
-        for slope, quantities in (("Cm_alpha", ("Cm", "xcp")), ("CL_alpha", ("CD", "CL", "CN", "CA", "xcp"))):
+        for slope, quantities in (
+            ("Cm_alpha", ("Cm", "xcp")),
+            ("CL_alpha", ("CD", "CL", "CN", "CA", "xcp")),
+        ):
             page = with_suspects(page, "static", quantities, np.isin(slopes[slope], (NA, NDM)))
         case.pages[i] = page
     if first is not None:
@@ -250,7 +285,9 @@ def _power_on_missing_cells(case: Case) -> None:
 
 
 def _control_tabs(case: Case) -> None:
-    """With CONTAB the stick force is a coefficient divided by qbar S cbar, and one build loses D(CM) of the flap."""
+    """With CONTAB the stick force is a coefficient divided by qbar S cbar, and one build loses
+    D(CM) of the flap.
+    """
     force = next((table for _, table in case.tables("tab_force")), None)
     if force is not None:
         largest = max(abs(force.values[force.flags == OK]), default=0.0)
@@ -273,8 +310,15 @@ def _control_tabs(case: Case) -> None:
 
 def _failed_arithmetic(case: Case) -> None:
     texts = ((table, "".join(table.rows)) for page in case.pages for table in page.tables)
-    tables = (table for table, text in texts if "a" in text or "f" in text or "#" in text)  # no other row has such letters
-    rows = [line for table in tables for line, row in zip(table.lines, table.rows) if _FAILED.search(row)]
+    tables = (
+        table for table, text in texts if "a" in text or "f" in text or "#" in text
+    )  # no other row has such letters
+    rows = [
+        line
+        for table in tables
+        for line, row in zip(table.lines, table.rows)
+        if _FAILED.search(row)
+    ]
     if rows:
         _report(
             case,
@@ -292,7 +336,11 @@ def _dynamic_pages_repeated(case: Case) -> None:
     for page, table in case.tables("dynamic"):
         rows = tuple(row.split() for row in table.rows)
         if first.setdefault((page.configuration, *printed_condition(page)), rows) != rows:
-            _report(case, table.lines[0], "this dynamic page differs from the one before for the same condition; the first one is used")
+            _report(
+                case,
+                table.lines[0],
+                "this dynamic page differs from the one before for the same condition; the first one is used",
+            )
             return
 
 
@@ -304,13 +352,23 @@ def _reference_quantities(case: Case) -> None:
             found.setdefault(tuple(page.conditions.text(0, i) for i in range(6, 11)), page.first)
     if len(found) > 1:
         texts = "; ".join(f"line {line}: {' '.join(words)}" for words, line in found.items())
-        _report(case, min(found.values()), f"the pages differ in reference quantities; the tree has those of the first page: {texts}")
+        _report(
+            case,
+            min(found.values()),
+            f"the pages differ in reference quantities; the tree has those of the first page: {texts}",
+        )
 
 
 def _aspect_ratio_of_inboard_panels(case: Case) -> None:
-    """The planform properties of a cranked surface take its span in feet, its area as it is printed."""
+    """The planform properties of a cranked surface take its span in feet, its area as it is
+    printed.
+    """
     for page, group in case.values("planform"):
-        panels = [k for k, label in enumerate(group.labels) if label.endswith("THEORITICAL INBOARD ASPECT RATIO")]
+        panels = [
+            k
+            for k, label in enumerate(group.labels)
+            if label.endswith("THEORITICAL INBOARD ASPECT RATIO")
+        ]
         if panels and page.dim != "FT":
             _report(
                 case,
@@ -322,7 +380,9 @@ def _aspect_ratio_of_inboard_panels(case: Case) -> None:
 
 
 def _conditions_missing(case: Case) -> None:
-    wanted = len({pair for pair in case.deck.conditions() if not _has_hypersonic_page(case, pair[0])})
+    wanted = len(
+        {pair for pair in case.deck.conditions() if not _has_hypersonic_page(case, pair[0])}
+    )
     found = len({printed_condition(page) for page, _ in case.tables("static")})
     if 0 < found < wanted:
         _report(
@@ -334,18 +394,30 @@ def _conditions_missing(case: Case) -> None:
 
 def _has_hypersonic_page(case: Case, mach: float) -> bool:
     """Return whether the program computes a hypersonic flap at a Mach number, and nothing else."""
-    return "HYPEFF" in case.deck.namelists and case.deck.value("FLTCON", "HYPERS") == 1.0 and mach >= HYPERSONIC_FROM
+    return (
+        "HYPEFF" in case.deck.namelists
+        and case.deck.value("FLTCON", "HYPERS") == 1.0
+        and mach >= HYPERSONIC_FROM
+    )
 
 
 def _hypersonic_flap(case: Case) -> None:
     """One build computes a hypersonic flap and prints nothing."""
-    wanted = any(_has_hypersonic_page(case, mach) for mach in case.deck.schedule("FLTCON", "MACH", "NMACH"))
+    wanted = any(
+        _has_hypersonic_page(case, mach) for mach in case.deck.schedule("FLTCON", "MACH", "NMACH")
+    )
     if wanted and not any(page.kind == "hypersonic" for page in case.pages):
-        _report(case, case.line, "HYPEFF is given and nothing of it is printed: one build of the program has that page switched off")
+        _report(
+            case,
+            case.line,
+            "HYPEFF is given and nothing of it is printed: one build of the program has that page switched off",
+        )
 
 
 def _transverse_jet(case: Case) -> None:
-    """The method counts in pounds per square inch, the program's atmosphere in pounds per square foot."""
+    """The method counts in pounds per square inch, the program's atmosphere in pounds per square
+    foot.
+    """
     lines = [group.lines[0] for _, group in case.values("jet")]
     if lines and not case.deck.values("FLTCON", "PINF"):
         _report(

@@ -37,7 +37,9 @@ _LONGEST = 1000  # characters of a heading of the program; longer ones are not w
 
 
 class Heading(NamedTuple):
-    """The content of a heading; the height over ground in feet, the deflection in degrees, as in `Page`."""
+    """The content of a heading; the height over ground in feet, the deflection in degrees, as in
+    `Page`.
+    """
 
     kind: str
     configuration: str
@@ -47,7 +49,9 @@ class Heading(NamedTuple):
 
 
 def read_heading(first: str, words: tuple[str, ...]) -> Heading:
-    """Return what the first line of a page and the words of the heading lines below it state; the same headings come again and again."""
+    """Return what the first line of a page and the words of the heading lines below it state; the
+    same headings come again and again.
+    """
     known = len(first) + sum(map(len, words)) <= _LONGEST
     return _known(first, words) if known else _read(first, words)
 
@@ -56,8 +60,16 @@ def _read(first: str, words: tuple[str, ...]) -> Heading:
     kind = _kind(first, words)
     lines = "\n".join(words[1:])
     power = _POWER.search(lines)
-    configuration = words[1].removesuffix(" CONFIGURATION") if kind in _WITH_CONFIGURATION and words[1:] else ""
-    return Heading(kind, configuration, _ground_height(lines), _number(_FLAP, lines), power[1].lower() if power else "off")
+    configuration = (
+        words[1].removesuffix(" CONFIGURATION") if kind in _WITH_CONFIGURATION and words[1:] else ""
+    )
+    return Heading(
+        kind,
+        configuration,
+        _ground_height(lines),
+        _number(_FLAP, lines),
+        power[1].lower() if power else "off",
+    )
 
 
 _known = lru_cache(1024)(_read)
@@ -108,15 +120,28 @@ class Body:
     unread: list[int] = field(default_factory=list)
     empty: list[tuple[int, Layout]] = field(default_factory=list)  # headings without a row
     per: str = ""
-    target: list[Message] = field(default_factory=list)  # notes or messages, where the last one went
+    target: list[Message] = field(
+        default_factory=list
+    )  # notes or messages, where the last one went
 
 
 def read_page(lines: list[Line], case: int) -> tuple[Page, list[Message], list[tuple[int, Layout]]]:
-    """Return a page, the messages that stand on it, and line and kind of the headings that no row follows."""
-    anchor = next((i for i, (_, text) in enumerate(lines[:_LAST_HEADING_LINE]) if "FLIGHT CONDITIONS" in text), None)
+    """Return a page, the messages that stand on it, and line and kind of the headings that no row
+    follows.
+    """
+    anchor = next(
+        (
+            i
+            for i, (_, text) in enumerate(lines[:_LAST_HEADING_LINE])
+            if "FLIGHT CONDITIONS" in text
+        ),
+        None,
+    )
     start = _body_start(lines) if anchor is None else 0
     top = lines[1:start] if anchor is None else lines[1:anchor]
-    heading = tuple(words for _, text in top if (words := text[1:].strip()) and words != _SECOND_TITLE)
+    heading = tuple(
+        words for _, text in top if (words := text[1:].strip()) and words != _SECOND_TITLE
+    )
     found = read_heading(lines[0][1], heading)
     conditions, dim, after = (None, "", start) if anchor is None else _conditions(lines, anchor)
     body = _read_body(lines, after, found.kind)
@@ -141,9 +166,13 @@ def read_page(lines: list[Line], case: int) -> tuple[Page, list[Message], list[t
 
 
 def _body_start(lines: list[Line]) -> int:
-    """Return where the body of a page without flight conditions starts: behind the line that names its kind, and the CASEID."""
+    """Return where the body of a page without flight conditions starts: behind the line that names
+    its kind, and the CASEID.
+    """
     top = lines[:_LAST_HEADING_LINE]
-    start = next((i + 1 for i, (_, text) in enumerate(top) if any(words in text for words, _ in TITLES)), 0)
+    start = next(
+        (i + 1 for i, (_, text) in enumerate(top) if any(words in text for words, _ in TITLES)), 0
+    )
     return next((i for i in range(start, len(top)) if _NUMBERS_BEGIN.match(top[i][1])), start)
 
 
@@ -196,7 +225,9 @@ def _read_body(lines: list[Line], at: int, kind: str) -> Body:
     return body
 
 
-def _read_block(blocks: tuple[Block, ...], lines: list[Line], at: int) -> tuple[list[Printed], int] | None:
+def _read_block(
+    blocks: tuple[Block, ...], lines: list[Line], at: int
+) -> tuple[list[Printed], int] | None:
     return next((found for block in blocks if (found := block.read(lines, at))), None)
 
 
@@ -206,7 +237,9 @@ def _states_no_output(lines: list[Line], at: int) -> bool:
 
 
 class Meaning(NamedTuple):
-    """What a line of a page may be: it opens one of the blocks, or a table, or it is a text of its own sort."""
+    """What a line of a page may be: it opens one of the blocks, or a table, or it is a text of its
+    own sort.
+    """
 
     blocks: tuple[Block, ...]
     layout: Layout | None
@@ -217,7 +250,9 @@ class Meaning(NamedTuple):
 
 @lru_cache(4096)
 def _meaning(kind: str, text: str) -> Meaning:
-    """Return what a line may be on a page of a kind; the same headings and notes stand on every page."""
+    """Return what a line may be on a page of a kind; the same headings and notes stand on every
+    page.
+    """
     words = heading_words(text)
     blocks = tuple(block for block in BLOCKS if kind in block.pages and block.opens.search(words))
     plain = footnotes.plain(text)
@@ -228,7 +263,13 @@ def _meaning(kind: str, text: str) -> Meaning:
         sort = "decoration"
     else:
         sort = "continued" if footnotes.continues(plain) else footnotes.sort_of(plain) or "unread"
-    return Meaning(blocks, BY_HEADING.get(words), sort, plain, {"DEGREE": "deg", "RADIAN": "rad"}[per[1]] if per else "")
+    return Meaning(
+        blocks,
+        BY_HEADING.get(words),
+        sort,
+        plain,
+        {"DEGREE": "deg", "RADIAN": "rad"}[per[1]] if per else "",
+    )
 
 
 def _sort(number: int, meaning: Meaning, body: Body) -> None:

@@ -22,7 +22,8 @@ def read(source: Source, *, partial: bool = False) -> Listing:
     Parameters
     ----------
     source : path, or iterable of str
-        File, or its lines.  Line ends LF or CRLF; several program runs may follow each other; column 1 may be missing.
+        File, or its lines.  Line ends LF or CRLF; several program runs may follow each other;
+        column 1 may be missing.
     partial : bool
         Take what is complete in a file that is cut, and report it in a message, instead of raising.
 
@@ -33,8 +34,9 @@ def read(source: Source, *, partial: bool = False) -> Listing:
     Raises
     ------
     ParseError
-        The file is no listing, is cut (no END OF JOB), or a table has another number of rows than the deck specifies.  The error is a
-        `DamagedListing`: its ``listing`` holds everything that is complete before the fault.
+        The file is no listing, is cut (no END OF JOB), or a table has another number of rows than
+        the deck specifies.  The error is a `DamagedListing`: its ``listing`` holds everything that
+        is complete before the fault.
 
     Notes
     -----
@@ -53,7 +55,8 @@ def read(source: Source, *, partial: bool = False) -> Listing:
 
 
 def iterate(source: Source, *, partial: bool = False) -> Cases:
-    """Read a print file case by case; each is given out when it is complete, and only one is held in memory.
+    """Read a print file case by case; each is given out when it is complete, and only one is held
+    in memory.
 
     Parameters
     ----------
@@ -65,13 +68,14 @@ def iterate(source: Source, *, partial: bool = False) -> Cases:
     Returns
     -------
     Cases
-        An iterator of `Case`, with the reader's messages; ``cases.listing`` has what belongs to no case.
+        An iterator of `Case`, with the reader's messages; ``cases.listing`` has what belongs to no
+        case.
 
     Raises
     ------
     ParseError
-        While iterating, when the fault is reached: a `DamagedListing`, whose ``listing`` holds what is complete of the case
-        that has not been given out.
+        While iterating, when the fault is reached: a `DamagedListing`, whose ``listing`` holds what
+        is complete of the case that has not been given out.
 
     Examples
     --------
@@ -87,11 +91,16 @@ class Cases(Iterator[Case]):
     Attributes
     ----------
     listing : Listing
-        File, runs, lines, messages and lines not understood as far as the file has been read; it holds no case.
+        File, runs, lines, messages and lines not understood as far as the file has been read; it
+        holds no case.
     """
 
     def __init__(self, source: Source, partial: bool):
-        file = os.path.basename(os.fspath(source)) if isinstance(source, str | os.PathLike) else "<text>"
+        file = (
+            os.path.basename(os.fspath(source))
+            if isinstance(source, str | os.PathLike)
+            else "<text>"
+        )
         self.listing = Listing(file)
         self._cases = self._scan(source, Scanner(self.listing, partial))
 
@@ -155,7 +164,8 @@ def place_of(text: str, folder: str | os.PathLike[str] = ".") -> Place:
     Parameters
     ----------
     text : str
-        Names of files and of cases may hold colons: the file is the longest part before a colon that is one.
+        Names of files and of cases may hold colons: the file is the longest part before a colon
+        that is one.
     folder : path
         Where a relative path begins.
 
@@ -171,20 +181,31 @@ def place_of(text: str, folder: str | os.PathLike[str] = ".") -> Place:
         file = Path(folder, text[:end])
         if file.is_file():
             return Place(file, text[end + 1 :].strip())
-    raise FileNotFoundError(2, "there is no such file; write FILE, or FILE:CASE for one case of it", text)
+    raise FileNotFoundError(
+        2, "there is no such file; write FILE, or FILE:CASE for one case of it", text
+    )
 
 
 def listings_in(folder: str | os.PathLike[str]) -> list[Path]:
-    """Return the print files of the program in a folder, by name; they are recognised by their content.
+    """Return the print files of the program in a folder, by name; they are recognised by their
+    content.
 
     Raises
     ------
     FileNotFoundError
         There is none.
     """
-    files = [path for path in sorted(Path(folder).iterdir()) if path.is_file() and _SIGN in path.read_bytes().replace(b"\0", b"")]
+    files = [
+        path
+        for path in sorted(Path(folder).iterdir())
+        if path.is_file() and _SIGN in path.read_bytes().replace(b"\0", b"")
+    ]
     if not files:
-        raise FileNotFoundError(2, "no listing of Digital DATCOM in this folder; run the decks first (aeromatch datcom run)", str(folder))
+        raise FileNotFoundError(
+            2,
+            "no listing of Digital DATCOM in this folder; run the decks first (aeromatch datcom run)",
+            str(folder),
+        )
     return files
 
 

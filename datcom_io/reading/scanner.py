@@ -32,7 +32,9 @@ ANCHORS = {
     "END OF JOB.": "end",
 }
 _STARTS = tuple(ANCHORS)
-_PROGRESS = re.compile(r" ?(?:Return to main program from|Preparing to start the big loop|At \d+\s*$)")
+_PROGRESS = re.compile(
+    r" ?(?:Return to main program from|Preparing to start the big loop|At \d+\s*$)"
+)
 ARRAY_DUMP = re.compile(r" +[A-Z][A-Z0-9]* *\( *\d+\)=")
 _MAY_TURN = re.compile(
     r"1|[^1] *+(?=[A-Z*])(?:[A-Z][A-Z0-9]* *\( *\d+\)=|Return to|Preparing|At |"
@@ -46,10 +48,12 @@ _TRAILING = "\r\n\x1a "
 
 
 def line_blocks(source: str | os.PathLike[str] | Iterable[str]) -> Iterator[list[str]]:
-    """Yield the lines of a file or of an iterable in blocks, without their ends; only a line feed ends a line, in a file without one a CR.
+    """Yield the lines of a file or of an iterable in blocks, without their ends; only a line feed
+    ends a line, in a file without one a CR.
 
-    Bytes are read as ISO 8859-1, so that any byte in a CASEID survives; a byte-order mark is dropped, and that of UTF-16, as
-    PowerShell writes it, or UTF-32 is obeyed.  Tabs are expanded to every eighth column.
+    Bytes are read as ISO 8859-1, so that any byte in a CASEID survives; a byte-order mark is
+    dropped, and that of UTF-16, as PowerShell writes it, or UTF-32 is obeyed.  Tabs are expanded to
+    every eighth column.
     """
     if not isinstance(source, str | os.PathLike):
         rest = iter(source)
@@ -119,8 +123,9 @@ def turns(lines: list[str]) -> list[int]:
 class ControlColumn:
     """Puts column 1 back where a printer filter took it away.
 
-    The first line of the print proper decides, and the first line of every further program run in the file decides again:
-    with control column it starts with ``1``.  A banner before it is passed on as it is.
+    The first line of the print proper decides, and the first line of every further program run in
+    the file decides again: with control column it starts with ``1``.  A banner before it is passed
+    on as it is.
     """
 
     def __init__(self) -> None:
@@ -129,8 +134,16 @@ class ControlColumn:
     def restore(self, lines: list[str]) -> list[str]:
         """Return the lines of a block with column 1; none of them is empty."""
         done: list[str] = []
-        for i in range(len(lines)) if self.missing is None else [i for i, line in enumerate(lines) if "CONERR" in line]:
-            missing = self._missing(lines[i].lstrip("\f")) if self.missing is None or "CONERR" in lines[i] else None
+        for i in (
+            range(len(lines))
+            if self.missing is None
+            else [i for i, line in enumerate(lines) if "CONERR" in line]
+        ):
+            missing = (
+                self._missing(lines[i].lstrip("\f"))
+                if self.missing is None or "CONERR" in lines[i]
+                else None
+            )
             if missing is not None:
                 done += self._restored(lines[len(done) : i])
                 self.missing = missing
@@ -214,7 +227,10 @@ class Scanner:
         """Take lines that open and close nothing."""
         if self.region == "page":
             self.page += enumerate(lines, number)
-            self.last = next((number + i for i in range(len(lines) - 1, -1, -1) if not lines[i].isspace()), self.last)
+            self.last = next(
+                (number + i for i in range(len(lines) - 1, -1, -1) if not lines[i].isspace()),
+                self.last,
+            )
             return
         for line in lines:
             if not line.isspace():
@@ -266,7 +282,11 @@ class Scanner:
             self.region, self.page = "page", [(number, line)]
 
     def _inside(self, number: int, line: str) -> None:
-        dumped = self.region in ("page", "between") and ")=" in line[:20] and ARRAY_DUMP.match(line) is not None
+        dumped = (
+            self.region in ("page", "between")
+            and ")=" in line[:20]
+            and ARRAY_DUMP.match(line) is not None
+        )
         if dumped and not (self.page and self._is_dump(self.page[0][1])):
             self._close_page()
             self.region = "page"
@@ -277,7 +297,9 @@ class Scanner:
         elif self.region == "between":
             self._remark(number, line)
         elif self.region == "echo" and _CARD_TAIL.search(line[81:]):
-            self.listing.own_messages.append(Message(number, f"{line[81:].strip()}: {line[1:81].strip()}"))
+            self.listing.own_messages.append(
+                Message(number, f"{line[81:].strip()}: {line[1:81].strip()}")
+            )
 
     @staticmethod
     def _is_dump(first: str) -> bool:
@@ -291,10 +313,18 @@ class Scanner:
         elif self.cards and self.cards[-1][1].startswith("NEXT CASE"):
             self._close_cards()
             self._remark(number, line)
-        elif line[0] == "0" or notes.sort_of(text.strip()) == "message" or notes.continues(text.strip()):
+        elif (
+            line[0] == "0"
+            or notes.sort_of(text.strip()) == "message"
+            or notes.continues(text.strip())
+        ):
             if text.strip():
                 self._remark(number, line)
-        elif self.case and self.case.messages and self.case.messages[-1] == Message(self.last, _ERROR_CARD):
+        elif (
+            self.case
+            and self.case.messages
+            and self.case.messages[-1] == Message(self.last, _ERROR_CARD)
+        ):
             self._remark(number, line)
         elif text.strip():
             self.cards.append((number, text))
@@ -302,22 +332,33 @@ class Scanner:
     def _remark(self, number: int, line: str) -> None:
         """Sort a line between the pages: with a word in it, it is a message."""
         text = line[1:].strip()
-        if not text.strip("*^") or text.startswith(_DIMENSIONS):  # a caret stands below the wrong word of a card
+        if not text.strip("*^") or text.startswith(
+            _DIMENSIONS
+        ):  # a caret stands below the wrong word of a card
             return
         if not any(word.isalpha() and len(word) > 2 for word in re.split(r"[^A-Za-z]+", text)):
             self.listing.unread.append(number)
         else:
-            add_message(self.listing.own_messages if self.case is None else self.case.messages, number, text)
+            add_message(
+                self.listing.own_messages if self.case is None else self.case.messages, number, text
+            )
 
     def _new_case(self, number: int) -> Case:
-        return Case(ordinal=self.count + 1, run=max(self.listing.runs, 1), line=number, file=self.listing.file)
+        return Case(
+            ordinal=self.count + 1,
+            run=max(self.listing.runs, 1),
+            line=number,
+            file=self.listing.file,
+        )
 
     def _close_cards(self) -> None:
         if self.region != "cards" or self.case is None:
             return
         self.region = "between"
         self.case.deck = self.deck = parse_cards(self.cards, self.deck)
-        self.case.messages += [Message(line, text, "reader") for line, text in self.case.deck.problems]
+        self.case.messages += [
+            Message(line, text, "reader") for line, text in self.case.deck.problems
+        ]
 
     def _close_page(self) -> None:
         if not self.page:
@@ -338,21 +379,40 @@ class Scanner:
         faults = self._faults(page, empty)
         left_out = [item for fault in faults for item in fault[0]]
         if left_out:
-            printed = tuple(item for item in page.printed if not any(item is other for other in left_out))
+            printed = tuple(
+                item for item in page.printed if not any(item is other for other in left_out)
+            )
             page = replace(page, printed=printed)
         if page.printed or not faults:
             self.case.pages.append(page)
         for _, line, found, expected in faults:
             if not self.partial:
-                raise self._damaged(line, found, f"{expected}; the listing is damaged: run the program again, {_TAKE_THE_REST}")
-            self.case.messages.append(Message(line, f"{found} instead of {expected}: left out", "reader"))
+                raise self._damaged(
+                    line,
+                    found,
+                    f"{expected}; the listing is damaged: run the program again, {_TAKE_THE_REST}",
+                )
+            self.case.messages.append(
+                Message(line, f"{found} instead of {expected}: left out", "reader")
+            )
 
-    def _faults(self, page: Page, empty: list[tuple[int, Layout]]) -> list[tuple[list[Printed], int, str, str]]:
-        """Return what is damaged on a page: the items to leave out, a line, what was found, what was expected."""
+    def _faults(
+        self, page: Page, empty: list[tuple[int, Layout]]
+    ) -> list[tuple[list[Printed], int, str, str]]:
+        """Return what is damaged on a page: the items to leave out, a line, what was found, what
+        was expected.
+        """
         assert self.case is not None
         if page.printed and page.conditions is None and page.kind in _WITH_CONDITIONS:
             found = "no flight-condition line that can be read"
-            return [(list(page.printed), page.first, found, "a line of numbers below the units row of the page")]
+            return [
+                (
+                    list(page.printed),
+                    page.first,
+                    found,
+                    "a line of numbers below the units row of the page",
+                )
+            ]
         faults: list[tuple[list[Printed], int, str, str]] = []
         for table in page.tables:
             if table.layout.stream:
@@ -361,16 +421,30 @@ class Scanner:
                 miscount = self._miscount(page, table.layout, len(table.rows))
             if miscount:
                 faults.append(([table], table.lines[-1], *miscount))
-        faults += [([], line, *miscount) for line, layout in empty if (miscount := self._miscount(page, layout, 0))]
+        faults += [
+            ([], line, *miscount)
+            for line, layout in empty
+            if (miscount := self._miscount(page, layout, 0))
+        ]
         return sorted(faults, key=lambda fault: fault[1])
 
     def _miscount(self, page: Page, layout: Layout, count: int) -> tuple[str, str] | None:
-        """Return how many rows a table has and how many the input cards specify, None where they agree."""
+        """Return how many rows a table has and how many the input cards specify, None where they
+        agree.
+        """
         assert self.case is not None
         wanted = self.case.deck.count(*layout.rows) if layout.rows else None
-        if layout.rows is None or wanted is None or count == wanted or (count < wanted and self._ends_early(page, layout)):
+        if (
+            layout.rows is None
+            or wanted is None
+            or count == wanted
+            or (count < wanted and self._ends_early(page, layout))
+        ):
             return None
-        return f"{count} rows in the {layout.name} table", f"{wanted} rows ({layout.rows[1]} of the input cards)"
+        return (
+            f"{count} rows in the {layout.name} table",
+            f"{wanted} rows ({layout.rows[1]} of the input cards)",
+        )
 
     def _ends_early(self, page: Page, layout: Layout) -> bool:
         assert self.case is not None
@@ -381,7 +455,13 @@ class Scanner:
 
     def _damaged(self, line: int, found: str, expected: str) -> DamagedListing:
         """Return the error for a fault, with what is complete of the open case."""
-        listing = Listing(self.listing.file, self.listing.runs, self.listing.line_count, self.listing.unread, self.listing.own_messages)
+        listing = Listing(
+            self.listing.file,
+            self.listing.runs,
+            self.listing.line_count,
+            self.listing.unread,
+            self.listing.own_messages,
+        )
         if self.case is not None:
             listing.cases.append(self.case)
         return DamagedListing(self.listing.file, line, found, expected, listing)
@@ -389,25 +469,33 @@ class Scanner:
     def _close_case(self) -> None:
         self._close_cards()
         case, self.case = self.case, None
-        if case is None or not (case.pages or case.messages or case.deck.cards or case.deck.namelists):
+        if case is None or not (
+            case.pages or case.messages or case.deck.cards or case.deck.namelists
+        ):
             return
         self.count += 1
         self.complete.append(case)
 
     def _close_run(self) -> None:
         """Judge a run that ends without END OF JOB: stopped by the program, or cut."""
-        stopped = self.case is not None and any("EXECUTION TERMINATING" in message.text for message in self.case.messages)
+        stopped = self.case is not None and any(
+            "EXECUTION TERMINATING" in message.text for message in self.case.messages
+        )
         if self.open_run and not stopped:
             text = self._drop_cut_page()
             if not self.partial:
-                expected = f"the line END OF JOB.; the listing is cut: run it again, {_TAKE_THE_REST}"
+                expected = (
+                    f"the line END OF JOB.; the listing is cut: run it again, {_TAKE_THE_REST}"
+                )
                 raise self._damaged(self.last, "the end of the print", expected)
             self.listing.own_messages.append(Message(self.last, text, "reader"))
         self._close_case()
         self.open_run = False
 
     def _drop_cut_page(self) -> str:
-        """Leave out what may be cut, the last item when it reaches the last line, and the page when none stays; report it."""
+        """Leave out what may be cut, the last item when it reaches the last line, and the page when
+        none stays; report it.
+        """
         text = "the listing is cut: no END OF JOB"
         if self.case is None or not self.case.pages or self.case.pages[-1].last < self.last:
             return text
@@ -422,10 +510,15 @@ class Scanner:
 
 def _miscounted_stream(table: Table, deck: Deck) -> tuple[str, str] | None:
     """Return found and expected of a table printed as one stream of values, None when it is whole."""
-    counts = [count for variable in table.layout.stream if (count := deck.count(*variable)) is not None]
+    counts = [
+        count for variable in table.layout.stream if (count := deck.count(*variable)) is not None
+    ]
     printed = table.flags.ravel() != BLANK
     wanted, found = math.prod(counts), int(printed.sum())
     if len(counts) < len(table.layout.stream) or (found == wanted and printed[:found].all()):
         return None
     product = " x ".join(variable for _, variable in table.layout.stream)
-    return f"{found} values in the {table.name} table", f"{wanted} values ({product} of the input cards)"
+    return (
+        f"{found} values in the {table.name} table",
+        f"{wanted} values ({product} of the input cards)",
+    )

@@ -1,7 +1,8 @@
 """Running a user's own Digital DATCOM program in a scratch folder and collecting its files.
 
-Builds differ in how they take the deck: from ``for005.dat`` in the folder, from a file whose name they request on standard
-input, from a file named on the command line, or from standard input itself.  All are tried in this order.
+Builds differ in how they take the deck: from ``for005.dat`` in the folder, from a file whose name
+they request on standard input, from a file named on the command line, or from standard input
+itself.  All are tried in this order.
 """
 
 from __future__ import annotations
@@ -27,7 +28,12 @@ from flightmech.support.atomic_write import written_atomically
 from flightmech.support.input_files import file_kind, marked_encoding
 
 _DECK_NAME = "for005.dat"
-_PRINTS = ("for006.dat", "datcom.out", "output.dat", "fort.6")  # unit 6 by the names of known builds, best first
+_PRINTS = (
+    "for006.dat",
+    "datcom.out",
+    "output.dat",
+    "fort.6",
+)  # unit 6 by the names of known builds, best first
 _PLOTS = {"for013": ("for013.dat", "fort.13"), "for014": ("for014.dat", "fort.14")}
 _SIGN = b"CONERR - INPUT ERROR CHECKING"
 _SHOWN = 300  # characters of the output of a failed program
@@ -44,8 +50,8 @@ class Run:
     files : dict of str to Path
         ``out``, and ``for013``, ``for014`` where they were written.
     messages : tuple of Message
-        What the program printed on its console, every text once, and (origin ``reader``) what could not be read of a complete print and
-        where the echoed cards differ from the deck.
+        What the program printed on its console, every text once, and (origin ``reader``) what could
+        not be read of a complete print and where the echoed cards differ from the deck.
     seconds : float
         Elapsed time.
     """
@@ -72,7 +78,8 @@ def run_deck(
     program : path, or sequence of str
         Executable, or a command with its first arguments, ``["wine", "datcom.exe"]``.
     folder : path, optional
-        Where the results go, under the name of the deck: ``NAME.out``, ``NAME.for013``, ``NAME.for014``.  Default: the folder of the deck.
+        Where the results go, under the name of the deck: ``NAME.out``, ``NAME.for013``,
+        ``NAME.for014``.  Default: the folder of the deck.
     timeout : float
         Longest time of one attempt. [s]
 
@@ -83,7 +90,8 @@ def run_deck(
     Raises
     ------
     SimulationError
-        The program crashed, hung, wrote no print, or the print lacks its end; nothing is written to `folder` then.
+        The program crashed, hung, wrote no print, or the print lacks its end; nothing is written to
+        `folder` then.
     OSError
         The program or the deck cannot be opened.
 
@@ -109,13 +117,19 @@ def run_deck(
                 if attempt.fatal:
                     break
                 continue
-            if not any(f"${name}".encode() in found["out"] for case in given_deck for name in case.namelists):
+            if not any(
+                f"${name}".encode() in found["out"]
+                for case in given_deck
+                for name in case.namelists
+            ):
                 failures.append("it took another input for its deck")
                 continue
             listing = _listing(found["out"], attempt)
             files = _keep(found, folder, deck.stem)
             listing.file = files["out"].name
-            return Run(listing, files, tuple(_messages(listing, given_deck)), time.monotonic() - began)
+            return Run(
+                listing, files, tuple(_messages(listing, given_deck)), time.monotonic() - began
+            )
     raise SimulationError(_refusal(command, failures))
 
 
@@ -147,16 +161,27 @@ def run_folder(
     Raises
     ------
     SchemaError
-        The folder holds no deck, or decks that differ in their suffix only, whose results would have one name.
+        The folder holds no deck, or decks that differ in their suffix only, whose results would
+        have one name.
     OSError
         The program or the folder cannot be opened.
     """
     folder = Path(folder)
-    decks = [path for path in sorted(folder.iterdir()) if path.is_file() and file_kind(path).startswith("an input deck")]
+    decks = [
+        path
+        for path in sorted(folder.iterdir())
+        if path.is_file() and file_kind(path).startswith("an input deck")
+    ]
     stems = Counter(path.stem for path in decks)
-    problems = [f"several decks are named {stem}; rename all but one" for stem, count in stems.items() if count > 1]
+    problems = [
+        f"several decks are named {stem}; rename all but one"
+        for stem, count in stems.items()
+        if count > 1
+    ]
     if not decks:
-        problems.append("no input deck in it (a file with a namelist $FLTCON); make some with datcom split")
+        problems.append(
+            "no input deck in it (a file with a namelist $FLTCON); make some with datcom split"
+        )
     if problems:
         raise SchemaError(str(folder), problems)
     _command(program)
@@ -172,7 +197,11 @@ def _command(program: str | os.PathLike[str] | Sequence[str]) -> list[str]:
     found = shutil.which(words[0])
     if found is None:
         there = Path(words[0]).exists()
-        raise FileNotFoundError(2, "not an executable file; make it one" if there else "no such program; give its path", words[0])
+        raise FileNotFoundError(
+            2,
+            "not an executable file; make it one" if there else "no such program; give its path",
+            words[0],
+        )
     return [os.path.abspath(found), *words[1:]]
 
 
@@ -180,7 +209,11 @@ def _content(deck: DeckFile, path: Path) -> bytes:
     """Return the deck for the program: its own bytes when it is plain."""
     raw = path.read_bytes()
     read_by_the_program = not marked_encoding(raw)[0] and (b"\n" in raw or b"\r" not in raw)
-    plain = read_by_the_program and not deck.comments and not any(finding.severity == ERROR for finding in deck.findings)
+    plain = (
+        read_by_the_program
+        and not deck.comments
+        and not any(finding.severity == ERROR for finding in deck.findings)
+    )
     return raw if plain else deck_text(deck).encode("latin-1")
 
 
@@ -201,22 +234,36 @@ class _Attempt:
     broken: bool = False  # it did not end by itself with success
 
 
-def _attempt(command: list[str], given: bytes, content: bytes, scratch: Path, timeout: float) -> _Attempt:
+def _attempt(
+    command: list[str], given: bytes, content: bytes, scratch: Path, timeout: float
+) -> _Attempt:
     (scratch / _DECK_NAME).write_bytes(content)
     process = subprocess.Popen(
-        command, cwd=scratch, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, start_new_session=os.name == "posix"
+        command,
+        cwd=scratch,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        start_new_session=os.name == "posix",
     )
     try:
         output, _ = process.communicate(given, timeout=timeout)
     except subprocess.TimeoutExpired:
         _end(process)
         return _Attempt(
-            b"", f"it did not end within {timeout:g} s (a deck with VINF and a NACA card hangs some builds)", fatal=True, broken=True
+            b"",
+            f"it did not end within {timeout:g} s (a deck with VINF and a NACA card hangs some builds)",
+            fatal=True,
+            broken=True,
         )
     words = " ".join(output.decode("latin-1").split())[-_SHOWN:]
     shown = f"; its output: {words}" if words else ""
     if process.returncode < 0:
-        return _Attempt(output, f"it crashed with signal {signal.Signals(-process.returncode).name}{shown}", broken=True)
+        return _Attempt(
+            output,
+            f"it crashed with signal {signal.Signals(-process.returncode).name}{shown}",
+            broken=True,
+        )
     if process.returncode:
         return _Attempt(output, f"it ended with code {process.returncode}{shown}", broken=True)
     return _Attempt(output, f"it ended without a print of unit 6{shown}")
@@ -235,9 +282,19 @@ def _collect(scratch: Path, attempt: _Attempt) -> dict[str, bytes] | None:
     """Return the files that an attempt made; None without a print."""
     if attempt.fatal:
         return None
-    made = {path.name.lower(): path for path in sorted(scratch.iterdir()) if path.is_file() and path.name != _DECK_NAME}
-    ordered = [made[name] for name in _PRINTS if name in made] + [path for name, path in made.items() if name not in _PRINTS]
-    prints = [content for content in (*(path.read_bytes() for path in ordered), attempt.output) if _SIGN in content]
+    made = {
+        path.name.lower(): path
+        for path in sorted(scratch.iterdir())
+        if path.is_file() and path.name != _DECK_NAME
+    }
+    ordered = [made[name] for name in _PRINTS if name in made] + [
+        path for name, path in made.items() if name not in _PRINTS
+    ]
+    prints = [
+        content
+        for content in (*(path.read_bytes() for path in ordered), attempt.output)
+        if _SIGN in content
+    ]
     if not prints:
         return None
     found = {"out": prints[0]}
@@ -249,7 +306,9 @@ def _collect(scratch: Path, attempt: _Attempt) -> dict[str, bytes] | None:
 
 
 def _listing(content: bytes, attempt: _Attempt) -> Listing:
-    """Read a print; one that the program has ended and the reader cannot take whole is kept, with the reader's messages."""
+    """Read a print; one that the program has ended and the reader cannot take whole is kept, with
+    the reader's messages.
+    """
     ended = b"END OF JOB" in content and not attempt.broken
     try:
         return read(content.decode("latin-1").split("\n"), partial=ended)
@@ -261,15 +320,27 @@ def _listing(content: bytes, attempt: _Attempt) -> Listing:
 
 
 def _messages(listing: Listing, deck: DeckFile) -> Iterator[Message]:
-    """Yield what the program printed on its console, every text once, what the reader left out, and where the echo differs."""
-    texts = {message.text: message for message in reversed(listing.messages) if message.origin == "program"}
+    """Yield what the program printed on its console, every text once, what the reader left out, and
+    where the echo differs.
+    """
+    texts = {
+        message.text: message
+        for message in reversed(listing.messages)
+        if message.origin == "program"
+    }
     yield from sorted(texts.values())
     yield from (message for message in listing.messages if message.text.endswith(": left out"))
     for number, (printed, wanted) in enumerate(zip(listing, deck), 1):
         if printed.deck.meaning() != wanted.meaning():
-            yield Message(printed.line, f"case {number}: the cards in the print differ from those of the deck", "reader")
+            yield Message(
+                printed.line,
+                f"case {number}: the cards in the print differ from those of the deck",
+                "reader",
+            )
     if len(listing) != len(deck):
-        yield Message(0, f"number of cases: {len(deck)} in the deck, {len(listing)} in the print", "reader")
+        yield Message(
+            0, f"number of cases: {len(deck)} in the deck, {len(listing)} in the print", "reader"
+        )
 
 
 def _keep(found: dict[str, bytes], folder: Path, stem: str) -> dict[str, Path]:
@@ -287,4 +358,6 @@ def _refusal(command: list[str], failures: list[str]) -> str:
         if len(failures) == 1
         else f" (tried with {_DECK_NAME}, its name on standard input and as argument, and the deck on standard input)"
     )
-    return f"{Path(command[0]).name} made no result{tried}: {'; '.join(reasons)}; nothing was written"
+    return (
+        f"{Path(command[0]).name} made no result{tried}: {'; '.join(reasons)}; nothing was written"
+    )

@@ -1,4 +1,5 @@
-"""The study: one deck that describes an aircraft with all its devices, and the plan of the runs to make of it.
+"""The study: one deck that describes an aircraft with all its devices, and the plan of the runs to
+make of it.
 
 A study is a deck of one case, alone or with a TOML file next to it::
 
@@ -39,8 +40,14 @@ DEVICES = {
     "differential_tail": ("ASYFLP", True),
 }
 _KEYWORDS = {"FLAP": "flaps", "SLAT": "slats", "ELEVATOR": "elevator"}
-_ROUNDING, _CORRECTED = 1e-3, 0.1  # of the half span: a flap may begin so far inside the body; the program moves it to the side
-_ANY_DEVICE = ("SYMFLP", "SYMMETRIC")  # of headings such as SYMMETRICAL FLAP DEFLECTION PARAMETERS, which stand above elevators too
+_ROUNDING, _CORRECTED = (
+    1e-3,
+    0.1,
+)  # of the half span: a flap may begin so far inside the body; the program moves it to the side
+_ANY_DEVICE = (
+    "SYMFLP",
+    "SYMMETRIC",
+)  # of headings such as SYMMETRICAL FLAP DEFLECTION PARAMETERS, which stand above elevators too
 _SPOILERS, _AILERON, _DIFFERENTIAL_TAIL = (1, 2, 3), 4, 5
 _KEYS: dict[str, type] = {"deck": str, "title": str, "devices": list, "runs": dict}
 _RUN_KEYS: dict[str, type] = {"caseid": str, "cards": str, "separate": bool}
@@ -57,7 +64,9 @@ class Plan:
 
 @dataclass(frozen=True)
 class Study:
-    """A study: the deck, the devices by name (each the SYMFLP or ASYFLP cards that make it), and the plan."""
+    """A study: the deck, the devices by name (each the SYMFLP or ASYFLP cards that make it), and
+    the plan.
+    """
 
     file: str
     base: Deck
@@ -67,7 +76,9 @@ class Study:
 
 
 def word_of(name: str) -> str:
-    """Return the word of `DEVICES` that a device's name begins with: ``flaps`` of ``flaps_2``; empty when there is none."""
+    """Return the word of `DEVICES` that a device's name begins with: ``flaps`` of ``flaps_2``;
+    empty when there is none.
+    """
     return next((word for word in DEVICES if name == word or name.startswith(f"{word}_")), "")
 
 
@@ -82,7 +93,8 @@ def read_study(source: str | os.PathLike[str] | DeckFile) -> Study:
     Raises
     ------
     SchemaError
-        Unknown keys, more than one case, devices that cannot be distinguished; all problems at once.
+        Unknown keys, more than one case, devices that cannot be distinguished; all problems at
+        once.
     ParseError
         The TOML file cannot be read.
     """
@@ -102,12 +114,18 @@ def _wrong_keys(content: dict) -> list[str]:
     problems = [] if "deck" in content else ["no deck; write deck = 'file.inp'"]
     problems += _wrong(content, _KEYS, "")
     for name, run in content["runs"].items() if isinstance(content.get("runs"), dict) else ():
-        problems += _wrong(run, _RUN_KEYS, f"runs.{name}.") if isinstance(run, dict) else [f"runs.{name} is no table"]
+        problems += (
+            _wrong(run, _RUN_KEYS, f"runs.{name}.")
+            if isinstance(run, dict)
+            else [f"runs.{name} is no table"]
+        )
     return problems
 
 
 def _wrong(table: dict, keys: dict[str, type], where: str) -> list[str]:
-    unknown = [f"unknown key {where}{key}; allowed: {', '.join(keys)}" for key in table if key not in keys]
+    unknown = [
+        f"unknown key {where}{key}; allowed: {', '.join(keys)}" for key in table if key not in keys
+    ]
     kinds = [
         f"{where}{key} is {table[key]!r}; it must be a {kind.__name__}"
         for key, kind in keys.items()
@@ -118,18 +136,29 @@ def _wrong(table: dict, keys: dict[str, type], where: str) -> list[str]:
 
 def _study(deck: DeckFile, content: dict) -> Study:
     if len(deck) != 1:
-        raise SchemaError(deck.file, [f"{len(deck)} cases; a study is one case that holds the aircraft and all its devices"])
+        raise SchemaError(
+            deck.file,
+            [f"{len(deck)} cases; a study is one case that holds the aircraft and all its devices"],
+        )
     base = deck[0]
     groups = _groups(base)
     names, problems = _names(deck, groups, content.get("devices", []))
     plans = {name: Plan(**run) for name, run in content.get("runs", {}).items()}
     if problems:
         raise SchemaError(deck.file, problems)
-    return Study(deck.file, base, content.get("title", base.caseid), dict(zip(names, groups, strict=True)), plans)
+    return Study(
+        deck.file,
+        base,
+        content.get("title", base.caseid),
+        dict(zip(names, groups, strict=True)),
+        plans,
+    )
 
 
 def _groups(base: Deck) -> list[tuple[Namelist, ...]]:
-    """Return the devices of the deck: a SYMFLP or ASYFLP without NDELTA goes on with the one before."""
+    """Return the devices of the deck: a SYMFLP or ASYFLP without NDELTA goes on with the one
+    before.
+    """
     groups: list[tuple[Namelist, ...]] = []
     for item in base.items:
         if isinstance(item, Namelist) and item.name in ("SYMFLP", "ASYFLP"):
@@ -141,18 +170,24 @@ def _groups(base: Deck) -> list[tuple[Namelist, ...]]:
     return groups
 
 
-def _names(deck: DeckFile, groups: Sequence[tuple[Namelist, ...]], given: list) -> tuple[list[str], list[str]]:
+def _names(
+    deck: DeckFile, groups: Sequence[tuple[Namelist, ...]], given: list
+) -> tuple[list[str], list[str]]:
     """Return the names of the devices and the problems in finding them."""
     problems = []
     if given and len(given) != len(groups):
-        problems.append(f"devices names {len(given)}, the deck has {len(groups)} (SYMFLP and ASYFLP in their order)")
+        problems.append(
+            f"devices names {len(given)}, the deck has {len(groups)} (SYMFLP and ASYFLP in their order)"
+        )
         return [], problems
     names: list[str] = []
     for i, group in enumerate(groups):
         name = str(given[i]) if given else _name(deck, group)
         word = word_of(name)
         if not word or DEVICES[word][0] != group[0].name:
-            allowed = ", ".join(word for word, (namelist, _) in DEVICES.items() if namelist == group[0].name)
+            allowed = ", ".join(
+                word for word, (namelist, _) in DEVICES.items() if namelist == group[0].name
+            )
             which = f"device {name!r}" if name else "it may be on the wing or on the tail"
             problems.append(
                 f"line {group[0].line}, ${group[0].name}: {which}; name it in a study file, devices = [...], allowed: {allowed}, "
@@ -168,16 +203,35 @@ def _names(deck: DeckFile, groups: Sequence[tuple[Namelist, ...]], given: list) 
 
 def _name(deck: DeckFile, group: tuple[Namelist, ...]) -> str:
     """Name a device by its type, by a comment above it, or by the only surface it fits on."""
-    values = {assignment.variable: assignment.values[0] for item in group for assignment in item.assignments if assignment.values}
+    values = {
+        assignment.variable: assignment.values[0]
+        for item in group
+        for assignment in item.assignments
+        if assignment.values
+    }
     if group[0].name == "ASYFLP":
         kind = round(float(values.get("STYPE", 0.0)))
         return (
-            "aileron" if kind == _AILERON else "spoiler" if kind in _SPOILERS else "differential_tail" if kind == _DIFFERENTIAL_TAIL else ""
+            "aileron"
+            if kind == _AILERON
+            else "spoiler"
+            if kind in _SPOILERS
+            else "differential_tail"
+            if kind == _DIFFERENTIAL_TAIL
+            else ""
         )
-    there = {name: surface for name, surface in (("flaps", "WGPLNF"), ("elevator", "HTPLNF")) if surface in deck[0].namelists}
+    there = {
+        name: surface
+        for name, surface in (("flaps", "WGPLNF"), ("elevator", "HTPLNF"))
+        if surface in deck[0].namelists
+    }
     named = _named_above(deck, group[0].line)
     for inside in (_ROUNDING, _CORRECTED):
-        fits = [name for name, surface in there.items() if len(there) == 1 or _fits(deck[0], surface, values, inside)]
+        fits = [
+            name
+            for name, surface in there.items()
+            if len(there) == 1 or _fits(deck[0], surface, values, inside)
+        ]
         if len(fits) == 1:
             return named if named and is_on_tail(named) == is_on_tail(fits[0]) else fits[0]
         if fits:
@@ -186,7 +240,9 @@ def _name(deck: DeckFile, group: tuple[Namelist, ...]) -> str:
 
 
 def _named_above(deck: DeckFile, line: int) -> str:
-    """Return the device that the comment next above a line names; a heading that holds for any symmetrical flap names none."""
+    """Return the device that the comment next above a line names; a heading that holds for any
+    symmetrical flap names none.
+    """
     above = max((item.line for item in deck[0].items if item.line < line), default=0)
     for at, text in reversed(deck.comments):
         words = text.upper()
@@ -198,7 +254,9 @@ def _named_above(deck: DeckFile, line: int) -> str:
 
 
 def _fits(base: Deck, surface: str, values: dict, inside: float) -> bool:
-    """Return whether a flap ends within the tip of a surface and begins no farther inside the body than a share of the half span."""
+    """Return whether a flap ends within the tip of a surface and begins no farther inside the body
+    than a share of the half span.
+    """
     tip, exposed = base.value(surface, "SSPN"), base.value(surface, "SSPNE")
     if tip is None or exposed is None:
         return False

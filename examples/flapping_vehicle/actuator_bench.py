@@ -1,6 +1,8 @@
-"""Bench records of actuators, simulated: a PWM servo with limits and dead time, and a DC motor on a torque cell.
+"""Bench records of actuators, simulated: a PWM servo with limits and dead time, and a DC motor on a
+torque cell.
 
-Truth for the study of `flighttest.actuators`, independent of it: steps of 0.2 ms, each exact for a held input, clipped at the limits.
+Truth for the study of `flighttest.actuators`, independent of it: steps of 0.2 ms, each exact for a
+held input, clipped at the limits.
 """
 
 from __future__ import annotations
@@ -20,7 +22,9 @@ FRAME = 0.02  # of a PWM signal [s]
 
 @dataclass(frozen=True)
 class Actuator:
-    """Ma v' + Ca v + Ka p + tau = B [u(t - delay) - neutral], with limits; a motor has no stiffness."""
+    """Ma v' + Ca v + Ka p + tau = B [u(t - delay) - neutral], with limits; a motor has no
+    stiffness.
+    """
 
     Ma: float = 2.5e-5  # [kg m2]
     Ca: float = 1.4e-3  # [N m s]
@@ -72,13 +76,21 @@ def log(actuator: Actuator, campaign: Campaign, seed: int) -> xr.Dataset:
     ):
         if noise is not None:
             measured[name] = truth[::every] + noise * rng.standard_normal(len(truth[::every]))
-    return xr.Dataset({name: ("time", x) for name, x in measured.items()}, {"time": time[::every]}, {"record": f"bench {seed}"})
+    return xr.Dataset(
+        {name: ("time", x) for name, x in measured.items()},
+        {"time": time[::every]},
+        {"record": f"bench {seed}"},
+    )
 
 
-def _response(actuator: Actuator, command: np.ndarray, torque: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _response(
+    actuator: Actuator, command: np.ndarray, torque: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     late = round(actuator.delay / STEP)
     delayed = np.concatenate([np.full(late, command[0]), command[: len(command) - late]])
-    load = np.append(0.5 * (torque[1:] + torque[:-1]), torque[-1])  # linear between samples, the command is held
+    load = np.append(
+        0.5 * (torque[1:] + torque[:-1]), torque[-1]
+    )  # linear between samples, the command is held
     drive = (actuator.B * (delayed - actuator.neutral) - load) / actuator.Ma
     k, c = actuator.Ka / actuator.Ma, actuator.Ca / actuator.Ma
     E = expm(STEP * np.array([[0.0, 1.0, 0.0], [-k, -c, 1.0], [0.0, 0.0, 0.0]])).tolist()
@@ -98,10 +110,16 @@ def _response(actuator: Actuator, command: np.ndarray, torque: np.ndarray) -> tu
 
 
 def main(folder: Path) -> None:
-    """Write two logs each of a servo and of one at its limits, and two of a motor on a torque cell, as CSV files."""
+    """Write two logs each of a servo and of one at its limits, and two of a motor on a torque cell,
+    as CSV files.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     cell = Campaign(amplitude=0.3, position=None, speed=1.0, torque=1e-4)
-    for name, actuator, campaign in (("servo", SERVO, Campaign()), ("limited", LIMITED, Campaign()), ("motor", MOTOR, cell)):
+    for name, actuator, campaign in (
+        ("servo", SERVO, Campaign()),
+        ("limited", LIMITED, Campaign()),
+        ("motor", MOTOR, cell),
+    ):
         for seed in (1, 2):
             table = log(actuator, campaign, seed).to_dataframe().reset_index()
             if "position" in table:

@@ -1,4 +1,5 @@
-"""Markers on a flapping fuselage as cameras record them, simulated: a heaving, pitching, rolling body with analytic rates.
+"""Markers on a flapping fuselage as cameras record them, simulated: a heaving, pitching, rolling
+body with analytic rates.
 
 Truth for the study of `flighttest.motion_capture`.
 """
@@ -25,15 +26,23 @@ SETUP = "\n".join(
 
 
 def truth(time: np.ndarray) -> dict[str, np.ndarray]:
-    """Return position and velocity north-east-down, Euler angles, body rates and specific force over time."""
+    """Return position and velocity north-east-down, Euler angles, body rates and specific force
+    over time.
+    """
     w = 2.0 * np.pi * FLAPPING
     heave = [(0.06, w, 0.3), (0.012, 2.0 * w, 1.1), (0.003, 3.0 * w, 0.2)]
-    place = {"north": (4.0 * time, 4.0, 0.0), "east": (0.2 * np.sin(0.9 * time), 0.18 * np.cos(0.9 * time), -0.162 * np.sin(0.9 * time))}
+    place = {
+        "north": (4.0 * time, 4.0, 0.0),
+        "east": (0.2 * np.sin(0.9 * time), 0.18 * np.cos(0.9 * time), -0.162 * np.sin(0.9 * time)),
+    }
     down = [sum(a * f(k * time + c) * g for a, k, c in heave) for f, g in ((np.sin, 1.0),)]
     d_down = sum(a * k * np.cos(k * time + c) for a, k, c in heave)
     dd_down = sum(-a * k**2 * np.sin(k * time + c) for a, k, c in heave)
     angles = {"phi": (0.08, 1.7, 0.5), "theta": (0.12, w, 1.0), "psi": (0.10, 0.8, 0.2)}
-    e = {name: (a * np.sin(k * time + c), a * k * np.cos(k * time + c)) for name, (a, k, c) in angles.items()}
+    e = {
+        name: (a * np.sin(k * time + c), a * k * np.cos(k * time + c))
+        for name, (a, k, c) in angles.items()
+    }
     (phi, phid), (theta, thetad), (psi, psid) = e["phi"], e["theta"], e["psi"]
     p = phid - psid * np.sin(theta)
     q = thetad * np.cos(phi) + psid * np.sin(phi) * np.cos(theta)
@@ -49,14 +58,20 @@ def truth(time: np.ndarray) -> dict[str, np.ndarray]:
     }  # fmt: skip
 
 
-def record(seed: int, duration: float = 1.6, rate: float = 500.0, missing: float = 0.03) -> pd.DataFrame:
+def record(
+    seed: int, duration: float = 1.6, rate: float = 500.0, missing: float = 0.03
+) -> pd.DataFrame:
     """Return what the cameras record, x north, y west, z up; a share of the markers is not seen."""
     rng = np.random.default_rng(seed)
     time = np.arange(round(duration * rate)) / rate
     true = truth(time)
     columns = {"time": time}
     for name, place in MARKERS.items():
-        seen = true["position"] + true["turn"].apply(np.array(place)) + NOISE * rng.standard_normal((len(time), 3))
+        seen = (
+            true["position"]
+            + true["turn"].apply(np.array(place))
+            + NOISE * rng.standard_normal((len(time), 3))
+        )
         seen[rng.random(len(time)) < missing] = np.nan
         columns |= dict(zip((f"{name}_x", f"{name}_y", f"{name}_z"), (seen * [1.0, -1.0, -1.0]).T))
     return pd.DataFrame(columns)

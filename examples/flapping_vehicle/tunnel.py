@@ -1,6 +1,8 @@
-"""A tail on a wind-tunnel balance, simulated: cycled through its range at several airspeeds, with tare, strut and noise.
+"""A tail on a wind-tunnel balance, simulated: cycled through its range at several airspeeds, with
+tare, strut and noise.
 
-Truth for the study of `flighttest.wind_tunnel`; the coefficients are the averages of Grauer and others, AIAA 2010-7632, Table 2.
+Truth for the study of `flighttest.wind_tunnel`; the coefficients are the averages of Grauer and
+others, AIAA 2010-7632, Table 2.
 """
 
 from __future__ import annotations
@@ -11,12 +13,21 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-CL = {"1": 0.0623, "alpha": 1.1436, "alpha*beta": -0.2075, "alpha**3": -0.4560, "alpha**2*beta**2": 0.2454}
+CL = {
+    "1": 0.0623,
+    "alpha": 1.1436,
+    "alpha*beta": -0.2075,
+    "alpha**3": -0.4560,
+    "alpha**2*beta**2": 0.2454,
+}
 CD = {"1": 0.0872, "alpha**2": 0.3325}
 S, B, C = 0.032, 0.40, 0.10  # reference area, span [m2, m], chord
 RHO = 1.2  # [kg/m3]
 OFFSET = np.array([-0.12, 0.0, 0.02])  # centre of the balance from the moment reference point [m]
-WEIGHT, ARM = 1.6, np.array([0.05, 0.0, 0.0])  # of the model on the balance [N], its c.g. from the balance [m]
+WEIGHT, ARM = (
+    1.6,
+    np.array([0.05, 0.0, 0.0]),
+)  # of the model on the balance [N], its c.g. from the balance [m]
 ZERO = np.array([0.02, -0.01, 0.05])  # of the balance [N]
 STRUT = 0.03  # lift of the interference of the strut [1]
 NOISE = 0.025  # of CL and CD at 10 m/s, as the paper's fits leave it
@@ -52,10 +63,18 @@ CL = ["strut"]
 """
 
 
-def record(seed: int, speed: float, alpha_error: float = 0.0, speed_error: float = 0.0, duration: float = 40.0) -> pd.DataFrame:
-    """Return a record: ten seconds without wind, then the tail cycled at `speed` with the strut in for half of the time.
+def record(
+    seed: int,
+    speed: float,
+    alpha_error: float = 0.0,
+    speed_error: float = 0.0,
+    duration: float = 40.0,
+) -> pd.DataFrame:
+    """Return a record: ten seconds without wind, then the tail cycled at `speed` with the strut in
+    for half of the time.
 
-    Angle and airspeed are recorded with an error of calibration, `alpha_error` [rad] and `speed_error` [m/s].
+    Angle and airspeed are recorded with an error of calibration, `alpha_error` [rad] and
+    `speed_error` [m/s].
     """
     rate, wind_off = 50.0, 10.0
     rng = np.random.default_rng(seed)
@@ -65,7 +84,9 @@ def record(seed: int, speed: float, alpha_error: float = 0.0, speed_error: float
     beta = 0.45 * np.sin(0.57 * time + phase[2]) + 0.30 * np.sin(1.93 * time + phase[3])
     V = np.where(time < wind_off, 0.0, speed)
     inserted = (time // 5.0) % 2.0 == 1.0
-    lift = sum(value * _regressor(term, alpha, beta) for term, value in CL.items()) + STRUT * inserted
+    lift = (
+        sum(value * _regressor(term, alpha, beta) for term, value in CL.items()) + STRUT * inserted
+    )
     drag = sum(value * _regressor(term, alpha, beta) for term, value in CD.items())
     turbulence = np.where(V > 0.0, 1.0, 0.1)  # without wind only the noise of the balance is left
     scatter = turbulence * NOISE * rng.standard_normal((2, len(time))) * 0.5 * RHO * 10.0**2 * S
@@ -85,7 +106,9 @@ def record(seed: int, speed: float, alpha_error: float = 0.0, speed_error: float
         "beta": np.degrees(beta),
         "strut": inserted.astype(float),
     }
-    columns |= dict(zip(("fx", "fy", "fz", "mx", "my", "mz"), np.concatenate([force, moment], axis=1).T))
+    columns |= dict(
+        zip(("fx", "fy", "fz", "mx", "my", "mz"), np.concatenate([force, moment], axis=1).T)
+    )
     return pd.DataFrame(columns)
 
 

@@ -1,8 +1,10 @@
-"""A flapping vehicle of seven bodies in free flight, simulated: markers, commands and truth for the study of `flighttest.multibody`.
+"""A flapping vehicle of seven bodies in free flight, simulated: markers, commands and truth for the
+study of `flighttest.multibody`.
 
-Equations of motion by summing over bodies with their Jacobians (Grauer and others, AIAA 2010-7632, eq. (7)), the four-bar by the
-intersection of two circles, wings and tail by eq. (11), (12), (14), (15), actuators by eq. (8); a Runge-Kutta method of fourth order with
-fixed step.  Numbers are our own, near those of the paper.  Nothing here uses the library that identifies it.
+Equations of motion by summing over bodies with their Jacobians (Grauer and others, AIAA 2010-7632,
+eq. (7)), the four-bar by the intersection of two circles, wings and tail by eq. (11), (12), (14),
+(15), actuators by eq. (8); a Runge-Kutta method of fourth order with fixed step.  Numbers are our
+own, near those of the paper.  Nothing here uses the library that identifies it.
 """
 
 from __future__ import annotations
@@ -14,18 +16,71 @@ import numpy as np
 import pandas as pd
 
 G, RHO = 9.80665, 1.2
-FLAPPING, NOISE, MISSING = 5.0, 3e-4, 0.02  # [Hz], of a coordinate of a marker [m], share of markers not seen
+FLAPPING, NOISE, MISSING = (
+    5.0,
+    3e-4,
+    0.02,
+)  # [Hz], of a coordinate of a marker [m], share of markers not seen
 HALF, X = 0.28, np.array([1.0, 0.0, 0.0])
 PIN_ROCKER, PIN_COUPLER = np.array([0.0, 0.025, 0.0]), np.array([0.0, 0.0250, -0.0584])
 # name: parent, origin in axes of the parent, axis, mass, c.g., principal moments of inertia
 BODIES = {
-    "fuselage": (None, (0, 0, 0), (1, 0, 0), 0.337, (0.01, -0.00045, 0.005), (4e-4, 3.5e-3, 3.5e-3)),
-    "crank": ("fuselage", (0.06, 0.03, 0.03), (1, 0, 0), 0.003, (0.0, 0.0, -0.004), (3e-7, 2e-7, 2e-7)),
-    "coupler": ("crank", (0.0, 0.0, -0.011), (1, 0, 0), 0.002, tuple(PIN_COUPLER / 2.0), (9e-7, 6e-7, 4e-7)),
-    "wing_right": ("fuselage", (0.06, 0.03, -0.03), (1, 0, 0), 0.0428, (-0.05, 0.22, 0.0), (1.08e-3, 1.4e-4, 1.22e-3)),
-    "wing_left": ("fuselage", (0.06, -0.03, -0.03), (1, 0, 0), 0.0428, (-0.05, -0.22, 0.0), (1.08e-3, 1.4e-4, 1.22e-3)),
-    "tail_mount": ("fuselage", (-0.30, 0.0, 0.0), (0, 1, 0), 0.004, (-0.01, 0.0, 0.0), (2e-7, 4e-7, 4e-7)),
-    "tail": ("tail_mount", (-0.02, 0.0, 0.0), (1, 0, 0), 0.0185, (-0.05, 0.0, 0.0), (6e-5, 4e-5, 9e-5)),
+    "fuselage": (
+        None,
+        (0, 0, 0),
+        (1, 0, 0),
+        0.337,
+        (0.01, -0.00045, 0.005),
+        (4e-4, 3.5e-3, 3.5e-3),
+    ),
+    "crank": (
+        "fuselage",
+        (0.06, 0.03, 0.03),
+        (1, 0, 0),
+        0.003,
+        (0.0, 0.0, -0.004),
+        (3e-7, 2e-7, 2e-7),
+    ),
+    "coupler": (
+        "crank",
+        (0.0, 0.0, -0.011),
+        (1, 0, 0),
+        0.002,
+        tuple(PIN_COUPLER / 2.0),
+        (9e-7, 6e-7, 4e-7),
+    ),
+    "wing_right": (
+        "fuselage",
+        (0.06, 0.03, -0.03),
+        (1, 0, 0),
+        0.0428,
+        (-0.05, 0.22, 0.0),
+        (1.08e-3, 1.4e-4, 1.22e-3),
+    ),
+    "wing_left": (
+        "fuselage",
+        (0.06, -0.03, -0.03),
+        (1, 0, 0),
+        0.0428,
+        (-0.05, -0.22, 0.0),
+        (1.08e-3, 1.4e-4, 1.22e-3),
+    ),
+    "tail_mount": (
+        "fuselage",
+        (-0.30, 0.0, 0.0),
+        (0, 1, 0),
+        0.004,
+        (-0.01, 0.0, 0.0),
+        (2e-7, 4e-7, 4e-7),
+    ),
+    "tail": (
+        "tail_mount",
+        (-0.02, 0.0, 0.0),
+        (1, 0, 0),
+        0.0185,
+        (-0.05, 0.0, 0.0),
+        (6e-5, 4e-5, 9e-5),
+    ),
 }
 NAMES = list(BODIES)
 MARKERS = {
@@ -39,7 +94,13 @@ S, WING_POINT = 0.27, np.array([-0.0615, HALF, 0.0])
 S_TAIL, TAIL_POINT = 0.032, np.array([-0.05, 0.0, 0.0])
 CL = {"1": -1.72, "u": 0.55, "w": 0.12, "q": 0.28, "rate": 0.032}
 CD = {"1": 0.037, "rate": -0.0070, "angle**2": 0.44, "rate**2": -0.0015}
-CL_TAIL = {"1": 0.0623, "alpha": 1.1436, "alpha*beta": -0.2075, "alpha**3": -0.4560, "alpha**2*beta**2": 0.2454}
+CL_TAIL = {
+    "1": 0.0623,
+    "alpha": 1.1436,
+    "alpha*beta": -0.2075,
+    "alpha**3": -0.4560,
+    "alpha**2*beta**2": 0.2454,
+}
 CD_TAIL = {"1": 0.0872, "alpha**2": 0.3325}
 # Ma [kg m2], Ca [N m s], Ka, B [N m] of crank, tail pitch, tail roll
 ACTUATORS = {
@@ -68,9 +129,11 @@ def skew(v: np.ndarray) -> np.ndarray:
 
 
 def linkage(crank: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the angles of coupler (on the crank) and right wing, and their first and second derivatives by the angle of the crank.
+    """Return the angles of coupler (on the crank) and right wing, and their first and second
+    derivatives by the angle of the crank.
 
-    The pin lies where the circle about the pin of the crank meets that about the hinge of the wing, in the plane y, z.
+    The pin lies where the circle about the pin of the crank meets that about the hinge of the wing,
+    in the plane y, z.
     """
     c, s = np.cos(crank), np.sin(crank)
     turn = np.array([[c, -s], [s, c]])
@@ -87,7 +150,10 @@ def linkage(crank: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     A = np.column_stack([quarter @ rod, -quarter @ arm])
     rates = np.linalg.solve(A, -quarter @ bar)
     bends = np.linalg.solve(A, bar + rates[0] ** 2 * rod - rates[1] ** 2 * arm)
-    angle = [np.arctan2(*v[::-1]) - np.arctan2(*u[::-1]) for u, v in ((turn @ PIN_COUPLER[1:], rod), (PIN_ROCKER[1:], arm))]
+    angle = [
+        np.arctan2(*v[::-1]) - np.arctan2(*u[::-1])
+        for u, v in ((turn @ PIN_COUPLER[1:], rod), (PIN_ROCKER[1:], arm))
+    ]
     wrapped = [(x + np.pi) % (2.0 * np.pi) - np.pi for x in angle]
     return np.array(wrapped), rates - [1.0, 0.0], bends
 
@@ -109,7 +175,9 @@ def to_ned(q: np.ndarray) -> np.ndarray:
 
 
 class Tree:
-    """Bodies of one instant along axes of the fuselage: turns, origins, Jacobians (3, 9) and accelerations of no v_dot."""
+    """Bodies of one instant along axes of the fuselage: turns, origins, Jacobians (3, 9) and
+    accelerations of no v_dot.
+    """
 
     def __init__(self, theta: np.ndarray, v: np.ndarray):
         self.angles, slopes, bends = joints(theta)
@@ -126,7 +194,14 @@ class Tree:
         for k in range(1, n):
             up = _PARENT[k]
             phi = self.angles[k - 1]
-            self.turn.append(self.turn[up] @ (np.eye(3) + np.sin(phi) * _CROSS[k] + (1.0 - np.cos(phi)) * _CROSS[k] @ _CROSS[k]))
+            self.turn.append(
+                self.turn[up]
+                @ (
+                    np.eye(3)
+                    + np.sin(phi) * _CROSS[k]
+                    + (1.0 - np.cos(phi)) * _CROSS[k] @ _CROSS[k]
+                )
+            )
             arm, axis = self.turn[up] @ _AT[k], self.turn[up] @ _AXIS[k]
             self.origin.append(self.origin[up] + arm)
             J_v[k] = J_v[up] - skew(arm) @ J_w[up]
@@ -144,11 +219,15 @@ class Tree:
 
 
 def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+    return np.array(
+        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    )
 
 
 def motion_loads(tree: Tree, down: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return M and the loads C v + g, with `down` the unit vector of gravity along axes of the fuselage."""
+    """Return M and the loads C v + g, with `down` the unit vector of gravity along axes of the
+    fuselage.
+    """
     M, h = np.zeros((9, 9)), np.zeros(9)
     for k, mass in enumerate(_MASS):
         arm = tree.turn[k] @ _CG[k]
@@ -161,7 +240,9 @@ def motion_loads(tree: Tree, down: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return M, h
 
 
-def wing_coefficients(u: float, w: float, q: float, angle: float, rate: float) -> tuple[float, float]:
+def wing_coefficients(
+    u: float, w: float, q: float, angle: float, rate: float
+) -> tuple[float, float]:
     """Return CL and CD of the wings, eq. (14), (15)."""
     return (
         CL["1"] + CL["u"] * u + CL["w"] * w + CL["q"] * q + CL["rate"] * rate,
@@ -180,18 +261,25 @@ def air_loads(tree: Tree, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     V = np.linalg.norm(v[:3])
     CL_w, CD_w = wing_coefficients(v[0], v[2], v[4], tree.angles[2], tree.rates[2])
     force = 0.5 * RHO * V**2 * S * along_stability_axes(CL_w, CD_w, np.arctan2(v[2], v[0]))
-    wings = sum(tree.point(k, WING_POINT * [1.0, side, 1.0])[1].T @ (0.5 * force) for k, side in ((3, 1.0), (4, -1.0)))
+    wings = sum(
+        tree.point(k, WING_POINT * [1.0, side, 1.0])[1].T @ (0.5 * force)
+        for k, side in ((3, 1.0), (4, -1.0))
+    )
     _, J = tree.point(6, TAIL_POINT)
     local = tree.turn[6].T @ (J @ v)
     speed = np.linalg.norm(local)
     alpha, beta = np.arctan2(local[2], local[0]), np.arcsin(local[1] / speed)
     lift, drag = (tail_coefficient(terms, alpha, beta) for terms in (CL_TAIL, CD_TAIL))
-    return wings, J.T @ (tree.turn[6] @ (0.5 * RHO * speed**2 * S_TAIL * along_stability_axes(lift, drag, alpha)))
+    return wings, J.T @ (
+        tree.turn[6] @ (0.5 * RHO * speed**2 * S_TAIL * along_stability_axes(lift, drag, alpha))
+    )
 
 
 def tail_coefficient(terms: dict[str, float], alpha: float, beta: float) -> float:
     """Return a coefficient of the tail, eq. (11), (12)."""
-    return sum(value * eval(term, {"alpha": alpha, "beta": beta}) for term, value in _compiled(terms))
+    return sum(
+        value * eval(term, {"alpha": alpha, "beta": beta}) for term, value in _compiled(terms)
+    )
 
 
 def _compiled(terms: dict[str, float]) -> list:
@@ -204,7 +292,9 @@ def _compiled(terms: dict[str, float]) -> list:
 _CODE: dict[int, list] = {}
 
 
-def accelerations(p: np.ndarray, v: np.ndarray, u: np.ndarray, air: bool = True, drives: bool = True) -> tuple[np.ndarray, Tree]:
+def accelerations(
+    p: np.ndarray, v: np.ndarray, u: np.ndarray, air: bool = True, drives: bool = True
+) -> tuple[np.ndarray, Tree]:
     """Return v_dot at position p, velocity v and commands u."""
     tree = Tree(p[7:], v)
     M, h = motion_loads(tree, to_ned(p[3:7])[2])
@@ -227,14 +317,25 @@ def energy(p: np.ndarray, v: np.ndarray) -> float:
     return 0.5 * v @ M @ v + 0.5 * MA @ v[6:] ** 2 - G * down + 0.5 * SPRING * tree.angles[2] ** 2
 
 
-def integrate(start: np.ndarray, commands, duration: float, rate: float = 500.0, **switches) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return times, states (time, 19) and commands (time, 3); `commands(t, state)` is held over a step of integration."""
+def integrate(
+    start: np.ndarray, commands, duration: float, rate: float = 500.0, **switches
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return times, states (time, 19) and commands (time, 3); `commands(t, state)` is held over a
+    step of integration.
+    """
 
     def slope(x: np.ndarray, u: np.ndarray) -> np.ndarray:
         p, v = x[:10], x[10:]
         q = p[3:7]
         rates = 0.5 * np.concatenate([[-q[1:] @ v[3:6]], q[0] * v[3:6] + _cross(q[1:], v[3:6])])
-        return np.concatenate([to_ned(q / np.linalg.norm(q)) @ v[:3], rates, v[6:], accelerations(p, v, u, **switches)[0]])
+        return np.concatenate(
+            [
+                to_ned(q / np.linalg.norm(q)) @ v[:3],
+                rates,
+                v[6:],
+                accelerations(p, v, u, **switches)[0],
+            ]
+        )
 
     each, h = round(1.0 / (rate * STEP)), STEP
     x, times, found, given = start.copy(), [], [], []
@@ -254,17 +355,31 @@ def integrate(start: np.ndarray, commands, duration: float, rate: float = 500.0,
 
 
 class Pilot:
-    """Holds pitch, height and wings level by small gains, and adds doublets, steps and pulses of his own."""
+    """Holds pitch, height and wings level by small gains, and adds doublets, steps and pulses of
+    his own.
+    """
 
     def __init__(self, trim: tuple[float, float, float], seed: int | None = None):
         self.throttle, self.tail, self.pitch = trim
         rng = np.random.default_rng(seed)
         quiet = 0.0 if seed is None else 1.0
-        self.doublet = quiet * rng.uniform(0.35, 0.60) * rng.choice([-1.0, 1.0]), rng.uniform(0.10, 0.25), rng.uniform(0.18, 0.26)
-        self.second = quiet * rng.uniform(0.35, 0.60) * rng.choice([-1.0, 1.0]), rng.uniform(0.80, 0.95), rng.uniform(0.10, 0.16)
+        self.doublet = (
+            quiet * rng.uniform(0.35, 0.60) * rng.choice([-1.0, 1.0]),
+            rng.uniform(0.10, 0.25),
+            rng.uniform(0.18, 0.26),
+        )
+        self.second = (
+            quiet * rng.uniform(0.35, 0.60) * rng.choice([-1.0, 1.0]),
+            rng.uniform(0.80, 0.95),
+            rng.uniform(0.10, 0.16),
+        )
         self.step = quiet * rng.uniform(0.20, 0.40) * rng.choice([-1.0, 1.0]), rng.uniform(0.1, 0.6)
         self.launch = quiet * rng.uniform(-0.6, 0.6)  # speed over that of START [m/s]
-        self.pulse = quiet * rng.uniform(0.05, 0.15) * rng.choice([-1.0, 1.0]), rng.uniform(0.2, 0.9), 0.15
+        self.pulse = (
+            quiet * rng.uniform(0.05, 0.15) * rng.choice([-1.0, 1.0]),
+            rng.uniform(0.2, 0.9),
+            0.15,
+        )
 
     def __call__(self, time: float, x: np.ndarray) -> np.ndarray:
         R = to_ned(x[3:7])
@@ -274,7 +389,9 @@ class Pilot:
         throttle += self.throttle * self.step[0] * (time > self.step[1])
         tail = self.tail + 0.8 * (pitch - self.pitch) + 0.10 * x[14]
         for size, start, width in (self.doublet, self.second):
-            tail += size * ((start < time < start + width) * 1.0 - (start + width < time < start + 2.0 * width))
+            tail += size * (
+                (start < time < start + width) * 1.0 - (start + width < time < start + 2.0 * width)
+            )
         size, start, width = self.pulse
         return np.array([throttle, tail, 0.3 * bank + size * (start < time < start + width)])
 
@@ -288,13 +405,19 @@ def start_state(u: float, w: float, pitch: float, q: float, rate: float, tail: f
 
 
 def fly(seed: int | None, duration: float = 1.6, rate: float = 500.0) -> dict[str, np.ndarray]:
-    """Return a flight that begins near START with the inputs of a pilot, and the truth of coefficients and loads."""
+    """Return a flight that begins near START with the inputs of a pilot, and the truth of
+    coefficients and loads.
+    """
     u, w, pitch, q, crank, throttle, tail = START
     pilot = Pilot((throttle, tail, pitch), seed)
-    times, X, given = integrate(start_state(u + pilot.launch, w, pitch, q, crank, tail), pilot, duration, rate)
+    times, X, given = integrate(
+        start_state(u + pilot.launch, w, pitch, q, crank, tail), pilot, duration, rate
+    )
     p, v = X[:, :10], X[:, 10:]
     trees = [Tree(a[7:], b) for a, b in zip(p, v)]
-    angle, wing_rate = (np.array([getattr(tree, name)[2] for tree in trees]) for name in ("angles", "rates"))
+    angle, wing_rate = (
+        np.array([getattr(tree, name)[2] for tree in trees]) for name in ("angles", "rates")
+    )
     lift, drag = wing_coefficients(v[:, 0], v[:, 2], v[:, 4], angle, wing_rate)
     v_dot = np.array([accelerations(a, b, c)[0] for a, b, c in zip(p, v, given)])
     loads = np.array([air_loads(tree, b) for tree, b in zip(trees, v)])
@@ -304,8 +427,12 @@ def fly(seed: int | None, duration: float = 1.6, rate: float = 500.0) -> dict[st
     }  # fmt: skip
 
 
-def markers(flight: dict[str, np.ndarray], seed: int, noise: float = NOISE, missing: float = MISSING) -> pd.DataFrame:
-    """Return what the cameras record, x north, y west, z up, and the commands; a share of the markers is not seen."""
+def markers(
+    flight: dict[str, np.ndarray], seed: int, noise: float = NOISE, missing: float = MISSING
+) -> pd.DataFrame:
+    """Return what the cameras record, x north, y west, z up, and the commands; a share of the
+    markers is not seen.
+    """
     rng, columns = np.random.default_rng(seed), {"time": flight["time"]}
     trees = [Tree(a[7:], b) for a, b in zip(flight["p"], flight["v"])]
     R = np.array([to_ned(a[3:7]) for a in flight["p"]])
@@ -313,37 +440,92 @@ def markers(flight: dict[str, np.ndarray], seed: int, noise: float = NOISE, miss
         k = NAMES.index(body)
         for name, place in places.items():
             inside = np.array([tree.origin[k] + tree.turn[k] @ np.array(place) for tree in trees])
-            seen = flight["p"][:, :3] + np.einsum("nij,nj->ni", R, inside) + noise * rng.standard_normal((len(R), 3))
+            seen = (
+                flight["p"][:, :3]
+                + np.einsum("nij,nj->ni", R, inside)
+                + noise * rng.standard_normal((len(R), 3))
+            )
             seen[rng.random(len(R)) < missing] = np.nan
-            columns |= dict(zip((f"{name}_x", f"{name}_y", f"{name}_z"), (seen * [1.0, -1.0, -1.0]).T))
-    return pd.DataFrame(columns | dict(zip((row[4] for row in ACTUATORS.values()), flight["commands"].T)))
+            columns |= dict(
+                zip((f"{name}_x", f"{name}_y", f"{name}_z"), (seen * [1.0, -1.0, -1.0]).T)
+            )
+    return pd.DataFrame(
+        columns | dict(zip((row[4] for row in ACTUATORS.values()), flight["commands"].T))
+    )
 
 
 def tree_file(fits: str | None = None) -> str:
-    """Return the vehicle as the text of a TOML file, with the tail of the truth or of a folder of fits."""
+    """Return the vehicle as the text of a TOML file, with the tail of the truth or of a folder of
+    fits.
+    """
 
     def metres(place) -> str:
         return "[" + ", ".join(f'"{x:.10g} m"' for x in place) + "]"
 
-    lines = [f'rho = "{RHO} kg/m3"', "", "[reference]", f'S = "{S} m2"', "", "[cameras]", 'axes = "north west up"']
+    lines = [
+        f'rho = "{RHO} kg/m3"',
+        "",
+        "[reference]",
+        f'S = "{S} m2"',
+        "",
+        "[cameras]",
+        'axes = "north west up"',
+    ]
     lines += [f'flapping_frequency = "{FLAPPING:g} Hz"', "multiples = 8"]
     for name, (parent, at, axis, mass, cg, inertia) in BODIES.items():
         lines += ["", f"[body.{name}]", f'mass = "{mass} kg"', f"cg = {metres(cg)}"]
         lines += ["inertia = [" + ", ".join(f'"{x} kg m2"' for x in inertia) + "]"]
-        lines += [f'parent = "{parent}"', f"at = {metres(at)}", f"axis = {list(axis)}"] if parent else []
+        lines += (
+            [f'parent = "{parent}"', f"at = {metres(at)}", f"axis = {list(axis)}"] if parent else []
+        )
         if name in MARKERS:
-            lines += [f"[body.{name}.markers]", *(f"{marker} = {metres(place)}" for marker, place in MARKERS[name].items())]
-    lines += ["", "[linkage.stroke]", 'crank = "crank"', 'coupler = "coupler"', 'rocker = "wing_right"']
+            lines += [
+                f"[body.{name}.markers]",
+                *(f"{marker} = {metres(place)}" for marker, place in MARKERS[name].items()),
+            ]
+    lines += [
+        "",
+        "[linkage.stroke]",
+        'crank = "crank"',
+        'coupler = "coupler"',
+        'rocker = "wing_right"',
+    ]
     lines += [f"pin_on_coupler = {metres(PIN_COUPLER)}", f"pin_on_rocker = {metres(PIN_ROCKER)}"]
-    lines += ["", "[gear.wing_left]", 'follows = "wing_right"', "ratio = -1", "", "[spring.wing_right]", f'stiffness = "{SPRING} N m/rad"']
+    lines += [
+        "",
+        "[gear.wing_left]",
+        'follows = "wing_right"',
+        "ratio = -1",
+        "",
+        "[spring.wing_right]",
+        f'stiffness = "{SPRING} N m/rad"',
+    ]
     for name, (Ma, Ca, Ka, B, command) in ACTUATORS.items():
-        lines += ["", f"[actuator.{name}]", f"Ma = {Ma}", f"Ca = {Ca}", f"Ka = {Ka}", f"B = {B}", f'command = "{command}"']
-    lines += ["", "[aerodynamics.tail]", 'body = "tail"', f"point = {metres(TAIL_POINT)}", f'S = "{S_TAIL} m2"']
+        lines += [
+            "",
+            f"[actuator.{name}]",
+            f"Ma = {Ma}",
+            f"Ca = {Ca}",
+            f"Ka = {Ka}",
+            f"B = {B}",
+            f'command = "{command}"',
+        ]
+    lines += [
+        "",
+        "[aerodynamics.tail]",
+        'body = "tail"',
+        f"point = {metres(TAIL_POINT)}",
+        f'S = "{S_TAIL} m2"',
+    ]
     if fits:
         lines += [f'fits = "{fits}"']
     else:
         for name, terms in (("CL", CL_TAIL), ("CD", CD_TAIL)):
-            lines += [f"{name} = {{ " + ", ".join(f'"{term}" = {value}' for term, value in terms.items()) + " }"]
+            lines += [
+                f"{name} = {{ "
+                + ", ".join(f'"{term}" = {value}' for term, value in terms.items())
+                + " }"
+            ]
     return "\n".join(lines) + "\n"
 
 

@@ -15,11 +15,9 @@ Bare numbers are SI, texts carry their unit.  Positions are in body axes from th
     Izz = 15162.0
     cg = [0.0, 0.0, 0.2235]
 
-    [[engine]]
-    position = [0.0, -0.762, 0.0]
-    direction = [1.0, 0.0, 0.0]
-    time_constant = "1.2 s"
-    thrust = { throttle = [0.0, 1.0], mach = [0.0, 0.6], value = [[300.0, 150.0], [4559.0, 4100.0]] }
+    [[engine]] position = [0.0, -0.762, 0.0] direction = [1.0, 0.0, 0.0] time_constant = "1.2 s"
+    thrust = { throttle = [0.0, 1.0], mach = [0.0, 0.6], value = [[300.0, 150.0], [4559.0, 4100.0]]
+    }
 
     [limits]
     delta_e = ["-20 deg", "17 deg"]
@@ -44,7 +42,15 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import ConfigDict, Field, WithJsonSchema, field_validator, model_validator
 
-from flightmech.aircraft.controls import CONTROLS, DEVICE, TRAVEL, Circuit, CircuitsTable, Control, circuits_of
+from flightmech.aircraft.controls import (
+    CONTROLS,
+    DEVICE,
+    TRAVEL,
+    Circuit,
+    CircuitsTable,
+    Control,
+    circuits_of,
+)
 from flightmech.aircraft.engine import DeckFiles, Engine, EngineTable, engine_of
 from flightmech.aircraft.fuel import Fuel, FuelTable, fuel_of
 from flightmech.aircraft.landing_gear import GearTable, LandingGear, gear_of
@@ -70,9 +76,11 @@ class Aircraft:
     mass : float
         Gross mass. [kg]
     Ixx, Iyy, Izz, Ixy, Ixz, Iyz : float
-        Moments and products of inertia about the c.g., products as the integrals of xy dm and so on. [kg m2]
+        Moments and products of inertia about the c.g., products as the integrals of xy dm and so
+        on. [kg m2]
     reference : tuple of float (3,), optional
-        Moment reference point from the drawing datum, body directions; None: that of the database. [m]
+        Moment reference point from the drawing datum, body directions; None: that of the database.
+        [m]
     x_ref_mac : float
         Its place behind the leading edge of the mean chord, in chords. [1]
     cg : tuple of float (3,)
@@ -84,7 +92,8 @@ class Aircraft:
     instruments : dict of str to dict
         Tables of the instruments as in the file; `flighttest` reads them.
     controls : dict of str to Control
-        Hinge geometry of ``delta_e``, ``delta_a`` and ``delta_r``; ``[control.delta_e]`` in the file.
+        Hinge geometry of ``delta_e``, ``delta_a`` and ``delta_r``; ``[control.delta_e]`` in the
+        file.
     circuits : dict of str to Circuit
         What moves with ``column``, ``wheel`` and ``pedal``; ``[circuit.column]`` in the file.
     gear : LandingGear, optional
@@ -125,16 +134,30 @@ class Aircraft:
         """Return geometry, mass and what the aircraft has, as a table for a notebook."""
         from flightmech.support.figures import html_table
 
-        units = {"S": "m2", "cbar": "m", "b": "m", "mass": "kg"} | dict.fromkeys(("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"), "kg m2")
-        rows: list[tuple[str, object, str]] = [(name, float(getattr(self, name)), unit) for name, unit in units.items()]
+        units = {"S": "m2", "cbar": "m", "b": "m", "mass": "kg"} | dict.fromkeys(
+            ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"), "kg m2"
+        )
+        rows: list[tuple[str, object, str]] = [
+            (name, float(getattr(self, name)), unit) for name, unit in units.items()
+        ]
         rows += [("cg", " ".join(f"{x:g}" for x in self.cg), "m from the moment reference point")]
-        rows += [("engines", len(self.engines), ""), ("instruments", ", ".join(self.instruments), "")]
+        rows += [
+            ("engines", len(self.engines), ""),
+            ("instruments", ", ".join(self.instruments), ""),
+        ]
         has = {"control circuits": self.circuits, "landing gear": self.gear, "fuel": self.fuel}
-        return html_table(f"Aircraft {self.name}", ("", "", "unit"), rows, [f"without {name}" for name, part in has.items() if not part])
+        return html_table(
+            f"Aircraft {self.name}",
+            ("", "", "unit"),
+            rows,
+            [f"without {name}" for name, part in has.items() if not part],
+        )
 
 
 def reference_in(aircraft: Any, attrs: Mapping[Any, Any]) -> Vector:
-    """Return the moment reference point of an aircraft, that of a database (its attributes) where the aircraft has none. [m]"""
+    """Return the moment reference point of an aircraft, that of a database (its attributes) where
+    the aircraft has none. [m]
+    """
     if aircraft.reference is not None:
         return aircraft.reference
     x, y, z = (float(attrs.get(name, 0.0)) for name in ("x_ref", "y_ref", "z_ref"))
@@ -160,16 +183,25 @@ def read_aircraft(path: str | Path) -> Aircraft:
     content = validate(_File, load(path), str(path))
     problems: list[str] = []
     files = DeckFiles(path.parent)
-    engines = tuple(engine_of(item, number, files, problems) for number, item in enumerate(content.engine, 1))
+    engines = tuple(
+        engine_of(item, number, files, problems) for number, item in enumerate(content.engine, 1)
+    )
     gear = gear_of(content.gear, problems) if content.gear else None
     fuel = fuel_of(content.fuel, path.parent, problems) if content.fuel else None
     controls = {name: Control(**dict(item)) for name, item in content.control.items()}
     circuits = circuits_of(content.circuit, controls, problems)
     if problems:
         raise SchemaError(str(path), problems)
-    built: dict[str, Any] = {"engines": engines, "controls": controls, "circuits": circuits, "gear": gear}
+    built: dict[str, Any] = {
+        "engines": engines,
+        "controls": controls,
+        "circuits": circuits,
+        "gear": gear,
+    }
     built["fuel"] = fuel
-    plain = {name: getattr(content, name) for name in Aircraft.__dataclass_fields__ if name not in built}
+    plain = {
+        name: getattr(content, name) for name in Aircraft.__dataclass_fields__ if name not in built
+    }
     return Aircraft(**built, **plain)
 
 
@@ -191,7 +223,9 @@ class _Entry(Strict):
 
 
 class _ControlTable(_Entry):
-    S_hinge: si("m2") = Field(description="Area behind the hinge line of all surfaces that the control moves together.")  # type: ignore[valid-type]
+    S_hinge: si("m2") = Field(  # type: ignore[valid-type]
+        description="Area behind the hinge line of all surfaces that the control moves together."
+    )
     c_hinge: _Length = Field(description="Mean chord behind the hinge line.")  # type: ignore[valid-type]
     gearing: Annotated[float, WithJsonSchema(_OF_CONTROL)] | None = Field(
         default=None,
@@ -207,7 +241,9 @@ class _ControlTable(_Entry):
     @classmethod
     def _not_zero(cls, value: float | None) -> float | None:
         if value is not None and not (np.isfinite(value) and value != 0.0):
-            raise ValueError("expected a deflection per travel other than zero; leave it out when it is not known")
+            raise ValueError(
+                "expected a deflection per travel other than zero; leave it out when it is not known"
+            )
         return value
 
 
@@ -217,19 +253,34 @@ class _File(_Entry):
     cbar: _Length = Field(description="Reference chord.")  # type: ignore[valid-type]
     b: _Length = Field(description="Reference span.")  # type: ignore[valid-type]
     reference: _Vector | None = Field(
-        default=None, description="Moment reference point from the drawing datum, body directions; without it that of the database."
+        default=None,
+        description="Moment reference point from the drawing datum, body directions; without it that of the database.",
     )
     x_ref_mac: si("1") = Field(  # type: ignore[valid-type]
-        default=0.25, description="Place of the reference point behind the leading edge of the mean chord, in chords."
+        default=0.25,
+        description="Place of the reference point behind the leading edge of the mean chord, in chords.",
     )
     mass: si("kg") = Field(description="Gross mass with the fuel on board.")  # type: ignore[valid-type]
     Ixx: si("kg m2") = Field(description="Moment of inertia in roll about the c.g.")  # type: ignore[valid-type]
     Iyy: si("kg m2") = Field(description="Moment of inertia in pitch about the c.g.")  # type: ignore[valid-type]
     Izz: si("kg m2") = Field(description="Moment of inertia in yaw about the c.g.")  # type: ignore[valid-type]
-    Ixy: si("kg m2") = Field(default=0.0, examples=[0.0], description="Product of inertia about the c.g., integral of xy dm.")  # type: ignore[valid-type]
-    Ixz: si("kg m2") = Field(default=0.0, description="Product of inertia about the c.g., integral of xz dm.")  # type: ignore[valid-type]
-    Iyz: si("kg m2") = Field(default=0.0, examples=[0.0], description="Product of inertia about the c.g., integral of yz dm.")  # type: ignore[valid-type]
-    cg: _Vector = Field(default=(0.0, 0.0, 0.0), description="Centre of gravity from the moment reference point, body axes.")
+    Ixy: si("kg m2") = Field(  # type: ignore[valid-type]
+        default=0.0,
+        examples=[0.0],
+        description="Product of inertia about the c.g., integral of xy dm.",
+    )
+    Ixz: si("kg m2") = Field(  # type: ignore[valid-type]
+        default=0.0, description="Product of inertia about the c.g., integral of xz dm."
+    )
+    Iyz: si("kg m2") = Field(  # type: ignore[valid-type]
+        default=0.0,
+        examples=[0.0],
+        description="Product of inertia about the c.g., integral of yz dm.",
+    )
+    cg: _Vector = Field(
+        default=(0.0, 0.0, 0.0),
+        description="Centre of gravity from the moment reference point, body axes.",
+    )
     engine: list[EngineTable] = Field(default_factory=list, description="Engines, engine 1 first.")
     limits: Annotated[dict[str, tuple[float, float]], WithJsonSchema(_LIMITS)] = Field(
         default_factory=dict,
@@ -237,22 +288,33 @@ class _File(_Entry):
         description="Travel of the controls, [low, high] of each in its SI unit or with units.",
     )
     instruments: dict[str, dict[str, Any]] = Field(
-        default_factory=dict, description="Instruments of the recorder, one table each; the names of the tables are free."
+        default_factory=dict,
+        description="Instruments of the recorder, one table each; the names of the tables are free.",
     )
     control: dict[str, _ControlTable] = Field(
         json_schema_extra={"propertyNames": {"enum": list(TRAVEL)}},
         default_factory=dict,
         description="Hinge geometry and gearing of delta_e, delta_a and delta_r.",
     )
-    circuit: CircuitsTable = Field(default=CircuitsTable(), description="Control circuits: what moves with column, wheel and pedal.")
-    gear: GearTable | None = Field(default=None, description="Landing gear: wheels, skids, steering, brakes and runway.")
-    fuel: FuelTable | None = Field(default=None, description="Fuel on board, part of the mass; without it the mass does not change.")
+    circuit: CircuitsTable = Field(
+        default=CircuitsTable(),
+        description="Control circuits: what moves with column, wheel and pedal.",
+    )
+    gear: GearTable | None = Field(
+        default=None, description="Landing gear: wheels, skids, steering, brakes and runway."
+    )
+    fuel: FuelTable | None = Field(
+        default=None,
+        description="Fuel on board, part of the mass; without it the mass does not change.",
+    )
     earth_outputs: bool = Field(
         default=False,
         description="Whether models have outputs in Earth-fixed and inertial axes (earth.x, inertial.vx) and the gravitation.",
     )
     history: str = Field(
-        default="", examples=["rescaled to a span of 11 m"], description="Where computed numbers come from, one line per step."
+        default="",
+        examples=["rescaled to a span of 11 m"],
+        description="Where computed numbers come from, one line per step.",
     )
 
     @field_validator("S", "cbar", "b", "mass", "Ixx", "Iyy", "Izz")
@@ -274,7 +336,9 @@ class _File(_Entry):
     @classmethod
     def _travel(cls, table: Any) -> dict[str, tuple[float, float]]:
         if not isinstance(table, dict):
-            raise ValueError('expected a table of control = [low, high], e.g. delta_e = ["-20 deg", "17 deg"]')
+            raise ValueError(
+                'expected a table of control = [low, high], e.g. delta_e = ["-20 deg", "17 deg"]'
+            )
         return {name: _range(name, item) for name, item in table.items()}
 
     @model_validator(mode="after")
@@ -287,12 +351,17 @@ class _File(_Entry):
 
 def aircraft_schema() -> dict[str, Any]:
     """Return the JSON schema of aircraft files; what their instruments hold, `flighttest` knows."""
-    return file_schema(_File, "An aircraft: geometry, mass, engines, limits, instruments, control circuits, landing gear and fuel.")
+    return file_schema(
+        _File,
+        "An aircraft: geometry, mass, engines, limits, instruments, control circuits, landing gear and fuel.",
+    )
 
 
 def inertia(aircraft: Any) -> np.ndarray:
     """Return the inertia tensor (3, 3) about the c.g., body axes. [kg m2]"""
-    Ixx, Iyy, Izz, Ixy, Ixz, Iyz = (getattr(aircraft, name) for name in ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"))
+    Ixx, Iyy, Izz, Ixy, Ixz, Iyz = (
+        getattr(aircraft, name) for name in ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
+    )
     return np.array([[Ixx, -Ixy, -Ixz], [-Ixy, Iyy, -Iyz], [-Ixz, -Iyz, Izz]])
 
 
@@ -315,7 +384,9 @@ def _range(name: str, item: Any) -> tuple[float, float]:
     from flightmech.names import lookup
 
     if name not in CONTROLS and not re.match(_DEVICES, name):
-        raise ValueError(f"unknown control {name}; allowed: {', '.join(CONTROLS)}, and {DEVICE}NAME.deflection or {DEVICE}NAME.setting")
+        raise ValueError(
+            f"unknown control {name}; allowed: {', '.join(CONTROLS)}, and {DEVICE}NAME.deflection or {DEVICE}NAME.setting"
+        )
     if not isinstance(item, list | tuple) or len(item) != 2:
         raise ValueError(f"{name}: expected [low, high]")
     try:

@@ -1,4 +1,5 @@
-"""Control circuits: column, wheel and pedals with their masses, cables, springs and friction, from ``[circuit.*]`` of the file.
+"""Control circuits: column, wheel and pedals with their masses, cables, springs and friction, from
+``[circuit.*]`` of the file.
 
     [control.delta_e]                    # hinge geometry and gearing, flightmech.aircraft.aircraft
     S_hinge = 1.5
@@ -13,8 +14,8 @@
     friction = "20 N"
     stiction = "5 N"
 
-Travel is in m for column and pedals and in rad for the wheel, forces in N and N m.  [LR743] 3.4 and 4.5.3; equations, signs and
-assumptions: docs/control-system.md and ``kernel/src/controls``.
+Travel is in m for column and pedals and in rad for the wheel, forces in N and N m.  [LR743] 3.4 and
+4.5.3; equations, signs and assumptions: docs/control-system.md and ``kernel/src/controls``.
 """
 
 from __future__ import annotations
@@ -55,7 +56,8 @@ TRAVEL = {
 
 @dataclass(frozen=True)
 class Control:
-    """What a hinge moment acts on: H = qbar S_hinge c_hinge Ch, positive as the deflection of the surface.
+    """What a hinge moment acts on: H = qbar S_hinge c_hinge Ch, positive as the deflection of the
+    surface.
 
     Parameters
     ----------
@@ -64,9 +66,10 @@ class Control:
     c_hinge : float
         Mean chord behind the hinge line. [m]
     gearing : float, optional
-        Deflection per travel of column, wheel or pedal, in the package's sign convention; negative in an ordinary aeroplane, where a
-        column pulled aft raises the elevator.  The pilot holds the surface with F = -gearing H.
-        [rad m-1 for elevator and rudder, rad per rad of the wheel for the ailerons]
+        Deflection per travel of column, wheel or pedal, in the package's sign convention; negative
+        in an ordinary aeroplane, where a column pulled aft raises the elevator.  The pilot holds
+        the surface with F = -gearing H. [rad m-1 for elevator and rudder, rad per rad of the wheel
+        for the ailerons]
     """
 
     S_hinge: float
@@ -75,7 +78,11 @@ class Control:
 
 
 MOST = sys.float_info.max
-MOVES = {"column": "delta_e", "wheel": "delta_a", "pedal": "delta_r"}  # item: control, in the order of a block
+MOVES = {
+    "column": "delta_e",
+    "wheel": "delta_a",
+    "pedal": "delta_r",
+}  # item: control, in the order of a block
 ORDERS = {"column": (2, 4), "wheel": (2, 4, 6), "pedal": (2, 4)}
 RIGHT_ANGLE = math.pi / 2.0  # travel of a surface without limits of its own
 _LONGEST_STEP = 1e-3  # [s]
@@ -93,14 +100,16 @@ class Circuit:
     mass : float
         What moves in the cockpit, reduced to the travel. [kg or kg m2]
     order : int
-        2: all moves together; 4: cockpit and surface are two masses on a cable; 6, wheel only: each aileron has its own cable.
+        2: all moves together; 4: cockpit and surface are two masses on a cable; 6, wheel only: each
+        aileron has its own cable.
     inertia : float
         Of the surface about its hinge, of both ailerons together. [kg m2]
     damping, hinge_damping : float
         Viscous friction in the cockpit and at the hinge. [N s m-1 or N m s; N m s]
     stiffness, neutral, neutral_trim : float
-        Centring spring, travel at which it is free, travel of that point per deflection of the trim input ``delta_t``, ``delta_ta``
-        or ``delta_tr`` (a spring trim). [N m-1 or N m; m or rad; m rad-1 or 1]
+        Centring spring, travel at which it is free, travel of that point per deflection of the trim
+        input ``delta_t``, ``delta_ta`` or ``delta_tr`` (a spring trim). [N m-1 or N m; m or rad; m
+        rad-1 or 1]
     preload : float
         Force with which the spring leaves its neutral. [N or N m]
     friction, stiction : float
@@ -110,29 +119,32 @@ class Circuit:
     restitution : float
         Speed after over speed before a stop. [1]
     cable_stiffness, cable_damping : float
-        Between cockpit and surface, reduced to the travel; with order 6 of the cable to each aileron. [N m-1 or N m; N s m-1 or N m s]
+        Between cockpit and surface, reduced to the travel; with order 6 of the cable to each
+        aileron. [N m-1 or N m; N s m-1 or N m s]
     gearing_slope : float
         Change of the gearing per travel; of ailerons the differential. [rad m-2 or rad rad-2]
     rigging : float
         Deflection at zero travel; of ailerons both down. [rad]
     bob_weight : float
-        Force per specific force at the c.g.: column per upward, pushing it forward; wheel and pedal per right, pushing left.
-        [kg or kg m]
+        Force per specific force at the c.g.: column per upward, pushing it forward; wheel and pedal
+        per right, pushing left. [kg or kg m]
     unbalance : float
-        Mass of the surface times distance of its centre behind the hinge, of both ailerons together. [kg m]
+        Mass of the surface times distance of its centre behind the hinge, of both ailerons
+        together. [kg m]
     arm : float
-        Elevator and rudder: hinge forward of the moment reference point, so negative; ailerons: distance from the plane of
-        symmetry. [m]
+        Elevator and rudder: hinge forward of the moment reference point, so negative; ailerons:
+        distance from the plane of symmetry. [m]
     tab_left, tab_right : float
         Part of ``delta_ta`` that each aileron's tab has; used by the wheel only. [1]
     nose_spring : float
-        Spring of the cockpit's end to a steered wheel, while that is on the ground; where the steering follows the rudder
-        (``steering.rudder``), that has a spring of its own. [N m-1 or N m]
+        Spring of the cockpit's end to a steered wheel, while that is on the ground; where the
+        steering follows the rudder (``steering.rudder``), that has a spring of its own. [N m-1 or N
+        m]
     trim_limit : float
         Largest force that the start of a run with recorded forces may add. [N or N m]
     trim_friction : float
-        Share of the dry friction that holds the control at that start before a force is added; 0: the start is in the middle of the
-        friction band. [1]
+        Share of the dry friction that holds the control at that start before a force is added; 0:
+        the start is in the middle of the friction band. [1]
     step : float, optional
         Sub-step; without it 1 ms, or less when the fastest mode requires it. [s]
     """
@@ -166,7 +178,9 @@ class Circuit:
     step: float | None = None
 
     def sub_step(self, gearing: float) -> float:
-        """Return the sub-step: `step`, or 1 ms, or a fifth of a radian of the fastest mode when that is shorter. [s]"""
+        """Return the sub-step: `step`, or 1 ms, or a fifth of a radian of the fastest mode when
+        that is shorter. [s]
+        """
         if self.step is not None:
             return self.step
         aft = self.inertia * gearing**2
@@ -177,7 +191,9 @@ class Circuit:
 
 
 class _Constant(NamedTuple):
-    """Units of a constant for a travel in m and for one in rad, least value, description, examples for both."""
+    """Units of a constant for a travel in m and for one in rad, least value, description, examples
+    for both.
+    """
 
     linear: str
     rotary: str
@@ -187,24 +203,46 @@ class _Constant(NamedTuple):
 
 
 _CONSTANTS = {
-    "mass": _Constant("kg", "kg m2", 0.0, "mass in the cockpit, reduced to the travel", ("6 kg", 0.4)),
-    "inertia": _Constant("kg m2", "kg m2", 0.0, "inertia of the surface about its hinge", (1.1, 1.1)),
+    "mass": _Constant(
+        "kg", "kg m2", 0.0, "mass in the cockpit, reduced to the travel", ("6 kg", 0.4)
+    ),
+    "inertia": _Constant(
+        "kg m2", "kg m2", 0.0, "inertia of the surface about its hinge", (1.1, 1.1)
+    ),
     "damping": _Constant("N s m-1", "N m s", 0.0, "viscous friction in the cockpit", (20.0, 1.5)),
     "hinge_damping": _Constant("N m s", "N m s", 0.0, "viscous friction at the hinge", (2.0, 2.0)),
     "stiffness": _Constant("N m-1", "N m", 0.0, "centring spring", ("400 N/m", 8.0)),
-    "neutral": _Constant("m", "rad", -MOST, "travel at which the centring spring is free", ("2 cm", "1 deg")),
-    "neutral_trim": _Constant("m", "1", -MOST, "neutral travel per deflection of the trim input", (0.1, 0.5)),
-    "preload": _Constant("N", "N m", 0.0, "force with which the centring spring leaves neutral", ("10 N", 1.0)),
+    "neutral": _Constant(
+        "m", "rad", -MOST, "travel at which the centring spring is free", ("2 cm", "1 deg")
+    ),
+    "neutral_trim": _Constant(
+        "m", "1", -MOST, "neutral travel per deflection of the trim input", (0.1, 0.5)
+    ),
+    "preload": _Constant(
+        "N", "N m", 0.0, "force with which the centring spring leaves neutral", ("10 N", 1.0)
+    ),
     "friction": _Constant("N", "N m", 0.0, "Coulomb friction in the cockpit", ("20 N", 1.5)),
-    "stiction": _Constant("N", "N m", 0.0, "friction at rest beyond the Coulomb friction", ("5 N", 0.5)),
+    "stiction": _Constant(
+        "N", "N m", 0.0, "friction at rest beyond the Coulomb friction", ("5 N", 0.5)
+    ),
     "hinge_friction": _Constant("N m", "N m", 0.0, "Coulomb friction at the hinge", (1.0, 1.0)),
     "restitution": _Constant("1", "1", 0.0, "speed after over speed before a stop", (0.2, 0.2)),
-    "cable_stiffness": _Constant("N m-1", "N m", 0.0, "stiffness of the cable, reduced to the travel", ("12e3 N/m", 600.0)),
-    "cable_damping": _Constant("N s m-1", "N m s", 0.0, "damping of the cable, reduced to the travel", (30.0, 2.0)),
+    "cable_stiffness": _Constant(
+        "N m-1", "N m", 0.0, "stiffness of the cable, reduced to the travel", ("12e3 N/m", 600.0)
+    ),
+    "cable_damping": _Constant(
+        "N s m-1", "N m s", 0.0, "damping of the cable, reduced to the travel", (30.0, 2.0)
+    ),
     "gearing_slope": _Constant("m-2", "1", -MOST, "change of the gearing per travel", (0.3, 0.05)),
-    "rigging": _Constant("rad", "rad", -MOST, "deflection of the surface at zero travel", ("0.5 deg", "1 deg")),
-    "bob_weight": _Constant("kg", "kg m", -MOST, "force of the bob weight per specific force", ("1.5 kg", 0.2)),
-    "unbalance": _Constant("kg m", "kg m", -MOST, "static unbalance of the surface, positive tail-heavy", (0.4, 0.4)),
+    "rigging": _Constant(
+        "rad", "rad", -MOST, "deflection of the surface at zero travel", ("0.5 deg", "1 deg")
+    ),
+    "bob_weight": _Constant(
+        "kg", "kg m", -MOST, "force of the bob weight per specific force", ("1.5 kg", 0.2)
+    ),
+    "unbalance": _Constant(
+        "kg m", "kg m", -MOST, "static unbalance of the surface, positive tail-heavy", (0.4, 0.4)
+    ),
     "arm": _Constant(
         "m",
         "m",
@@ -214,10 +252,22 @@ _CONSTANTS = {
     ),
     "tab_left": _Constant("1", "1", -MOST, "part of delta_ta on the left aileron", (0.0, -1.0)),
     "tab_right": _Constant("1", "1", -MOST, "part of delta_ta on the right aileron", (1.0, 1.0)),
-    "nose_spring": _Constant("N m-1", "N m", 0.0, "spring of the cockpit's end to a steered wheel on the ground", (2000.0, 100.0)),
-    "trim_limit": _Constant("N", "N m", 0.0, "largest force that the start of a run may add", ("20 N", 2.0)),
+    "nose_spring": _Constant(
+        "N m-1",
+        "N m",
+        0.0,
+        "spring of the cockpit's end to a steered wheel on the ground",
+        (2000.0, 100.0),
+    ),
+    "trim_limit": _Constant(
+        "N", "N m", 0.0, "largest force that the start of a run may add", ("20 N", 2.0)
+    ),
     "trim_friction": _Constant(
-        "1", "1", 0.0, "share of dry friction that holds the control at the start before a force is added", (0.5, 0.5)
+        "1",
+        "1",
+        0.0,
+        "share of dry friction that holds the control at the start before a force is added",
+        (0.5, 0.5),
     ),
 }
 
@@ -227,10 +277,13 @@ def _units(item: str, constant: _Constant) -> str:
 
 
 class _CircuitTable(Strict):
-    """What the tables of all circuits share; the constants with their units come from `circuit_table`."""
+    """What the tables of all circuits share; the constants with their units come from
+    `circuit_table`.
+    """
 
     order: int = Field(
-        default=2, description="2: all moves together; 4: cockpit and surface are two masses on a cable; 6, wheel only: a cable each."
+        default=2,
+        description="2: all moves together; 4: cockpit and surface are two masses on a cable; 6, wheel only: a cable each.",
     )
 
 
@@ -249,7 +302,9 @@ def circuit_table(item: str) -> type[Strict]:
         )
         for name, constant in _CONSTANTS.items()
     }
-    stops = Field(description="Travel between the stops in the cockpit, aft, right and right foot positive.")
+    stops = Field(
+        description="Travel between the stops in the cockpit, aft, right and right foot positive."
+    )
     step = Field(
         default=None,
         examples=["0.5 ms"],
@@ -265,17 +320,26 @@ def _sentence(text: str) -> str:
 
 # [circuit] of the aircraft file: a table of its own kind for each item
 _ITEMS = {
-    item: (circuit_table(item) | None, Field(None, description=f"What moves with the {item}, needs [control.{control}]."))
+    item: (
+        circuit_table(item) | None,
+        Field(None, description=f"What moves with the {item}, needs [control.{control}]."),
+    )
     for item, control in MOVES.items()
 }
 CircuitsTable = create_model("CircuitsTable", __base__=Strict, **_ITEMS)  # type: ignore
 
 
-def circuits_of(tables: Strict, controls: Mapping[str, Control], problems: list[str]) -> dict[str, Circuit]:
-    """Return the circuits of an aircraft file, in the order of a block; faults are added to `problems`."""
+def circuits_of(
+    tables: Strict, controls: Mapping[str, Control], problems: list[str]
+) -> dict[str, Circuit]:
+    """Return the circuits of an aircraft file, in the order of a block; faults are added to
+    `problems`.
+    """
     found = {item: Circuit(**dict(table)) for item, table in tables if table is not None}
     for item, circuit in found.items():
-        problems += [f"circuit.{item}: {text}" for text in check(item, circuit, controls.get(MOVES[item]))]
+        problems += [
+            f"circuit.{item}: {text}" for text in check(item, circuit, controls.get(MOVES[item]))
+        ]
     return found
 
 
@@ -293,24 +357,34 @@ def check(item: str, circuit: Circuit, control: Control | None) -> list[str]:
     """
     problems = []
     if control is None or control.gearing is None:
-        problems.append(f"[control.{MOVES[item]}] with a gearing is missing; give S_hinge, c_hinge and gearing")
+        problems.append(
+            f"[control.{MOVES[item]}] with a gearing is missing; give S_hinge, c_hinge and gearing"
+        )
     if circuit.order not in ORDERS[item]:
         problems.append(f"order is {circuit.order}; allowed: {', '.join(map(str, ORDERS[item]))}")
     for name, constant in _CONSTANTS.items():
         value = getattr(circuit, name)
         if not math.isfinite(value) or value < constant.least:
-            problems.append(f"{name} is {value:g}; it must be {'finite' if constant.least else 'zero or positive'}")
+            problems.append(
+                f"{name} is {value:g}; it must be {'finite' if constant.least else 'zero or positive'}"
+            )
     if not circuit.mass > 0.0:
         problems.append(f"mass is {circuit.mass:g}; it must be positive")
     if circuit.restitution > 1.0:
         problems.append(f"restitution is {circuit.restitution:g}; a stop gives at most 1 back")
     if not -math.inf < circuit.stops[0] < circuit.stops[1] < math.inf:
-        problems.append(f"stops are {circuit.stops[0]:g} and {circuit.stops[1]:g}; the first must lie below the second")
+        problems.append(
+            f"stops are {circuit.stops[0]:g} and {circuit.stops[1]:g}; the first must lie below the second"
+        )
     if circuit.trim_friction > 1.0:
-        problems.append(f"trim_friction is {circuit.trim_friction:g}; it is a share of the friction, at most 1")
+        problems.append(
+            f"trim_friction is {circuit.trim_friction:g}; it is a share of the friction, at most 1"
+        )
     if circuit.order > 2:
         problems += [
-            f"{name} is 0; order {circuit.order} needs it" for name in ("inertia", "cable_stiffness") if not getattr(circuit, name) > 0.0
+            f"{name} is 0; order {circuit.order} needs it"
+            for name in ("inertia", "cable_stiffness")
+            if not getattr(circuit, name) > 0.0
         ]
     if circuit.step is not None and not 1e-6 <= circuit.step <= 1.0:
         problems.append(f"step is {circuit.step:g} s; allowed: 1e-6 ... 1 s")

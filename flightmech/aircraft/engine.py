@@ -1,4 +1,5 @@
-"""A full engine deck: governor schedule, spools, flame, and tables of thrust, air flow, fuel flow and temperature.
+"""A full engine deck: governor schedule, spools, flame, and tables of thrust, air flow, fuel flow
+and temperature.
 
 ``[engine.deck]`` in the aircraft file; what the kernel makes of it stands in docs/engine.md::
 
@@ -34,7 +35,8 @@ if TYPE_CHECKING:
 
 Vector = tuple[float, float, float]
 _SPOOLS = ("n1", "n2")
-# what the tables of a deck give, and in which unit; `thrust` and those without `corrected_` are taken as they stand
+# what the tables of a deck give, and in which unit; `thrust` and those without `corrected_` are
+# taken as they stand
 TARGETS = {
     "thrust": "N",
     "corrected_thrust": "N",
@@ -54,19 +56,29 @@ TARGETS = {
     "burn_margin": "1",
     "light_margin": "1",
 }
-OWN = ("throttle", "pla", *_SPOOLS, "corrected_n1", "corrected_n2", "temperature_ratio", "pressure_ratio")  # variables of one engine
+OWN = (
+    "throttle",
+    "pla",
+    *_SPOOLS,
+    "corrected_n1",
+    "corrected_n2",
+    "temperature_ratio",
+    "pressure_ratio",
+)  # variables of one engine
 
 
 @dataclass(frozen=True)
 class Deck:
     """Tables and constants of a full engine deck.
 
-    Speeds are fractions of the rated speeds.  The defaults are round figures of a small turbofan, not of one engine.
+    Speeds are fractions of the rated speeds.  The defaults are round figures of a small turbofan,
+    not of one engine.
 
     Parameters
     ----------
     tables : mapping of str to Dataset
-        Target (the keys of `TARGETS`) to a term leaf; the variables of the engine itself (`OWN`) without its number.
+        Target (the keys of `TARGETS`) to a term leaf; the variables of the engine itself (`OWN`)
+        without its number.
     lever_delay : float
         Transport delay of the power lever. [s]
     pla_idle, pla_full : float
@@ -76,7 +88,8 @@ class Deck:
     starter_speed, starter_time : float
         Speed of the gas generator to which the starter turns it, and its time constant. [1], [s]
     light_speed, sustain_speed : float
-        Least speed of the gas generator at which the engine lights, and at which it goes on burning. [1]
+        Least speed of the gas generator at which the engine lights, and at which it goes on
+        burning. [1]
     flame_time : float
         Time constant of the flame. [s]
     itt_time : float
@@ -86,7 +99,8 @@ class Deck:
     n1_inertia, n2_inertia : float
         Moments of inertia of the rotors. [kg m2]
     inlet : tuple of float (3,), optional
-        Where the ram drag acts, body axes, from the moment reference point; the engine's position without it. [m]
+        Where the ram drag acts, body axes, from the moment reference point; the engine's position
+        without it. [m]
     """
 
     tables: Mapping[str, xr.Dataset]
@@ -121,44 +135,78 @@ class DeckTable(Strict):
 
     model_config = ConfigDict(protected_namespaces=())
 
-    file: str | None = Field(default=None, description="netCDF file with a group for each table, relative to this file.")
+    file: str | None = Field(
+        default=None, description="netCDF file with a group for each table, relative to this file."
+    )
     tables: dict[str, Any] = Field(
         default_factory=dict,
         json_schema_extra={"propertyNames": {"enum": list(TARGETS)}},
         examples=[{"n2_up_time": "0.4 s"}],
         description="Tables here: a number, or axes with value and, as needed, regressors and outside.",
     )
-    lever_delay: si("s") | None = Field(default=None, description="Transport delay of the power lever; 0 without it.")  # type: ignore[valid-type]
-    pla_idle: si("rad") | None = Field(default=None, examples=["10 deg"], description="Lever angle at throttle 0; 0 without it.")  # type: ignore[valid-type]
-    pla_full: si("rad") | None = Field(default=None, examples=["50 deg"], description="Lever angle at throttle 1; 1 rad without it.")  # type: ignore[valid-type]
+    lever_delay: si("s") | None = Field(  # type: ignore[valid-type]
+        default=None, description="Transport delay of the power lever; 0 without it."
+    )
+    pla_idle: si("rad") | None = Field(  # type: ignore[valid-type]
+        default=None, examples=["10 deg"], description="Lever angle at throttle 0; 0 without it."
+    )
+    pla_full: si("rad") | None = Field(  # type: ignore[valid-type]
+        default=None,
+        examples=["50 deg"],
+        description="Lever angle at throttle 1; 1 rad without it.",
+    )
     n1_rundown: si("s") | None = Field(  # type: ignore[valid-type]
         default=None,
         examples=["8 s"],
         description="Time constant of the fan towards its windmilling speed when the engine does not burn; 8 s without it.",
     )
-    n2_rundown: si("s") | None = Field(default=None, examples=["8 s"], description="The same of the gas generator; 8 s without it.")  # type: ignore[valid-type]
-    starter_speed: si("1") | None = Field(  # type: ignore[valid-type]
-        default=None, examples=[0.2], description="Speed to which the starter turns the gas generator; 0.2 without it."
+    n2_rundown: si("s") | None = Field(  # type: ignore[valid-type]
+        default=None, examples=["8 s"], description="The same of the gas generator; 8 s without it."
     )
-    starter_time: si("s") | None = Field(default=None, examples=["4 s"], description="Time constant of the starter; 4 s without it.")  # type: ignore[valid-type]
+    starter_speed: si("1") | None = Field(  # type: ignore[valid-type]
+        default=None,
+        examples=[0.2],
+        description="Speed to which the starter turns the gas generator; 0.2 without it.",
+    )
+    starter_time: si("s") | None = Field(  # type: ignore[valid-type]
+        default=None, examples=["4 s"], description="Time constant of the starter; 4 s without it."
+    )
     light_speed: si("1") | None = Field(  # type: ignore[valid-type]
-        default=None, examples=[0.1], description="Least speed of the gas generator at which the engine lights; 0.1 without it."
+        default=None,
+        examples=[0.1],
+        description="Least speed of the gas generator at which the engine lights; 0.1 without it.",
     )
     sustain_speed: si("1") | None = Field(  # type: ignore[valid-type]
         default=None,
         examples=[0.05],
         description="Least speed of the gas generator at which it goes on burning; 0.05 without it.",
     )
-    flame_time: si("s") | None = Field(default=None, examples=["0.2 s"], description="Time constant of the flame; 0.2 s without it.")  # type: ignore[valid-type]
-    itt_time: si("s") | None = Field(default=None, examples=["1.5 s"], description="Lag of the turbine temperature; none without it.")  # type: ignore[valid-type]
+    flame_time: si("s") | None = Field(  # type: ignore[valid-type]
+        default=None,
+        examples=["0.2 s"],
+        description="Time constant of the flame; 0.2 s without it.",
+    )
+    itt_time: si("s") | None = Field(  # type: ignore[valid-type]
+        default=None,
+        examples=["1.5 s"],
+        description="Lag of the turbine temperature; none without it.",
+    )
     n1_rated: si("rad s-1") | None = Field(  # type: ignore[valid-type]
-        default=None, examples=["1700 rad/s"], description="Speed of the fan at 1, positive right-handed about the thrust."
+        default=None,
+        examples=["1700 rad/s"],
+        description="Speed of the fan at 1, positive right-handed about the thrust.",
     )
     n2_rated: si("rad s-1") | None = Field(  # type: ignore[valid-type]
-        default=None, examples=["3400 rad/s"], description="Speed of the gas generator at 1, positive right-handed about the thrust."
+        default=None,
+        examples=["3400 rad/s"],
+        description="Speed of the gas generator at 1, positive right-handed about the thrust.",
     )
-    n1_inertia: si("kg m2") | None = Field(default=None, examples=[0.5], description="Moment of inertia of the fan rotor.")  # type: ignore[valid-type]
-    n2_inertia: si("kg m2") | None = Field(default=None, examples=[0.1], description="Moment of inertia of the gas generator's rotor.")  # type: ignore[valid-type]
+    n1_inertia: si("kg m2") | None = Field(  # type: ignore[valid-type]
+        default=None, examples=[0.5], description="Moment of inertia of the fan rotor."
+    )
+    n2_inertia: si("kg m2") | None = Field(  # type: ignore[valid-type]
+        default=None, examples=[0.1], description="Moment of inertia of the gas generator's rotor."
+    )
     inlet: tuple[_Length, _Length, _Length] | None = Field(  # type: ignore[valid-type]
         default=None,
         examples=[[0.5, 0.0, 0.1]],
@@ -170,7 +218,8 @@ CONSTANTS = tuple(field.name for field in fields(Deck) if field.name not in ("ta
 
 
 class DeckFiles:
-    """Files of tables in a folder, each read once: the engines of an aircraft usually share one deck.
+    """Files of tables in a folder, each read once: the engines of an aircraft usually share one
+    deck.
 
     Attributes
     ----------
@@ -211,19 +260,23 @@ def deck_of(item: DeckTable, files: DeckFiles) -> Deck:
     problems += _problems(tables)
     if problems:
         raise SchemaError("engine deck", problems)
-    given = {name: value for name in (*CONSTANTS, "inlet") if (value := getattr(item, name)) is not None}
+    given = {
+        name: value for name in (*CONSTANTS, "inlet") if (value := getattr(item, name)) is not None
+    }
     return Deck(tables, **given)
 
 
 def leaf_of(item: Any, units: str) -> xr.Dataset:
-    """Return a leaf from its form in a TOML file: a number, or a table of axes, ``value`` and, as wanted, ``regressors`` and ``outside``.
+    """Return a leaf from its form in a TOML file: a number, or a table of axes, ``value`` and, as
+    wanted, ``regressors`` and ``outside``.
 
     Parameters
     ----------
     item : number, str or mapping
         Bare numbers are SI, texts carry their unit; `value` is ordered as the axes are written.
     units : str
-        SI unit of the value; with regressors it is a bare number in units over those of the regressors.
+        SI unit of the value; with regressors it is a bare number in units over those of the
+        regressors.
     """
     from flightmech.names import lookup
     from flightmech.terms import make
@@ -234,11 +287,19 @@ def leaf_of(item: Any, units: str) -> xr.Dataset:
         raise ValueError(f"missing value, in {units} over the axes in the order they are written")
     words = [str(word) for word in item.get("regressors", ())]
     reserved = ("value", "regressors", "outside")
-    axes = {name: [quantity(point, lookup(name).units) for point in points] for name, points in item.items() if name not in reserved}
-    value = np.vectorize(lambda number: quantity(number, "1" if words else units), otypes=[float])(np.array(item["value"], object))
+    axes = {
+        name: [quantity(point, lookup(name).units) for point in points]
+        for name, points in item.items()
+        if name not in reserved
+    }
+    value = np.vectorize(lambda number: quantity(number, "1" if words else units), otypes=[float])(
+        np.array(item["value"], object)
+    )
     shape = tuple(len(points) for points in axes.values())
     if value.shape != shape:
-        raise ValueError(f"value has the shape {value.shape}, the axes {' '.join(axes)} have {shape}")
+        raise ValueError(
+            f"value has the shape {value.shape}, the axes {' '.join(axes)} have {shape}"
+        )
     return make(value, axes, words, outside=str(item.get("outside", "hold")))
 
 
@@ -285,7 +346,15 @@ def _problems(tables: Mapping[str, xr.Dataset]) -> Iterator[str]:
     for n in governed:
         if f"{n}_up_time" not in tables:
             yield f"{n} has a command and no {n}_up_time, the time constant with which it follows"
-    for name in sorted(set(tables) & {f"{n}_{way}_{kind}" for n in _SPOOLS for way in ("up", "down") for kind in ("time", "limit")}):
+    for name in sorted(
+        set(tables)
+        & {
+            f"{n}_{way}_{kind}"
+            for n in _SPOOLS
+            for way in ("up", "down")
+            for kind in ("time", "limit")
+        }
+    ):
         lowest = float(tables[name]["value"].min())
         if not lowest > 0.0:
             yield f"{name} holds {lowest:g}; it must be positive everywhere"
@@ -311,9 +380,11 @@ class Engine:
     time_constant : float
         First-order lag of the thrust behind its static value; 0 for none. [s]
     angular_momentum : float
-        Of the rotors, along `direction`, right-handed; with a deck on top of what its spools have. [kg m2 s-1]
+        Of the rotors, along `direction`, right-handed; with a deck on top of what its spools have.
+        [kg m2 s-1]
     deck : Deck, optional
-        Governor, spools and tables in place of `thrust`; every engine of an aircraft has one or none has.
+        Governor, spools and tables in place of `thrust`; every engine of an aircraft has one or
+        none has.
     """
 
     position: Vector
@@ -333,12 +404,17 @@ class EngineTable(Strict):
 
     model_config = ConfigDict(protected_namespaces=())
 
-    position: _Vector = Field(description="Where the thrust acts, body axes, from the moment reference point.")
+    position: _Vector = Field(
+        description="Where the thrust acts, body axes, from the moment reference point."
+    )
     direction: tuple[float, float, float] = Field(
-        default=(1.0, 0.0, 0.0), description="Direction of the thrust, body axes; [1, 0, 0] pushes forward."
+        default=(1.0, 0.0, 0.0),
+        description="Direction of the thrust, body axes; [1, 0, 0] pushes forward.",
     )
     time_constant: si("s") = Field(  # type: ignore[valid-type]
-        default=0.0, examples=["1.2 s"], description="First-order lag of the thrust behind its static value; 0 for none."
+        default=0.0,
+        examples=["1.2 s"],
+        description="First-order lag of the thrust behind its static value; 0 for none.",
     )
     angular_momentum: si("kg m2 s-1") = Field(  # type: ignore[valid-type]
         default=0.0,
@@ -352,9 +428,13 @@ class EngineTable(Strict):
         description="Static thrust [N] as a table over throttle, mach and h; value is ordered as the axes are written.",
     )
     thrust_file: str | None = Field(
-        default=None, examples=["thrust.nc"], description="netCDF file with the table of the static thrust, relative to this file."
+        default=None,
+        examples=["thrust.nc"],
+        description="netCDF file with the table of the static thrust, relative to this file.",
     )
-    deck: DeckTable | None = Field(default=None, description="Governor, spools and tables in place of a table of thrust.")
+    deck: DeckTable | None = Field(
+        default=None, description="Governor, spools and tables in place of a table of thrust."
+    )
 
     @field_validator("direction")
     @classmethod
@@ -374,14 +454,20 @@ class EngineTable(Strict):
 
     @model_validator(mode="after")
     def _one_source(self) -> EngineTable:
-        given = [name for name in ("thrust", "thrust_file", "deck") if getattr(self, name) is not None]
+        given = [
+            name for name in ("thrust", "thrust_file", "deck") if getattr(self, name) is not None
+        ]
         if len(given) > 1:
-            raise ValueError(f"{' and '.join(given)} are {'both' if len(given) == 2 else 'all'} given; keep one")
+            raise ValueError(
+                f"{' and '.join(given)} are {'both' if len(given) == 2 else 'all'} given; keep one"
+            )
         return self
 
 
 def engine_of(item: EngineTable, number: int, files: DeckFiles, problems: list[str]) -> Engine:
-    """Return engine `number` of a file next to `files`; what is wrong with its tables goes to `problems`."""
+    """Return engine `number` of a file next to `files`; what is wrong with its tables goes to
+    `problems`.
+    """
     folder = files.folder
     thrust = deck = None
     key = "deck" if item.deck is not None else "thrust"
@@ -393,21 +479,35 @@ def engine_of(item: EngineTable, number: int, files: DeckFiles, problems: list[s
         elif item.deck is not None:
             deck = deck_of(item.deck, files)
     except (SchemaError, UnitError, ValueError, OSError) as error:
-        found = error.problems if isinstance(error, SchemaError) else [_missing(item, folder) or str(error)]
+        found = (
+            error.problems
+            if isinstance(error, SchemaError)
+            else [_missing(item, folder) or str(error)]
+        )
         problems += [f"engine.{number}.{key}: {text}" for text in found]
-    return Engine(item.position, item.direction, thrust, item.time_constant, item.angular_momentum, deck)
+    return Engine(
+        item.position, item.direction, thrust, item.time_constant, item.angular_momentum, deck
+    )
 
 
 def _missing(item: EngineTable, folder: Path) -> str:
-    """Return a sentence when the file of the tables is not there: libraries name it in words of their own."""
+    """Return a sentence when the file of the tables is not there: libraries name it in words of
+    their own.
+    """
     name = item.thrust_file or (item.deck.file if item.deck is not None else None)
-    return "" if name is None or (folder / name).is_file() else f"no file {name!r} in {folder}; give its path from the aircraft file"
+    return (
+        ""
+        if name is None or (folder / name).is_file()
+        else f"no file {name!r} in {folder}; give its path from the aircraft file"
+    )
 
 
 def _thrust_table(table: Mapping[str, Any]) -> xr.Dataset:
     unknown = sorted(set(table) - {*THRUST_AXES, "value"})
     if unknown:
-        raise ValueError(f"unknown key {', '.join(unknown)}; allowed: {', '.join(THRUST_AXES)}, value")
+        raise ValueError(
+            f"unknown key {', '.join(unknown)}; allowed: {', '.join(THRUST_AXES)}, value"
+        )
     return leaf_of(table, "N")
 
 

@@ -54,7 +54,8 @@ class Tank:
     capacity : float
         [kg]
     order : int
-        Tanks of the lowest number are emptied first, those of the same number in proportion to their capacity.
+        Tanks of the lowest number are emptied first, those of the same number in proportion to
+        their capacity.
     """
 
     position: Vector
@@ -73,8 +74,9 @@ class Fuel:
     position : tuple of float (3,)
         Where it lies as a mass point, body axes, from the moment reference point. [m]
     tables : mapping of str to Dataset
-        What `position` does not give, as term tables over ``fuel``: first moments `MOMENTS` [kg m] and second moments `INERTIAS`
-        [kg m2] about the moment reference point, products as the integrals of xy dm and so on.
+        What `position` does not give, as term tables over ``fuel``: first moments `MOMENTS` [kg m]
+        and second moments `INERTIAS` [kg m2] about the moment reference point, products as the
+        integrals of xy dm and so on.
     """
 
     mass: float
@@ -102,11 +104,14 @@ def tank_tables(tanks: Sequence[Tank]) -> dict[str, xr.Dataset]:
     Returns
     -------
     dict of str to Dataset
-        `MOMENTS` and `INERTIAS`; exact, because the content of each tank is piecewise linear in the fuel on board.
+        `MOMENTS` and `INERTIAS`; exact, because the content of each tank is piecewise linear in the
+        fuel on board.
     """
     from flightmech.terms import make
 
-    orders = sorted({tank.order for tank in tanks}, reverse=True)  # what is emptied last is filled first
+    orders = sorted(
+        {tank.order for tank in tanks}, reverse=True
+    )  # what is emptied last is filled first
     level, content = [0.0], [np.zeros(len(tanks))]
     for order in orders:
         part = np.array([tank.capacity if tank.order == order else 0.0 for tank in tanks])
@@ -116,9 +121,14 @@ def tank_tables(tanks: Sequence[Tank]) -> dict[str, xr.Dataset]:
     x, y, z = r.T
     density = {
         **dict(zip(MOMENTS, (x, y, z), strict=True)),
-        **dict(zip(INERTIAS, (y**2 + z**2, x**2 + z**2, x**2 + y**2, x * y, x * z, y * z), strict=True)),
+        **dict(
+            zip(INERTIAS, (y**2 + z**2, x**2 + z**2, x**2 + y**2, x * y, x * z, y * z), strict=True)
+        ),
     }
-    return {name: make(np.array(content) @ each, {"fuel": level}, outside="linear") for name, each in density.items()}
+    return {
+        name: make(np.array(content) @ each, {"fuel": level}, outside="linear")
+        for name, each in density.items()
+    }
 
 
 _Length = si("m")
@@ -130,7 +140,8 @@ class TankTable(Strict):
     model_config = ConfigDict(protected_namespaces=())
 
     position: tuple[_Length, _Length, _Length] = Field(  # type: ignore[valid-type]
-        examples=[[0.1, -2.0, 0.1]], description="Of the tank as a mass point, body axes, from the moment reference point."
+        examples=[[0.1, -2.0, 0.1]],
+        description="Of the tank as a mass point, body axes, from the moment reference point.",
     )
     capacity: si("kg") = Field(examples=["120 kg"], description="Fuel that the tank holds.")  # type: ignore[valid-type]
     order: int = Field(
@@ -154,9 +165,12 @@ class FuelTable(Strict):
 
     mass: si("kg") = Field(description="Fuel on board at the start, part of the aircraft's mass.")  # type: ignore[valid-type]
     position: tuple[_Length, _Length, _Length] | None = Field(  # type: ignore[valid-type]
-        None, description="Where it lies as a mass point, body axes, from the moment reference point."
+        None,
+        description="Where it lies as a mass point, body axes, from the moment reference point.",
     )
-    tank: list[TankTable] = Field(default_factory=list, description="Tanks in place of one position.")
+    tank: list[TankTable] = Field(
+        default_factory=list, description="Tanks in place of one position."
+    )
     file: str | None = Field(
         default=None,
         examples=["fuel.nc"],
@@ -166,7 +180,9 @@ class FuelTable(Strict):
     @model_validator(mode="after")
     def _plausible(self) -> FuelTable:
         if self.tank and (self.position is not None or self.file is not None):
-            raise ValueError(f"{'position' if self.position is not None else 'file'} and tank are both given; keep one")
+            raise ValueError(
+                f"{'position' if self.position is not None else 'file'} and tank are both given; keep one"
+            )
         if not (np.isfinite(self.mass) and self.mass >= 0.0):
             raise ValueError("expected zero or a positive mass")
         room = sum(tank.capacity for tank in self.tank)
@@ -176,11 +192,17 @@ class FuelTable(Strict):
 
 
 def fuel_of(item: FuelTable, folder: Path, problems: list[str]) -> Fuel | None:
-    """Return the fuel of an aircraft file in `folder`; what is wrong with its tables goes to `problems`."""
+    """Return the fuel of an aircraft file in `folder`; what is wrong with its tables goes to
+    `problems`.
+    """
     if item.tank:
         return Fuel(item.mass, tables=tank_tables([Tank(**dict(tank)) for tank in item.tank]))
     try:
-        return Fuel(item.mass, item.position or (0.0, 0.0, 0.0), open_tables(folder / item.file) if item.file else {})
+        return Fuel(
+            item.mass,
+            item.position or (0.0, 0.0, 0.0),
+            open_tables(folder / item.file) if item.file else {},
+        )
     except (SchemaError, OSError) as error:
         problems += [f"fuel: {text}" for text in getattr(error, "problems", [str(error)])]
         return None

@@ -1,4 +1,5 @@
-"""Landing gear: legs, tyres, brakes, nose-wheel steering and the runway (LR-743 3.5, 4.5.4), from ``[gear]`` of the aircraft file.
+"""Landing gear: legs, tyres, brakes, nose-wheel steering and the runway (LR-743 3.5, 4.5.4), from
+``[gear]`` of the aircraft file.
 
     [gear]
     mu_dry = 0.8
@@ -18,7 +19,8 @@
     cornering_load = "12e3 N"
     brake = "6e3 N"
 
-Equations and assumptions: ``gear.c``, ``tyre.c``, ``steering.c`` in ``kernel/src/gear`` and docs/landing-gear.md.
+Equations and assumptions: ``gear.c``, ``tyre.c``, ``steering.c`` in ``kernel/src/gear`` and
+docs/landing-gear.md.
 """
 
 from __future__ import annotations
@@ -40,7 +42,8 @@ if TYPE_CHECKING:
 Vector = tuple[float, float, float]
 CONDITIONS = ("dry", "wet", "icy")
 ORDERS = {"quasi-static": 0, "second": 2, "fourth": 4}
-# 14 CFR 25.109(c)(1): greatest friction of a tyre on a smooth wet runway, by tyre pressure [psi], over V/(100 kt)
+# 14 CFR 25.109(c)(1): greatest friction of a tyre on a smooth wet runway, by tyre pressure [psi],
+# over V/(100 kt)
 WET = {
     50.0: (0.883, -0.851, 0.306, -0.0350),
     100.0: (0.804, -0.805, 0.320, -0.0437),
@@ -73,7 +76,10 @@ def wet_friction(tyre_pressure: float) -> tuple[float, float, float, float]:
     """
     pressures = np.array([to_si(psi, "psi") for psi in WET])
     cubics = np.array(list(WET.values()))
-    c = [float(np.interp(tyre_pressure, pressures, cubics[:, power])) / (100.0 * KNOT) ** power for power in range(4)]
+    c = [
+        float(np.interp(tyre_pressure, pressures, cubics[:, power])) / (100.0 * KNOT) ** power
+        for power in range(4)
+    ]
     return c[0], c[1], c[2], c[3]
 
 
@@ -86,7 +92,8 @@ class Contact:
     name : str
         ``nose``, ``left``, ``right``, ``tail`` ...; its outputs are ``gear.<name>.Fz`` and so on.
     position : tuple of float (3,)
-        Lowest point with the aircraft level and the leg unloaded, body axes, from the moment reference point. [m]
+        Lowest point with the aircraft level and the leg unloaded, body axes, from the moment
+        reference point. [m]
     radius : float
         Of the unloaded tyre: where the lowest point goes when the aircraft pitches and banks. [m]
     stiffness, preload : float
@@ -100,17 +107,20 @@ class Contact:
     orifice, orifice_ext : float
         Strut force per square of that rate. [N s2 m-2]
     tyre_stiffness : float
-        Vertical, in series with the strut; 0: the leg is one spring and `preload` must be 0. [N m-1]
+        Vertical, in series with the strut; 0: the leg is one spring and `preload` must be 0. [N
+        m-1]
     side_stiffness : float
         Of the tyre or skid along the ground. [N m-1]
     cornering_stiffness, cornering_load : float
-        Greatest side force per slip angle, and the load at which it is reached; 0 for a skid. [N rad-1, N]
+        Greatest side force per slip angle, and the load at which it is reached; 0 for a skid. [N
+        rad-1, N]
     loss : float
         Damping of the carcass along the ground over its stiffness, at most 0.04. [s]
     rolling : float
         Rolling resistance over load. [1]
     brake : float
-        Brake force at the ground with a full pedal; left of the plane of symmetry by ``brake_left``, on it by the mean. [N]
+        Brake force at the ground with a full pedal; left of the plane of symmetry by
+        ``brake_left``, on it by the mean. [N]
     brake_friction : float
         The same over the load, added to `brake`: of brakes whose force follows the load. [1]
     steering : float
@@ -156,13 +166,15 @@ class Steering:
     limit : float
         Greatest angle to either side. [rad]
     stiffness : float
-        Moment on the wheel per angle behind the command, or behind the arm; 0 with order 0: a castor. [N m rad-1]
+        Moment on the wheel per angle behind the command, or behind the arm; 0 with order 0: a
+        castor. [N m rad-1]
     trail : float
         Of the side force behind the pivot, mechanical and pneumatic. [m]
     scrub : float
         Arm of the friction of a turning wheel at rest: moment over friction force. [m]
     rudder : float
-        Angle commanded by the pedals, to the right per rudder deflection to the right (-delta_r). [1]
+        Angle commanded by the pedals, to the right per rudder deflection to the right (-delta_r).
+        [1]
     damping, inertia : float
         Of the wheel about its pivot. [N m s rad-1, kg m2]
     arm_stiffness, arm_damping, arm_inertia : float
@@ -197,12 +209,13 @@ class LandingGear:
     mu_dry, mu_icy : float
         Greatest friction of a tyre over load; ice: AMC 25.1591. [1]
     mu_wet : tuple of float (4,)
-        The same on a wet runway as a cubic of the ground speed, `wet_friction`. [1, s m-1, s2 m-2, s3 m-3]
+        The same on a wet runway as a cubic of the ground speed, `wet_friction`. [1, s m-1, s2 m-2,
+        s3 m-3]
     skid_ratio : float
         Friction of a locked wheel over the greatest friction. [1]
     antiskid : float
-        Part of the greatest friction that the anti-skid system lets the brakes use; 0 no anti-skid. 14 CFR 25.109(c)(2): on-off
-        0.3, quasi-modulating 0.5, fully modulating 0.8. [1]
+        Part of the greatest friction that the anti-skid system lets the brakes use; 0 no anti-skid.
+        14 CFR 25.109(c)(2): on-off 0.3, quasi-modulating 0.5, fully modulating 0.8. [1]
     """
 
     contacts: tuple[Contact, ...]
@@ -244,13 +257,21 @@ def _at_least_zero(table: _Table, names: tuple[str, ...]) -> None:
 class ContactTable(_Table):
     """A ``[[gear.contact]]`` of the aircraft file."""
 
-    name: str = Field(description="Name of the leg: nose, left, right, tail ...; its outputs are gear.NAME.Fz and so on.")
+    name: str = Field(
+        description="Name of the leg: nose, left, right, tail ...; its outputs are gear.NAME.Fz and so on."
+    )
     position: tuple[_Length, _Length, _Length] = Field(  # type: ignore[valid-type]
         description="Lowest point with the aircraft level and the leg unloaded, body axes, from the moment reference point."
     )
-    radius: _Length = Field(default=0.0, examples=["0.25 m"], description="Radius of the unloaded tyre.")  # type: ignore[valid-type]
+    radius: _Length = Field(  # type: ignore[valid-type]
+        default=0.0, examples=["0.25 m"], description="Radius of the unloaded tyre."
+    )
     stiffness: _PerMetre = Field(default=0.0, description="Strut force per compression.")  # type: ignore[valid-type]
-    preload: _Force = Field(default=0.0, examples=["800 N"], description="Strut force at no compression; needs tyre_stiffness.")  # type: ignore[valid-type]
+    preload: _Force = Field(  # type: ignore[valid-type]
+        default=0.0,
+        examples=["800 N"],
+        description="Strut force at no compression; needs tyre_stiffness.",
+    )
     strut: dict[str, Any] | None = Field(
         default=None,
         json_schema_extra={"propertyNames": {"enum": ["compression", "value"]}},
@@ -258,29 +279,57 @@ class ContactTable(_Table):
         description="More strut force [N] as a table over compression [m].",
     )
     stroke: _Length = Field(  # type: ignore[valid-type]
-        default=10.0, examples=["0.25 m"], description="Compression at which the strut is solid and the tyre alone gives way."
+        default=10.0,
+        examples=["0.25 m"],
+        description="Compression at which the strut is solid and the tyre alone gives way.",
     )
-    damping: _PerRate = Field(default=0.0, description="Strut force per rate of compression, inwards.")  # type: ignore[valid-type]
-    damping_ext: _PerRate | None = Field(default=None, examples=[8000.0], description="The same outwards; damping without it.")  # type: ignore[valid-type]
-    orifice: _PerSquare = Field(default=0.0, examples=[20000.0], description="Strut force per square of the rate of compression, inwards.")  # type: ignore[valid-type]
-    orifice_ext: _PerSquare | None = Field(default=None, examples=[40000.0], description="The same outwards; orifice without it.")  # type: ignore[valid-type]
+    damping: _PerRate = Field(  # type: ignore[valid-type]
+        default=0.0, description="Strut force per rate of compression, inwards."
+    )
+    damping_ext: _PerRate | None = Field(  # type: ignore[valid-type]
+        default=None, examples=[8000.0], description="The same outwards; damping without it."
+    )
+    orifice: _PerSquare = Field(  # type: ignore[valid-type]
+        default=0.0,
+        examples=[20000.0],
+        description="Strut force per square of the rate of compression, inwards.",
+    )
+    orifice_ext: _PerSquare | None = Field(  # type: ignore[valid-type]
+        default=None, examples=[40000.0], description="The same outwards; orifice without it."
+    )
     tyre_stiffness: _PerMetre = Field(  # type: ignore[valid-type]
         default=0.0,
         examples=["250e3 N/m"],
         description="Vertical stiffness of the tyre, in series with the strut; 0: the leg is one spring.",
     )
     side_stiffness: _PerMetre = Field(description="Stiffness of the tyre or skid along the ground.")  # type: ignore[valid-type]
-    cornering_stiffness: _Force = Field(default=0.0, description="Greatest side force per slip angle [N/rad]; 0 for a skid.")  # type: ignore[valid-type]
-    cornering_load: _Force = Field(default=1.0e4, description="Load at which the greatest cornering stiffness is reached.")  # type: ignore[valid-type]
+    cornering_stiffness: _Force = Field(  # type: ignore[valid-type]
+        default=0.0, description="Greatest side force per slip angle [N/rad]; 0 for a skid."
+    )
+    cornering_load: _Force = Field(  # type: ignore[valid-type]
+        default=1.0e4, description="Load at which the greatest cornering stiffness is reached."
+    )
     loss: si("s") = Field(  # type: ignore[valid-type]
-        default=0.02, examples=[0.02], description="Damping of the carcass along the ground over its stiffness, at most 0.04 s."
+        default=0.02,
+        examples=[0.02],
+        description="Damping of the carcass along the ground over its stiffness, at most 0.04 s.",
     )
     rolling: _Ratio = Field(default=0.0, description="Rolling resistance over load.")  # type: ignore[valid-type]
     brake: _Force = Field(default=0.0, description="Brake force at the ground with a full pedal.")  # type: ignore[valid-type]
-    brake_friction: _Ratio = Field(default=0.0, description="Brake force over load with a full pedal, added to brake.")  # type: ignore[valid-type]
-    steering: _Ratio = Field(default=0.0, description="Angle of the wheel per angle of the steering; 0: not steered.")  # type: ignore[valid-type]
-    friction: _Ratio = Field(default=0.0, description="Friction of a skid over load; 0: a wheel, for which the runway defines it.")  # type: ignore[valid-type]
-    retracts: bool = Field(default=True, description="Whether it carries in proportion to the input gear, and nothing when that is 0.")
+    brake_friction: _Ratio = Field(  # type: ignore[valid-type]
+        default=0.0, description="Brake force over load with a full pedal, added to brake."
+    )
+    steering: _Ratio = Field(  # type: ignore[valid-type]
+        default=0.0, description="Angle of the wheel per angle of the steering; 0: not steered."
+    )
+    friction: _Ratio = Field(  # type: ignore[valid-type]
+        default=0.0,
+        description="Friction of a skid over load; 0: a wheel, for which the runway defines it.",
+    )
+    retracts: bool = Field(
+        default=True,
+        description="Whether it carries in proportion to the input gear, and nothing when that is 0.",
+    )
 
     @field_validator("name")
     @classmethod
@@ -299,9 +348,13 @@ class ContactTable(_Table):
         if not (self.stiffness > 0.0 or self.strut is not None):
             raise ValueError("the leg has no spring; give stiffness or strut")
         if self.preload > 0.0 and self.tyre_stiffness == 0.0:
-            raise ValueError("preload needs a tyre_stiffness, or the ground would push at a touch with the whole preload")
+            raise ValueError(
+                "preload needs a tyre_stiffness, or the ground would push at a touch with the whole preload"
+            )
         if (self.friction > 0.0) == (self.cornering_stiffness > 0.0):
-            raise ValueError("give cornering_stiffness for a wheel or friction for a skid, one of them")
+            raise ValueError(
+                "give cornering_stiffness for a wheel or friction for a skid, one of them"
+            )
         if self.loss > 0.04:
             raise ValueError("loss must be at most 0.04 s")
         return self
@@ -311,28 +364,61 @@ class SteeringTable(_Table):
     """``[gear.steering]`` of the aircraft file."""
 
     order: Literal["quasi-static", "second", "fourth"] = Field(
-        default="quasi-static", examples=["second"], description="Wheel follows at once; one mass (wheel); two masses (arm and wheel)."
+        default="quasi-static",
+        examples=["second"],
+        description="Wheel follows at once; one mass (wheel); two masses (arm and wheel).",
     )
     limit: _Ratio = Field(default=np.pi / 4.0, description="Greatest angle to either side [rad].")  # type: ignore[valid-type]
     stiffness: _Moment = Field(  # type: ignore[valid-type]
-        default=0.0, description="Moment on the wheel per angle behind the command or the arm [N m/rad]; 0 and quasi-static: a castor."
+        default=0.0,
+        description="Moment on the wheel per angle behind the command or the arm [N m/rad]; 0 and quasi-static: a castor.",
     )
-    trail: _Length = Field(default=0.1, description="Trail of the side force behind the pivot, mechanical and pneumatic.")  # type: ignore[valid-type]
-    scrub: _Length = Field(default=0.0, description="Arm of the friction of a turning wheel at rest: moment over friction force.")  # type: ignore[valid-type]
+    trail: _Length = Field(  # type: ignore[valid-type]
+        default=0.1,
+        description="Trail of the side force behind the pivot, mechanical and pneumatic.",
+    )
+    scrub: _Length = Field(  # type: ignore[valid-type]
+        default=0.0,
+        description="Arm of the friction of a turning wheel at rest: moment over friction force.",
+    )
     rudder: _Ratio = Field(  # type: ignore[valid-type]
-        default=0.0, examples=[1.0], description="Angle commanded by the pedals, to the right per rudder deflection to the right."
+        default=0.0,
+        examples=[1.0],
+        description="Angle commanded by the pedals, to the right per rudder deflection to the right.",
     )
-    damping: si("N m s") = Field(default=0.0, examples=[20.0], description="Damping of the wheel about its pivot.")  # type: ignore[valid-type]
-    inertia: _Inertia = Field(default=0.0, examples=[0.3], description="Moment of inertia of the wheel about its pivot.")  # type: ignore[valid-type]
+    damping: si("N m s") = Field(  # type: ignore[valid-type]
+        default=0.0, examples=[20.0], description="Damping of the wheel about its pivot."
+    )
+    inertia: _Inertia = Field(  # type: ignore[valid-type]
+        default=0.0, examples=[0.3], description="Moment of inertia of the wheel about its pivot."
+    )
     arm_stiffness: _Moment = Field(  # type: ignore[valid-type]
-        default=0.0, examples=[3000.0], description="Stiffness of the arm between command and wheel [N m/rad], order fourth."
+        default=0.0,
+        examples=[3000.0],
+        description="Stiffness of the arm between command and wheel [N m/rad], order fourth.",
     )
-    arm_damping: si("N m s") = Field(default=0.0, examples=[10.0], description="Damping of that arm.")  # type: ignore[valid-type]
-    arm_inertia: _Inertia = Field(default=0.0, examples=[0.1], description="Moment of inertia of that arm.")  # type: ignore[valid-type]
+    arm_damping: si("N m s") = Field(  # type: ignore[valid-type]
+        default=0.0, examples=[10.0], description="Damping of that arm."
+    )
+    arm_inertia: _Inertia = Field(  # type: ignore[valid-type]
+        default=0.0, examples=[0.1], description="Moment of inertia of that arm."
+    )
 
     @model_validator(mode="after")
     def _physical(self) -> SteeringTable:
-        _at_least_zero(self, ("limit", "stiffness", "scrub", "damping", "inertia", "arm_stiffness", "arm_damping", "arm_inertia"))
+        _at_least_zero(
+            self,
+            (
+                "limit",
+                "stiffness",
+                "scrub",
+                "damping",
+                "inertia",
+                "arm_stiffness",
+                "arm_damping",
+                "arm_inertia",
+            ),
+        )
         if self.order != "quasi-static" and not self.inertia > 0.0:
             raise ValueError(f"order {self.order} needs an inertia")
         if self.order == "fourth" and not self.arm_inertia > 0.0:
@@ -345,8 +431,12 @@ class GearTable(_Table):
 
     contact: list[ContactTable] = Field(min_length=1, description="Wheels and skids.")
     steering: SteeringTable = Field(default=SteeringTable(), description="Nose-wheel steering.")
-    condition: Literal["dry", "wet", "icy"] = Field(default="dry", examples=["wet"], description="Of the runway at the start.")
-    mu_dry: _Ratio = Field(default=0.8, description="Greatest friction of a tyre over load on a dry runway.")  # type: ignore[valid-type]
+    condition: Literal["dry", "wet", "icy"] = Field(
+        default="dry", examples=["wet"], description="Of the runway at the start."
+    )
+    mu_dry: _Ratio = Field(  # type: ignore[valid-type]
+        default=0.8, description="Greatest friction of a tyre over load on a dry runway."
+    )
     mu_icy: _Ratio = Field(default=0.05, description="The same on ice (AMC 25.1591).")  # type: ignore[valid-type]
     tyre_pressure: si("Pa") = Field(  # type: ignore[valid-type]
         default=to_si(100.0, "psi"),
@@ -357,9 +447,13 @@ class GearTable(_Table):
         examples=[[0.8, -0.0157, 0.00012, -3.2e-07]],
         description="The same on a wet runway: coefficients of 1, V, V^2, V^3 of the ground speed; replaces tyre_pressure.",
     )
-    skid_ratio: _Ratio = Field(default=0.7, description="Friction of a locked wheel over the greatest friction.")  # type: ignore[valid-type]
+    skid_ratio: _Ratio = Field(  # type: ignore[valid-type]
+        default=0.7, description="Friction of a locked wheel over the greatest friction."
+    )
     antiskid: _Ratio = Field(  # type: ignore[valid-type]
-        default=0.0, examples=[0.8], description="Part of the greatest friction that the anti-skid system leaves to the brakes; 0: none."
+        default=0.0,
+        examples=[0.8],
+        description="Part of the greatest friction that the anti-skid system leaves to the brakes; 0: none.",
     )
 
     @field_validator("contact")
@@ -367,7 +461,9 @@ class GearTable(_Table):
     def _once(cls, contacts: list[ContactTable]) -> list[ContactTable]:
         names = [contact.name for contact in contacts]
         if twice := sorted({name for name in names if names.count(name) > 1}):
-            raise ValueError(f"contact {', '.join(twice)} is given more than once; every contact has a name of its own")
+            raise ValueError(
+                f"contact {', '.join(twice)} is given more than once; every contact has a name of its own"
+            )
         return contacts
 
     @model_validator(mode="after")
@@ -405,6 +501,12 @@ def _strut_table(table: Mapping[str, Any]) -> xr.Dataset:
     from flightmech.terms import make
 
     if set(table) != {"compression", "value"}:
-        raise ValueError(f"expected compression and value, the strut force over it; found {', '.join(sorted(table)) or 'nothing'}")
+        raise ValueError(
+            f"expected compression and value, the strut force over it; found {', '.join(sorted(table)) or 'nothing'}"
+        )
     points = [quantity(point, "m") for point in table["compression"]]
-    return make([quantity(value, "N") for value in table["value"]], {"compression": points}, outside="linear")
+    return make(
+        [quantity(value, "N") for value in table["value"]],
+        {"compression": points},
+        outside="linear",
+    )

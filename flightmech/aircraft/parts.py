@@ -1,9 +1,11 @@
-"""Parts of an aircraft that can be exchanged with those of another: engines, landing gear, control circuits, fuel.
+"""Parts of an aircraft that can be exchanged with those of another: engines, landing gear, control
+circuits, fuel.
 
-A part has a name with a slash like a term of the aerodynamics: ``engine/static`` (thrust and air flow over speed), ``engine/schedule``
-(lever to commanded speed), ``engine/dynamics`` (how the rotors follow) and ``engine/rest`` of the decks of all engines, ``gear/nose`` a
-contact, ``gear/steering``, ``gear/runway``, ``circuit/column``, ``fuel/load``.
-Geometry, mass and limits are no parts: two aircraft that lend parts to each other must be one aeroplane.
+A part has a name with a slash like a term of the aerodynamics: ``engine/static`` (thrust and air
+flow over speed), ``engine/schedule`` (lever to commanded speed), ``engine/dynamics`` (how the
+rotors follow) and ``engine/rest`` of the decks of all engines, ``gear/nose`` a contact,
+``gear/steering``, ``gear/runway``, ``circuit/column``, ``fuel/load``. Geometry, mass and limits are
+no parts: two aircraft that lend parts to each other must be one aeroplane.
 """
 
 from __future__ import annotations
@@ -40,14 +42,16 @@ def different_parts(one: Aircraft, other: Aircraft) -> list[str]:
 
 
 def swap_parts(into: Aircraft, source: Aircraft, names: Iterable[str]) -> Aircraft:
-    """Return `into` with the named parts as they are in `source`; a part that `source` does not have is taken out.
+    """Return `into` with the named parts as they are in `source`; a part that `source` does not
+    have is taken out.
 
     Names that are parts of neither, such as terms of the aerodynamics, are passed over.
 
     Raises
     ------
     SchemaError
-        They have different numbers of engines, or the engines with the exchanged tables make no deck.
+        They have different numbers of engines, or the engines with the exchanged tables make no
+        deck.
     """
     _demand_one_aeroplane(into, source)
     known = _parts(into) | _parts(source)
@@ -59,16 +63,32 @@ def swap_parts(into: Aircraft, source: Aircraft, names: Iterable[str]) -> Aircra
 
 def _demand_one_aeroplane(one: Aircraft, other: Aircraft) -> None:
     if len(one.engines) != len(other.engines):
-        numbers = " and ".join(f"{len(aircraft.engines)} ({aircraft.name})" for aircraft in (one, other))
-        raise SchemaError("aircraft", [f"engines: {numbers}; give two models of one aeroplane, only these can lend parts to each other"])
+        numbers = " and ".join(
+            f"{len(aircraft.engines)} ({aircraft.name})" for aircraft in (one, other)
+        )
+        raise SchemaError(
+            "aircraft",
+            [
+                f"engines: {numbers}; give two models of one aeroplane, only these can lend parts to each other"
+            ],
+        )
 
 
 def _parts(aircraft: Aircraft) -> dict[str, _Part]:
     found = {f"engine/{name}": part for name, part in _engine_parts(aircraft).items()}
     if aircraft.gear is not None:
-        found |= {f"gear/{contact.name}": _contact(contact.name) for contact in aircraft.gear.contacts}
+        found |= {
+            f"gear/{contact.name}": _contact(contact.name) for contact in aircraft.gear.contacts
+        }
         found |= {"gear/steering": _field_of("gear", ("steering",))}
-        found |= {"gear/runway": _field_of("gear", tuple(f.name for f in fields(aircraft.gear) if f.name not in ("contacts", "steering")))}
+        found |= {
+            "gear/runway": _field_of(
+                "gear",
+                tuple(
+                    f.name for f in fields(aircraft.gear) if f.name not in ("contacts", "steering")
+                ),
+            )
+        }
     found |= {f"circuit/{name}": _circuit(name) for name in aircraft.circuits}
     if aircraft.fuel is not None:
         found["fuel/load"] = _Part(lambda a: a.fuel, lambda a, value: replace(a, fuel=value))
@@ -87,7 +107,12 @@ def _engines(names: tuple[str, ...]) -> _Part:
 
     def put(aircraft: Aircraft, values: Any) -> Aircraft:
         engines = zip(aircraft.engines, values, strict=True)
-        return replace(aircraft, engines=tuple(replace(engine, **dict(zip(names, value, strict=True))) for engine, value in engines))
+        return replace(
+            aircraft,
+            engines=tuple(
+                replace(engine, **dict(zip(names, value, strict=True))) for engine, value in engines
+            ),
+        )
 
     return _Part(get, put)
 
@@ -101,7 +126,9 @@ _GROUP = {
 
 
 def _group_of(name: str) -> str:
-    return next((group for group, words in _GROUP.items() if any(word in name for word in words)), "rest")
+    return next(
+        (group for group, words in _GROUP.items() if any(word in name for word in words)), "rest"
+    )
 
 
 def _deck_part(group: str) -> _Part:
@@ -109,7 +136,11 @@ def _deck_part(group: str) -> _Part:
 
     def own(deck: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         tables = {name: leaf for name, leaf in deck.tables.items() if _group_of(name) == group}
-        return tables, {f.name: getattr(deck, f.name) for f in fields(deck) if f.name != "tables" and _group_of(f.name) == group}
+        return tables, {
+            f.name: getattr(deck, f.name)
+            for f in fields(deck)
+            if f.name != "tables" and _group_of(f.name) == group
+        }
 
     def get(aircraft: Aircraft) -> Any:
         return tuple(own(engine.deck) if engine.deck else None for engine in aircraft.engines)
@@ -130,13 +161,20 @@ def _deck_part(group: str) -> _Part:
 
 def _contact(name: str) -> _Part:
     def get(aircraft: Aircraft) -> Any:
-        return next((contact for contact in aircraft.gear.contacts if contact.name == name), None) if aircraft.gear else None
+        return (
+            next((contact for contact in aircraft.gear.contacts if contact.name == name), None)
+            if aircraft.gear
+            else None
+        )
 
     def put(aircraft: Aircraft, contact: Any) -> Aircraft:
         if aircraft.gear is None:
             return aircraft
         own = {c.name: c for c in aircraft.gear.contacts} | {name: contact}
-        return replace(aircraft, gear=replace(aircraft.gear, contacts=tuple(c for c in own.values() if c is not None)))
+        return replace(
+            aircraft,
+            gear=replace(aircraft.gear, contacts=tuple(c for c in own.values() if c is not None)),
+        )
 
     return _Part(get, put)
 
@@ -148,7 +186,11 @@ def _field_of(owner: str, names: tuple[str, ...]) -> _Part:
 
     def put(aircraft: Aircraft, values: Any) -> Aircraft:
         item = getattr(aircraft, owner)
-        return replace(aircraft, **{owner: replace(item, **values)}) if item is not None and values is not None else aircraft
+        return (
+            replace(aircraft, **{owner: replace(item, **values)})
+            if item is not None and values is not None
+            else aircraft
+        )
 
     return _Part(get, put)
 
@@ -163,7 +205,12 @@ def _circuit(name: str) -> _Part:
 
 def _same(a: Any, b: Any) -> bool:
     if isinstance(a, xr.Dataset) or isinstance(b, xr.Dataset):
-        return isinstance(a, xr.Dataset) and isinstance(b, xr.Dataset) and a.equals(b) and a.attrs == b.attrs
+        return (
+            isinstance(a, xr.Dataset)
+            and isinstance(b, xr.Dataset)
+            and a.equals(b)
+            and a.attrs == b.attrs
+        )
     if isinstance(a, tuple | list) and isinstance(b, tuple | list):
         return len(a) == len(b) and all(map(_same, a, b))
     if isinstance(a, Mapping) and isinstance(b, Mapping):

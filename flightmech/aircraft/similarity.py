@@ -1,11 +1,12 @@
 """An aircraft from a similar one, by the laws of similarity ([LR743] section 2.3).
 
-With the length ratio l and the mass ratio m (l^3 at equal density) an aircraft of the same shape flies alike at the same lift coefficient
-when its speed is V sqrt(l) and its times are t sqrt(l) (equal Froude number V^2/(g L)).  Every law below follows from the dimensions of its
-quantity with these three, forces going with m: what is counted in radians or in parts of a travel stays as it is.
+With the length ratio l and the mass ratio m (l^3 at equal density) an aircraft of the same shape
+flies alike at the same lift coefficient when its speed is V sqrt(l) and its times are t sqrt(l)
+(equal Froude number V^2/(g L)).  Every law below follows from the dimensions of its quantity with
+these three, forces going with m: what is counted in radians or in parts of a travel stays as it is.
 
-Not similar, and kept as they are: Mach number and height axes of the thrust tables (the air is the same air), the errors of the
-instruments, limits of the controls.
+Not similar, and kept as they are: Mach number and height axes of the thrust tables (the air is the
+same air), the errors of the instruments, limits of the controls.
 
 References
 ----------
@@ -50,7 +51,14 @@ _STEERING = {
     **dict.fromkeys(("inertia", "arm_inertia"), "kg m2"),
     **dict.fromkeys(("trail", "scrub"), "m"),
 }
-_SURFACE = {"inertia": "kg m2", "hinge_damping": "N m s", "hinge_friction": _TORQUE, "unbalance": "kg m", "arm": "m", "step": "s"}
+_SURFACE = {
+    "inertia": "kg m2",
+    "hinge_damping": "N m s",
+    "hinge_friction": _TORQUE,
+    "unbalance": "kg m",
+    "arm": "m",
+    "step": "s",
+}
 _LINEAR = {
     **_SURFACE,
     **dict.fromkeys(("stops", "neutral", "neutral_trim"), "m"),
@@ -65,10 +73,23 @@ _ROTARY = {
     "mass": "kg m2",
     "bob_weight": "kg m",
     **dict.fromkeys(("damping", "cable_damping"), "N m s"),
-    **dict.fromkeys(("stiffness", "cable_stiffness", "nose_spring", "preload", "friction", "stiction", "trim_limit"), _TORQUE),
+    **dict.fromkeys(
+        (
+            "stiffness",
+            "cable_stiffness",
+            "nose_spring",
+            "preload",
+            "friction",
+            "stiction",
+            "trim_limit",
+        ),
+        _TORQUE,
+    ),
 }
 _DECK = {
-    **dict.fromkeys(("lever_delay", "n1_rundown", "n2_rundown", "starter_time", "flame_time", "itt_time"), "s"),
+    **dict.fromkeys(
+        ("lever_delay", "n1_rundown", "n2_rundown", "starter_time", "flame_time", "itt_time"), "s"
+    ),
     **dict.fromkeys(("n1_rated", "n2_rated"), "s-1"),
     **dict.fromkeys(("n1_inertia", "n2_inertia"), "kg m2"),
     "inlet": "m",
@@ -113,7 +134,8 @@ def scaled_parts(aircraft: Aircraft, scale: Scale) -> dict[str, Any]:
         "fuel": _fuel(aircraft.fuel, scale) if aircraft.fuel is not None else None,
         "gear": _gear(aircraft.gear, scale) if aircraft.gear is not None else None,
         "circuits": {
-            name: _constants(circuit, _ROTARY if name == "wheel" else _LINEAR, scale) for name, circuit in aircraft.circuits.items()
+            name: _constants(circuit, _ROTARY if name == "wheel" else _LINEAR, scale)
+            for name, circuit in aircraft.circuits.items()
         },
     }
 
@@ -121,13 +143,21 @@ def scaled_parts(aircraft: Aircraft, scale: Scale) -> dict[str, Any]:
 def scaled_deck(deck: Deck, scale: Scale) -> Deck:
     """Return the engine deck of the similar aircraft."""
     changed = _constants(deck, _DECK, scale)
-    return replace(changed, tables={name: _table(leaf, TARGETS[name], scale) for name, leaf in deck.tables.items()})
+    return replace(
+        changed,
+        tables={name: _table(leaf, TARGETS[name], scale) for name, leaf in deck.tables.items()},
+    )
 
 
 def _constants(item: Any, units: Mapping[str, str], scale: Scale) -> Any:
     """Return a dataclass with the constants that have units scaled; limits that are none stay none."""
     return replace(
-        item, **{f.name: _scaled_values(getattr(item, f.name), scale.of(units[f.name])) for f in fields(item) if f.name in units}
+        item,
+        **{
+            f.name: _scaled_values(getattr(item, f.name), scale.of(units[f.name]))
+            for f in fields(item)
+            if f.name in units
+        },
     )
 
 
@@ -139,18 +169,36 @@ def _scaled_values(value: Any, by: float) -> Any:
     return value if abs(value) == sys.float_info.max else value * by
 
 
-def _table(leaf: xr.Dataset, units: str, scale: Scale, axes: Mapping[str, str] | None = None) -> xr.Dataset:
-    """Return a leaf whose value is in `units` over those of its regressors, with the axes of `axes` scaled too."""
+def _table(
+    leaf: xr.Dataset, units: str, scale: Scale, axes: Mapping[str, str] | None = None
+) -> xr.Dataset:
+    """Return a leaf whose value is in `units` over those of its regressors, with the axes of `axes`
+    scaled too.
+    """
     by = scale.thrust if units == "N" else scale.of(units)
     for word in regressors(leaf):
         by /= scale.of(lookup(word).units)
-    scaled = leaf.assign({name: leaf[name].copy(data=leaf[name].values * by) for name in ("value", "stderr") if name in leaf})
-    return scaled.assign_coords({name: leaf[name] * scale.of(unit) for name, unit in (axes or {}).items() if name in leaf.coords})
+    scaled = leaf.assign(
+        {
+            name: leaf[name].copy(data=leaf[name].values * by)
+            for name in ("value", "stderr")
+            if name in leaf
+        }
+    )
+    return scaled.assign_coords(
+        {
+            name: leaf[name] * scale.of(unit)
+            for name, unit in (axes or {}).items()
+            if name in leaf.coords
+        }
+    )
 
 
 def _fuel(fuel: Fuel, scale: Scale) -> Fuel:
     units = {**dict.fromkeys(MOMENTS, "kg m"), **dict.fromkeys(INERTIAS, "kg m2")}
-    tables = {name: _table(leaf, units[name], scale, {"fuel": "kg"}) for name, leaf in fuel.tables.items()}
+    tables = {
+        name: _table(leaf, units[name], scale, {"fuel": "kg"}) for name, leaf in fuel.tables.items()
+    }
     return Fuel(fuel.mass * scale.mass, _scaled_values(fuel.position, scale.length), tables)
 
 
@@ -235,17 +283,29 @@ def rescale(
         An override that is not in `LAWS`.
     """
     given = dict(overrides or {})
-    ratios = {"length_ratio": length_ratio, **({} if mass_ratio is None else {"mass_ratio": mass_ratio}), **given}
-    bad = [f"{key} is {value!r}; give a positive number" for key, value in ratios.items() if not (np.isfinite(value) and value > 0.0)]
+    ratios = {
+        "length_ratio": length_ratio,
+        **({} if mass_ratio is None else {"mass_ratio": mass_ratio}),
+        **given,
+    }
+    bad = [
+        f"{key} is {value!r}; give a positive number"
+        for key, value in ratios.items()
+        if not (np.isfinite(value) and value > 0.0)
+    ]
     if bad:
         raise SchemaError("rescale", bad)
     for key in given:
         if key not in LAWS:
             raise UnknownName(key, LAWS, "law")
     by = {key: given.get(key, factor(law, length_ratio, mass_ratio)) for key, law in LAWS.items()}
-    inertia = {axis: getattr(aircraft, axis) * by["inertia"] for axis in ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")}
+    inertia = {
+        axis: getattr(aircraft, axis) * by["inertia"]
+        for axis in ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
+    }
     line = f"rescaled from {aircraft.name}: length ratio {length_ratio:g}; factors " + ", ".join(
-        f"{key} {value:.6g}{' (given)' if key in given or (key == 'mass' and mass_ratio is not None) else ''}" for key, value in by.items()
+        f"{key} {value:.6g}{' (given)' if key in given or (key == 'mass' and mass_ratio is not None) else ''}"
+        for key, value in by.items()
     )
     scale = Scale(by["length"], by["mass"], by["time"], by["thrust"])
     return replace(
@@ -260,7 +320,9 @@ def rescale(
         cg=_times(aircraft.cg, by["length"]),
         engines=tuple(_engine(engine, by, scale, line) for engine in aircraft.engines),
         **scaled_parts(aircraft, scale),
-        instruments={key: _instrument(table, by["length"]) for key, table in aircraft.instruments.items()},
+        instruments={
+            key: _instrument(table, by["length"]) for key, table in aircraft.instruments.items()
+        },
         controls={key: _control(key, control, by) for key, control in aircraft.controls.items()},
         history=f"{aircraft.history}\n{line}" if aircraft.history else line,
     )
@@ -288,7 +350,9 @@ def _thrust(leaf: xr.Dataset, by: float, line: str) -> xr.Dataset:
         if name in leaf:
             scaled[name].attrs = leaf[name].attrs
     if "source" in leaf:
-        scaled["source"] = leaf["source"].copy(data=np.full(leaf["source"].shape, SOURCES.index("judgement"), np.uint8))
+        scaled["source"] = leaf["source"].copy(
+            data=np.full(leaf["source"].shape, SOURCES.index("judgement"), np.uint8)
+        )
     history = str(leaf.attrs.get("history", ""))
     return scaled.assign_attrs(history=f"{history}\n{line}" if history else line)
 

@@ -1,4 +1,6 @@
-"""An aircraft to a TOML file that `read_aircraft` reads back the same; tables of engines and fuel go to netCDF files next to it."""
+"""An aircraft to a TOML file that `read_aircraft` reads back the same; tables of engines and fuel
+go to netCDF files next to it.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,22 @@ from flightmech.aircraft.fuel import Fuel
 from flightmech.aircraft.landing_gear import CONDITIONS, ORDERS, LandingGear
 from flightmech.support.atomic_write import write_text, written_atomically
 
-_PLAIN = ("name", "S", "cbar", "b", "reference", "x_ref_mac", "mass", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz", "cg")
+_PLAIN = (
+    "name",
+    "S",
+    "cbar",
+    "b",
+    "reference",
+    "x_ref_mac",
+    "mass",
+    "Ixx",
+    "Iyy",
+    "Izz",
+    "Ixy",
+    "Ixz",
+    "Iyz",
+    "cg",
+)
 
 
 def write_aircraft(aircraft: Aircraft, path: str | Path) -> Path:
@@ -25,7 +42,8 @@ def write_aircraft(aircraft: Aircraft, path: str | Path) -> Path:
     aircraft : Aircraft
         The aircraft.
     path : str or path
-        TOML file; tables are written next to it as ``<name>_engine1.nc`` and so on, those that engines share once, and ``<name>_fuel.nc``.
+        TOML file; tables are written next to it as ``<name>_engine1.nc`` and so on, those that
+        engines share once, and ``<name>_fuel.nc``.
 
     Returns
     -------
@@ -34,36 +52,69 @@ def write_aircraft(aircraft: Aircraft, path: str | Path) -> Path:
     """
     path = Path(path)
     files = _engine_files(aircraft.engines, path)
-    lines = [f"{name} = {_value(getattr(aircraft, name))}" for name in _PLAIN if getattr(aircraft, name) is not None]
+    lines = [
+        f"{name} = {_value(getattr(aircraft, name))}"
+        for name in _PLAIN
+        if getattr(aircraft, name) is not None
+    ]
     if aircraft.history:
         lines.append(f"history = {_value(aircraft.history)}")
     lines += ["earth_outputs = true"] if aircraft.earth_outputs else []
     for engine, file in zip(aircraft.engines, files, strict=True):
-        lines += ["", "[[engine]]", f"position = {_value(engine.position)}", f"direction = {_value(engine.direction)}"]
-        lines += [f"{name} = {_value(getattr(engine, name))}" for name in ("time_constant", "angular_momentum")]
+        lines += [
+            "",
+            "[[engine]]",
+            f"position = {_value(engine.position)}",
+            f"direction = {_value(engine.direction)}",
+        ]
+        lines += [
+            f"{name} = {_value(getattr(engine, name))}"
+            for name in ("time_constant", "angular_momentum")
+        ]
         lines += [f"thrust_file = {_value(file)}"] if engine.thrust is not None else []
         lines += _deck(engine.deck, file) if engine.deck is not None else []
     lines += _fuel(aircraft.fuel, path) if aircraft.fuel is not None else []
     lines += _gear(aircraft.gear) if aircraft.gear is not None else []
     if aircraft.limits:
-        lines += ["", "[limits]", *(f"{_key(name)} = {_value(travel)}" for name, travel in aircraft.limits.items())]
+        lines += [
+            "",
+            "[limits]",
+            *(f"{_key(name)} = {_value(travel)}" for name, travel in aircraft.limits.items()),
+        ]
     for name, control in aircraft.controls.items():
-        lines += ["", f"[control.{name}]", f"S_hinge = {control.S_hinge!r}", f"c_hinge = {control.c_hinge!r}"]
+        lines += [
+            "",
+            f"[control.{name}]",
+            f"S_hinge = {control.S_hinge!r}",
+            f"c_hinge = {control.c_hinge!r}",
+        ]
         lines += [f"gearing = {control.gearing!r}"] if control.gearing is not None else []
     for name, circuit in aircraft.circuits.items():
         changed = [f.name for f in fields(circuit) if getattr(circuit, f.name) != f.default]
-        lines += ["", f"[circuit.{name}]", *(f"{key} = {_value(getattr(circuit, key))}" for key in changed)]
+        lines += [
+            "",
+            f"[circuit.{name}]",
+            *(f"{key} = {_value(getattr(circuit, key))}" for key in changed),
+        ]
     for name, table in aircraft.instruments.items():
-        lines += ["", f"[instruments.{name}]", *(f"{_key(key)} = {_value(item)}" for key, item in table.items())]
+        lines += [
+            "",
+            f"[instruments.{name}]",
+            *(f"{_key(key)} = {_value(item)}" for key, item in table.items()),
+        ]
     write_text(path, "\n".join(lines) + "\n")
     return path
 
 
 def _engine_files(engines: tuple[Engine, ...], path: Path) -> list[str]:
-    """Write the tables of the engines; engines with the same tables share a file, one without has the name ""."""
+    """Write the tables of the engines; engines with the same tables share a file, one without has
+    the name "".
+    """
     files: list[str] = []
     for number, engine in enumerate(engines, 1):
-        same = next((i for i, other in enumerate(engines[: number - 1]) if _same_tables(other, engine)), -1)
+        same = next(
+            (i for i, other in enumerate(engines[: number - 1]) if _same_tables(other, engine)), -1
+        )
         if engine.thrust is None and engine.deck is None:
             files.append("")
         elif same >= 0:
@@ -87,7 +138,12 @@ def _same_tables(one: Engine, other: Engine) -> bool:
 
 
 def _deck(deck: Deck, file: str) -> list[str]:
-    lines = ["", "[engine.deck]", f"file = {_value(file)}", *(f"{name} = {_value(getattr(deck, name))}" for name in CONSTANTS)]
+    lines = [
+        "",
+        "[engine.deck]",
+        f"file = {_value(file)}",
+        *(f"{name} = {_value(getattr(deck, name))}" for name in CONSTANTS),
+    ]
     return lines + ([f"inlet = {_value(deck.inlet)}"] if deck.inlet is not None else [])
 
 
@@ -101,10 +157,18 @@ def _gear(gear: LandingGear) -> list[str]:
     ]
     order = next(word for word, number in ORDERS.items() if number == gear.steering.order)
     lines += ["", "[gear.steering]", f"order = {_value(order)}"]
-    lines += [f"{f.name} = {_value(getattr(gear.steering, f.name))}" for f in fields(gear.steering) if f.name != "order"]
+    lines += [
+        f"{f.name} = {_value(getattr(gear.steering, f.name))}"
+        for f in fields(gear.steering)
+        if f.name != "order"
+    ]
     for contact in gear.contacts:
         given = [f.name for f in fields(contact) if f.name != "strut"]
-        lines += ["", "[[gear.contact]]", *(f"{name} = {_value(getattr(contact, name))}" for name in given)]
+        lines += [
+            "",
+            "[[gear.contact]]",
+            *(f"{name} = {_value(getattr(contact, name))}" for name in given),
+        ]
         if contact.strut is not None:
             leaf = contact.strut
             points, force = (tuple(leaf[name].values.tolist()) for name in ("compression", "value"))
@@ -128,7 +192,11 @@ def _key(name: str) -> str:
 
 def _value(item: Any) -> str:
     if isinstance(item, Mapping):
-        return f"{{ {', '.join(f'{_key(str(key))} = {_value(value)}' for key, value in item.items())} }}" if item else "{}"
+        return (
+            f"{{ {', '.join(f'{_key(str(key))} = {_value(value)}' for key, value in item.items())} }}"
+            if item
+            else "{}"
+        )
     if isinstance(item, list | tuple):
         return f"[{', '.join(map(_value, item))}]"
     if isinstance(item, str):

@@ -1,4 +1,6 @@
-"""Flying qualities and performance of any database: the quantities of the Smetana program ([LR743] section 2.2), one module per subject."""
+"""Flying qualities and performance of any database: the quantities of the Smetana program ([LR743]
+section 2.2), one module per subject.
+"""
 
 from flightmech.support.imports import attach_stub
 

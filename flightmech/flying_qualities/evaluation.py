@@ -31,14 +31,16 @@ class Characteristics:
     Parameters
     ----------
     table : DataFrame
-        Index ``quantity``; columns ``group value units remark absent``: ``absent`` states why a value is NaN; ``stderr`` where the standard
-        errors of the database were carried through (`aerodb.update.with_standard_errors`). [unit of the value]
+        Index ``quantity``; columns ``group value units remark absent``: ``absent`` states why a
+        value is NaN; ``stderr`` where the standard errors of the database were carried through
+        (`aerodb.update.with_standard_errors`). [unit of the value]
     modes : DataFrame
         As from `flightmech.modes`; then with ``omega_n_stderr`` and ``damping_ratio_stderr``.
     linear : Dataset
         As from `flightmech.linearize`, at the condition.
     derivatives : Dataset
-        ``value (coefficient, variable)`` at the condition: derivatives of the coefficients about the moment reference point.
+        ``value (coefficient, variable)`` at the condition: derivatives of the coefficients about
+        the moment reference point.
     trim : Dataset (V,)
         Trim curves: angle of attack, elevator, thrust, stick force over speed.
     polar : Dataset (alpha,)
@@ -66,29 +68,36 @@ class Characteristics:
             lines += ["", str(group)]
             for name, row in part.iterrows():
                 error = f"{_error(row['stderr'], row['units']):12}" if "stderr" in part else ""
-                lines.append(f"  {name:24} {_number(row['value'], row['units'])}  {error}{row['absent'] or row['remark']}")
+                lines.append(
+                    f"  {name:24} {_number(row['value'], row['units'])}  {error}{row['absent'] or row['remark']}"
+                )
         lines += ["", "modes"]
         for _, row in self.modes.iterrows():
             lines.append(f"  {row['mode']:24} {_mode(row)}")
         return "\n".join(lines)
 
 
-def characteristics(aircraft: Aircraft, db: xr.DataTree, condition: Mapping[str, float]) -> Characteristics:
-    """Return the stability, control and performance quantities of the Smetana program from any database.
+def characteristics(
+    aircraft: Aircraft, db: xr.DataTree, condition: Mapping[str, float]
+) -> Characteristics:
+    """Return the stability, control and performance quantities of the Smetana program from any
+    database.
 
-    Neutral points stick fixed and free, manoeuvre points, elevator and stick force per g, static stick-force gradient, trim
-    curves, sideslip gradients, roll rate, minimum control speed, the modes, stall, drag polar, glide, climb, ceilings and range
-    figures.  What database or aircraft file do not give (hinge moments, gearing, thrust, fuel flow) is absent with the reason in words.
+    Neutral points stick fixed and free, manoeuvre points, elevator and stick force per g, static
+    stick-force gradient, trim curves, sideslip gradients, roll rate, minimum control speed, the
+    modes, stall, drag polar, glide, climb, ceilings and range figures.  What database or aircraft
+    file do not give (hinge moments, gearing, thrust, fuel flow) is absent with the reason in words.
 
     Parameters
     ----------
     aircraft : Aircraft
         Limits of the controls and ``[control]`` tables are used where they are given.
     db : DataTree
-        Terms of the six coefficients; hinge moments ``Ch_e Ch_a Ch_r``, positive as the deflection, add the pilot's forces.
+        Terms of the six coefficients; hinge moments ``Ch_e Ch_a Ch_r``, positive as the deflection,
+        add the pilot's forces.
     condition : mapping of str to float
-        ``{"V": 90.0, "h": 1500.0, "delta_f": 0.35}``: one of ``V mach V_cas V_eas``, and any of ``h gamma mass x_cg_b ... delta_T``,
-        inputs and parameters of the simulation. [SI]
+        ``{"V": 90.0, "h": 1500.0, "delta_f": 0.35}``: one of ``V mach V_cas V_eas``, and any of ``h
+        gamma mass x_cg_b ... delta_T``, inputs and parameters of the simulation. [SI]
 
     Returns
     -------
@@ -141,7 +150,10 @@ def _condition(point: Point) -> str:
         f"h {point['h']:.5g} m",
         f"mass {point.mass:.5g} kg",
     ]
-    words += [f"alpha {np.degrees(point['alpha']):.3g} deg", f"delta_e {np.degrees(point['applied.delta_e']):.3g} deg"]
+    words += [
+        f"alpha {np.degrees(point['alpha']):.3g} deg",
+        f"delta_e {np.degrees(point['applied.delta_e']):.3g} deg",
+    ]
     return ", ".join(words)
 
 
@@ -154,12 +166,21 @@ def _number(value: float, units: str) -> str:
 
 def _error(stderr: float, units: str) -> str:
     shown = _DISPLAY.get(units, units)
-    return "" if np.isnan(stderr) else f"+- {stderr if shown == units else from_si(stderr, shown):.2g}"
+    return (
+        "" if np.isnan(stderr) else f"+- {stderr if shown == units else from_si(stderr, shown):.2g}"
+    )
 
 
 def _mode(row: pd.Series) -> str:
-    times = [f"{name} {row[name]:.4g} s" for name in ("period", "t_half", "t_double") if np.isfinite(row[name])]
-    errors = {name: f" +- {row[f'{name}_stderr']:.2g}" if f"{name}_stderr" in row else "" for name in ("omega_n", "damping_ratio")}
+    times = [
+        f"{name} {row[name]:.4g} s"
+        for name in ("period", "t_half", "t_double")
+        if np.isfinite(row[name])
+    ]
+    errors = {
+        name: f" +- {row[f'{name}_stderr']:.2g}" if f"{name}_stderr" in row else ""
+        for name in ("omega_n", "damping_ratio")
+    }
     words = [
         f"omega_n {row['omega_n']:.4g}{errors['omega_n']} rad/s",
         f"damping ratio {row['damping_ratio']:.3g}{errors['damping_ratio']}",

@@ -1,4 +1,5 @@
-"""Lateral-directional control: steady sideslips, the highest roll rate of full ailerons, the minimum control speed.
+"""Lateral-directional control: steady sideslips, the highest roll rate of full ailerons, the
+minimum control speed.
 
 References
 ----------
@@ -48,8 +49,20 @@ def sideslip(point: Point) -> list[Row]:
     delta_a, delta_r, phi = np.linalg.solve(unknown, -slopes["beta"][side])
     rows = [
         Row(SIDESLIP, "delta_a_per_beta", delta_a, "1", "straight flight"),
-        Row(SIDESLIP, "delta_r_per_beta", delta_r, "1", "straight flight; positive (trailing edge left for wind from the right) is stable"),
-        Row(SIDESLIP, "phi_per_beta", phi, "1", "straight flight; positive (right wing down for wind from the right) is stable"),
+        Row(
+            SIDESLIP,
+            "delta_r_per_beta",
+            delta_r,
+            "1",
+            "straight flight; positive (trailing edge left for wind from the right) is stable",
+        ),
+        Row(
+            SIDESLIP,
+            "phi_per_beta",
+            phi,
+            "1",
+            "straight flight; positive (right wing down for wind from the right) is stable",
+        ),
     ]
     for control, quantity, size, units in (
         ("delta_a", "F_wheel_per_beta", delta_a, "N m rad-1"),
@@ -60,13 +73,25 @@ def sideslip(point: Point) -> list[Row]:
             rows += absent(SIDESLIP, {quantity: units}, reason)
             continue
         coefficient = COEFFICIENT[control]
-        hinge = point.hinge_slope(coefficient, "beta") + point.hinge_slope(coefficient, control) * size
-        rows.append(Row(SIDESLIP, quantity, force_factor(point, control) * hinge, units, "straight flight, without springs and friction"))
+        hinge = (
+            point.hinge_slope(coefficient, "beta") + point.hinge_slope(coefficient, control) * size
+        )
+        rows.append(
+            Row(
+                SIDESLIP,
+                quantity,
+                force_factor(point, control) * hinge,
+                units,
+                "straight flight, without springs and friction",
+            )
+        )
     return rows
 
 
 def roll_rate(point: Point) -> list[Row]:
-    """Return roll rate of full ailerons, by the rolling moment alone and of the whole aircraft, and the wheel force, as rows."""
+    """Return roll rate of full ailerons, by the rolling moment alone and of the whole aircraft, and
+    the wheel force, as rows.
+    """
     names = {"roll_rate_one_degree": "rad s-1", "roll_rate_peak": "rad s-1", "F_wheel_full": "N m"}
     if abs(point.slope("delta_a")[3]) < _SMALL:
         return absent(ROLL, names, NO_AILERON)
@@ -80,7 +105,13 @@ def roll_rate(point: Point) -> list[Row]:
     p = -rolling / damping * 2.0 * point["V"] / point.aircraft.b
     angle = f"delta_a {full / DEGREE:.3g} deg"
     rows = [
-        Row(ROLL, "roll_rate_one_degree", p, "rad s-1", f"{angle}: rolling moment over roll damping, one degree of freedom"),
+        Row(
+            ROLL,
+            "roll_rate_one_degree",
+            p,
+            "rad s-1",
+            f"{angle}: rolling moment over roll damping, one degree of freedom",
+        ),
         Row(
             ROLL,
             "roll_rate_peak",
@@ -95,15 +126,25 @@ def roll_rate(point: Point) -> list[Row]:
     hinge = (point.hinge("Ch_a", delta_a=full) or 0.0) - (point.hinge("Ch_a") or 0.0)
     return [
         *rows,
-        Row(ROLL, "F_wheel_full", force_factor(point, "delta_a") * hinge, "N m", f"{angle}, before the roll, without springs and friction"),
+        Row(
+            ROLL,
+            "F_wheel_full",
+            force_factor(point, "delta_a") * hinge,
+            "N m",
+            f"{angle}, before the roll, without springs and friction",
+        ),
     ]
 
 
 def _flown(point: Point, full: float) -> float:
-    """Return the highest roll rate after a ramp of the ailerons in a simulation from the trimmed flight. [rad s-1]"""
+    """Return the highest roll rate after a ramp of the ailerons in a simulation from the trimmed
+    flight. [rad s-1]
+    """
     time = np.round(np.arange(0.0, _HELD + 0.01, 0.02), 6)
     start = point.parameters.get("delta_a", 0.0)
-    delta_a = np.interp(time, [0.0, _RAMP], [start, full - point["trim.delta_a"] - point.parameter("bias.delta_a")])
+    delta_a = np.interp(
+        time, [0.0, _RAMP], [start, full - point["trim.delta_a"] - point.parameter("bias.delta_a")]
+    )
     inputs = xr.Dataset({"delta_a": ("time", delta_a)}, {"time": time})
     mode = 2.0 if point.aircraft.engines and point.parameter("mode.engine") == 0.0 else 1.0
     flown = simulate(point.sim, inputs, {"mode.trim": mode, **point.parameters})
@@ -113,7 +154,8 @@ def _flown(point: Point, full: float) -> float:
 
 
 def minimum_control_speed(point: Point, slowest: float) -> list[Row]:
-    """Return the lowest speed at which rudder and ailerons hold the loss of the critical engine at 5 degrees of bank, as a row.
+    """Return the lowest speed at which rudder and ailerons hold the loss of the critical engine at
+    5 degrees of bank, as a row.
 
     Parameters
     ----------
@@ -129,7 +171,9 @@ def minimum_control_speed(point: Point, slowest: float) -> list[Row]:
     if not has_thrust(point.aircraft):
         return absent(ROLL, names, NO_THRUST)
     if abs(point.slope("delta_r")[5]) < _SMALL or abs(point.slope("delta_a")[3]) < _SMALL:
-        return absent(ROLL, names, NO_RUDDER if abs(point.slope("delta_r")[5]) < _SMALL else NO_AILERON)
+        return absent(
+            ROLL, names, NO_RUDDER if abs(point.slope("delta_r")[5]) < _SMALL else NO_AILERON
+        )
     if not {"delta_a", "delta_r"} <= set(point.aircraft.limits):
         return absent(ROLL, names, "the aircraft file gives no limits of delta_a and delta_r")
     failed = int(np.argmax(np.abs(arms)))
@@ -140,9 +184,15 @@ def minimum_control_speed(point: Point, slowest: float) -> list[Row]:
 
     speeds = [V for V in np.geomspace(slowest, _FASTEST * slowest, 25).tolist() if not holds(V)]
     if not speeds:
-        return absent(ROLL, names, f"below the stall, {slowest:.4g} m/s: the controls are enough at all speeds above it ({text})")
+        return absent(
+            ROLL,
+            names,
+            f"below the stall, {slowest:.4g} m/s: the controls are enough at all speeds above it ({text})",
+        )
     if speeds[-1] >= _FASTEST * slowest:
-        return absent(ROLL, names, f"above {speeds[-1]:.4g} m/s: the controls are not enough there ({text})")
+        return absent(
+            ROLL, names, f"above {speeds[-1]:.4g} m/s: the controls are not enough there ({text})"
+        )
     low, high = speeds[-1], speeds[-1] * _FASTEST ** (1.0 / 24.0)
     while high - low > 1e-4 * low:
         middle = 0.5 * (low + high)
@@ -151,17 +201,29 @@ def minimum_control_speed(point: Point, slowest: float) -> list[Row]:
 
 
 def _used(flight: Point, failed: int) -> float:
-    """Return the larger share of aileron and rudder travel that the asymmetric thrust takes; infinite when nothing balances it."""
+    """Return the larger share of aileron and rudder travel that the asymmetric thrust takes;
+    infinite when nothing balances it.
+    """
     craft = flight.aircraft
-    side = -1.0 if craft.engines[failed].position[1] > flight.cg[1] else 1.0  # the live engines are on this side, and so is the bank
+    side = (
+        -1.0 if craft.engines[failed].position[1] > flight.cg[1] else 1.0
+    )  # the live engines are on this side, and so is the bank
     live = full_thrust(flight)
     live[failed] = 0.0
     moment = np.zeros(3)
     for engine, thrust in zip(craft.engines, live, strict=True):
-        moment += np.cross(np.array(engine.position) - flight.cg, thrust * np.array(engine.direction))
+        moment += np.cross(
+            np.array(engine.position) - flight.cg, thrust * np.array(engine.direction)
+        )
     power = flight.with_thrust(live)
     qS = flight["qbar"] * craft.S
-    given = np.array([flight.CW * np.cos(flight["theta"]) * np.sin(side * _BANK), moment[0] / (qS * craft.b), moment[2] / (qS * craft.b)])
+    given = np.array(
+        [
+            flight.CW * np.cos(flight["theta"]) * np.sin(side * _BANK),
+            moment[0] / (qS * craft.b),
+            moment[2] / (qS * craft.b),
+        ]
+    )
 
     def residual(z: np.ndarray) -> np.ndarray:
         beta, delta_a, delta_r = z

@@ -1,15 +1,17 @@
-"""Neutral points, manoeuvre points, elevator and stick force per g: longitudinal stability at constant speed and thrust.
+"""Neutral points, manoeuvre points, elevator and stick force per g: longitudinal stability at
+constant speed and thrust.
 
-Moments are taken about the centre of gravity x, forces normal to the flight path; with n the load factor there, in a pull-up
-dq = g dn / V and
+Moments are taken about the centre of gravity x, forces normal to the flight path; with n the load
+factor there, in a pull-up dq = g dn / V and
 
     dL:  (CL_alpha + CT cos) dalpha + CL_q dqhat + CL_n dn + CL_de dde = CW dn
     dM:  Cm_alpha(x) dalpha + Cm_q(x) dqhat + Cm_n(x) dn + Cm_de(x) dde = 0
     dCh: Ch_alpha dalpha + Ch_q dqhat + Ch_n dn + Ch_de dde = 0                     elevator free
 
-All derivatives come from the tables at the trimmed flight.  Neutral points have Cm_alpha(x) = 0, with dde = -Ch_alpha/Ch_de dalpha
-when free; manoeuvre points have no elevator (fixed) or no hinge moment (free) per g.  Alpha is that at the c.g., as in the kernel, so
-a moved c.g. changes moments and no damping term.
+All derivatives come from the tables at the trimmed flight.  Neutral points have Cm_alpha(x) = 0,
+with dde = -Ch_alpha/Ch_de dalpha when free; manoeuvre points have no elevator (fixed) or no hinge
+moment (free) per g.  Alpha is that at the c.g., as in the kernel, so a moved c.g. changes moments
+and no damping term.
 
 References
 ----------
@@ -40,17 +42,25 @@ def missing(point: Point, control: str) -> str:
         return f"the database has no hinge moments {coefficient}"
     if control not in point.aircraft.controls:
         return f"the aircraft file has no [control.{control}] with S_hinge, c_hinge and gearing"
-    return f"the aircraft file gives no gearing in [control.{control}]" if point.aircraft.controls[control].gearing is None else ""
+    return (
+        f"the aircraft file gives no gearing in [control.{control}]"
+        if point.aircraft.controls[control].gearing is None
+        else ""
+    )
 
 
 def force_factor(point: Point, control: str) -> float:
-    """Return the pilot force of a hinge-moment coefficient of one; `missing` has returned "". [N, or N m of the wheel]"""
+    """Return the pilot force of a hinge-moment coefficient of one; `missing` has returned "". [N,
+    or N m of the wheel]
+    """
     geometry = point.aircraft.controls[control]
     return -float(geometry.gearing or 0.0) * point["qbar"] * geometry.S_hinge * geometry.c_hinge
 
 
 def column_force_slope(point: Point, changes: Mapping[str, float]) -> tuple[float, str]:
-    """Return the column force that small changes of model variables take at constant speed, or why there is none. [N]"""
+    """Return the column force that small changes of model variables take at constant speed, or why
+    there is none. [N]
+    """
     reason = missing(point, "delta_e")
     if reason:
         return 0.0, reason
@@ -59,7 +69,9 @@ def column_force_slope(point: Point, changes: Mapping[str, float]) -> tuple[floa
 
 
 GROUP = "longitudinal stability"
-NO_ELEVATOR = "the elevator has no effect on the pitching moment: the database has no such term here"
+NO_ELEVATOR = (
+    "the elevator has no effect on the pitching moment: the database has no such term here"
+)
 NO_HINGE = "the database has no hinge moments Ch_e over the elevator deflection"
 _SMALL = 1e-9  # derivative that counts as zero
 
@@ -68,21 +80,52 @@ def longitudinal(point: Point) -> list[Row]:
     """Return c.g., neutral and manoeuvre points, margins, elevator and stick force per g as rows."""
     craft = point.aircraft
     here = craft.x_ref_mac - point.cg[0] / craft.cbar
-    rows = [Row(GROUP, "x_cg", here, "1", "centre of gravity, chords behind the leading edge of the mean chord")]
+    rows = [
+        Row(
+            GROUP,
+            "x_cg",
+            here,
+            "1",
+            "centre of gravity, chords behind the leading edge of the mean chord",
+        )
+    ]
     fixed = _chords(point, lambda x: point.slope("alpha", x)[4])
     rows += [
-        Row(GROUP, "neutral_point_fixed", fixed, "1", "elevator held, constant speed: Cm_alpha about it is zero"),
-        Row(GROUP, "static_margin_fixed", fixed - here, "1", "neutral point minus c.g.: positive is stable"),
+        Row(
+            GROUP,
+            "neutral_point_fixed",
+            fixed,
+            "1",
+            "elevator held, constant speed: Cm_alpha about it is zero",
+        ),
+        Row(
+            GROUP,
+            "static_margin_fixed",
+            fixed - here,
+            "1",
+            "neutral point minus c.g.: positive is stable",
+        ),
     ]
     elevator = abs(point.slope("delta_e")[4]) > _SMALL
     free = elevator and abs(hinge(point, "delta_e")) > _SMALL
-    return [*rows, *_manoeuvre_fixed(point, here, elevator), *_free(point, here, elevator, free), *_stick_force(point, elevator)]
+    return [
+        *rows,
+        *_manoeuvre_fixed(point, here, elevator),
+        *_free(point, here, elevator, free),
+        *_stick_force(point, elevator),
+    ]
 
 
 def _manoeuvre_fixed(point: Point, here: float, elevator: bool) -> list[Row]:
     fixed = _chords(point, lambda x: pull_up(point, x, "held")[2])
     rows = [
-        Row(GROUP, "manoeuvre_point_fixed", fixed, "1", "no elevator per g in a pull-up at constant speed and thrust"),
+        Row(
+            GROUP,
+            "manoeuvre_point_fixed",
+            fixed,
+            "1",
+            "no elevator per g in a pull-up at constant speed and thrust",
+        ),
         Row(GROUP, "manoeuvre_margin_fixed", fixed - here, "1", "manoeuvre point minus c.g."),
     ]
     names = {"elevator_per_g": "rad", "alpha_per_g": "rad"}
@@ -91,22 +134,47 @@ def _manoeuvre_fixed(point: Point, here: float, elevator: bool) -> list[Row]:
     alpha, elevator_angle, _ = pull_up(point, point.cg[0], "moved")
     return [
         *rows,
-        Row(GROUP, "elevator_per_g", elevator_angle, "rad", "per unit of load factor, pull-up; negative: trailing edge up pulls g"),
+        Row(
+            GROUP,
+            "elevator_per_g",
+            elevator_angle,
+            "rad",
+            "per unit of load factor, pull-up; negative: trailing edge up pulls g",
+        ),
         Row(GROUP, "alpha_per_g", alpha, "rad", "per unit of load factor, pull-up"),
     ]
 
 
 def _free(point: Point, here: float, elevator: bool, free: bool) -> list[Row]:
-    names = {"neutral_point_free": "1", "static_margin_free": "1", "manoeuvre_point_free": "1", "manoeuvre_margin_free": "1"}
+    names = {
+        "neutral_point_free": "1",
+        "static_margin_free": "1",
+        "manoeuvre_point_free": "1",
+        "manoeuvre_margin_free": "1",
+    }
     if not elevator or not free:
         return absent(GROUP, names, NO_HINGE if elevator else NO_ELEVATOR)
     float_ = -hinge(point, "alpha") / hinge(point, "delta_e")
-    neutral = _chords(point, lambda x: point.slope("alpha", x)[4] + float_ * point.slope("delta_e", x)[4])
+    neutral = _chords(
+        point, lambda x: point.slope("alpha", x)[4] + float_ * point.slope("delta_e", x)[4]
+    )
     manoeuvre = _chords(point, lambda x: pull_up(point, x, "free")[2])
     return [
-        Row(GROUP, "neutral_point_free", neutral, "1", f"elevator floats by {float_:.3g} rad per rad of alpha"),
+        Row(
+            GROUP,
+            "neutral_point_free",
+            neutral,
+            "1",
+            f"elevator floats by {float_:.3g} rad per rad of alpha",
+        ),
         Row(GROUP, "static_margin_free", neutral - here, "1", "neutral point minus c.g."),
-        Row(GROUP, "manoeuvre_point_free", manoeuvre, "1", "no hinge moment per g, without bobweight and springs"),
+        Row(
+            GROUP,
+            "manoeuvre_point_free",
+            manoeuvre,
+            "1",
+            "no hinge moment per g, without bobweight and springs",
+        ),
         Row(GROUP, "manoeuvre_margin_free", manoeuvre - here, "1", "manoeuvre point minus c.g."),
     ]
 
@@ -117,10 +185,20 @@ def _stick_force(point: Point, elevator: bool) -> list[Row]:
         return absent(GROUP, names, NO_ELEVATOR)
     alpha, delta_e, _ = pull_up(point, point.cg[0], "moved")
     qhat = G0 / point["V"] * 0.5 * point.aircraft.cbar / point["V"]
-    force, reason = column_force_slope(point, {"alpha": alpha, "delta_e": delta_e, "qhat": qhat, "dnz": 1.0})
+    force, reason = column_force_slope(
+        point, {"alpha": alpha, "delta_e": delta_e, "qhat": qhat, "dnz": 1.0}
+    )
     if reason:
         return absent(GROUP, names, reason)
-    return [Row(GROUP, "stick_force_per_g", force, "N", "pull per unit of load factor, pull-up, without bobweight, springs and friction")]
+    return [
+        Row(
+            GROUP,
+            "stick_force_per_g",
+            force,
+            "N",
+            "pull per unit of load factor, pull-up, without bobweight, springs and friction",
+        )
+    ]
 
 
 def hinge(point: Point, variable: str) -> float:
@@ -129,7 +207,8 @@ def hinge(point: Point, variable: str) -> float:
 
 
 def pull_up(point: Point, x_cg_b: float, elevator: str) -> tuple[float, float, float]:
-    """Return what one g of pull-up takes: alpha [rad], elevator [rad], and the residual pitching moment [1].
+    """Return what one g of pull-up takes: alpha [rad], elevator [rad], and the residual pitching
+    moment [1].
 
     Parameters
     ----------
@@ -148,10 +227,17 @@ def pull_up(point: Point, x_cg_b: float, elevator: str) -> tuple[float, float, f
     row, right = {
         "moved": ([slopes["alpha"][4], slopes["delta_e"][4]], -moment),
         "held": ([0.0, 1.0], 0.0),
-        "free": ([hinge(point, "alpha"), hinge(point, "delta_e")], -hinge(point, "qhat") * qhat - hinge(point, "dnz")),
+        "free": (
+            [hinge(point, "alpha"), hinge(point, "delta_e")],
+            -hinge(point, "qhat") * qhat - hinge(point, "dnz"),
+        ),
     }[elevator]
     alpha, delta_e = np.linalg.solve([[lift["alpha"], lift["delta_e"]], row], [wanted, right])
-    return float(alpha), float(delta_e), float(moment + slopes["alpha"][4] * alpha + slopes["delta_e"][4] * delta_e)
+    return (
+        float(alpha),
+        float(delta_e),
+        float(moment + slopes["alpha"][4] * alpha + slopes["delta_e"][4] * delta_e),
+    )
 
 
 def _lift(point: Point, variable: str, slope: np.ndarray) -> float:
@@ -176,9 +262,18 @@ def thrust_coefficients(point: Point) -> tuple[float, float]:
 
 
 def _chords(point: Point, residual: Callable[[float], float]) -> float:
-    """Return the c.g. at which `residual` is zero, chords behind the leading edge; linear unless terms depend on the c.g."""
+    """Return the c.g. at which `residual` is zero, chords behind the leading edge; linear unless
+    terms depend on the c.g.
+    """
     craft = point.aircraft
-    found = root_scalar(residual, x0=point.cg[0], x1=point.cg[0] - 0.1 * craft.cbar, method="secant", xtol=1e-10 * craft.cbar, maxiter=50)
+    found = root_scalar(
+        residual,
+        x0=point.cg[0],
+        x1=point.cg[0] - 0.1 * craft.cbar,
+        method="secant",
+        xtol=1e-10 * craft.cbar,
+        maxiter=50,
+    )
     return craft.x_ref_mac - float(found.root) / craft.cbar
 
 
@@ -199,12 +294,15 @@ def trim_curves(point: Point, speeds: Sequence[float] | np.ndarray) -> xr.Datase
     Returns
     -------
     Dataset (V,)
-        ``alpha theta delta_e`` [rad], ``thrust`` of all engines [N], ``throttle`` [1] when thrust comes from tables, ``CL``, ``CD``,
-        ``F_column`` as the tab stands and ``F_column_trimmed`` with the force trimmed out at the speed of the point [N], both absent
-        without hinge moments; NaN where no steady flight is found.
+        ``alpha theta delta_e`` [rad], ``thrust`` of all engines [N], ``throttle`` [1] when thrust
+        comes from tables, ``CL``, ``CD``, ``F_column`` as the tab stands and ``F_column_trimmed``
+        with the force trimmed out at the speed of the point [N], both absent without hinge moments;
+        NaN where no steady flight is found.
     """
     flights = [point.at(init__V=float(V)) for V in speeds]
-    columns: dict[str, list[float]] = {name: [flight[name] for flight in flights] for name in ("alpha", "theta", "CL", "CD")}
+    columns: dict[str, list[float]] = {
+        name: [flight[name] for flight in flights] for name in ("alpha", "theta", "CL", "CD")
+    }
     columns["delta_e"] = [flight["applied.delta_e"] for flight in flights]
     columns["thrust"] = [flight.thrust for flight in flights]
     if _throttled(point):
@@ -214,15 +312,26 @@ def trim_curves(point: Point, speeds: Sequence[float] | np.ndarray) -> xr.Datase
         columns["F_column_trimmed"] = [_force(flight, _hinge(point)) for flight in flights]
     steady = np.array([flight.is_trimmed for flight in flights])
     named = {"F_column_trimmed": "F_column"}
-    data = {name: ("V", np.where(steady, values, np.nan), attrs(named.get(name, name))) for name, values in columns.items()}
-    return xr.Dataset(data, {"V": ("V", np.asarray(speeds, float), attrs("V"))}, attrs={"title": point.aircraft.name})
+    data = {
+        name: ("V", np.where(steady, values, np.nan), attrs(named.get(name, name)))
+        for name, values in columns.items()
+    }
+    return xr.Dataset(
+        data,
+        {"V": ("V", np.asarray(speeds, float), attrs("V"))},
+        attrs={"title": point.aircraft.name},
+    )
 
 
 def speed_stability(point: Point) -> list[Row]:
-    """Return the slopes of elevator and column force over speed, and the neutral point that the trim curve shows, as rows."""
+    """Return the slopes of elevator and column force over speed, and the neutral point that the
+    trim curve shows, as rows.
+    """
     slope = _elevator_slope(point)
     if abs(point.slope("delta_e")[4]) < 1e-9:
-        rows = absent(TRIM_CURVES, {"delta_e_per_V": "rad s m-1", "neutral_point_trim": "1"}, NO_ELEVATOR)
+        rows = absent(
+            TRIM_CURVES, {"delta_e_per_V": "rad s m-1", "neutral_point_trim": "1"}, NO_ELEVATOR
+        )
     else:
         rows = [
             Row(
@@ -258,11 +367,30 @@ def _neutral_point(point: Point) -> list[Row]:
     def residual(x: float) -> float:
         return _elevator_slope(point.at(mass__x_cg_b=x))
 
-    found = root_scalar(residual, x0=point.cg[0], x1=point.cg[0] - 0.05 * craft.cbar, method="secant", xtol=1e-6 * craft.cbar, maxiter=30)
+    found = root_scalar(
+        residual,
+        x0=point.cg[0],
+        x1=point.cg[0] - 0.05 * craft.cbar,
+        method="secant",
+        xtol=1e-6 * craft.cbar,
+        maxiter=30,
+    )
     if not (found.converged and point.at(mass__x_cg_b=float(found.root)).is_trimmed):
-        return absent(TRIM_CURVES, {"neutral_point_trim": "1"}, "no c.g. within trim makes the elevator independent of speed")
+        return absent(
+            TRIM_CURVES,
+            {"neutral_point_trim": "1"},
+            "no c.g. within trim makes the elevator independent of speed",
+        )
     text = "c.g. for which trimmed flights need no elevator over speed: with thrust, Mach number and drag"
-    return [Row(TRIM_CURVES, "neutral_point_trim", craft.x_ref_mac - float(found.root) / craft.cbar, "1", text)]
+    return [
+        Row(
+            TRIM_CURVES,
+            "neutral_point_trim",
+            craft.x_ref_mac - float(found.root) / craft.cbar,
+            "1",
+            text,
+        )
+    ]
 
 
 def _elevator_slope(point: Point) -> float:

@@ -54,7 +54,8 @@ class Variable:
     Attributes
     ----------
     causality : str
-        ``input``, ``output``, ``parameter``, or ``state`` and ``derivative``, which the standards call local.
+        ``input``, ``output``, ``parameter``, or ``state`` and ``derivative``, which the standards
+        call local.
     reference : int
         Value reference.
     start, low, high, nominal : float or None
@@ -66,7 +67,8 @@ class Variable:
     state : int or None
         Of a derivative: the reference of its state.
     dependencies : tuple of int or None
-        References of the states and inputs that an output or derivative depends on; None: on all of them.
+        References of the states and inputs that an output or derivative depends on; None: on all of
+        them.
     """
 
     name: str
@@ -94,7 +96,9 @@ class Variable:
 
 @dataclass(frozen=True)
 class Description:
-    """What both standards describe of a model; `token` ties the description to ``resources/model.bin``."""
+    """What both standards describe of a model; `token` ties the description to
+    ``resources/model.bin``.
+    """
 
     title: str
     identifier: str
@@ -104,10 +108,16 @@ class Description:
     variables: tuple[Variable, ...]
 
     def __post_init__(self) -> None:
-        bad = [v.name for v in self.variables if v.causality != "derivative" and not _STRUCTURED.fullmatch(v.name)]
+        bad = [
+            v.name
+            for v in self.variables
+            if v.causality != "derivative" and not _STRUCTURED.fullmatch(v.name)
+        ]
         if bad:
             hint = "letters, digits and underscores, parts joined by dots; rename the term"
-            raise SchemaError("model description", [f"{name!r} is no FMI variable name: {hint}" for name in bad])
+            raise SchemaError(
+                "model description", [f"{name!r} is no FMI variable name: {hint}" for name in bad]
+            )
 
     def of(self, causality: str) -> list[Variable]:
         """Return the variables of one causality, in the order of the kernel."""
@@ -154,7 +164,9 @@ def rate_units(units: str) -> str:
 
 
 def _scalar(causality: str, index: int, row: Entry) -> Variable:
-    low, high = (None if abs(limit) >= sys.float_info.max else limit for limit in (row.low, row.high))
+    low, high = (
+        None if abs(limit) >= sys.float_info.max else limit for limit in (row.low, row.high)
+    )
     return Variable(
         row.name,
         causality,
@@ -173,13 +185,24 @@ def _scalar(causality: str, index: int, row: Entry) -> Variable:
 
 
 def _states(rows: Sequence[Entry]) -> Iterator[Variable]:
-    names = [f"state.{row.name.removeprefix('state.')}" for row in rows]  # a state may be called like an output
+    names = [
+        f"state.{row.name.removeprefix('state.')}" for row in rows
+    ]  # a state may be called like an output
     for i, row in enumerate(rows):
         yield replace(_scalar("state", i, row), name=names[i], start=None)
     for i, row in enumerate(rows):
         units, text = rate_units(row.units), f"time derivative of {row.description}"
         reference, state = BASE["derivative"] + i, BASE["state"] + i
-        yield Variable(f"der({names[i]})", "derivative", reference, units, units, text, state=state, dependencies=_references(_rate_of(i)))
+        yield Variable(
+            f"der({names[i]})",
+            "derivative",
+            reference,
+            units,
+            units,
+            text,
+            state=state,
+            dependencies=_references(_rate_of(i)),
+        )
 
 
 def _rate_of(state: int) -> tuple[int, ...] | None:

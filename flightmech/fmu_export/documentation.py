@@ -1,4 +1,6 @@
-"""documentation/index.html of an FMU: what the model is, how it is driven, which terms it holds and where they come from."""
+"""documentation/index.html of an FMU: what the model is, how it is driven, which terms it holds and
+where they come from.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,17 @@ from jinja2 import PackageLoader
 
 from flightmech.fmu_export.description import CHOICES, Description, Variable
 from flightmech.simulation.catalogue import power_name
-from flightmech.simulation.kernel import INPUT, OUTPUT, PARAMETER, STATE, VARIABLE, Entry, Simulation, groups, known
+from flightmech.simulation.kernel import (
+    INPUT,
+    OUTPUT,
+    PARAMETER,
+    STATE,
+    VARIABLE,
+    Entry,
+    Simulation,
+    groups,
+    known,
+)
 from flightmech.support import figures as svg_chart
 from flightmech.support.figures import Frame, environment, limits
 from flightmech.units import from_si, to_si
@@ -22,12 +34,16 @@ if TYPE_CHECKING:
 
 WIDTH, HEIGHT = 300, 180
 LEFT, RIGHT, TOP, BOTTOM, LEGEND = 56, 12, 12, 34, 62
-SHADES = 5  # classes ``shade-0`` to ``shade-4`` of the page: one hue, dark to light with the second axis
+SHADES = (
+    5  # classes ``shade-0`` to ``shade-4`` of the page: one hue, dark to light with the second axis
+)
 POINTS = 121
 SLACK = 0.1  # what leaving out points may move a curve: no kink of a table is rounded
 
 # "alpha -11.46 ... 17.19 deg (4)" as the compiler describes an axis
-_AXIS = re.compile(r"(?P<name>\S+) (?P<low>\S+?)(?: \.\.\. (?P<high>\S+))?(?: (?P<unit>[^()]+))? \((?P<nodes>\d+)\)")
+_AXIS = re.compile(
+    r"(?P<name>\S+) (?P<low>\S+?)(?: \.\.\. (?P<high>\S+))?(?: (?P<unit>[^()]+))? \((?P<nodes>\d+)\)"
+)
 
 
 class Span(NamedTuple):
@@ -40,7 +56,9 @@ class Span(NamedTuple):
 
 
 class Figure(NamedTuple):
-    """The plot of a term (SVG), or its value when it has no axes, and the remarks that belong to it."""
+    """The plot of a term (SVG), or its value when it has no axes, and the remarks that belong to
+    it.
+    """
 
     term: str
     svg: str
@@ -51,8 +69,9 @@ class Figure(NamedTuple):
 def figures(sim: SimModel) -> Iterator[Figure]:
     """Return a figure per term, in the order of the model.
 
-    The axis with the most nodes runs, as far as anything changes; the next is at up to five values, others are in their middle.
-    A regressor that is no axis is one and a power factor is left out, so that the plot is per unit of them.
+    The axis with the most nodes runs, as far as anything changes; the next is at up to five values,
+    others are in their middle. A regressor that is no axis is one and a power factor is left out,
+    so that the plot is per unit of them.
     """
     table = _Evaluation(sim)
     return (table.figure(term, sim.meta.get("terms", {}).get(term, {})) for term in sim.terms)
@@ -69,7 +88,9 @@ def axes_of(text: str) -> list[Span]:
     found = []
     for match in _AXIS.finditer(text.replace(", ", "\n")):
         unit = match["unit"] or "1"
-        low, high = (float(to_si(float(match[end] or match["low"]), unit)) for end in ("low", "high"))
+        low, high = (
+            float(to_si(float(match[end] or match["low"]), unit)) for end in ("low", "high")
+        )
         found.append(Span(match["name"], low, high, int(match["nodes"])))
     return found
 
@@ -95,7 +116,11 @@ class _Evaluation:
     def figure(self, term: str, text: Mapping[str, str]) -> Figure:
         """Return the figure of a term with the axes and regressors that the compiler wrote down."""
         spans = sorted(axes_of(text.get("axes", "")), key=lambda span: -span.nodes)
-        units = {name: 1.0 for name in text.get("regressors", "").split() if name not in {span.name for span in spans}}
+        units = {
+            name: 1.0
+            for name in text.get("regressors", "").split()
+            if name not in {span.name for span in spans}
+        }
         remarks = [f"per unit of {' '.join(units)}"] if units else []
         if power_name(term) in self.powers:
             remarks.append("without its power factor")
@@ -111,17 +136,27 @@ class _Evaluation:
             remarks.append(f"constant beyond {self.shown(first.name, first.high)}")
         if others:
             remarks.append(f"shades: {others[0].name}")
-        remarks += [f"{span.name} = {self.shown(span.name, held[span.name])}" for span in others[1:]]
-        return Figure(term, _svg(term, self.rows[first.name], x, curves, labels), None, "; ".join(remarks))
+        remarks += [
+            f"{span.name} = {self.shown(span.name, held[span.name])}" for span in others[1:]
+        ]
+        return Figure(
+            term, _svg(term, self.rows[first.name], x, curves, labels), None, "; ".join(remarks)
+        )
 
-    def changing(self, term: str, span: Span, spans: Sequence[Span], units: Mapping[str, float]) -> Span:
-        """Return an axis without what lies beyond its last change, to a factor of two: heights reach to the stratosphere."""
+    def changing(
+        self, term: str, span: Span, spans: Sequence[Span], units: Mapping[str, float]
+    ) -> Span:
+        """Return an axis without what lies beyond its last change, to a factor of two: heights
+        reach to the stratosphere.
+        """
         end = span.high
         while end - span.low > 1e-6 * (span.high - span.low):
             middle = 0.5 * (span.low + end)
             x = np.linspace(middle, span.high, POINTS)
             for part in (0.0, 0.25, 0.5, 1.0):
-                others = {other.name: other.low + part * (other.high - other.low) for other in spans}
+                others = {
+                    other.name: other.low + part * (other.high - other.low) for other in spans
+                }
                 curve = self.over(term, {**units, **others, span.name: x})
                 if np.ptp(curve) > 1e-9 * abs(curve).max():
                     return span._replace(high=end)
@@ -142,20 +177,37 @@ def _number(value: float) -> str:
     return f"{value:.0f}" if 1e3 <= abs(value) < 1e6 else f"{value:.3g}"
 
 
-def _svg(term: str, axis: Entry, x: np.ndarray, curves: Sequence[np.ndarray], labels: Sequence[str]) -> str:
+def _svg(
+    term: str, axis: Entry, x: np.ndarray, curves: Sequence[np.ndarray], labels: Sequence[str]
+) -> str:
     shown = np.asarray(from_si(x, axis.display_units))
     right = WIDTH - RIGHT - (LEGEND if labels else 0)
-    frame = Frame(LEFT, TOP, right - LEFT, HEIGHT - TOP - BOTTOM, limits(shown), limits(np.concatenate(curves)))
+    frame = Frame(
+        LEFT,
+        TOP,
+        right - LEFT,
+        HEIGHT - TOP - BOTTOM,
+        limits(shown),
+        limits(np.concatenate(curves)),
+    )
     parts = [svg_chart.axes(frame, x_labels=True, x_most=4)]
     if frame.y[0] < 0.0 < frame.y[1]:
         zero = float(frame.py(0.0))
         parts.append(svg_chart.line(frame.left, zero, frame.right, zero, "zero"))
-    parts += [svg_chart.curve(frame, shown, y, f"curve {shade}", SLACK) for y, shade in zip(curves, _shades(len(curves)), strict=True)]
+    parts += [
+        svg_chart.curve(frame, shown, y, f"curve {shade}", SLACK)
+        for y, shade in zip(curves, _shades(len(curves)), strict=True)
+    ]
     for i, (label, shade) in enumerate(zip(labels, _shades(len(labels)), strict=True)):
         y = TOP + 8.0 + 14.0 * i
-        parts += [svg_chart.line(right + 6.0, y - 4.0, right + 16.0, y - 4.0, f"key {shade}"), svg_chart.text(right + 19.0, y, label)]
+        parts += [
+            svg_chart.line(right + 6.0, y - 4.0, right + 16.0, y - 4.0, f"key {shade}"),
+            svg_chart.text(right + 19.0, y, label),
+        ]
     unit = "" if axis.display_units == "1" else f" [{axis.display_units}]"
-    parts.append(svg_chart.text(0.5 * (LEFT + right), HEIGHT - 8.0, axis.name + unit, anchor="middle"))
+    parts.append(
+        svg_chart.text(0.5 * (LEFT + right), HEIGHT - 8.0, axis.name + unit, anchor="middle")
+    )
     return svg_chart.svg(HEIGHT, "".join(parts), f"{term} over {axis.name}", WIDTH)
 
 
@@ -199,7 +251,11 @@ class Axis(NamedTuple):
 
 
 def html(
-    description: Description, terms: Sequence[str], axes: Sequence[Axis], meta: Mapping[str, Any], figures: Iterable[Figure] = ()
+    description: Description,
+    terms: Sequence[str],
+    axes: Sequence[Axis],
+    meta: Mapping[str, Any],
+    figures: Iterable[Figure] = (),
 ) -> str:
     """Return the page.
 
@@ -212,7 +268,8 @@ def html(
     axes : sequence of Axis
         Table axes of the model.
     meta : mapping
-        Provenance as compiled into the block: ``database`` (attributes), ``terms`` (name to texts) and further texts.
+        Provenance as compiled into the block: ``database`` (attributes), ``terms`` (name to texts)
+        and further texts.
     figures : iterable of Figure
         Plots of the tables, from `plots.figures`.
     """
@@ -223,13 +280,20 @@ def html(
         "Provenance": _provenance(meta),
         "Terms": _terms(terms, meta.get("terms", {}), drawn),
         "Tables": _plots(drawn),
-        "Table axes": Table(("variable", "unit", "from", "to", "outside"), [_axis(axis) for axis in axes], (2, 3)),
+        "Table axes": Table(
+            ("variable", "unit", "from", "to", "outside"), [_axis(axis) for axis in axes], (2, 3)
+        ),
         "Enumerations": _enumerations(description),
-        **{f"{causality.capitalize()}s": _variables(description, causality) for causality in ("input", "output", "parameter", "state")},
+        **{
+            f"{causality.capitalize()}s": _variables(description, causality)
+            for causality in ("input", "output", "parameter", "state")
+        },
     }
     template = environment(PackageLoader(__package__, "")).get_template("documentation.html")
     filled = {name: content for name, content in sections.items() if content}
-    return template.render(title=description.title, token=description.token, sections=filled, long=LONG)
+    return template.render(
+        title=description.title, token=description.token, sections=filled, long=LONG
+    )
 
 
 def _submodels(description: Description) -> Table:
@@ -238,18 +302,28 @@ def _submodels(description: Description) -> Table:
         if group in groups():
             items = _items(description, group)
             counts = [str(len(_patterns(group, kind)) * len(items)) for _, kind in _KINDS]
-            rows += [(group, " ".join(item for item in items if item), text, *counts)] if items else []
+            rows += (
+                [(group, " ".join(item for item in items if item), text, *counts)] if items else []
+            )
     heads = [f"{causality}s" for causality, _ in _KINDS]
-    return Table(("group of names", "items", "what it stands for", *heads), rows, range(3, 3 + len(heads)))
+    return Table(
+        ("group of names", "items", "what it stands for", *heads), rows, range(3, 3 + len(heads))
+    )
 
 
 def _patterns(group: str, kind: int) -> list[str]:
     patterns = [row.pattern for row in known(kind) if row.group == group]
-    return [f"state.{pattern.removeprefix('state.')}" for pattern in patterns] if kind == STATE else patterns
+    return (
+        [f"state.{pattern.removeprefix('state.')}" for pattern in patterns]
+        if kind == STATE
+        else patterns
+    )
 
 
 def _items(description: Description, group: str) -> list[str]:
-    """Return the items of a group: those for which every name of the group is a variable of the model."""
+    """Return the items of a group: those for which every name of the group is a variable of the
+    model.
+    """
     patterns = [pattern for _, kind in _KINDS for pattern in _patterns(group, kind)]
     names = {v.name for v in description.variables}
     starred = [pattern for pattern in patterns if "*" in pattern]
@@ -257,27 +331,46 @@ def _items(description: Description, group: str) -> list[str]:
         return [""] if patterns and names.issuperset(patterns) else []
     form = re.compile(re.escape(starred[0]).replace(r"\*", r"([\w.]+)"), re.ASCII)
     found = [match[1] for v in description.variables if (match := form.fullmatch(v.name))]
-    return [item for item in dict.fromkeys(found) if names.issuperset(pattern.replace("*", item) for pattern in patterns)]
+    return [
+        item
+        for item in dict.fromkeys(found)
+        if names.issuperset(pattern.replace("*", item) for pattern in patterns)
+    ]
 
 
 def _provenance(meta: Mapping[str, Any]) -> Table:
-    flat = {key: item for key, item in meta.items() if key not in ("database", "terms")} | meta.get("database", {})
+    flat = {key: item for key, item in meta.items() if key not in ("database", "terms")} | meta.get(
+        "database", {}
+    )
     return Table(("attribute", "value"), [(key, str(item)) for key, item in flat.items()])
 
 
-def _terms(names: Sequence[str], texts: Mapping[str, Mapping[str, str]], drawn: Sequence[Figure]) -> Table:
-    values = {figure.term: f"{figure.value:.6g} {figure.caption}".strip() for figure in drawn if figure.value is not None}
+def _terms(
+    names: Sequence[str], texts: Mapping[str, Mapping[str, str]], drawn: Sequence[Figure]
+) -> Table:
+    values = {
+        figure.term: f"{figure.value:.6g} {figure.caption}".strip()
+        for figure in drawn
+        if figure.value is not None
+    }
     columns = [key for key in _TERM_TEXTS if any(key in texts.get(name, {}) for name in names)]
     value = ("value",) if values else ()
     rows = [
-        (name, *((values.get(name, "table"),) if values else ()), *(texts.get(name, {}).get(key, "") for key in columns)) for name in names
+        (
+            name,
+            *((values.get(name, "table"),) if values else ()),
+            *(texts.get(name, {}).get(key, "") for key in columns),
+        )
+        for name in names
     ]
     return Table(("name", *value, *columns), rows)
 
 
 def _plots(drawn: Sequence[Figure]) -> list[tuple[str, list[Figure]]]:
     """Return the plots by coefficient."""
-    groups = groupby((figure for figure in drawn if figure.svg), lambda figure: figure.term.split("/")[0])
+    groups = groupby(
+        (figure for figure in drawn if figure.svg), lambda figure: figure.term.split("/")[0]
+    )
     return [(coefficient, list(group)) for coefficient, group in groups]
 
 
@@ -298,7 +391,14 @@ def _variables(description: Description, causality: str) -> Table | None:
     found = description.of(causality)
     limited = any(v.low is not None or v.high is not None for v in found)
     started = any(v.start is not None for v in found)
-    head = ("name", "unit", *(("start",) if started else ()), *(("from", "to") if limited else ()), "may change", "description")
+    head = (
+        "name",
+        "unit",
+        *(("start",) if started else ()),
+        *(("from", "to") if limited else ()),
+        "may change",
+        "description",
+    )
     rows = [
         (
             v.name,
@@ -318,5 +418,9 @@ def _shown(v: Variable, value: float | None) -> str:
         return ""
     if v.name in CHOICES:
         return next((name for name, item in CHOICES[v.name].items() if item == value), f"{value:g}")
-    shown = f" ({from_si(value, v.display_units):.6g} {v.display_units})" if v.display_units != v.units else ""
+    shown = (
+        f" ({from_si(value, v.display_units):.6g} {v.display_units})"
+        if v.display_units != v.units
+        else ""
+    )
     return f"{value:.9g}{shown}"

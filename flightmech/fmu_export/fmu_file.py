@@ -1,7 +1,8 @@
-"""A compiled model as a Functional Mock-up Unit: the kernel's libraries, the model block, and what the standard wants to know.
+"""A compiled model as a Functional Mock-up Unit: the kernel's libraries, the model block, and what
+the standard wants to know.
 
-Writing needs no compiler: the libraries are those the package was built with, the aircraft is ``resources/model.bin``.
-The same model gives the same bytes.
+Writing needs no compiler: the libraries are those the package was built with, the aircraft is
+``resources/model.bin``. The same model gives the same bytes.
 """
 
 from __future__ import annotations
@@ -29,9 +30,15 @@ from flightmech.support.input_files import file_kind
 if TYPE_CHECKING:
     from flightmech.simulation.compiler import SimModel
 
-FMI2_FOLDER = {"x86_64-linux": "linux64", "x86_64-windows": "win64", "x86_64-darwin": "darwin64", "aarch64-darwin": "darwin64"}
+FMI2_FOLDER = {
+    "x86_64-linux": "linux64",
+    "x86_64-windows": "win64",
+    "x86_64-darwin": "darwin64",
+    "aarch64-darwin": "darwin64",
+}
 
-# Mach-O universal binary: big-endian header, <mach-o/fat.h>; processor types of <mach/machine.h>, alignment 2**14
+# Mach-O universal binary: big-endian header, <mach-o/fat.h>; processor types of <mach/machine.h>,
+# alignment 2**14
 _FAT_MAGIC = 0xCAFEBABE
 _PROCESSOR = {"x86_64-darwin": (0x01000007, 3), "aarch64-darwin": (0x0100000C, 0)}
 _ALIGNMENT = 14
@@ -45,9 +52,18 @@ def compiled(folder: Path = FOLDER) -> dict[str, bytes]:
     SchemaError
         When there is none.
     """
-    found = {path.parent.name: path.read_bytes() for suffix in SUFFIX.values() for path in sorted(folder.glob(f"*/*{suffix}"))}
+    found = {
+        path.parent.name: path.read_bytes()
+        for suffix in SUFFIX.values()
+        for path in sorted(folder.glob(f"*/*{suffix}"))
+    }
     if not found:
-        raise SchemaError("FMU", [f"no compiled kernel under {folder}; install the package, or run 'python hatch_build.py' in a checkout"])
+        raise SchemaError(
+            "FMU",
+            [
+                f"no compiled kernel under {folder}; install the package, or run 'python hatch_build.py' in a checkout"
+            ],
+        )
     return found
 
 
@@ -69,14 +85,23 @@ def binaries(libraries: Mapping[str, bytes], identifier: str, version: str) -> d
         When FMI `version` has no folder for any of the libraries.
     """
     if version == "3.0":
-        return {f"binaries/{name}/{identifier}{_suffix(name)}": data for name, data in libraries.items()}
+        return {
+            f"binaries/{name}/{identifier}{_suffix(name)}": data for name, data in libraries.items()
+        }
     known = {name: data for name, data in libraries.items() if name in FMI2_FOLDER}
     if not known:
-        raise SchemaError("FMU", [f"FMI 2.0 has no folder for {', '.join(libraries)}; write FMI 3.0"])
+        raise SchemaError(
+            "FMU", [f"FMI 2.0 has no folder for {', '.join(libraries)}; write FMI 3.0"]
+        )
     mac = {name: data for name, data in known.items() if name in _PROCESSOR}
     if len(mac) > 1:
-        known = {name: data for name, data in known.items() if name not in mac} | {next(iter(mac)): universal(mac)}
-    return {f"binaries/{FMI2_FOLDER[name]}/{identifier}{_suffix(name)}": data for name, data in known.items()}
+        known = {name: data for name, data in known.items() if name not in mac} | {
+            next(iter(mac)): universal(mac)
+        }
+    return {
+        f"binaries/{FMI2_FOLDER[name]}/{identifier}{_suffix(name)}": data
+        for name, data in known.items()
+    }
 
 
 def universal(libraries: Mapping[str, bytes]) -> bytes:
@@ -95,7 +120,8 @@ def _suffix(name: str) -> str:
     return SUFFIX[name.split("-")[1]]
 
 
-_PART = r"[A-Za-z_]\w*(?:\[\d+(?:,\d+)*\])?"  # of a structured name (FMI 2.0.2, section 2.2.9), without quotes
+# of a structured name (FMI 2.0.2, section 2.2.9), without quotes
+_PART = r"[A-Za-z_]\w*(?:\[\d+(?:,\d+)*\])?"
 _PLAIN_NAME = re.compile(rf"{_PART}(?:\.{_PART})*|der\({_PART}(?:\.{_PART})*(?:,\d+)?\)", re.ASCII)
 
 
@@ -105,9 +131,10 @@ def read_fmu(path: str | os.PathLike[str]) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``model``, ``fmi``, ``token``, ``platforms`` (those that it has a library for), ``platform`` of this machine, ``runs_here``,
-        ``variables`` (list of dict: ``name causality variability type unit display_unit start description``) and ``findings``,
-        the problems that FMPy's validation sees.
+        ``model``, ``fmi``, ``token``, ``platforms`` (those that it has a library for), ``platform``
+        of this machine, ``runs_here``, ``variables`` (list of dict: ``name causality variability
+        type unit display_unit start description``) and ``findings``, the problems that FMPy's
+        validation sees.
 
     Raises
     ------
@@ -122,7 +149,12 @@ def read_fmu(path: str | os.PathLike[str]) -> dict[str, Any]:
     except Exception as error:  # FMPy raises plain exceptions
         kind = file_kind(path)
         found = f"a damaged FMU ({error})" if kind.startswith("a zip") else kind
-        raise ParseError(str(path), 0, found, "an FMU: a zip archive with a modelDescription.xml of FMI 1.0, 2.0 or 3.0") from error
+        raise ParseError(
+            str(path),
+            0,
+            found,
+            "an FMU: a zip archive with a modelDescription.xml of FMI 1.0, 2.0 or 3.0",
+        ) from error
     return {
         "model": model.modelName,
         "fmi": model.fmiVersion,
@@ -136,7 +168,9 @@ def read_fmu(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 
 def _findings(path: str, names: Iterable[str]) -> list[str]:
-    """Return what FMPy's validation finds; it parses every name by a grammar, for 2 ms each, which plain names are known to follow."""
+    """Return what FMPy's validation finds; it parses every name by a grammar, for 2 ms each, which
+    plain names are known to follow.
+    """
     from fmpy import read_model_description
     from fmpy.model_description import ValidationError
     from fmpy.validation import validate_fmu
@@ -144,7 +178,9 @@ def _findings(path: str, names: Iterable[str]) -> list[str]:
     if _has_backslashes(path) or not all(map(_PLAIN_NAME.fullmatch, names)):
         return validate_fmu(path)
     try:
-        read_model_description(path, validate=True, validate_variable_names=False, validate_model_structure=True)
+        read_model_description(
+            path, validate=True, validate_variable_names=False, validate_model_structure=True
+        )
     except ValidationError as error:
         return error.problems
     except Exception as error:  # as `validate_fmu` does
@@ -177,7 +213,8 @@ VERSIONS = ("2.0", "3.0")
 
 
 def write_fmu(sim: SimModel, path: str | os.PathLike[str], version: str = "2.0") -> Path:
-    """Write a model as an FMU for co-simulation and model exchange; the file is written atomically (completely or not at all).
+    """Write a model as an FMU for co-simulation and model exchange; the file is written atomically
+    (completely or not at all).
 
     Parameters
     ----------
@@ -186,7 +223,8 @@ def write_fmu(sim: SimModel, path: str | os.PathLike[str], version: str = "2.0")
     path : path
         The FMU to write.
     version : {"2.0", "3.0"}
-        FMI version.  FMI 2.0 takes derivatives of inputs; FMI 3.0 flies whole records in one step and runs on Linux on ARM, too.
+        FMI version.  FMI 2.0 takes derivatives of inputs; FMI 3.0 flies whole records in one step
+        and runs on Linux on ARM, too.
 
     Returns
     -------
@@ -214,7 +252,10 @@ def write_fmu(sim: SimModel, path: str | os.PathLike[str], version: str = "2.0")
 
 
 def _documentation(sim: SimModel, description: Description) -> str:
-    axes = [Axis(row.name, row.units, row.low, row.high, "linear" if row.flags & LINEAR else "held") for row in sim.entries(AXIS)]
+    axes = [
+        Axis(row.name, row.units, row.low, row.high, "linear" if row.flags & LINEAR else "held")
+        for row in sim.entries(AXIS)
+    ]
     return html(description, sim.terms, axes, sim.meta, figures(sim))
 
 

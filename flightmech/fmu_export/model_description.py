@@ -38,8 +38,18 @@ _INTERFACES: dict[str, dict[str, tuple[str, ...]]] = {
         ),
     },
     "3.0": {
-        "ModelExchange": ("canGetAndSetFMUState", "canSerializeFMUState", "needsCompletedIntegratorStep", *_PARTIAL),
-        "CoSimulation": ("canHandleVariableCommunicationStepSize", "canGetAndSetFMUState", "canSerializeFMUState", *_PARTIAL),
+        "ModelExchange": (
+            "canGetAndSetFMUState",
+            "canSerializeFMUState",
+            "needsCompletedIntegratorStep",
+            *_PARTIAL,
+        ),
+        "CoSimulation": (
+            "canHandleVariableCommunicationStepSize",
+            "canGetAndSetFMUState",
+            "canSerializeFMUState",
+            *_PARTIAL,
+        ),
     },
 }
 _LOCAL = ("state", "derivative")
@@ -61,7 +71,9 @@ def xml(description: Description, version: str) -> bytes:
     if version == "2.0":
         root.set("numberOfEventIndicators", "0")
     for kind, names in _INTERFACES[version].items():
-        ET.SubElement(root, kind, {"modelIdentifier": description.identifier, **dict.fromkeys(names, "true")})
+        ET.SubElement(
+            root, kind, {"modelIdentifier": description.identifier, **dict.fromkeys(names, "true")}
+        )
     _units(root, description.variables)
     (_fmi2 if version == "2.0" else _fmi3)(root, description)
     ET.indent(root)
@@ -74,17 +86,23 @@ def _fmi2(root: ET.Element, description: Description) -> None:
     variables = ET.SubElement(root, "ModelVariables")
     for v in description.variables:
         scalar = ET.SubElement(variables, "ScalarVariable", _head(v))
-        if v.name in CHOICES:  # importers that leave out enumerations, such as libcosim, know integers
+        if (
+            v.name in CHOICES
+        ):  # importers that leave out enumerations, such as libcosim, know integers
             scalar.set("description", _with_choices(v.description, CHOICES[v.name]))
         if v.name in CHOICES or v.integer:
             ET.SubElement(scalar, "Integer", _integer(v, 2**31 - 1))
         else:
-            ET.SubElement(scalar, "Real", {**_real(v), **({"derivative": place[v.state]} if v.state else {})})
+            ET.SubElement(
+                scalar, "Real", {**_real(v), **({"derivative": place[v.state]} if v.state else {})}
+            )
     structure = ET.SubElement(root, "ModelStructure")
     for part, unknowns in _parts(description, ("Outputs", "Derivatives", "InitialUnknowns")):
         element = ET.SubElement(structure, part) if unknowns else structure
         for v in unknowns:
-            ET.SubElement(element, "Unknown", {"index": place[v.reference], **_dependencies(part, v, place)})
+            ET.SubElement(
+                element, "Unknown", {"index": place[v.reference], **_dependencies(part, v, place)}
+            )
 
 
 def _fmi3(root: ET.Element, description: Description) -> None:
@@ -93,21 +111,39 @@ def _fmi3(root: ET.Element, description: Description) -> None:
         _items(ET.SubElement(types, "EnumerationType", name=name), items)
     _experiment(root, description)
     variables = ET.SubElement(root, "ModelVariables")
-    time = {"name": "time", "valueReference": str(TIME), "causality": "independent", "variability": "continuous", "unit": "s"}
+    time = {
+        "name": "time",
+        "valueReference": str(TIME),
+        "causality": "independent",
+        "variability": "continuous",
+        "unit": "s",
+    }
     ET.SubElement(variables, "Float64", {**time, "description": "simulated time"})
     for v in description.variables:
         if v.name in CHOICES:
-            ET.SubElement(variables, "Enumeration", {**_head(v), "declaredType": v.name, "start": _whole(v)})
+            ET.SubElement(
+                variables, "Enumeration", {**_head(v), "declaredType": v.name, "start": _whole(v)}
+            )
         elif v.integer:
             ET.SubElement(variables, "Int64", {**_head(v), **_integer(v, 2**63 - 1)})
         else:
-            ET.SubElement(variables, "Float64", {**_head(v), **_real(v), **({"derivative": str(v.state)} if v.state else {})})
+            ET.SubElement(
+                variables,
+                "Float64",
+                {**_head(v), **_real(v), **({"derivative": str(v.state)} if v.state else {})},
+            )
     _replay(variables, description)
     place = {v.reference: str(v.reference) for v in description.variables}
     structure = ET.SubElement(root, "ModelStructure")
-    for part, unknowns in _parts(description, ("Output", "ContinuousStateDerivative", "InitialUnknown")):
+    for part, unknowns in _parts(
+        description, ("Output", "ContinuousStateDerivative", "InitialUnknown")
+    ):
         for v in unknowns:
-            ET.SubElement(structure, part, {"valueReference": place[v.reference], **_dependencies(part, v, place)})
+            ET.SubElement(
+                structure,
+                part,
+                {"valueReference": place[v.reference], **_dependencies(part, v, place)},
+            )
         if part in ("Output", "InitialUnknown"):
             ET.SubElement(structure, part, valueReference=str(REPLAY["replay.y"]))
 
@@ -115,12 +151,25 @@ def _fmi3(root: ET.Element, description: Description) -> None:
 def _replay(variables: ET.Element, description: Description) -> None:
     """Add the arrays by which a whole record is flown in one step."""
     inputs, outputs = description.of("input"), description.of("output")
-    n = {"name": "replay.n", "valueReference": str(REPLAY["replay.n"]), "causality": "structuralParameter", "variability": "fixed"}
-    ET.SubElement(variables, "UInt64", {**n, "description": "samples of a replay; 1: no replay", "min": "1", "start": "1"})
+    n = {
+        "name": "replay.n",
+        "valueReference": str(REPLAY["replay.n"]),
+        "causality": "structuralParameter",
+        "variability": "fixed",
+    }
+    ET.SubElement(
+        variables,
+        "UInt64",
+        {**n, "description": "samples of a replay; 1: no replay", "min": "1", "start": "1"},
+    )
     arrays: tuple[tuple[str, dict[str, str], int], ...] = (
         (
             "replay.t",
-            {"unit": "s", "start": "0.0", "description": "times of the samples, rising; one step goes from the first to the last"},
+            {
+                "unit": "s",
+                "start": "0.0",
+                "description": "times of the samples, rising; one step goes from the first to the last",
+            },
             0,
         ),
         (
@@ -131,11 +180,27 @@ def _replay(variables: ET.Element, description: Description) -> None:
             },
             len(inputs),
         ),
-        ("replay.y", {"description": "outputs of every sample, SI; columns are the other outputs in the order of this file"}, len(outputs)),
+        (
+            "replay.y",
+            {
+                "description": "outputs of every sample, SI; columns are the other outputs in the order of this file"
+            },
+            len(outputs),
+        ),
     )
     for name, attributes, columns in arrays:
-        kind = {"causality": "output", "variability": "discrete", "initial": "calculated"} if name == "replay.y" else {}
-        head = {"name": name, "valueReference": str(REPLAY[name]), "causality": "parameter", "variability": "tunable", **kind}
+        kind = (
+            {"causality": "output", "variability": "discrete", "initial": "calculated"}
+            if name == "replay.y"
+            else {}
+        )
+        head = {
+            "name": name,
+            "valueReference": str(REPLAY[name]),
+            "causality": "parameter",
+            "variability": "tunable",
+            **kind,
+        }
         array = ET.SubElement(variables, "Float64", {**head, **attributes})
         ET.SubElement(array, "Dimension", valueReference=str(REPLAY["replay.n"]))
         if columns:
@@ -168,17 +233,25 @@ def _whole(v: Variable) -> str:
 
 
 def _integer(v: Variable, most: int) -> dict[str, str]:
-    limits = {key: str(int(min(value, most))) for key, value in (("min", v.low), ("max", v.high)) if value is not None}
+    limits = {
+        key: str(int(min(value, most)))
+        for key, value in (("min", v.low), ("max", v.high))
+        if value is not None
+    }
     return {**limits, "start": _whole(v)}
 
 
 def _parts(description: Description, names: Sequence[str]) -> Iterable[tuple[str, list[Variable]]]:
-    outputs, derivatives, states = (description.of(causality) for causality in ("output", "derivative", "state"))
+    outputs, derivatives, states = (
+        description.of(causality) for causality in ("output", "derivative", "state")
+    )
     return zip(names, (outputs, derivatives, [*outputs, *states, *derivatives]), strict=True)
 
 
 def _dependencies(part: str, v: Variable, place: dict[int, str]) -> dict[str, str]:
-    """Return what an unknown depends on while time runs; at the start a trim makes everything depend on everything."""
+    """Return what an unknown depends on while time runs; at the start a trim makes everything
+    depend on everything.
+    """
     if v.dependencies is None or part.startswith("Initial"):
         return {}
     return {"dependencies": " ".join(place[reference] for reference in v.dependencies)}
@@ -190,7 +263,9 @@ def _enumerations(description: Description) -> Iterable[tuple[str, dict[str, int
 
 def _with_choices(text: str, items: dict[str, int]) -> str:
     """Return the description of a choice with its values."""
-    return "; ".join(filter(None, [text, ", ".join(f"{value} {name}" for name, value in items.items())]))
+    return "; ".join(
+        filter(None, [text, ", ".join(f"{value} {name}" for name, value in items.items())])
+    )
 
 
 def _items(parent: ET.Element, items: dict[str, int]) -> None:
@@ -200,8 +275,19 @@ def _items(parent: ET.Element, items: dict[str, int]) -> None:
 
 def _experiment(root: ET.Element, description: Description) -> None:
     categories = ET.SubElement(root, "LogCategories")
-    ET.SubElement(categories, "Category", name="logStatusError", description="why a call was refused or failed")
-    ET.SubElement(root, "DefaultExperiment", startTime="0.0", tolerance=repr(TOLERANCE), stepSize=repr(description.step))
+    ET.SubElement(
+        categories,
+        "Category",
+        name="logStatusError",
+        description="why a call was refused or failed",
+    )
+    ET.SubElement(
+        root,
+        "DefaultExperiment",
+        startTime="0.0",
+        tolerance=repr(TOLERANCE),
+        stepSize=repr(description.step),
+    )
 
 
 def _units(root: ET.Element, variables: Sequence[Variable]) -> None:
@@ -214,9 +300,15 @@ def _units(root: ET.Element, variables: Sequence[Variable]) -> None:
         unit = ET.SubElement(definitions, "Unit", name=units)
         ET.SubElement(unit, "BaseUnit", base_units(units))
         for display in sorted(displays - {units}):
-            _, factor, offset = parse(display)  # SI = value * factor + offset; FMI: display = SI * factor + offset
+            _, factor, offset = parse(
+                display
+            )  # SI = value * factor + offset; FMI: display = SI * factor + offset
             attributes = {"name": display, "factor": repr(1.0 / factor)}
-            ET.SubElement(unit, "DisplayUnit", {**attributes, "offset": repr(-offset / factor)} if offset else attributes)
+            ET.SubElement(
+                unit,
+                "DisplayUnit",
+                {**attributes, "offset": repr(-offset / factor)} if offset else attributes,
+            )
 
 
 def base_units(units: str) -> dict[str, str]:
@@ -229,7 +321,10 @@ def base_units(units: str) -> dict[str, str]:
     """
     dimension, factor, offset = parse(units)
     if factor != 1.0 or offset:
-        raise SchemaError("model description", [f"{units!r} is not an SI unit; the catalogue of the kernel holds SI units only"])
+        raise SchemaError(
+            "model description",
+            [f"{units!r} is not an SI unit; the catalogue of the kernel holds SI units only"],
+        )
     radians = sum(int(power or 1) for power in re.findall(r"\brad\^?(-?\d*)", units))
     exponents = dict(zip(("m", "kg", "s", "K", "rad"), (*dimension, radians), strict=True))
     return {name: str(power) for name, power in exponents.items() if power}

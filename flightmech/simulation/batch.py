@@ -14,26 +14,36 @@ import xarray as xr
 
 from flightmech.errors import SchemaError, SimulationError
 from flightmech.simulation.kernel import OUTPUT, Simulation, library
-from flightmech.simulation.run import attributes, check_hold, index_of_parameter, output_indices, read_inputs, read_time
+from flightmech.simulation.run import (
+    attributes,
+    check_hold,
+    index_of_parameter,
+    output_indices,
+    read_inputs,
+    read_time,
+)
 
 if TYPE_CHECKING:
     from flightmech.simulation.compiler import SimModel
 
 _TEXT = 200  # AM_TEXT of kernel.h
-_ALONE = 10_000  # samples of all runs, 2 to 10 ms of work, below which threads of their own cost more than they save
+# samples of all runs, 2 to 10 ms of work, below which threads of their own cost more than they save
+_ALONE = 10_000
 
 
 MOST_LOOPS = 16  # AM_MOST_LOOPS of kernel.h
 
 
 class Loop(NamedTuple):
-    """A loop that is closed sample by sample: ``gain e + integral * Int e dt`` is added to an input, e = target - output.
+    """A loop that is closed sample by sample: ``gain e + integral * Int e dt`` is added to an
+    input, e = target - output.
 
     Attributes
     ----------
     input, output : str
     gain, integral, limit : float
-        Of the correction, which is at most `limit` in size. [input / output], [input / output / s], [input]
+        Of the correction, which is at most `limit` in size. [input / output], [input / output / s],
+        [input]
     target : array (time,)
         What the output shall be. [SI]
     turns : bool
@@ -98,26 +108,29 @@ def simulate_batch(
 ) -> xr.Dataset:
     """Simulate one record many times with different parameters.
 
-    The runs share the compiled model and are flown by threads, in each of them several side by side in the lanes of the
-    processor; a run's result depends on neither number.
+    The runs share the compiled model and are flown by threads, in each of them several side by side
+    in the lanes of the processor; a run's result depends on neither number.
 
     Parameters
     ----------
     sim : SimModel
         The compiled model.
     inputs, parameters, hold, step
-        As in `simulate`; they hold for all runs, but that a variable of `inputs` may have the dimensions (run, time).
+        As in `simulate`; they hold for all runs, but that a variable of `inputs` may have the
+        dimensions (run, time).
     varied : mapping of str to array (run,)
-        The parameters that differ: any parameter of the model, or a part of a table, ``node.CL.basic[3,1]``,
-        ``table.CL.basic`` (its scale), ``offset.CL.gear.K1``. [SI]
+        The parameters that differ: any parameter of the model, or a part of a table,
+        ``node.CL.basic[3,1]``, ``table.CL.basic`` (its scale), ``offset.CL.gear.K1``. [SI]
     outputs : sequence of str, optional
         What is returned; all outputs without it.
     threads : int, optional
         Without it one per processor, and one alone for a small batch.
     failed : {"raise", "nan"}
-        What a run that fails does: raise, or leave NaN behind the last good sample and its reason in ``failure``.
+        What a run that fails does: raise, or leave NaN behind the last good sample and its reason
+        in ``failure``.
     lanes : int, optional
-        Most runs side by side: as many as the processor has lanes for (0), one after the other (1), or 4.
+        Most runs side by side: as many as the processor has lanes for (0), one after the other (1),
+        or 4.
 
     Returns
     -------
@@ -140,16 +153,27 @@ def simulate_batch(
     time = read_time(inputs)
     constant = {"mode.step": step, **(parameters or {})}
     u = read_inputs(sim, inputs, constant, len(time), len(values))
-    y, done, texts = fly_batch(sim, time, u, list(varied), values, constant, outputs, hold, threads, lanes)
+    y, done, texts = fly_batch(
+        sim, time, u, list(varied), values, constant, outputs, hold, threads, lanes
+    )
     if failed == "raise":
         for run in (run for run, text in enumerate(texts) if text):
-            raise SimulationError(f"run {run}: {texts[run]}", float(time[min(done[run], len(time) - 1)]))
+            raise SimulationError(
+                f"run {run}: {texts[run]}", float(time[min(done[run], len(time) - 1)])
+            )
     chosen = output_indices(sim, outputs)
     rows = [sim.entries(OUTPUT)[i] for i in chosen]
-    columns: dict[str, Any] = {row.name: (("run", "time"), y[:, :, k], attributes(row)) for k, row in enumerate(rows)}
+    columns: dict[str, Any] = {
+        row.name: (("run", "time"), y[:, :, k], attributes(row)) for k, row in enumerate(rows)
+    }
     columns["failure"] = ("run", np.array(texts, object), {"long_name": "why a run ended early"})
-    coords = {"time": ("time", time, {"units": "s"}), **{name: ("run", values[:, k]) for k, name in enumerate(varied)}}
-    return xr.Dataset(columns, coords, {"title": sim.title, "step": float(constant["mode.step"]), "hold": hold})
+    coords = {
+        "time": ("time", time, {"units": "s"}),
+        **{name: ("run", values[:, k]) for k, name in enumerate(varied)},
+    }
+    return xr.Dataset(
+        columns, coords, {"title": sim.title, "step": float(constant["mode.step"]), "hold": hold}
+    )
 
 
 def fly_batch(
@@ -165,7 +189,8 @@ def fly_batch(
     lanes: int = 0,
     loops: Sequence[Loop] = (),
 ) -> tuple[np.ndarray, np.ndarray, list[str]]:
-    """Fly a batch on plain arrays, as `simulate_batch` does with names and checks around it: for many small batches.
+    """Fly a batch on plain arrays, as `simulate_batch` does with names and checks around it: for
+    many small batches.
 
     Parameters
     ----------
@@ -179,7 +204,8 @@ def fly_batch(
     constant : mapping of str to float
         Parameters of all runs.
     loops : sequence of Loop
-        At most `MOST_LOOPS`; a correction is in force from its sample to the next, at both ends of the step.
+        At most `MOST_LOOPS`; a correction is in force from its sample to the next, at both ends of
+        the step.
 
     Returns
     -------
@@ -194,14 +220,27 @@ def fly_batch(
     for name, value in constant.items():
         if name not in sim.inputs:
             base.set_parameter(index_of_parameter(sim, name), float(value))
-    chosen, changed = output_indices(sim, outputs), [index_of_parameter(sim, name) for name in varied]
+    chosen, changed = (
+        output_indices(sim, outputs),
+        [index_of_parameter(sim, name) for name in varied],
+    )
     held = output_indices(sim, [one.output for one in loops]).tolist()
-    targets = [np.ascontiguousarray(np.broadcast_to(one.target, time.shape), float) for one in loops]  # kept while they are flown
+    targets = [
+        np.ascontiguousarray(np.broadcast_to(one.target, time.shape), float) for one in loops
+    ]  # kept while they are flown
     closed = [
-        _Loop(sim.inputs.index(one.input), output, one.turns, *one[2:5], target.ctypes.data_as(POINTER(c_double)))
+        _Loop(
+            sim.inputs.index(one.input),
+            output,
+            one.turns,
+            *one[2:5],
+            target.ctypes.data_as(POINTER(c_double)),
+        )
         for one, output, target in zip(loops, held, targets, strict=True)
     ]
-    y, status, done, texts = _fly(base, time, u, changed, values, chosen, hold, threads, lanes, closed)
+    y, status, done, texts = _fly(
+        base, time, u, changed, values, chosen, hold, threads, lanes, closed
+    )
     for run in np.flatnonzero(status):
         y[run, done[run] :] = np.nan
     return y, done, texts
@@ -212,8 +251,13 @@ def _table(varied: Mapping[str, Sequence[float] | np.ndarray]) -> np.ndarray:
     lengths = {name: np.size(column) for name, column in varied.items()}
     if not lengths or len(set(lengths.values())) != 1:
         found = ", ".join(f"{name} {n}" for name, n in lengths.items()) or "none"
-        raise SchemaError("varied parameters", [f"every parameter needs one value per run; lengths found: {found}"])
-    return np.ascontiguousarray(np.column_stack([np.asarray(column, float).ravel() for column in varied.values()]))
+        raise SchemaError(
+            "varied parameters",
+            [f"every parameter needs one value per run; lengths found: {found}"],
+        )
+    return np.ascontiguousarray(
+        np.column_stack([np.asarray(column, float).ravel() for column in varied.values()])
+    )
 
 
 def _fly(base, time, u, parameter, values, chosen, hold, threads, lanes, loops):
@@ -223,16 +267,31 @@ def _fly(base, time, u, parameter, values, chosen, hold, threads, lanes, loops):
     texts = ctypes.create_string_buffer(runs * _TEXT)
     arrays = [np.ascontiguousarray(time), np.ascontiguousarray(u), np.array(parameter, np.intc)]
     arrays += [np.ascontiguousarray(values, float), np.array(chosen, np.intc), y]
-    t, inputs, names, table, output, result = (a.ctypes.data_as(POINTER(c_int if a.dtype == np.intc else c_double)) for a in arrays)
+    t, inputs, names, table, output, result = (
+        a.ctypes.data_as(POINTER(c_int if a.dtype == np.intc else c_double)) for a in arrays
+    )
     modes = int(hold == "zero"), int(u.ndim == 3), lanes
     task = _Task(
-        samples, len(parameter), len(chosen), t, inputs, names, table, output, result, *modes, len(loops), (_Loop * len(loops))(*loops)
+        samples,
+        len(parameter),
+        len(chosen),
+        t,
+        inputs,
+        names,
+        table,
+        output,
+        result,
+        *modes,
+        len(loops),
+        (_Loop * len(loops))(*loops),
     )
     width = library().am_lanes(base.model.handle)
     statuses, counts = status.ctypes.data_as(POINTER(c_int)), done.ctypes.data_as(POINTER(c_size_t))
 
     def fly(first: int) -> None:
-        if library().am_batch(base.handle, byref(task), first, min(first + width, runs), statuses, counts, texts):
+        if library().am_batch(
+            base.handle, byref(task), first, min(first + width, runs), statuses, counts, texts
+        ):
             raise MemoryError("no memory for a simulation of the batch")
 
     if runs <= width or (threads is None and runs * samples < _ALONE):
@@ -242,5 +301,8 @@ def _fly(base, time, u, parameter, values, chosen, hold, threads, lanes, loops):
         with ThreadPoolExecutor(max(1, min(runs, threads or os.cpu_count() or 1))) as pool:
             list(pool.map(fly, range(0, runs, width)))
     raw = texts.raw
-    found = [raw[k * _TEXT : (k + 1) * _TEXT].split(b"\0", 1)[0].decode(errors="replace") for k in range(runs)]
+    found = [
+        raw[k * _TEXT : (k + 1) * _TEXT].split(b"\0", 1)[0].decode(errors="replace")
+        for k in range(runs)
+    ]
     return y, status, done.astype(int), found

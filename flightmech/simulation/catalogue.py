@@ -1,7 +1,7 @@
 """Names, units and start values of the inputs, outputs and parameters of a simulation model.
 
-The kernel defines which names there are and in which order; this module defines what they mean.  The rows travel inside the
-compiled block, so that an FMU needs no second list.
+The kernel defines which names there are and in which order; this module defines what they mean.
+The rows travel inside the compiled block, so that an FMU needs no second list.
 """
 
 from __future__ import annotations
@@ -12,7 +12,18 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.names import lookup
 from flightmech.simulation import submodels
-from flightmech.simulation.kernel import FIXED, INPUT, INTEGER, OUTPUT, PARAMETER, STATE, VARIABLE, Entry, groups, known
+from flightmech.simulation.kernel import (
+    FIXED,
+    INPUT,
+    INTEGER,
+    OUTPUT,
+    PARAMETER,
+    STATE,
+    VARIABLE,
+    Entry,
+    groups,
+    known,
+)
 
 MOST = sys.float_info.max
 
@@ -23,7 +34,12 @@ _RATES = {
 }
 _ENVIRONMENT = {
     "delta_T": ("K", "K", "temperature offset from the standard atmosphere", 0.0),
-    "qnh": ("Pa", "hPa", "pressure at mean sea level; of an altimeter setting at an elevation: air.sea_level_pressure", 101325.0),
+    "qnh": (
+        "Pa",
+        "hPa",
+        "pressure at mean sea level; of an altimeter setting at an elevation: air.sea_level_pressure",
+        101325.0,
+    ),
     "runway_elevation": ("m", "ft", "height of the runway over mean sea level", 0.0),
 }
 _AXES = "of the Earth axes"
@@ -38,9 +54,24 @@ _STATES = {
 _MODES = {
     "earth": ("0 flat, 1 WGS-84 rotating, 2 sphere at rest, 3 rotating sphere", 1.0, 0.0, 3.0),
     "engine": ("0 the lever drives, 1 N1, 2 thrust_drive", 0.0, 0.0, 2.0),
-    "controls": ("0 the surfaces drive, 1 the cockpit positions, 2 the pilot's forces", 0.0, 0.0, 2.0),
-    "rates": ("body rates of the aerodynamics: 0 relative to inertial space as gyros show them, 1 to the Earth", 0.0, 0.0, 1.0),
-    "trim": ("at the start: 0 none, 1 solve for thrust, 2 solve for throttle, 3 stand on the ground", 0.0, 0.0, 3.0),
+    "controls": (
+        "0 the surfaces drive, 1 the cockpit positions, 2 the pilot's forces",
+        0.0,
+        0.0,
+        2.0,
+    ),
+    "rates": (
+        "body rates of the aerodynamics: 0 relative to inertial space as gyros show them, 1 to the Earth",
+        0.0,
+        0.0,
+        1.0,
+    ),
+    "trim": (
+        "at the start: 0 none, 1 solve for thrust, 2 solve for throttle, 3 stand on the ground",
+        0.0,
+        0.0,
+        3.0,
+    ),
 }
 _START = {"V": 100.0, "h": 1000.0}
 _START_NOTES = {
@@ -66,9 +97,15 @@ def _expanded(kind: int, items: Mapping[str, Sequence[str]]) -> Iterator[tuple[s
 
 
 def stages(kind: int, items: Mapping[str, Sequence[str]]) -> dict[str, int]:
-    """Return the stage of every variable or target (`flightmech.simulation.kernel`: VARIABLE, TARGET) by its name."""
+    """Return the stage of every variable or target (`flightmech.simulation.kernel`: VARIABLE,
+    TARGET) by its name.
+    """
     stage = {(row.group, row.pattern): row.stage for row in known(kind)}
-    return {pattern.replace("*", item): at for (group, pattern), at in stage.items() for item in items.get(group, ())}
+    return {
+        pattern.replace("*", item): at
+        for (group, pattern), at in stage.items()
+        for item in items.get(group, ())
+    }
 
 
 def inputs(aircraft: Aircraft) -> list[Entry]:
@@ -86,15 +123,30 @@ def states(aircraft: Aircraft) -> list[Entry]:
     return _rows(STATE, aircraft, lambda name, _: _state(name))
 
 
-def parameters(aircraft: Aircraft, terms: Sequence[str], powers: Mapping[str, float]) -> list[Entry]:
+def parameters(
+    aircraft: Aircraft, terms: Sequence[str], powers: Mapping[str, float]
+) -> list[Entry]:
     """Return the rows of the parameters.
 
-    `terms` are names such as ``CL/gear``, in the order of the kernel; `powers` are the exponents of those with a power factor.
+    `terms` are names such as ``CL/gear``, in the order of the kernel; `powers` are the exponents of
+    those with a power factor.
     """
     rows = _rows(PARAMETER, aircraft, _parameter)
-    rows += [Entry(scale_name(name), "1", "1", f"scale of the term {name}", 1.0, -MOST, MOST, 0) for name in terms]
+    rows += [
+        Entry(scale_name(name), "1", "1", f"scale of the term {name}", 1.0, -MOST, MOST, 0)
+        for name in terms
+    ]
     return rows + [
-        Entry(power_name(name), "1", "1", f"exponent of the power factor of {name}", value, -MOST, MOST, 0)
+        Entry(
+            power_name(name),
+            "1",
+            "1",
+            f"exponent of the power factor of {name}",
+            value,
+            -MOST,
+            MOST,
+            0,
+        )
         for name, value in powers.items()
     ]
 
@@ -128,10 +180,27 @@ def power_name(term: str) -> str:
     return "power." + term.replace("/", ".")
 
 
-def _row(name: str, like: str, description: str = "", value: float = 0.0, low: float = -MOST, high: float = MOST, flags: int = 0) -> Entry:
+def _row(
+    name: str,
+    like: str,
+    description: str = "",
+    value: float = 0.0,
+    low: float = -MOST,
+    high: float = MOST,
+    flags: int = 0,
+) -> Entry:
     row = lookup(like)
     sign = f", positive {row.sign}" if row.sign else ""
-    return Entry(name, row.units, row.display_units, description or row.long_name + sign, value, low, high, flags)
+    return Entry(
+        name,
+        row.units,
+        row.display_units,
+        description or row.long_name + sign,
+        value,
+        low,
+        high,
+        flags,
+    )
 
 
 def _input(name: str, aircraft: Aircraft) -> Entry:
@@ -143,13 +212,31 @@ def _input(name: str, aircraft: Aircraft) -> Entry:
 def _state(name: str) -> Entry:
     quantity = name.removeprefix("state.")
     units, text = _STATES[quantity]
-    return Entry(name, units, lookup(quantity).display_units if quantity in "pqr" else units, text, 0.0, -MOST, MOST, 0)
+    return Entry(
+        name,
+        units,
+        lookup(quantity).display_units if quantity in "pqr" else units,
+        text,
+        0.0,
+        -MOST,
+        MOST,
+        0,
+    )
 
 
 def _output(name: str) -> Entry:
     group, _, quantity = name.rpartition(".")
     if name == "out_of_range":
-        return Entry(name, "1", "1", "internal steps times axes outside the tables since the start", 0.0, -MOST, MOST, 0)
+        return Entry(
+            name,
+            "1",
+            "1",
+            "internal steps times axes outside the tables since the start",
+            0.0,
+            -MOST,
+            MOST,
+            0,
+        )
     if group == "applied":
         return _row(name, quantity, f"{lookup(quantity).long_name} as applied: input and biases")
     if group == "trim" and quantity.endswith("_dot"):
@@ -163,8 +250,22 @@ def _output(name: str) -> Entry:
 def _rate(name: str, quantity: str, remark: str) -> Entry:
     if quantity in _RATES:
         units, text = _RATES[quantity]
-        return Entry(name, units, units, f"{text}, {remark}", 0.0, -MOST, MOST, FIXED if name.startswith("init.") else 0)
-    return _row(name, quantity, f"{lookup(quantity).long_name}, {remark}", flags=FIXED if name.startswith("init.") else 0)
+        return Entry(
+            name,
+            units,
+            units,
+            f"{text}, {remark}",
+            0.0,
+            -MOST,
+            MOST,
+            FIXED if name.startswith("init.") else 0,
+        )
+    return _row(
+        name,
+        quantity,
+        f"{lookup(quantity).long_name}, {remark}",
+        flags=FIXED if name.startswith("init.") else 0,
+    )
 
 
 def _parameter(name: str, aircraft: Aircraft) -> Entry:
@@ -173,7 +274,9 @@ def _parameter(name: str, aircraft: Aircraft) -> Entry:
         return _initial(name, quantity)
     if group == "mass":
         cg = dict(zip(("x_cg_b", "y_cg_b", "z_cg_b"), aircraft.cg, strict=True))
-        return _row(name, quantity, value=cg[quantity] if quantity in cg else getattr(aircraft, quantity))
+        return _row(
+            name, quantity, value=cg[quantity] if quantity in cg else getattr(aircraft, quantity)
+        )
     if group == "env":
         units, display, text, value = _ENVIRONMENT[quantity]
         return Entry(name, units, display, text, value, -MOST, MOST, 0)
@@ -187,15 +290,28 @@ def _initial(name: str, quantity: str) -> Entry:
     if quantity.endswith("_dot"):
         return _rate(name, quantity, "wanted by the trim")
     if quantity == "phi_range":
-        return Entry(name, "rad", "deg", "bank angle by which the trim may leave init.phi", 0.0, 0.0, 0.5, FIXED)
+        return Entry(
+            name,
+            "rad",
+            "deg",
+            "bank angle by which the trim may leave init.phi",
+            0.0,
+            0.0,
+            0.5,
+            FIXED,
+        )
     text = f"{lookup(quantity).long_name} at the start{_START_NOTES.get(quantity, '')}"
     return _row(name, quantity, text, value=_START.get(quantity, 0.0), flags=FIXED)
 
 
 def _mode(name: str, quantity: str, aircraft: Aircraft) -> Entry:
     if quantity == "step":
-        return Entry(name, "s", "s", "largest internal step of the integration", 0.01, 1e-6, 1.0, FIXED)
+        return Entry(
+            name, "s", "s", "largest internal step of the integration", 0.01, 1e-6, 1.0, FIXED
+        )
     text, value, low, high = _MODES[quantity]
-    if quantity == "engine" and any(engine.thrust is None and engine.deck is None for engine in aircraft.engines):
+    if quantity == "engine" and any(
+        engine.thrust is None and engine.deck is None for engine in aircraft.engines
+    ):
         value = 2.0
     return Entry(name, "1", "1", text, value, low, high, FIXED | INTEGER)

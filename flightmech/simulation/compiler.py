@@ -1,4 +1,6 @@
-"""Aircraft and tree of terms to one immutable block that the kernel flies; the same two give the same bytes."""
+"""Aircraft and tree of terms to one immutable block that the kernel flies; the same two give the
+same bytes.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,18 @@ from flightmech.build_up import COEFFICIENTS, level, levels, used
 from flightmech.errors import ParseError, SchemaError, UnknownName
 from flightmech.names import lookup
 from flightmech.simulation import catalogue, submodels
-from flightmech.simulation.kernel import AXIS, INPUT, OUTPUT, PARAMETER, STATE, TARGET, TERM, VARIABLE, Entry, Model
+from flightmech.simulation.kernel import (
+    AXIS,
+    INPUT,
+    OUTPUT,
+    PARAMETER,
+    STATE,
+    TARGET,
+    TERM,
+    VARIABLE,
+    Entry,
+    Model,
+)
 from flightmech.simulation.model_block import FORCES, MOMENTS, Packer, Term, axes
 from flightmech.simulation.submodels.devices import with_devices
 from flightmech.support.hdf5_seal import demand_self_contained, unbroken_if_sealed
@@ -51,7 +64,9 @@ class SimModel:
         return Model(self.block)
 
     def entries(self, kind: int) -> tuple[Entry, ...]:
-        """Return names, units, descriptions, start values and ranges of one kind (`flightmech.simulation.kernel`: INPUT ... AXIS)."""
+        """Return names, units, descriptions, start values and ranges of one kind
+        (`flightmech.simulation.kernel`: INPUT ... AXIS).
+        """
         return self.model.entries(kind)
 
     @cached_property
@@ -96,7 +111,9 @@ class SimModel:
 
     @property
     def meta(self) -> dict[str, Any]:
-        """Provenance: force axes, attributes of the database; range, sources and remarks of each term."""
+        """Provenance: force axes, attributes of the database; range, sources and remarks of each
+        term.
+        """
         return json.loads(self.model.meta)
 
     def __getstate__(self) -> dict[str, bytes]:
@@ -114,19 +131,22 @@ def compile(aircraft: Aircraft, db: xr.DataTree) -> SimModel:
     aircraft : Aircraft
         Geometry, mass, engines, limits.
     db : DataTree
-        Terms at ``/<coefficient>/<contribution>``, as in `flightmech.terms`; root attribute ``force_axes``.
+        Terms at ``/<coefficient>/<contribution>``, as in `flightmech.terms`; root attribute
+        ``force_axes``.
 
     Raises
     ------
     SchemaError
-        With all problems: faults of a term, an axis or regressor that the simulation does not know, a geometry that
-        differs from the aircraft's.
+        With all problems: faults of a term, an axis or regressor that the simulation does not know,
+        a geometry that differs from the aircraft's.
     """
     aircraft = with_devices(aircraft, {name for leaf in _leaves(db) for name in variables(leaf)})
     found = _collect(aircraft, db)
     problems = _root_problems(aircraft, db)
     known = catalogue.stages(VARIABLE, submodels.items(aircraft))
-    problems += [text for term in found for text in _leaf_problems(term.name, term.leaf, term.stage, known)]
+    problems += [
+        text for term in found for text in _leaf_problems(term.name, term.leaf, term.stage, known)
+    ]
     if not problems:
         found, problems = _in_order(found, _force_axes(db))
     if problems:
@@ -140,7 +160,8 @@ _LARGEST = 1e16  # of a parameter that is set, as in prepare.c of the kernel
 
 
 def changed_parameters(one: Aircraft, other: Aircraft) -> dict[str, tuple[float, float]] | None:
-    """Return the parameters whose start values make the model of `other` of that of `one`, and back, with any database.
+    """Return the parameters whose start values make the model of `other` of that of `one`, and
+    back, with any database.
 
     Parameters
     ----------
@@ -149,20 +170,37 @@ def changed_parameters(one: Aircraft, other: Aircraft) -> dict[str, tuple[float,
     Returns
     -------
     dict of str to (float, float), or None
-        Name to start values in the models of both; empty for equal models.  None where more than start values differs: tables, names,
-        ranges, geometry; or where one states that there is no limit, which cannot be set. [SI]
+        Name to start values in the models of both; empty for equal models.  None where more than
+        start values differs: tables, names, ranges, geometry; or where one states that there is no
+        limit, which cannot be set. [SI]
     """
     geometry = [(a.S, a.cbar, a.b, a.x_ref_mac, a.name) for a in (one, other)]
-    names = [[catalogue.inputs(a), catalogue.outputs(a), catalogue.states(a), submodels.items(a)] for a in (one, other)]
+    names = [
+        [catalogue.inputs(a), catalogue.outputs(a), catalogue.states(a), submodels.items(a)]
+        for a in (one, other)
+    ]
     rows = [catalogue.parameters(a, (), {}) for a in (one, other)]
     ranges = [[row._replace(value=0.0) for row in found] for found in rows]
     tables = [list(submodels.terms(a)) for a in (one, other)]
-    if geometry[0] != geometry[1] or names[0] != names[1] or ranges[0] != ranges[1] or len(tables[0]) != len(tables[1]):
+    if (
+        geometry[0] != geometry[1]
+        or names[0] != names[1]
+        or ranges[0] != ranges[1]
+        or len(tables[0]) != len(tables[1])
+    ):
         return None
     if not all(a[:2] == b[:2] and a[2].identical(b[2]) for a, b in zip(*tables, strict=True)):
         return None
-    changed = {before.name: (before.value, after.value) for before, after in zip(*rows, strict=True) if before.value != after.value}
-    return changed if all(abs(value) <= _LARGEST for values in changed.values() for value in values) else None
+    changed = {
+        before.name: (before.value, after.value)
+        for before, after in zip(*rows, strict=True)
+        if before.value != after.value
+    }
+    return (
+        changed
+        if all(abs(value) <= _LARGEST for values in changed.values() for value in values)
+        else None
+    )
 
 
 def _names(entries: tuple[Entry, ...]) -> tuple[str, ...]:
@@ -183,14 +221,24 @@ def _leaves(db: xr.DataTree) -> Iterator[xr.Dataset]:
 def _collect(aircraft: Aircraft, db: xr.DataTree) -> list[Term]:
     """Return all terms in the order of their evaluation."""
     items = submodels.items(aircraft)
-    stage, number = catalogue.stages(TARGET, items), {name: i for i, name in enumerate(catalogue.expand(TARGET, items))}
+    stage, number = (
+        catalogue.stages(TARGET, items),
+        {name: i for i, name in enumerate(catalogue.expand(TARGET, items))},
+    )
     forces = FORCES.get(_force_axes(db), FORCES["stability"])
-    found = [Term(stage[target], number[target], name, leaf) for target, name, leaf in submodels.terms(aircraft)]
-    for target, coefficient in zip((*FORCES["stability"], *MOMENTS, *_HINGES), (*forces, *MOMENTS, *_HINGES), strict=True):
+    found = [
+        Term(stage[target], number[target], name, leaf)
+        for target, name, leaf in submodels.terms(aircraft)
+    ]
+    for target, coefficient in zip(
+        (*FORCES["stability"], *MOMENTS, *_HINGES), (*forces, *MOMENTS, *_HINGES), strict=True
+    ):
         if coefficient in db.children:
             for contribution in sorted(db[coefficient].children):
                 leaf = db[coefficient][contribution].to_dataset()
-                found.append(Term(stage[target], number[target], f"{coefficient}/{contribution}", leaf))
+                found.append(
+                    Term(stage[target], number[target], f"{coefficient}/{contribution}", leaf)
+                )
     return sorted(found, key=lambda term: term[:2])
 
 
@@ -209,15 +257,26 @@ def _root_problems(aircraft: Aircraft, db: xr.DataTree) -> list[str]:
     for name in map(str, db.children):
         if name not in (*FORCES[axes], *MOMENTS, *_HINGES, *GROUPS):
             allowed = ", ".join((*FORCES[axes], *MOMENTS))
-            problems.append(f"/{name} is no coefficient; with force_axes {axes} there are {allowed}")
-    problems += [f"/{path} holds a table; a term lies at /<coefficient>/<contribution>, this one would not fly" for path in _astray(db)]
+            problems.append(
+                f"/{name} is no coefficient; with force_axes {axes} there are {allowed}"
+            )
+    problems += [
+        f"/{path} holds a table; a term lies at /<coefficient>/<contribution>, this one would not fly"
+        for path in _astray(db)
+    ]
     for name in ("S", "cbar", "b"):
-        if name in db.attrs and not np.isclose(float(db.attrs[name]), getattr(aircraft, name), rtol=_AGREE, atol=0.0):
+        if name in db.attrs and not np.isclose(
+            float(db.attrs[name]), getattr(aircraft, name), rtol=_AGREE, atol=0.0
+        ):
             problems.append(
                 f"{name} is {float(db.attrs[name]):.8g} in the database and {getattr(aircraft, name):.8g} in the aircraft; they must agree"
             )
-    for name, own in zip(("x_ref", "y_ref", "z_ref"), reference_in(aircraft, db.attrs), strict=True):
-        if name in db.attrs and not np.isclose(float(db.attrs[name]), own, rtol=_AGREE, atol=1e-4 * aircraft.cbar):
+    for name, own in zip(
+        ("x_ref", "y_ref", "z_ref"), reference_in(aircraft, db.attrs), strict=True
+    ):
+        if name in db.attrs and not np.isclose(
+            float(db.attrs[name]), own, rtol=_AGREE, atol=1e-4 * aircraft.cbar
+        ):
             problems.append(
                 f"{name} is {float(db.attrs[name]):.6g} m in the database and {own:.6g} m in the aircraft; move the moment reference"
             )
@@ -234,17 +293,27 @@ def _leaf_problems(name: str, leaf: xr.Dataset, stage: int, known: Mapping[str, 
     problems = check(leaf)
     if problems:
         return [f"{name}: {text}" for text in problems]
-    problems += [f"{name}: {text}" for axis in axes(leaf) for text in _axis_problems(axis, known, stage)]
+    problems += [
+        f"{name}: {text}" for axis in axes(leaf) for text in _axis_problems(axis, known, stage)
+    ]
     words, factor = regressors(leaf), power(leaf)
-    problems += [f"{name}: regressor: {text}" for word in words for text in _variable_problems(word, known, stage)]
+    problems += [
+        f"{name}: regressor: {text}"
+        for word in words
+        for text in _variable_problems(word, known, stage)
+    ]
     if factor:
-        problems += [f"{name}: power: {text}" for text in _axis_problems(factor.variable, known, stage)]
+        problems += [
+            f"{name}: power: {text}" for text in _axis_problems(factor.variable, known, stage)
+        ]
     if used(leaf) and words and set(words) & set(IMPLICIT):
         problems.append(
             f"{name}: depends on {', '.join(sorted(used(leaf)))} and on {', '.join(sorted(set(words) & set(IMPLICIT)))}, {_ONE}"
         )
     if sum(word in IMPLICIT for word in words) > 1:
-        problems.append(f"{name}: regressors {' '.join(words)}: only one of {', '.join(IMPLICIT)} can be solved for in a term")
+        problems.append(
+            f"{name}: regressors {' '.join(words)}: only one of {', '.join(IMPLICIT)} can be solved for in a term"
+        )
     return problems
 
 
@@ -256,7 +325,11 @@ def _axis_problems(axis: str, known: Mapping[str, int], stage: int) -> list[str]
 
 def _variable_problems(name: str, known: Mapping[str, int], stage: int) -> list[str]:
     if name not in known:
-        hint = "write engine1.throttle or engine1.thrust for one engine" if name in ("throttle", "thrust") else ""
+        hint = (
+            "write engine1.throttle or engine1.thrust for one engine"
+            if name in ("throttle", "thrust")
+            else ""
+        )
         return [str(UnknownName(name, list(known), "model variable of the simulation", hint))]
     if name in COEFFICIENTS and stage > known[name]:
         return [f"only terms of {', '.join(COEFFICIENTS)} can depend on {name}"]
@@ -267,15 +340,24 @@ def _variable_problems(name: str, known: Mapping[str, int], stage: int) -> list[
 
 def _meta(db: xr.DataTree, terms: list[Term]) -> str:
     # numbers read from a file are NumPy's own
-    attributes = {key: item.item() if isinstance(item, np.generic) else item for key, item in db.attrs.items()}
+    attributes = {
+        key: item.item() if isinstance(item, np.generic) else item for key, item in db.attrs.items()
+    }
     plain = {key: item for key, item in attributes.items() if isinstance(item, str | int | float)}
     texts = {t.name: _texts(t.leaf) for t in terms}
-    return json.dumps({"database": plain, "force_axes": _force_axes(db), "terms": texts}, sort_keys=True, ensure_ascii=False)
+    return json.dumps(
+        {"database": plain, "force_axes": _force_axes(db), "terms": texts},
+        sort_keys=True,
+        ensure_ascii=False,
+    )
 
 
 def _texts(leaf: xr.Dataset) -> dict[str, str]:
     """Return what a reader of the model should know of a term."""
-    found = {"axes": ", ".join(_extent(leaf, axis) for axis in axes(leaf)), "source": _sources(leaf)}
+    found = {
+        "axes": ", ".join(_extent(leaf, axis) for axis in axes(leaf)),
+        "source": _sources(leaf),
+    }
     found |= {key: str(leaf.attrs.get(key, "")) for key in ("regressors", "references", "comment")}
     found["power"] = str(power(leaf) or "")
     return {key: text for key, text in found.items() if text}
@@ -284,7 +366,9 @@ def _texts(leaf: xr.Dataset) -> dict[str, str]:
 def _extent(leaf: xr.Dataset, axis: str) -> str:
     """Return range, display unit and number of the breakpoints: ``alpha -8 ... 20 deg (19)``."""
     points, unit = leaf.variables[axis].values, lookup(axis).display_units
-    ends = " ... ".join(f"{from_si(float(x), unit):.4g}" for x in dict.fromkeys((points[0], points[-1])))
+    ends = " ... ".join(
+        f"{from_si(float(x), unit):.4g}" for x in dict.fromkeys((points[0], points[-1]))
+    )
     return f"{axis} {ends}{'' if unit == '1' else ' ' + unit} ({len(points)})"
 
 
@@ -292,7 +376,10 @@ def _sources(leaf: xr.Dataset) -> str:
     """Return how many nodes come from where: ``datcom 30, flight 6``."""
     if "source" not in leaf:
         return ""
-    counts = {word: int((leaf.variables["source"].values == flag).sum()) for flag, word in enumerate(SOURCES)}
+    counts = {
+        word: int((leaf.variables["source"].values == flag).sum())
+        for flag, word in enumerate(SOURCES)
+    }
     return ", ".join(f"{word} {count}" for word, count in counts.items() if count)
 
 
@@ -306,7 +393,9 @@ def compile_files(aircraft: str, database: str) -> SimModel:
 
 
 def _open(database: str) -> xr.DataTree:
-    """Return the tree of a database file; `aerodb`, which writes it, stands to the right of this package."""
+    """Return the tree of a database file; `aerodb`, which writes it, stands to the right of this
+    package.
+    """
     from flightmech.support.netcdf_trees import read
 
     demand_self_contained(database)
@@ -315,8 +404,15 @@ def _open(database: str) -> xr.DataTree:
         tree, problems = read(Path(database))
     except SchemaError as error:
         raise SchemaError(database, error.problems) from None
-    except Exception as error:  # a damaged file makes HDF5 raise OSError, KeyError, RuntimeError, ValueError ...
-        raise ParseError(database, 0, file_kind(database), "an aero database, netCDF-4 as `aeromatch db build` writes it") from error
+    except (
+        Exception
+    ) as error:  # a damaged file makes HDF5 raise OSError, KeyError, RuntimeError, ValueError ...
+        raise ParseError(
+            database,
+            0,
+            file_kind(database),
+            "an aero database, netCDF-4 as `aeromatch db build` writes it",
+        ) from error
     if problems:
         raise SchemaError(database, problems)
     return tree

@@ -1,4 +1,6 @@
-"""Flight paths between gyros and accelerometers, for the kernel: ``am_drive`` of kernel.h, and the path that they drive from its start."""
+"""Flight paths between gyros and accelerometers, for the kernel: ``am_drive`` of kernel.h, and the
+path that they drive from its start.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,9 @@ BIAS, SCALE, WIND, LAG = 0, 6, 12, 15  # AM_BIAS and the others of kernel.h
 
 
 class _Path(ctypes.Structure):
-    """``am_path``: pointers to states, rates and specific force, the step and what surrounds the path."""
+    """``am_path``: pointers to states, rates and specific force, the step and what surrounds the
+    path.
+    """
 
     _fields_ = [(name, _doubles) for name in ("x", "rates", "force")]
     _fields_ += [(name, c_double) for name in ("dt", "gravity", "fall", "level")]
@@ -30,7 +34,11 @@ class _Path(ctypes.Structure):
 class Drive(ctypes.Structure):
     """``am_drive``."""
 
-    _fields_ = [("path", _Path)] + [(name, c_int) for name in ("states", "inputs", "vanes", "gusts")] + [("side", c_int * 2)]
+    _fields_ = (
+        [("path", _Path)]
+        + [(name, c_int) for name in ("states", "inputs", "vanes", "gusts")]
+        + [("side", c_int * 2)]
+    )
     _fields_ += [("input", POINTER(c_int)), ("slow", POINTER(c_ubyte)), ("sensed", _doubles)]
     _fields_ += [("gain", c_double * 6), ("arm", c_double * 3), ("wind", c_double * 3)]
     _fields_ += [("vane_arm", c_double * 6), ("lag", c_double * 3), ("lag_slope", c_double * 3)]
@@ -46,7 +54,8 @@ class Surroundings(NamedTuple):
     spin : array (3,)
         Rate of the Earth, north-east-down. [rad s-1]
     transport : array (3, 3)
-        ``transport @ v`` is the rate at which the level axes turn because they are carried along. [m-1]
+        ``transport @ v`` is the rate at which the level axes turn because they are carried along.
+        [m-1]
     sensed : array (3,)
         Rate of the Earth as far as the gyros show it, north-east-down. [rad s-1]
     """
@@ -95,7 +104,8 @@ class Vanes(NamedTuple):
     wind : array (3,)
         North, east, down. [m s-1]
     lag, lag_slope : array (3,)
-        Weights of the state before, the angle before and the angle after a step, and their derivatives by the time constant.
+        Weights of the state before, the angle before and the angle after a step, and their
+        derivatives by the time constant.
     """
 
     side: Sequence[int]
@@ -112,14 +122,15 @@ class DrivenPath:
     ----------
     inertial : Inertial
     x : array (N, n)
-        States: phi, theta, psi [rad], velocity north, east, down [m s-1], height [m], the lagged angles of the vanes [rad]; others may
-        follow.  For `follow`, a path from which gravity, Coriolis acceleration and the turning of the level axes are taken.
+        States: phi, theta, psi [rad], velocity north, east, down [m s-1], height [m], the lagged
+        angles of the vanes [rad]; others may follow.  For `follow`, a path from which gravity,
+        Coriolis acceleration and the turning of the level axes are taken.
     dt : float
         [s]
     around : Surroundings
     inputs : sequence of int
-        Constants to which derivatives are wanted, each once: `BIAS` + i and `SCALE` + i of p, q, r and of the specific force forward,
-        right, down, `WIND` + i, `LAG`.
+        Constants to which derivatives are wanted, each once: `BIAS` + i and `SCALE` + i of p, q, r
+        and of the specific force forward, right, down, `WIND` + i, `LAG`.
     vanes : Vanes
     gusts : bool
         Whether the states behind the vanes are gusts north, east, down. [m s-1]
@@ -152,16 +163,42 @@ class DrivenPath:
     ):
         self.samples, self.states = x.shape
         rates, force, sensed = (_checked(item, (self.samples, 3)) for item in inertial[:3])
-        self.inertial = Inertial(rates, force, sensed, _checked(inertial.gain, (6,)), _checked(inertial.arm, (3,)))
-        self.x, self.dt, self.around, self.inputs, self.gusts = _checked(x, x.shape), dt, around, list(inputs), gusts
+        self.inertial = Inertial(
+            rates, force, sensed, _checked(inertial.gain, (6,)), _checked(inertial.arm, (3,))
+        )
+        self.x, self.dt, self.around, self.inputs, self.gusts = (
+            _checked(x, x.shape),
+            dt,
+            around,
+            list(inputs),
+            gusts,
+        )
         wind, lag, lag_slope = (_checked(item, (3,)) for item in vanes[2:])
-        self.vanes = Vanes(list(vanes.side), _checked(vanes.arms, (len(vanes.side), 3)), wind, lag, lag_slope)
-        self.slow = np.zeros(self.samples - 1, np.uint8) if slow is None else np.ascontiguousarray(slow, np.uint8)
+        self.vanes = Vanes(
+            list(vanes.side), _checked(vanes.arms, (len(vanes.side), 3)), wind, lag, lag_slope
+        )
+        self.slow = (
+            np.zeros(self.samples - 1, np.uint8)
+            if slow is None
+            else np.ascontiguousarray(slow, np.uint8)
+        )
         if self.slow.shape != (self.samples - 1,):
-            raise ValueError(f"array has the shape {self.slow.shape}, expected {(self.samples - 1,)}")
-        d = self.drive = Drive(_Path(_pointer(self.x), _pointer(rates), _pointer(force), dt, around))
-        d.states, d.inputs, d.vanes, d.gusts = self.states, len(self.inputs), len(self.vanes.side), gusts
-        d.input, d.slow = (c_int * d.inputs)(*self.inputs), self.slow.ctypes.data_as(POINTER(c_ubyte))
+            raise ValueError(
+                f"array has the shape {self.slow.shape}, expected {(self.samples - 1,)}"
+            )
+        d = self.drive = Drive(
+            _Path(_pointer(self.x), _pointer(rates), _pointer(force), dt, around)
+        )
+        d.states, d.inputs, d.vanes, d.gusts = (
+            self.states,
+            len(self.inputs),
+            len(self.vanes.side),
+            gusts,
+        )
+        d.input, d.slow = (
+            (c_int * d.inputs)(*self.inputs),
+            self.slow.ctypes.data_as(POINTER(c_ubyte)),
+        )
         d.sensed = _pointer(sensed)
         d.side[: d.vanes] = self.vanes.side
         d.gain[:], d.arm[:] = self.inertial.gain.tolist(), self.inertial.arm.tolist()
@@ -169,7 +206,8 @@ class DrivenPath:
         d.vane_arm[: 3 * d.vanes] = self.vanes.arms.ravel().tolist()
 
     def follow(self, start: np.ndarray, x: np.ndarray, X: np.ndarray | None = None) -> None:
-        """Write the path from start (n,) into x (N, n), and its derivatives by start and inputs into X (N, n, n + inputs).
+        """Write the path from start (n,) into x (N, n), and its derivatives by start and inputs
+        into X (N, n, n + inputs).
 
         Notes
         -----
@@ -178,11 +216,26 @@ class DrivenPath:
         take (omega dt)^2/12 off what oscillates with omega: 1e-3 at 0.9 Hz and 50 samples per second, found again in the vane factors.
         """
         out = written(x, (self.samples, self.states))
-        columns = None if X is None else written(X, (self.samples, self.states, self.states + len(self.inputs)))
-        self._demand(library().am_follow(byref(self.drive), self.samples, _pointer(_checked(start, (self.states,))), out, columns))
+        columns = (
+            None
+            if X is None
+            else written(X, (self.samples, self.states, self.states + len(self.inputs)))
+        )
+        self._demand(
+            library().am_follow(
+                byref(self.drive),
+                self.samples,
+                _pointer(_checked(start, (self.states,))),
+                out,
+                columns,
+            )
+        )
 
-    def add_noise(self, x: np.ndarray, noise: np.ndarray, pressed: np.ndarray, products: np.ndarray) -> None:
-        """Add to products (u, u) the covariance that the noise of the inertial unit gives to the sum of `pressed`.
+    def add_noise(
+        self, x: np.ndarray, noise: np.ndarray, pressed: np.ndarray, products: np.ndarray
+    ) -> None:
+        """Add to products (u, u) the covariance that the noise of the inertial unit gives to the
+        sum of `pressed`.
 
         Parameters
         ----------
@@ -195,17 +248,28 @@ class DrivenPath:
         products : array (u, u)
         """
         unknowns = pressed.shape[-1]
-        given = _pointer(_checked(x, (self.samples, self.states))), unknowns, _pointer(_checked(noise, (6,)))
-        pointers = _pointer(_checked(pressed, (self.samples, self.states, unknowns))), written(products, (unknowns, unknowns))
+        given = (
+            _pointer(_checked(x, (self.samples, self.states))),
+            unknowns,
+            _pointer(_checked(noise, (6,))),
+        )
+        pointers = (
+            _pointer(_checked(pressed, (self.samples, self.states, unknowns))),
+            written(products, (unknowns, unknowns)),
+        )
         self._demand(library().am_add_noise(byref(self.drive), self.samples, *given, *pointers))
 
     def _demand(self, code: int) -> None:
         if code:
-            raise ValueError(f"the kernel follows no path of {self.samples} samples, {self.states} states and these inputs or sums")
+            raise ValueError(
+                f"the kernel follows no path of {self.samples} samples, {self.states} states and these inputs or sums"
+            )
 
 
 def written(array: np.ndarray, shape: tuple[int, ...]) -> Any:
     """Return the pointer of an array that the kernel writes."""
     if array.shape != shape or array.dtype != float or not array.flags.c_contiguous:
-        raise ValueError(f"array of {array.dtype} has the shape {array.shape}, expected contiguous doubles {shape}")
+        raise ValueError(
+            f"array of {array.dtype} has the shape {array.shape}, expected contiguous doubles {shape}"
+        )
     return _pointer(array)

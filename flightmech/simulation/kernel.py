@@ -37,7 +37,11 @@ class Entry(NamedTuple):
 
 
 class _Entry(ctypes.Structure):
-    _fields_ = [(name, c_char_p) for name in Entry._fields[:4]] + [(name, c_double) for name in Entry._fields[4:7]] + [("flags", c_int)]
+    _fields_ = (
+        [(name, c_char_p) for name in Entry._fields[:4]]
+        + [(name, c_double) for name in Entry._fields[4:7]]
+        + [("flags", c_int)]
+    )
 
 
 class _Mover(ctypes.Structure):
@@ -46,7 +50,12 @@ class _Mover(ctypes.Structure):
 
 class _TrimTask(ctypes.Structure):
     _fields_ = [(name, c_int) for name in ("path", "movers", "unknowns", "goals")]
-    _fields_ += [("mover", POINTER(_Mover)), ("low", _doubles), ("high", _doubles), ("size", _doubles)]
+    _fields_ += [
+        ("mover", POINTER(_Mover)),
+        ("low", _doubles),
+        ("high", _doubles),
+        ("size", _doubles),
+    ]
     _fields_ += [("goal", POINTER(c_int)), ("wanted", _doubles)]
 
 
@@ -79,10 +88,24 @@ _SIGNATURES: dict[str, tuple[type | None, list]] = {
     "am_run": (c_int, [c_void_p, c_size_t, _doubles, _doubles, c_int, _doubles, POINTER(c_size_t)]),
     "am_record": (
         c_int,
-        [c_void_p, c_size_t, _doubles, _doubles, c_int, POINTER(c_int), c_size_t, _doubles, _doubles, POINTER(c_size_t)],
+        [
+            c_void_p,
+            c_size_t,
+            _doubles,
+            _doubles,
+            c_int,
+            POINTER(c_int),
+            c_size_t,
+            _doubles,
+            _doubles,
+            POINTER(c_size_t),
+        ],
     ),
     "am_lanes": (c_int, [c_void_p]),
-    "am_batch": (c_int, [c_void_p, c_void_p, c_size_t, c_size_t, POINTER(c_int), POINTER(c_size_t), c_void_p]),
+    "am_batch": (
+        c_int,
+        [c_void_p, c_void_p, c_size_t, c_size_t, POINTER(c_int), POINTER(c_size_t), c_void_p],
+    ),
     "am_state_count": (c_int, [c_void_p]),
     "am_get_state": (c_int, [c_void_p, _doubles]),
     "am_set_state": (c_int, [c_void_p, _doubles]),
@@ -111,7 +134,9 @@ def library() -> ctypes.CDLL:
     folder = FOLDER / _platform()
     found = [path for suffix in SUFFIX.values() for path in sorted(folder.glob(f"*{suffix}"))]
     if not found:
-        raise AeromatchError(f"no compiled kernel in {folder}; install the package, or run 'python hatch_build.py' in a checkout")
+        raise AeromatchError(
+            f"no compiled kernel in {folder}; install the package, or run 'python hatch_build.py' in a checkout"
+        )
     kernel = ctypes.CDLL(str(found[0]))
     for name, (result, arguments) in _SIGNATURES.items():
         function = getattr(kernel, name)
@@ -122,12 +147,16 @@ def library() -> ctypes.CDLL:
 def _platform() -> str:
     import platform
 
-    machine = {"amd64": "x86_64", "arm64": "aarch64"}.get(platform.machine().lower(), platform.machine().lower())
+    machine = {"amd64": "x86_64", "arm64": "aarch64"}.get(
+        platform.machine().lower(), platform.machine().lower()
+    )
     return f"{machine}-{platform.system().lower()}"
 
 
 class Known(NamedTuple):
-    """A name that the kernel can compute: its group, the pattern with a star for the item's name, the stage of a variable or target."""
+    """A name that the kernel can compute: its group, the pattern with a star for the item's name,
+    the stage of a variable or target.
+    """
 
     group: str
     pattern: str
@@ -150,7 +179,13 @@ def known(kind: int) -> tuple[Known, ...]:
     found: list[Known] = []
     while (name := kernel.am_known(kind, len(found))) is not None:
         i = len(found)
-        found.append(Known(kernel.am_known_group(kind, i).decode(), name.decode(), kernel.am_known_stage(kind, i)))
+        found.append(
+            Known(
+                kernel.am_known_group(kind, i).decode(),
+                name.decode(),
+                kernel.am_known_stage(kind, i),
+            )
+        )
     return tuple(found)
 
 
@@ -162,18 +197,24 @@ class Model:
         text = ctypes.create_string_buffer(400)
         handle = kernel.am_load(block, len(block), text, len(text))
         if not handle:
-            raise SchemaError("model block", [text.value.decode(errors="replace").removeprefix("model block: ")])
+            raise SchemaError(
+                "model block", [text.value.decode(errors="replace").removeprefix("model block: ")]
+            )
         self.handle = c_void_p(handle)
         weakref.finalize(self, kernel.am_free, self.handle)
         self._entries: dict[int, tuple[Entry, ...]] = {}
-        self._found: dict[tuple[int, str], int] = {}  # names do not move, and every run sets the same ones
+        self._found: dict[
+            tuple[int, str], int
+        ] = {}  # names do not move, and every run sets the same ones
 
     def count(self, kind: int) -> int:
         """Return the number of inputs, outputs and so on."""
         return library().am_count(self.handle, kind)
 
     def find(self, kind: int, name: str) -> int:
-        """Return the index of a name, -1 when there is none; parameters of tables are found here only, such as ``node.CL.basic[3,1]``."""
+        """Return the index of a name, -1 when there is none; parameters of tables are found here
+        only, such as ``node.CL.basic[3,1]``.
+        """
         index = self._found.get((kind, name))
         if index is None:
             index = self._found[kind, name] = library().am_find(self.handle, kind, name.encode())
@@ -186,15 +227,21 @@ class Model:
         return self._entries[kind]
 
     def share_entries(self, other: Model) -> None:
-        """Take the catalogues that are read, or will be, of a model that differs in values of tables only."""
+        """Take the catalogues that are read, or will be, of a model that differs in values of
+        tables only.
+        """
         self._entries = other._entries
 
     def _read(self, kind: int) -> Iterator[Entry]:
         row = _Entry()
         for i in range(self.count(kind)):
             library().am_entry_at(self.handle, kind, i, byref(row))
-            name, units, display_units, description = (getattr(row, column).decode() for column in Entry._fields[:4])
-            yield Entry(name, units, display_units, description, row.value, row.low, row.high, row.flags)
+            name, units, display_units, description = (
+                getattr(row, column).decode() for column in Entry._fields[:4]
+            )
+            yield Entry(
+                name, units, display_units, description, row.value, row.low, row.high, row.flags
+            )
 
     @property
     def title(self) -> str:
@@ -236,7 +283,9 @@ class Simulation:
 
     def set_inputs(self, u: Sequence[float] | np.ndarray) -> None:
         """Set all inputs, u (inputs,)."""
-        self._demand(library().am_set_inputs(self.handle, _pointer(_checked(u, (self.model.count(INPUT),)))))
+        self._demand(
+            library().am_set_inputs(self.handle, _pointer(_checked(u, (self.model.count(INPUT),))))
+        )
 
     def initialize(self, time: float = 0.0) -> None:
         """Put the state to ``init.*``; trim when ``mode.trim`` requires it."""
@@ -270,22 +319,33 @@ class Simulation:
         Returns
         -------
         found, outputs, left, jacobian : array
-            (unknown,), (output,), (goal,) and (goal, unknown), the last two weighed as accelerations. [m s-2]
+            (unknown,), (output,), (goal,) and (goal, unknown), the last two weighed as
+            accelerations. [m s-2]
         """
         n, m = len(search[0]), len(goals)
         found, low, high, size = (np.array(item, float) for item in search)
         aims = _checked(wanted, (m,))
         y, left, jacobian = np.empty(self.model.count(OUTPUT)), np.empty(m), np.empty((m, n))
-        task = _TrimTask(path, len(movers), n, m, (_Mover * len(movers))(*(_Mover(*mover) for mover in movers)))
+        task = _TrimTask(
+            path, len(movers), n, m, (_Mover * len(movers))(*(_Mover(*mover) for mover in movers))
+        )
         task.low, task.high, task.size = map(_pointer, (low, high, size))
         task.goal, task.wanted = (c_int * m)(*goals), _pointer(aims)
-        self._demand(library().am_trim_for(self.handle, byref(task), *map(_pointer, (found, y, left, jacobian))))
+        self._demand(
+            library().am_trim_for(
+                self.handle, byref(task), *map(_pointer, (found, y, left, jacobian))
+            )
+        )
         return found, y, left, jacobian
 
     def step(self, time: float, dt: float, u0: np.ndarray, u1: np.ndarray) -> None:
         """Advance by `dt` with inputs linear from `u0` to `u1`. [s]"""
         shape = (self.model.count(INPUT),)
-        self._demand(library().am_step(self.handle, time, dt, _pointer(_checked(u0, shape)), _pointer(_checked(u1, shape))))
+        self._demand(
+            library().am_step(
+                self.handle, time, dt, _pointer(_checked(u0, shape)), _pointer(_checked(u1, shape))
+            )
+        )
 
     def outputs(self) -> np.ndarray:
         """Return all outputs (outputs,)."""
@@ -298,48 +358,93 @@ class Simulation:
         t = _checked(time, (len(time),))
         inputs = _checked(u, (len(t), self.model.count(INPUT)))
         y, done = np.empty((len(t), self.model.count(OUTPUT))), c_size_t()
-        self._demand(library().am_run(self.handle, len(t), _pointer(t), _pointer(inputs), int(hold), _pointer(y), byref(done)))
+        self._demand(
+            library().am_run(
+                self.handle,
+                len(t),
+                _pointer(t),
+                _pointer(inputs),
+                int(hold),
+                _pointer(y),
+                byref(done),
+            )
+        )
         return y
 
-    def record(self, time: np.ndarray, u: np.ndarray, hold: bool, outputs: np.ndarray, terms: bool) -> tuple[np.ndarray, np.ndarray | None]:
-        """Return the outputs of the indices `outputs` (time, chosen) and, on demand, the contribution of every term (time, terms)."""
+    def record(
+        self, time: np.ndarray, u: np.ndarray, hold: bool, outputs: np.ndarray, terms: bool
+    ) -> tuple[np.ndarray, np.ndarray | None]:
+        """Return the outputs of the indices `outputs` (time, chosen) and, on demand, the
+        contribution of every term (time, terms).
+        """
         t = _checked(time, (len(time),))
         inputs = _checked(u, (len(t), self.model.count(INPUT)))
         chosen = np.ascontiguousarray(outputs, np.intc)
         y, done = np.empty((len(t), len(chosen))), c_size_t()
         parts = np.empty((len(t), self.model.count(TERM))) if terms else None
-        pointers = _pointer(t), _pointer(inputs), int(hold), chosen.ctypes.data_as(POINTER(c_int)), len(chosen), _pointer(y)
-        self._demand(library().am_record(self.handle, len(t), *pointers, None if parts is None else _pointer(parts), byref(done)))
+        pointers = (
+            _pointer(t),
+            _pointer(inputs),
+            int(hold),
+            chosen.ctypes.data_as(POINTER(c_int)),
+            len(chosen),
+            _pointer(y),
+        )
+        self._demand(
+            library().am_record(
+                self.handle,
+                len(t),
+                *pointers,
+                None if parts is None else _pointer(parts),
+                byref(done),
+            )
+        )
         return y, parts
 
     @property
     def state(self) -> np.ndarray:
-        """State (states,): position, velocity, quaternion, body rates, then the submodels; `entries` of STATE names them."""
+        """State (states,): position, velocity, quaternion, body rates, then the submodels;
+        `entries` of STATE names them.
+        """
         x = np.empty(library().am_state_count(self.model.handle))
         self._demand(library().am_get_state(self.handle, _pointer(x)))
         return x
 
     @state.setter
     def state(self, x: np.ndarray) -> None:
-        self._demand(library().am_set_state(self.handle, _pointer(_checked(x, (library().am_state_count(self.model.handle),)))))
+        self._demand(
+            library().am_set_state(
+                self.handle, _pointer(_checked(x, (library().am_state_count(self.model.handle),)))
+            )
+        )
 
     def derivative(self, x: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Return the rate of the state `x` under the inputs `u`."""
         state, dx = _checked(x, (library().am_state_count(self.model.handle),)), np.empty(len(x))
         inputs = _checked(u, (self.model.count(INPUT),))
-        self._demand(library().am_derivative(self.handle, _pointer(state), _pointer(inputs), _pointer(dx)))
+        self._demand(
+            library().am_derivative(self.handle, _pointer(state), _pointer(inputs), _pointer(dx))
+        )
         return dx
 
     def complete_step(self, time: float) -> None:
-        """Let the clock and what is stepped discretely (weather, circuits) follow a state that was integrated outside. [s]"""
+        """Let the clock and what is stepped discretely (weather, circuits) follow a state that was
+        integrated outside. [s]
+        """
         self._demand(library().am_complete_step(self.handle, time))
 
     def evaluate(self, variables: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return coefficients (n, 6) and contributions (n, terms) at model variables (n, variables)."""
+        """Return coefficients (n, 6) and contributions (n, terms) at model variables (n,
+        variables).
+        """
         v = np.atleast_2d(variables)  # a model of constants has no variables: (n, 0)
         v = _checked(v, (len(v), self.model.count(VARIABLE)))
         coefficients, terms = np.empty((len(v), 6)), np.empty((len(v), self.model.count(TERM)))
-        self._demand(library().am_evaluate(self.handle, len(v), _pointer(v), _pointer(coefficients), _pointer(terms)))
+        self._demand(
+            library().am_evaluate(
+                self.handle, len(v), _pointer(v), _pointer(coefficients), _pointer(terms)
+            )
+        )
         return coefficients, terms
 
     def out_of_range(self) -> tuple[np.ndarray, np.ndarray]:
@@ -350,11 +455,15 @@ class Simulation:
 
     def _demand(self, status: int) -> None:
         if status:
-            raise SimulationError(library().am_error(self.handle).decode(errors="replace"), library().am_time(self.handle))
+            raise SimulationError(
+                library().am_error(self.handle).decode(errors="replace"),
+                library().am_time(self.handle),
+            )
 
 
 class Stepping:
-    """Steps and outputs of a simulation through arrays that stay in place: for loops that are closed sample by sample.
+    """Steps and outputs of a simulation through arrays that stay in place: for loops that are
+    closed sample by sample.
 
     Attributes
     ----------
@@ -367,7 +476,10 @@ class Stepping:
     def __init__(self, simulation: Simulation):
         kernel = library()
         self._simulation, self._step, self._outputs = simulation, kernel.am_step, kernel.am_outputs
-        self.ends, self.y = np.zeros((2, simulation.model.count(INPUT))), np.empty(simulation.model.count(OUTPUT))
+        self.ends, self.y = (
+            np.zeros((2, simulation.model.count(INPUT))),
+            np.empty(simulation.model.count(OUTPUT)),
+        )
         self._pointers = _pointer(self.ends[0]), _pointer(self.ends[1])
         self._y = _pointer(self.y)
 

@@ -1,8 +1,9 @@
 """The packed block: sections and records of format 2, little-endian.
 
-A header (magic, format, byte-order word, size, CRC-32), a directory of sections, and the sections, each at a multiple of 64
-bytes.  ``kernel/src/access/block_reader.h`` holds the same records as C structs.  Tables whose axes have identical breakpoints and order
-lie side by side (a bundle); nothing is ever resampled.
+A header (magic, format, byte-order word, size, CRC-32), a directory of sections, and the sections,
+each at a multiple of 64 bytes.  ``kernel/src/access/block_reader.h`` holds the same records as C
+structs.  Tables whose axes have identical breakpoints and order lie side by side (a bundle);
+nothing is ever resampled.
 """
 
 from __future__ import annotations
@@ -22,13 +23,19 @@ from flightmech.simulation import catalogue, submodels
 from flightmech.simulation.kernel import Entry, groups, library
 from flightmech.terms import power, regressors
 
-FORCES = {"stability": ("CL", "CD", "CY"), "wind": ("CL", "CD", "CY"), "body": ("CX", "CZ", "CY")}  # in the order of the kernel
+FORCES = {
+    "stability": ("CL", "CD", "CY"),
+    "wind": ("CL", "CD", "CY"),
+    "body": ("CX", "CZ", "CY"),
+}  # in the order of the kernel
 MOMENTS = ("Cl", "Cm", "Cn")
 _TABLES = ("K1", "K2", "value")
 
 
 class Term(NamedTuple):
-    """A leaf on its way into the block: the stage of its target, the number of its target, its name, its level (`flightmech.build_up`)."""
+    """A leaf on its way into the block: the stage of its target, the number of its target, its
+    name, its level (`flightmech.build_up`).
+    """
 
     stage: int
     target: int
@@ -37,7 +44,9 @@ class Term(NamedTuple):
     level: int = 0
 
     def stage_of(self, table: xr.Variable) -> int:
-        """Return the stage that looks up a table: that of the term where coefficients are on its axes."""
+        """Return the stage that looks up a table: that of the term where coefficients are on its
+        axes.
+        """
         return self.stage + (self.level if set(table.dims) & set(COEFFICIENTS) else 0)
 
 
@@ -68,8 +77,12 @@ class Packer:
     points: list[float] = field(default_factory=list, init=False)
 
     def __post_init__(self) -> None:
-        self.variables = sorted({v for t in self.terms for v in (*axes(t.leaf), *regressors(t.leaf), *_powered(t.leaf))})
-        found = dict.fromkeys(axis for t in self.terms for _, table in _tables(t.leaf) for axis in _axes_of(t, table))
+        self.variables = sorted(
+            {v for t in self.terms for v in (*axes(t.leaf), *regressors(t.leaf), *_powered(t.leaf))}
+        )
+        found = dict.fromkeys(
+            axis for t in self.terms for _, table in _tables(t.leaf) for axis in _axes_of(t, table)
+        )
         self.axes = sorted(found, key=lambda axis: axis.stage)
         self.numbers = {axis: number for number, axis in enumerate(self.axes)}
 
@@ -98,7 +111,11 @@ class Packer:
 
     def _items(self) -> list[bytes]:
         found = submodels.items(self.aircraft)
-        return [struct.pack("<2I", number, self._string(item)) for number, group in enumerate(groups()) for item in found.get(group, ())]
+        return [
+            struct.pack("<2I", number, self._string(item))
+            for number, group in enumerate(groups())
+            for item in found.get(group, ())
+        ]
 
     def _string(self, text: str) -> int:
         if text not in self.strings:
@@ -109,31 +126,68 @@ class Packer:
     def _geometry(self) -> bytes:
         a = self.aircraft
         axes = list(FORCES).index(self.force_axes)
-        return struct.pack("<4d4I", a.S, a.cbar, a.b, a.x_ref_mac, axes, self._string(a.name), self._string(self.meta), 0)
+        return struct.pack(
+            "<4d4I",
+            a.S,
+            a.cbar,
+            a.b,
+            a.x_ref_mac,
+            axes,
+            self._string(a.name),
+            self._string(self.meta),
+            0,
+        )
 
     def _entries(self, rows: list[Entry]) -> tuple[int, bytes]:
-        packed = [struct.pack("<4I3d2I", *map(self._string, row[:4]), row.value, row.low, row.high, row.flags, 0) for row in rows]
+        packed = [
+            struct.pack(
+                "<4I3d2I", *map(self._string, row[:4]), row.value, row.low, row.high, row.flags, 0
+            )
+            for row in rows
+        ]
         return len(packed), b"".join(packed)
 
     def _axis(self, axis: _Axis) -> bytes:
         first = len(self.points)
         self.points += axis.points
-        return struct.pack("<6I", self.variables.index(axis.name), first, len(axis.points), axis.linear, axis.stage, 0)
+        return struct.pack(
+            "<6I",
+            self.variables.index(axis.name),
+            first,
+            len(axis.points),
+            axis.linear,
+            axis.stage,
+            0,
+        )
 
     def _bundles(self) -> tuple[list[bytes], list[float], dict[tuple[str, str], int]]:
         """Return the records, the nodes and the slot of each table; slot 0 is the constant 1."""
         members: dict[tuple[int, tuple[int, ...]], list[tuple[str, str, np.ndarray]]] = {}
         for t in self.terms:
             for name, table in _tables(t.leaf):
-                members.setdefault((t.stage_of(table), tuple(self.numbers[axis] for axis in _axes_of(t, table))), []).append(
-                    (t.name, name, table.values)
-                )
+                members.setdefault(
+                    (t.stage_of(table), tuple(self.numbers[axis] for axis in _axes_of(t, table))),
+                    [],
+                ).append((t.name, name, table.values))
         records: list[bytes] = []
         nodes: list[float] = []
         slots: dict[tuple[str, str], int] = {}
         for (stage, numbers), tables in sorted(members.items(), key=lambda item: item[0][0]):
-            records.append(struct.pack("<8IQ", len(numbers), *numbers, *[0] * (4 - len(numbers)), len(tables), stage, 0, len(nodes)))
-            nodes += np.stack([values for *_, values in tables], axis=-1).astype(float).ravel().tolist()
+            records.append(
+                struct.pack(
+                    "<8IQ",
+                    len(numbers),
+                    *numbers,
+                    *[0] * (4 - len(numbers)),
+                    len(tables),
+                    stage,
+                    0,
+                    len(nodes),
+                )
+            )
+            nodes += (
+                np.stack([values for *_, values in tables], axis=-1).astype(float).ravel().tolist()
+            )
             for term, name, _ in tables:
                 slots[term, name] = len(slots) + 1
         return records, nodes, slots
@@ -143,8 +197,19 @@ class Packer:
         tables = [slots.get((t.name, name), 0) for name in _TABLES]
         text = str(t.leaf.attrs.get("comment", ""))
         factor = power(t.leaf)
-        place, floor = (self.variables.index(factor.variable) + 1, factor.floor) if factor else (0, 0.0)
-        packed = (self._string(t.name), self._string(text), *tables, *factors, *[0] * (2 - len(factors)), t.target, place, 0)
+        place, floor = (
+            (self.variables.index(factor.variable) + 1, factor.floor) if factor else (0, 0.0)
+        )
+        packed = (
+            self._string(t.name),
+            self._string(text),
+            *tables,
+            *factors,
+            *[0] * (2 - len(factors)),
+            t.target,
+            place,
+            0,
+        )
         return struct.pack("<10Id", *packed, floor)
 
 
@@ -160,7 +225,12 @@ def _tables(leaf: xr.Dataset) -> list[tuple[str, xr.Variable]]:
 
 def _axes_of(t: Term, table: xr.Variable) -> list[_Axis]:
     linear, points = int(t.leaf.attrs.get("outside", "hold") == "linear"), t.leaf.variables
-    return [_Axis(t.stage_of(table), str(axis), linear, tuple(points[axis].values.astype(float).tolist())) for axis in table.dims]
+    return [
+        _Axis(
+            t.stage_of(table), str(axis), linear, tuple(points[axis].values.astype(float).tolist())
+        )
+        for axis in table.dims
+    ]
 
 
 def _block(sections: list[tuple[int, bytes]]) -> bytes:

@@ -13,7 +13,8 @@ from flightmech.errors import SchemaError
 from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.kernel import PARAMETER
 
-# the header of a block (`packer`): checksum of all that follows it, number of sections, then offset and count of every section
+# the header of a block (`packer`): checksum of all that follows it, number of sections, then offset
+# and count of every section
 _CHECKSUM, _CHECKED, _DIRECTORY = 24, 28, 32
 _NODES = 9  # the section with the nodes of all tables
 
@@ -42,9 +43,11 @@ def table_values(sim: SimModel, shapes: Mapping[str, Sequence[int]]) -> dict[str
 
 
 def with_table_values(sim: SimModel, tables: Mapping[str, np.ndarray]) -> SimModel:
-    """Return a compiled model with other values at the nodes of some tables; axes and all else stay.
+    """Return a compiled model with other values at the nodes of some tables; axes and all else
+    stay.
 
-    What `flightmech.compile` would make of a database with these values, in a hundredth of its time.
+    What `flightmech.compile` would make of a database with these values, in a hundredth of its
+    time.
 
     Parameters
     ----------
@@ -58,7 +61,11 @@ def with_table_values(sim: SimModel, tables: Mapping[str, np.ndarray]) -> SimMod
         As `table_values`, and values that are not finite.
     """
     places = _places(sim, {name: np.shape(values) for name, values in tables.items()})
-    faulty = [f"{name} holds values that are not finite" for name, values in tables.items() if not np.isfinite(values).all()]
+    faulty = [
+        f"{name} holds values that are not finite"
+        for name, values in tables.items()
+        if not np.isfinite(values).all()
+    ]
     if faulty:
         raise SchemaError("values of tables", faulty)
     block = bytearray(sim.block)
@@ -72,7 +79,9 @@ def with_table_values(sim: SimModel, tables: Mapping[str, np.ndarray]) -> SimMod
 
 
 def nodes_digest(sim: SimModel) -> str:
-    """Return the SHA-256 of the values at the nodes of all tables: models whose files were written and read again have the same."""
+    """Return the SHA-256 of the values at the nodes of all tables: models whose files were written
+    and read again have the same.
+    """
     return hashlib.sha256(_nodes(sim.block).tobytes()).hexdigest()
 
 
@@ -82,12 +91,19 @@ def _nodes(block: bytes | bytearray) -> np.ndarray:
 
 
 def _places(sim: SimModel, shapes: Mapping[str, Sequence[int]]) -> dict[str, np.ndarray]:
-    """Return where the nodes of tables stand in the section; tables with the same axes lie side by side there."""
+    """Return where the nodes of tables stand in the section; tables with the same axes lie side by
+    side there.
+    """
     found, faulty = {}, []
     for name, shape in shapes.items():
-        first, last = _index(sim, name, [0] * len(shape)), _index(sim, name, [count - 1 for count in shape])
+        first, last = (
+            _index(sim, name, [0] * len(shape)),
+            _index(sim, name, [count - 1 for count in shape]),
+        )
         if min(first, last) < 0 or _longer(sim, name, shape):
-            faulty.append(f"the model has no term {name} with a table of {' x '.join(map(str, shape)) or 'one'} nodes")
+            faulty.append(
+                f"the model has no term {name} with a table of {' x '.join(map(str, shape)) or 'one'} nodes"
+            )
             continue
         size = int(np.prod(shape, dtype=int))
         apart = (last - first) // max(size - 1, 1)
@@ -99,10 +115,14 @@ def _places(sim: SimModel, shapes: Mapping[str, Sequence[int]]) -> dict[str, np.
 
 def _longer(sim: SimModel, name: str, shape: Sequence[int]) -> bool:
     """Whether an axis of a table has more nodes than stated."""
-    beyond = [[count if axis == k else 0 for axis in range(len(shape))] for k, count in enumerate(shape)]
+    beyond = [
+        [count if axis == k else 0 for axis in range(len(shape))] for k, count in enumerate(shape)
+    ]
     return any(_index(sim, name, at) >= 0 for at in beyond)
 
 
 def _index(sim: SimModel, name: str, at: Sequence[int]) -> int:
     """Return the index of a node among all parameters; -1 when there is none."""
-    return sim.model.find(PARAMETER, f"node.{name.replace('/', '.')}" + (f"[{','.join(map(str, at))}]" if at else ""))
+    return sim.model.find(
+        PARAMETER, f"node.{name.replace('/', '.')}" + (f"[{','.join(map(str, at))}]" if at else "")
+    )

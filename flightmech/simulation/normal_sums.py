@@ -1,4 +1,6 @@
-"""Sums of the normal equations of a trajectory, by the kernel: what ``am_add_residuals`` of kernel.h adds."""
+"""Sums of the normal equations of a trajectory, by the kernel: what ``am_add_residuals`` of
+kernel.h adds.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,9 @@ from flightmech.simulation.kernel import _checked, _doubles, _pointer, library
 
 
 class _Sums(ctypes.Structure):
-    _fields_ = [("states", c_int), ("constants", c_int)] + [(name, _doubles) for name in ("D", "O", "G", "C", "gx", "gc", "cost")]
+    _fields_ = [("states", c_int), ("constants", c_int)] + [
+        (name, _doubles) for name in ("D", "O", "G", "C", "gx", "gc", "cost")
+    ]
 
 
 class _Driven(ctypes.Structure):
@@ -29,7 +33,12 @@ class _Residuals(ctypes.Structure):
 
 class _Group(ctypes.Structure):
     _fields_ = [("given", _Residuals), ("count", c_size_t), ("A", _doubles), ("B", _doubles)]
-    _fields_ += [("drive", POINTER(Drive)), ("same", c_int), ("k", POINTER(c_longlong)), ("f", _doubles)]
+    _fields_ += [
+        ("drive", POINTER(Drive)),
+        ("same", c_int),
+        ("k", POINTER(c_longlong)),
+        ("f", _doubles),
+    ]
 
 
 class NormalSums:
@@ -51,11 +60,16 @@ class NormalSums:
     """
 
     def __init__(self, samples: int, states: int, constants: int):
-        self.D, self.O = np.empty((samples, states, states)), np.empty((samples - 1, states, states))
+        self.D, self.O = (
+            np.empty((samples, states, states)),
+            np.empty((samples - 1, states, states)),
+        )
         self.G, self.C = np.empty((samples, states, constants)), np.empty((constants, constants))
         self.gx, self.gc = np.empty((samples, states)), np.empty(constants)
         self._cost = np.empty(1)
-        self.clear()  # np.zeros would leave the first touch of each small page to the sums; np.empty takes large ones where there are any
+        # np.zeros would leave the first touch of each small page to the sums; np.empty takes large
+        # ones where there are any
+        self.clear()
         arrays = (self.D, self.O, self.G, self.C, self.gx, self.gc, self._cost)
         self._sums = _Sums(states, constants, *(array.ctypes.data_as(_doubles) for array in arrays))
         self._rest: Elimination | None = None
@@ -63,7 +77,9 @@ class NormalSums:
 
     @contextmanager
     def together(self) -> Iterator[None]:
-        """Add what is added inside only at the end, all residuals of a stretch of samples before the next: the sums stay in the cache."""
+        """Add what is added inside only at the end, all residuals of a stretch of samples before
+        the next: the sums stay in the cache.
+        """
         waiting: list[tuple[_Group, Any]] = []
         self._waiting = waiting
         try:
@@ -76,7 +92,9 @@ class NormalSums:
         array = (_Group * len(groups))(*(group for group, _ in groups))
         if library().am_add_residuals(byref(self._sums), len(self.D), array, len(groups)):
             sizes = f"{self._sums.states} states and {self._sums.constants} constants"
-            raise ValueError(f"{sizes}: more than the kernel sums at once, 32; or a path with an unknown input")
+            raise ValueError(
+                f"{sizes}: more than the kernel sums at once, 32; or a path with an unknown input"
+            )
 
     def _take(self, group: _Group, *kept: Any) -> None:
         if self._waiting is None:
@@ -102,7 +120,15 @@ class NormalSums:
     def cost(self, value: float) -> None:
         self._cost[0] = value
 
-    def steps(self, r: np.ndarray, weight: np.ndarray, A: np.ndarray, B: np.ndarray, columns: np.ndarray, J: np.ndarray) -> None:
+    def steps(
+        self,
+        r: np.ndarray,
+        weight: np.ndarray,
+        A: np.ndarray,
+        B: np.ndarray,
+        columns: np.ndarray,
+        J: np.ndarray,
+    ) -> None:
         """Add residuals between neighbours.
 
         Parameters
@@ -129,7 +155,8 @@ class NormalSums:
             R' [(v_k+1 - v_k)/dt + (2 spin + transport v) x v - g] - force
             (h_k+1 - h_k)/dt + v_down
 
-        and of each vane y_k+1 - E y_k - c0 angle_k - c1 angle_k+1, or y_k+1 - y_k where it hangs freely.
+        and of each vane y_k+1 - E y_k - c0 angle_k - c1 angle_k+1, or y_k+1 - y_k where it hangs
+        freely.
 
         Parameters
         ----------
@@ -141,14 +168,17 @@ class NormalSums:
         """
         rows, samples = 7 + len(path.vanes.side), len(self.D)
         if (path.samples, path.states) != self.D.shape[:2]:
-            raise ValueError(f"path of {path.samples} samples and {path.states} states, expected {samples} and {self.D.shape[1]}")
+            raise ValueError(
+                f"path of {path.samples} samples and {path.states} states, expected {samples} and {self.D.shape[1]}"
+            )
         weight, column = _checked(weight, (samples - 1, rows)), self._among(columns)
         pointers = column.ctypes.data_as(POINTER(c_int)), None, _pointer(weight), None
         given = _Residuals(rows, rows + 3 * path.gusts, len(column), *pointers)
         self._take(_Group(given, samples - 1, drive=pointer(path.drive)), weight, column, path)
 
     def readings(self, r, weight, k, f, A, columns, J) -> None:
-        """Add residuals of readings at (1 - f) x_k + f x_k+1: k and f (M,), the others as in `steps` with M for N - 1.
+        """Add residuals of readings at (1 - f) x_k + f x_k+1: k and f (M,), the others as in
+        `steps` with M for N - 1.
 
         A may be that of a single reading, which all others share.
         """
@@ -156,7 +186,8 @@ class NormalSums:
         self._take(group, kept)
 
     def eliminate(self) -> Elimination:
-        """Return the normal equations with the states eliminated, T = F F'; the next call writes over what it returns.
+        """Return the normal equations with the states eliminated, T = F F'; the next call writes
+        over what it returns.
 
         Raises
         ------
@@ -166,7 +197,11 @@ class NormalSums:
         samples, states, constants = self.G.shape
         rest = self._rest = self._rest or Elimination(samples, states, constants)
         rest.products.fill(0.0)
-        failed = library().am_eliminate(byref(self._sums), samples, *map(_pointer, (rest.L, rest.V, rest.columns, rest.products)))
+        failed = library().am_eliminate(
+            byref(self._sums),
+            samples,
+            *map(_pointer, (rest.L, rest.V, rest.columns, rest.products)),
+        )
         if failed >= 0:
             raise np.linalg.LinAlgError(*divmod(failed, states))
         return rest
@@ -188,15 +223,24 @@ def _given(r, weight, states: int, columns, J) -> tuple[_Residuals, Any]:
 
 
 def _reading_group(r, k, f, A, columns, J, weight, samples: int) -> tuple[_Group, Any]:
-    """Return readings as the kernel takes them, and what has to stay in memory for it; arguments as in `NormalSums.readings`."""
+    """Return readings as the kernel takes them, and what has to stay in memory for it; arguments as
+    in `NormalSums.readings`.
+    """
     given, kept = _given(r, weight, A.shape[-1], columns, J)
     before, share, same = np.ascontiguousarray(k, np.int64), _checked(f, (len(r),)), len(A) == 1
     A = _checked(A, (1 if same else len(r), r.shape[1], A.shape[-1]))
     last = before + (share != 0.0)
     if len(before) != len(r) or (len(before) and not 0 <= before.min() <= last.max() < samples):
-        raise IndexError(f"{len(r)} readings at samples {before.min()} ... {last.max()} of {samples}")
+        raise IndexError(
+            f"{len(r)} readings at samples {before.min()} ... {last.max()} of {samples}"
+        )
     places = before.ctypes.data_as(POINTER(c_longlong))
-    return _Group(given, len(before), _pointer(A), same=same, k=places, f=_pointer(share)), (kept, before, share, A)
+    return _Group(given, len(before), _pointer(A), same=same, k=places, f=_pointer(share)), (
+        kept,
+        before,
+        share,
+        A,
+    )
 
 
 class Elimination:
@@ -215,7 +259,11 @@ class Elimination:
     def __init__(self, samples: int, states: int, constants: int):
         self.L, self.V = np.empty((samples, states, states)), np.empty((samples, states, states))
         width = (constants + 4) // 4 * 4
-        self.columns, self.products, self._used = np.empty((samples, states, width)), np.empty((width, width)), constants + 1
+        self.columns, self.products, self._used = (
+            np.empty((samples, states, width)),
+            np.empty((width, width)),
+            constants + 1,
+        )
 
     @property
     def right(self) -> np.ndarray:
@@ -229,7 +277,9 @@ class Elimination:
         return np.tril(low) + np.tril(low, -1).T
 
     def along(self, directions: np.ndarray) -> np.ndarray:
-        """Return F^-1 [G, gx] times directions of constants and right-hand side (nc + 1, m), (N, n, m)."""
+        """Return F^-1 [G, gx] times directions of constants and right-hand side (nc + 1, m), (N, n,
+        m).
+        """
         samples, states, width = self.columns.shape
         full = np.zeros((width, directions.shape[1]))
         full[: self._used] = directions
@@ -238,7 +288,14 @@ class Elimination:
     def back(self, x: np.ndarray) -> np.ndarray:
         """Return F'^-1 x (N, n, any), written over x."""
         samples, states, columns = x.shape
-        library().am_substitute(states, samples, _pointer(self.L), _pointer(self.V), columns, _pointer(_checked(x, x.shape)))
+        library().am_substitute(
+            states,
+            samples,
+            _pointer(self.L),
+            _pointer(self.V),
+            columns,
+            _pointer(_checked(x, x.shape)),
+        )
         return x
 
 
@@ -268,12 +325,14 @@ class Readings(NamedTuple):
 
 
 def driven_products(X: np.ndarray, unknowns: int, readings: Readings) -> np.ndarray:
-    """Return for each channel of a sensor the sums of products of its derivatives by the unknowns and its residual, (m, u + 1, u + 1).
+    """Return for each channel of a sensor the sums of products of its derivatives by the unknowns
+    and its residual, (m, u + 1, u + 1).
 
     Parameters
     ----------
     X : array (N, n, columns)
-        Derivatives of the path, see `DrivenPath.follow` of `driven_path`; its columns are the first of the unknowns.
+        Derivatives of the path, see `DrivenPath.follow` of `driven_path`; its columns are the first
+        of the unknowns.
     unknowns : int
         u.
     readings : Readings
@@ -283,10 +342,14 @@ def driven_products(X: np.ndarray, unknowns: int, readings: Readings) -> np.ndar
     return products
 
 
-def driven_series(X: np.ndarray, unknowns: int, readings: Readings, weight: np.ndarray, pressed: np.ndarray) -> np.ndarray:
-    """Return the derivatives of each channel by the unknowns (m, u, M), and add their squares times weight (m,) by the state to pressed.
+def driven_series(
+    X: np.ndarray, unknowns: int, readings: Readings, weight: np.ndarray, pressed: np.ndarray
+) -> np.ndarray:
+    """Return the derivatives of each channel by the unknowns (m, u, M), and add their squares times
+    weight (m,) by the state to pressed.
 
-    Arguments as in `driven_products`; pressed (N, n, u) takes J' weight^2 A, J the derivatives by the state and A those by the unknowns.
+    Arguments as in `driven_products`; pressed (N, n, u) takes J' weight^2 A, J the derivatives by
+    the state and A those by the unknowns.
     """
     series = np.zeros((readings.r.shape[1], unknowns, len(readings.r)))
     _add(X, unknowns, readings, weight, None, series, pressed)
@@ -303,5 +366,7 @@ def _add(X, unknowns: int, readings: Readings, weight, products, series, pressed
     out = None if pressed is None else written(pressed, (samples, states, unknowns))
     sums = (None if item is None else _pointer(item) for item in (products, series))
     if library().am_add_driven(byref(driven), byref(group), *sums, out):
-        raise ValueError(f"{unknowns} unknowns or {readings.A.shape[-1]} states: more than the kernel sums at once, 96 and {states}")
+        raise ValueError(
+            f"{unknowns} unknowns or {readings.A.shape[-1]} states: more than the kernel sums at once, 96 and {states}"
+        )
     del kept

@@ -33,13 +33,14 @@ def simulate(
     sim : SimModel
         The compiled model.
     inputs : Dataset (time,)
-        ``time`` [s, rising] and any of the inputs, over time or constant; other quantities of the vocabulary, such as the
-        states of a manoeuvre, are not read. [SI]
+        ``time`` [s, rising] and any of the inputs, over time or constant; other quantities of the
+        vocabulary, such as the states of a manoeuvre, are not read. [SI]
     parameters : mapping of str to float, optional
-        Parameters, and constant values of inputs that `inputs` does not hold; without one an input is zero.  ``mode.step``
-        among them goes before `step`. [SI]
+        Parameters, and constant values of inputs that `inputs` does not hold; without one an input
+        is zero.  ``mode.step`` among them goes before `step`. [SI]
     hold : {"linear", "zero"}
-        Inputs linear between samples, or held from each sample to the next as an importer without interpolation does.
+        Inputs linear between samples, or held from each sample to the next as an importer without
+        interpolation does.
     step : float
         Largest internal step. [s]
     outputs : sequence of str, optional
@@ -50,9 +51,9 @@ def simulate(
     Returns
     -------
     Dataset (time,)
-        The outputs; with `terms` also ``contribution`` (time, term), which sums to the coefficients (with ``bias.*``) and to the
-        targets of the submodels.  Attribute ``out_of_range`` names the axes whose range was left, with the number of internal
-        steps; it is empty when none was.
+        The outputs; with `terms` also ``contribution`` (time, term), which sums to the coefficients
+        (with ``bias.*``) and to the targets of the submodels.  Attribute ``out_of_range`` names the
+        axes whose range was left, with the number of internal steps; it is empty when none was.
 
     Raises
     ------
@@ -71,17 +72,34 @@ def simulate(
     run = prepared(sim, values, u[0], float(time[0]))
     y, parts = run.record(time, u, hold == "zero", chosen, terms)
     rows = sim.entries(OUTPUT)
-    columns: dict[str, Any] = {rows[i].name: ("time", y[:, k], attributes(rows[i])) for k, i in enumerate(chosen)}
-    coords: dict[str, Any] = {"time": ("time", time, {"units": "s", "long_name": lookup("time").long_name})}
+    columns: dict[str, Any] = {
+        rows[i].name: ("time", y[:, k], attributes(rows[i])) for k, i in enumerate(chosen)
+    }
+    coords: dict[str, Any] = {
+        "time": ("time", time, {"units": "s", "long_name": lookup("time").long_name})
+    }
     if parts is not None:
-        columns["contribution"] = (("time", "term"), parts, {"long_name": "contribution of each term to its coefficient"})
+        columns["contribution"] = (
+            ("time", "term"),
+            parts,
+            {"long_name": "contribution of each term to its coefficient"},
+        )
         coords["term"] = ("term", list(sim.terms))
     return xr.Dataset(
-        columns, coords, {"title": sim.title, "step": float(values["mode.step"]), "hold": hold, "out_of_range": axes_left(sim, run)}
+        columns,
+        coords,
+        {
+            "title": sim.title,
+            "step": float(values["mode.step"]),
+            "hold": hold,
+            "out_of_range": axes_left(sim, run),
+        },
     )
 
 
-def prepared(sim: SimModel, values: Mapping[str, float], u: np.ndarray, time: float = 0.0) -> Simulation:
+def prepared(
+    sim: SimModel, values: Mapping[str, float], u: np.ndarray, time: float = 0.0
+) -> Simulation:
     """Return an initialised simulation with parameters and inputs at the start."""
     run = Simulation(sim.model)
     for name, value in values.items():
@@ -93,12 +111,19 @@ def prepared(sim: SimModel, values: Mapping[str, float], u: np.ndarray, time: fl
 
 
 def index_of_parameter(sim: SimModel, name: str) -> int:
-    """Return the index of a parameter, among them those of the tables: ``node.CL.basic[3,1]``, ``table.CL.basic``, ``offset.CL.basic``."""
+    """Return the index of a parameter, among them those of the tables: ``node.CL.basic[3,1]``,
+    ``table.CL.basic``, ``offset.CL.basic``.
+    """
     index = sim.model.find(PARAMETER, name)
     if index < 0:
         hint = "a table has node.CL.basic[3,1] with one index per axis, table.CL.basic and offset.CL.basic"
         near = [*sim.parameters, *sim.inputs]
-        raise UnknownName(name, near, "parameter or input", hint if name.split(".")[0] in ("node", "table", "offset") else "")
+        raise UnknownName(
+            name,
+            near,
+            "parameter or input",
+            hint if name.split(".")[0] in ("node", "table", "offset") else "",
+        )
     return index
 
 
@@ -135,14 +160,23 @@ def read_time(inputs: xr.Dataset) -> np.ndarray:
     time = inputs["time"].values.astype(float)
     if not (np.diff(time) > 0.0).all() or not np.isfinite(time).all():
         at = int(np.flatnonzero(~(np.diff(time) > 0.0))[0]) if len(time) > 1 else 0
-        raise SchemaError("inputs", [f"time does not rise after {time[at]:g} s (sample {at}); sort it and drop repeated samples"])
+        raise SchemaError(
+            "inputs",
+            [
+                f"time does not rise after {time[at]:g} s (sample {at}); sort it and drop repeated samples"
+            ],
+        )
     return time
 
 
-def read_inputs(sim: SimModel, inputs: xr.Dataset, values: Mapping[str, float], count: int, runs: int = 0) -> np.ndarray:
-    """Return the inputs (time, inputs): recorded ones, else the constant ones of `values`, else their start values.
+def read_inputs(
+    sim: SimModel, inputs: xr.Dataset, values: Mapping[str, float], count: int, runs: int = 0
+) -> np.ndarray:
+    """Return the inputs (time, inputs): recorded ones, else the constant ones of `values`, else
+    their start values.
 
-    With `runs`, inputs may have the dimensions (run, time); if one has, the result is (run, time, inputs).
+    With `runs`, inputs may have the dimensions (run, time); if one has, the result is (run, time,
+    inputs).
     """
     u = np.tile(constant_inputs(sim, values), (count, 1))
     if runs and any("run" in inputs[name].dims for name in inputs.variables if name in sim.inputs):
@@ -158,9 +192,15 @@ def read_inputs(sim: SimModel, inputs: xr.Dataset, values: Mapping[str, float], 
 def _column(item: xr.DataArray, runs: int = 0) -> Any:
     if runs and item.dims == ("run", "time"):
         if item.sizes["run"] != runs:
-            raise SchemaError("inputs", [f"{item.name} has {item.sizes['run']} runs, the varied parameters {runs}"])
+            raise SchemaError(
+                "inputs",
+                [f"{item.name} has {item.sizes['run']} runs, the varied parameters {runs}"],
+            )
     elif item.dims not in ((), ("time",)):
-        raise SchemaError("inputs", [f"{item.name} has the dimensions {item.dims}; allowed are ('time',) and none"])
+        raise SchemaError(
+            "inputs",
+            [f"{item.name} has the dimensions {item.dims}; allowed are ('time',) and none"],
+        )
     return item.values.astype(float)
 
 
@@ -200,37 +240,43 @@ def simulate_closed_loop(
 ) -> xr.Dataset:
     """Simulate with a control law, autopilot or stability augmentation in the loop.
 
-    The law is called at t0, t0 + period, t0 + 2 period ... with the outputs of that instant.  The inputs that it returns act from there,
-    after `delay` periods, and are held until the next call: half a period of delay on average, in addition to `delay` periods.
+    The law is called at t0, t0 + period, t0 + 2 period ... with the outputs of that instant.  The
+    inputs that it returns act from there, after `delay` periods, and are held until the next call:
+    half a period of delay on average, in addition to `delay` periods.
 
     Parameters
     ----------
     sim : SimModel
         The compiled model.
     inputs : Dataset (time,)
-        As in `simulate`; its samples are those of the result.  What the law moves counts at the start only, where the model may be
-        trimmed with it. [SI]
+        As in `simulate`; its samples are those of the result.  What the law moves counts at the
+        start only, where the model may be trimmed with it. [SI]
     law : callable
-        ``law(t, outputs, inputs)`` returns the inputs that it moves by name, absolute values.  ``outputs`` are all outputs of the model
-        under the inputs that acted until then, ``inputs`` those of the record at t: an augmentation returns their sum with its own part.
-        It may keep a state of its own; it is called once per period, in order. [s, SI]
+        ``law(t, outputs, inputs)`` returns the inputs that it moves by name, absolute values.
+        ``outputs`` are all outputs of the model under the inputs that acted until then, ``inputs``
+        those of the record at t: an augmentation returns their sum with its own part. It may keep a
+        state of its own; it is called once per period, in order. [s, SI]
     period : float
         Sample period of the law. [s]
     parameters, hold, step, outputs
-        As in `simulate`; `step` is the largest internal step, a period is a whole number of steps not longer than it.
+        As in `simulate`; `step` is the largest internal step, a period is a whole number of steps
+        not longer than it.
     delay : int
-        Periods between the call and the instant from which its inputs act, as of a computer that needs the time; 0 for none.
+        Periods between the call and the instant from which its inputs act, as of a computer that
+        needs the time; 0 for none.
 
     Returns
     -------
     Dataset (time,)
-        The outputs, and the inputs that the law moved, as they act from the sample on: accelerations of a sample are those under
-        them.  Attributes as those of `simulate`, with ``period`` and ``delay``.
+        The outputs, and the inputs that the law moved, as they act from the sample on:
+        accelerations of a sample are those under them.  Attributes as those of `simulate`, with
+        ``period`` and ``delay``.
 
     Raises
     ------
     UnknownName
-        A parameter, an output or an input, also one that the law returns, that the model does not have.
+        A parameter, an output or an input, also one that the law returns, that the model does not
+        have.
     OutOfRange
         The law returned a number that is not finite; the text has the time.
     SchemaError, SimulationError
@@ -259,20 +305,34 @@ def simulate_closed_loop(
         if dt:
             run.step(t, dt, loop.at(t), loop.at(t + dt, before=True))
     rows = sim.entries(OUTPUT)
-    columns: dict[str, Any] = {rows[i].name: ("time", y[:, k], attributes(rows[i])) for k, i in enumerate(chosen)}
+    columns: dict[str, Any] = {
+        rows[i].name: ("time", y[:, k], attributes(rows[i])) for k, i in enumerate(chosen)
+    }
     own = {row.name: row for row in sim.entries(INPUT)}
     for name in dict.fromkeys(name for command in commands for name in command):
         base = u[:, sim.inputs.index(name)]
         moved = [command.get(name, value) for command, value in zip(commands, base, strict=True)]
         columns[name] = ("time", np.array(moved), attributes(own[name]))
-    found = {"title": sim.title, "step": float(values["mode.step"]), "hold": hold, "period": period, "delay": delay}
-    return xr.Dataset(columns, {"time": ("time", time, {"units": "s"})}, {**found, "out_of_range": axes_left(sim, run)})
+    found = {
+        "title": sim.title,
+        "step": float(values["mode.step"]),
+        "hold": hold,
+        "period": period,
+        "delay": delay,
+    }
+    return xr.Dataset(
+        columns,
+        {"time": ("time", time, {"units": "s"})},
+        {**found, "out_of_range": axes_left(sim, run)},
+    )
 
 
 class _Loop:
     """The law, what it has returned that does not act yet, and what acts."""
 
-    def __init__(self, sim: SimModel, law: Law, delay: int, time: np.ndarray, u: np.ndarray, held: bool):
+    def __init__(
+        self, sim: SimModel, law: Law, delay: int, time: np.ndarray, u: np.ndarray, held: bool
+    ):
         self.sim, self.law, self.time, self.u, self.held = sim, law, time, u, held
         self.waiting: deque[dict[str, float]] = deque([{}] * delay)
         self.acting: dict[str, float] = {}
@@ -283,9 +343,13 @@ class _Loop:
         command = {}
         for name, value in found.items():
             if name not in recorded:
-                raise UnknownName(name, self.sim.inputs, "input", f"the control law returned it at t = {t:g} s")
+                raise UnknownName(
+                    name, self.sim.inputs, "input", f"the control law returned it at t = {t:g} s"
+                )
             if not np.isfinite(value):
-                raise OutOfRange(f"the control law returned {value} for {name} at t = {t:g} s; return finite numbers")
+                raise OutOfRange(
+                    f"the control law returned {value} for {name} at t = {t:g} s; return finite numbers"
+                )
             command[name] = float(value)
         self.waiting.append(command)
         self.acting = {**self.acting, **self.waiting.popleft()}
@@ -299,8 +363,20 @@ class _Loop:
 
     def _recorded(self, t: float, before: bool = False) -> np.ndarray:
         if self.held:
-            return self.u[max(int(np.searchsorted(self.time, t + (-_CLOCK if before else _CLOCK), side="right")) - 1, 0)].copy()
-        k = min(max(int(np.searchsorted(self.time, t, side="right")) - 1, 0), max(len(self.time) - 2, 0))
+            return self.u[
+                max(
+                    int(
+                        np.searchsorted(
+                            self.time, t + (-_CLOCK if before else _CLOCK), side="right"
+                        )
+                    )
+                    - 1,
+                    0,
+                )
+            ].copy()
+        k = min(
+            max(int(np.searchsorted(self.time, t, side="right")) - 1, 0), max(len(self.time) - 2, 0)
+        )
         if len(self.time) == 1:
             return self.u[0].copy()
         share = min(max((t - self.time[k]) / (self.time[k + 1] - self.time[k]), 0.0), 1.0)
@@ -308,9 +384,11 @@ class _Loop:
 
 
 def _instants(time: np.ndarray, period: float) -> list[tuple[int | None, bool, float, float]]:
-    """Return every instant with its sample of the record, whether the law is called, its time and the step to the next. [s]
+    """Return every instant with its sample of the record, whether the law is called, its time and
+    the step to the next. [s]
 
-    A step between two calls is the period itself, not a difference of times, so that all have the same length.
+    A step between two calls is the period itself, not a difference of times, so that all have the
+    same length.
     """
     count = int(np.floor((time[-1] - time[0] + _CLOCK) / period)) + 1
     calls = time[0] + period * np.arange(count)
@@ -324,6 +402,8 @@ def _instants(time: np.ndarray, period: float) -> list[tuple[int | None, bool, f
             rows.append((float(time[i]), i, False))
     rows.sort(key=lambda row: row[0])
     found: list[tuple[int | None, bool, float, float]] = []
-    for (t, sample, called), (following, _, then) in zip(rows, [*rows[1:], (rows[-1][0], None, False)], strict=True):
+    for (t, sample, called), (following, _, then) in zip(
+        rows, [*rows[1:], (rows[-1][0], None, False)], strict=True
+    ):
         found.append((sample, called, t, period if called and then else following - t))
     return found

@@ -1,8 +1,10 @@
-"""Modes of a linear model: which motion an eigenvalue is, and what a pilot or a test row requires of it.
+"""Modes of a linear model: which motion an eigenvalue is, and what a pilot or a test row requires
+of it.
 
-A mode is recognised by participation, p_ki = l_ki v_ki with the left and right eigenvectors scaled to l_i v_i = 1 [Perez]: the part
-that state k has in mode i.  It does not depend on the units of the states nor on their order, and its sum over the states of a mode is
-one.  Eigenvalues and states are matched one to one so that the sum of participations becomes largest; the states that fall to a mode
+A mode is recognised by participation, p_ki = l_ki v_ki with the left and right eigenvectors scaled
+to l_i v_i = 1 [Perez]: the part that state k has in mode i.  It does not depend on the units of the
+states nor on their order, and its sum over the states of a mode is one.  Eigenvalues and states are
+matched one to one so that the sum of participations becomes largest; the states that fall to a mode
 give its name.
 
 References
@@ -20,9 +22,34 @@ import pandas as pd
 import xarray as xr
 from scipy.optimize import linear_sum_assignment
 
-PHUGOID, SHORT_PERIOD, DUTCH_ROLL, ROLL, SPIRAL = "phugoid", "short period", "Dutch roll", "roll", "spiral"
-COLUMNS = ("mode", "real", "imag", "omega_n", "damping_ratio", "period", "t_half", "t_double", "phi_beta", "participation", "remark")
-UNITS = {"real": "s-1", "imag": "rad s-1", "omega_n": "rad s-1", "period": "s", "t_half": "s", "t_double": "s"}
+PHUGOID, SHORT_PERIOD, DUTCH_ROLL, ROLL, SPIRAL = (
+    "phugoid",
+    "short period",
+    "Dutch roll",
+    "roll",
+    "spiral",
+)
+COLUMNS = (
+    "mode",
+    "real",
+    "imag",
+    "omega_n",
+    "damping_ratio",
+    "period",
+    "t_half",
+    "t_double",
+    "phi_beta",
+    "participation",
+    "remark",
+)
+UNITS = {
+    "real": "s-1",
+    "imag": "rad s-1",
+    "omega_n": "rad s-1",
+    "period": "s",
+    "t_half": "s",
+    "t_double": "s",
+}
 _MOTION = {
     "V": PHUGOID,
     "theta": PHUGOID,
@@ -47,7 +74,9 @@ _DEFECTIVE = 1e10  # condition of the eigenvectors beyond which eigenvalues coun
 
 
 class _Eigen(NamedTuple):
-    """One real eigenvalue, or a conjugate pair by the one with positive frequency; `share` (states,) are participations."""
+    """One real eigenvalue, or a conjugate pair by the one with positive frequency; `share`
+    (states,) are participations.
+    """
 
     value: complex
     vector: np.ndarray
@@ -66,13 +95,15 @@ def modes(linear: xr.Dataset) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        One row per real eigenvalue or conjugate pair, fastest first; columns `COLUMNS`, units in ``attrs["units"]``.  ``mode`` is
-        ``phugoid``, ``short period``, ``Dutch roll``, ``roll``, ``spiral``, ``height``, ``heading``, ``engine``, ``fuel`` or ``gear``; a
-        motion that has fallen apart into two real ones appears twice with ``aperiodic`` in its remark; a pair made of two motions is the
-        ``third oscillation`` (phugoid and short period), the ``roll-spiral oscillation``, or ``coupled``.  ``period`` is NaN without
-        oscillation, ``t_half`` NaN for a growing motion, ``t_double`` for a decaying one; ``damping_ratio`` is -real/omega_n, so -1 for an
-        aperiodic divergence.
-        ``phi_beta`` is the ratio of bank to sideslip in a lateral oscillation.  ``participation`` lists the states above 0.1.
+        One row per real eigenvalue or conjugate pair, fastest first; columns `COLUMNS`, units in
+        ``attrs["units"]``.  ``mode`` is ``phugoid``, ``short period``, ``Dutch roll``, ``roll``,
+        ``spiral``, ``height``, ``heading``, ``engine``, ``fuel`` or ``gear``; a motion that has
+        fallen apart into two real ones appears twice with ``aperiodic`` in its remark; a pair made
+        of two motions is the ``third oscillation`` (phugoid and short period), the ``roll-spiral
+        oscillation``, or ``coupled``.  ``period`` is NaN without oscillation, ``t_half`` NaN for a
+        growing motion, ``t_double`` for a decaying one; ``damping_ratio`` is -real/omega_n, so -1
+        for an aperiodic divergence. ``phi_beta`` is the ratio of bank to sideslip in a lateral
+        oscillation.  ``participation`` lists the states above 0.1.
 
     Notes
     -----
@@ -94,7 +125,9 @@ def _eigen(A: np.ndarray, names: list[str]) -> list[_Eigen]:
     left = np.linalg.pinv(V)
     share = np.abs(left.T * V)
     share /= np.maximum(share.sum(axis=0), np.finfo(float).tiny)
-    owner = {int(mode): names[state] for state, mode in zip(*linear_sum_assignment(-share), strict=True)}
+    owner = {
+        int(mode): names[state] for state, mode in zip(*linear_sum_assignment(-share), strict=True)
+    }
     repeated = np.linalg.cond(V) > _DEFECTIVE
     found = []
     for i, value in enumerate(values):
@@ -104,7 +137,9 @@ def _eigen(A: np.ndarray, names: list[str]) -> list[_Eigen]:
         conjugate = int(np.argmin(np.abs(values - value.conjugate()))) if oscillates else i
         states = (owner[i], owner[conjugate]) if oscillates else (owner[i],)
         value = value if oscillates else complex(value.real)
-        found.append(_Eigen(value, V[:, i], np.full(len(names), np.nan) if repeated else share[:, i], states))
+        found.append(
+            _Eigen(value, V[:, i], np.full(len(names), np.nan) if repeated else share[:, i], states)
+        )
     return found
 
 
@@ -113,14 +148,21 @@ def _row(item: _Eigen, names: list[str]) -> dict[str, object]:
     omega_n = abs(value)
     mode, remarks = _name(item)
     decay = -value.real
-    row: dict[str, object] = {"mode": mode, "real": value.real, "imag": value.imag, "omega_n": omega_n}
+    row: dict[str, object] = {
+        "mode": mode,
+        "real": value.real,
+        "imag": value.imag,
+        "omega_n": omega_n,
+    }
     row["damping_ratio"] = decay / omega_n if omega_n > 0.0 else np.nan
     row["period"] = 2.0 * np.pi / value.imag if pair else np.nan
     row["t_half"] = np.log(2.0) / decay if decay > 0.0 else np.nan
     row["t_double"] = -np.log(2.0) / decay if decay < 0.0 else np.nan
     row["phi_beta"] = _ratio(item, names) if pair else np.nan
     shares = sorted(zip(item.share, names, strict=True), reverse=True)
-    row["participation"] = " ".join(f"{name} {share:.2f}" for share, name in shares if share >= _WORTH_NAMING)
+    row["participation"] = " ".join(
+        f"{name} {share:.2f}" for share, name in shares if share >= _WORTH_NAMING
+    )
     row["remark"] = "; ".join([*remarks, *_shared(item, names)])
     return row
 
@@ -139,7 +181,11 @@ def _name(item: _Eigen) -> tuple[str, list[str]]:
         return motion, [*unstable, *(["aperiodic"] if apart else [])]
     if len(motions) == 1:
         (motion,) = motions
-        return (motion, unstable) if motion in (PHUGOID, SHORT_PERIOD, DUTCH_ROLL) else ("coupled", [*unstable, f"of {motion} alone"])
+        return (
+            (motion, unstable)
+            if motion in (PHUGOID, SHORT_PERIOD, DUTCH_ROLL)
+            else ("coupled", [*unstable, f"of {motion} alone"])
+        )
     merged = _MERGED.get(frozenset(motions), "coupled")
     return merged, [*unstable, f"merged of {' and '.join(sorted(motions))}"]
 
@@ -149,14 +195,30 @@ def _shared(item: _Eigen, names: list[str]) -> list[str]:
     if np.isnan(item.share).any():
         return ["repeated eigenvalues: the name is a guess"]
     own = {_motion(state) for state in item.states}
-    part = {motion: sum(s for s, name in zip(item.share, names, strict=True) if _motion(name) == motion) for motion in map(_motion, names)}
+    part = {
+        motion: sum(s for s, name in zip(item.share, names, strict=True) if _motion(name) == motion)
+        for motion in map(_motion, names)
+    }
     if sum(part[motion] for motion in own) >= _CLEAR:
         return []
-    others = sorted(((share, motion) for motion, share in part.items() if motion not in own and share >= _WORTH_NAMING), reverse=True)
-    return [f"with {', '.join(f'{motion} {share:.2f}' for share, motion in others)}"] if others else []
+    others = sorted(
+        (
+            (share, motion)
+            for motion, share in part.items()
+            if motion not in own and share >= _WORTH_NAMING
+        ),
+        reverse=True,
+    )
+    return (
+        [f"with {', '.join(f'{motion} {share:.2f}' for share, motion in others)}"] if others else []
+    )
 
 
 def _ratio(item: _Eigen, names: list[str]) -> float:
-    if "phi" not in names or "beta" not in names or not {_motion(state) for state in item.states} & {DUTCH_ROLL, ROLL, SPIRAL}:
+    if (
+        "phi" not in names
+        or "beta" not in names
+        or not {_motion(state) for state in item.states} & {DUTCH_ROLL, ROLL, SPIRAL}
+    ):
         return np.nan
     return float(abs(item.vector[names.index("phi")] / item.vector[names.index("beta")]))

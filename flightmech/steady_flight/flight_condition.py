@@ -22,15 +22,17 @@ _START = ("gamma", "phi", "psi", "lat", "lon")
 def parameters(sim: SimModel, condition: Mapping[str, float]) -> dict[str, float]:
     """Return the parameters and inputs of the simulation at a condition over a flat Earth.
 
-    The flight is out of ground effect, at sea level too, unless the condition gives ``env.runway_elevation``.
+    The flight is out of ground effect, at sea level too, unless the condition gives
+    ``env.runway_elevation``.
 
     Parameters
     ----------
     sim : SimModel
         The compiled model.
     condition : mapping of str to float
-        One of ``V mach V_cas V_eas``, and any of ``h`` (0), ``gamma phi psi lat lon``, ``mass x_cg_b ... Iyz``, ``delta_T``, inputs
-        (``delta_f``, ``gear``) and parameters (``term.CL.gear``). [SI]
+        One of ``V mach V_cas V_eas``, and any of ``h`` (0), ``gamma phi psi lat lon``, ``mass
+        x_cg_b ... Iyz``, ``delta_T``, inputs (``delta_f``, ``gear``) and parameters
+        (``term.CL.gear``). [SI]
 
     Raises
     ------
@@ -41,10 +43,15 @@ def parameters(sim: SimModel, condition: Mapping[str, float]) -> dict[str, float
     """
     given = [name for name in SPEEDS if name in condition]
     if len(given) != 1:
-        raise SchemaError("condition", [f"holds {', '.join(given) or 'no speed'}; give one of {', '.join(SPEEDS)}"])
+        raise SchemaError(
+            "condition",
+            [f"holds {', '.join(given) or 'no speed'}; give one of {', '.join(SPEEDS)}"],
+        )
     bad = [name for name, value in condition.items() if not np.isfinite(value)]
     if bad:
-        raise SchemaError("condition", [f"{name} is {condition[name]!r}; give a finite number" for name in bad])
+        raise SchemaError(
+            "condition", [f"{name} is {condition[name]!r}; give a finite number" for name in bad]
+        )
     found = {"mode.earth": 0.0, "init.h": 0.0}
     for name, value in condition.items():
         if name not in SPEEDS:
@@ -55,14 +62,30 @@ def parameters(sim: SimModel, condition: Mapping[str, float]) -> dict[str, float
 
 
 def _word(sim: SimModel, name: str) -> str:
-    found = f"mass.{name}" if name in _MASS else f"init.{name}" if name in (*_START, "h") else f"env.{name}" if name == "delta_T" else name
+    found = (
+        f"mass.{name}"
+        if name in _MASS
+        else f"init.{name}"
+        if name in (*_START, "h")
+        else f"env.{name}"
+        if name == "delta_T"
+        else name
+    )
     if found not in sim.parameters and found not in sim.inputs:
-        raise UnknownName(name, [*SPEEDS, "h", "delta_T", *_START, *_MASS, *sim.inputs, *sim.parameters], "condition")
+        raise UnknownName(
+            name,
+            [*SPEEDS, "h", "delta_T", *_START, *_MASS, *sim.inputs, *sim.parameters],
+            "condition",
+        )
     return found
 
 
 def _true_airspeed(kind: str, value: float, parameters: Mapping[str, float]) -> float:
-    air = atmosphere(parameters["init.h"], parameters.get("env.delta_T", 0.0), parameters.get("env.qnh", 101325.0))
+    air = atmosphere(
+        parameters["init.h"],
+        parameters.get("env.delta_T", 0.0),
+        parameters.get("env.qnh", 101325.0),
+    )
     if not value > 0.0:
         raise SchemaError("condition", [f"{kind} is {value:g}; give a positive speed"])
     if kind == "mach":
@@ -76,14 +99,19 @@ def _true_airspeed(kind: str, value: float, parameters: Mapping[str, float]) -> 
 
 def text(condition: Mapping[str, float]) -> str:
     """Return a condition as text."""
-    return ", ".join(f"{name} {value:.4g}{' ' + VOCABULARY[name].units if name in VOCABULARY else ''}" for name, value in condition.items())
+    return ", ".join(
+        f"{name} {value:.4g}{' ' + VOCABULARY[name].units if name in VOCABULARY else ''}"
+        for name, value in condition.items()
+    )
 
 
 COLUMNS = ("group", "quantity", "value", "units", "remark", "absent")
 
 
 class Row(NamedTuple):
-    """One quantity; `value` is NaN and `absent` states why when aircraft, database or flight do not give it."""
+    """One quantity; `value` is NaN and `absent` states why when aircraft, database or flight do not
+    give it.
+    """
 
     group: str
     quantity: str

@@ -51,7 +51,9 @@ class Kind:
 
 
 KINDS = {
-    "level": Kind(("alpha", "beta", *_SURFACES, "power"), fixed=_STRAIGHT, frees={"beta": "phi", "power": "V"}),
+    "level": Kind(
+        ("alpha", "beta", *_SURFACES, "power"), fixed=_STRAIGHT, frees={"beta": "phi", "power": "V"}
+    ),
     "climb": Kind(
         ("alpha", "beta", *_SURFACES, "power"),
         fixed={"phi": 0.0, "psi_dot": 0.0},
@@ -72,7 +74,12 @@ KINDS = {
         one_of=("beta", "delta_r", "phi"),
         frees={"delta_r": "beta", "phi": "beta", "power": "gamma"},
     ),
-    "pull_up": Kind(("alpha", "beta", *_SURFACES, "power", "q"), fixed=_STRAIGHT, one_of=("nz", "q"), frees={"power": "gamma"}),
+    "pull_up": Kind(
+        ("alpha", "beta", *_SURFACES, "power", "q"),
+        fixed=_STRAIGHT,
+        one_of=("nz", "q"),
+        frees={"power": "gamma"},
+    ),
     "engine_out": Kind(
         ("alpha", "phi", *_SURFACES, "power"),
         fixed={"gamma": 0.0, "psi_dot": 0.0, "beta": 0.0},
@@ -91,9 +98,17 @@ UNKNOWN_FOR = {"V_cas": "V", "mach": "V", "qbar": "V", "hdot": "gamma", "h_agl":
 
 
 _START = ("V", "alpha", "beta", "gamma", "theta", "phi", "psi", "h", "p", "q", "r", "psi_dot")
-DRIVES = {0.0: "throttle", 1.0: "n1_drive", 2.0: "thrust_drive"}  # input that drives an engine, by mode.engine
+DRIVES = {
+    0.0: "throttle",
+    1.0: "n1_drive",
+    2.0: "thrust_drive",
+}  # input that drives an engine, by mode.engine
 POSITIONS, FORCES = 1.0, 2.0  # mode.controls
-_TABS = {"column": "delta_t", "wheel": "delta_ta", "pedal": "delta_tr"}  # what takes a force off the pilot
+_TABS = {
+    "column": "delta_t",
+    "wheel": "delta_ta",
+    "pedal": "delta_tr",
+}  # what takes a force off the pilot
 _ENGINE_OUTPUTS = ("thrust", "n1", "n2")
 _ANGLE, _RATE = 1.5, 3.0  # limits of attitude and climb angle [rad], of rates [rad s-1]
 _LIMITS = {
@@ -111,7 +126,9 @@ RIGID = 13  # states of the rigid body in the kernel, which come first
 
 
 class Request(NamedTuple):
-    """What goes to the kernel; `values` are the parameters and inputs before the search, `search` guess, low, high and size."""
+    """What goes to the kernel; `values` are the parameters and inputs before the search, `search`
+    guess, low, high and size.
+    """
 
     kind: str
     path: int
@@ -143,23 +160,39 @@ def request(
 class _Reader:
     """The names of one request and what they mean for the model at hand."""
 
-    def __init__(self, sim: SimModel, parameters: Mapping[str, float], kind: str, fixed: Mapping[str, float]):
+    def __init__(
+        self, sim: SimModel, parameters: Mapping[str, float], kind: str, fixed: Mapping[str, float]
+    ):
         self.sim, self.name, self.kind = sim, kind, KINDS[kind]
         self.states = {row.name: row for row in sim.entries(STATE)[RIGID:]}
-        self.rows: dict[str, Entry] = {row.name: row for row in (*sim.entries(PARAMETER), *sim.entries(INPUT))}
-        self.values = {str(name): float(value) for name, value in parameters.items()} | {"mode.trim": 0.0}
+        self.rows: dict[str, Entry] = {
+            row.name: row for row in (*sim.entries(PARAMETER), *sim.entries(INPUT))
+        }
+        self.values = {str(name): float(value) for name, value in parameters.items()} | {
+            "mode.trim": 0.0
+        }
         for name in self.values:
             if name not in self.rows:
                 raise UnknownName(name, self.rows, "parameter or input")
-        self.drive = DRIVES.get(self._value("mode.engine"), "throttle")  # an invalid mode is reported by the kernel
-        self.engines = [name.removesuffix(f".{self.drive}") for name in sim.inputs if name.endswith(f".{self.drive}")]
+        self.drive = DRIVES.get(
+            self._value("mode.engine"), "throttle"
+        )  # an invalid mode is reported by the kernel
+        self.engines = [
+            name.removesuffix(f".{self.drive}")
+            for name in sim.inputs
+            if name.endswith(f".{self.drive}")
+        ]
         self.controls = self._value("mode.controls")
-        self.circuits = {surface: item for item, surface in MOVES.items() if f"{item}.mass" in self.rows}
+        self.circuits = {
+            surface: item for item, surface in MOVES.items() if f"{item}.mass" in self.rows
+        }
         self.given = {self._held(self._plain(name)): float(value) for name, value in fixed.items()}
         self.failed = self._failures()
 
     def read(self, unknowns: Sequence[str] | None, residuals: Sequence[str] | None) -> Request:
-        solve_for = self._unknowns(None if unknowns is None else [self._plain(name) for name in unknowns])
+        solve_for = self._unknowns(
+            None if unknowns is None else [self._plain(name) for name in unknowns]
+        )
         self._defaults(solve_for)
         path = self._path(solve_for)
         if path == ON_GROUND:
@@ -168,12 +201,32 @@ class _Reader:
         self._refuse(solve_for, goals)
         self._guess(solve_for)
         movers = tuple(self._movers(name) for name in solve_for)
-        limits = np.array([self._limits(name, items[0], path) for name, items in zip(solve_for, movers, strict=True)])
-        guess = np.array([self._start_guess(name, items[0], path) for name, items in zip(solve_for, movers, strict=True)])
+        limits = np.array(
+            [
+                self._limits(name, items[0], path)
+                for name, items in zip(solve_for, movers, strict=True)
+            ]
+        )
+        guess = np.array(
+            [
+                self._start_guess(name, items[0], path)
+                for name, items in zip(solve_for, movers, strict=True)
+            ]
+        )
         names = tuple(self._shown(name) for name in solve_for)
         search = (guess, limits[:, 0], limits[:, 1], limits[:, 2])
         outputs = tuple(f"trim.{name}" if name in ACCELERATIONS else name for name in goals)
-        return Request(self.name, path, self.values, names, movers, search, tuple(goals), outputs, np.array(list(goals.values())))
+        return Request(
+            self.name,
+            path,
+            self.values,
+            names,
+            movers,
+            search,
+            tuple(goals),
+            outputs,
+            np.array(list(goals.values())),
+        )
 
     def _value(self, name: str) -> float:
         return self.values.get(name, self.rows[name].value)
@@ -182,14 +235,23 @@ class _Reader:
         """At rest the tyres hold what pulls along the ground, and nothing accelerates."""
         tyres = [name for name in self.states if name.endswith((".tyre_x", ".tyre_y"))]
         if not tyres:
-            raise SchemaError(f"trim, kind {self.name}", ["the aircraft has no landing gear; give it [gear] in its file"])
+            raise SchemaError(
+                f"trim, kind {self.name}",
+                ["the aircraft has no landing gear; give it [gear] in its file"],
+            )
         if self._value("init.V") == 0.0:
-            wheels = [name for name in tyres if self._value(f"{name.removeprefix('state.').rpartition('.')[0]}.friction") == 0.0]
+            wheels = [
+                name
+                for name in tyres
+                if self._value(f"{name.removeprefix('state.').rpartition('.')[0]}.friction") == 0.0
+            ]
             solve_for += [name for name in wheels if name not in self.given]
             self.kind = replace(self.kind, residuals=ACCELERATIONS)
 
     def _plain(self, name: str) -> str:
-        """Return the name of the input for what drives an engine, ``power`` for what drives all, start values without their prefix."""
+        """Return the name of the input for what drives an engine, ``power`` for what drives all,
+        start values without their prefix.
+        """
         plain = name.removeprefix("init.") if name.removeprefix("init.") in _START else name
         engine, _, quantity = plain.rpartition(".")
         if quantity != self.drive.removesuffix("_drive"):
@@ -197,7 +259,9 @@ class _Reader:
         return f"{engine}.{self.drive}" if engine else "power"
 
     def _held(self, name: str) -> str:
-        """Return the output for travel, force and deflection of a control circuit that something else drives."""
+        """Return the output for travel, force and deflection of a control circuit that something
+        else drives.
+        """
         item = name.removeprefix("F_")
         if item in self.circuits.values():
             driving = {POSITIONS: item, FORCES: f"F_{item}"}.get(self.controls)
@@ -205,7 +269,9 @@ class _Reader:
         return f"applied.{name}" if name in self.circuits and self.controls == POSITIONS else name
 
     def _forces(self, solve_for: Sequence[str]) -> dict[str, float]:
-        """With forces driving, a given or unknown one holds the deflection by itself: the kernel has nothing to add."""
+        """With forces driving, a given or unknown one holds the deflection by itself: the kernel
+        has nothing to add.
+        """
         named = {*solve_for, *self.given}
         forced = self.circuits.values() if self.controls == FORCES else ()
         return {f"trim.F_{item}": 0.0 for item in forced if f"F_{item}" in named}
@@ -225,10 +291,16 @@ class _Reader:
         return found
 
     def _without(self, engine: str) -> dict[str, float]:
-        """Return what stops an engine: no recorded thrust; fuel cut off, so that it windmills; else no thrust at all."""
+        """Return what stops an engine: no recorded thrust; fuel cut off, so that it windmills; else
+        no thrust at all.
+        """
         if self.drive == "thrust_drive":
             return {f"{engine}.thrust_drive": 0.0}
-        return {f"{engine}.cutoff": 1.0} if f"{engine}.cutoff" in self.rows else {f"term.{engine}.thrust": 0.0}
+        return (
+            {f"{engine}.cutoff": 1.0}
+            if f"{engine}.cutoff" in self.rows
+            else {f"term.{engine}.thrust": 0.0}
+        )
 
     def _power(self, solve_for: Iterable[str] = ()) -> tuple[str, ...]:
         """Return the inputs that drive the engines that run and are not named one by one."""
@@ -239,15 +311,31 @@ class _Reader:
     def _unknowns(self, unknowns: list[str] | None) -> list[str]:
         wanted = self.kind.one_of
         named = {*self.given, *(unknowns or ())}
-        self.given |= {name: self.values[f"init.{name}"] for name in wanted if f"init.{name}" in self.values and name not in named}
-        stated = {name.removeprefix("applied.") for name in (*self.given, *(unknowns or ()), *self._missing())}
+        self.given |= {
+            name: self.values[f"init.{name}"]
+            for name in wanted
+            if f"init.{name}" in self.values and name not in named
+        }
+        stated = {
+            name.removeprefix("applied.")
+            for name in (*self.given, *(unknowns or ()), *self._missing())
+        }
         if wanted and not stated & {*wanted}:
-            raise SchemaError(f"trim, kind {self.name}", [f"no value of {_or(map(self._shown, wanted))}; give one in fixed"])
+            raise SchemaError(
+                f"trim, kind {self.name}",
+                [f"no value of {_or(map(self._shown, wanted))}; give one in fixed"],
+            )
         if unknowns is not None:
             return unknowns
         given = {**self.given, **dict.fromkeys(self._missing(), 0.0)}
-        freed = [self.kind.frees.get(name.removeprefix("applied.")) or self._brought_about_by(name) for name in given]
-        solve_for = [self.circuits.get(name, name) if self.controls == POSITIONS else name for name in self.kind.unknowns]
+        freed = [
+            self.kind.frees.get(name.removeprefix("applied.")) or self._brought_about_by(name)
+            for name in given
+        ]
+        solve_for = [
+            self.circuits.get(name, name) if self.controls == POSITIONS else name
+            for name in self.kind.unknowns
+        ]
         forces = [f"F_{item}" for item in self.circuits.values()] if self.controls == FORCES else []
         return [name for name in dict.fromkeys((*solve_for, *forces, *freed)) if name not in given]
 
@@ -263,17 +351,23 @@ class _Reader:
         return () if self._power() else ("power",)
 
     def _defaults(self, solve_for: Sequence[str]) -> None:
-        """Hold what the kind holds, where nothing else is given; put what is given into parameters and inputs."""
+        """Hold what the kind holds, where nothing else is given; put what is given into parameters
+        and inputs.
+        """
         settled = {*solve_for, *self.given, *(name.removeprefix("init.") for name in self.values)}
         held = {name: value for name, value in self.kind.fixed.items() if name not in settled}
         if "theta" in self.given:
             held.pop("gamma", None)
         self.given = held | self.given
         for name, value in self.given.items():
-            self.values |= dict.fromkeys((item for item in self._settable(name) if item not in self.states), value)
+            self.values |= dict.fromkeys(
+                (item for item in self._settable(name) if item not in self.states), value
+            )
 
     def _settable(self, name: str) -> tuple[str, ...]:
-        """Return the parameters and inputs that are this quantity; none when it is an output or an acceleration."""
+        """Return the parameters and inputs that are this quantity; none when it is an output or an
+        acceleration.
+        """
         if name == "power":
             return self._power()
         if name in ACCELERATIONS or f"init.{name}" in self.rows:
@@ -281,7 +375,11 @@ class _Reader:
         if name in self.rows or name in self.states:
             return (name,)
         if name not in self.sim.outputs:
-            raise UnknownName(name, {*_START, *ACCELERATIONS, "throttle", "thrust", *self.rows, *self.sim.outputs}, "quantity")
+            raise UnknownName(
+                name,
+                {*_START, *ACCELERATIONS, "throttle", "thrust", *self.rows, *self.sim.outputs},
+                "quantity",
+            )
         return ()
 
     def _path(self, solve_for: Sequence[str]) -> int:
@@ -291,7 +389,11 @@ class _Reader:
 
     def _goals(self, residuals: Sequence[str], path: int) -> dict[str, float]:
         dropped = {self.kind.drops[name] for name in self.given if name in self.kind.drops}
-        goals = {name: 0.0 for name in residuals if residuals is not self.kind.residuals or name not in dropped}
+        goals = {
+            name: 0.0
+            for name in residuals
+            if residuals is not self.kind.residuals or name not in dropped
+        }
         followers = {BY_GAMMA: ("theta",), BY_THETA: ("gamma",), ON_GROUND: ("alpha", "beta")}[path]
         for name, value in self.given.items():
             if name in ACCELERATIONS:
@@ -304,17 +406,27 @@ class _Reader:
         return goals
 
     def _refuse(self, solve_for: Sequence[str], goals: Mapping[str, float]) -> None:
-        problems = [f"{self._shown(name)} is fixed and unknown at once; take one away" for name in solve_for if name in self.given]
-        problems += [f"{self._shown(name)} is named twice among the unknowns" for name in {*solve_for} if list(solve_for).count(name) > 1]
+        problems = [
+            f"{self._shown(name)} is fixed and unknown at once; take one away"
+            for name in solve_for
+            if name in self.given
+        ]
+        problems += [
+            f"{self._shown(name)} is named twice among the unknowns"
+            for name in {*solve_for}
+            if list(solve_for).count(name) > 1
+        ]
         if "theta" in solve_for and "gamma" in solve_for:
-            problems.append("theta and gamma are both unknown, but one follows from the other; take one away")
+            problems.append(
+                "theta and gamma are both unknown, but one follows from the other; take one away"
+            )
         if "power" in solve_for and not self._power(solve_for):
-            problems.append(f"no engine is left for {self._shown('power')}; take it away from the unknowns")
+            problems.append(
+                f"no engine is left for {self._shown('power')}; take it away from the unknowns"
+            )
         if not problems and len(goals) > len(solve_for):
             surplus = len(goals) - len(solve_for)
-            listed = (
-                f"{len(goals)} residuals ({', '.join(goals)}) against {len(solve_for)} unknowns ({', '.join(map(self._shown, solve_for))})"
-            )
+            listed = f"{len(goals)} residuals ({', '.join(goals)}) against {len(solve_for)} unknowns ({', '.join(map(self._shown, solve_for))})"
             problems.append(f"{listed}; free {surplus} more, fix fewer, or name fewer residuals")
         if problems:
             raise SchemaError(f"trim, kind {self.name}", problems)
@@ -323,7 +435,10 @@ class _Reader:
         items = self._settable(name)
         if not items:
             raise UnknownName(
-                name, {*_START, "throttle", "thrust", *self.rows}, "quantity to solve for", "an output cannot be moved, it can be fixed"
+                name,
+                {*_START, "throttle", "thrust", *self.rows},
+                "quantity to solve for",
+                "an output cannot be moved, it can be fixed",
             )
         return items
 
@@ -358,7 +473,13 @@ class _Reader:
         row, weight = self.rows[item], self._value("mass.mass") * G0
         if item.endswith(".thrust_drive"):
             return max(row.low, -weight), min(row.high, weight), weight
-        size = _FORCE if item.startswith("F_") else max(abs(self._value(item)), 1.0) if item in self.sim.parameters else 1.0
+        size = (
+            _FORCE
+            if item.startswith("F_")
+            else max(abs(self._value(item)), 1.0)
+            if item in self.sim.parameters
+            else 1.0
+        )
         return row.low, row.high, size
 
 

@@ -1,4 +1,6 @@
-"""Multilinear interpolation in tables: where samples lie between breakpoints, and what the nodes give there."""
+"""Multilinear interpolation in tables: where samples lie between breakpoints, and what the nodes
+give there.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-Place = tuple[np.ndarray, np.ndarray]  # the breakpoint below each sample, and how far on the way to the next one it lies
+Place = tuple[
+    np.ndarray, np.ndarray
+]  # the breakpoint below each sample, and how far on the way to the next one it lies
 _BLOCK = 8192  # samples interpolated at a time: what they need stays in the cache of the processor
 
 
@@ -75,7 +79,8 @@ def demand_inside(axis: str, points: np.ndarray, x: np.ndarray) -> None:
 
 
 def rms(x: ArrayLike) -> float:
-    """Return the root of the mean square, in the unit of `x`; NaN where there are no samples or one is NaN.
+    """Return the root of the mean square, in the unit of `x`; NaN where there are no samples or one
+    is NaN.
 
     Examples
     --------
@@ -83,14 +88,21 @@ def rms(x: ArrayLike) -> float:
     3.0
     """
     squares = np.square(x)
-    # the sum of `numpy.mean`, without what it asks first: that takes longer than the work where there are a thousand numbers
-    return float(np.sqrt(np.add.reduce(squares, axis=None) / squares.size)) if squares.size else math.nan
+    # the sum of `numpy.mean`, without what it asks first: that takes longer than the work where
+    # there are a thousand numbers
+    return (
+        float(np.sqrt(np.add.reduce(squares, axis=None) / squares.size))
+        if squares.size
+        else math.nan
+    )
 
 
 def median(x: np.ndarray) -> float:
-    """Return the median of one number or more (n,), none of them NaN, in their unit, as `numpy.median` does.
+    """Return the median of one number or more (n,), none of them NaN, in their unit, as
+    `numpy.median` does.
 
-    That one imports `numpy.ma`, which takes a tenth of the time of a command that only shows a recording.
+    That one imports `numpy.ma`, which takes a tenth of the time of a command that only shows a
+    recording.
 
     Examples
     --------
@@ -103,8 +115,12 @@ def median(x: np.ndarray) -> float:
 
 
 def columns_of(data: Any) -> tuple[Mapping[Any, Any], int]:
-    """Return columns by name, and the number of samples, of a Dataset, without forming a DataArray of each, or of a mapping of arrays."""
+    """Return columns by name, and the number of samples, of a Dataset, without forming a DataArray
+    of each, or of a mapping of arrays.
+    """
     if hasattr(data, "variables"):
-        samples = (size for name, size in data.sizes.items() if name != "error")  # a few samples may have more common errors
+        samples = (
+            size for name, size in data.sizes.items() if name != "error"
+        )  # a few samples may have more common errors
         return data.variables, max(samples, default=1)
     return data, max(map(np.size, data.values()), default=1)

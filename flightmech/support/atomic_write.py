@@ -1,7 +1,8 @@
 """Files and folders that are written atomically: completely or not at all.
 
-What is written first stands next to its destination under a name that begins with a dot and ends in ``.part``; what a killed process
-left there does no harm, and the next writing to the same destination removes it.
+What is written first stands next to its destination under a name that begins with a dot and ends in
+``.part``; what a killed process left there does no harm, and the next writing to the same
+destination removes it.
 """
 
 from __future__ import annotations
@@ -85,26 +86,34 @@ def _machine() -> str:
     return hashlib.sha256(f"{socket.gethostname()} {space}".encode()).hexdigest()[:8]
 
 
-_FULL = tuple(number for name in ("ENOSPC", "EDQUOT", "EFBIG", "EIO") if (number := getattr(errno, name, None)) is not None)
+_FULL = tuple(
+    number
+    for name in ("ENOSPC", "EDQUOT", "EFBIG", "EIO")
+    if (number := getattr(errno, name, None)) is not None
+)
 _one_at_a_time = threading.RLock()
 _AT_ONCE = 8  # files of a folder that wait for the disk together
 
 
 @contextmanager
-def written_atomically(path: str | os.PathLike, before: Callable[[Path], None] | None = None, durable: bool = True) -> Iterator[Path]:
-    """Yield a place next to `path` to write to; it takes the name of `path` once the block has ended well.
+def written_atomically(
+    path: str | os.PathLike, before: Callable[[Path], None] | None = None, durable: bool = True
+) -> Iterator[Path]:
+    """Yield a place next to `path` to write to; it takes the name of `path` once the block has
+    ended well.
 
     Parameters
     ----------
     path : path
-        The file; an older one stays as it was until the new one is complete on disk, and gives it its permissions.  Of a symbolic
-        link the target is written; the link stays.
+        The file; an older one stays as it was until the new one is complete on disk, and gives it
+        its permissions.  Of a symbolic link the target is written; the link stays.
     before : callable, optional
-        Called with the file just before it is replaced, while no other process of this package replaces a file of the folder (on
-        Windows and on file systems without locks: no other thread); what it raises leaves the older file as it is.
+        Called with the file just before it is replaced, while no other process of this package
+        replaces a file of the folder (on Windows and on file systems without locks: no other
+        thread); what it raises leaves the older file as it is.
     durable : bool
-        Wait until the file is on the disk.  Without it a machine that loses power may leave a damaged file: for what carries a
-        checksum and can be made again.
+        Wait until the file is on the disk.  Without it a machine that loses power may leave a
+        damaged file: for what carries a checksum and can be made again.
 
     Raises
     ------
@@ -135,18 +144,30 @@ def written_atomically(path: str | os.PathLike, before: Callable[[Path], None] |
 
 @contextmanager
 def _named(path: Path) -> Iterator[None]:
-    """Have an error of the disk name the file or folder that is written: that of a write names none, that of HDF5 has no number."""
+    """Have an error of the disk name the file or folder that is written: that of a write names
+    none, that of HDF5 has no number.
+    """
     try:
         yield
     except OSError as error:
-        number = error.errno if error.errno in _FULL else next((n for n in _FULL if os.strerror(n) in str(error)), None)
+        number = (
+            error.errno
+            if error.errno in _FULL
+            else next((n for n in _FULL if os.strerror(n) in str(error)), None)
+        )
         if number is None:
             raise
-        raise OSError(number, f"not written: {os.strerror(number)}; make room or name another place", str(path)) from error
+        raise OSError(
+            number,
+            f"not written: {os.strerror(number)}; make room or name another place",
+            str(path),
+        ) from error
 
 
 def write_text(path: str | os.PathLike, text: str, encoding: str = "utf-8") -> None:
-    """Write a text file atomically, with the line ends that the text has; errors as in `written_atomically`."""
+    """Write a text file atomically, with the line ends that the text has; errors as in
+    `written_atomically`.
+    """
     with written_atomically(path) as part:
         part.write_text(text, encoding=encoding, newline="")
 
@@ -164,7 +185,9 @@ def replaceable(path: str | os.PathLike) -> Path:
     if found.exists():
         _demand_writable(found)
         if not found.is_file():
-            raise OSError(errno.EINVAL, "no regular file, cannot be replaced; give another name", str(path))
+            raise OSError(
+                errno.EINVAL, "no regular file, cannot be replaced; give another name", str(path)
+            )
     return found
 
 
@@ -172,27 +195,39 @@ def _demand_folder(folder: Path) -> None:
     if not folder.is_dir():
         raise FileNotFoundError(errno.ENOENT, "no such folder; make it first", str(folder))
     if not os.access(folder, os.W_OK):
-        raise PermissionError(errno.EACCES, "nothing can be written into this folder; give another one", str(folder))
+        raise PermissionError(
+            errno.EACCES, "nothing can be written into this folder; give another one", str(folder)
+        )
 
 
 def _demand_writable(path: Path) -> None:
     """Refuse what is read-only by its permissions, for the superuser too."""
-    if not path.stat().st_mode & (stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH) or not os.access(path, os.W_OK):
-        raise PermissionError(errno.EACCES, "read-only, not replaced; make it writable or give another name", str(path))
+    if not path.stat().st_mode & (stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH) or not os.access(
+        path, os.W_OK
+    ):
+        raise PermissionError(
+            errno.EACCES,
+            "read-only, not replaced; make it writable or give another name",
+            str(path),
+        )
 
 
 @contextmanager
-def folder_written_atomically(path: str | os.PathLike, own: Callable[[str], bool] | None = None) -> Iterator[Path]:
-    """Yield a new folder next to `path` to fill; it takes the name of `path` once the block has ended well.
+def folder_written_atomically(
+    path: str | os.PathLike, own: Callable[[str], bool] | None = None
+) -> Iterator[Path]:
+    """Yield a new folder next to `path` to fill; it takes the name of `path` once the block has
+    ended well.
 
     Parameters
     ----------
     path : path
-        The folder; an older one stays as it was until the new one is complete on disk, and is then deleted.  Of a symbolic link the
-        target is written; the link stays.
+        The folder; an older one stays as it was until the new one is complete on disk, and is then
+        deleted.  Of a symbolic link the target is written; the link stays.
     own : callable, optional
-        By the name of a file or folder in the older one: whether it goes with it.  What does not go is taken over into the new
-        folder, unless that has something of this name.  Without it all goes.
+        By the name of a file or folder in the older one: whether it goes with it.  What does not go
+        is taken over into the new folder, unless that has something of this name.  Without it all
+        goes.
 
     Raises
     ------
@@ -201,7 +236,8 @@ def folder_written_atomically(path: str | os.PathLike, own: Callable[[str], bool
     PermissionError
         The older folder, or the one above it, is read-only.
     OSError
-        It cannot be exchanged: no folder, a mount point, or the folder that this process, and so perhaps a shell, works in.
+        It cannot be exchanged: no folder, a mount point, or the folder that this process, and so
+        perhaps a shell, works in.
 
     Notes
     -----
@@ -216,7 +252,9 @@ def folder_written_atomically(path: str | os.PathLike, own: Callable[[str], bool
     try:
         with _named(path):
             yield part
-            with ThreadPoolExecutor(_AT_ONCE) as pool:  # a disk writes many files at once in the time of a few
+            with ThreadPoolExecutor(
+                _AT_ONCE
+            ) as pool:  # a disk writes many files at once in the time of a few
                 list(pool.map(_on_disk, part.rglob("*")))
         if own is not None and path.is_dir():
             _take_over(path, part, own)
@@ -234,7 +272,8 @@ def folder_written_atomically(path: str | os.PathLike, own: Callable[[str], bool
 
 
 def exchangeable(path: str | os.PathLike) -> Path:
-    """Return the folder that is written for a name, links followed, after what an interrupted exchange left is put in order.
+    """Return the folder that is written for a name, links followed, after what an interrupted
+    exchange left is put in order.
 
     Raises
     ------
@@ -253,7 +292,11 @@ def exchangeable(path: str | os.PathLike) -> Path:
         text = "is replaced as a whole, and this command works in it; give the name of a folder inside it"
         raise OSError(errno.EBUSY, text, str(path))
     if os.path.ismount(found):
-        raise OSError(errno.EBUSY, "a mount point cannot be replaced as a whole; give the name of a folder inside it", str(path))
+        raise OSError(
+            errno.EBUSY,
+            "a mount point cannot be replaced as a whole; give the name of a folder inside it",
+            str(path),
+        )
     return found
 
 
@@ -266,7 +309,9 @@ def _works_in(folder: Path) -> bool:
 
 
 def _exchange(part: Path, path: Path) -> None:
-    """Give a new folder the name of an older one, which then has the name of the new one, or is gone."""
+    """Give a new folder the name of an older one, which then has the name of the new one, or is
+    gone.
+    """
     if _exchanged(part, path):
         return
     aside = part.with_suffix(_ASIDE)
@@ -292,7 +337,9 @@ def _complete_exchange(path: Path) -> None:
 
 
 def _take_over(source: Path, target: Path, own: Callable[[str], bool]) -> None:
-    """Bring what is not ours from one folder into another as further links to the same files; as copies where there are no links."""
+    """Bring what is not ours from one folder into another as further links to the same files; as
+    copies where there are no links.
+    """
     for item in source.iterdir():
         there = target / item.name
         if own(item.name) or os.path.lexists(there):
@@ -322,7 +369,9 @@ def _keep_mode(path: Path, part: Path) -> None:
 
 @contextmanager
 def _locked(folder: Path) -> Iterator[None]:
-    """Keep other processes, where the file system has locks, and other threads from replacing files of a folder."""
+    """Keep other processes, where the file system has locks, and other threads from replacing files
+    of a folder.
+    """
     with _one_at_a_time:
         handle = _lock(folder)
         try:
@@ -344,7 +393,9 @@ def _lock(folder: Path) -> int | None:
 
 
 def _on_disk(path: Path) -> None:
-    """Have the system write a file, or the names in a folder, to the disk; Windows has no such call for folders."""
+    """Have the system write a file, or the names in a folder, to the disk; Windows has no such call
+    for folders.
+    """
     if path.is_dir() and os.name == "nt":
         return
     handle = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR)
@@ -363,4 +414,7 @@ def _exchanged(one: Path, other: Path) -> bool:
         return False
     rename = getattr(ctypes.CDLL(None), "renameat2", None)
     here, exchange = -100, 2  # AT_FDCWD and RENAME_EXCHANGE of linux/fcntl.h and linux/fs.h
-    return rename is not None and rename(here, os.fsencode(one), here, os.fsencode(other), exchange) == 0
+    return (
+        rename is not None
+        and rename(here, os.fsencode(one), here, os.fsencode(other), exchange) == 0
+    )

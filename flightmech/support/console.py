@@ -1,4 +1,6 @@
-"""What every command-line verb shares: a table for people, ``--json`` for programs, progress on stderr."""
+"""What every command-line verb shares: a table for people, ``--json`` for programs, progress on
+stderr.
+"""
 
 from __future__ import annotations
 
@@ -18,27 +20,41 @@ import click
 
 from flightmech.errors import near_names
 
-json_option = click.option("--json", "as_json", is_flag=True, help="One JSON document on stdout, nothing else.")
+json_option = click.option(
+    "--json", "as_json", is_flag=True, help="One JSON document on stdout, nothing else."
+)
 jobs_option = click.option(
-    "-j", "--jobs", type=click.IntRange(1), default=lambda: os.cpu_count() or 1, show_default="one per core", help="Processes."
+    "-j",
+    "--jobs",
+    type=click.IntRange(1),
+    default=lambda: os.cpu_count() or 1,
+    show_default="one per core",
+    help="Processes.",
 )
 
 
 class LazyGroup(click.Group):
-    """A command group that imports the modules of its verbs when these are called, or all of them for its help.
+    """A command group that imports the modules of its verbs when these are called, or all of them
+    for its help.
 
     Parameters
     ----------
     package : str
         Where the modules are.
     elsewhere : mapping of str to str
-        Verb, and its module; the name of the function is that of the verb, with underscores, unless it follows after a colon.
+        Verb, and its module; the name of the function is that of the verb, with underscores, unless
+        it follows after a colon.
     aliases : mapping of str to str, optional
         Other spellings of verbs, which the help does not list.
     """
 
     def __init__(
-        self, *args: Any, package: str, elsewhere: Mapping[str, str], aliases: Mapping[str, str] | None = None, **options: Any
+        self,
+        *args: Any,
+        package: str,
+        elsewhere: Mapping[str, str],
+        aliases: Mapping[str, str] | None = None,
+        **options: Any,
     ) -> None:
         super().__init__(*args, **options)
         self._package, self._elsewhere, self._aliases = package, elsewhere, aliases or {}
@@ -53,11 +69,16 @@ class LazyGroup(click.Group):
         if cmd_name not in self._elsewhere:
             return super().get_command(ctx, cmd_name)
         module, _, function = self._elsewhere[cmd_name].partition(":")
-        return getattr(importlib.import_module(f"{self._package}.{module}"), function or cmd_name.replace("-", "_"))
+        return getattr(
+            importlib.import_module(f"{self._package}.{module}"),
+            function or cmd_name.replace("-", "_"),
+        )
 
 
 class InputFile(click.Path):
-    """A file to read; where there is none, the error names those of the folder that are spelt alike."""
+    """A file to read; where there is none, the error names those of the folder that are spelt
+    alike.
+    """
 
     def __init__(self, path_type: type[Path] | None = None) -> None:
         super().__init__(exists=True, dir_okay=False, path_type=path_type)
@@ -67,9 +88,16 @@ class InputFile(click.Path):
         path = Path(os.fsdecode(value))
         if path.is_dir():
             inside = sorted(item.name for item in path.iterdir() if item.is_file())
-            self.fail(f"{str(value)!r} is a folder; give a file" + (f", such as {path / inside[0]}" if inside else ""), param, ctx)
+            self.fail(
+                f"{str(value)!r} is a folder; give a file"
+                + (f", such as {path / inside[0]}" if inside else ""),
+                param,
+                ctx,
+            )
         if path.exists() and not path.is_file():
-            self.fail(f"{str(value)!r} is a named pipe or a device; give a regular file", param, ctx)
+            self.fail(
+                f"{str(value)!r} is a named pipe or a device; give a regular file", param, ctx
+            )
         if not path.exists():
             self.fail(f"no file {str(value)!r}; {_neighbours(path)}", param, ctx)
         return super().convert(value, param, ctx)
@@ -108,7 +136,9 @@ class NewFile(click.Path):
 
 
 class NewFolder(click.Path):
-    """A folder to write as a whole: that an older one can be exchanged is checked before the work begins."""
+    """A folder to write as a whole: that an older one can be exchanged is checked before the work
+    begins.
+    """
 
     def __init__(self) -> None:
         super().__init__(file_okay=False)
@@ -127,18 +157,26 @@ class NewFolder(click.Path):
 
 
 def command_line(without: Collection[str] = ()) -> str:
-    """Return the command as it was given, for a report to state how it was made; `without` flags that change nothing in it."""
+    """Return the command as it was given, for a report to state how it was made; `without` flags
+    that change nothing in it.
+    """
     import shlex
 
     return shlex.join(["aeromatch", *(word for word in sys.argv[1:] if word not in without)])
 
 
-_UNSEEN = {code: f"\\x{code:02x}" for code in (*range(32), *range(127, 160)) if chr(code) not in "\t\n"}
-_UNSEEN |= {code: f"\\u{code:04x}" for code in (0x061C, 0x200E, 0x200F, *range(0x202A, 0x202F), *range(0x2066, 0x206A))}
+_UNSEEN = {
+    code: f"\\x{code:02x}" for code in (*range(32), *range(127, 160)) if chr(code) not in "\t\n"
+}
+_UNSEEN |= {
+    code: f"\\u{code:04x}"
+    for code in (0x061C, 0x200E, 0x200F, *range(0x202A, 0x202F), *range(0x2066, 0x206A))
+}
 
 
 def printable(text: str) -> str:
-    """Return a text with control characters, also those that turn the direction of writing, as their codes: no name moves a cursor.
+    """Return a text with control characters, also those that turn the direction of writing, as
+    their codes: no name moves a cursor.
 
     Examples
     --------
@@ -178,7 +216,12 @@ def document(item: Any) -> None:
     click.echo(json.dumps(plain(item), indent=2, ensure_ascii=False))
 
 
-def table(columns: Sequence[str], rows: Iterable[Sequence[Any]], title: str = "", right: Sequence[str] = ()) -> None:
+def table(
+    columns: Sequence[str],
+    rows: Iterable[Sequence[Any]],
+    title: str = "",
+    right: Sequence[str] = (),
+) -> None:
     """Print a table; columns named in `right` are set flush right."""
     cells = [["" if cell is None else printable(str(cell)) for cell in row] for row in rows]
     broken_at = _width() if sys.stdout.isatty() else None
@@ -191,13 +234,21 @@ def table(columns: Sequence[str], rows: Iterable[Sequence[Any]], title: str = ""
 _GAP = "  "
 
 
-def _plain_lines(columns: Sequence[str], cells: list[list[str]], right: Sequence[str], width: int | None) -> list[str] | None:
-    """Return the lines of a table of ASCII text that fits into `width` columns; None for any other, which takes the package rich.
+def _plain_lines(
+    columns: Sequence[str], cells: list[list[str]], right: Sequence[str], width: int | None
+) -> list[str] | None:
+    """Return the lines of a table of ASCII text that fits into `width` columns; None for any other,
+    which takes the package rich.
 
-    That package, whose import takes as long as half of a verb that only shows, would print the same.
+    That package, whose import takes as long as half of a verb that only shows, would print the
+    same.
     """
     lines = [list(columns), *cells]
-    if any(len(line) != len(columns) or not all(text.isascii() and (text.isprintable() or not text) for text in line) for line in lines):
+    if any(
+        len(line) != len(columns)
+        or not all(text.isascii() and (text.isprintable() or not text) for text in line)
+        for line in lines
+    ):
         return None
     widths = [max(map(len, column)) for column in zip(*lines)]
     if not widths or (width is not None and sum(widths) + len(_GAP) * (len(widths) - 1) > width):
@@ -205,7 +256,8 @@ def _plain_lines(columns: Sequence[str], cells: list[list[str]], right: Sequence
     flush_right = [column in right for column in columns]
     head, *below = [
         _GAP.join(
-            text.rstrip().rjust(room) if is_right else text.ljust(room) for text, room, is_right in zip(line, widths, flush_right)
+            text.rstrip().rjust(room) if is_right else text.ljust(room)
+            for text, room, is_right in zip(line, widths, flush_right)
         ).rstrip()
         for line in lines
     ]
@@ -219,7 +271,9 @@ def _width() -> int:
     return shutil.get_terminal_size().columns
 
 
-def _rich_lines(columns: Sequence[str], cells: list[list[str]], right: Sequence[str], width: int | None) -> list[str]:
+def _rich_lines(
+    columns: Sequence[str], cells: list[list[str]], right: Sequence[str], width: int | None
+) -> list[str]:
     """Return the lines of any table: letters of two columns each, and lines broken at `width`."""
     from rich.console import Console
     from rich.table import Table
@@ -227,7 +281,11 @@ def _rich_lines(columns: Sequence[str], cells: list[list[str]], right: Sequence[
 
     sheet = Table(box=None, pad_edge=False, header_style="bold")
     for column in columns:
-        sheet.add_column(Text(column), justify="right" if column in right else "left", no_wrap=column == columns[0])
+        sheet.add_column(
+            Text(column),
+            justify="right" if column in right else "left",
+            no_wrap=column == columns[0],
+        )
     for row in cells:
         sheet.add_row(*map(Text, row))
     console = Console(width=None if width is not None else _ENDLESS)
@@ -238,7 +296,9 @@ def _rich_lines(columns: Sequence[str], cells: list[list[str]], right: Sequence[
 
 @contextmanager
 def brief() -> Iterator[None]:
-    """Leave out Python's search for circles of objects, a twentieth of the time of a verb that reads one file, prints it and ends."""
+    """Leave out Python's search for circles of objects, a twentieth of the time of a verb that
+    reads one file, prints it and ends.
+    """
     was_on = gc.isenabled()
     gc.disable()
     try:
@@ -267,13 +327,17 @@ def step(text: str) -> Iterator[None]:
     finally:
         click.echo(taken, err=True)
         for warning in caught:  # after the line, not in the middle of it
-            warnings.showwarning(warning.message, warning.category, warning.filename, warning.lineno)
+            warnings.showwarning(
+                warning.message, warning.category, warning.filename, warning.lineno
+            )
 
 
 def progress(text: str, lines: bool = False) -> AbstractContextManager[None]:
-    """Return `step` on a terminal; where nobody watches, nothing is printed and warnings are left alone.
+    """Return `step` on a terminal; where nobody watches, nothing is printed and warnings are left
+    alone.
 
-    With `lines` the work prints lines of its own: the text has a line to itself, and no time follows.
+    With `lines` the work prints lines of its own: the text has a line to itself, and no time
+    follows.
     """
     if not sys.stderr.isatty():
         return nullcontext()

@@ -1,7 +1,8 @@
 """The SVG writer of every page and report: frames with ticks, lines, areas, points, text.
 
-Colours and dashes come from the style sheet of the page by classes, so that screen, dark screen and print share one look.  Lengths
-are in user units; a figure of the report is `WIDTH` wide and is scaled to the column, 180 mm on A4 paper.
+Colours and dashes come from the style sheet of the page by classes, so that screen, dark screen and
+print share one look.  Lengths are in user units; a figure of the report is `WIDTH` wide and is
+scaled to the column, 180 mm on A4 paper.
 """
 
 from __future__ import annotations
@@ -31,7 +32,9 @@ FIGURES = ("png", "svg", "pdf")
 """Formats of figures."""
 
 
-def html_table(caption: str, columns: Sequence[str], rows: Iterable[Sequence[Any]], notes: Sequence[str] = ()) -> str:
+def html_table(
+    caption: str, columns: Sequence[str], rows: Iterable[Sequence[Any]], notes: Sequence[str] = ()
+) -> str:
     """Return a table in HTML, for ``_repr_html_``.
 
     Parameters
@@ -67,7 +70,9 @@ def new_figure(width: float, height: float) -> Figure:
     try:
         from matplotlib.figure import Figure
     except ImportError as missing:
-        raise AeromatchError("figures need matplotlib, which is not installed; run: pip install 'aeromatch[figures]'") from missing
+        raise AeromatchError(
+            "figures need matplotlib, which is not installed; run: pip install 'aeromatch[figures]'"
+        ) from missing
     return Figure(figsize=(width, height), layout="constrained")
 
 
@@ -82,19 +87,26 @@ def demand_drawable(target: str | os.PathLike[str]) -> str:
     target = Path(target)
     kind = target.suffix.lstrip(".").lower()
     if kind not in FIGURES:
-        raise SchemaError("figure", [f"{target.name}: ending {kind or 'missing'!r}; give one of {', '.join(FIGURES)}"])
+        raise SchemaError(
+            "figure",
+            [f"{target.name}: ending {kind or 'missing'!r}; give one of {', '.join(FIGURES)}"],
+        )
     return kind
 
 
 def save_figure(figure: Figure, target: str | os.PathLike[str], dpi: int = 130) -> None:
-    """Write a figure atomically in the format that the ending of the file names; errors as `demand_drawable`."""
+    """Write a figure atomically in the format that the ending of the file names; errors as
+    `demand_drawable`.
+    """
     kind = demand_drawable(target)
     with written_atomically(target) as part:
         figure.savefig(part, dpi=dpi, format=kind)
 
 
 def displayed(name: str, values: np.ndarray) -> tuple[np.ndarray, str]:
-    """Return values of a quantity of the vocabulary in its display unit, and the unit; others as they are."""
+    """Return values of a quantity of the vocabulary in its display unit, and the unit; others as
+    they are.
+    """
     try:
         unit = lookup(name).display_units
     except UnknownName:
@@ -104,7 +116,8 @@ def displayed(name: str, values: np.ndarray) -> tuple[np.ndarray, str]:
 
 MINUS = "\N{MINUS SIGN}"
 WIDTH = 720.0
-# a point may be left out of a line when the line stays this close to it: an eighth of a millimetre on paper, a third of its width
+# a point may be left out of a line when the line stays this close to it: an eighth of a millimetre
+# on paper, a third of its width
 SLACK = 0.5
 
 
@@ -135,7 +148,9 @@ class Frame:
 
     def py(self, y):
         """Return the place of ordinates, kept just outside the frame where they leave it."""
-        place = self.bottom - (np.asarray(y, float) - self.y[0]) / (self.y[1] - self.y[0]) * self.height
+        place = (
+            self.bottom - (np.asarray(y, float) - self.y[0]) / (self.y[1] - self.y[0]) * self.height
+        )
         return np.clip(place, self.top - 3.0, self.bottom + 3.0)
 
 
@@ -166,7 +181,9 @@ def limits(values: np.ndarray, margin: float = 0.0) -> tuple[float, float]:
 
 
 def ticks(low: float, high: float, most: int) -> list[float]:
-    """Return round tick values, about `most` of them and never fewer than two, steps 1, 2 or 5 times a power of ten."""
+    """Return round tick values, about `most` of them and never fewer than two, steps 1, 2 or 5
+    times a power of ten.
+    """
     span = high - low
     raw = span / max(most, 1)
     base = 10.0 ** math.floor(math.log10(raw))
@@ -177,12 +194,17 @@ def ticks(low: float, high: float, most: int) -> list[float]:
 
 
 def tick_text(values: Sequence[float]) -> list[str]:
-    """Return tick values with just the decimals their step needs, as powers of ten where these would be more than six."""
+    """Return tick values with just the decimals their step needs, as powers of ten where these
+    would be more than six.
+    """
     step = abs(values[1] - values[0])
     decimals = max(0, -math.floor(math.log10(step) + 1e-9))
     if decimals > 6:
         return [f"{v:.6g}".replace("-", MINUS) if abs(v) > step / 1e6 else "0" for v in values]
-    return [f"{v:.{decimals}f}".replace("-", MINUS) if abs(v) > step / 1e6 else f"{0:.{decimals}f}" for v in values]
+    return [
+        f"{v:.{decimals}f}".replace("-", MINUS) if abs(v) > step / 1e6 else f"{0:.{decimals}f}"
+        for v in values
+    ]
 
 
 def text(x: float, y: float, words: str, css: str = "", anchor: str = "start") -> str:
@@ -214,20 +236,33 @@ def line(x1: float, y1: float, x2: float, y2: float, css: str) -> str:
 
 def rect(x: float, y: float, width: float, height: float, css: str) -> str:
     """Return a rectangle."""
-    return f'<rect class="{css}" x="{x:.1f}" y="{y:.1f}" width="{width:.1f}" height="{height:.1f}"/>'
+    return (
+        f'<rect class="{css}" x="{x:.1f}" y="{y:.1f}" width="{width:.1f}" height="{height:.1f}"/>'
+    )
 
 
-def axes(frame: Frame, *, x_labels: bool, x_most: int = 8, y_ticks: Sequence[float] | None = None) -> str:
+def axes(
+    frame: Frame, *, x_labels: bool, x_most: int = 8, y_ticks: Sequence[float] | None = None
+) -> str:
     """Return grid, frame and tick labels."""
     xs = ticks(*frame.x, x_most)
     ys = list(y_ticks) if y_ticks is not None else ticks(*frame.y, max(2, int(frame.height / 26)))
     lines = [f"M{_short(frame.px(v))},{_short(frame.top)}v{_short(frame.height)}" for v in xs]
     lines += [f"M{_short(frame.left)},{_short(frame.py(v))}h{_short(frame.width)}" for v in ys]
-    parts = [f'<path class="grid" d="{"".join(lines)}"/>', rect(frame.left, frame.top, frame.width, frame.height, "frame")]
-    words = [text(frame.left - 5, float(frame.py(v)) + 3.5, w) for v, w in zip(ys, tick_text(ys), strict=True)]
+    parts = [
+        f'<path class="grid" d="{"".join(lines)}"/>',
+        rect(frame.left, frame.top, frame.width, frame.height, "frame"),
+    ]
+    words = [
+        text(frame.left - 5, float(frame.py(v)) + 3.5, w)
+        for v, w in zip(ys, tick_text(ys), strict=True)
+    ]
     parts.append(f'<g class="tick" text-anchor="end">{"".join(words)}</g>')
     if x_labels:
-        words = [text(float(frame.px(v)), frame.bottom + 12, w) for v, w in zip(xs, tick_text(xs), strict=True)]
+        words = [
+            text(float(frame.px(v)), frame.bottom + 12, w)
+            for v, w in zip(xs, tick_text(xs), strict=True)
+        ]
         parts.append(f'<g class="tick" text-anchor="middle">{"".join(words)}</g>')
     return "".join(parts)
 
@@ -244,7 +279,8 @@ def clipped(frame: Frame, name: str, body: str) -> str:
 
 
 def thinned(y: np.ndarray, buckets: int = 420) -> np.ndarray:
-    """Return the indices of the smallest and the largest value of each of `buckets` equal parts, or all of a short line.
+    """Return the indices of the smallest and the largest value of each of `buckets` equal parts, or
+    all of a short line.
 
     A part without a finite value keeps one sample, so that a gap remains a gap.
     """
@@ -254,12 +290,18 @@ def thinned(y: np.ndarray, buckets: int = 420) -> np.ndarray:
     picked: list[int] = []
     for a, b in pairwise(edges.tolist()):
         piece = y[a:b]
-        picked += sorted({a + int(np.nanargmin(piece)), a + int(np.nanargmax(piece))}) if np.isfinite(piece).any() else [a]
+        picked += (
+            sorted({a + int(np.nanargmin(piece)), a + int(np.nanargmax(piece))})
+            if np.isfinite(piece).any()
+            else [a]
+        )
     return np.array(picked)
 
 
 def curve(frame: Frame, x: np.ndarray, y: np.ndarray, css: str, slack: float = SLACK) -> str:
-    """Return a line through the finite points, with gaps where a value is missing and without superfluous points."""
+    """Return a line through the finite points, with gaps where a value is missing and without
+    superfluous points.
+    """
     pieces = []
     for a, b in stretches(np.isfinite(y) & np.isfinite(x)):
         px, py = frame.px(x[a:b]), frame.py(y[a:b])
@@ -275,7 +317,9 @@ def area(frame: Frame, x: np.ndarray, low: np.ndarray, high: np.ndarray, css: st
         px = frame.px(x[a:b])
         up, down = frame.py(high[a:b]), frame.py(low[a:b])
         ku, kd = essential(px, up), essential(px, down)[::-1]
-        pieces.append(_path(np.concatenate([px[ku], px[kd]]), np.concatenate([up[ku], down[kd]])) + "z")
+        pieces.append(
+            _path(np.concatenate([px[ku], px[kd]]), np.concatenate([up[ku], down[kd]])) + "z"
+        )
     return f'<path class="{css}" d="{"".join(pieces)}"/>' if pieces else ""
 
 
@@ -286,32 +330,46 @@ def stretches(mask: np.ndarray) -> list[tuple[int, int]]:
 
 
 def _path(x: np.ndarray, y: np.ndarray) -> str:
-    """Return path data in tenths of a unit, relative to the point before: a third of the length of absolute numbers."""
+    """Return path data in tenths of a unit, relative to the point before: a third of the length of
+    absolute numbers.
+    """
     places = np.rint(np.stack([x, y]) * 10.0).astype(int)
     steps = np.diff(places).T
     start = f"M{places[0, 0] / 10:g},{places[1, 0] / 10:g}"
-    return start + ("l" + "".join(_tenths(dx) + _tenths(dy) for dx, dy in steps.tolist()) if len(steps) else "h0")
+    return start + (
+        "l" + "".join(_tenths(dx) + _tenths(dy) for dx, dy in steps.tolist())
+        if len(steps)
+        else "h0"
+    )
 
 
 @lru_cache(maxsize=8192)
 def _tenths(value: int) -> str:
-    """Return an integer number of tenths as short as path data allow: no leading zero, the sign as separator."""
+    """Return an integer number of tenths as short as path data allow: no leading zero, the sign as
+    separator.
+    """
     sign = "-" if value < 0 else " "
     whole, part = divmod(abs(value), 10)
     return sign + (f"{whole or ''}.{part}" if part else str(whole))
 
 
 def essential(x: np.ndarray, y: np.ndarray, slack: float = SLACK) -> np.ndarray:
-    """Return the indices whose straight connection stays within `slack` of every point (Douglas and Peucker, all pieces at once)."""
+    """Return the indices whose straight connection stays within `slack` of every point (Douglas and
+    Peucker, all pieces at once).
+    """
     keep = np.zeros(len(x), bool)
     keep[[0, -1]] = True
     rest = np.arange(len(x))  # points of pieces that may still have to be divided
-    rising = bool((np.diff(x) >= 0.0).all())  # else what np.interp finds depends on the points before
+    rising = bool(
+        (np.diff(x) >= 0.0).all()
+    )  # else what np.interp finds depends on the points before
     while True:
         at = np.flatnonzero(keep)
         if len(at) == len(x):
             return at
-        error = np.where(keep[rest], 0.0, np.abs(np.interp(x[rest], x[at], y[at]) - y[rest]))  # of several points at one x one is seen
+        error = np.where(
+            keep[rest], 0.0, np.abs(np.interp(x[rest], x[at], y[at]) - y[rest])
+        )  # of several points at one x one is seen
         piece = np.searchsorted(at, rest, side="right")
         first = np.flatnonzero(np.diff(piece, prepend=0))
         largest = np.repeat(np.maximum.reduceat(error, first), np.diff(first, append=len(rest)))
@@ -319,7 +377,9 @@ def essential(x: np.ndarray, y: np.ndarray, slack: float = SLACK) -> np.ndarray:
         worst = np.flatnonzero(wide & (error == largest))
         if not len(worst):
             return at
-        keep[rest[worst[np.flatnonzero(np.diff(piece[worst], append=0))]]] = True  # of equals the last
+        keep[rest[worst[np.flatnonzero(np.diff(piece[worst], append=0))]]] = (
+            True  # of equals the last
+        )
         if rising:
             rest = rest[wide]
 
@@ -327,7 +387,10 @@ def essential(x: np.ndarray, y: np.ndarray, slack: float = SLACK) -> np.ndarray:
 def dots(frame: Frame, x: np.ndarray, y: np.ndarray, css: str) -> str:
     """Return a round mark at every finite point; its size is the width of the line of class `css`."""
     good = np.isfinite(y)
-    places = [f"M{_short(a)},{_short(b)}h0" for a, b in zip(frame.px(x[good]), frame.py(y[good]), strict=True)]
+    places = [
+        f"M{_short(a)},{_short(b)}h0"
+        for a, b in zip(frame.px(x[good]), frame.py(y[good]), strict=True)
+    ]
     return f'<path class="{css}" d="{"".join(places)}"/>' if places else ""
 
 
@@ -344,4 +407,10 @@ def svg(height: float, body: str, words: str, width: float = WIDTH) -> str:
 
 def environment(loader: BaseLoader) -> Environment:
     """Return the environment whose templates `loader` finds."""
-    return Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    return Environment(
+        loader=loader,
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )

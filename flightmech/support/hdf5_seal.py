@@ -1,9 +1,12 @@
-"""What stands behind the HDF5 content of a file, where no reader looks: an overview of it, and the seal.
+"""What stands behind the HDF5 content of a file, where no reader looks: an overview of it, and the
+seal.
 
-HDF5 has no check over its texts and numbers: a flipped byte changes a value unnoticed or, in the heap of the texts, sends the
-library into an endless loop (HDF5 2.0).  So the last line holds the SHA-256 of all bytes above it.  The overview is what a verb prints
-of the file, as JSON, so that neither HDF5 nor NumPy is imported to print it; it is written with the content and sealed with it.  A program
-that changes the file in place cuts off both, since HDF5 cuts a file where its content ends.
+HDF5 has no check over its texts and numbers: a flipped byte changes a value unnoticed or, in the
+heap of the texts, sends the library into an endless loop (HDF5 2.0).  So the last line holds the
+SHA-256 of all bytes above it.  The overview is what a verb prints of the file, as JSON, so that
+neither HDF5 nor NumPy is imported to print it; it is written with the content and sealed with it.
+A program that changes the file in place cuts off both, since HDF5 cuts a file where its content
+ends.
 """
 
 from __future__ import annotations
@@ -25,21 +28,30 @@ SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _SEAL = b"\nsha256 of the bytes above: %s\n"
 _OVERVIEW = b"\noverview %s: "
 _BEGIN = (_SEAL.split(b"%s")[0], _OVERVIEW.split(b"%s")[0])
-_END_AT = {0: 40, 1: 44, 2: 28, 3: 28}  # byte of the superblock, by its version, with addresses of eight bytes
+_END_AT = {
+    0: 40,
+    1: 44,
+    2: 28,
+    3: 28,
+}  # byte of the superblock, by its version, with addresses of eight bytes
 _HEAD = max(_END_AT.values()) + 8
 _CHUNK = 1 << 20
 _LENGTH = len(_SEAL) - len(b"%s") + 64  # hexadecimal digits of a SHA-256
 
 
 class Unbroken(NamedTuple):
-    """A file whose bytes are as they were written: its digest, whether it is sealed, and what stands between content and seal."""
+    """A file whose bytes are as they were written: its digest, whether it is sealed, and what
+    stands between content and seal.
+    """
 
     digest: bytes
     sealed: bool
     between: bytes
 
     def overview(self, rules: str) -> Any:
-        """Return the overview of a sealed file that was made by the rules of this name; None without one."""
+        """Return the overview of a sealed file that was made by the rules of this name; None
+        without one.
+        """
         start = _OVERVIEW % rules.encode()
         if not self.sealed or not self.between.startswith(start):
             return None
@@ -50,7 +62,9 @@ class Unbroken(NamedTuple):
 
 
 def sealed(content: bytes, rules: str, overview: Any) -> bytes:
-    """Return the content of a file with an overview, made by the rules of this name, and its seal; None is no overview."""
+    """Return the content of a file with an overview, made by the rules of this name, and its seal;
+    None is no overview.
+    """
     return content + _tail(_sha256(content), rules, overview)
 
 
@@ -79,19 +93,27 @@ def _tail(digest: _Hash, rules: str, overview: Any) -> bytes:
 
 
 def unbroken_if_sealed(path: Path, expected: str) -> Unbroken | None:
-    """Return what a sealed file has behind its content, as `unbroken`; None for a file without a seal, which is not read whole."""
+    """Return what a sealed file has behind its content, as `unbroken`; None for a file without a
+    seal, which is not read whole.
+    """
     size = path.stat().st_size if path.is_file() else 0
     if size < _LENGTH:
         return None
     with path.open("rb") as file:
         head = file.read(_HEAD)
-        places = (min(_end_of_content(head), size), size - _LENGTH)  # a damaged byte hides one of them
-        marked = head.startswith(SIGNATURE) and any(_at(file, place, _LENGTH).startswith(_BEGIN) for place in places)
+        places = (
+            min(_end_of_content(head), size),
+            size - _LENGTH,
+        )  # a damaged byte hides one of them
+        marked = head.startswith(SIGNATURE) and any(
+            _at(file, place, _LENGTH).startswith(_BEGIN) for place in places
+        )
     return unbroken(path, expected) if marked else None
 
 
 def unbroken(path: Path, expected: str) -> Unbroken:
-    """Return what a file has behind its HDF5 content, which must be sealed, or nothing: a file of another program.
+    """Return what a file has behind its HDF5 content, which must be sealed, or nothing: a file of
+    another program.
 
     Raises
     ------
@@ -107,7 +129,9 @@ def unbroken(path: Path, expected: str) -> Unbroken:
         rest, due = file.read(), _SEAL % digest.hexdigest().encode()
         between = _at(file, min(end, size), max(size - _LENGTH - end, 0))
     if size != end and rest != due:
-        raise ParseError(str(path), 0, "a damaged file (its SHA-256 is not that of its seal)", expected)
+        raise ParseError(
+            str(path), 0, "a damaged file (its SHA-256 is not that of its seal)", expected
+        )
     digest.update(rest)
     return Unbroken(digest.digest(), rest == due, between)
 
@@ -124,7 +148,9 @@ def _at(file: IO[bytes], place: int, size: int) -> bytes:
 
 
 def _end_of_content(head: bytes) -> int:
-    """Return the address of the end of file in an HDF5 superblock (HDF5 File Format Specification 3.0, section II.A)."""
+    """Return the address of the end of file in an HDF5 superblock (HDF5 File Format Specification
+    3.0, section II.A).
+    """
     place = _END_AT.get(head[8] if len(head) > 8 else 0, _HEAD - 8)
     return int.from_bytes(head[place : place + 8], "little")
 
@@ -141,17 +167,22 @@ def demand_self_contained(path: str | os.PathLike) -> None:
     Raises
     ------
     ParseError
-        The first external or symbolic link, external storage, virtual dataset, circle of groups, or more than `MOST_GROUPS` groups.
+        The first external or symbolic link, external storage, virtual dataset, circle of groups, or
+        more than `MOST_GROUPS` groups.
     """
     import h5py
 
     try:
-        with h5py.File(path, "r") as file:  # as all readers do: HDF5 refuses to open one file in two ways at once
+        with h5py.File(
+            path, "r"
+        ) as file:  # as all readers do: HDF5 refuses to open one file in two ways at once
             fault = _fault(file)
     except (OSError, KeyError, ValueError, RuntimeError, TypeError):
         return
     if fault:
-        raise ParseError(os.fspath(path), 0, fault, "a file that holds its numbers itself; copy them into it")
+        raise ParseError(
+            os.fspath(path), 0, fault, "a file that holds its numbers itself; copy them into it"
+        )
 
 
 def _fault(file: Any) -> str:
@@ -163,7 +194,9 @@ def _fault(file: Any) -> str:
     while waiting:
         above, group = waiting.pop()
         links: list[tuple[bytes, int]] = []
-        group.links.iterate(lambda name, link, links=links: links.append((name, link.type)), info=True)
+        group.links.iterate(
+            lambda name, link, links=links: links.append((name, link.type)), info=True
+        )
         for name, kind in links:
             place = f"{above}/{name.decode('utf-8', 'surrogateescape')}"
             if kind == h5l.TYPE_EXTERNAL:
@@ -171,7 +204,9 @@ def _fault(file: Any) -> str:
             if kind != h5l.TYPE_HARD:
                 return f"{place} is a symbolic link"
             item = h5o.open(group, name)
-            if isinstance(item, h5d.DatasetID) and item.get_offset() is None:  # else its numbers lie there, in one piece
+            if (
+                isinstance(item, h5d.DatasetID) and item.get_offset() is None
+            ):  # else its numbers lie there, in one piece
                 plan = item.get_create_plist()
                 if plan.get_layout() == h5d.VIRTUAL or plan.get_external_count():
                     return f"{place} keeps its numbers in another file"

@@ -1,7 +1,8 @@
 """Public names that are loaded when they are first used, so that importing a package is fast.
 
-The stub ``__init__.pyi`` next to a package's ``__init__.py`` is the one table of its public names: type checkers read it as
-it is, and `attach_stub` derives the loading from it (the pattern of Scientific Python's SPEC 1).
+The stub ``__init__.pyi`` next to a package's ``__init__.py`` is the one table of its public names:
+type checkers read it as it is, and `attach_stub` derives the loading from it (the pattern of
+Scientific Python's SPEC 1).
 """
 
 from __future__ import annotations
@@ -56,7 +57,9 @@ def warn_if_hidden() -> None:
         warnings.warn(describe(hidden), AeromatchWarning, stacklevel=3)
 
 
-def attach_stub(package: str, file: str) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
+def attach_stub(
+    package: str, file: str
+) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
     """Return ``__getattr__``, ``__dir__`` and ``__all__`` of a package as its stub lists them.
 
     Parameters
@@ -86,7 +89,9 @@ def attach_stub(package: str, file: str) -> tuple[Callable[[str], Any], Callable
 
     def load(name: str) -> Any:
         if name not in home:
-            raise AttributeError(f"module {package!r} has no attribute {name!r}; public are {', '.join(names)}")
+            raise AttributeError(
+                f"module {package!r} has no attribute {name!r}; public are {', '.join(names)}"
+            )
         where, own = home[name]
         path, is_module = _place(stub, own, where)
         module = importlib.import_module(f"{package}.{path}")
@@ -96,7 +101,9 @@ def attach_stub(package: str, file: str) -> tuple[Callable[[str], Any], Callable
 
 
 def public_names(stub: Path) -> dict[str, tuple[str, bool]]:
-    """Return the public names of a stub: the module of each, relative to the package, and whether the name is that module itself."""
+    """Return the public names of a stub: the module of each, relative to the package, and whether
+    the name is that module itself.
+    """
     return {name: _place(stub, own, module) for name, (module, own) in _imports(stub).items()}
 
 
@@ -112,12 +119,18 @@ def _imports(stub: Path) -> dict[str, tuple[str, str]]:
     try:
         tree = ast.parse(stub.read_text(encoding="utf-8"))
     except FileNotFoundError as error:
-        raise ImportError(f"{stub} is missing: it lists the public names of the package; install the package again") from error
+        raise ImportError(
+            f"{stub} is missing: it lists the public names of the package; install the package again"
+        ) from error
     home = {}
     for node in tree.body:
         if isinstance(node, ast.Expr):
             continue  # the docstring
         if not isinstance(node, ast.ImportFrom) or node.level != 1:
-            raise ValueError(f"{stub}, line {node.lineno}: allowed are relative imports, 'from .module import name as name'")
-        home.update({item.asname or item.name: (node.module or "", item.name) for item in node.names})
+            raise ValueError(
+                f"{stub}, line {node.lineno}: allowed are relative imports, 'from .module import name as name'"
+            )
+        home.update(
+            {item.asname or item.name: (node.module or "", item.name) for item in node.names}
+        )
     return home

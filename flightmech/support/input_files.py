@@ -31,7 +31,8 @@ _BYTE_ORDER_MARKS = {  # that of UTF-32 begins like the one of UTF-16
 
 
 def demand_regular(path: str | os.PathLike[str], expected: str) -> None:
-    """Refuse a named pipe, a device or a socket, whose reader could wait, or read, without end; folders and missing files pass.
+    """Refuse a named pipe, a device or a socket, whose reader could wait, or read, without end;
+    folders and missing files pass.
 
     Raises
     ------
@@ -40,7 +41,12 @@ def demand_regular(path: str | os.PathLike[str], expected: str) -> None:
     """
     path = Path(path)
     if path.exists() and not path.is_file() and not path.is_dir():
-        raise ParseError(str(path), 0, "a named pipe or a device", f"{expected} in a regular file; write it to one first")
+        raise ParseError(
+            str(path),
+            0,
+            "a named pipe or a device",
+            f"{expected} in a regular file; write it to one first",
+        )
 
 
 def read_bytes(path: str | os.PathLike[str], expected: str) -> bytes:
@@ -58,8 +64,17 @@ def read_bytes(path: str | os.PathLike[str], expected: str) -> bytes:
 
 
 def marked_encoding(head: bytes) -> tuple[str, int]:
-    """Return the encoding that a byte-order mark at the beginning states, and its length; an empty text and 0 without one."""
-    return next(((encoding, len(mark)) for mark, encoding in _BYTE_ORDER_MARKS.items() if head.startswith(mark)), ("", 0))
+    """Return the encoding that a byte-order mark at the beginning states, and its length; an empty
+    text and 0 without one.
+    """
+    return next(
+        (
+            (encoding, len(mark))
+            for mark, encoding in _BYTE_ORDER_MARKS.items()
+            if head.startswith(mark)
+        ),
+        ("", 0),
+    )
 
 
 def decoded(raw: bytes, file: str | os.PathLike[str], expected: str, otherwise: str = "") -> str:
@@ -73,7 +88,8 @@ def decoded(raw: bytes, file: str | os.PathLike[str], expected: str, otherwise: 
     expected : str
         What the file should be, for the text of an error.
     otherwise : str
-        Encoding of one byte a character for what is no UTF-8, such as `WESTERN`; without it that is an error.
+        Encoding of one byte a character for what is no UTF-8, such as `WESTERN`; without it that is
+        an error.
 
     Raises
     ------
@@ -91,7 +107,9 @@ def decoded(raw: bytes, file: str | os.PathLike[str], expected: str, otherwise: 
             name = (encoding or "utf-8").upper()
             guess = " (ISO 8859-1 or Windows-1252, as it seems)" if not encoding else ""
             found = f"the byte 0x{raw[skip + error.start]:02x}, which is no {name}{guess}"
-            raise ParseError(os.fspath(file), line, found, f"{expected}; save it with the encoding UTF-8") from None
+            raise ParseError(
+                os.fspath(file), line, found, f"{expected}; save it with the encoding UTF-8"
+            ) from None
     if "\0" in text:
         line = text.count("\n", 0, text.index("\0")) + 1
         expected = f"{expected}; the file is damaged, or UTF-16 without a byte-order mark: save it with the encoding UTF-8"
@@ -100,7 +118,9 @@ def decoded(raw: bytes, file: str | os.PathLike[str], expected: str, otherwise: 
 
 
 def read_text(path: str | os.PathLike[str], expected: str, otherwise: str = "") -> str:
-    """Return a text file with line feeds as line ends; parameters and errors as in `decoded` and `read_bytes`."""
+    """Return a text file with line feeds as line ends; parameters and errors as in `decoded` and
+    `read_bytes`.
+    """
     return with_line_feeds(decoded(read_bytes(path, expected), path, expected, otherwise))
 
 
@@ -109,14 +129,16 @@ def with_line_feeds(text: str) -> str:
     return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
 
 
-def csv_rows(text: str, file: str | os.PathLike[str], separator: str = ",", first: int = 1) -> list[list[str]]:
+def csv_rows(
+    text: str, file: str | os.PathLike[str], separator: str = ",", first: int = 1
+) -> list[list[str]]:
     """Return the cells of CSV text; `first` is the number of its first line.
 
     Raises
     ------
     ParseError
-        With the line: a cell longer than the reader allows (131 072 characters), as a quotation mark without its end gives, or more
-        than `MOST_COLUMNS` cells.
+        With the line: a cell longer than the reader allows (131 072 characters), as a quotation
+        mark without its end gives, or more than `MOST_COLUMNS` cells.
     """
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator, skipinitialspace=True)
     rows: list[list[str]] = []
@@ -126,11 +148,18 @@ def csv_rows(text: str, file: str | os.PathLike[str], separator: str = ",", firs
             row = next(reader, None)
         except csv.Error as error:
             expected = f"cells of at most {csv.field_size_limit()} characters; look for a quotation mark without its end"
-            raise ParseError(os.fspath(file), line, f"what is no row of CSV ({error})", expected) from None
+            raise ParseError(
+                os.fspath(file), line, f"what is no row of CSV ({error})", expected
+            ) from None
         if row is None:
             return rows
         if len(row) > MOST_COLUMNS:
-            raise ParseError(os.fspath(file), line, f"{len(row)} cells", f"at most {MOST_COLUMNS}; divide the file into several")
+            raise ParseError(
+                os.fspath(file),
+                line,
+                f"{len(row)} cells",
+                f"at most {MOST_COLUMNS}; divide the file into several",
+            )
         rows.append(row)
 
 
@@ -140,13 +169,19 @@ def json_content(text: Any, file: str | os.PathLike[str], what: str) -> Any:
     Raises
     ------
     ParseError
-        It is no JSON, nested without end, or holds an integer of thousands of digits; `what` names it.
+        It is no JSON, nested without end, or holds an integer of thousands of digits; `what` names
+        it.
     """
     try:
         return json.loads(text)
     except (ValueError, TypeError, RecursionError) as error:
         found = f"{what} that cannot be read ({type(error).__name__}: {str(error)[:100]})"
-        raise ParseError(os.fspath(file), 0, found, "JSON as this program writes it; write or copy the file again") from None
+        raise ParseError(
+            os.fspath(file),
+            0,
+            found,
+            "JSON as this program writes it; write or copy the file again",
+        ) from None
 
 
 MOST_CHARACTERS = 2**21
@@ -156,7 +191,9 @@ MOST_DEPTH = 100
 """Tables and arrays inside each other, and parts of a dotted key."""
 
 _LARGEST = 2**63
-_CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f]")  # TOML allows them as escapes; no name and no title has one
+_CONTROL = re.compile(
+    r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f]"
+)  # TOML allows them as escapes; no name and no title has one
 _PART = re.compile(r"\s*(?:[\w-]+|\"[^\"\n]*\"|'[^'\n]*')\s*")
 
 
@@ -166,8 +203,9 @@ def toml_content(text: str) -> dict[str, Any]:
     Raises
     ------
     ValueError
-        `tomllib.TOMLDecodeError` with the line when the text is not TOML; else what goes beyond `MOST_CHARACTERS`, `MOST_DEPTH` or the
-        64 bits that TOML gives an integer, and control characters, which reach terminals and XML.
+        `tomllib.TOMLDecodeError` with the line when the text is not TOML; else what goes beyond
+        `MOST_CHARACTERS`, `MOST_DEPTH` or the 64 bits that TOML gives an integer, and control
+        characters, which reach terminals and XML.
     """
     import tomllib
 
@@ -182,15 +220,23 @@ def toml_content(text: str) -> dict[str, Any]:
     except RecursionError:
         raise ValueError(f"tables or arrays nested more than {MOST_DEPTH} deep") from None
     except ValueError:  # Python's limit of the digits of an integer
-        raise ValueError("an integer of thousands of digits, beyond the 64 bits that TOML allows") from None
+        raise ValueError(
+            "an integer of thousands of digits, beyond the 64 bits that TOML allows"
+        ) from None
     _demand_ordinary(content)
     return content
 
 
 def _longest_key(text: str) -> int:
-    """Return how many parts the longest dotted key has, of long lines alone; the time of `tomllib` grows with its square."""
+    """Return how many parts the longest dotted key has, of long lines alone; the time of `tomllib`
+    grows with its square.
+    """
     lines = (line.split(".") for line in text.split("\n") if line.count(".") >= MOST_DEPTH)
-    runs = (run for line in lines for run in groupby(line, lambda part: _PART.fullmatch(part) is not None))
+    runs = (
+        run
+        for line in lines
+        for run in groupby(line, lambda part: _PART.fullmatch(part) is not None)
+    )
     return max((sum(1 for _ in group) for is_part, group in runs if is_part), default=0)
 
 
@@ -200,14 +246,18 @@ def _demand_ordinary(content: dict[str, Any]) -> None:
     while waiting:
         item, place, depth = waiting.pop()
         if isinstance(item, int) and not -_LARGEST <= item < _LARGEST:
-            raise ValueError(f"an integer of {len(str(abs(item)))} digits at {place}, beyond the 64 bits that TOML allows")
+            raise ValueError(
+                f"an integer of {len(str(abs(item)))} digits at {place}, beyond the 64 bits that TOML allows"
+            )
         if isinstance(item, str) and (found := _CONTROL.search(item)):
             raise ValueError(f"the control character {found[0]!r} at {place}")
         if depth > MOST_DEPTH:
             raise ValueError(f"tables or arrays nested more than {MOST_DEPTH} deep")
         if isinstance(item, dict):
             waiting += [(key, f"the key {key!r}", depth) for key in item]
-            waiting += [(part, f"{place}.{key}" if place else key, depth + 1) for key, part in item.items()]
+            waiting += [
+                (part, f"{place}.{key}" if place else key, depth + 1) for key, part in item.items()
+            ]
         elif isinstance(item, list):
             waiting += [(part, place, depth + 1) for part in item]
 
@@ -237,7 +287,9 @@ _OTHER_TABLES = {
 }
 _TAR = 257  # byte where a tar archive states what it is
 _NAMED = 4  # members of an archive that an error names
-_LISTING = re.compile(rb"STABILITY AND CONTROL +(?:METHODS|DIGITAL DATCOM)|CONFIGURATION AUXILIARY|INPUT DATA CARDS")
+_LISTING = re.compile(
+    rb"STABILITY AND CONTROL +(?:METHODS|DIGITAL DATCOM)|CONFIGURATION AUXILIARY|INPUT DATA CARDS"
+)
 _KEY = re.compile(r"^[ \t]*\[|=", re.MULTILINE)  # no TOML file has content without one
 _DECK = re.compile(rb"\$FLTCON", re.I)
 # kinds of TOML files by keys that no other kind has, and where they belong
@@ -249,7 +301,9 @@ TOML = {
 
 
 def file_kind(path: str | os.PathLike[str]) -> str:
-    """Return what a file is and what reads it, judged by its content, for the text of an error; it never raises one."""
+    """Return what a file is and what reads it, judged by its content, for the text of an error; it
+    never raises one.
+    """
     if Path(path).exists() and not Path(path).is_file():
         return "a folder" if Path(path).is_dir() else "a named pipe or a device"
     try:
@@ -278,7 +332,8 @@ def file_kind(path: str | os.PathLike[str]) -> str:
 
 
 def packed_kind(path: str | os.PathLike[str], head: bytes) -> str:
-    """Return which archive or file of another program a file is, and what to do with it; empty for any other one.
+    """Return which archive or file of another program a file is, and what to do with it; empty for
+    any other one.
 
     Parameters
     ----------
@@ -303,7 +358,9 @@ def _zip_kind(path: str | os.PathLike[str]) -> str:
         with zipfile.ZipFile(path) as archive:
             names = archive.namelist()
     except (OSError, zipfile.BadZipFile, ValueError, NotImplementedError):
-        return "a zip archive that is damaged or packed once more; unpack it and give the file inside"
+        return (
+            "a zip archive that is damaged or packed once more; unpack it and give the file inside"
+        )
     if "modelDescription.xml" in names:
         return "a zip archive such as an FMU (`aeromatch fmu show` reads it)"
     if any(name.startswith("xl/") for name in names):
@@ -313,7 +370,9 @@ def _zip_kind(path: str | os.PathLike[str]) -> str:
     if names and all(name.endswith(".npy") for name in names):
         return "NumPy arrays (npz, a zip archive); write them as HDF5, one array for each channel"
     files = [name for name in names if not name.endswith("/")]
-    inside = ", ".join(files[:_NAMED]) + (f" and {len(files) - _NAMED} more" if len(files) > _NAMED else "")
+    inside = ", ".join(files[:_NAMED]) + (
+        f" and {len(files) - _NAMED} more" if len(files) > _NAMED else ""
+    )
     return f"a zip archive ({inside or 'empty'}); unpack it and give the file inside"
 
 
@@ -365,7 +424,8 @@ def load(path: str | Path) -> dict[str, Any]:
     Raises
     ------
     ParseError
-        With the line, when the text is not TOML; no regular file, another encoding, or a text beyond the limits of `toml_content`.
+        With the line, when the text is not TOML; no regular file, another encoding, or a text
+        beyond the limits of `toml_content`.
     """
     path = Path(path)
     raw = read_bytes(path, _TOML)
@@ -380,7 +440,11 @@ def load(path: str | Path) -> dict[str, Any]:
         return toml_content(text)
     except ValueError as error:
         place = str(error)
-        line = int(place.rsplit("line ", 1)[1].split(",")[0].rstrip(")")) if "(at line " in place else 0
+        line = (
+            int(place.rsplit("line ", 1)[1].split(",")[0].rstrip(")"))
+            if "(at line " in place
+            else 0
+        )
         kind = file_kind(path)
         if not kind.startswith("a text"):
             raise ParseError(str(path), 0, kind, _TOML) from error
@@ -388,11 +452,15 @@ def load(path: str | Path) -> dict[str, Any]:
         if not 0 < line <= len(written):
             raise ParseError(str(path), 0, place, _TOML) from error
         expected = f"{_TOML}; a number with a unit is a text too, 'S = \"16.9 m2\"'"
-        raise ParseError(str(path), line, f"{written[line - 1].strip()[:60]!r} ({place})", expected) from error
+        raise ParseError(
+            str(path), line, f"{written[line - 1].strip()[:60]!r} ({place})", expected
+        ) from error
 
 
 def foreign_kind(content: Mapping[str, Any], own: Iterable[str] = ()) -> str:
-    """Return what the content of a TOML file is when it is plainly one of another kind than that with the keys `own`, else nothing."""
+    """Return what the content of a TOML file is when it is plainly one of another kind than that
+    with the keys `own`, else nothing.
+    """
     for kind, (keys, use) in TOML.items():
         if keys <= set(content) and not keys & set(own):
             return f"this is {kind} (it has {', '.join(sorted(keys))}), which {use}"

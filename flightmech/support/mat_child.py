@@ -1,4 +1,5 @@
-"""The child process of `load_mat`: a MAT file on standard input, options as JSON in the command, a pickle on standard output.
+"""The child process of `load_mat`: a MAT file on standard input, options as JSON in the command, a
+pickle on standard output.
 
 The pickle is a pair: an empty text and the content, or the type and the text of the error.
 """

@@ -1,8 +1,10 @@
-"""Classes that hold a table of a TOML file: values of stated kinds, which are checked when an object is made and then stay.
+"""Classes that hold a table of a TOML file: values of stated kinds, which are checked when an
+object is made and then stay.
 
-A value that is plainly of the kind of its field is taken as it is.  All others are left to the model of pydantic that
-`flightmech.support.toml_models.model_of` makes of the same class: it converts them, or states what is wrong with them.  So pydantic is
-imported for unusual and for wrong tables only, and the class is the one place that defines what a table may hold.  Its methods are
+A value that is plainly of the kind of its field is taken as it is.  All others are left to the
+model of pydantic that `flightmech.support.toml_models.model_of` makes of the same class: it
+converts them, or states what is wrong with them.  So pydantic is imported for unusual and for wrong
+tables only, and the class is the one place that defines what a table may hold.  Its methods are
 written once, here; a frozen dataclass compiles those of each class anew, in every process.
 """
 
@@ -11,7 +13,19 @@ from __future__ import annotations
 import types
 from collections.abc import Callable, Mapping
 from functools import cache
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple, NoReturn, TypeVar, Union, dataclass_transform, get_args, get_origin
+from typing import (
+    Annotated,
+    Any,
+    ClassVar,
+    Literal,
+    NamedTuple,
+    NoReturn,
+    TypeVar,
+    Union,
+    dataclass_transform,
+    get_args,
+    get_origin,
+)
 from typing import get_type_hints as _hints
 
 from flightmech.support.toml_quantities import Above, InUnits
@@ -20,14 +34,18 @@ P = TypeVar("P", bound="Plain")
 
 
 class Value(NamedTuple):
-    """What the definition of a field states besides its kind; the default is an ellipsis where the value must be given."""
+    """What the definition of a field states besides its kind; the default is an ellipsis where the
+    value must be given.
+    """
 
     default: Any
     about: dict[str, Any]
 
 
 def value(*, default: Any = ..., **about: Any) -> Any:
-    """Return the definition of a field: its default, and its ``description`` and ``examples`` for the JSON schema."""
+    """Return the definition of a field: its default, and its ``description`` and ``examples`` for
+    the JSON schema.
+    """
     return Value(default, about)
 
 
@@ -55,7 +73,9 @@ class Plain:
         """
         found = {name: given.get(name, item.default) for name, item in self.values.items()}
         if given.keys() - found.keys() or any(item is ... for item in found.values()):
-            raise TypeError(f"{type(self).__name__}: given {', '.join(given)}; expected {', '.join(self.values)}")
+            raise TypeError(
+                f"{type(self).__name__}: given {', '.join(given)}; expected {', '.join(self.values)}"
+            )
         try:
             kinds = _kinds(type(self))
             found |= {name: _fitted(item, kinds[name]) for name, item in given.items()}
@@ -75,11 +95,15 @@ class Plain:
 
     def stated(self) -> dict[str, Any]:
         """Return the values that differ from their defaults, by name."""
-        return {name: item for name, item in vars(self).items() if item != self.values[name].default}
+        return {
+            name: item for name, item in vars(self).items() if item != self.values[name].default
+        }
 
     def __setattr__(self, name: str, item: Any) -> NoReturn:
         """Refuse to change a value."""
-        raise AttributeError(f"{type(self).__name__}.{name} cannot be changed; `changed` gives a copy with another value")
+        raise AttributeError(
+            f"{type(self).__name__}.{name} cannot be changed; `changed` gives a copy with another value"
+        )
 
     def __eq__(self, other: object) -> bool:
         """Return whether the values are the same."""
@@ -122,7 +146,9 @@ _kinds: Callable[[Any], dict[str, Any]] = cache(_annotations)
 
 
 def _fitted(item: Any, kind: Any) -> Any:
-    """Return a value as the field holds it: whole numbers as fractions where these are meant, arrays as tuples."""
+    """Return a value as the field holds it: whole numbers as fractions where these are meant,
+    arrays as tuples.
+    """
     if type(item) is kind or (item is None and kind is types.NoneType):
         return item
     if kind is float and type(item) is int and abs(item) < 2**63:

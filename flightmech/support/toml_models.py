@@ -1,6 +1,8 @@
-"""TOML files through a pydantic model: every problem at once, in the wording of the package, similar names for misspelt keys.
+"""TOML files through a pydantic model: every problem at once, in the wording of the package,
+similar names for misspelt keys.
 
-The JSON schemas of the files, for editors, come from the same models, so that both allow the same keys.
+The JSON schemas of the files, for editors, come from the same models, so that both allow the same
+keys.
 """
 
 from __future__ import annotations
@@ -28,7 +30,8 @@ class Strict(BaseModel):
 
 
 def si(units: str) -> Any:
-    """Return the field type of a quantity: a bare number is SI, a text carries its unit (``"40 deg"``).
+    """Return the field type of a quantity: a bare number is SI, a text carries its unit (``"40
+    deg"``).
 
     Parameters
     ----------
@@ -45,7 +48,9 @@ def fixed_array(items: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def _model_of(kind: Any) -> type[Strict]:
-    """Return the model of a class of `flightmech.support.plain_tables`: its fields, and its check of what contradicts itself."""
+    """Return the model of a class of `flightmech.support.plain_tables`: its fields, and its check
+    of what contradicts itself.
+    """
     hints = get_type_hints(kind, include_extras=True)
     parts: dict[str, Any] = {}
     for name, (default, about) in kind.values.items():
@@ -56,7 +61,9 @@ def _model_of(kind: Any) -> type[Strict]:
         return model
 
     rules: Any = {"check": model_validator(mode="after")(check)}
-    return create_model(kind.__name__, __base__=Strict, __doc__=kind.__doc__, __validators__=rules, **parts)
+    return create_model(
+        kind.__name__, __base__=Strict, __doc__=kind.__doc__, __validators__=rules, **parts
+    )
 
 
 model_of: Callable[[Any], type[Strict]] = cache(_model_of)
@@ -74,7 +81,9 @@ def validate(model: type[T], content: dict[str, Any], what: str) -> T:
         return model.model_validate(content)
     except ValidationError as error:
         kind = _other_kind(model, content)
-        raise SchemaError(what, [kind] if kind else [_sentence(model, item) for item in error.errors()]) from error
+        raise SchemaError(
+            what, [kind] if kind else [_sentence(model, item) for item in error.errors()]
+        ) from error
 
 
 def _other_kind(model: type[BaseModel], content: dict[str, Any]) -> str:
@@ -86,7 +95,9 @@ def _other_kind(model: type[BaseModel], content: dict[str, Any]) -> str:
     required = {name for name, field in model.model_fields.items() if field.is_required()}
     plain = {key for key, part in content.items() if not isinstance(part, dict)}
     few = 2 * len(required & set(content)) <= len(required)
-    if len(required) > 2 and few and not plain & set(model.model_fields):  # tables alone, as in a name map, where others are required
+    if (
+        len(required) > 2 and few and not plain & set(model.model_fields)
+    ):  # tables alone, as in a name map, where others are required
         expected = ", ".join(model.model_fields)
         return f"no key of this kind of file, found {', '.join(content)} (a name map of records goes with --names); expected {expected}"
     return ""
@@ -112,11 +123,20 @@ def _near(name: str, allowed: list[str]) -> str:
 def _fields(model: Any, loc: tuple[Any, ...]) -> set[str]:
     """Return the keys allowed at a place, by walking down the annotations."""
     for part in loc:
-        if isinstance(part, str) and isinstance(model, type) and issubclass(model, BaseModel) and part in model.model_fields:
+        if (
+            isinstance(part, str)
+            and isinstance(model, type)
+            and issubclass(model, BaseModel)
+            and part in model.model_fields
+        ):
             model = _inner(model.model_fields[part].annotation)
         else:
             model = _inner(model)
-    return set(model.model_fields) if isinstance(model, type) and issubclass(model, BaseModel) else set()
+    return (
+        set(model.model_fields)
+        if isinstance(model, type) and issubclass(model, BaseModel)
+        else set()
+    )
 
 
 def _inner(annotation: Any) -> Any:
@@ -143,14 +163,16 @@ def file_schema(model: type[BaseModel], text: str) -> dict[str, Any]:
     Returns
     -------
     dict
-        Keys with description and unit, ``x-unit`` once more for programs.  TOML has no null, so the schema has none either; what
-        depends on several keys at once the reader alone checks.
+        Keys with description and unit, ``x-unit`` once more for programs.  TOML has no null, so the
+        schema has none either; what depends on several keys at once the reader alone checks.
     """
     return {"$schema": DIALECT, **part_schema(model), "description": text}
 
 
 def part_schema(model: type[Any]) -> dict[str, Any]:
-    """Return the schema of one table, in the form that `file_schema` describes; models inside it stand in its ``$defs``."""
+    """Return the schema of one table, in the form that `file_schema` describes; models inside it
+    stand in its ``$defs``.
+    """
     whole = model if issubclass(model, BaseModel) else model_of(model)
     return _plain(whole.model_json_schema())
 
@@ -161,18 +183,24 @@ def schema_text(schema: dict[str, Any]) -> str:
 
 
 def _plain(item: Any) -> Any:
-    """Return a part of a schema without null, titles and defaults that are tables; descriptions end with the unit."""
+    """Return a part of a schema without null, titles and defaults that are tables; descriptions end
+    with the unit.
+    """
     if isinstance(item, list):
         return [_plain(part) for part in item]
     if not isinstance(item, dict):
         return item
     found: dict[str, Any] = {
-        key: _table(part) if key in ("properties", "$defs") else _plain(part) for key, part in item.items() if key != "title"
+        key: _table(part) if key in ("properties", "$defs") else _plain(part)
+        for key, part in item.items()
+        if key != "title"
     }
     if found.get("default", 0) is None or isinstance(found.get("default"), dict):
         del found["default"]
     if "anyOf" in found:
-        given: list[dict[str, Any]] = [part for part in found.pop("anyOf") if part != {"type": "null"}]
+        given: list[dict[str, Any]] = [
+            part for part in found.pop("anyOf") if part != {"type": "null"}
+        ]
         found = {**found, "anyOf": given} if len(given) > 1 else {**given[0], **found}
     unit = unit_of(found)
     if unit not in ("", "1") and "description" in found and "]" not in found["description"]:
@@ -186,7 +214,9 @@ def _table(properties: dict[str, Any]) -> dict[str, Any]:
 
 
 def unit_of(item: Any) -> str:
-    """Return the unit of a quantity, of the items of an array or of the values of a table; empty when there is none."""
+    """Return the unit of a quantity, of the items of an array or of the values of a table; empty
+    when there is none.
+    """
     if isinstance(item, list):
         return next((unit for part in item if (unit := unit_of(part))), "")
     if not isinstance(item, dict) or item.get("properties"):

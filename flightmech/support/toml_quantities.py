@@ -1,4 +1,6 @@
-"""Quantities in TOML files: a bare number is SI, a text carries its unit; as annotations of the fields of `Plain` and of pydantic."""
+"""Quantities in TOML files: a bare number is SI, a text carries its unit; as annotations of the
+fields of `Plain` and of pydantic.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,9 @@ UNIT = "x-unit"
 
 
 def quantity_schema(units: str) -> dict[str, Any]:
-    """Return the JSON schema of a quantity: a number in `units`, or a text with its unit; not what stands for a value still to be given."""
+    """Return the JSON schema of a quantity: a number in `units`, or a text with its unit; not what
+    stands for a value still to be given.
+    """
     return {"type": ["number", "string"], "not": {"const": UNFILLED}, UNIT: units}
 
 
@@ -33,7 +37,9 @@ class InUnits:
             No quantity of this kind.
         """
         if item == UNFILLED:
-            raise ValueError(f"not given yet; write a number in {self.units}, or a text with its unit")
+            raise ValueError(
+                f"not given yet; write a number in {self.units}, or a text with its unit"
+            )
         try:
             return quantity(item, self.units)
         except (UnitError, TypeError) as error:

@@ -8,7 +8,18 @@ from typing import Any
 
 import click
 
-from flightmech.support.console import InputFile, LazyGroup, NewFile, brief, document, jobs_option, json_option, progress, remark, table
+from flightmech.support.console import (
+    InputFile,
+    LazyGroup,
+    NewFile,
+    brief,
+    document,
+    jobs_option,
+    json_option,
+    progress,
+    remark,
+    table,
+)
 
 _MAPS = Path(__file__).parents[1] / "records" / "readers" / "maps"
 
@@ -25,12 +36,18 @@ class MapFile(click.Path):
         if value in shipped and not os.path.exists(value):
             return value
         if not os.path.exists(value) and not str(value).endswith(".toml"):
-            self.fail(f"no file {value!r} and no shipped map of that name; shipped are {', '.join(shipped)}", param, ctx)
+            self.fail(
+                f"no file {value!r} and no shipped map of that name; shipped are {', '.join(shipped)}",
+                param,
+                ctx,
+            )
         return super().convert(value, param, ctx)
 
 
 names_option = click.option(
-    "--names", type=MapFile(), help="Name map: a TOML file, or a shipped one (px4, ardupilot); not needed for canonical names."
+    "--names",
+    type=MapFile(),
+    help="Name map: a TOML file, or a shipped one (px4, ardupilot); not needed for canonical names.",
 )
 
 
@@ -95,12 +112,20 @@ def show(record_file: str, names: str | None, as_json: bool) -> None:
         for c in channels
     ]
     title = str(facts.get("title", record_file))
-    table(["channel", "Hz", "time [s]", "min", "max", "unit", "from"], rows, title, right=["Hz", "min", "max"])
+    table(
+        ["channel", "Hz", "time [s]", "min", "max", "unit", "from"],
+        rows,
+        title,
+        right=["Hz", "min", "max"],
+    )
     if flown:
         click.echo()
         table(
             ["manoeuvre", "control", "start [s]", "end [s]", "note"],
-            [(m["manoeuvre"], m["control"], f"{m['start']:g}", f"{m['end']:g}", m["note"]) for m in flown],
+            [
+                (m["manoeuvre"], m["control"], f"{m['start']:g}", f"{m['end']:g}", m["note"])
+                for m in flown
+            ],
             right=["start [s]", "end [s]"],
         )
     for text in found["faults"]:
@@ -132,10 +157,20 @@ def _numbered(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
 @click.argument("start", type=float)
 @click.argument("stop", type=float)
 @_NAMES
-@click.option("--rate", type=float, default=50.0, show_default=True, help="Samples per second [Hz].")
+@click.option(
+    "--rate", type=float, default=50.0, show_default=True, help="Samples per second [Hz]."
+)
 @click.option("-o", "--output", required=True, type=NewFile(), help="NetCDF file to write.")
 @json_option
-def cut(record_file: str, start: float, stop: float, names: str | None, rate: float, output: str, as_json: bool) -> None:
+def cut(
+    record_file: str,
+    start: float,
+    stop: float,
+    names: str | None,
+    rate: float,
+    output: str,
+    as_json: bool,
+) -> None:
     """Cut a manoeuvre from START to STOP [s]: every channel on one clock."""
     from flighttest.records.files import save
     from flighttest.records.record import read
@@ -143,20 +178,37 @@ def cut(record_file: str, start: float, stop: float, names: str | None, rate: fl
 
     data = cut_record(read(record_file, names), start, stop, rate)
     save(data, output)
-    about = {"file": output, "samples": data.sizes["time"], "channels": len(data.data_vars), **data.attrs}
+    about = {
+        "file": output,
+        "samples": data.sizes["time"],
+        "channels": len(data.data_vars),
+        **data.attrs,
+    }
     if as_json:
         document(about)
     else:
-        click.echo(f"{about['samples']} samples of {about['channels']} channels, {start:g} ... {stop:g} s at {rate:g} Hz")
+        click.echo(
+            f"{about['samples']} samples of {about['channels']} channels, {start:g} ... {stop:g} s at {rate:g} Hz"
+        )
         click.echo(f"written: {output}")
 
 
 @flight.command()
 @click.argument("record_files", metavar="RECORD...", nargs=-1, required=True, type=InputFile())
-@click.option("--aircraft", "aircraft_file", required=True, type=InputFile(), help="Aircraft, TOML.")
+@click.option(
+    "--aircraft", "aircraft_file", required=True, type=InputFile(), help="Aircraft, TOML."
+)
 @_NAMES
-@click.option("--window", "windows", type=(float, float), multiple=True, help="Start and stop [s], of a single record. Default: all of it.")
-@click.option("--rate", type=float, default=50.0, show_default=True, help="Samples per second [Hz].")
+@click.option(
+    "--window",
+    "windows",
+    type=(float, float),
+    multiple=True,
+    help="Start and stop [s], of a single record. Default: all of it.",
+)
+@click.option(
+    "--rate", type=float, default=50.0, show_default=True, help="Samples per second [Hz]."
+)
 @click.option(
     "--biases",
     "biases_file",
@@ -170,12 +222,40 @@ def cut(record_file: str, start: float, stop: float, names: str | None, rate: fl
     show_default=True,
     help="Estimator: smoother for a noisy inertial unit; batch for output error, all records in one fit with common instruments.",
 )
-@click.option("--free", multiple=True, metavar="NAME", help="Constant that a batch estimates from the readings alone; all others are held.")
-@click.option("--figure", type=NewFile(), help="Draw the data compatibility of a single record: png, svg or pdf.")
+@click.option(
+    "--free",
+    multiple=True,
+    metavar="NAME",
+    help="Constant that a batch estimates from the readings alone; all others are held.",
+)
+@click.option(
+    "--figure",
+    type=NewFile(),
+    help="Draw the data compatibility of a single record: png, svg or pdf.",
+)
 @jobs_option
-@click.option("-o", "--output", required=True, type=click.Path(), help="NetCDF file to write; a folder when there are several records.")
+@click.option(
+    "-o",
+    "--output",
+    required=True,
+    type=click.Path(),
+    help="NetCDF file to write; a folder when there are several records.",
+)
 @json_option
-def reconstruct(record_files, aircraft_file, names, windows, rate, biases_file, method, free, figure, jobs, output, as_json) -> None:
+def reconstruct(
+    record_files,
+    aircraft_file,
+    names,
+    windows,
+    rate,
+    biases_file,
+    method,
+    free,
+    figure,
+    jobs,
+    output,
+    as_json,
+) -> None:
     """Reconstruct the states of one record, or of all runs of a programme with common instruments."""
     from pathlib import Path as File
 
@@ -183,28 +263,47 @@ def reconstruct(record_files, aircraft_file, names, windows, rate, biases_file, 
     from flightmech.errors import SchemaError
     from flighttest.reconstruction.batch.programme import reconstruct_batch
     from flighttest.reconstruction.compatibility import compatibility_report, draw_compatibility
-    from flighttest.reconstruction.flight_programme import open_biases, reconstruct_programme, save_path
+    from flighttest.reconstruction.flight_programme import (
+        open_biases,
+        reconstruct_programme,
+        save_path,
+    )
     from flighttest.reconstruction.smoother import reconstruct as reconstruct_record
     from flighttest.records.record import read
 
     if (windows or biases_file) and len(record_files) > 1:
-        raise SchemaError("flight reconstruct", ["--window and --biases go with one record; give the records one at a time"])
+        raise SchemaError(
+            "flight reconstruct",
+            ["--window and --biases go with one record; give the records one at a time"],
+        )
     if figure and len(record_files) > 1:
-        raise SchemaError("flight reconstruct", ["--figure goes with one record; give the records one at a time"])
+        raise SchemaError(
+            "flight reconstruct", ["--figure goes with one record; give the records one at a time"]
+        )
     if free and method != "batch":
-        raise SchemaError("flight reconstruct", ["--free goes with --method batch; the smoother estimates all constants"])
+        raise SchemaError(
+            "flight reconstruct",
+            ["--free goes with --method batch; the smoother estimates all constants"],
+        )
     if len(record_files) == 1:
         NewFile().convert(output, None, click.get_current_context())
-    aircraft, prior = read_aircraft(aircraft_file), open_biases(biases_file) if biases_file else None
+    aircraft, prior = (
+        read_aircraft(aircraft_file),
+        open_biases(biases_file) if biases_file else None,
+    )
     with progress(f"read {len(record_files)} record{'s' if len(record_files) > 1 else ''}"):
         records = [read(file, names) for file in record_files]
     targets = [File(output)]
     batch = None
     if len(records) > 1 and method == "smoother":
-        remark(f"{len(records)} records: each alone, then each with what the others indicate about the instruments")
+        remark(
+            f"{len(records)} records: each alone, then each with what the others indicate about the instruments"
+        )
     with progress("reconstruct the states"):
         if method == "batch":
-            batch = reconstruct_batch(records, aircraft, [list(windows) or None] * len(records), free or None, prior, rate)
+            batch = reconstruct_batch(
+                records, aircraft, [list(windows) or None] * len(records), free or None, prior, rate
+            )
             paths = batch.paths
         elif len(records) == 1:
             paths = [reconstruct_record(records[0], aircraft, list(windows) or None, prior, rate)]
@@ -220,7 +319,12 @@ def reconstruct(record_files, aircraft_file, names, windows, rate, biases_file, 
     if batch is not None and not as_json:
         click.echo(batch.report() + "\n")
     if as_json:
-        document([{"file": str(target), **path.summary()} for path, target in zip(paths, targets, strict=True)])
+        document(
+            [
+                {"file": str(target), **path.summary()}
+                for path, target in zip(paths, targets, strict=True)
+            ]
+        )
         return
     for path, target in zip(paths, targets, strict=True):
         click.echo(f"{path.report()}\n\n{compatibility_report(path)}\n\nwritten: {target}\n")

@@ -1,4 +1,6 @@
-"""The verbs ``aeromatch flight identify | select | join | partition | inertia | tabulate``: reconstructed paths to estimates and tables."""
+"""The verbs ``aeromatch flight identify | select | join | partition | inertia | tabulate``:
+reconstructed paths to estimates and tables.
+"""
 
 from __future__ import annotations
 
@@ -13,13 +15,31 @@ from flighttest.remarks import barred, documents, lines
 
 @click.command()
 @click.argument("fit_file", metavar="FIT", type=InputFile())
-@click.option("-o", "--output", type=NewFile(), help="Write estimates, noise and residuals to this netCDF file.")
-@click.option("--page", type=NewFile(), help="Write one self-contained HTML page: estimates, and measured and predicted outputs.")
+@click.option(
+    "-o",
+    "--output",
+    type=NewFile(),
+    help="Write estimates, noise and residuals to this netCDF file.",
+)
+@click.option(
+    "--page",
+    type=NewFile(),
+    help="Write one self-contained HTML page: estimates, and measured and predicted outputs.",
+)
 @click.option("--database", type=NewFile(), help="Write the database with the estimates in it.")
 @json_option
 @click.pass_context
-def fit(ctx: click.Context, fit_file: str, output: str | None, page: str | None, database: str | None, as_json: bool) -> None:
-    """Estimate parameters of the simulation by output error, as specified in FIT (TOML); exit code 1 when a figure must not be used."""
+def fit(
+    ctx: click.Context,
+    fit_file: str,
+    output: str | None,
+    page: str | None,
+    database: str | None,
+    as_json: bool,
+) -> None:
+    """Estimate parameters of the simulation by output error, as specified in FIT (TOML); exit code
+    1 when a figure must not be used.
+    """
     from flighttest.maximum_likelihood.fit_job import page as page_of
     from flighttest.maximum_likelihood.fit_job import perform
     from flighttest.maximum_likelihood.result import save_output_error
@@ -51,10 +71,21 @@ def fit(ctx: click.Context, fit_file: str, output: str | None, page: str | None,
 
 
 _PATHS = click.argument("paths", nargs=-1, required=True, type=InputFile())
-_AIRCRAFT = click.option("--aircraft", "aircraft_file", required=True, type=InputFile(), help="Aircraft, TOML.")
-_MODEL = click.option("--model", "model_text", required=True, help="Model to fit, such as 'CL = 1 + alpha + qhat + delta_e'.")
+_AIRCRAFT = click.option(
+    "--aircraft", "aircraft_file", required=True, type=InputFile(), help="Aircraft, TOML."
+)
+_MODEL = click.option(
+    "--model",
+    "model_text",
+    required=True,
+    help="Model to fit, such as 'CL = 1 + alpha + qhat + delta_e'.",
+)
 _WINDOW = click.option(
-    "--window", "windows", type=(float, float), multiple=True, help="Start and stop [s]; several make one fit. Default: all."
+    "--window",
+    "windows",
+    type=(float, float),
+    multiple=True,
+    help="Start and stop [s]; several make one fit. Default: all.",
 )
 _WINDOW_OF = click.option(
     "--window-of",
@@ -72,10 +103,25 @@ _ERRORS = click.option(
     metavar="SOURCE SIZE",
     help="Standard error of qbar, mass, inertia or thrust (relative) or of timing [s], in place of the default.",
 )
-_CUTOFF = click.option("--cutoff", type=click.FloatRange(0.0, min_open=True), help="Low-pass all states alike first [Hz].")
-_BAND = click.option("--band", type=(float, float), help="Work in frequency, inside this band [Hz]. Default: in time.")
-_CORRELATION = click.option("--correlation", is_flag=True, help="Print the correlation matrix of the estimates.")
-_TABULATED = {"nodes": "nodes", "flight": "from flight", "identified": "identified", "ratio_median": "std. error / a priori"}
+_CUTOFF = click.option(
+    "--cutoff",
+    type=click.FloatRange(0.0, min_open=True),
+    help="Low-pass all states alike first [Hz].",
+)
+_BAND = click.option(
+    "--band",
+    type=(float, float),
+    help="Work in frequency, inside this band [Hz]. Default: in time.",
+)
+_CORRELATION = click.option(
+    "--correlation", is_flag=True, help="Print the correlation matrix of the estimates."
+)
+_TABULATED = {
+    "nodes": "nodes",
+    "flight": "from flight",
+    "identified": "identified",
+    "ratio_median": "std. error / a priori",
+}
 _OUTPUT = click.option("-o", "--output", type=NewFile(), help="Write the fit to this netCDF file.")
 
 
@@ -88,15 +134,27 @@ _OUTPUT = click.option("-o", "--output", type=NewFile(), help="Write the fit to 
 @_ERRORS
 @_CUTOFF
 @_BAND
-@click.option("--intercepts", type=click.Choice(["common", "separate"]), default="common", help="One constant, or one per manoeuvre.")
+@click.option(
+    "--intercepts",
+    type=click.Choice(["common", "separate"]),
+    default="common",
+    help="One constant, or one per manoeuvre.",
+)
 @click.option(
     "--weights",
     default="equal",
     show_default=True,
     help="Weights of the samples: equal, manoeuvre, robust, or a variable with standard errors.",
 )
-@click.option("--ridge", default="0", show_default=True, help="Ridge parameter on standardised regressors, or auto.")
-@click.option("--prior", type=InputFile(), help="Database whose terms are the prior, with standard errors.")
+@click.option(
+    "--ridge",
+    default="0",
+    show_default=True,
+    help="Ridge parameter on standardised regressors, or auto.",
+)
+@click.option(
+    "--prior", type=InputFile(), help="Database whose terms are the prior, with standard errors."
+)
 @_OUTPUT
 @_CORRELATION
 @json_option
@@ -119,7 +177,9 @@ def identify(
     correlation,
     as_json,
 ) -> None:
-    """Estimate the terms of one coefficient from reconstructed paths; exit code 1 when a figure must not be used."""
+    """Estimate the terms of one coefficient from reconstructed paths; exit code 1 when a figure
+    must not be used.
+    """
     from flighttest.regression.combining.pooling import mixed, prior_of
     from flighttest.regression.equation_error.fit import save_fit
     from flighttest.regression.equation_error.model import Model
@@ -133,12 +193,26 @@ def identify(
         import aerodb
 
         joined = mixed(fit, prior_of(fit, aerodb.open(prior)))
-        known = {str(term) for term, value in zip(joined.estimates["term"].values, joined.estimates["prior"].values) if value == value}
-        remarks = [remark for remark in remarks if remark.kind != "sign" or remark.term not in known]
+        known = {
+            str(term)
+            for term, value in zip(
+                joined.estimates["term"].values, joined.estimates["prior"].values
+            )
+            if value == value
+        }
+        remarks = [
+            remark for remark in remarks if remark.kind != "sign" or remark.term not in known
+        ]
     if output:
         save_fit(fit, output)
     if as_json:
-        more = {} if joined is None else {"with_prior": {**_numbers(joined.estimates), "remarks": documents(joined.remarks)}}
+        more = (
+            {}
+            if joined is None
+            else {
+                "with_prior": {**_numbers(joined.estimates), "remarks": documents(joined.remarks)}
+            }
+        )
         document({**_fitted(fit), "remarks": documents(remarks), **more, "file": output})
     else:
         _show(fit, remarks, correlation)
@@ -154,10 +228,22 @@ def identify(
 @_AIRCRAFT
 @click.option("--coefficient", required=True, help="CL, CD, CY, Cl, Cm, Cn, CX or CZ.")
 @click.option("--variables", help="Candidates are all their products, as 'alpha qhat delta_e'.")
-@click.option("--order", type=click.IntRange(1, 9), default=2, show_default=True, help="Highest order of the products.")
-@click.option("--term", "terms", multiple=True, help="A further candidate, as 'ramp(alpha,12 deg)'.")
 @click.option(
-    "--method", type=click.Choice(["orthogonal", "stepwise"]), default="orthogonal", show_default=True, help="Method of the selection."
+    "--order",
+    type=click.IntRange(1, 9),
+    default=2,
+    show_default=True,
+    help="Highest order of the products.",
+)
+@click.option(
+    "--term", "terms", multiple=True, help="A further candidate, as 'ramp(alpha,12 deg)'."
+)
+@click.option(
+    "--method",
+    type=click.Choice(["orthogonal", "stepwise"]),
+    default="orthogonal",
+    show_default=True,
+    help="Method of the selection.",
 )
 @click.option("--keep", multiple=True, help="A candidate that is in from the start.")
 @_WINDOW
@@ -188,14 +274,18 @@ def select(
     correlation,
     as_json,
 ) -> None:
-    """Choose the terms of one coefficient, and estimate them; exit code 1 when a figure must not be used."""
+    """Choose the terms of one coefficient, and estimate them; exit code 1 when a figure must not be
+    used.
+    """
     from flightmech.errors import SchemaError
     from flighttest.regression.equation_error.fit import save_fit
     from flighttest.regression.model_structure.candidates import monomials
     from flighttest.regression.model_structure.search import select_orthogonal, select_stepwise
 
     if not variables and not terms:
-        raise SchemaError("flight select", ["no candidates: give --variables, or --term once for each"])
+        raise SchemaError(
+            "flight select", ["no candidates: give --variables, or --term once for each"]
+        )
     candidates = [*monomials(variables.split(), order), *terms] if variables else ["1", *terms]
     manoeuvres = _manoeuvres(paths, aircraft_file, windows, cutoff)
     choose = select_orthogonal if method == "orthogonal" else select_stepwise
@@ -204,7 +294,15 @@ def select(
     if output:
         save_fit(found.fit, output)
     if as_json:
-        document({"method": found.method, "steps": found.steps, "idle": found.idle, **_fitted(found.fit), "file": output})
+        document(
+            {
+                "method": found.method,
+                "steps": found.steps,
+                "idle": found.idle,
+                **_fitted(found.fit),
+                "file": output,
+            }
+        )
     else:
         click.echo(found.report(correlation))
         if output:
@@ -223,13 +321,21 @@ def select(
 )
 @json_option
 def join(fits, method, as_json) -> None:
-    """Join fits of one coefficient from several manoeuvres; FITS are files that identify or select wrote."""
+    """Join fits of one coefficient from several manoeuvres; FITS are files that identify or select
+    wrote.
+    """
     from flighttest.regression.combining.joined_fits import join_fits
     from flighttest.regression.equation_error.fit import open_fit
 
     found = join_fits([open_fit(file) for file in fits], method)
     if as_json:
-        document({**found.estimates.attrs, **_numbers(found.estimates), "remarks": documents(found.remarks)})
+        document(
+            {
+                **found.estimates.attrs,
+                **_numbers(found.estimates),
+                "remarks": documents(found.remarks),
+            }
+        )
         return
     click.echo(found.report())
 
@@ -238,7 +344,14 @@ def join(fits, method, as_json) -> None:
 @_PATHS
 @_AIRCRAFT
 @_MODEL
-@click.option("--over", "conditions", type=(str, str), multiple=True, required=True, help="Condition and edges, as alpha '0 5 10 15 deg'.")
+@click.option(
+    "--over",
+    "conditions",
+    type=(str, str),
+    multiple=True,
+    required=True,
+    help="Condition and edges, as alpha '0 5 10 15 deg'.",
+)
 @_WINDOW
 @_CUTOFF
 @json_option
@@ -255,7 +368,11 @@ def partition(paths, aircraft_file, model_text, conditions, windows, cutoff, as_
         e = found.estimates
         bins = [
             {str(name): e[name].values[k] for name in e.data_vars if e[name].dims == ("bin",)}
-            | {"estimate": e["estimate"].values[k], "stderr": e["stderr"].values[k], "refused": found.refused.get(k, "")}
+            | {
+                "estimate": e["estimate"].values[k],
+                "stderr": e["stderr"].values[k],
+                "refused": found.refused.get(k, ""),
+            }
             for k in range(e.sizes["bin"])
         ]
         document({"model": str(found.model), "terms": e["term"].values, "bins": bins})
@@ -266,8 +383,20 @@ def partition(paths, aircraft_file, model_text, conditions, windows, cutoff, as_
 @click.command()
 @_PATHS
 @_AIRCRAFT
-@click.option("--model", "models", multiple=True, required=True, help="One for each of Cl, Cm and Cn, as 'Cl = 1 + beta + phat + delta_a'.")
-@click.option("--scale", type=click.Choice(["Ixx", "Iyy", "Izz"]), default="Iyy", show_default=True, help="The moment that is known.")
+@click.option(
+    "--model",
+    "models",
+    multiple=True,
+    required=True,
+    help="One for each of Cl, Cm and Cn, as 'Cl = 1 + beta + phat + delta_a'.",
+)
+@click.option(
+    "--scale",
+    type=click.Choice(["Ixx", "Iyy", "Izz"]),
+    default="Iyy",
+    show_default=True,
+    help="The moment that is known.",
+)
 @_WINDOW
 @_CUTOFF
 @json_option
@@ -281,11 +410,22 @@ def inertia(ctx, paths, aircraft_file, models, scale, windows, cutoff, as_json) 
     from flighttest.submodels.aircraft_properties.inertia import inertia_from_flight
 
     parsed = {model.coefficient: model for model in map(Model.parse, models)}
-    parts = [part for path in paths for states in [open_states(path)] for part in [between(states, *w) for w in windows] or [states]]
+    parts = [
+        part
+        for path in paths
+        for states in [open_states(path)]
+        for part in [between(states, *w) for w in windows] or [states]
+    ]
     with progress("estimate moments of inertia"):
         found = inertia_from_flight(parts, read_aircraft(aircraft_file), parsed, scale, cutoff)
     if as_json:
-        document({**found.estimates.attrs, **_numbers(found.estimates), "remarks": documents(found.remarks)})
+        document(
+            {
+                **found.estimates.attrs,
+                **_numbers(found.estimates),
+                "remarks": documents(found.remarks),
+            }
+        )
     else:
         click.echo(found.report())
     ctx.exit(1 if barred(found.remarks) else 0)
@@ -293,8 +433,12 @@ def inertia(ctx, paths, aircraft_file, models, scale, windows, cutoff, as_json) 
 
 @click.command()
 @click.argument("fits", nargs=-1, required=True, type=InputFile())
-@click.option("--database", "database_file", required=True, type=InputFile(), help="A-priori tables.")
-@click.option("--hold", "held", multiple=True, help="A term that keeps its values, such as CL/altitude.")
+@click.option(
+    "--database", "database_file", required=True, type=InputFile(), help="A-priori tables."
+)
+@click.option(
+    "--hold", "held", multiple=True, help="A term that keeps its values, such as CL/altitude."
+)
 @click.option(
     "--way",
     type=click.Choice(["tabulate", "join"]),
@@ -309,16 +453,24 @@ def inertia(ctx, paths, aircraft_file, models, scale, windows, cutoff, as_json) 
     show_default=True,
     help="Stop, or go on with a warning, if no table of the database carries a significant term of a fit.",
 )
-@click.option("-o", "--output", required=True, type=NewFile(), help="Write the database with the new tables.")
+@click.option(
+    "-o", "--output", required=True, type=NewFile(), help="Write the database with the new tables."
+)
 @json_option
 def tabulate(fits, database_file, held, way, unplaced, output, as_json) -> None:
-    """Join FITS of any coefficients (files of identify, select or join; CSV files of published models) with the tables of a database."""
+    """Join FITS of any coefficients (files of identify, select or join; CSV files of published
+    models) with the tables of a database.
+    """
     import aerodb
     from flighttest.regression.combining.published import read_published
     from flighttest.regression.equation_error.fit import open_fit
 
     prior = aerodb.open(database_file)
-    given = [fit for path in fits for fit in (read_published(path) if path.lower().endswith(".csv") else [open_fit(path)])]
+    given = [
+        fit
+        for path in fits
+        for fit in (read_published(path) if path.lower().endswith(".csv") else [open_fit(path)])
+    ]
     with progress(f"join {len(given)} fits with the tables"):
         join = aerodb.tabulate if way == "tabulate" else aerodb.update.join_submodels
         found = join(given, prior, held, unplaced=unplaced)
@@ -340,11 +492,21 @@ def tabulate(fits, database_file, held, way, unplaced, output, as_json) -> None:
         )
         return
     formats = [f".{2 if key.startswith('ratio') else 0}f" for key in _TABULATED]
-    rows = [(name, *(f"{row[key]:{form}}" for key, form in zip(_TABULATED, formats)), row["decision"]) for name, row in report.iterrows()]
+    rows = [
+        (name, *(f"{row[key]:{form}}" for key, form in zip(_TABULATED, formats)), row["decision"])
+        for name, row in report.iterrows()
+    ]
     table(["term", *_TABULATED.values(), "decision"], rows, right=list(_TABULATED.values()))
     click.echo()
     rows = [
-        (row.coefficient, row.fit, f"{row.rms_prior:.4g}", f"{row.rms:.4g}", f"{row.distance:.1f}", "suspect" if row.suspect else "")
+        (
+            row.coefficient,
+            row.fit,
+            f"{row.rms_prior:.4g}",
+            f"{row.rms:.4g}",
+            f"{row.distance:.1f}",
+            "suspect" if row.suspect else "",
+        )
         for row in points.itertuples()
     ]
     columns = ["coefficient", "fit", "rms before", "rms after", "distance", ""]
@@ -352,16 +514,33 @@ def tabulate(fits, database_file, held, way, unplaced, output, as_json) -> None:
     if len(found.unplaced):
         click.echo()
         rows = [
-            (coefficient, fit, row.term, f"{row.estimate:.4g}", f"{row.stderr:.2g}", f"{row.t:.1f}", row.reason)
-            for (coefficient, fit), row in zip(found.unplaced.index, found.unplaced.itertuples(index=False), strict=True)
+            (
+                coefficient,
+                fit,
+                row.term,
+                f"{row.estimate:.4g}",
+                f"{row.stderr:.2g}",
+                f"{row.t:.1f}",
+                row.reason,
+            )
+            for (coefficient, fit), row in zip(
+                found.unplaced.index, found.unplaced.itertuples(index=False), strict=True
+            )
         ]
         columns = ["coefficient", "fit", "term", "estimate", "stderr", "t", "reason"]
-        table(columns, rows, "Terms without a place in the database", right=["estimate", "stderr", "t"])
+        table(
+            columns,
+            rows,
+            "Terms without a place in the database",
+            right=["estimate", "stderr", "t"],
+        )
     click.echo(f"\nwritten: {output}")
 
 
 def _manoeuvres(paths, aircraft_file, windows, cutoff, own_windows=(), errors=()) -> list:
-    """Coefficients along all windows of all paths, path by path; a path takes `windows` and its own."""
+    """Coefficients along all windows of all paths, path by path; a path takes `windows` and its
+    own.
+    """
     from flightmech.aircraft.aircraft import read_aircraft
     from flightmech.errors import SchemaError, UnknownName
     from flighttest.reconstruction.dynamics.force_coefficients import between, coefficients
@@ -372,10 +551,21 @@ def _manoeuvres(paths, aircraft_file, windows, cutoff, own_windows=(), errors=()
     own: dict[str, list[tuple[float, float]]] = {}
     for name, start, stop in own_windows:
         if names.count(name) != 1:
-            raise UnknownName(name, names, "path", "--window-of names one of the paths by its file without extension")
+            raise UnknownName(
+                name,
+                names,
+                "path",
+                "--window-of names one of the paths by its file without extension",
+            )
         own.setdefault(name, []).append((start, stop))
     if own and not windows and (without := [name for name in names if name not in own]):
-        raise SchemaError("windows", [f"{name}: no window; give --window-of {name}, or leave the path out" for name in without])
+        raise SchemaError(
+            "windows",
+            [
+                f"{name}: no window; give --window-of {name}, or leave the path out"
+                for name in without
+            ],
+        )
     aircraft = read_aircraft(aircraft_file)
     found, labels = [], []
     with progress(f"coefficients along {len(paths)} path{'s' if len(paths) > 1 else ''}"):
@@ -396,7 +586,9 @@ def _fit(model, manoeuvres, band, intercepts, weights, ridge):
     if band is None:
         return regress(model, manoeuvres, intercepts=intercepts, weights=weights, ridge=ridge)
     if weights != "equal":
-        raise SchemaError("flight identify", ["--weights goes with a fit in time; leave out --band"])
+        raise SchemaError(
+            "flight identify", ["--weights goes with a fit in time; leave out --band"]
+        )
     return regress_frequency(model, manoeuvres, band, intercepts=intercepts, ridge=ridge)
 
 
@@ -406,7 +598,9 @@ def _ridge(text: str) -> float | str:
     try:
         return text if text == "auto" else float(text)
     except ValueError:
-        raise SchemaError("flight identify", [f"--ridge is {text!r}; expected a number or auto"]) from None
+        raise SchemaError(
+            "flight identify", [f"--ridge is {text!r}; expected a number or auto"]
+        ) from None
 
 
 def _edges(name: str, text: str) -> list[float]:
@@ -421,24 +615,38 @@ def _edges(name: str, text: str) -> list[float]:
     except ValueError:
         unit = words.pop()
     except IndexError:
-        raise SchemaError("flight partition", [f"no edges of {name}; expected numbers and a unit, as '0 5 10 deg'"]) from None
+        raise SchemaError(
+            "flight partition",
+            [f"no edges of {name}; expected numbers and a unit, as '0 5 10 deg'"],
+        ) from None
     else:
         unit = units
     try:
         return [float(to_si(float(word), unit, units)) for word in words]
     except ValueError:
-        raise SchemaError("flight partition", [f"edges of {name} are {text!r}; expected numbers and a unit, as '0 5 10 deg'"]) from None
+        raise SchemaError(
+            "flight partition",
+            [f"edges of {name} are {text!r}; expected numbers and a unit, as '0 5 10 deg'"],
+        ) from None
 
 
 def _fitted(fit) -> dict:
     """A fit as a document."""
-    return {"model": str(fit.model), **fit.estimates.attrs, **_numbers(fit.estimates), "remarks": documents(fit.remarks)}
+    return {
+        "model": str(fit.model),
+        **fit.estimates.attrs,
+        **_numbers(fit.estimates),
+        "remarks": documents(fit.remarks),
+    }
 
 
 def _numbers(e) -> dict:
     """Estimates by term, and their covariance."""
     columns = [str(name) for name, item in e.data_vars.items() if item.dims == ("term",)]
-    terms = {str(term): {name: float(e[name].values[k]) for name in columns} for k, term in enumerate(e["term"].values)}
+    terms = {
+        str(term): {name: float(e[name].values[k]) for name in columns}
+        for k, term in enumerate(e["term"].values)
+    }
     return {"terms": terms, "covariance": e["covariance"].values}
 
 
@@ -446,9 +654,18 @@ def _show(fit, remarks, correlation: bool) -> None:
     from flighttest.regression.equation_error.fit import correlations, tests
 
     e = fit.estimates
-    shown = {"estimate": "estimate", "stderr": "std error", "low": "95 % low", "high": "high", "stderr_white": "if white"}
+    shown = {
+        "estimate": "estimate",
+        "stderr": "std error",
+        "low": "95 % low",
+        "high": "high",
+        "stderr_white": "if white",
+    }
     shown |= {"stderr_systematic": "systematic", "t": "t", "p_value": "p", "vif": "VIF"}
-    rows = [(str(term), *(_cell(float(e[name].sel(term=term))) for name in shown)) for term in e["term"].values]
+    rows = [
+        (str(term), *(_cell(float(e[name].sel(term=term))) for name in shown))
+        for term in e["term"].values
+    ]
     title = f"{fit.model}   {e.attrs['samples']} samples, R2 {e.attrs['R2']:.4f}, residual rms {e.attrs['residual_rms']:.3g}"
     if e.attrs["domain"] == "frequency":
         title += f", {e.attrs['frequencies']} frequencies in {e.attrs['band']} Hz"

@@ -1,4 +1,6 @@
-"""The verbs ``aeromatch flight design``, ``plan`` and ``coverage``: a test input, a flight-test programme, and how much of it is done."""
+"""The verbs ``aeromatch flight design``, ``plan`` and ``coverage``: a test input, a flight-test
+programme, and how much of it is done.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,16 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from flightmech.support.atomic_write import write_text
-from flightmech.support.console import InputFile, NewFile, NewFolder, document, jobs_option, json_option, progress, table
+from flightmech.support.console import (
+    InputFile,
+    NewFile,
+    NewFolder,
+    document,
+    jobs_option,
+    json_option,
+    progress,
+    table,
+)
 from flighttest.cli.group import names_option
 
 if TYPE_CHECKING:
@@ -19,12 +30,36 @@ _FILE = InputFile()
 
 @click.command()
 @click.argument("design_file", metavar="DESIGN", type=_FILE)
-@click.option("--aircraft", "aircraft_file", type=_FILE, help="Aircraft, TOML; needed when DESIGN has a condition.")
-@click.option("--database", "database_file", type=_FILE, help="A-priori database, netCDF; needed when DESIGN has a condition.")
-@click.option("-o", "--output", required=True, type=click.Path(file_okay=False), help="Folder for the CSV files and the time table.")
+@click.option(
+    "--aircraft",
+    "aircraft_file",
+    type=_FILE,
+    help="Aircraft, TOML; needed when DESIGN has a condition.",
+)
+@click.option(
+    "--database",
+    "database_file",
+    type=_FILE,
+    help="A-priori database, netCDF; needed when DESIGN has a condition.",
+)
+@click.option(
+    "-o",
+    "--output",
+    required=True,
+    type=click.Path(file_okay=False),
+    help="Folder for the CSV files and the time table.",
+)
 @json_option
-def design(design_file: str, aircraft_file: str | None, database_file: str | None, output: str, as_json: bool) -> None:
-    """Design a test input from DESIGN (TOML): amplitude inside limits, expected standard errors, files to play."""
+def design(
+    design_file: str,
+    aircraft_file: str | None,
+    database_file: str | None,
+    output: str,
+    as_json: bool,
+) -> None:
+    """Design a test input from DESIGN (TOML): amplitude inside limits, expected standard errors,
+    files to play.
+    """
     from flighttest.flight_programme.input_design.design import design_input, save_design
     from flighttest.flight_programme.input_design.specification import read_design
 
@@ -37,9 +72,13 @@ def design(design_file: str, aircraft_file: str | None, database_file: str | Non
         from flightmech.simulation.compiler import compile_files
 
         with progress("design the input"):
-            made = design_input(wanted, compile_files(aircraft_file, database_file), read_aircraft(aircraft_file))
+            made = design_input(
+                wanted, compile_files(aircraft_file, database_file), read_aircraft(aircraft_file)
+            )
     else:
-        raise click.UsageError("the design has a [condition]: give --aircraft and --database, or leave the condition out")
+        raise click.UsageError(
+            "the design has a [condition]: give --aircraft and --database, or leave the condition out"
+        )
     files = save_design(made, output, Path(design_file).stem)
     if as_json:
         document({**made.summary(), "files": [str(file) for file in files]})
@@ -71,7 +110,17 @@ def _print(made: Designed) -> None:
             nearest,
         )
         rows.append((name, *([f"{m['factor']:.3f}"] if limited else []), *numbers))
-    heads = ["axis", *(["factor"] if limited else []), "peak", "rms", "unit", "rate /s", "peak factor", "band [Hz]", "correlation"]
+    heads = [
+        "axis",
+        *(["factor"] if limited else []),
+        "peak",
+        "rms",
+        "unit",
+        "rate /s",
+        "peak factor",
+        "band [Hz]",
+        "correlation",
+    ]
     table(heads, rows, made.title, right=["factor", "peak", "rms", "rate /s", "peak factor"])
     if made.amplitude is not None:
         extremes = made.amplitude.extremes
@@ -80,22 +129,55 @@ def _print(made: Designed) -> None:
             for name, row in zip(extremes.index, extremes.values)
         ]
         click.echo()
-        title = f"predicted response; each axis fitted alone, then all times {made.amplitude.scale:.3f}"
+        title = (
+            f"predicted response; each axis fitted alone, then all times {made.amplitude.scale:.3f}"
+        )
         table(["response", *extremes.columns], lines, title, right=list(extremes.columns))
-        click.echo(f"a larger input: {made.amplitude.binding}" if made.amplitude.binding else "together they reach no limit")
+        click.echo(
+            f"a larger input: {made.amplitude.binding}"
+            if made.amplitude.binding
+            else "together they reach no limit"
+        )
     for expected in made.expected:
         click.echo(f"\n{expected.report()}")
 
 
 @click.command()
 @click.argument("catalogue_file", metavar="CATALOGUE", type=_FILE)
-@click.option("--aircraft", "aircraft_file", required=True, type=_FILE, help="Aircraft with its instruments, TOML.")
-@click.option("--database", "database_file", required=True, type=_FILE, help="A-priori database with standard errors, netCDF.")
+@click.option(
+    "--aircraft",
+    "aircraft_file",
+    required=True,
+    type=_FILE,
+    help="Aircraft with its instruments, TOML.",
+)
+@click.option(
+    "--database",
+    "database_file",
+    required=True,
+    type=_FILE,
+    help="A-priori database with standard errors, netCDF.",
+)
 @jobs_option
-@click.option("-o", "--output", required=True, type=NewFolder(), help="Folder for order, expected errors, inputs and test cards.")
+@click.option(
+    "-o",
+    "--output",
+    required=True,
+    type=NewFolder(),
+    help="Folder for order, expected errors, inputs and test cards.",
+)
 @json_option
-def plan(catalogue_file: str, aircraft_file: str, database_file: str, jobs: int, output: str, as_json: bool) -> None:
-    """Plan a flight-test programme from CATALOGUE (TOML): which manoeuvres bring every wanted node below its bound in the least time."""
+def plan(
+    catalogue_file: str,
+    aircraft_file: str,
+    database_file: str,
+    jobs: int,
+    output: str,
+    as_json: bool,
+) -> None:
+    """Plan a flight-test programme from CATALOGUE (TOML): which manoeuvres bring every wanted node
+    below its bound in the least time.
+    """
     import aerodb
     import flightmech
     from flighttest.flight_programme.planning.catalogue import read_catalogue
@@ -103,9 +185,15 @@ def plan(catalogue_file: str, aircraft_file: str, database_file: str, jobs: int,
     from flighttest.flight_programme.planning.plan_files import save_plan
     from flighttest.flight_programme.planning.prediction import predict, with_assumed
 
-    catalogue, aircraft, database = read_catalogue(catalogue_file), flightmech.read_aircraft(aircraft_file), aerodb.open(database_file)
+    catalogue, aircraft, database = (
+        read_catalogue(catalogue_file),
+        flightmech.read_aircraft(aircraft_file),
+        aerodb.open(database_file),
+    )
     sim = flightmech.compile(aircraft, with_assumed(database, catalogue))
-    with progress(f"fly {len(catalogue.flyable())} manoeuvres at {len(catalogue.condition)} conditions on the a-priori model"):
+    with progress(
+        f"fly {len(catalogue.flyable())} manoeuvres at {len(catalogue.condition)} conditions on the a-priori model"
+    ):
         prediction = predict(catalogue, sim, aircraft, jobs)
     with progress("choose the manoeuvres"):
         found = plan_of(prediction, database)
@@ -121,10 +209,26 @@ def plan(catalogue_file: str, aircraft_file: str, database_file: str, jobs: int,
 @click.argument("catalogue_file", metavar="CATALOGUE", type=_FILE)
 @click.argument("record_files", metavar="RECORD...", nargs=-1, required=True, type=_FILE)
 @click.option(
-    "--plan", "plan_folder", required=True, type=click.Path(exists=True, file_okay=False), help="Folder that `flight plan` wrote."
+    "--plan",
+    "plan_folder",
+    required=True,
+    type=click.Path(exists=True, file_okay=False),
+    help="Folder that `flight plan` wrote.",
 )
-@click.option("--aircraft", "aircraft_file", required=True, type=_FILE, help="Aircraft with its instruments, TOML.")
-@click.option("--database", "database_file", required=True, type=_FILE, help="A-priori database with standard errors, netCDF.")
+@click.option(
+    "--aircraft",
+    "aircraft_file",
+    required=True,
+    type=_FILE,
+    help="Aircraft with its instruments, TOML.",
+)
+@click.option(
+    "--database",
+    "database_file",
+    required=True,
+    type=_FILE,
+    help="A-priori database with standard errors, netCDF.",
+)
 @names_option
 @jobs_option
 @json_option
@@ -138,7 +242,9 @@ def coverage(
     jobs: int,
     as_json: bool,
 ) -> None:
-    """State what the RECORDs flown so far have achieved of a plan from CATALOGUE, and which of its cards are still needed."""
+    """State what the RECORDs flown so far have achieved of a plan from CATALOGUE, and which of its
+    cards are still needed.
+    """
     import aerodb
     import flightmech
     from flighttest.flight_programme.planning.catalogue import read_catalogue
@@ -147,11 +253,21 @@ def coverage(
     from flighttest.reconstruction.flight_programme import reconstruct_programme
     from flighttest.records.record import read
 
-    catalogue, aircraft, database = read_catalogue(catalogue_file), flightmech.read_aircraft(aircraft_file), aerodb.open(database_file)
+    catalogue, aircraft, database = (
+        read_catalogue(catalogue_file),
+        flightmech.read_aircraft(aircraft_file),
+        aerodb.open(database_file),
+    )
     planned = read_order(plan_folder)
     with progress(f"read and reconstruct {len(record_files)} records"):
         records = {Path(file).name.split(".")[0]: read(file, names) for file in record_files}
-        paths = dict(zip(records, reconstruct_programme(list(records.values()), aircraft, jobs=jobs), strict=True))
+        paths = dict(
+            zip(
+                records,
+                reconstruct_programme(list(records.values()), aircraft, jobs=jobs),
+                strict=True,
+            )
+        )
     with progress("fit what is flown, predict and choose what is not"):
         flights = flights_of(catalogue, records, paths, aircraft)
         found = coverage_of(catalogue, planned, flights, aircraft, database, jobs)
@@ -164,11 +280,20 @@ def coverage(
 @click.command()
 @click.argument("plan_file", metavar="PLAN", type=InputFile())
 @click.option("-o", "--output", type=NewFile(), help="Write one self-contained HTML page.")
-@click.option("--save", "folder", type=click.Path(file_okay=False), help="Folder for record, paths and fits as netCDF.")
+@click.option(
+    "--save",
+    "folder",
+    type=click.Path(file_okay=False),
+    help="Folder for record, paths and fits as netCDF.",
+)
 @json_option
 @click.pass_context
-def report(ctx: click.Context, plan_file: str, output: str | None, folder: str | None, as_json: bool) -> None:
-    """Evaluate a flight as specified in PLAN (TOML); exit code 1 when a figure is outside its bounds or not determined."""
+def report(
+    ctx: click.Context, plan_file: str, output: str | None, folder: str | None, as_json: bool
+) -> None:
+    """Evaluate a flight as specified in PLAN (TOML); exit code 1 when a figure is outside its
+    bounds or not determined.
+    """
     from flighttest.flight_programme.evaluation.flight_evaluation import evaluate
     from flighttest.flight_programme.evaluation.result import page
 
@@ -192,14 +317,28 @@ def report(ctx: click.Context, plan_file: str, output: str | None, folder: str |
 @click.argument("start", type=float)
 @click.argument("stop", type=float)
 @names_option
-@click.option("--channel", "channels", multiple=True, required=True, help="Channel that shows the motion; once for each.")
-@click.option("--input", "inputs", multiple=True, help="Control that moves in the window; once for each.")
-@click.option("--aperiodic", is_flag=True, help="A real root, as roll and spiral, and not an oscillation.")
+@click.option(
+    "--channel",
+    "channels",
+    multiple=True,
+    required=True,
+    help="Channel that shows the motion; once for each.",
+)
+@click.option(
+    "--input", "inputs", multiple=True, help="Control that moves in the window; once for each."
+)
+@click.option(
+    "--aperiodic", is_flag=True, help="A real root, as roll and spiral, and not an oscillation."
+)
 @click.option("--level", is_flag=True, help="A constant under each channel and no straight line.")
 @json_option
 @click.pass_context
-def modes(ctx, record_file, start, stop, names, channels, inputs, aperiodic, level, as_json) -> None:
-    """Fit one eigenmotion to a record from START to STOP [s]; exit code 1 when its figures must not be used."""
+def modes(
+    ctx, record_file, start, stop, names, channels, inputs, aperiodic, level, as_json
+) -> None:
+    """Fit one eigenmotion to a record from START to STOP [s]; exit code 1 when its figures must not
+    be used.
+    """
     import warnings
 
     from flightmech.errors import AeromatchWarning
@@ -214,16 +353,27 @@ def modes(ctx, record_file, start, stop, names, channels, inputs, aperiodic, lev
         record = read(record_file, names)
         quality = assess(record)
     home = homes(record)
-    rates = [float(record[home[name]].attrs["rate"]) for name in (*channels, *inputs) if name in home]
+    rates = [
+        float(record[home[name]].attrs["rate"]) for name in (*channels, *inputs) if name in home
+    ]
     for finding in quality.findings:
         if finding.severity == "error" and set(finding.channels) & {*channels, *inputs}:
             warnings.warn(f"{finding.name}: {finding.text}", AeromatchWarning, stacklevel=1)
     data = cut(record, start, stop, rate=min(rates, default=50.0))
     with progress("fit the motion"):
-        found = fit_motion(data, channels, "aperiodic" if aperiodic else "oscillation", inputs, not level)
-    test = {"F": found.F, "F_terms": found.F_terms, "F_dof": found.F_dof, "F_probability": found.F_probability}
+        found = fit_motion(
+            data, channels, "aperiodic" if aperiodic else "oscillation", inputs, not level
+        )
+    test = {
+        "F": found.F,
+        "F_terms": found.F_terms,
+        "F_dof": found.F_dof,
+        "F_probability": found.F_probability,
+    }
     if as_json:
-        values = {name: dict(zip(("value", "stderr", "unit"), row)) for name, row in found.values.items()}
+        values = {
+            name: dict(zip(("value", "stderr", "unit"), row)) for name, row in found.values.items()
+        }
         document(
             {
                 "kind": found.kind,
@@ -236,10 +386,15 @@ def modes(ctx, record_file, start, stop, names, channels, inputs, aperiodic, lev
             }
         )
         ctx.exit(1 if barred(found.remarks) else 0)
-    rows = [(name, f"{value:.5g}", f"{stderr:.2g}", "" if unit == "1" else unit) for name, (value, stderr, unit) in found.values.items()]
+    rows = [
+        (name, f"{value:.5g}", f"{stderr:.2g}", "" if unit == "1" else unit)
+        for name, (value, stderr, unit) in found.values.items()
+    ]
     title = f"{found.kind} in {' '.join(channels)}, {start:g} ... {stop:g} s, {found.share:.1%} of the movement explained"
     table(["figure", "estimate", "std error", "unit"], rows, title, right=["estimate", "std error"])
-    click.echo(f"amplitudes: F({found.F_terms}, {found.F_dof:.0f}) {found.F:.4g}, probability {found.F_probability:.2g}")
+    click.echo(
+        f"amplitudes: F({found.F_terms}, {found.F_dof:.0f}) {found.F:.4g}, probability {found.F_probability:.2g}"
+    )
     for line in lines(found.remarks):
         click.echo(line)
     ctx.exit(1 if barred(found.remarks) else 0)

@@ -1,4 +1,6 @@
-"""``aeromatch flight info | convert | manoeuvres | mark | plot``: what a recording holds, as netCDF, what was flown when, as a figure."""
+"""``aeromatch flight info | convert | manoeuvres | mark | plot``: what a recording holds, as
+netCDF, what was flown when, as a figure.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from flightmech.support.console import InputFile, NewFile, brief, document, json_option, progress, table
+from flightmech.support.console import (
+    InputFile,
+    NewFile,
+    brief,
+    document,
+    json_option,
+    progress,
+    table,
+)
 from flighttest.cli.group import names_option
 
 if TYPE_CHECKING:
@@ -44,7 +54,9 @@ def check(
     output: str | None,
     as_json: bool,
 ) -> None:
-    """Check signs, units, axes, clocks, sensors, delays and excitation of a record; exit code 1 when errors are found."""
+    """Check signs, units, axes, clocks, sensors, delays and excitation of a record; exit code 1
+    when errors are found.
+    """
     from aerodb.store.files import open as open_database
     from flightmech.aircraft.aircraft import read_aircraft
     from flighttest.reconstruction.quality.assessment import assess
@@ -53,7 +65,11 @@ def check(
 
     with progress("read and check the record"):
         aircraft = read_aircraft(aircraft_file) if aircraft_file else None
-        quality = assess(read(record_file, names), aircraft, open_database(database_file) if database_file else None)
+        quality = assess(
+            read(record_file, names),
+            aircraft,
+            open_database(database_file) if database_file else None,
+        )
     if output:
         write_page(quality, output)
     if as_json:
@@ -75,7 +91,9 @@ _OF_HISTORIES = "goes with a record or a path; a fit is drawn with all its sampl
 @json_option
 @brief()
 def info(file: str, names: str | None, as_json: bool) -> None:
-    """Show what a recording of any format holds, before it is mapped: tables, clocks, columns and units."""
+    """Show what a recording of any format holds, before it is mapped: tables, clocks, columns and
+    units.
+    """
     found = _contents(file, names)
     if as_json:
         document(found)
@@ -84,16 +102,34 @@ def info(file: str, names: str | None, as_json: bool) -> None:
     for key, text in found["facts"].items():
         click.echo(f"  {key}: {text}")
     if "channels" in found:
-        rows = [(c["channel"], c["content"], c["packets"], c.get("labels", "")) for c in found["channels"]]
-        table(["channel", "content", "packets", "ARINC 429 labels as stored"], rows, right=["channel", "packets"])
+        rows = [
+            (c["channel"], c["content"], c["packets"], c.get("labels", ""))
+            for c in found["channels"]
+        ]
+        table(
+            ["channel", "content", "packets", "ARINC 429 labels as stored"],
+            rows,
+            right=["channel", "packets"],
+        )
     for part in found["tables"]:
-        span = part["clock_fault"] or f"{part['samples']} samples, {part['rate']:.6g} Hz, {part['start']:.6g} ... {part['stop']:.6g} s"
+        span = (
+            part["clock_fault"]
+            or f"{part['samples']} samples, {part['rate']:.6g} Hz, {part['start']:.6g} ... {part['stop']:.6g} s"
+        )
         click.echo()
-        rows = [(c["column"], c["unit"], _number(c["min"]), _number(c["max"])) for c in part["columns"]]
-        table(["column", "unit", "min", "max"], rows, f"{part['table']}: {span}", right=["min", "max"])
+        rows = [
+            (c["column"], c["unit"], _number(c["min"]), _number(c["max"])) for c in part["columns"]
+        ]
+        table(
+            ["column", "unit", "min", "max"], rows, f"{part['table']}: {span}", right=["min", "max"]
+        )
         for slow in part["slower"]:
-            text = f"{slow['samples']} samples, {slow['rate']:.6g} Hz, in the rows of {part['table']}"
-            click.echo(f"a slower clock, with blank cells between its samples: {', '.join(slow['columns'])}: {text}")
+            text = (
+                f"{slow['samples']} samples, {slow['rate']:.6g} Hz, in the rows of {part['table']}"
+            )
+            click.echo(
+                f"a slower clock, with blank cells between its samples: {', '.join(slow['columns'])}: {text}"
+            )
     for text in found["notes"]:
         click.echo(f"! {text}")
     if found["left_out"]:
@@ -128,10 +164,18 @@ def _contents(file: str, names: str | None) -> dict[str, Any]:
 @click.command()
 @click.argument("file", metavar="FILE", type=InputFile())
 @names_option
-@click.option("-o", "--output", required=True, type=NewFile(), help="NetCDF file to write; a record with canonical names.")
+@click.option(
+    "-o",
+    "--output",
+    required=True,
+    type=NewFile(),
+    help="NetCDF file to write; a record with canonical names.",
+)
 @json_option
 def convert(file: str, names: str | None, output: str, as_json: bool) -> None:
-    """Write a recording of any format as a netCDF record: one group per clock, canonical names, SI, faults flagged."""
+    """Write a recording of any format as a netCDF record: one group per clock, canonical names, SI,
+    faults flagged.
+    """
     from flighttest.records.files import save_record
     from flighttest.records.record import faults, read
 
@@ -153,7 +197,9 @@ def convert(file: str, names: str | None, output: str, as_json: bool) -> None:
     if record.attrs["absent"]:
         click.echo(f"not in the file: {record.attrs['absent']}")
     if about["left_out"]:
-        click.echo(f"left out, see 'aeromatch flight info': {', '.join(place for place, _ in about['left_out'][:_NAMED])}")
+        click.echo(
+            f"left out, see 'aeromatch flight info': {', '.join(place for place, _ in about['left_out'][:_NAMED])}"
+        )
     click.echo(f"written: {output}, {channels} channels in {len(record.children)} leaves")
 
 
@@ -166,15 +212,39 @@ def convert(file: str, names: str | None, output: str, as_json: bool) -> None:
     type=InputFile(),
     help="CSV or TOML with the columns record, kind, control, start, end; its rows of this record are shown.",
 )
-@click.option("--find", is_flag=True, help="Search the movements of the controls even when the record carries marks.")
-@click.option("--modes", "of_modes", is_flag=True, help="The flight modes of the log of an autopilot.")
-@click.option("-o", "--output", type=NewFile(), help="CSV to write; correct it and name it as manoeuvres in a project file.")
-@click.option("--figure", type=NewFile(), help="Draw the manoeuvres over controls and motion: png, svg or pdf.")
+@click.option(
+    "--find",
+    is_flag=True,
+    help="Search the movements of the controls even when the record carries marks.",
+)
+@click.option(
+    "--modes", "of_modes", is_flag=True, help="The flight modes of the log of an autopilot."
+)
+@click.option(
+    "-o",
+    "--output",
+    type=NewFile(),
+    help="CSV to write; correct it and name it as manoeuvres in a project file.",
+)
+@click.option(
+    "--figure",
+    type=NewFile(),
+    help="Draw the manoeuvres over controls and motion: png, svg or pdf.",
+)
 @json_option
 def manoeuvres(
-    file: str, names: str | None, table_file: str | None, find: bool, of_modes: bool, output: str | None, figure: str | None, as_json: bool
+    file: str,
+    names: str | None,
+    table_file: str | None,
+    find: bool,
+    of_modes: bool,
+    output: str | None,
+    figure: str | None,
+    as_json: bool,
 ) -> None:
-    """Show the manoeuvres of a record: of a table, as it marks them, as found in the movements of its controls, or its flight modes."""
+    """Show the manoeuvres of a record: of a table, as it marks them, as found in the movements of
+    its controls, or its flight modes.
+    """
     from flighttest.flight_programme.manoeuvre_finding.finding import draw_manoeuvres
     from flighttest.records.manoeuvre_table import write_manoeuvres
     from flighttest.records.record import read
@@ -191,11 +261,24 @@ def manoeuvres(
         document({"record": name, "source": source, "manoeuvres": found})
         return
     rows = [
-        (number, m["manoeuvre"], m["control"], f"{m['start']:g}", f"{m['end']:g}", _number(m.get("confidence")), m["note"])
+        (
+            number,
+            m["manoeuvre"],
+            m["control"],
+            f"{m['start']:g}",
+            f"{m['end']:g}",
+            _number(m.get("confidence")),
+            m["note"],
+        )
         for number, m in enumerate(found.to_dict("records"), start=1)
     ]
     columns = ["", "manoeuvre", "control", "start [s]", "end [s]", "confidence", "note"]
-    table(columns, rows, f"{name}: {len(rows)} manoeuvres, {source}", right=["", "start [s]", "end [s]", "confidence"])
+    table(
+        columns,
+        rows,
+        f"{name}: {len(rows)} manoeuvres, {source}",
+        right=["", "start [s]", "end [s]", "confidence"],
+    )
     for target in filter(None, (output, figure)):
         click.echo(f"written: {target}")
 
@@ -203,13 +286,21 @@ def manoeuvres(
 @click.command()
 @click.argument("table_file", metavar="TABLE", type=NewFile())
 @click.argument("record", metavar="RECORD")
-@click.option("--row", type=click.IntRange(1), help="Row of the record in order of time, from 1, that is changed; without it one is added.")
+@click.option(
+    "--row",
+    type=click.IntRange(1),
+    help="Row of the record in order of time, from 1, that is changed; without it one is added.",
+)
 @click.option("--kind", help="Kind of the manoeuvre, such as doublet, 3-2-1-1 or sweep.")
 @click.option("--control", help="Control that is moved, such as elevator.")
 @click.option("--span", nargs=2, type=float, help="Start and end. [s]")
 @click.option("--note", help="Remark.")
 @click.option("--remove", is_flag=True, help="Take the row out.")
-@click.option("--start-from", type=InputFile(), help="Record, whose own marks are taken first where the table has none of it.")
+@click.option(
+    "--start-from",
+    type=InputFile(),
+    help="Record, whose own marks are taken first where the table has none of it.",
+)
 @names_option
 @json_option
 def mark(
@@ -223,10 +314,11 @@ def mark(
     span: tuple[float, float] | None,
     **given: str | None,
 ) -> None:
-    """Add, change or remove one manoeuvre of RECORD in a TABLE (CSV), which is made when it is not there.
+    """Add, change or remove one manoeuvre of RECORD in a TABLE (CSV), which is made when it is not
+    there.
 
-    A project that names the table as manoeuvres takes its rows in place of the marks that a record carries; a record without a row
-    has its own.
+    A project that names the table as manoeuvres takes its rows in place of the marks that a record
+    carries; a record without a row has its own.
     """
     from flighttest.records.manoeuvre_table import edit_manoeuvres
     from flighttest.records.record import manoeuvres, read
@@ -240,7 +332,9 @@ def mark(
         document({"table": table_file, "record": record, "manoeuvres": rows})
         return
     table(
-        ["", "manoeuvre", "control", "start [s]", "end [s]", "note"], _numbered(rows), f"{record}: {len(rows)} manoeuvres in {table_file}"
+        ["", "manoeuvre", "control", "start [s]", "end [s]", "note"],
+        _numbered(rows),
+        f"{record}: {len(rows)} manoeuvres in {table_file}",
     )
 
 
@@ -251,7 +345,9 @@ def _numbered(rows: pd.DataFrame) -> list[tuple[Any, ...]]:
     ]
 
 
-def _manoeuvres(record: xr.DataTree, name: str, table_file: str | None, find: bool, of_modes: bool) -> tuple[str, pd.DataFrame]:
+def _manoeuvres(
+    record: xr.DataTree, name: str, table_file: str | None, find: bool, of_modes: bool
+) -> tuple[str, pd.DataFrame]:
     """Return where the manoeuvres of a record come from, and the manoeuvres."""
     from flightmech.errors import SchemaError, UnknownName
     from flighttest.flight_programme.manoeuvre_finding.finding import find_manoeuvres
@@ -259,10 +355,16 @@ def _manoeuvres(record: xr.DataTree, name: str, table_file: str | None, find: bo
     from flighttest.records.manoeuvre_table import read_manoeuvres
 
     if bool(table_file) + find + of_modes > 1:
-        raise SchemaError("flight manoeuvres", ["--table, --find and --modes exclude each other; give one of them"])
+        raise SchemaError(
+            "flight manoeuvres",
+            ["--table, --find and --modes exclude each other; give one of them"],
+        )
     if of_modes:
         if not len(flown := records.modes(record)):
-            raise SchemaError("flight manoeuvres", ["the record has no flight modes; logs of PX4 and ArduPilot have them"])
+            raise SchemaError(
+                "flight manoeuvres",
+                ["the record has no flight modes; logs of PX4 and ArduPilot have them"],
+            )
         return "flight modes of the log", flown
     if table_file:
         given = read_manoeuvres(table_file)
@@ -282,11 +384,28 @@ def _number(value: float | None) -> str:
 @click.command()
 @click.argument("file", metavar="FILE", type=InputFile())
 @names_option
-@click.option("--channel", "channels", multiple=True, metavar="NAME", help="Channel to draw, may be repeated.  [default: a page of them]")
+@click.option(
+    "--channel",
+    "channels",
+    multiple=True,
+    metavar="NAME",
+    help="Channel to draw, may be repeated.  [default: a page of them]",
+)
 @click.option("--window", type=(float, float), help="Start and end of what is drawn [s].")
-@click.option("--table", "table_file", type=InputFile(), help="CSV or TOML with manoeuvres, in place of those that FILE carries.")
-@click.option("--record", metavar="NAME", help="Record whose rows of --table are drawn.  [default: FILE without its extension]")
-@click.option("-o", "--output", required=True, type=NewFile(), help="Figure to write: png, svg or pdf.")
+@click.option(
+    "--table",
+    "table_file",
+    type=InputFile(),
+    help="CSV or TOML with manoeuvres, in place of those that FILE carries.",
+)
+@click.option(
+    "--record",
+    metavar="NAME",
+    help="Record whose rows of --table are drawn.  [default: FILE without its extension]",
+)
+@click.option(
+    "-o", "--output", required=True, type=NewFile(), help="Figure to write: png, svg or pdf."
+)
 @json_option
 def plot(
     file: str,
@@ -298,7 +417,8 @@ def plot(
     output: str,
     as_json: bool,
 ) -> None:
-    """Draw FILE over time: a record of any format, a path of flight reconstruct, or a fit of identify, select or fit.
+    """Draw FILE over time: a record of any format, a path of flight reconstruct, or a fit of
+    identify, select or fit.
 
     Manoeuvres are shaded and named. Without --channel the page shows motion, controls and engines.
     """
@@ -313,12 +433,16 @@ def plot(
             raise SchemaError("flight plot", wrong)
         figure, marks = _fit(file, kind), None
     else:
-        figure, marks = _histories(file, kind, names, channels, window, table_file, record or Path(file).stem)
+        figure, marks = _histories(
+            file, kind, names, channels, window, table_file, record or Path(file).stem
+        )
     save_figure(figure, output)
     if as_json:
         document({"file": output, "of": kind, "manoeuvres": [] if marks is None else marks})
     else:
-        click.echo(f"written: {output}, {kind}{'' if marks is None else f', {len(marks)} manoeuvres'}")
+        click.echo(
+            f"written: {output}, {kind}{'' if marks is None else f', {len(marks)} manoeuvres'}"
+        )
 
 
 def _kind(file: str) -> str:
@@ -330,7 +454,9 @@ def _kind(file: str) -> str:
     with h5py.File(file) as content:
         stated = content.attrs.get("content", "")
         stated = stated.decode() if isinstance(stated, bytes) else str(stated)
-        return {"aeromatch fit": "fit", "output error": "output-error fit"}.get(stated, "path" if "states" in content else "record")
+        return {"aeromatch fit": "fit", "output error": "output-error fit"}.get(
+            stated, "path" if "states" in content else "record"
+        )
 
 
 def _fit(file: str, kind: str) -> Figure:
@@ -342,7 +468,9 @@ def _fit(file: str, kind: str) -> Figure:
         return open_fit(file).plot()
     residuals = open_output_error(file).residuals
     outputs = [str(name) for name in residuals[0].data_vars]
-    return signals_figure(f"Residuals of {Path(file).name}", [[rest[name] for rest in residuals] for name in outputs])
+    return signals_figure(
+        f"Residuals of {Path(file).name}", [[rest[name] for rest in residuals] for name in outputs]
+    )
 
 
 def _histories(
@@ -364,7 +492,11 @@ def _histories(
         marks = manoeuvres(path.states) if given is None else given
         return states_figure(path.states, channels, marks, window, path.errors), marks
     record = read(file, names)
-    marks = next(filter(len, (manoeuvres(record), modes(record))), manoeuvres(record)) if given is None else given
+    marks = (
+        next(filter(len, (manoeuvres(record), modes(record))), manoeuvres(record))
+        if given is None
+        else given
+    )
     return record_figure(record, channels, marks, window), marks
 
 
@@ -375,5 +507,7 @@ def _of_table(table_file: str, name: str) -> pd.DataFrame:
 
     tables = read_manoeuvres(table_file)
     if name not in tables and len(tables) > 1:
-        raise UnknownName(name, tables, "record", f"{table_file} has no row for it; name one with --record")
+        raise UnknownName(
+            name, tables, "record", f"{table_file} has no row for it; name one with --record"
+        )
     return tables[name] if name in tables else next(iter(tables.values()))

@@ -1,4 +1,6 @@
-"""The verb ``aeromatch flight multibody``: air loads of a vehicle of several bodies from camera markers, and models of the wings."""
+"""The verb ``aeromatch flight multibody``: air loads of a vehicle of several bodies from camera
+markers, and models of the wings.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,15 @@ from typing import Any
 
 import click
 
-from flightmech.support.console import InputFile, NewFile, NewFolder, document, json_option, progress, table
+from flightmech.support.console import (
+    InputFile,
+    NewFile,
+    NewFolder,
+    document,
+    json_option,
+    progress,
+    table,
+)
 
 
 def fit_options(over: str, order: int, weights: str) -> Callable:
@@ -31,16 +41,55 @@ def fit_options(over: str, order: int, weights: str) -> Callable:
                 show_default=True,
                 help="Domain in which --select works; in frequency inside --band.",
             ),
-            click.option("--band", type=(float, float), help="Fit in frequency as well [Hz], and average both with weights 1/s."),
             click.option(
-                "--gain", type=float, default=0.0, show_default=True, help="Rise of R2 that a further term of --select must bring."
+                "--band",
+                type=(float, float),
+                help="Fit in frequency as well [Hz], and average both with weights 1/s.",
             ),
-            click.option("--enter", type=float, default=20.0, show_default=True, help="Partial F above which --select takes a term."),
-            click.option("--order", type=int, default=order, show_default=True, help="Highest order of a product of --select."),
-            click.option("--over", default=over, show_default=True, help="Variables of --select, whose products are candidates."),
-            click.option("--candidates", default="", help="Terms that --select chooses from, in place of products of --over."),
-            click.option("--select", "selected", multiple=True, help="Coefficient whose terms are chosen by stepwise regression."),
-            click.option("--model", "models", multiple=True, help="Terms of a coefficient, such as 'CL = 1 + alpha + alpha*beta'."),
+            click.option(
+                "--gain",
+                type=float,
+                default=0.0,
+                show_default=True,
+                help="Rise of R2 that a further term of --select must bring.",
+            ),
+            click.option(
+                "--enter",
+                type=float,
+                default=20.0,
+                show_default=True,
+                help="Partial F above which --select takes a term.",
+            ),
+            click.option(
+                "--order",
+                type=int,
+                default=order,
+                show_default=True,
+                help="Highest order of a product of --select.",
+            ),
+            click.option(
+                "--over",
+                default=over,
+                show_default=True,
+                help="Variables of --select, whose products are candidates.",
+            ),
+            click.option(
+                "--candidates",
+                default="",
+                help="Terms that --select chooses from, in place of products of --over.",
+            ),
+            click.option(
+                "--select",
+                "selected",
+                multiple=True,
+                help="Coefficient whose terms are chosen by stepwise regression.",
+            ),
+            click.option(
+                "--model",
+                "models",
+                multiple=True,
+                help="Terms of a coefficient, such as 'CL = 1 + alpha + alpha*beta'.",
+            ),
         ):
             verb = option(verb)
         return verb
@@ -54,7 +103,8 @@ def coefficient_fits(
 ) -> tuple[list[Any], list[Any]]:  # fmt: skip
     """Return the fits in time, and those in frequency where a band is given.
 
-    `rule` is that of `select_stepwise`, with ``domain``; `prepared` gives the data for the fit of a model.
+    `rule` is that of `select_stepwise`, with ``domain``; `prepared` gives the data for the fit of a
+    model.
     """
     from flighttest.regression.equation_error.frequency_domain import regress_frequency
     from flighttest.regression.equation_error.model import Model
@@ -68,7 +118,11 @@ def coefficient_fits(
         how |= {"band": band, "weights": weights}
     wanted = list(models)
     for one in selected:
-        wanted.append(select_stepwise(one, candidates, prepared(Model(one, candidates)), name=name, **how).fit.model)
+        wanted.append(
+            select_stepwise(
+                one, candidates, prepared(Model(one, candidates)), name=name, **how
+            ).fit.model
+        )
     fits, spectral = [], []
     for model in wanted:
         clean = prepared(model)
@@ -103,8 +157,16 @@ def save_fits(fits: Sequence[Any], folder: str | Path) -> None:
 
 def as_rows(fits: Sequence[Any], averages: Sequence[Any]) -> dict[str, Any]:
     """Return the fits for a JSON document."""
-    rows = {fit.model.coefficient: fit.estimates[["estimate", "stderr"]].to_dataframe().to_dict("index") for fit in fits}
-    return {"fits": rows, "averages": {fit.model.coefficient: one.to_dict("index") for fit, one in zip(fits, averages)}}
+    rows = {
+        fit.model.coefficient: fit.estimates[["estimate", "stderr"]].to_dataframe().to_dict("index")
+        for fit in fits
+    }
+    return {
+        "fits": rows,
+        "averages": {
+            fit.model.coefficient: one.to_dict("index") for fit, one in zip(fits, averages)
+        },
+    }
 
 
 def print_fits(fits: Sequence[Any], spectral: Sequence[Any], averages: Sequence[Any]) -> None:
@@ -115,24 +177,58 @@ def print_fits(fits: Sequence[Any], spectral: Sequence[Any], averages: Sequence[
         if spectral:
             cells = []
             for term, row in averages[k].iterrows():
-                own = [float(one.estimates[key].sel(term=term)) for one in (fit, spectral[k]) for key in ("estimate", "stderr")]
+                own = [
+                    float(one.estimates[key].sel(term=term))
+                    for one in (fit, spectral[k])
+                    for key in ("estimate", "stderr")
+                ]
                 numbers = [f"{x:.4f}" for x in (*own, row["value"], row["stderr"])]
                 cells.append((str(term), *numbers, "contradictory" if row["contradictory"] else ""))
-            heads = ["term", "time", "std. error", "frequency", "std. error ", "average 1/s", "std. error  "]
+            heads = [
+                "term",
+                "time",
+                "std. error",
+                "frequency",
+                "std. error ",
+                "average 1/s",
+                "std. error  ",
+            ]
             table([*heads, ""], cells, right=heads[1:])
             click.echo()
 
 
 @click.command("markers")
 @click.argument("recording", type=InputFile())
-@click.option("--setup", "setup_file", required=True, type=InputFile(), help="TOML file: markers of each body, axes, flapping frequency.")
-@click.option("--multiples", type=float, help="Cut-off over the flapping frequency. Default: that of the setup.")
-@click.option("-o", "--output", required=True, type=NewFile(), help="Flight record, netCDF, one leaf for each body.")
+@click.option(
+    "--setup",
+    "setup_file",
+    required=True,
+    type=InputFile(),
+    help="TOML file: markers of each body, axes, flapping frequency.",
+)
+@click.option(
+    "--multiples",
+    type=float,
+    help="Cut-off over the flapping frequency. Default: that of the setup.",
+)
+@click.option(
+    "-o",
+    "--output",
+    required=True,
+    type=NewFile(),
+    help="Flight record, netCDF, one leaf for each body.",
+)
 @json_option
 def markers(recording, setup_file, multiples, output, as_json) -> None:
     """Find pose, rates and accelerations of bodies from the marker positions in RECORDING."""
     from flighttest.records.files import save_record
-    from flighttest.special_tests.motion_capture import motion, motion_record, poses, read_marker_setup, read_markers
+    from flighttest.special_tests.motion_capture import (
+        motion,
+        motion_record,
+        poses,
+        read_marker_setup,
+        read_markers,
+    )
 
     setup = read_marker_setup(setup_file)
     cutoff = (setup.multiples if multiples is None else multiples) * setup.flapping_frequency
@@ -152,32 +248,86 @@ def markers(recording, setup_file, multiples, output, as_json) -> None:
         document({"bodies": facts, "cutoff": cutoff, "file": output})
         return
     rows = [
-        (name, str(one["frames"]), str(one["without_pose"]), f"{1e3 * one['noise']:.3g}", *(f"{x:.2g}" for x in one["stderr"].values()))
+        (
+            name,
+            str(one["frames"]),
+            str(one["without_pose"]),
+            f"{1e3 * one['noise']:.3g}",
+            *(f"{x:.2g}" for x in one["stderr"].values()),
+        )
         for name, one in facts.items()
     ]
-    heads = ["body", "frames", "without pose", "noise [mm]", "h [m]", "vd [m/s]", "az [m/s2]", "theta [rad]", "q [rad/s]", "q_dot [rad/s2]"]
+    heads = [
+        "body",
+        "frames",
+        "without pose",
+        "noise [mm]",
+        "h [m]",
+        "vd [m/s]",
+        "az [m/s2]",
+        "theta [rad]",
+        "q [rad/s]",
+        "q_dot [rad/s2]",
+    ]
     table(heads, rows, f"standard errors, cut-off {cutoff:g} Hz", right=heads[1:])
     click.echo(f"\nwritten: {output}")
 
 
 @click.command("balance")
 @click.argument("points", nargs=-1, required=True, type=InputFile())
-@click.option("--setup", "setup_file", required=True, type=InputFile(), help="TOML file: reference, balance, columns, errors, nuisance.")
+@click.option(
+    "--setup",
+    "setup_file",
+    required=True,
+    type=InputFile(),
+    help="TOML file: reference, balance, columns, errors, nuisance.",
+)
 @fit_options(over="alpha beta", order=4, weights="equal")
-@click.option("--figure", type=NewFile(), help="Draw the fits over alpha and beta with the points: png, svg or pdf.")
-@click.option("-o", "--output", type=NewFolder(), help="Folder for the fits, one file per coefficient, for flight tabulate.")
+@click.option(
+    "--figure",
+    type=NewFile(),
+    help="Draw the fits over alpha and beta with the points: png, svg or pdf.",
+)
+@click.option(
+    "-o",
+    "--output",
+    type=NewFolder(),
+    help="Folder for the fits, one file per coefficient, for flight tabulate.",
+)
 @json_option
 def balance(
-    points, setup_file, models, selected, candidates, over, order, gain, enter, band, domain, weights, figure, output, as_json
+    points,
+    setup_file,
+    models,
+    selected,
+    candidates,
+    over,
+    order,
+    gain,
+    enter,
+    band,
+    domain,
+    weights,
+    figure,
+    output,
+    as_json,
 ) -> None:
-    """Reduce POINTS of a wind-tunnel balance to coefficients, take tare and interference off, and fit models."""
+    """Reduce POINTS of a wind-tunnel balance to coefficients, take tare and interference off, and
+    fit models.
+    """
     from flightmech.errors import SchemaError
     from flighttest.regression.equation_error.model import Model
     from flighttest.special_tests.wind_tunnel.balance import read_setup
-    from flighttest.special_tests.wind_tunnel.reduction import balance_coefficients, draw_surfaces, without_nuisance
+    from flighttest.special_tests.wind_tunnel.reduction import (
+        balance_coefficients,
+        draw_surfaces,
+        without_nuisance,
+    )
 
     if not models and not selected:
-        raise SchemaError("flight balance", ["nothing to fit; give --model 'CL = 1 + alpha' or --select CL"])
+        raise SchemaError(
+            "flight balance", ["nothing to fit; give --model 'CL = 1 + alpha' or --select CL"]
+        )
     setup = read_setup(setup_file)
     with progress("reduce the points"):
         data = [balance_coefficients(path, setup) for path in points]
@@ -211,11 +361,23 @@ _STATES = ("V", "u", "w", "q")
 
 @click.command("multibody")
 @click.argument("recordings", nargs=-1, required=True, type=InputFile())
-@click.option("--vehicle", "vehicle_file", required=True, type=InputFile(), help="TOML file: bodies, joints, actuators, known surfaces.")
+@click.option(
+    "--vehicle",
+    "vehicle_file",
+    required=True,
+    type=InputFile(),
+    help="TOML file: bodies, joints, actuators, known surfaces.",
+)
 @fit_options(over="u w q", order=2, weights="spectrum")
 @click.option("--predict", type=InputFile(), help="Recording that is not fitted, to be predicted.")
-@click.option("--figure", type=NewFile(), help="Draw data, models and residuals of the last recording: png, svg or pdf.")
-@click.option("-o", "--output", type=NewFolder(), help="Folder for the records and the fits, one file each.")
+@click.option(
+    "--figure",
+    type=NewFile(),
+    help="Draw data, models and residuals of the last recording: png, svg or pdf.",
+)
+@click.option(
+    "-o", "--output", type=NewFolder(), help="Folder for the records and the fits, one file each."
+)
 @json_option
 def multibody(
     recordings,
@@ -235,7 +397,9 @@ def multibody(
     output,
     as_json,
 ) -> None:
-    """Find the motion of all bodies from the markers in RECORDINGS, take air loads from it, and fit what the wings contribute."""
+    """Find the motion of all bodies from the markers in RECORDINGS, take air loads from it, and fit
+    what the wings contribute.
+    """
     import numpy as np
 
     from flightmech.errors import AeromatchWarning
@@ -274,17 +438,31 @@ def multibody(
         for fit in fits:
             name = fit.model.coefficient
             with warnings.catch_warnings():
-                warnings.simplefilter("ignore", AeromatchWarning)  # the range left is in the report of the fit's own use
+                warnings.simplefilter(
+                    "ignore", AeromatchWarning
+                )  # the range left is in the report of the fit's own use
                 rest = data[predict][name].values - fit.predict(data[predict])[name].values
             spread = data[predict][name].values - data[predict][name].values.mean()
-            tests[name] = {"R2": float(1.0 - (rest**2).sum() / (spread**2).sum()), "rms": float(np.sqrt(np.mean(rest**2)))}
+            tests[name] = {
+                "R2": float(1.0 - (rest**2).sum() / (spread**2).sum()),
+                "rms": float(np.sqrt(np.mean(rest**2))),
+            }
     if figure and fits:
         draw_wing_models(fits, data[predict or recordings[-1]], figure)
     if output:
         Path(output).mkdir(parents=True, exist_ok=True)
         for path, one in data.items():
-            named = one[[name for name in map(str, one.data_vars) if one[name].dims == ("time",) and "stderr" in one[name].attrs]]
-            save_record(motion_record({vehicle.base: named}, Path(path).stem), Path(output) / f"{Path(path).stem}.nc")
+            named = one[
+                [
+                    name
+                    for name in map(str, one.data_vars)
+                    if one[name].dims == ("time",) and "stderr" in one[name].attrs
+                ]
+            ]
+            save_record(
+                motion_record({vehicle.base: named}, Path(path).stem),
+                Path(output) / f"{Path(path).stem}.nc",
+            )
             _save_loads(one, Path(output) / f"{Path(path).stem}_loads.csv")
         save_fits(fits, output)
     facts = {
@@ -295,15 +473,32 @@ def multibody(
         for path, one in data.items()
     }  # fmt: skip
     if as_json:
-        document({"records": facts, **as_rows(fits, averages), "predicted": tests, "folder": output})
+        document(
+            {"records": facts, **as_rows(fits, averages), "predicted": tests, "folder": output}
+        )
         return
-    rows = [(name, *(f"{x:.3g}" if key != "samples" else str(x) for key, x in one.items())) for name, one in facts.items()]
-    heads = ["record", "samples", "noise [m]", "V [m/s]", "u [m/s]", "w [m/s]", "q [rad/s]", "CL", "CD"]
+    rows = [
+        (name, *(f"{x:.3g}" if key != "samples" else str(x) for key, x in one.items()))
+        for name, one in facts.items()
+    ]
+    heads = [
+        "record",
+        "samples",
+        "noise [m]",
+        "V [m/s]",
+        "u [m/s]",
+        "w [m/s]",
+        "q [rad/s]",
+        "CL",
+        "CD",
+    ]
     table(heads, rows, f"standard errors, cut-off {vehicle.markers.cutoff:g} Hz", right=heads[1:])
     click.echo()
     print_fits(fits, spectral, averages)
     for name, test in tests.items():
-        click.echo(f"predicted {Path(predict).stem}: {name} R2 {test['R2']:.3f}, rms {test['rms']:.3g}")
+        click.echo(
+            f"predicted {Path(predict).stem}: {name} R2 {test['R2']:.3f}, rms {test['rms']:.3g}"
+        )
     if output:
         click.echo(f"written: {len(data)} records and {len(fits)} fits in {output}")
 
@@ -316,6 +511,9 @@ def _save_loads(data: Any, path: Path) -> None:
 
     columns = {"time": data["time"].values}
     for pattern, part in (("{}", "load"), ("{}_stderr", "load_stderr"), ("known_{}", "known")):
-        columns |= {pattern.format(name): data[part].sel(component=name).values for name in data["component"].values}
+        columns |= {
+            pattern.format(name): data[part].sel(component=name).values
+            for name in data["component"].values
+        }
     with written_atomically(path) as unfinished:
         pd.DataFrame(columns).to_csv(unfinished, index=False)

@@ -30,16 +30,23 @@ if TYPE_CHECKING:
     from flightmech.simulation.compiler import SimModel
 
 _PART = re.compile(r"^(term|table|offset|node)\.(\w+)\.(\w+)(?:\[([\d,\s]+)\])?$")
-_ORDER = ("node", "table", "offset", "term", "bias")  # as the kernel takes them: (node * table + offset) * term + bias
+_ORDER = (
+    "node",
+    "table",
+    "offset",
+    "term",
+    "bias",
+)  # as the kernel takes them: (node * table + offset) * term + bias
 _FLIGHT = 1  # flag of `source`
 
 
 def updated_database(db: xr.DataTree, fit: OutputError) -> tuple[xr.DataTree, list[str]]:
-    """Return a database with the estimates of a fit in it, and the parameters that have no place there.
+    """Return a database with the estimates of a fit in it, and the parameters that have no place
+    there.
 
-    ``term.*`` and ``table.*`` multiply a table, ``offset.*`` is added to it, ``node.*`` takes the place of a node, and ``bias.CL`` ...
-    is added to the basic term of its coefficient.  Of a table that is scaled only the estimates' errors remain: its a-priori
-    error went into the scale.
+    ``term.*`` and ``table.*`` multiply a table, ``offset.*`` is added to it, ``node.*`` takes the
+    place of a node, and ``bias.CL`` ... is added to the basic term of its coefficient.  Of a table
+    that is scaled only the estimates' errors remain: its a-priori error went into the scale.
 
     Parameters
     ----------
@@ -52,7 +59,8 @@ def updated_database(db: xr.DataTree, fit: OutputError) -> tuple[xr.DataTree, li
     DataTree
         With history, standard errors and ``source`` flight where something was changed.
     list of str
-        Starts, instruments, masses, constants of submodels, and what belongs to one manoeuvre alone.
+        Starts, instruments, masses, constants of submodels, and what belongs to one manoeuvre
+        alone.
 
     Raises
     ------
@@ -63,7 +71,10 @@ def updated_database(db: xr.DataTree, fit: OutputError) -> tuple[xr.DataTree, li
     from aerodb.store.schema import terms
 
     known, e = terms(db), fit.estimates
-    errors = {str(name): float(x) for name, x in zip(e["parameter"].values, np.nan_to_num(e["stderr"].values))}
+    errors = {
+        str(name): float(x)
+        for name, x in zip(e["parameter"].values, np.nan_to_num(e["stderr"].values))
+    }
     leaves: dict[str, xr.Dataset] = {}
     left = [str(name) for name in e["parameter"].values if str(name) not in fit.parameters]
     for name, value in sorted(fit.parameters.items(), key=lambda item: _rank(item[0])):
@@ -92,12 +103,22 @@ def _place(name: str) -> tuple[str, str, tuple[int, ...]] | None:
     match = _PART.match(name)
     if match:
         kind, coefficient, contribution, index = match.groups()
-        return kind, f"{coefficient}/{contribution}", tuple(int(k) for k in index.split(",")) if index else ()
+        return (
+            kind,
+            f"{coefficient}/{contribution}",
+            tuple(int(k) for k in index.split(",")) if index else (),
+        )
     kind, _, coefficient = name.partition(".")
-    return ("bias", f"{coefficient}/basic", ()) if kind == "bias" and coefficient in COEFFICIENTS else None
+    return (
+        ("bias", f"{coefficient}/basic", ())
+        if kind == "bias" and coefficient in COEFFICIENTS
+        else None
+    )
 
 
-def _changed(leaf: xr.Dataset, kind: str, index: tuple[int, ...], value: float, stderr: float) -> xr.Dataset:
+def _changed(
+    leaf: xr.Dataset, kind: str, index: tuple[int, ...], value: float, stderr: float
+) -> xr.Dataset:
     """Return a leaf with one estimate in it."""
     table = leaf["value"].values.astype(float)
     before = leaf["stderr"].values.astype(float) if "stderr" in leaf else np.zeros_like(table)
@@ -110,9 +131,14 @@ def _changed(leaf: xr.Dataset, kind: str, index: tuple[int, ...], value: float, 
         table, error = np.where(moved, value, table), np.where(moved, stderr, before)
     else:
         table, error = table + value, np.hypot(before, stderr)
-    found = leaf.assign(value=leaf["value"].copy(data=table), stderr=leaf["value"].copy(data=error).assign_attrs(leaf["value"].attrs))
+    found = leaf.assign(
+        value=leaf["value"].copy(data=table),
+        stderr=leaf["value"].copy(data=error).assign_attrs(leaf["value"].attrs),
+    )
     if "source" in leaf:
-        found["source"] = leaf["source"].copy(data=np.where(moved, _FLIGHT, leaf["source"].values).astype(leaf["source"].dtype))
+        found["source"] = leaf["source"].copy(
+            data=np.where(moved, _FLIGHT, leaf["source"].values).astype(leaf["source"].dtype)
+        )
     return found
 
 
@@ -140,17 +166,29 @@ class Performed:
 
     @property
     def explained(self) -> xr.DataArray:
-        """Part of the variance of each output about its mean that the model explains, (manoeuvre, output)."""
+        """Part of the variance of each output about its mean that the model explains, (manoeuvre,
+        output).
+        """
         rows = [
-            [1.0 - float((rest[name] ** 2).sum() / ((record[name] - record[name].mean()) ** 2).sum()) for name in rest.data_vars]
+            [
+                1.0
+                - float((rest[name] ** 2).sum() / ((record[name] - record[name].mean()) ** 2).sum())
+                for name in rest.data_vars
+            ]
             for record, rest in zip(self.records, self.fit.residuals)
         ]
         names = list(self.fit.residuals[0].data_vars)
-        return xr.DataArray(np.array(rows), {"manoeuvre": np.arange(1, len(rows) + 1), "output": names}, ("manoeuvre", "output"))
+        return xr.DataArray(
+            np.array(rows),
+            {"manoeuvre": np.arange(1, len(rows) + 1), "output": names},
+            ("manoeuvre", "output"),
+        )
 
     @property
     def remarks(self) -> list[Remark]:
-        """Remarks beyond `OutputError.remarks`: outputs that the model does not explain, estimates far from what was known."""
+        """Remarks beyond `OutputError.remarks`: outputs that the model does not explain, estimates
+        far from what was known.
+        """
         found = []
         for (k, j), share in np.ndenumerate(self.explained.values):
             if share < POOR:
@@ -158,7 +196,9 @@ class Performed:
                 words = f"record {k + 1}, {name}: the model explains {share:.0%} of its movement; a term is missing, or the record is wrong"
                 found.append(Remark("unexplained", words, str(name), float(share), POOR))
         e = self.fit.estimates
-        for name, value, start, sigma in zip(*(e[key].values for key in ("parameter", "estimate", "start", "prior_stderr"))):
+        for name, value, start, sigma in zip(
+            *(e[key].values for key in ("parameter", "estimate", "start", "prior_stderr"))
+        ):
             if abs(value - start) > PULLED * sigma:
                 far = float(abs(value - start) / sigma)
                 words = f"{name} lies {far:.1f} prior standard errors from {start:g}: check units, signs and model"
@@ -171,17 +211,29 @@ class Performed:
         text = [*head, self.fit.report(), "", "explained of each output's movement:"]
         width = max(len(name) for name in self.explained["output"].values)
         for name in self.explained["output"].values:
-            text.append(f"  {name!s:{width}s}" + "".join(f"{float(x):9.1%}" for x in self.explained.sel(output=name)))
+            text.append(
+                f"  {name!s:{width}s}"
+                + "".join(f"{float(x):9.1%}" for x in self.explained.sel(output=name))
+            )
         return "\n".join([*text, *lines(self.remarks)])
 
     def as_dict(self) -> dict[str, Any]:
         """Return estimates and remarks, made of types that JSON knows."""
         e = self.fit.estimates
         columns = [str(name) for name, x in e.data_vars.items() if x.dims == ("parameter",)]
-        rows = {str(name): {key: e[key].values[k] for key in columns} for k, name in enumerate(e["parameter"].values)}
-        noise = {str(name): self.fit.noise["stderr"].sel(output=name).values for name in self.fit.noise["output"].values}
+        rows = {
+            str(name): {key: e[key].values[k] for key in columns}
+            for k, name in enumerate(e["parameter"].values)
+        }
+        noise = {
+            str(name): self.fit.noise["stderr"].sel(output=name).values
+            for name in self.fit.noise["output"].values
+        }
         about = {"title": self.specification.title, **e.attrs, "parameters": rows, "noise": noise}
-        explained = {str(name): self.explained.sel(output=name).values for name in self.explained["output"].values}
+        explained = {
+            str(name): self.explained.sel(output=name).values
+            for name in self.explained["output"].values
+        }
         return plain(
             {
                 **about,
@@ -192,7 +244,9 @@ class Performed:
         )
 
     def write_database(self, path: str | Path) -> list[str]:
-        """Write the database with the estimates in it; return the parameters that have no place there."""
+        """Write the database with the estimates in it; return the parameters that have no place
+        there.
+        """
         import aerodb
 
         db, left = updated_database(aerodb.open(self.specification.database), self.fit)
@@ -207,15 +261,25 @@ def page(done: Performed) -> str:
     """Return the page as text."""
     e, specification = done.fit.estimates, done.specification
     rows = [
-        {"name": str(name), "cells": [_cell(float(e[key].values[k])) for key in _COLUMNS], "held": bool(e["active"].values[k])}
+        {
+            "name": str(name),
+            "cells": [_cell(float(e[key].values[k])) for key in _COLUMNS],
+            "held": bool(e["active"].values[k]),
+        }
         for k, name in enumerate(e["parameter"].values)
     ]
-    files = [specification.aircraft, specification.database, *(table.file for table in specification.record)]
+    files = [
+        specification.aircraft,
+        specification.database,
+        *(table.file for table in specification.record),
+    ]
     return template_of("flighttest.maximum_likelihood").render(
         style=style(),
         title=specification.title or "Output error",
         attrs=e.attrs,
-        grade="good" if e.attrs["converged"] and not (done.remarks or done.fit.warnings) else "warning",
+        grade="good"
+        if e.attrs["converged"] and not (done.remarks or done.fit.warnings)
+        else "warning",
         rows=rows,
         remarks=[*done.fit.remarks, *done.remarks],
         records=[_record(done, k) for k in range(len(done.records))],
@@ -231,9 +295,19 @@ def _cell(value: float) -> str:
 
 def _record(done: Performed, k: int) -> dict[str, Any]:
     record, rest = done.records[k], done.fit.residuals[k]
-    charts = [_chart(record, rest, str(name), float(done.explained.values[k, j])) for j, name in enumerate(rest.data_vars)]
-    inputs = [str(name) for name in record.data_vars if name in done.sim.inputs and np.ptp(record[name].values) > 0.0]
-    moved = [{"title": name, "svg": _drawn(record["time"].values, [record[name].values], name)} for name in inputs]
+    charts = [
+        _chart(record, rest, str(name), float(done.explained.values[k, j]))
+        for j, name in enumerate(rest.data_vars)
+    ]
+    inputs = [
+        str(name)
+        for name in record.data_vars
+        if name in done.sim.inputs and np.ptp(record[name].values) > 0.0
+    ]
+    moved = [
+        {"title": name, "svg": _drawn(record["time"].values, [record[name].values], name)}
+        for name in inputs
+    ]
     return {"name": str(record.attrs["record"]), "charts": charts, "inputs": moved}
 
 
@@ -280,9 +354,21 @@ def perform(specification: Specification) -> Performed:
     records = []
     for table in specification.record:
         states = open_states(table.file)
-        records.append((between(states, *table.window) if table.window else states).assign_attrs(record=table.file.stem))
+        records.append(
+            (between(states, *table.window) if table.window else states).assign_attrs(
+                record=table.file.stem
+            )
+        )
         uniform_step(records[-1]["time"].values.astype(float), table.file.name)
     report_faults(records, [table.file.name for table in specification.record])
     unknowns, held = specification.unknowns(sim), specification.held(sim)
-    fit = output_error(sim, records, unknowns, specification.outputs, held, specification.noise, iterations=specification.iterations)
+    fit = output_error(
+        sim,
+        records,
+        unknowns,
+        specification.outputs,
+        held,
+        specification.noise,
+        iterations=specification.iterations,
+    )
     return Performed(specification, sim, tuple(records), fit)

@@ -4,9 +4,10 @@ The transforms of the measured outputs over the record are compared with
 
     y~(f) = C (jw - A)^-1 (B u~(f) exp(-jw tau) + x(0) - x(T)) + D u~(f) exp(-jw tau)
 
-at the multiples of 1/T, where values of the spectrum are independent and constants (trim, zero of an instrument, constant acceleration)
-have none.  What the state has changed between start and end, x(0) - x(T), is free for every record, so that the record need
-neither be periodic nor end where it began.
+at the multiples of 1/T, where values of the spectrum are independent and constants (trim, zero of
+an instrument, constant acceleration) have none.  What the state has changed between start and end,
+x(0) - x(T), is free for every record, so that the record need neither be periodic nor end where it
+began.
 """
 
 from __future__ import annotations
@@ -17,9 +18,22 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import IdentificationError
-from flighttest.maximum_likelihood.residual_covariance import coloured_covariance, effect_on_motion, warned
+from flighttest.maximum_likelihood.residual_covariance import (
+    coloured_covariance,
+    effect_on_motion,
+    warned,
+)
 from flighttest.maximum_likelihood.result import OutputError, noise_of, tabulated
-from flighttest.maximum_likelihood.search import Found, Layout, Likelihood, Unknown, Wanted, inverse, lay_out, search
+from flighttest.maximum_likelihood.search import (
+    Found,
+    Layout,
+    Likelihood,
+    Unknown,
+    Wanted,
+    inverse,
+    lay_out,
+    search,
+)
 from flighttest.maximum_likelihood.state_space import (
     LinearModel,
     Predictor,
@@ -58,7 +72,8 @@ def frequency_output_error(
     parameters : mapping of str to Unknown, tuple or float
         Parameters of the model, and ``delay.delta_e``, by which an input acts later [s].
     band : (float, float)
-        Lowest and highest frequency: 0.1 to 2 Hz for a small aeroplane, 0.05 to 1.5 Hz for a jet. [Hz]
+        Lowest and highest frequency: 0.1 to 2 Hz for a small aeroplane, 0.05 to 1.5 Hz for a jet.
+        [Hz]
     noise : {"common", "own"}
         One noise spectrum per output, or one per output and manoeuvre.
     iterations : int
@@ -67,14 +82,16 @@ def frequency_output_error(
     Returns
     -------
     OutputError
-        ``noise.stderr`` is that of the real and of the imaginary part of a transform [unit of the output times second].
+        ``noise.stderr`` is that of the real and of the imaginary part of a transform [unit of the
+        output times second].
 
     Raises
     ------
     UnknownName
         A parameter the model does not have, a signal the record does not hold.
     IdentificationError
-        A band without frequencies, fewer values than unknowns, or unknowns that the records cannot determine.
+        A band without frequencies, fewer values than unknowns, or unknowns that the records cannot
+        determine.
     SchemaError
         Samples that are not finite, time that is not uniform.
 
@@ -92,9 +109,13 @@ def frequency_output_error(
     layout = lay_out({**parameters, **jumps}, [{} for _ in records])
     pieces = [_Spectra(model, record, band, names) for record, names in zip(records, layout.bases)]
     if sum(piece.measured.size for piece in pieces) <= len(layout.names):
-        raise IdentificationError(f"{len(layout.names)} unknowns and fewer values of the spectra; widen the band or take longer records")
+        raise IdentificationError(
+            f"{len(layout.names)} unknowns and fewer values of the spectra; widen the band or take longer records"
+        )
     found = search(Likelihood(pieces, layout, noise_groups(noise, len(records))), iterations)
-    estimates = tabulated(found, layout, _covariance(found, layout), {"method": "output error in frequency"})
+    estimates = tabulated(
+        found, layout, _covariance(found, layout), {"method": "output error in frequency"}
+    )
     shown = [name for name in layout.names if not name.startswith(_JUMP)]
     estimates = estimates.sel(parameter=shown, parameter_=shown)
     rest = tuple(piece.residual(v) for piece, v in zip(pieces, found.residuals))
@@ -104,7 +125,13 @@ def frequency_output_error(
 class _Spectra:
     """One record; real parts of the transforms above the imaginary ones."""
 
-    def __init__(self, model: LinearModel, record: xr.Dataset, band: tuple[float, float], names: Sequence[str]):
+    def __init__(
+        self,
+        model: LinearModel,
+        record: xr.Dataset,
+        band: tuple[float, float],
+        names: Sequence[str],
+    ):
         self.model, self.names = model, tuple(names)
         time = record["time"].values.astype(float)
         step = uniform_step(time, "record")
@@ -127,7 +154,13 @@ class _Spectra:
     def slopes(self, values: np.ndarray, steps: np.ndarray, central: bool) -> np.ndarray:
         """Return central differences, which cost little here."""
         moved = np.diag(steps)
-        return np.stack([(self.predict(values + d) - self.predict(values - d)) / (2.0 * d.sum()) for d in moved], axis=2)
+        return np.stack(
+            [
+                (self.predict(values + d) - self.predict(values - d)) / (2.0 * d.sum())
+                for d in moved
+            ],
+            axis=2,
+        )
 
     def residual(self, v: np.ndarray) -> xr.Dataset:
         """Return residuals as complex numbers."""
@@ -145,7 +178,9 @@ def _unstacked(v: np.ndarray) -> np.ndarray:
 
 
 def _covariance(found: Found, layout: Layout) -> np.ndarray:
-    """Return D [P^-1 + 1/2 Re sum_k H_k* R^-1 Phi_k R^-1 H_k] D with the noise spectrum Phi averaged over neighbours."""
+    """Return D [P^-1 + 1/2 Re sum_k H_k* R^-1 Phi_k R^-1 H_k] D with the noise spectrum Phi
+    averaged over neighbours.
+    """
     free = ~found.active
     rest, inner = found.information.copy(), np.zeros_like(found.information)
     for S, v, noise, place in zip(found.slopes, found.residuals, found.noise, layout.columns):
@@ -180,10 +215,12 @@ def linear_output_error(
     model : LinearModel
         As from `linear_model`.
     manoeuvres : Dataset (time,) or sequence of Dataset
-        Inputs and measured outputs of the model on a uniform ``time``; NaN in an output is no reading. [SI]
+        Inputs and measured outputs of the model on a uniform ``time``; NaN in an output is no
+        reading. [SI]
     parameters : mapping of str to Unknown, tuple or float
-        Parameters of the model; ``init.alpha``, a state at the first sample, zero unless given; ``drift.alpha``, a constant in its
-        rate; ``sensor.alpha``, a constant added to an output. [SI]
+        Parameters of the model; ``init.alpha``, a state at the first sample, zero unless given;
+        ``drift.alpha``, a constant in its rate; ``sensor.alpha``, a constant added to an output.
+        [SI]
     noise : {"common", "own"}
         One noise variance per output, or one per output and manoeuvre.
     iterations : int
@@ -201,13 +238,14 @@ def linear_output_error(
     SchemaError
         Inputs that are not finite, time that is not uniform, unknowns outside their bounds.
     IdentificationError
-        Fewer than nine readings of an output, a start whose response grows beyond all numbers, no output responds to a parameter, or
-        the records cannot distinguish a combination.
+        Fewer than nine readings of an output, a start whose response grows beyond all numbers, no
+        output responds to a parameter, or the records cannot distinguish a combination.
 
     Warns
     -----
     AeromatchWarning
-        The residuals carry a disturbance far above the noise of the instruments, as turbulence leaves it: see `filter_error`.
+        The residuals carry a disturbance far above the noise of the instruments, as turbulence
+        leaves it: see `filter_error`.
 
     Notes
     -----
@@ -221,15 +259,29 @@ def linear_output_error(
     """
     records = [manoeuvres] if isinstance(manoeuvres, xr.Dataset) else list(manoeuvres)
     extra = {"init": model.states, "drift": model.states, "sensor": model.outputs}
-    demand_known(model, list(parameters), [f"{kind}.{name}" for kind, names in extra.items() for name in names])
+    demand_known(
+        model,
+        list(parameters),
+        [f"{kind}.{name}" for kind, names in extra.items() for name in names],
+    )
     groups = noise_groups(noise, len(records))
     layout = lay_out(parameters, [{} for _ in records])
     pieces = [_Response(model, record, names) for record, names in zip(records, layout.bases)]
     found = search(Likelihood(pieces, layout, groups), iterations)
-    covariance, colours = coloured_covariance(found, layout.columns, [piece.step for piece in pieces])
-    estimates = tabulated(found, layout, covariance, {"method": "output error in time, linear model"})
+    covariance, colours = coloured_covariance(
+        found, layout.columns, [piece.step for piece in pieces]
+    )
+    estimates = tabulated(
+        found, layout, covariance, {"method": "output error in time, linear model"}
+    )
     measured = [piece.measured for piece in pieces]
-    scatter = noise_of(found, list(model.outputs), colours, measured, effect_on_motion(found, layout.columns, covariance, measured))
+    scatter = noise_of(
+        found,
+        list(model.outputs),
+        colours,
+        measured,
+        effect_on_motion(found, layout.columns, covariance, measured),
+    )
     rest = tuple(piece.residual(v) for piece, v in zip(pieces, found.residuals))
     return OutputError(estimates, rest, scatter, warned(scatter))
 
@@ -242,9 +294,15 @@ class _Response:
         self.time = record["time"].values.astype(float)
         self.step = uniform_step(self.time, "record")
         self.u, self.measured = signals(model, record, gaps=True)
-        idle = [name for name, z in zip(model.outputs, self.measured.T) if np.isfinite(z).sum() < _FEWEST]
+        idle = [
+            name
+            for name, z in zip(model.outputs, self.measured.T)
+            if np.isfinite(z).sum() < _FEWEST
+        ]
         if idle:
-            raise IdentificationError(f"{', '.join(idle)} has fewer than {_FEWEST} readings; leave it out of the outputs of the model")
+            raise IdentificationError(
+                f"{', '.join(idle)} has fewer than {_FEWEST} readings; leave it out of the outputs of the model"
+            )
 
     def _run(self, values: np.ndarray) -> Predictor:
         at = dict(zip(self.names, values))
@@ -256,17 +314,26 @@ class _Response:
     def predict(self, values: np.ndarray) -> np.ndarray:
         """Return the outputs as the instruments show them."""
         with np.errstate(over="ignore", invalid="ignore"):
-            y = -innovations(self._run(values), self.u, np.zeros_like(self.measured))  # innovations are 0 - y
+            y = -innovations(
+                self._run(values), self.u, np.zeros_like(self.measured)
+            )  # innovations are 0 - y
         return np.where(np.abs(y) < _BEYOND, y, np.nan)
 
     def slopes(self, values: np.ndarray, steps: np.ndarray, central: bool) -> np.ndarray:
         """Return slopes by central differences of the matrices, which cost little here."""
-        up, down = ([self._run(values + side * step) for step in np.diag(steps)] for side in (1.0, -1.0))
+        up, down = (
+            [self._run(values + side * step) for step in np.diag(steps)] for side in (1.0, -1.0)
+        )
         with np.errstate(over="ignore", invalid="ignore"):
-            S = innovation_slopes(self._run(values), up, down, 2.0 * steps, self.u, np.zeros_like(self.measured))
+            S = innovation_slopes(
+                self._run(values), up, down, 2.0 * steps, self.u, np.zeros_like(self.measured)
+            )
         return np.moveaxis(-S, 0, 2)
 
     def residual(self, v: np.ndarray) -> xr.Dataset:
         """Return residuals as a Dataset; NaN where there is no reading."""
         v = np.where(np.isfinite(self.measured), v, np.nan)
-        return xr.Dataset({name: ("time", v[:, k]) for k, name in enumerate(self.model.outputs)}, {"time": self.time})
+        return xr.Dataset(
+            {name: ("time", v[:, k]) for k, name in enumerate(self.model.outputs)},
+            {"time": self.time},
+        )

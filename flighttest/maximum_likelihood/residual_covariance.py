@@ -2,10 +2,12 @@
 
     cov = M^-1 [ P^-1 + sum_i sum_k S_i' R^-1 Rvv(i - k) R^-1 S_k ] M^-1
 
-with the cross-covariance Rvv of the disturbance behind the residuals.  As in `flighttest.regression.uncertainty.coloured_residuals`
-it is estimated on means over short blocks, output by output, by its spectrum.  The fit has taken up the directions of the unknowns
-that an output shows more than half of.  Between outputs the innovations are correlated at equal times, so that
-Rvv is the cross-spectrum  H_a(f) C_ab H_b*(f),  which no estimate can make negative.  Between manoeuvres nothing is correlated.
+with the cross-covariance Rvv of the disturbance behind the residuals.  As in
+`flighttest.regression.uncertainty.coloured_residuals` it is estimated on means over short blocks,
+output by output, by its spectrum.  The fit has taken up the directions of the unknowns that an
+output shows more than half of.  Between outputs the innovations are correlated at equal times, so
+that Rvv is the cross-spectrum  H_a(f) C_ab H_b*(f),  which no estimate can make negative.  Between
+manoeuvres nothing is correlated.
 
 References
 ----------
@@ -33,11 +35,14 @@ CHANCE = 1e-3  # probability that independent noise couples any two outputs
 SPAN = 0.3  # one output follows another within so long; more lags only add chance [s]
 FEWEST = 16  # blocks, below which the coupling is not determined
 FELT = 0.02  # effect on the motion from which a disturbance matters
-LOUD = 2.0  # disturbance over the noise from sample to sample, from which an output is named with those that are coupled
+# disturbance over the noise from sample to sample, from which an output is named with those that
+# are coupled
+LOUD = 2.0
 
 
 def coupling(innovations: np.ndarray, block: float) -> np.ndarray:
-    """Return how far the innovations of two outputs are correlated (output, output); above one is no chance.
+    """Return how far the innovations of two outputs are correlated (output, output); above one is
+    no chance.
 
     Parameters
     ----------
@@ -68,7 +73,8 @@ def coupling(innovations: np.ndarray, block: float) -> np.ndarray:
 
 
 def turbulence(noise: xr.Dataset) -> tuple[str, ...]:
-    """Return a warning when open-loop fitting will fail, as texts; empty when the residuals are noise of instruments or do not matter.
+    """Return a warning when open-loop fitting will fail, as texts; empty when the residuals are
+    noise of instruments or do not matter.
 
     Parameters
     ----------
@@ -88,7 +94,10 @@ def turbulence(noise: xr.Dataset) -> tuple[str, ...]:
         return ()
     named = coupled | (noise["slow"].values > LOUD * noise["fast"].values)
     columns = [noise[key].values[named] for key in ("output", "slow", "fast", "time")]
-    parts = [f"{name} ({slow / max(fast, 1e-300):.1f} times its noise, {time:.2g} s)" for name, slow, fast, time in zip(*columns)]
+    parts = [
+        f"{name} ({slow / max(fast, 1e-300):.1f} times its noise, {time:.2g} s)"
+        for name, slow, fast, time in zip(*columns)
+    ]
     return (
         f"turbulence or a missing term: residuals of {', '.join(parts)} are a disturbance of the motion, which moves the outputs through "
         f"each estimate by {100.0 * effect:.2g} % of the motion; fitted open loop the estimates are biased and scatter more than they "
@@ -104,7 +113,9 @@ def warned(noise: xr.Dataset) -> tuple[str, ...]:
     return found
 
 
-_DETERMINED = 0.5  # share of the information on a direction above which an output's residual has lost it
+_DETERMINED = (
+    0.5  # share of the information on a direction above which an output's residual has lost it
+)
 
 
 class Colour(NamedTuple):
@@ -119,7 +130,8 @@ class Colour(NamedTuple):
     white : float
         Standard deviation of the noise from sample to sample.
     time : float
-        Over how long the disturbance is correlated: integral of its autocorrelation, at least a block. [s]
+        Over how long the disturbance is correlated: integral of its autocorrelation, at least a
+        block. [s]
     block : float
         Length of a block: white noise has this correlation time. [s]
     innovations : array (block,)
@@ -135,7 +147,9 @@ class Colour(NamedTuple):
 
 
 class _Blocks(NamedTuple):
-    """Weighted slopes and residuals of one manoeuvre: means and sums over blocks, and the remainder inside them."""
+    """Weighted slopes and residuals of one manoeuvre: means and sums over blocks, and the remainder
+    inside them.
+    """
 
     sums: np.ndarray  # (unknown, block, output)
     means: np.ndarray  # (unknown, block, output)
@@ -144,19 +158,25 @@ class _Blocks(NamedTuple):
     rest: np.ndarray  # (sample, output)
 
 
-def coloured_covariance(found: Found, columns: Sequence[np.ndarray], steps: Sequence[float]) -> tuple[np.ndarray, list[Colour]]:
+def coloured_covariance(
+    found: Found, columns: Sequence[np.ndarray], steps: Sequence[float]
+) -> tuple[np.ndarray, list[Colour]]:
     """Return the covariance of the estimates (unknown, unknown), and the colour of every output.
 
     Parameters
     ----------
     found : Found
-        Residuals divided by the square root of the noise variance are taken for one process in all manoeuvres.
+        Residuals divided by the square root of the noise variance are taken for one process in all
+        manoeuvres.
     columns : sequence of array of int
         Places of the unknowns of each manoeuvre.
     steps : sequence of float
         Sampling interval of each manoeuvre. [s]
     """
-    pieces = [_blocks(S, v, noise, step) for S, v, noise, step in zip(found.slopes, found.residuals, found.noise, steps)]
+    pieces = [
+        _blocks(S, v, noise, step)
+        for S, v, noise, step in zip(found.slopes, found.residuals, found.noise, steps)
+    ]
     free = ~found.active
     colours = _colours(pieces, columns, found.information, free, steps)
     rest = np.concatenate([piece.rest for piece in pieces])
@@ -165,17 +185,26 @@ def coloured_covariance(found: Found, columns: Sequence[np.ndarray], steps: Sequ
     links = _links(colours)
     inner = np.zeros_like(found.information)
     for piece, place in zip(pieces, columns):
-        inner[np.ix_(place, place)] += _slow(piece.sums, colours, links) + _fast(piece.inside, white)
+        inner[np.ix_(place, place)] += _slow(piece.sums, colours, links) + _fast(
+            piece.inside, white
+        )
     D = inverse(found.information, free)
     prior = found.information - _gathered(pieces, columns, len(free))
     return D @ (inner + prior) @ D, colours
 
 
-def effect_on_motion(found: Found, columns: Sequence[np.ndarray], covariance: np.ndarray, measured: Sequence[np.ndarray]) -> float:
-    """Return by which part of the motion the error of an estimate moves the outputs, one standard error, in the mean of all estimates.
+def effect_on_motion(
+    found: Found,
+    columns: Sequence[np.ndarray],
+    covariance: np.ndarray,
+    measured: Sequence[np.ndarray],
+) -> float:
+    """Return by which part of the motion the error of an estimate moves the outputs, one standard
+    error, in the mean of all estimates.
 
-    The root of  tr(S' R^-1 S cov) / n  over that of the motion  sum z' R^-1 z,  with n estimates.  Where y = theta x alone it
-    is the standard error over theta; it does not depend on how the unknowns are chosen, nor on how they are correlated.
+    The root of  tr(S' R^-1 S cov) / n  over that of the motion  sum z' R^-1 z,  with n estimates.
+    Where y = theta x alone it is the standard error over theta; it does not depend on how the
+    unknowns are chosen, nor on how they are correlated.
 
     Parameters
     ----------
@@ -205,17 +234,24 @@ def _blocks(S: np.ndarray, v: np.ndarray, noise: np.ndarray, step: float) -> _Bl
     root = np.sqrt(noise)
     X = np.divide(np.moveaxis(S, 2, 0), root, order="C")
     e = v / root
-    sums, residual = np.add.reduceat(X, starts, axis=1), np.add.reduceat(e, starts, axis=0) / counts[:, None]
+    sums, residual = (
+        np.add.reduceat(X, starts, axis=1),
+        np.add.reduceat(e, starts, axis=0) / counts[:, None],
+    )
     means = sums / counts[:, None]
     X -= np.repeat(means, counts, axis=1)
     return _Blocks(sums, means, X, residual, e - np.repeat(residual, counts, axis=0))
 
 
-def _gathered(pieces: Sequence[_Blocks], columns: Sequence[np.ndarray], unknowns: int) -> np.ndarray:
+def _gathered(
+    pieces: Sequence[_Blocks], columns: Sequence[np.ndarray], unknowns: int
+) -> np.ndarray:
     """Return the information of the readings alone, sum S'R^-1 S."""
     M = np.zeros((unknowns, unknowns))
     for piece, place in zip(pieces, columns):
-        sums, means, inside = (x.reshape(len(place), -1) for x in (piece.sums, piece.means, piece.inside))
+        sums, means, inside = (
+            x.reshape(len(place), -1) for x in (piece.sums, piece.means, piece.inside)
+        )
         M[np.ix_(place, place)] += sums @ means.T + inside @ inside.T
     return M
 
@@ -225,7 +261,9 @@ def _colours(pieces, columns, information: np.ndarray, free: np.ndarray, steps) 
     places = [slice(int(a), int(b)) for a, b in pairwise(edges)]
     root = root_of_inverse(information, free)
     block = max(1, round(BLOCK / steps[0])) * steps[0]
-    return [_colour(a, pieces, columns, places, root, block) for a in range(pieces[0].residual.shape[1])]
+    return [
+        _colour(a, pieces, columns, places, root, block) for a in range(pieces[0].residual.shape[1])
+    ]
 
 
 def _colour(a: int, pieces, columns, places, root: np.ndarray, block: float) -> Colour:
@@ -235,9 +273,13 @@ def _colour(a: int, pieces, columns, places, root: np.ndarray, block: float) -> 
         X[np.ix_(np.arange(rows.start, rows.stop), place)] = piece.means[:, :, a].T
         length[rows] = len(piece.rest) / len(piece.residual)
     slopes = X @ root
-    _, s, Vt = np.linalg.svd(np.linalg.qr(slopes * np.sqrt(length), mode="r"), full_matrices=False)  # of all rows, by their triangle
+    _, s, Vt = np.linalg.svd(
+        np.linalg.qr(slopes * np.sqrt(length), mode="r"), full_matrices=False
+    )  # of all rows, by their triangle
     share = s**2
-    model = residual_spectrum(slopes @ Vt[share >= min(_DETERMINED, share[0])].T, v, places).model  # the first is always there
+    model = residual_spectrum(
+        slopes @ Vt[share >= min(_DETERMINED, share[0])].T, v, places
+    ).model  # the first is always there
     rest = np.concatenate([piece.rest[:, a] for piece in pieces])
     r = model.autocovariance(max(2, len(v) // 4))
     white = float(rest @ rest) / max(1, len(rest) - len(v))
@@ -256,10 +298,16 @@ def _links(colours: Sequence[Colour]) -> np.ndarray:
 
 
 def _slow(X: np.ndarray, colours: Sequence[Colour], links: np.ndarray) -> np.ndarray:
-    """Return sum_i sum_k X_i' Rvv(i - k) X_k by the cross-spectrum of the disturbances; X is (unknown, time, output)."""
+    """Return sum_i sum_k X_i' Rvv(i - k) X_k by the cross-spectrum of the disturbances; X is
+    (unknown, time, output).
+    """
     size = 1 << int(4 * X.shape[1] - 1).bit_length()
-    F = np.fft.rfft(np.ascontiguousarray(X.transpose(0, 2, 1)), size)  # (unknown, output, frequency)
-    H = np.stack([1.0 / np.fft.rfft(colour.disturbance.coefficients, size) for colour in colours]).conj()
+    F = np.fft.rfft(
+        np.ascontiguousarray(X.transpose(0, 2, 1)), size
+    )  # (unknown, output, frequency)
+    H = np.stack(
+        [1.0 / np.fft.rfft(colour.disturbance.coefficients, size) for colour in colours]
+    ).conj()
     H[:, 1:-1] *= np.sqrt(2.0)  # for the frequencies below zero
     # Rvv(k) = E v_i v_(i+k)' has the spectrum conj(H) C H': with root C = L L' the sum is a square
     values, vectors = np.linalg.eigh(links)

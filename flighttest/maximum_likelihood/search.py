@@ -1,10 +1,11 @@
 """Search for the maximum of a likelihood whose noise covariance is unknown.
 
-With independent Gaussian noise of variance R_j on output j, the best R_j for given parameters is the mean square of the residual.
-Put in, the negative log-likelihood becomes  J = sum_j N_j/2 ln R_j(theta) + 1/2 (theta - theta_0)' P^-1 (theta - theta_0).  Its
-gradient is that of weighted least squares with the present R, and Gauss-Newton's matrix  M = sum S'R^-1 S + P^-1  its Fisher
-information.  So one Levenberg-Marquardt search takes the place of the usual relaxation between parameters and R, and J falls
-in every step.
+With independent Gaussian noise of variance R_j on output j, the best R_j for given parameters is
+the mean square of the residual. Put in, the negative log-likelihood becomes  J = sum_j N_j/2 ln
+R_j(theta) + 1/2 (theta - theta_0)' P^-1 (theta - theta_0).  Its gradient is that of weighted least
+squares with the present R, and Gauss-Newton's matrix  M = sum S'R^-1 S + P^-1  its Fisher
+information.  So one Levenberg-Marquardt search takes the place of the usual relaxation between
+parameters and R, and J falls in every step.
 
 References
 ----------
@@ -33,7 +34,8 @@ class Unknown(NamedTuple):
     Attributes
     ----------
     start : float or None
-        First value, and mean of the prior.  None for what a record gives at its first sample, such as ``init.alpha``. [SI]
+        First value, and mean of the prior.  None for what a record gives at its first sample, such
+        as ``init.alpha``. [SI]
     sigma : float
         Standard error of the a-priori value; infinite when nothing is known. [SI]
     low, high : float
@@ -89,14 +91,17 @@ def lay_out(wanted: Wanted, recorded: Sequence[Mapping[str, float]]) -> Layout:
     Raises
     ------
     SchemaError
-        Unknowns without a start, outside their bounds, with a prior that is not positive; all at once.
+        Unknowns without a start, outside their bounds, with a prior that is not positive; all at
+        once.
     """
     unknowns = {name: _unknown(item) for name, item in wanted.items()}
     problems = [] if unknowns else ["no unknown; name at least one parameter"]
     rows: list[tuple[str, float, Unknown]] = []
     places: list[dict[str, int]] = [{} for _ in recorded]
     for name, unknown in unknowns.items():
-        groups = [[k] for k in range(len(recorded))] if unknown.own else [list(range(len(recorded)))]
+        groups = (
+            [[k] for k in range(len(recorded))] if unknown.own else [list(range(len(recorded)))]
+        )
         for group in groups:
             label = f"{name}@{group[0] + 1}" if unknown.own and len(recorded) > 1 else name
             start = recorded[group[0]].get(name) if unknown.start is None else float(unknown.start)
@@ -111,7 +116,10 @@ def lay_out(wanted: Wanted, recorded: Sequence[Mapping[str, float]]) -> Layout:
         tuple(tuple(place) for place in places),
         tuple(np.array(list(place.values()), int) for place in places),
         np.array([start for _, start, _ in rows]),
-        *(np.array([getattr(unknown, field) for _, _, unknown in rows], float) for field in ("sigma", "low", "high")),
+        *(
+            np.array([getattr(unknown, field) for _, _, unknown in rows], float)
+            for field in ("sigma", "low", "high")
+        ),
     )
 
 
@@ -122,10 +130,18 @@ def _unknown(item: Unknown | float | tuple) -> Unknown:
 def _problems(label: str, start: float | None, unknown: Unknown) -> list[str]:
     if start is None:
         return [f"{label} has no start, and neither model nor record gives it; give a start"]
-    if not math.isfinite(start) or not unknown.low < unknown.high or not unknown.low <= start <= unknown.high:
-        return [f"{label} starts at {start:g}, bounds {unknown.low:g} ... {unknown.high:g}; the start must be finite and lie between them"]
+    if (
+        not math.isfinite(start)
+        or not unknown.low < unknown.high
+        or not unknown.low <= start <= unknown.high
+    ):
+        return [
+            f"{label} starts at {start:g}, bounds {unknown.low:g} ... {unknown.high:g}; the start must be finite and lie between them"
+        ]
     if not unknown.sigma > 0.0:
-        return [f"{label} has a prior standard error of {unknown.sigma:g}; give a positive one, or hold the parameter at its value"]
+        return [
+            f"{label} has a prior standard error of {unknown.sigma:g}; give a positive one, or hold the parameter at its value"
+        ]
     return []
 
 
@@ -143,7 +159,9 @@ class Piece(Protocol):
     measured: np.ndarray  # (samples, outputs), NaN where there is no reading
 
     def predict(self, values: np.ndarray) -> np.ndarray:
-        """Return the outputs (samples, outputs) for the unknowns of this manoeuvre; NaN when they cannot be flown."""
+        """Return the outputs (samples, outputs) for the unknowns of this manoeuvre; NaN when they
+        cannot be flown.
+        """
 
     def slopes(self, values: np.ndarray, steps: np.ndarray, central: bool) -> np.ndarray:
         """Return their slopes (samples, outputs, unknowns), by central differences when asked."""
@@ -210,7 +228,9 @@ class Target(Protocol):
     def slopes(self, theta: np.ndarray, steps: np.ndarray, central: bool) -> Any:
         """Return the derivatives of the residuals; one-sided differences will do unless `central`."""
 
-    def normal(self, theta: np.ndarray, residuals: Any, slopes: Any) -> tuple[np.ndarray, np.ndarray]:
+    def normal(
+        self, theta: np.ndarray, residuals: Any, slopes: Any
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Return the information M and the downhill gradient."""
 
 
@@ -229,7 +249,9 @@ class Likelihood:
         self.pieces, self.layout, self.groups = pieces, layout, groups
         self.seen = [np.isfinite(piece.measured) for piece in pieces]
         self.counts = self._grouped([seen.sum(axis=0) for seen in self.seen])
-        together = np.concatenate([piece.measured - np.nanmean(piece.measured, axis=0) for piece in pieces])
+        together = np.concatenate(
+            [piece.measured - np.nanmean(piece.measured, axis=0) for piece in pieces]
+        )
         self.flown = len(pieces) > 1 and all(isinstance(piece, FlownAhead) for piece in pieces)
         self.floor = (FLOOR * np.maximum(np.sqrt(np.nanmean(together**2, axis=0)), 1e-12)) ** 2
 
@@ -240,7 +262,9 @@ class Likelihood:
         return total
 
     def _each(self, evaluate: Callable[[Any, np.ndarray], np.ndarray]) -> list[np.ndarray]:
-        """Evaluate every piece, with the columns of its unknowns; those that fly do so together: a batch of one fills few processors."""
+        """Evaluate every piece, with the columns of its unknowns; those that fly do so together: a
+        batch of one fills few processors.
+        """
         if not self.flown:
             return list(map(evaluate, self.pieces, self.layout.columns))
         with ThreadPoolExecutor(min(len(self.pieces), os.cpu_count() or 1)) as pool:
@@ -249,11 +273,17 @@ class Likelihood:
     def residuals(self, theta: np.ndarray) -> list[np.ndarray]:
         """Return measured minus predicted per piece."""
         predicted = self._each(lambda piece, columns: piece.predict(theta[columns]))
-        return [np.where(seen, piece.measured - y, 0.0) for piece, y, seen in zip(self.pieces, predicted, self.seen)]
+        return [
+            np.where(seen, piece.measured - y, 0.0)
+            for piece, y, seen in zip(self.pieces, predicted, self.seen)
+        ]
 
     def noise(self, residuals: Sequence[np.ndarray]) -> np.ndarray:
         """Return R (group, output)."""
-        return np.maximum(self._grouped([(v**2).sum(axis=0) for v in residuals]) / np.maximum(self.counts, 1), self.floor)
+        return np.maximum(
+            self._grouped([(v**2).sum(axis=0) for v in residuals]) / np.maximum(self.counts, 1),
+            self.floor,
+        )
 
     def scatter(self, residuals: Sequence[np.ndarray]) -> np.ndarray:
         """Return R (manoeuvre, output)."""
@@ -261,7 +291,9 @@ class Likelihood:
 
     def cost(self, theta: np.ndarray, residuals: Sequence[np.ndarray]) -> float:
         """Return J; infinite when a piece could not be flown."""
-        total = 0.5 * float((self.counts * np.log(self.noise(residuals))).sum()) + 0.5 * float((self._pull(theta) ** 2).sum())
+        total = 0.5 * float((self.counts * np.log(self.noise(residuals))).sum()) + 0.5 * float(
+            (self._pull(theta) ** 2).sum()
+        )
         return total if np.isfinite(total) else np.inf
 
     def _pull(self, theta: np.ndarray) -> np.ndarray:
@@ -275,13 +307,17 @@ class Likelihood:
 
     def slopes(self, theta: np.ndarray, steps: np.ndarray, central: bool) -> list[np.ndarray]:
         """Return S per piece."""
-        made = self._each(lambda piece, columns: piece.slopes(theta[columns], steps[columns], central))
+        made = self._each(
+            lambda piece, columns: piece.slopes(theta[columns], steps[columns], central)
+        )
         for S, seen in zip(made, self.seen):
             if not seen.all():
                 S[~seen] = 0.0
         return made
 
-    def normal(self, theta: np.ndarray, residuals: Sequence[np.ndarray], slopes: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    def normal(
+        self, theta: np.ndarray, residuals: Sequence[np.ndarray], slopes: Sequence[np.ndarray]
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Return the information M and the downhill gradient."""
         M = np.diag(self.layout.sigma**-2.0)
         g = -self._pull(theta) / self.layout.sigma
@@ -309,7 +345,9 @@ def search(likelihood: Target, iterations: int) -> Found:
     residuals = likelihood.residuals(theta)
     cost = likelihood.cost(theta, residuals)
     if not np.isfinite(cost):
-        raise IdentificationError("the model cannot be flown through the records from the start values; simulate them once and look")
+        raise IdentificationError(
+            "the model cannot be flown through the records from the start values; simulate them once and look"
+        )
     slopes = likelihood.slopes(theta, steps, central=iterations == 0)
     while True:
         M, g = likelihood.normal(theta, residuals, slopes)
@@ -334,12 +372,18 @@ def search(likelihood: Target, iterations: int) -> Found:
             converged = True
         # on the way a one-sided difference over a part of the standard error is as good
         slopes = likelihood.slopes(theta, steps, central=converged or count == iterations)
-    _demand_rank(M[np.ix_(~active, ~active)], [name for name, held in zip(layout.names, active) if not held])
-    return Found(theta, residuals, slopes, likelihood.scatter(residuals), M, active, cost, count, converged)
+    _demand_rank(
+        M[np.ix_(~active, ~active)], [name for name, held in zip(layout.names, active) if not held]
+    )
+    return Found(
+        theta, residuals, slopes, likelihood.scatter(residuals), M, active, cost, count, converged
+    )
 
 
 def _trials(layout: Layout, theta, M, g, free, damping) -> Iterator[tuple[np.ndarray, float, bool]]:
-    """Give parameters to try, each with its damping, ever closer to `theta`; and whether they are the first."""
+    """Give parameters to try, each with its damping, ever closer to `theta`; and whether they are
+    the first.
+    """
     first = True
     while damping < _STUCK:
         step = np.zeros(len(theta))
@@ -370,7 +414,9 @@ def inverse(information: np.ndarray, free: np.ndarray) -> np.ndarray:
 
 
 def _sizes(layout: Layout) -> np.ndarray:
-    """Size of each unknown: its a-priori standard error, the width of its bounds or its value, whichever is there."""
+    """Size of each unknown: its a-priori standard error, the width of its bounds or its value,
+    whichever is there.
+    """
     width = layout.high - layout.low
     rough = np.where(np.isfinite(width), width, np.maximum(np.abs(layout.start), 1e-2))
     return np.where(np.isfinite(layout.sigma), layout.sigma, rough)

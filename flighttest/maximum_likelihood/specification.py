@@ -89,11 +89,22 @@ class Specification(Strict):
         for name, table in self.parameter.items():
             units, nominal = entries.get(name) or ("1", _of_table(sim, name))
             if name not in entries and nominal is None:
-                problems.append(str(UnknownName(name, entries, "parameter", "a parameter of the model, sensor.* or factor.*")))
+                problems.append(
+                    str(
+                        UnknownName(
+                            name,
+                            entries,
+                            "parameter",
+                            "a parameter of the model, sensor.* or factor.*",
+                        )
+                    )
+                )
                 continue
             try:
                 start = nominal if table.start is None else quantity(table.start, units)
-                sigma, low, high = (quantity(item, units) for item in (table.sigma, table.low, table.high))
+                sigma, low, high = (
+                    quantity(item, units) for item in (table.sigma, table.low, table.high)
+                )
             except UnitError as error:
                 problems.append(f"parameter {name}: {error}")
                 continue
@@ -115,26 +126,35 @@ class Specification(Strict):
                     problems.append(f"conditions: {name}: {error}")
             return values
 
-        found = [{**converted(self.conditions), **converted(table.conditions)} for table in self.record]
+        found = [
+            {**converted(self.conditions), **converted(table.conditions)} for table in self.record
+        ]
         if problems:
             raise SchemaError("fit", list(dict.fromkeys(problems)))
         return found
 
 
 def _entries(sim: SimModel) -> dict[str, tuple[str, float | None]]:
-    """Return unit and first value of everything that can be named; no first value where the record is asked."""
+    """Return unit and first value of everything that can be named; no first value where the record
+    is asked.
+    """
     found: dict[str, tuple[str, float | None]] = {}
     for entry in sim.entries(INPUT):
         found[entry.name] = entry.units, None
     for entry in sim.entries(OUTPUT):
         found |= {f"sensor.{entry.name}": (entry.units, 0.0), f"factor.{entry.name}": ("1", 1.0)}
     for entry in sim.entries(PARAMETER):
-        found[entry.name] = entry.units, None if entry.name.startswith(_AS_RECORDED) else entry.value
+        found[entry.name] = (
+            entry.units,
+            None if entry.name.startswith(_AS_RECORDED) else entry.value,
+        )
     return found
 
 
 def _of_table(sim: SimModel, name: str) -> float | None:
-    """Return the present value of a part of a table, which is in no catalogue; None of what the model does not know."""
+    """Return the present value of a part of a table, which is in no catalogue; None of what the
+    model does not know.
+    """
     index = sim.model.find(PARAMETER, name)
     return None if index < 0 else Simulation(sim.model).parameter(index)
 
@@ -152,7 +172,9 @@ def read_specification(path: str | Path) -> Specification:
     path = Path(path)
     found = validate(Specification, _placed(load(path), path.parent), f"fit {path}")
     files = [found.aircraft, found.database, *(table.file for table in found.record)]
-    absent = [f"no file {file}; names are relative to the fit" for file in files if not file.is_file()]
+    absent = [
+        f"no file {file}; names are relative to the fit" for file in files if not file.is_file()
+    ]
     if absent:
         raise SchemaError(f"fit {path}", absent)
     return found
@@ -164,7 +186,10 @@ def _placed(content: dict[str, Any], folder: Path) -> dict[str, Any]:
     def placed(table: Any, *keys: str) -> Any:
         if not isinstance(table, dict):
             return table
-        return {key: folder / item if key in keys and isinstance(item, str) else item for key, item in table.items()}
+        return {
+            key: folder / item if key in keys and isinstance(item, str) else item
+            for key, item in table.items()
+        }
 
     found = placed(content, "aircraft", "database")
     if isinstance(found.get("record"), list):

@@ -1,8 +1,10 @@
-"""Data compatibility: what each instrument showed, what it should have shown, and the residual ([Gresham] figure 5).
+"""Data compatibility: what each instrument showed, what it should have shown, and the residual
+([Gresham] figure 5).
 
-For every channel there are three signals at its readings: ``raw`` as recorded; ``corrected``, the errors of the
-instrument (offset, factor, latency, position error) taken off; ``reconstructed``, what an instrument without errors would
-have shown on the reconstructed path.  The vanes keep their place on the boom and their lag, which are no errors.
+For every channel there are three signals at its readings: ``raw`` as recorded; ``corrected``, the
+errors of the instrument (offset, factor, latency, position error) taken off; ``reconstructed``,
+what an instrument without errors would have shown on the reconstructed path.  The vanes keep their
+place on the boom and their lag, which are no errors.
 
 References
 ----------
@@ -35,8 +37,9 @@ def compatibility_table(path: Path) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        ``unit readings noise before after`` (rms against the reconstructed signal, raw and corrected), ``theil`` (inequality
-        coefficient of the corrected signal), ``ljung_box`` (p value of 20 lags of the residual; small when it is not white), ``verdict``.
+        ``unit readings noise before after`` (rms against the reconstructed signal, raw and
+        corrected), ``theil`` (inequality coefficient of the corrected signal), ``ljung_box`` (p
+        value of 20 lags of the residual; small when it is not white), ``verdict``.
     """
     import pandas as pd
 
@@ -54,7 +57,10 @@ def compatibility_table(path: Path) -> pd.DataFrame:
                 "noise": row.noise,
                 "before": signals.attrs["rms_raw"],
                 "after": signals.attrs["rms_corrected"],
-                "theil": theil(signals.sel(version="corrected").values, signals.sel(version="reconstructed").values),
+                "theil": theil(
+                    signals.sel(version="corrected").values,
+                    signals.sel(version="reconstructed").values,
+                ),
                 "ljung_box": ljung_box(rest[np.isfinite(rest)]),
                 "verdict": row.verdict,
             }
@@ -64,9 +70,7 @@ def compatibility_table(path: Path) -> pd.DataFrame:
 
 def compatibility_report(path: Path) -> str:
     """Return the table of `compatibility_table` as text."""
-    head = (
-        f"{'channel':12s}{'unit':>8s}{'readings':>9s}{'noise':>10s}{'rms before':>12s}{'rms after':>11s}{'Theil':>8s}{'L-B p':>7s}  verdict"
-    )
+    head = f"{'channel':12s}{'unit':>8s}{'readings':>9s}{'noise':>10s}{'rms before':>12s}{'rms after':>11s}{'Theil':>8s}{'L-B p':>7s}  verdict"
     lines = [f"Data compatibility: {path.states.attrs['record']}", head]
     for name, row in compatibility_table(path).iterrows():
         numbers = f"{row.readings:9d}{row.noise:10.3g}{row.before:12.4g}{row.after:11.4g}{row.theil:8.4f}{row.ljung_box:7.2f}"
@@ -75,7 +79,8 @@ def compatibility_report(path: Path) -> str:
 
 
 def ljung_box(rest: np.ndarray, lags: int = LAGS) -> float:
-    """Return the p value of the Ljung-Box test of white residuals: N (N + 2) sum rho_k^2/(N - k) against chi-square of `lags`.
+    """Return the p value of the Ljung-Box test of white residuals: N (N + 2) sum rho_k^2/(N - k)
+    against chi-square of `lags`.
 
     References
     ----------
@@ -92,7 +97,9 @@ def ljung_box(rest: np.ndarray, lags: int = LAGS) -> float:
     return float(chi2.sf(N * (N + 2) * np.sum(rho**2 / (N - np.arange(1, lags + 1))), lags))
 
 
-def draw_compatibility(path: Path, target: str | File, channels: Sequence[str] | None = None) -> None:
+def draw_compatibility(
+    path: Path, target: str | File, channels: Sequence[str] | None = None
+) -> None:
     """Draw raw, corrected and reconstructed signal of each channel over time ([Gresham] figure 5).
 
     Parameters

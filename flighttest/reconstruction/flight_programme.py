@@ -1,4 +1,6 @@
-"""A whole flight-test programme: instrument constants are shared by all runs, wind and pressure are per run."""
+"""A whole flight-test programme: instrument constants are shared by all runs, wind and pressure are
+per run.
+"""
 
 from __future__ import annotations
 
@@ -37,8 +39,9 @@ def combine_biases(paths: Sequence[Any]) -> xr.Dataset:
     Returns
     -------
     Dataset (parameter,)
-        Like ``Path.biases``, without the constants of a single run (wind, reference pressure), and with ``spread``: the
-        rms over the runs of (run - combined)/(standard error of the difference), about 1 when the runs agree.
+        Like ``Path.biases``, without the constants of a single run (wind, reference pressure), and
+        with ``spread``: the rms over the runs of (run - combined)/(standard error of the
+        difference), about 1 when the runs agree.
 
     Raises
     ------
@@ -89,11 +92,16 @@ class _Evidence:
 def _evidence(found: xr.Dataset) -> _Evidence:
     """Return what the ``biases`` of a run state about the instruments."""
     shared = instrument_constants(found)
-    estimate, stderr, prior, prior_stderr, held = (shared[k].values for k in ("estimate", "stderr", "prior", "prior_stderr", "held"))
+    estimate, stderr, prior, prior_stderr, held = (
+        shared[k].values for k in ("estimate", "stderr", "prior", "prior_stderr", "held")
+    )
     free = np.flatnonzero(~held)
     at = np.ix_(free, free)
     of_prior = _covariance(prior_stderr, shared["prior_correlation"].values)
-    own, before = inverse(_covariance(stderr, shared["correlation"].values)[at]), inverse(of_prior[at])
+    own, before = (
+        inverse(_covariance(stderr, shared["correlation"].values)[at]),
+        inverse(of_prior[at]),
+    )
     return _Evidence(
         names=[str(name) for name in shared["parameter"].values],
         units=[str(unit) for unit in shared["unit"].values],
@@ -155,7 +163,8 @@ def reconstruct_programme(
     jobs: int = 1,
     validation: Sequence[xr.DataTree] = (),
 ) -> list[Path]:
-    """Reconstruct all runs of a programme, each with what the other runs indicate about the instruments.
+    """Reconstruct all runs of a programme, each with what the other runs indicate about the
+    instruments.
 
     Parameters
     ----------
@@ -167,15 +176,16 @@ def reconstruct_programme(
     jobs : int
         Processes to use.
     validation : sequence of DataTree
-        Runs of the same instruments that prove the model.  Each takes what `records` indicate about the instruments as its prior and
-        gives nothing to any other run.
+        Runs of the same instruments that prove the model.  Each takes what `records` indicate about
+        the instruments as its prior and gives nothing to any other run.
 
     Returns
     -------
     list of Path
-        In the order of the records, then of the validation runs.  Every run is solved alone first; then again with the combination
-        of all *other* `records` as its prior, so that no reading counts twice.  The paths of `records` are the same to the last bit
-        with and without validation runs.
+        In the order of the records, then of the validation runs.  Every run is solved alone first;
+        then again with the combination of all *other* `records` as its prior, so that no reading
+        counts twice.  The paths of `records` are the same to the last bit with and without
+        validation runs.
 
     Raises
     ------
@@ -183,7 +193,12 @@ def reconstruct_programme(
     """
     named = {f"{i}": Stages().given(record) for i, record in enumerate(records)}
     proving = {f"{len(named) + i}": Stages().given(record) for i, record in enumerate(validation)}
-    return [path.value for path in reconstructed_paths(named, Stages().given(aircraft), rate, jobs, proving).values()]
+    return [
+        path.value
+        for path in reconstructed_paths(
+            named, Stages().given(aircraft), rate, jobs, proving
+        ).values()
+    ]
 
 
 def reconstructed_paths(
@@ -194,10 +209,11 @@ def reconstructed_paths(
     validation: Mapping[str, Kept[xr.DataTree]] | None = None,
     stages: Stages | None = None,
 ) -> dict[str, Kept[Path]]:
-    """Return the paths of `reconstruct_programme` by name, each computed or kept by stages; records by name, others as there.
+    """Return the paths of `reconstruct_programme` by name, each computed or kept by stages; records
+    by name, others as there.
 
-    What one run alone states of the instruments is kept with its solution, so that a change of one record leaves the first pass over the
-    others; their second pass takes what it states.
+    What one run alone states of the instruments is kept with its solution, so that a change of one
+    record leaves the first pass over the others; their second pass takes what it states.
     """
     stages, every = stages or Stages(), {**records, **(validation or {})}
     of_all = {"aircraft": aircraft, "rate": rate}
@@ -205,8 +221,19 @@ def reconstructed_paths(
     def first(name: str) -> tuple[Any, ...]:
         return every[name].value, aircraft.value, rate
 
-    solved = stages.each("solution", {name: {"record": record, **of_all} for name, record in every.items()}, _alone, first, jobs)
-    stated = {name: stages.one("instruments", {"solution": solved[name]}, partial(_stated_by, solved[name]), name) for name in records}
+    solved = stages.each(
+        "solution",
+        {name: {"record": record, **of_all} for name, record in every.items()},
+        _alone,
+        first,
+        jobs,
+    )
+    stated = {
+        name: stages.one(
+            "instruments", {"solution": solved[name]}, partial(_stated_by, solved[name]), name
+        )
+        for name in records
+    }
     others = {name: [one for other, one in stated.items() if other != name] for name in every}
     priors: dict[tuple[str, ...], xr.Dataset] = {}
 
@@ -216,12 +243,17 @@ def reconstructed_paths(
             priors[own] = _combined([stated[other].value for other in own])
         return every[name].value, aircraft.value, *solved[name].value, priors.get(own)
 
-    inputs = {name: {"record": record, "solution": solved[name], "instruments": others[name], **of_all} for name, record in every.items()}
+    inputs = {
+        name: {"record": record, "solution": solved[name], "instruments": others[name], **of_all}
+        for name, record in every.items()
+    }
     return stages.each("path", inputs, _refined, second, jobs)
 
 
 def _alone(record: xr.DataTree, aircraft: Aircraft, rate: float) -> tuple[Setup, Solution]:
-    """Return what `solve` finds, without the equations: they are many times as large and stay in their process."""
+    """Return what `solve` finds, without the equations: they are many times as large and stay in
+    their process.
+    """
     from flighttest.reconstruction.smoother import solve
 
     setup, solution = solve(record, aircraft, None, None, rate)
@@ -237,11 +269,23 @@ def _stated_by(solved: Kept[tuple[Setup, Solution]]) -> _Evidence:
     return _stated(*solved.value)
 
 
-def _refined(record: xr.DataTree, aircraft: Aircraft, setup: Setup, solution: Solution, prior: xr.Dataset | None) -> Path:
-    """Return the path of a run with what the others state about the instruments; of the only run as it was solved alone."""
+def _refined(
+    record: xr.DataTree,
+    aircraft: Aircraft,
+    setup: Setup,
+    solution: Solution,
+    prior: xr.Dataset | None,
+) -> Path:
+    """Return the path of a run with what the others state about the instruments; of the only run as
+    it was solved alone.
+    """
     from flighttest.reconstruction.smoother import finish, refine
 
-    return finish(record, aircraft, setup, solution) if prior is None else refine(record, aircraft, setup, solution, prior)
+    return (
+        finish(record, aircraft, setup, solution)
+        if prior is None
+        else refine(record, aircraft, setup, solution, prior)
+    )
 
 
 def instrument_constants(found: xr.Dataset) -> xr.Dataset:
@@ -254,13 +298,24 @@ def _covariance(stderr: np.ndarray, correlation: np.ndarray) -> np.ndarray:
     return correlation * np.outer(stderr, stderr)
 
 
-def _common_prior(runs: Sequence[_Evidence], places: Sequence[np.ndarray], names: list[str]) -> tuple[np.ndarray, np.ndarray, list[str]]:
-    mean, covariance, units = np.full(len(names), np.nan), np.zeros((len(names), len(names))), [""] * len(names)
+def _common_prior(
+    runs: Sequence[_Evidence], places: Sequence[np.ndarray], names: list[str]
+) -> tuple[np.ndarray, np.ndarray, list[str]]:
+    mean, covariance, units = (
+        np.full(len(names), np.nan),
+        np.zeros((len(names), len(names))),
+        [""] * len(names),
+    )
     problems = []
     for run, at in zip(runs, places, strict=True):
         known, before, own = np.isfinite(mean[at]), np.diag(covariance)[at], np.diag(run.covariance)
-        same = (np.abs(mean[at] - run.prior) <= 1e-9 * np.abs(run.prior)) & (np.abs(before - own) <= 1e-6 * np.abs(own) + 1e-8)
-        problems += [f"{names[i]}: two runs started from different priors; reconstruct them with the same one" for i in at[known & ~same]]
+        same = (np.abs(mean[at] - run.prior) <= 1e-9 * np.abs(run.prior)) & (
+            np.abs(before - own) <= 1e-6 * np.abs(own) + 1e-8
+        )
+        problems += [
+            f"{names[i]}: two runs started from different priors; reconstruct them with the same one"
+            for i in at[known & ~same]
+        ]
         mean[at], covariance[np.ix_(at, at)] = run.prior, run.covariance
         for i, unit in zip(at, run.units, strict=True):
             units[i] = unit
@@ -269,26 +324,39 @@ def _common_prior(runs: Sequence[_Evidence], places: Sequence[np.ndarray], names
     return mean, covariance, units
 
 
-def _spread(runs: Sequence[_Evidence], places: Sequence[np.ndarray], mean: np.ndarray, se: np.ndarray) -> np.ndarray:
-    """Return the rms normalised deviation of the runs from their combination; NaN where only one run determines it."""
+def _spread(
+    runs: Sequence[_Evidence], places: Sequence[np.ndarray], mean: np.ndarray, se: np.ndarray
+) -> np.ndarray:
+    """Return the rms normalised deviation of the runs from their combination; NaN where only one
+    run determines it.
+    """
     ratios: list[list[float]] = [[] for _ in mean]
     for run, at in zip(runs, places, strict=True):
-        variance = run.stderr**2 - se[at] ** 2  # of the difference: the run is part of the combination
-        for j in np.flatnonzero(~run.held & (run.stderr < 0.5 * run.prior_stderr) & (variance > 0.0)).tolist():
+        variance = (
+            run.stderr**2 - se[at] ** 2
+        )  # of the difference: the run is part of the combination
+        for j in np.flatnonzero(
+            ~run.held & (run.stderr < 0.5 * run.prior_stderr) & (variance > 0.0)
+        ).tolist():
             ratios[at[j]].append(float(run.estimate[j] - mean[at[j]]) / np.sqrt(variance[j]))
     return np.array([np.sqrt(np.mean(np.square(r))) if len(r) > 1 else np.nan for r in ratios])
 
 
 def save_path(path: Path, target: str | os.PathLike[str]) -> None:
-    """Write a reconstruction: groups ``states`` (with the report as attribute), ``biases``, ``residuals``, ``errors``."""
+    """Write a reconstruction: groups ``states`` (with the report as attribute), ``biases``,
+    ``residuals``, ``errors``.
+    """
     states = path.states.assign_attrs(report=path.report())
     biases = path.biases.assign(held=path.biases["held"].astype("int8"))
     groups = {"/states": states, "/residuals": path.residuals, "/biases": biases}
-    write_groups(groups if path.errors is None else {**groups, "/errors": path.errors}, pathlib.Path(target))
+    write_groups(
+        groups if path.errors is None else {**groups, "/errors": path.errors}, pathlib.Path(target)
+    )
 
 
 def open_biases(path: str | os.PathLike[str]) -> xr.Dataset:
-    """Return the constants of a reconstruction written by `save_path`, as a prior or for `combine_biases`.
+    """Return the constants of a reconstruction written by `save_path`, as a prior or for
+    `combine_biases`.
 
     Raises
     ------
@@ -308,5 +376,7 @@ def open_biases(path: str | os.PathLike[str]) -> xr.Dataset:
         if not os.path.exists(path):
             raise
         wanted = "a path as `aeromatch flight reconstruct -o` writes it"
-        raise ParseError(str(path), 0, f"no constants of a reconstruction ({error})", wanted) from error
+        raise ParseError(
+            str(path), 0, f"no constants of a reconstruction ({error})", wanted
+        ) from error
     return found.assign(held=found["held"].astype(bool))

@@ -1,4 +1,6 @@
-"""The quantities of a reconstructed path: everything that follows from trajectory, constants and recorded channels."""
+"""The quantities of a reconstructed path: everything that follows from trajectory, constants and
+recorded channels.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,14 @@ from flightmech.units import G0
 from flighttest.reconstruction.dynamics.kinematics import in_body, incidence_rates
 from flighttest.reconstruction.problem.assembly import Setup
 from flighttest.reconstruction.problem.output_equations import no_sideslip, pressures
-from flighttest.reconstruction.problem.problem import PER_RUN, Problem, Sensor, body_rates, specific_force, wind
+from flighttest.reconstruction.problem.problem import (
+    PER_RUN,
+    Problem,
+    Sensor,
+    body_rates,
+    specific_force,
+    wind,
+)
 from flighttest.reconstruction.problem.trajectory import Solution, linearise, moved, residuals
 from flighttest.records.sensors.instruments import IMU
 from flighttest.records.sensors.measurements import MEASURED
@@ -36,8 +45,9 @@ def channel_signals(setup: Setup, solution: Solution) -> xr.Dataset:
     Returns
     -------
     Dataset (time, version)
-        On the clock of the path: ``raw`` at the sample next to its time stamp, ``corrected`` next to the instant that it shows;
-        NaN where the channel has no reading.  Attributes ``rms_raw`` and ``rms_corrected``: rms of each against the reconstructed one.
+        On the clock of the path: ``raw`` at the sample next to its time stamp, ``corrected`` next
+        to the instant that it shows; NaN where the channel has no reading.  Attributes ``rms_raw``
+        and ``rms_corrected``: rms of each against the reconstructed one.
     """
     problem = setup.problem
     found: dict[str, Any] = {}
@@ -53,10 +63,18 @@ def channel_signals(setup: Setup, solution: Solution) -> xr.Dataset:
         for j, name in enumerate(sensor.names):
             columns = np.full((len(problem.time), len(VERSIONS)), np.nan)
             columns[k_late, 0], columns[k_late, 2] = sensor.z[:, j], sensor.z[:, j] - late[:, j]
-            columns[k, 1], columns[k, 2] = true[:, j] + rest[:, j] / problem.constants.get(solution.c, f"factor.{name}", 1.0), true[:, j]
-            rms = {"rms_raw": float(np.sqrt(np.mean(late[:, j] ** 2))), "rms_corrected": float(np.sqrt(np.mean(rest[:, j] ** 2)))}
+            columns[k, 1], columns[k, 2] = (
+                true[:, j] + rest[:, j] / problem.constants.get(solution.c, f"factor.{name}", 1.0),
+                true[:, j],
+            )
+            rms = {
+                "rms_raw": float(np.sqrt(np.mean(late[:, j] ** 2))),
+                "rms_corrected": float(np.sqrt(np.mean(rest[:, j] ** 2))),
+            }
             found[name] = (("time", "version"), columns, {**attrs(name), **rms})
-    return xr.Dataset(found, coords={"time": ("time", problem.time, attrs("time")), "version": list(VERSIONS)})
+    return xr.Dataset(
+        found, coords={"time": ("time", problem.time, attrs("time")), "version": list(VERSIONS)}
+    )
 
 
 def _without_errors(problem: Problem, sensor: Sensor, c: np.ndarray) -> np.ndarray:
@@ -64,14 +82,19 @@ def _without_errors(problem: Problem, sensor: Sensor, c: np.ndarray) -> np.ndarr
     ideal = {"static_error": 0.0, sensor.delay: 0.0}
     for name in sensor.names:
         ideal |= {f"bias.{name}": 0.0, f"factor.{name}": 1.0}
-    return np.array([ideal.get(name, value) for name, value in zip(problem.constants.names, c, strict=True)])
+    return np.array(
+        [ideal.get(name, value) for name, value in zip(problem.constants.names, c, strict=True)]
+    )
 
 
 _STYLE = {"raw": ("0.6", 0.8), "corrected": ("tab:blue", 0.8), "reconstructed": ("tab:red", 1.1)}
 
 
-def compatibility_figure(compatibility: xr.Dataset, title: str, channels: Sequence[str] | None = None) -> Figure:
-    """Return raw, corrected and reconstructed signal of each channel over time as a figure ([Gresham] figure 5).
+def compatibility_figure(
+    compatibility: xr.Dataset, title: str, channels: Sequence[str] | None = None
+) -> Figure:
+    """Return raw, corrected and reconstructed signal of each channel over time as a figure
+    ([Gresham] figure 5).
 
     Parameters
     ----------
@@ -109,7 +132,11 @@ def compatibility_figure(compatibility: xr.Dataset, title: str, channels: Sequen
 
 
 def _draw_channel(ax, signals: xr.DataArray) -> None:
-    shown, factor = ("deg", np.degrees(1.0)) if signals.attrs.get("units") == "rad" else (signals.attrs.get("units", ""), 1.0)
+    shown, factor = (
+        ("deg", np.degrees(1.0))
+        if signals.attrs.get("units") == "rad"
+        else (signals.attrs.get("units", ""), 1.0)
+    )
     time = signals["time"].values
     for version, (colour, width) in _STYLE.items():
         values = signals.sel(version=version).values * factor
@@ -124,10 +151,15 @@ _RAW = {*MEASURED, *IMU, "V_eas", "h_baro", "north", "east", *SLOW}
 
 
 def path_states(record: xr.DataTree, aircraft: Any, setup: Setup, solution: Solution) -> xr.Dataset:
-    """Return the states of a solution with the controls, engines and mass of the record on the same clock."""
+    """Return the states of a solution with the controls, engines and mass of the record on the same
+    clock.
+    """
     problem = setup.problem
     columns = columns_of(record, aircraft, setup, solution.x, solution.c)
-    data = xr.Dataset({n: ("time", v, attrs(n)) for n, v in columns.items()}, coords={"time": ("time", problem.time, attrs("time"))})
+    data = xr.Dataset(
+        {n: ("time", v, attrs(n)) for n, v in columns.items()},
+        coords={"time": ("time", problem.time, attrs("time"))},
+    )
     data.attrs = {
         "record": str(record.attrs.get("title", "")),
         "rate": 1.0 / problem.dt,
@@ -140,8 +172,12 @@ def path_states(record: xr.DataTree, aircraft: Any, setup: Setup, solution: Solu
     return data
 
 
-def columns_of(record: xr.DataTree, aircraft: Any, setup: Setup, x: np.ndarray, c: np.ndarray) -> dict[str, np.ndarray]:
-    """Return `motion` of a trajectory (N, n) and constants (nc,), with recorded channels and mass properties. [SI]"""
+def columns_of(
+    record: xr.DataTree, aircraft: Any, setup: Setup, x: np.ndarray, c: np.ndarray
+) -> dict[str, np.ndarray]:
+    """Return `motion` of a trajectory (N, n) and constants (nc,), with recorded channels and mass
+    properties. [SI]
+    """
     problem = setup.problem
     columns = motion(record, aircraft, setup, x, c)
     columns.update(_recorded(record, problem.time, problem.starts, set(columns)))
@@ -150,7 +186,12 @@ def columns_of(record: xr.DataTree, aircraft: Any, setup: Setup, x: np.ndarray, 
 
 
 def motion(
-    record: xr.DataTree, aircraft: Any, setup: Setup, x: np.ndarray, c: np.ndarray, inertial: tuple[np.ndarray, np.ndarray] | None = None
+    record: xr.DataTree,
+    aircraft: Any,
+    setup: Setup,
+    x: np.ndarray,
+    c: np.ndarray,
+    inertial: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> dict[str, np.ndarray]:
     """Return the quantities that follow from a trajectory (N, n) and constants (nc,). [SI]
 
@@ -207,12 +248,20 @@ def motion(
     )
     if "runway_elevation" in record.attrs:
         x_cg, y_cg, z_cg = setup.cg
-        columns["h_agl"] = h + (down[0] * x_cg + down[1] * y_cg + down[2] * z_cg) - float(record.attrs["runway_elevation"])
+        columns["h_agl"] = (
+            h
+            + (down[0] * x_cg + down[1] * y_cg + down[2] * z_cg)
+            - float(record.attrs["runway_elevation"])
+        )
     return columns
 
 
-def _recorded(record: xr.DataTree, time: np.ndarray, starts: np.ndarray, known: set[str]) -> dict[str, np.ndarray]:
-    """Return controls, engine channels and whatever else the record holds in addition to the instruments, on the clock of the path."""
+def _recorded(
+    record: xr.DataTree, time: np.ndarray, starts: np.ndarray, known: set[str]
+) -> dict[str, np.ndarray]:
+    """Return controls, engine channels and whatever else the record holds in addition to the
+    instruments, on the clock of the path.
+    """
     grids = np.split(time, starts[1:])
     columns = {}
     for leaf, tree in record.children.items():
@@ -220,28 +269,50 @@ def _recorded(record: xr.DataTree, time: np.ndarray, starts: np.ndarray, known: 
         wanted = [str(name) for name in node.data_vars if name not in _RAW and name not in known]
         if not wanted:
             continue
-        demand_numbers({leaf: node[wanted].sel(time=slice(time[0], time[-1]))}, "recorded inputs of a path")
+        demand_numbers(
+            {leaf: node[wanted].sel(time=slice(time[0], time[-1]))}, "recorded inputs of a path"
+        )
         clock = node["time"].values
         for name in wanted:
-            columns[name] = np.concatenate([to_grid(clock, node.variables[name].values, grid, name) for grid in grids])
+            columns[name] = np.concatenate(
+                [to_grid(clock, node.variables[name].values, grid, name) for grid in grids]
+            )
     return columns
 
 
-def _mass(record: xr.DataTree, time: np.ndarray, aircraft: Any, setup: Setup) -> dict[str, np.ndarray]:
-    """Return mass along the path: gauged mass with the recorded fuel flow between, or a straight line through it."""
+def _mass(
+    record: xr.DataTree, time: np.ndarray, aircraft: Any, setup: Setup
+) -> dict[str, np.ndarray]:
+    """Return mass along the path: gauged mass with the recorded fuel flow between, or a straight
+    line through it.
+    """
     place = dict(zip(("x_cg_b", "y_cg_b", "z_cg_b"), setup.cg, strict=True))
     columns = {name: np.full(len(time), value) for name, value in place.items()}
-    node = next((node.to_dataset() for node in record.children.values() if "mass" in node.data_vars), None)
+    node = next(
+        (node.to_dataset() for node in record.children.values() if "mass" in node.data_vars), None
+    )
     if node is None:
         columns["mass"] = np.full(len(time), float(aircraft.mass))
         return columns
     clock, gauged = node["time"].values, node["mass"].values
-    engine = next((n.to_dataset() for n in record.children.values() if any(str(name).endswith("fuel_flow") for name in n.data_vars)), None)
+    engine = next(
+        (
+            n.to_dataset()
+            for n in record.children.values()
+            if any(str(name).endswith("fuel_flow") for name in n.data_vars)
+        ),
+        None,
+    )
     if engine is not None:
-        total = np.sum([engine[name].values for name in engine.data_vars if str(name).endswith("fuel_flow")], axis=0)
+        total = np.sum(
+            [engine[name].values for name in engine.data_vars if str(name).endswith("fuel_flow")],
+            axis=0,
+        )
         t = engine["time"].values
         burnt = np.concatenate([[0.0], np.cumsum(0.5 * (total[1:] + total[:-1]) * np.diff(t))])
-        columns["mass"] = float(np.mean(gauged + np.interp(clock, t, burnt))) - np.interp(time, t, burnt)
+        columns["mass"] = float(np.mean(gauged + np.interp(clock, t, burnt))) - np.interp(
+            time, t, burnt
+        )
     else:
         line = np.polyfit(clock - clock[0], gauged, 1 if len(clock) > 10 else 0)
         columns["mass"] = np.polyval(line, time - clock[0])
@@ -250,14 +321,34 @@ def _mass(record: xr.DataTree, time: np.ndarray, aircraft: Any, setup: Setup) ->
 
 STATES = (
     # that coefficients and regressors are made of
-    *("V", "qbar", "mach", "alpha", "beta", "alpha_dot", "beta_dot", "p", "q", "r", "ax", "ay", "az", "phi", "h", "h_agl"),
+    *(
+        "V",
+        "qbar",
+        "mach",
+        "alpha",
+        "beta",
+        "alpha_dot",
+        "beta_dot",
+        "p",
+        "q",
+        "r",
+        "ax",
+        "ay",
+        "az",
+        "phi",
+        "h",
+        "h_agl",
+    ),
     # that replays start from or are judged on
     *("theta", "psi", "gamma", "V_cas", "nz"),
 )
 
 
-def state_errors(record: xr.DataTree, aircraft: Any, setup: Setup, solution: Solution) -> xr.Dataset:
-    """Return the change of the states for one standard error of each independent error of the constants.
+def state_errors(
+    record: xr.DataTree, aircraft: Any, setup: Setup, solution: Solution
+) -> xr.Dataset:
+    """Return the change of the states for one standard error of each independent error of the
+    constants.
 
     Parameters
     ----------
@@ -269,15 +360,19 @@ def state_errors(record: xr.DataTree, aircraft: Any, setup: Setup, solution: Sol
     Returns
     -------
     Dataset (error, time)
-        `STATES`, in their units, single precision.  Errors of the instruments carry the name of their constant, those of the
-        run ``"<constant> of <title of the record>"``.
+        `STATES`, in their units, single precision.  Errors of the instruments carry the name of
+        their constant, those of the run ``"<constant> of <title of the record>"``.
     """
     problem, x, c = setup.problem, solution.x, solution.c
     names = problem.constants.names
-    order = sorted(range(len(names)), key=lambda i: names[i] in PER_RUN)  # stable: the instruments first
+    order = sorted(
+        range(len(names)), key=lambda i: names[i] in PER_RUN
+    )  # stable: the instruments first
     scale = np.sqrt(np.diag(solution.covariance))[order]
     correlation = solution.covariance[np.ix_(order, order)] / np.outer(scale, scale)
-    L = scale[:, None] * np.linalg.cholesky(correlation + 1e-12 * np.eye(len(scale)))  # two constants may do all but the same
+    L = scale[:, None] * np.linalg.cholesky(
+        correlation + 1e-12 * np.eye(len(scale))
+    )  # two constants may do all but the same
     full = np.zeros_like(L)
     full[order] = L  # of all constants, in their own order, by the errors
     x = np.asfortranarray(x)  # from here on single states are read
@@ -289,7 +384,8 @@ def state_errors(record: xr.DataTree, aircraft: Any, setup: Setup, solution: Sol
     drive = np.isin(names, [f"{kind}.{channel}" for kind in ("bias", "scale") for channel in IMU])
     equations = solution.equations or linearise(problem, solution.x, c)
     for k, (dc, dx) in enumerate(zip(full.T, equations.following(full), strict=True)):
-        # a difference over a part of the error where it is large: a constant that nothing determines has no bound
+        # a difference over a part of the error where it is large: a constant that nothing
+        # determines has no bound
         part = 1.0 / max(1.0, np.abs(dc).max(), dx.max(), -dx.min())
         same = None if dc[drive].any() else inertial
         changed = motion(record, aircraft, setup, moved(x, part * dx), c + part * dc, same)

@@ -1,8 +1,9 @@
-"""State reconstruction: from recordings with instrument errors to one consistent flight path ([LR743] 4.3).
+"""State reconstruction: from recordings with instrument errors to one consistent flight path
+([LR743] 4.3).
 
-The estimator is the iterated extended Kalman smoother (Gauss-Newton on the joint density of path and constants), the
-right one for ordinary gyros: a batch output-error fit takes the inertial unit for perfect and its standard errors
-cover 30 % of the truth where they promise 95 %.
+The estimator is the iterated extended Kalman smoother (Gauss-Newton on the joint density of path
+and constants), the right one for ordinary gyros: a batch output-error fit takes the inertial unit
+for perfect and its standard errors cover 30 % of the truth where they promise 95 %.
 """
 
 from __future__ import annotations
@@ -17,7 +18,12 @@ import xarray as xr
 from flightmech.air import GAMMA, R_AIR, RHO_SEA
 from flightmech.errors import IdentificationError
 from flightmech.support.figures import html_table
-from flighttest.reconstruction.path_quantities import channel_signals, compatibility_figure, path_states, state_errors
+from flighttest.reconstruction.path_quantities import (
+    channel_signals,
+    compatibility_figure,
+    path_states,
+    state_errors,
+)
 from flighttest.reconstruction.problem.assembly import Setup, assemble
 from flighttest.reconstruction.problem.output_equations import SEES_GUSTS
 from flighttest.reconstruction.problem.problem import Problem, identifiability
@@ -32,9 +38,15 @@ if TYPE_CHECKING:
 
     from flightmech.aircraft.aircraft import Aircraft
 
-GUST_LENGTH = 150.0  # m, of the gust model; vanes and pitot see the gusts themselves, so it matters little
-CALM = 1.1  # residual rms over noise of vanes and pitot above which the air may be turbulent, or the noise is larger than specified
-GUSTY = 0.5  # share of the excess variance that must be correlated for it to be gusts: halfway between white noise and gusts alone
+GUST_LENGTH = (
+    150.0  # m, of the gust model; vanes and pitot see the gusts themselves, so it matters little
+)
+# residual rms over noise of vanes and pitot above which the air may be turbulent, or the noise is
+# larger than specified
+CALM = 1.1
+# share of the excess variance that must be correlated for it to be gusts: halfway between white
+# noise and gusts alone
+GUSTY = 0.5
 MEMORY = 0.25  # of the correlation time of gusts, over which their correlation is looked for
 STILL = 0.1  # standard errors: a constant that moves less has settled
 CALM_STEPS = 4
@@ -48,19 +60,23 @@ class Path:
     Attributes
     ----------
     states : Dataset (time,)
-        At the c.g., corrected: air-relative and ground velocity, attitude, rates and their derivatives, specific force,
-        wind, air data, reduced rates; controls, engine channels and mass as recorded. [SI]
+        At the c.g., corrected: air-relative and ground velocity, attitude, rates and their
+        derivatives, specific force, wind, air data, reduced rates; controls, engine channels and
+        mass as recorded. [SI]
     biases : Dataset (parameter,)
-        ``estimate stderr prior prior_stderr unit``, ``correlation prior_correlation (parameter, parameter_)``.
+        ``estimate stderr prior prior_stderr unit``, ``correlation prior_correlation (parameter,
+        parameter_)``.
     residuals : Dataset (time,)
         Reading minus model per channel, NaN where the channel has no reading.
     fit : DataFrame
-        Per channel: readings, noise, residual rms, ratio, autocorrelation at the first lag, verdict.
+        Per channel: readings, noise, residual rms, ratio, autocorrelation at the first lag,
+        verdict.
     compatibility : Dataset (time, version)
-        Per channel ``raw``, ``corrected`` and ``reconstructed`` signal, see `flighttest.reconstruction.compatibility_table`.
+        Per channel ``raw``, ``corrected`` and ``reconstructed`` signal, see
+        `flighttest.reconstruction.compatibility_table`.
     errors : Dataset (error, time)
-        Change of the states for one standard error of each independent error that the constants leave, see
-        `flighttest.reconstruction.path_quantities`; None for a path without them.
+        Change of the states for one standard error of each independent error that the constants
+        leave, see `flighttest.reconstruction.path_quantities`; None for a path without them.
     """
 
     states: xr.Dataset
@@ -75,28 +91,42 @@ class Path:
         return _report(self)
 
     def plot(self, channels: Sequence[str] | None = None) -> Figure:
-        """Return a figure of raw, corrected and reconstructed signals, see `flighttest.reconstruction.compatibility_figure`."""
+        """Return a figure of raw, corrected and reconstructed signals, see
+        `flighttest.reconstruction.compatibility_figure`.
+        """
         return compatibility_figure(self.compatibility, str(self.states.attrs["record"]), channels)
 
     def _repr_html_(self) -> str:
         """Return the constants as a table for a notebook."""
         keys = ("estimate", "stderr", "prior", "prior_stderr", "unit")
         names = self.biases["parameter"].values
-        rows = [(str(name), *(self.biases[key].sel(parameter=name).item() for key in keys)) for name in names]
+        rows = [
+            (str(name), *(self.biases[key].sel(parameter=name).item() for key in keys))
+            for name in names
+        ]
         time = self.states["time"].values
         caption = f"Flight path of {self.states.attrs.get('record', '')}, {time[0]:g} ... {time[-1]:g} s, {len(time)} samples"
-        return html_table(caption, ("constant", *keys), rows, [remark.text for remark in self.remarks])
+        return html_table(
+            caption, ("constant", *keys), rows, [remark.text for remark in self.remarks]
+        )
 
     @property
     def remarks(self) -> list[Remark]:
-        """What a reader of the path must know: turbulence and what rests on its prior for it, noise that is not as specified."""
+        """What a reader of the path must know: turbulence and what rests on its prior for it, noise
+        that is not as specified.
+        """
         return _remarks(self)
 
     def summary(self) -> dict[str, Any]:
         """Return constants, sensors and remarks as plain numbers and words."""
         keys = ("estimate", "stderr", "prior", "prior_stderr", "unit")
-        constants = {str(n): {k: self.biases[k].sel(parameter=n).item() for k in keys} for n in self.biases["parameter"].values}
-        about = {key: item for key, item in self.states.attrs.items() if key != "manoeuvres"} | {"samples": self.states.sizes["time"]}
+        constants = {
+            str(n): {k: self.biases[k].sel(parameter=n).item() for k in keys}
+            for n in self.biases["parameter"].values
+        }
+        about = {key: item for key, item in self.states.attrs.items() if key != "manoeuvres"} | {
+            "samples": self.states.sizes["time"]
+        }
         return {
             **about,
             "constants": constants,
@@ -118,10 +148,12 @@ def reconstruct(
     Parameters
     ----------
     record : DataTree
-        Flight record.  Needed: inertial unit (p q r ax_imu ay_imu az_imu), phi, theta; airspeed (q_c, or V, V_cas or mach); p_static,
-        h_baro or h_gps; temperature, as a channel or as root attribute.  Used when there: psi, vn ve vd h_gps, alpha_vane, beta_vane,
-        h_radio.  Root attributes: ``temperature`` [K], ``wind_down_sigma`` (standard error of the prior of the mean vertical wind, 0.2)
-        [m s-1], ``latitude`` [rad], ``runway_elevation`` (for h_radio) [m].
+        Flight record.  Needed: inertial unit (p q r ax_imu ay_imu az_imu), phi, theta; airspeed
+        (q_c, or V, V_cas or mach); p_static, h_baro or h_gps; temperature, as a channel or as root
+        attribute.  Used when there: psi, vn ve vd h_gps, alpha_vane, beta_vane, h_radio.  Root
+        attributes: ``temperature`` [K], ``wind_down_sigma`` (standard error of the prior of the
+        mean vertical wind, 0.2) [m s-1], ``latitude`` [rad], ``runway_elevation`` (for h_radio)
+        [m].
     aircraft : Aircraft
         For cbar, b, c.g. and the instruments (see `flighttest.records.sensors.instruments`).
     windows : sequence of (start, stop), optional
@@ -154,7 +186,9 @@ def reconstruct(
     return finish(record, aircraft, setup, solution)
 
 
-def solve(record: xr.DataTree, aircraft: Aircraft, windows=None, prior=None, rate: float = 50.0) -> tuple[Setup, Solution]:
+def solve(
+    record: xr.DataTree, aircraft: Aircraft, windows=None, prior=None, rate: float = 50.0
+) -> tuple[Setup, Solution]:
     """Return the problem of a record and its solution; arguments as in `reconstruct`."""
     specification = instruments_of(aircraft, record.attrs)
     setup = assemble(record, aircraft, specification, windows_of(record, windows), rate, prior)
@@ -167,24 +201,31 @@ def solve(record: xr.DataTree, aircraft: Aircraft, windows=None, prior=None, rat
         raise IdentificationError(f"{record.attrs.get('title', 'record')}: {error}") from error
 
 
-def refine(record: xr.DataTree, aircraft: Aircraft, setup: Setup, solution: Solution, prior: xr.Dataset) -> Path:
+def refine(
+    record: xr.DataTree, aircraft: Aircraft, setup: Setup, solution: Solution, prior: xr.Dataset
+) -> Path:
     """Return the Path of a record solved once already, with the constants of other runs as prior."""
     constants = setup.problem.constants.with_prior(prior)
     problem = replace(setup.problem, constants=constants)
     if problem.gust is None:
         setup = replace(setup, problem=problem)
-        return finish(record, aircraft, setup, _settle(problem, estimate(problem, solution.x, solution.c)))
+        return finish(
+            record, aircraft, setup, _settle(problem, estimate(problem, solution.x, solution.c))
+        )
     c = np.where([name in setup.held for name in constants.names], constants.mean, solution.c)
-    calm = replace(setup, problem=replace(problem, gust=None), x=solution.x[:, : problem.gusts.start], c=c)
+    calm = replace(
+        setup, problem=replace(problem, gust=None), x=solution.x[:, : problem.gusts.start], c=c
+    )
     return finish(record, aircraft, *_in_turbulence(calm))
 
 
 def in_calm_air(setup: Setup, solution: Solution) -> bool:
     """Return whether vanes and impact pressure keep to a path in uniformly moving air.
 
-    With an inertial unit the path hardly follows gusts, so they are left over in these residuals.  Gusts last, noise of instruments
-    does not: of a residual larger than the noise specified, only what is correlated from reading to reading speaks of gusts.  So a
-    specification that is too small is no turbulence.
+    With an inertial unit the path hardly follows gusts, so they are left over in these residuals.
+    Gusts last, noise of instruments does not: of a residual larger than the noise specified, only
+    what is correlated from reading to reading speaks of gusts.  So a specification that is too
+    small is no turbulence.
     """
     V = max(float(np.median(np.linalg.norm(solution.x[:, 3:6], axis=1))), 10.0)
     for sensor in setup.problem.sensors:
@@ -196,7 +237,8 @@ def in_calm_air(setup: Setup, solution: Solution) -> bool:
 
 
 def gusty(r: np.ndarray, time: np.ndarray, memory: float) -> bool:
-    """Return whether scaled residuals hold gusts: larger than the noise, and by something that lasts.
+    """Return whether scaled residuals hold gusts: larger than the noise, and by something that
+    lasts.
 
     Parameters
     ----------
@@ -216,14 +258,22 @@ def gusty(r: np.ndarray, time: np.ndarray, memory: float) -> bool:
     power = float(np.mean(r**2))
     if len(r) < 3 or power < CALM**2:
         return False
-    lags = int(np.clip(memory // max(float(np.median(np.diff(time))), 1e-9), 1, max(len(r) // 4, 1)))
+    lags = int(
+        np.clip(memory // max(float(np.median(np.diff(time))), 1e-9), 1, max(len(r) // 4, 1))
+    )
     c = float(np.mean([r[k:] @ r[:-k] / len(r) for k in range(1, lags + 1)]))
     return c > max(GUSTY * (power - 1.0), 2.0 * power / np.sqrt(len(r) * lags))
 
 
 def _in_turbulence(setup: Setup) -> tuple[Setup, Solution]:
-    """Return problem and solution with gusts: first the constants, then with these the gusts themselves."""
-    noise = {n: s for sensor in setup.problem.sensors for n, s in zip(sensor.names, sensor.sigma, strict=True)}
+    """Return problem and solution with gusts: first the constants, then with these the gusts
+    themselves.
+    """
+    noise = {
+        n: s
+        for sensor in setup.problem.sensors
+        for n, s in zip(sensor.names, sensor.sigma, strict=True)
+    }
     sigma = 5.0 * np.array([noise.get(n, 1e-3) for n in (*VANES, _airspeed(setup.problem))])
     held = _hidden_by_gusts(setup.problem)
     problem, x = with_gusts(setup.problem, setup.x, sigma, GUST_LENGTH, shown=True)
@@ -232,8 +282,14 @@ def _in_turbulence(setup: Setup) -> tuple[Setup, Solution]:
     problem = replace(problem, gust=sigma)
     found = replace(_settle(problem, first, held), equations=None)  # those of another problem
     del first
-    blowing, x = with_gusts(problem, found.x, _intensity(setup, found, sigma), GUST_LENGTH, shown=False)
-    air = _settle(blowing, estimate(blowing, x, found.c, CALM_STEPS, problem.constants.names), problem.constants.names)
+    blowing, x = with_gusts(
+        problem, found.x, _intensity(setup, found, sigma), GUST_LENGTH, shown=False
+    )
+    air = _settle(
+        blowing,
+        estimate(blowing, x, found.c, CALM_STEPS, problem.constants.names),
+        problem.constants.names,
+    )
     return replace(setup, problem=blowing, held=held), replace(
         air, covariance=found.covariance, iterations=found.iterations + air.iterations
     )
@@ -241,15 +297,21 @@ def _in_turbulence(setup: Setup) -> tuple[Setup, Solution]:
 
 def _airspeed(problem: Problem) -> str:
     """Return the channel that shows the airspeed."""
-    shown = [name for sensor in problem.sensors for name in sensor.names if name in ("q_c", *SPEEDS)]
+    shown = [
+        name for sensor in problem.sensors for name in sensor.names if name in ("q_c", *SPEEDS)
+    ]
     return shown[0] if shown else "q_c"
 
 
 def _hidden_by_gusts(problem: Problem) -> tuple[str, ...]:
     """Return the constants that turbulence hides, because gusts move vanes and aeroplane alike."""
-    latencies = {sensor.delay for sensor in problem.sensors if not SEES_GUSTS.keys().isdisjoint(sensor.names)}
+    latencies = {
+        sensor.delay for sensor in problem.sensors if not SEES_GUSTS.keys().isdisjoint(sensor.names)
+    }
     factors = {f"factor.{name}" for name in VANES}
-    return tuple(name for name in problem.constants.names if name in {*latencies, *factors, "lag.vanes"})
+    return tuple(
+        name for name in problem.constants.names if name in {*latencies, *factors, "lag.vanes"}
+    )
 
 
 def _settle(problem: Problem, solution: Solution, held: Sequence[str] = ()) -> Solution:
@@ -283,12 +345,15 @@ def _moving(problem: Problem, solution: Solution, held: Sequence[str]) -> str:
 def _intensity(setup: Setup, solution: Solution, sigma: np.ndarray) -> np.ndarray:
     """Return one sigma of the gusts north, east, down from what they add to the readings.
 
-    w = V alpha, v = V beta; u is the reading times its slope: 1/(rho V) of q_c, sqrt(rho_0/rho) of V_cas, the speed of sound of mach.
+    w = V alpha, v = V beta; u is the reading times its slope: 1/(rho V) of q_c, sqrt(rho_0/rho) of
+    V_cas, the speed of sound of mach.
     """
     V = max(float(np.median(np.linalg.norm(solution.x[:, 3:6], axis=1))), 10.0)
     rho = setup.problem.constants.get(solution.c, "p_reference") / (R_AIR * setup.reference[1])
     a = np.sqrt(GAMMA * R_AIR * setup.reference[1])
-    slope = {"q_c": 1.0 / (rho * V), "V": 1.0, "V_cas": np.sqrt(RHO_SEA / rho), "mach": a}[_airspeed(setup.problem)]
+    slope = {"q_c": 1.0 / (rho * V), "V": 1.0, "V_cas": np.sqrt(RHO_SEA / rho), "mach": a}[
+        _airspeed(setup.problem)
+    ]
     up, across, along = sigma * np.array([V, V, slope])
     level = float(np.sqrt((across**2 + along**2) / 2.0))
     return np.array([level, level, up])
@@ -311,7 +376,14 @@ def finish(record: xr.DataTree, aircraft: Aircraft, setup: Setup, solution: Solu
             rows.append(_row(name, values[:, i], float(sensor.sigma[i])))
     rest = xr.Dataset(columns, coords={"time": states["time"]})
     errors = state_errors(record, aircraft, setup, solution)
-    return Path(states, found, rest, pd.DataFrame(rows).set_index("channel"), channel_signals(setup, solution), errors)
+    return Path(
+        states,
+        found,
+        rest,
+        pd.DataFrame(rows).set_index("channel"),
+        channel_signals(setup, solution),
+        errors,
+    )
 
 
 def _row(name: str, rest: np.ndarray, sigma: float) -> dict[str, Any]:
@@ -364,13 +436,25 @@ def _report(path: Path) -> str:
     ]
     for i, name in enumerate(path.biases["parameter"].values):
         row = path.biases.isel(parameter=i, parameter_=i)
-        numbers = "".join(f"{float(row[key]):13.5g}" for key in ("estimate", "stderr", "prior", "prior_stderr"))
+        numbers = "".join(
+            f"{float(row[key]):13.5g}" for key in ("estimate", "stderr", "prior", "prior_stderr")
+        )
         lines.append(f"{name:22s}{numbers}  {row['unit'].item()}")
-    lines += ["", f"{'channel':14s}{'readings':>9s}{'noise':>11s}{'rms':>11s}{'ratio':>7s}{'lag-1 ac':>9s}  verdict"]
+    lines += [
+        "",
+        f"{'channel':14s}{'readings':>9s}{'noise':>11s}{'rms':>11s}{'ratio':>7s}{'lag-1 ac':>9s}  verdict",
+    ]
     for name, row in path.fit.iterrows():
         lines.append(
             f"{name:14s}{row.readings:9d}{row.noise:11.4g}{row.rms:11.4g}{row.ratio:7.2f}{row.autocorrelation:9.2f}  {row.verdict}"
         )
     words = identifiability(path.biases)
     lines += ["", *remark_lines(path.remarks)] if path.remarks else []
-    return "\n".join([*lines, "", "Identifiability:", *(f"  - {word}" for word in words or ["every constant is identifiable"])])
+    return "\n".join(
+        [
+            *lines,
+            "",
+            "Identifiability:",
+            *(f"  - {word}" for word in words or ["every constant is identifiable"]),
+        ]
+    )

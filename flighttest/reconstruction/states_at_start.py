@@ -1,4 +1,6 @@
-"""States of a record before its reconstruction: the names, the clock and the recorded channels that the path will have."""
+"""States of a record before its reconstruction: the names, the clock and the recorded channels that
+the path will have.
+"""
 
 from __future__ import annotations
 
@@ -20,8 +22,9 @@ if TYPE_CHECKING:
 def start_states(record: xr.DataTree, aircraft: Aircraft, rate: float = 50.0) -> xr.Dataset:
     """Return the states at the start values of the reconstruction of a record.
 
-    They cost a hundredth of `reconstruct` and hold the same channels on the same clock. Recorded channels (controls, engines,
-    devices) have their final values; the motion is that of the uncorrected readings. Use them to check what a later step needs.
+    They cost a hundredth of `reconstruct` and hold the same channels on the same clock. Recorded
+    channels (controls, engines, devices) have their final values; the motion is that of the
+    uncorrected readings. Use them to check what a later step needs.
 
     Parameters
     ----------
@@ -44,8 +47,16 @@ def start_states(record: xr.DataTree, aircraft: Aircraft, rate: float = 50.0) ->
     OutOfRange
         The record is shorter than ten samples, or its pitch attitude exceeds 80 deg.
     """
-    setup = assemble(record, aircraft, instruments_of(aircraft, record.attrs), windows_of(record, None), rate, None)
-    # readings that contradict each other may overflow here; the checks look at names and recorded channels
+    setup = assemble(
+        record,
+        aircraft,
+        instruments_of(aircraft, record.attrs),
+        windows_of(record, None),
+        rate,
+        None,
+    )
+    # readings that contradict each other may overflow here; the checks look at names and recorded
+    # channels
     with np.errstate(all="ignore"):
         columns = columns_of(record, aircraft, setup, setup.x, setup.c)
     data = {name: ("time", values, attrs(name)) for name, values in columns.items()}

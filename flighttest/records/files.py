@@ -1,4 +1,6 @@
-"""What a file holds before anybody has mapped it: tables, clocks, columns and units, for writing a name map."""
+"""What a file holds before anybody has mapped it: tables, clocks, columns and units, for writing a
+name map.
+"""
 
 from __future__ import annotations
 
@@ -40,11 +42,13 @@ def contents(path: str | Path, names: str | Path | NameMap | None = None) -> dic
     Returns
     -------
     dict
-        ``file``, ``format``, ``facts``, ``notes`` (faults that the file reports), ``tables``: per table ``table``, ``samples``,
-        ``rate`` [Hz], ``start`` and ``stop`` [s], ``clock_fault`` (a text, empty when the clock is sound) and ``columns``, each
-        ``column``, ``unit``, ``min`` and ``max`` in the unit of the file, and ``slower``: columns with blanks between the samples of a
-        slower clock, each ``columns``, ``rate`` [Hz] and ``samples``.  For Chapter 10 also ``channels``.  ``left_out``: what is in
-        the file and not in the tables, each ``name`` and ``reason``.
+        ``file``, ``format``, ``facts``, ``notes`` (faults that the file reports), ``tables``: per
+        table ``table``, ``samples``, ``rate`` [Hz], ``start`` and ``stop`` [s], ``clock_fault`` (a
+        text, empty when the clock is sound) and ``columns``, each ``column``, ``unit``, ``min`` and
+        ``max`` in the unit of the file, and ``slower``: columns with blanks between the samples of
+        a slower clock, each ``columns``, ``rate`` [Hz] and ``samples``.  For Chapter 10 also
+        ``channels``.  ``left_out``: what is in the file and not in the tables, each ``name`` and
+        ``reason``.
 
     Raises
     ------
@@ -52,9 +56,22 @@ def contents(path: str | Path, names: str | Path | NameMap | None = None) -> dic
         The file is damaged or of no known format.
     """
     path = Path(path)
-    mapping = names if isinstance(names, NameMap) else read_names(names) if names is not None else NameMap({})
+    mapping = (
+        names
+        if isinstance(names, NameMap)
+        else read_names(names)
+        if names is not None
+        else NameMap({})
+    )
     kind = recognise(path)
-    found: dict[str, Any] = {"file": path.name, "format": FORMATS[kind][1], "facts": {}, "notes": [], "tables": [], "left_out": []}
+    found: dict[str, Any] = {
+        "file": path.name,
+        "format": FORMATS[kind][1],
+        "facts": {},
+        "notes": [],
+        "tables": [],
+        "left_out": [],
+    }
     if kind == "chapter10":
         from flighttest.records.readers.formats.chapter10.packets import index
         from flighttest.records.readers.formats.chapter10.tables import channels
@@ -63,7 +80,9 @@ def contents(path: str | Path, names: str | Path | NameMap | None = None) -> dic
         found.update(channels=channels(file), notes=list(file.notes))
         if not mapping.decode:
             return found
-    everything = NameMap({}, mapping.clock, mapping.facts, mapping.source, mapping.clocks, None, mapping.decode)
+    everything = NameMap(
+        {}, mapping.clock, mapping.facts, mapping.source, mapping.clocks, None, mapping.decode
+    )
     return {**found, **contents_of(open_recording(path, everything, kind), everything, path)}
 
 
@@ -72,7 +91,11 @@ def contents_of(recording: Recording, everything: NameMap, path: Path) -> dict[s
     clocks = Clocks(recording.tables, everything, path.name, recording.left_out)
     tables = clocks.with_decoded_words()
     return {
-        "facts": {key: value for key, value in recording.facts.items() if isinstance(value, str | int | float)},
+        "facts": {
+            key: value
+            for key, value in recording.facts.items()
+            if isinstance(value, str | int | float)
+        },
         "notes": [*recording.notes, *clocks.notes],
         "tables": [_table(name, clocks) for name in tables],
         "left_out": [{"name": one.place, "reason": one.reason} for one in recording.left_out],
@@ -81,20 +104,38 @@ def contents_of(recording: Recording, everything: NameMap, path: Path) -> dict[s
 
 def _table(name: str, clocks: Clocks) -> dict[str, Any]:
     table = clocks.tables[name]
-    about: dict[str, Any] = {"table": name, "samples": 0, "rate": None, "start": None, "stop": None, "clock_fault": "", "slower": []}
+    about: dict[str, Any] = {
+        "table": name,
+        "samples": 0,
+        "rate": None,
+        "start": None,
+        "stop": None,
+        "clock_fault": "",
+        "slower": [],
+    }
     try:
         clock = clocks.settled(name, f"{clocks.file}, table {name}")
-        about.update(samples=len(clock.time), rate=clock.about["rate"], start=float(clock.time[0]), stop=float(clock.time[-1]))
+        about.update(
+            samples=len(clock.time),
+            rate=clock.about["rate"],
+            start=float(clock.time[0]),
+            stop=float(clock.time[-1]),
+        )
     except AeromatchError as error:
         about["clock_fault"] = str(error)
     else:
         about["slower"] = _slower(table.columns, clock)
-    about["columns"] = [_column(column, table.columns[column], table.units.get(column) or clear_unit(column)) for column in table.columns]
+    about["columns"] = [
+        _column(column, table.columns[column], table.units.get(column) or clear_unit(column))
+        for column in table.columns
+    ]
     return about
 
 
 def _slower(columns: Mapping[str, np.ndarray], clock: Settled) -> list[dict[str, Any]]:
-    """Return the columns whose samples form a slower clock than the rows, with rate [Hz] and number of the samples."""
+    """Return the columns whose samples form a slower clock than the rows, with rate [Hz] and number
+    of the samples.
+    """
     values = {name: np.asarray(column, float)[clock.keep] for name, column in columns.items()}
     found = []
     for rows, names in clocks_of_rows(clock.time, values):
@@ -117,17 +158,29 @@ MANOEUVRE = ("manoeuvre", "control", "start", "end", "note")
 def listing(record: Arrays) -> dict[str, Any]:
     """Return what `flight show` prints of a record: ``facts channels manoeuvres faults unmapped``."""
     return {
-        "facts": {key: value for key, value in record.attrs.items() if key not in ("manoeuvres", "unmapped", "notes", "left_out")},
+        "facts": {
+            key: value
+            for key, value in record.attrs.items()
+            if key not in ("manoeuvres", "unmapped", "notes", "left_out")
+        },
         "channels": channel_rows(record.leaves),
         "manoeuvres": flown_rows(record.attrs),
-        "faults": fault_texts(record.attrs, ((name, leaf.attrs) for name, leaf in record.leaves.items())),
+        "faults": fault_texts(
+            record.attrs, ((name, leaf.attrs) for name, leaf in record.leaves.items())
+        ),
         "unmapped": [name for name in record.attrs["unmapped"].split(", ") if name],
     }
 
 
 def channel_rows(leaves: Mapping[str, Leaf]) -> list[dict[str, Any]]:
-    """Return one row per channel: leaf, rate, span, smallest and largest value, unit, calibration, faults."""
-    return [_channel_row(name, leaf, channel) for name, leaf in leaves.items() for channel in leaf.channels]
+    """Return one row per channel: leaf, rate, span, smallest and largest value, unit, calibration,
+    faults.
+    """
+    return [
+        _channel_row(name, leaf, channel)
+        for name, leaf in leaves.items()
+        for channel in leaf.channels
+    ]
 
 
 def _channel_row(name: str, leaf: Leaf, channel: str) -> dict[str, Any]:
@@ -150,7 +203,8 @@ def _channel_row(name: str, leaf: Leaf, channel: str) -> dict[str, Any]:
 
 
 def listed(attrs: Mapping[Any, Any], key: str) -> list[dict[str, Any]]:
-    """Return the rows of a list of manoeuvres or modes in the root attributes of a record: ``manoeuvre control start end note``.
+    """Return the rows of a list of manoeuvres or modes in the root attributes of a record:
+    ``manoeuvre control start end note``.
 
     Raises
     ------
@@ -160,21 +214,34 @@ def listed(attrs: Mapping[Any, Any], key: str) -> list[dict[str, Any]]:
     file = str(attrs.get("source_file", "the record"))
     found = json_content(attrs.get(key, "[]"), file, f"a list of {key}")
     if not isinstance(found, list) or not all(isinstance(row, dict) for row in found):
-        raise ParseError(file, 0, f"the attribute {key} {str(found)[:40]!r}", "a list of rows in JSON; write the record again")
+        raise ParseError(
+            file,
+            0,
+            f"the attribute {key} {str(found)[:40]!r}",
+            "a list of rows in JSON; write the record again",
+        )
     return [{name: row.get(name, "") for name in MANOEUVRE} for row in found]
 
 
 def flown_rows(attrs: Mapping[Any, Any]) -> list[dict[str, Any]]:
-    """Return the list of manoeuvres as the table of `flighttest.records.record.manoeuvres` holds it: times of one kind in a column."""
+    """Return the list of manoeuvres as the table of `flighttest.records.record.manoeuvres` holds
+    it: times of one kind in a column.
+    """
     found = listed(attrs, "manoeuvres")
     for key in ("start", "end"):
         times = [row[key] for row in found]
-        if all(time is None or isinstance(time, int | float) for time in times) and not all(isinstance(time, int) for time in times):
-            found = [{**row, key: math.nan if row[key] is None else float(row[key])} for row in found]
+        if all(time is None or isinstance(time, int | float) for time in times) and not all(
+            isinstance(time, int) for time in times
+        ):
+            found = [
+                {**row, key: math.nan if row[key] is None else float(row[key])} for row in found
+            ]
     return found
 
 
-def fault_texts(attrs: Mapping[Any, Any], leaves: Iterable[tuple[str, Mapping[Any, Any]]]) -> list[str]:
+def fault_texts(
+    attrs: Mapping[Any, Any], leaves: Iterable[tuple[str, Mapping[Any, Any]]]
+) -> list[str]:
     """Return in words what is wrong, from the attributes of the root and of each leaf."""
     found = [str(note) for note in json.loads(attrs.get("notes", "[]"))]
     for leaf, about in leaves:
@@ -183,14 +250,21 @@ def fault_texts(attrs: Mapping[Any, Any], leaves: Iterable[tuple[str, Mapping[An
 
 
 def save(data: xr.Dataset, path: str | Path) -> None:
-    """Write a manoeuvre or the states of a path to netCDF, sealed; an unfinished file never takes the name."""
+    """Write a manoeuvre or the states of a path to netCDF, sealed; an unfinished file never takes
+    the name.
+    """
     _save({"/": data}, Path(path))
 
 
 def save_record(record: xr.DataTree, path: str | Path) -> None:
-    """Write a flight record to netCDF, one group per leaf, sealed; `flighttest.read` reads it again without a name map."""
+    """Write a flight record to netCDF, one group per leaf, sealed; `flighttest.read` reads it again
+    without a name map.
+    """
     groups = {"/": xr.Dataset(attrs=record.attrs)}
-    _save({**groups, **{f"/{leaf}": node.to_dataset() for leaf, node in record.children.items()}}, Path(path))
+    _save(
+        {**groups, **{f"/{leaf}": node.to_dataset() for leaf, node in record.children.items()}},
+        Path(path),
+    )
 
 
 def _save(groups: Mapping[str, xr.Dataset], target: Path) -> None:
@@ -200,12 +274,18 @@ def _save(groups: Mapping[str, xr.Dataset], target: Path) -> None:
 
 
 def _overview(part: Path) -> dict[str, Any] | None:
-    """Return what `flight show` and `flight info` find in a file, read as it was written; without what they refuse to read."""
+    """Return what `flight show` and `flight info` find in a file, read as it was written; without
+    what they refuse to read.
+    """
     found: dict[str, Any] = {}
     with suppress(AeromatchError):
         names = NameMap({})
         recording = open_recording(part, names)
-        about = {"file": None, "format": FORMATS[recording.kind][1], **contents_of(recording, names, part)}
+        about = {
+            "file": None,
+            "format": FORMATS[recording.kind][1],
+            **contents_of(recording, names, part),
+        }
         if not any(table["clock_fault"] for table in about["tables"]):  # whose text names the file
             found["contents"] = about
         found["listing"] = listing(unnamed_arrays(recording, None, part))
@@ -222,7 +302,15 @@ def _write(groups: Mapping[str, xr.Dataset], part: Path) -> None:
     mode: Any = "w"
     for group, data in groups.items():
         packed = {
-            str(n): {"zlib": True, "complevel": 4} for n, v in data.data_vars.items() if v.dims[-1:] == ("time",) and v.dtype.kind == "f"
+            str(n): {"zlib": True, "complevel": 4}
+            for n, v in data.data_vars.items()
+            if v.dims[-1:] == ("time",) and v.dtype.kind == "f"
         }
-        data.to_netcdf(part, mode=mode, group=None if group == "/" else group.strip("/"), engine="h5netcdf", encoding=packed)
+        data.to_netcdf(
+            part,
+            mode=mode,
+            group=None if group == "/" else group.strip("/"),
+            engine="h5netcdf",
+            encoding=packed,
+        )
         mode = "a"

@@ -1,7 +1,8 @@
 """Manoeuvres as a table in CSV or TOML, for records that carry no marks.
 
-A row is ``record, kind, control, start, end`` and, where wanted, ``note`` and ``confidence``; a TOML file holds the same keys in tables
-``[[manoeuvre]]``.  Times are seconds of the record, or a number with its unit (``"1.5 min"``).
+A row is ``record, kind, control, start, end`` and, where wanted, ``note`` and ``confidence``; a
+TOML file holds the same keys in tables ``[[manoeuvre]]``.  Times are seconds of the record, or a
+number with its unit (``"1.5 min"``).
 """
 
 from __future__ import annotations
@@ -30,7 +31,9 @@ _TIMES = ("start", "end")
 
 
 def _text(item: object) -> object:
-    return str(item) if isinstance(item, int) and not isinstance(item, bool) else item  # a 3-2-1-1 is a number in TOML
+    return (
+        str(item) if isinstance(item, int) and not isinstance(item, bool) else item
+    )  # a 3-2-1-1 is a number in TOML
 
 
 def _seconds(item: Any) -> float:
@@ -62,13 +65,22 @@ class Marked(Strict):
     @model_validator(mode="after")
     def _forward(self) -> Marked:
         if not (np.isfinite(self.start) and np.isfinite(self.end) and self.start < self.end):
-            raise ValueError(f"start {self.start:g} s and end {self.end:g} s; the end lies after the start, both in seconds of the record")
+            raise ValueError(
+                f"start {self.start:g} s and end {self.end:g} s; the end lies after the start, both in seconds of the record"
+            )
         return self
 
     def as_row(self) -> dict[str, object]:
         """Return the manoeuvre as a record lists it."""
         about = {"confidence": self.confidence} if self.confidence != "" else {}
-        return {"manoeuvre": self.kind, "control": self.control, "start": self.start, "end": self.end, "note": self.note, **about}
+        return {
+            "manoeuvre": self.kind,
+            "control": self.control,
+            "start": self.start,
+            "end": self.end,
+            "note": self.note,
+            **about,
+        }
 
 
 class _Table(Strict):
@@ -81,13 +93,14 @@ def read_manoeuvres(path: str | Path) -> dict[str, pd.DataFrame]:
     Parameters
     ----------
     path : path
-        A CSV file (separated by commas, or by semicolons, then with decimal points or commas; a line of names first), or a file
-        ``.toml`` with tables ``[[manoeuvre]]``.
+        A CSV file (separated by commas, or by semicolons, then with decimal points or commas; a
+        line of names first), or a file ``.toml`` with tables ``[[manoeuvre]]``.
 
     Returns
     -------
     dict of str to DataFrame
-        ``manoeuvre control start end note`` by record, as `flighttest.manoeuvres` gives them, in order of time. [s]
+        ``manoeuvre control start end note`` by record, as `flighttest.manoeuvres` gives them, in
+        order of time. [s]
 
     Raises
     ------
@@ -103,8 +116,12 @@ _SHOWN = ["manoeuvre", "control", "start", "end", "note"]
 
 
 def _rows(path: Path) -> dict[str, list[dict[str, Any]]]:
-    """Return the manoeuvres of a table in order of time, with their ``confidence``; empty where there is none."""
-    rows = validate(_Table, load(path) if path.suffix.lower() == ".toml" else _csv(path), str(path)).manoeuvre
+    """Return the manoeuvres of a table in order of time, with their ``confidence``; empty where
+    there is none.
+    """
+    rows = validate(
+        _Table, load(path) if path.suffix.lower() == ".toml" else _csv(path), str(path)
+    ).manoeuvre
     found: dict[str, list[dict[str, Any]]] = {}
     for row in sorted(rows, key=lambda row: row.start):
         found.setdefault(row.record, []).append({"confidence": "", **row.as_row()})
@@ -121,13 +138,20 @@ def _csv(path: Path) -> dict[str, object]:
     missing = [name for name in COLUMNS[:5] if name not in names]
     unknown = [name for name in names if name not in COLUMNS]
     if missing or unknown:
-        problems = [f"no column {name!r}" for name in missing] + [f"unknown column {name!r}" for name in unknown]
+        problems = [f"no column {name!r}" for name in missing] + [
+            f"unknown column {name!r}" for name in unknown
+        ]
         allowed = f"its line of names is {', '.join(COLUMNS[:5])}, and where wanted {', '.join(COLUMNS[5:])}"
         raise SchemaError(str(path), [f"{problem}; {allowed}" for problem in problems])
     rows: list[dict[str, str]] = []
     for number, line in enumerate(lines[1:], start=2):
         if line and len(line) != len(names):
-            raise ParseError(str(path), number, f"{len(line)} cells", f"{len(names)}, as the line of names has; quote texts with commas")
+            raise ParseError(
+                str(path),
+                number,
+                f"{len(line)} cells",
+                f"{len(names)}, as the line of names has; quote texts with commas",
+            )
         if any(line):
             row = dict(zip(names, (cell.strip() for cell in line), strict=True))
             decimal = {name: row[name].replace(",", ".") for name in _TIMES if separator == ";"}
@@ -153,7 +177,9 @@ def write_manoeuvres(tables: dict[str, pd.DataFrame], path: str | Path) -> None:
             times = [f"{row['start']:.10g}", f"{row['end']:.10g}"]
             confidence = row.get("confidence", "")
             shown = confidence if isinstance(confidence, str) else f"{confidence:.2f}"
-            writer.writerow([record, row["manoeuvre"], row["control"], *times, shown, row.get("note", "")])
+            writer.writerow(
+                [record, row["manoeuvre"], row["control"], *times, shown, row.get("note", "")]
+            )
     write_text(path, target.getvalue())
 
 
@@ -178,9 +204,14 @@ def marked(record: xr.DataTree, table: pd.DataFrame) -> xr.DataTree:
 
 
 def edit_manoeuvres(
-    path: str | Path, record: str, row: int | None, change: dict[str, Any] | None, start: pd.DataFrame | None = None
+    path: str | Path,
+    record: str,
+    row: int | None,
+    change: dict[str, Any] | None,
+    start: pd.DataFrame | None = None,
 ) -> pd.DataFrame:
-    """Add, change or remove one row of a table in CSV, and return the rows of its record as they are then.
+    """Add, change or remove one row of a table in CSV, and return the rows of its record as they
+    are then.
 
     Parameters
     ----------
@@ -197,14 +228,18 @@ def edit_manoeuvres(
     Raises
     ------
     SchemaError
-        The table is TOML; no such row; a manoeuvre without a kind or a time, or that ends before it starts.
+        The table is TOML; no such row; a manoeuvre without a kind or a time, or that ends before it
+        starts.
     """
     path = Path(path)
     if path.suffix.lower() == ".toml":
         raise SchemaError(str(path), ["a table in TOML is edited by hand; name a CSV file"])
     tables = _rows(path) if path.exists() else {}
     own = [] if start is None else start.to_dict("records")
-    rows: list[dict[str, Any]] = tables.get(record, [{"confidence": "", **{str(name): item for name, item in one.items()}} for one in own])
+    rows: list[dict[str, Any]] = tables.get(
+        record,
+        [{"confidence": "", **{str(name): item for name, item in one.items()}} for one in own],
+    )
     if row is not None and not 1 <= row <= len(rows):
         raise SchemaError(str(path), [f"row {row} of record {record}; it has {len(rows)}"])
     if row is None and change is None:
@@ -213,9 +248,16 @@ def edit_manoeuvres(
     if change is not None:
         if old:
             old["kind"] = old.pop("manoeuvre")
-        moved = {} if {"start", "end"}.isdisjoint(change) else {"confidence": ""}  # that of the search was of the old times
-        about = validate(_Table, {"manoeuvre": [{**old, **moved, **change, "record": record}]}, str(path)).manoeuvre[0]
+        moved = (
+            {} if {"start", "end"}.isdisjoint(change) else {"confidence": ""}
+        )  # that of the search was of the old times
+        about = validate(
+            _Table, {"manoeuvre": [{**old, **moved, **change, "record": record}]}, str(path)
+        ).manoeuvre[0]
         rows.append({"confidence": "", **about.as_row()})
     rows.sort(key=lambda one: one["start"])
-    write_manoeuvres({name: pd.DataFrame(items) for name, items in {**tables, record: rows}.items() if items}, path)
+    write_manoeuvres(
+        {name: pd.DataFrame(items) for name, items in {**tables, record: rows}.items() if items},
+        path,
+    )
     return pd.DataFrame(rows, columns=_SHOWN)

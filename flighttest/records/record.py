@@ -1,9 +1,11 @@
 """Flight records: recordings as a tree of leaves, one per time base, in canonical names and SI.
 
-A `FlightRecord` is a plain ``xarray.DataTree``.  Each leaf is a Dataset over its own ``time`` [s]; its attributes state what the clock
-looked like (``rate`` [Hz], ``gaps``, ``duplicates``), which channels hold NaN (``missing``), and all flags (`flighttest.signals.flags`).
-Root attributes: ``title``, ``start``, ``purpose``, ``source_file``, ``format``, ``manoeuvres`` and ``modes`` (JSON), ``notes`` (JSON:
-faults that the file itself reports), ``unmapped`` and ``absent`` columns, ``latitude`` [rad], ``runway_elevation`` [m] where known.
+A `FlightRecord` is a plain ``xarray.DataTree``.  Each leaf is a Dataset over its own ``time`` [s];
+its attributes state what the clock looked like (``rate`` [Hz], ``gaps``, ``duplicates``), which
+channels hold NaN (``missing``), and all flags (`flighttest.signals.flags`). Root attributes:
+``title``, ``start``, ``purpose``, ``source_file``, ``format``, ``manoeuvres`` and ``modes`` (JSON),
+``notes`` (JSON: faults that the file itself reports), ``unmapped`` and ``absent`` columns,
+``latitude`` [rad], ``runway_elevation`` [m] where known.
 """
 
 from __future__ import annotations
@@ -36,23 +38,30 @@ def merge(records: Sequence[xr.DataTree], offsets: Sequence[float] | None = None
     records : sequence of DataTree
         Records of one flight, from different recorders.
     offsets : sequence of float, optional
-        Seconds to add to the clock of each record after the first.  Without it the records must state when they start (``start``, from
-        the file, from ``[utc]`` of the name map, or from ``[record]``).
+        Seconds to add to the clock of each record after the first.  Without it the records must
+        state when they start (``start``, from the file, from ``[utc]`` of the name map, or from
+        ``[record]``).
 
     Returns
     -------
     DataTree
-        Leaves of all records; one whose name is taken gets ``_2``, ``_3``, ...  Root attributes of the first, with ``merged`` (JSON): file
-        and offset of each.
+        Leaves of all records; one whose name is taken gets ``_2``, ``_3``, ...  Root attributes of
+        the first, with ``merged`` (JSON): file and offset of each.
 
     Raises
     ------
     SchemaError
-        A record without a start, starts that are not of one flight, or a channel in two of them: every problem.
+        A record without a start, starts that are not of one flight, or a channel in two of them:
+        every problem.
     """
     starts = _offsets(records) if offsets is None else [0.0, *map(float, offsets)]
     if len(starts) != len(records):
-        raise SchemaError("merge", [f"{len(starts) - 1} offsets for {len(records)} records; give one for each after the first"])
+        raise SchemaError(
+            "merge",
+            [
+                f"{len(starts) - 1} offsets for {len(records)} records; give one for each after the first"
+            ],
+        )
     leaves: dict[str, xr.Dataset] = {}
     origin: dict[str, str] = {}
     problems, notes, merged = [], [], []
@@ -64,14 +73,18 @@ def merge(records: Sequence[xr.DataTree], offsets: Sequence[float] | None = None
             data = _moved(node.to_dataset(), offset)
             for name in map(str, data.data_vars):
                 if name in origin:
-                    problems.append(f"{name} is in {origin[name]} and in {file}; leave it out of one name map")
+                    problems.append(
+                        f"{name} is in {origin[name]} and in {file}; leave it out of one name map"
+                    )
                 origin.setdefault(name, file)
             leaves[_free(leaf, leaves)] = data
     if problems:
         raise SchemaError("merge", problems)
     root: dict[str, Any] = {str(key): item for key, item in records[0].attrs.items()}
     root.update(notes=json.dumps(notes), merged=json.dumps(merged))
-    return xr.DataTree.from_dict({"/": xr.Dataset(attrs=root), **{f"/{leaf}": data for leaf, data in leaves.items()}})
+    return xr.DataTree.from_dict(
+        {"/": xr.Dataset(attrs=root), **{f"/{leaf}": data for leaf, data in leaves.items()}}
+    )
 
 
 def _offsets(records: Sequence[xr.DataTree]) -> list[float]:
@@ -82,12 +95,19 @@ def _offsets(records: Sequence[xr.DataTree]) -> list[float]:
             moment = datetime.fromisoformat(text.replace("Z", "+00:00"))
             moments.append(moment if moment.tzinfo else moment.replace(tzinfo=UTC))
         except ValueError:
-            problems.append(f"{record.attrs.get('source_file', 'a record')}: start {text!r} is no date and time; pass offsets=[...]")
+            problems.append(
+                f"{record.attrs.get('source_file', 'a record')}: start {text!r} is no date and time; pass offsets=[...]"
+            )
     if problems:
         raise SchemaError("merge", problems)
     found = [(moment - moments[0]).total_seconds() for moment in moments]
     if max(map(abs, found)) > _SAME_MOMENT:
-        raise SchemaError("merge", [f"starts {max(found) - min(found):.6g} s apart are not of one flight; pass offsets=[...]"])
+        raise SchemaError(
+            "merge",
+            [
+                f"starts {max(found) - min(found):.6g} s apart are not of one flight; pass offsets=[...]"
+            ],
+        )
     return found
 
 
@@ -96,7 +116,9 @@ def _moved(data: xr.Dataset, offset: float) -> xr.Dataset:
         return data
     flags = kept(data.attrs.get("flags", "[]"))
     moved = data.assign_coords(time=("time", data["time"].values + offset, data["time"].attrs))
-    moved.attrs["flags"] = as_text(flag._replace(start=flag.start + offset, stop=flag.stop + offset) for flag in flags)
+    moved.attrs["flags"] = as_text(
+        flag._replace(start=flag.start + offset, stop=flag.stop + offset) for flag in flags
+    )
     return moved
 
 
@@ -111,10 +133,12 @@ def read(path: str | Path, names: str | Path | NameMap | None = None) -> xr.Data
     Parameters
     ----------
     path : str or Path
-        CSV (plain or gzip), netCDF, HDF5, MATLAB v5 to v7.3, PX4 ULog, ArduPilot DataFlash, MDF, IRIG 106 Chapter 10.
+        CSV (plain or gzip), netCDF, HDF5, MATLAB v5 to v7.3, PX4 ULog, ArduPilot DataFlash, MDF,
+        IRIG 106 Chapter 10.
     names : str, Path or NameMap, optional
-        Name map: a TOML file, or the name of a shipped one (``"px4"``, ``"ardupilot"``).  Without it every column must carry a canonical
-        name and its unit.  Columns the map does not name are left out and listed in the root attribute ``unmapped``.
+        Name map: a TOML file, or the name of a shipped one (``"px4"``, ``"ardupilot"``).  Without
+        it every column must carry a canonical name and its unit.  Columns the map does not name are
+        left out and listed in the root attribute ``unmapped``.
 
     Returns
     -------
@@ -126,7 +150,8 @@ def read(path: str | Path, names: str | Path | NameMap | None = None) -> xr.Data
     ParseError
         The file breaks its format, or is of no known one.
     UnknownName
-        A column of the map is not in the file, or a column has no canonical name, with the near names.
+        A column of the map is not in the file, or a column has no canonical name, with the near
+        names.
     UnitError
         A column without a unit, or with one of another quantity.
     SchemaError
@@ -151,11 +176,17 @@ def _dataset(leaf: Leaf) -> xr.Dataset:
     variables = {name: _over_time(*samples) for name, samples in leaf.channels.items()}
     index = pd.Index(leaf.time)
     time = xr.IndexVariable("time", index, attrs("time"), fastpath=True)
-    return xr.Dataset(variables, xr.Coordinates({"time": time}, {"time": xr.indexes.PandasIndex(index, "time")}), leaf.attrs)
+    return xr.Dataset(
+        variables,
+        xr.Coordinates({"time": time}, {"time": xr.indexes.PandasIndex(index, "time")}),
+        leaf.attrs,
+    )
 
 
 def _over_time(values: np.ndarray, about: dict[str, Any]) -> xr.Variable:
-    """Return a variable of a plain array; without `fastpath` xarray imports dask, where that is installed, to look for its arrays."""
+    """Return a variable of a plain array; without `fastpath` xarray imports dask, where that is
+    installed, to look for its arrays.
+    """
     return xr.Variable("time", values, about, fastpath=True)
 
 
@@ -175,13 +206,16 @@ def manoeuvres(record: xr.DataTree | xr.Dataset) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        One row per manoeuvre: ``manoeuvre control start end note``, times in seconds of the record; empty without a list.
+        One row per manoeuvre: ``manoeuvre control start end note``, times in seconds of the record;
+        empty without a list.
     """
     return _listed(record, "manoeuvres")
 
 
 def modes(record: xr.DataTree | xr.Dataset) -> pd.DataFrame:
-    """Return the flight modes in the log of an autopilot (PX4, ArduPilot) as `manoeuvres` does: a row from each change to the next."""
+    """Return the flight modes in the log of an autopilot (PX4, ArduPilot) as `manoeuvres` does: a
+    row from each change to the next.
+    """
     return _listed(record, "modes")
 
 
@@ -190,22 +224,35 @@ def _listed(record: xr.DataTree | xr.Dataset, key: str) -> pd.DataFrame:
 
 
 def overview(record: xr.DataTree) -> pd.DataFrame:
-    """Return one row per channel: leaf, rate, span, smallest and largest value, unit, calibration, faults."""
-    return pd.DataFrame(channel_rows({str(name): _leaf(node.to_dataset()) for name, node in record.children.items()}))
+    """Return one row per channel: leaf, rate, span, smallest and largest value, unit, calibration,
+    faults.
+    """
+    return pd.DataFrame(
+        channel_rows(
+            {str(name): _leaf(node.to_dataset()) for name, node in record.children.items()}
+        )
+    )
 
 
 def _leaf(data: xr.Dataset) -> Leaf:
     """Return a leaf of the tree as plain arrays."""
-    return Leaf(data["time"].values, {str(name): Samples(x.values, x.attrs) for name, x in data.data_vars.items()}, data.attrs)
+    return Leaf(
+        data["time"].values,
+        {str(name): Samples(x.values, x.attrs) for name, x in data.data_vars.items()},
+        data.attrs,
+    )
 
 
 def faults(record: xr.DataTree) -> list[str]:
-    """Return in words what is wrong with the clocks and samples of a record; `flighttest.signals.flags` gives the same as a table."""
+    """Return in words what is wrong with the clocks and samples of a record;
+    `flighttest.signals.flags` gives the same as a table.
+    """
     return fault_texts(record.attrs, ((leaf, node.attrs) for leaf, node in record.children.items()))
 
 
 def needs_names(path: str | Path) -> bool:
-    """Return whether a recording can be read with a name map only: some column has no canonical name, or no unit.
+    """Return whether a recording can be read with a name map only: some column has no canonical
+    name, or no unit.
 
     Raises
     ------

@@ -1,7 +1,7 @@
 """Groups of netCDF-4 files that hold plain numbers, read without what xarray does for all others.
 
-xarray looks up some forty objects of the file for one variable, 4 ms of processor time: of the states of a short flight, 62 variables,
-this is four fifths of the time of reading.
+xarray looks up some forty objects of the file for one variable, 4 ms of processor time: of the
+states of a short flight, 62 variables, this is four fifths of the time of reading.
 """
 
 from __future__ import annotations
@@ -19,7 +19,16 @@ if TYPE_CHECKING:
 
 # of HDF5 and of netCDF-4, which say how dimensions are kept
 _KEPT = {
-    *(b"CLASS", b"NAME", b"DIMENSION_LIST", b"REFERENCE_LIST", b"_Netcdf4Dimid", b"_Netcdf4Coordinates", b"_NCProperties", b"_FillValue"),
+    *(
+        b"CLASS",
+        b"NAME",
+        b"DIMENSION_LIST",
+        b"REFERENCE_LIST",
+        b"_Netcdf4Dimid",
+        b"_Netcdf4Coordinates",
+        b"_NCProperties",
+        b"_FillValue",
+    ),
 }
 _DECODED = {
     b"scale_factor",
@@ -49,8 +58,9 @@ def plain_group(group: h5py.Group, described: bool = True) -> xr.Dataset | None:
     Returns
     -------
     Dataset or None
-        What ``xarray.load_dataset`` gives, less the encoding; None when the group needs decoding (packed numbers, dates,
-        missing values other than NaN), holds other types than numbers and text, or names its dimensions elsewhere.
+        What ``xarray.load_dataset`` gives, less the encoding; None when the group needs decoding
+        (packed numbers, dates, missing values other than NaN), holds other types than numbers and
+        text, or names its dimensions elsewhere.
     """
     from h5py import h5d, h5ds, h5g, h5o
 
@@ -66,7 +76,10 @@ def plain_group(group: h5py.Group, described: bool = True) -> xr.Dataset | None:
         if name in along and h5ds.get_scale_name(item).startswith(_NO_VARIABLE):
             continue
         given = _names(item)
-        attrs, dimensions = _attributes(item, given, described), _dimensions(name, item, scales, name in along, given)
+        attrs, dimensions = (
+            _attributes(item, given, described),
+            _dimensions(name, item, scales, name in along, given),
+        )
         values = _values(item, given) if attrs is not None else None
         if dimensions is None or values is None or attrs is None:
             return None
@@ -81,11 +94,17 @@ def _names(item: h5py.h5d.DatasetID | h5py.h5g.GroupID) -> list[bytes]:
 
     found: list[bytes] = []
     ordered = item.get_create_plist().get_attr_creation_order() & h5p.CRT_ORDER_TRACKED
-    h5a.iterate(item, lambda name, *_: found.append(name), index_type=h5.INDEX_CRT_ORDER if ordered else h5.INDEX_NAME)
+    h5a.iterate(
+        item,
+        lambda name, *_: found.append(name),
+        index_type=h5.INDEX_CRT_ORDER if ordered else h5.INDEX_NAME,
+    )
     return found
 
 
-def _dimensions(name: str, item: h5py.h5d.DatasetID, scales: Mapping[int, str], scale: bool, given: list[bytes]) -> tuple[str, ...] | None:
+def _dimensions(
+    name: str, item: h5py.h5d.DatasetID, scales: Mapping[int, str], scale: bool, given: list[bytes]
+) -> tuple[str, ...] | None:
     """Return the names of the dimensions; None when a scale is missing or of another group."""
     from h5py import h5ds, h5o
 
@@ -104,7 +123,9 @@ def _dimensions(name: str, item: h5py.h5d.DatasetID, scales: Mapping[int, str], 
 
 
 def _values(item: h5py.h5d.DatasetID, given: list[bytes]) -> np.ndarray | None:
-    """Return numbers or texts; None of other types, and where a number that is not NaN stands for a missing value."""
+    """Return numbers or texts; None of other types, and where a number that is not NaN stands for a
+    missing value.
+    """
     from h5py import Dataset, check_string_dtype, h5s, h5t
 
     kind, shape = item.dtype, item.shape
@@ -116,16 +137,31 @@ def _values(item: h5py.h5d.DatasetID, given: list[bytes]) -> np.ndarray | None:
         return None
     found = np.empty(shape, kind)
     if found.size:
-        item.read(h5s.ALL, h5s.ALL, found, h5t.NATIVE_DOUBLE if kind == np.float64 else None)  # None: as the file has them
+        item.read(
+            h5s.ALL, h5s.ALL, found, h5t.NATIVE_DOUBLE if kind == np.float64 else None
+        )  # None: as the file has them
     return found if shape else found[()]
 
 
-def _attributes(item: h5py.h5d.DatasetID | h5py.h5g.GroupID, names: list[bytes], described: bool = True) -> dict[str, Any] | None:
-    """Return the attributes as xarray gives them, none unless wanted; None when one requires decoding or is neither text nor number."""
-    given = {name.decode(): _attribute(item, name) for name in names if name == b"units" or (described and name not in _KEPT)}
+def _attributes(
+    item: h5py.h5d.DatasetID | h5py.h5g.GroupID, names: list[bytes], described: bool = True
+) -> dict[str, Any] | None:
+    """Return the attributes as xarray gives them, none unless wanted; None when one requires
+    decoding or is neither text nor number.
+    """
+    given = {
+        name.decode(): _attribute(item, name)
+        for name in names
+        if name == b"units" or (described and name not in _KEPT)
+    }
     found: dict[str, Any] = {}
     units = given.get("units", "")
-    if not _DECODED.isdisjoint(names) or not isinstance(units, str) or " since " in units or units in _TIMES:
+    if (
+        not _DECODED.isdisjoint(names)
+        or not isinstance(units, str)
+        or " since " in units
+        or units in _TIMES
+    ):
         return None
     if not described:
         return found
@@ -144,7 +180,9 @@ def _attribute(item: h5py.h5d.DatasetID | h5py.h5g.GroupID, name: bytes) -> Any:
     from h5py import check_string_dtype, h5a
 
     attribute = h5a.open(item, name)
-    if attribute.get_storage_size() == _TEXT:  # most are: without a look at shape and type, which takes twice as long as the reading
+    if (
+        attribute.get_storage_size() == _TEXT
+    ):  # most are: without a look at shape and type, which takes twice as long as the reading
         one = np.empty((), object)
         with suppress(OSError):  # numbers, which HDF5 does not make text of
             attribute.read(one, _text_type())

@@ -1,6 +1,8 @@
-"""What `flight show` and `flight info` print of a record, as a file that this package wrote carries it behind its content.
+"""What `flight show` and `flight info` print of a record, as a file that this package wrote carries
+it behind its content.
 
-So neither NumPy nor HDF5 is imported to print it.  `flighttest.records.files` makes it of the file as it was written.
+So neither NumPy nor HDF5 is imported to print it.  `flighttest.records.files` makes it of the file
+as it was written.
 """
 
 from __future__ import annotations
@@ -16,8 +18,11 @@ OVERVIEW = "record 2"
 whenever `flight show` or `flight info` would print something else of the same file."""
 
 
-def stored_overview(path: str | Path, part: Literal["listing", "contents"]) -> dict[str, Any] | None:
-    """Return what a sealed file states about itself: `flighttest.records.files.listing` or `flighttest.records.contents`.
+def stored_overview(
+    path: str | Path, part: Literal["listing", "contents"]
+) -> dict[str, Any] | None:
+    """Return what a sealed file states about itself: `flighttest.records.files.listing` or
+    `flighttest.records.contents`.
 
     Returns
     -------
@@ -34,7 +39,11 @@ def stored_overview(path: str | Path, part: Literal["listing", "contents"]) -> d
     found = whole and (whole.overview(OVERVIEW) or {}).get(part)
     if not found:
         return None
-    return found | {"facts": named(found["facts"], path.name)} | ({"file": path.name} if "file" in found else {})
+    return (
+        found
+        | {"facts": named(found["facts"], path.name)}
+        | ({"file": path.name} if "file" in found else {})
+    )
 
 
 def named(facts: Mapping[str, Any], file: str) -> dict[str, Any]:
@@ -45,5 +54,7 @@ def named(facts: Mapping[str, Any], file: str) -> dict[str, Any]:
 
 
 def writable(text: str) -> str:
-    """Return a text that files can hold: bytes of a file's name that the encoding of the system does not know become question marks."""
+    """Return a text that files can hold: bytes of a file's name that the encoding of the system
+    does not know become question marks.
+    """
     return text.encode("utf-8", "replace").decode()

@@ -40,7 +40,15 @@ CONTROLS = (
     ("engine1.thrust", "engine2.thrust"),
 )
 """Panels of the page without a choice of channels: motion on the left, controls and engines on the right."""
-_STANDS_FOR = {"alpha_vane": "alpha", "beta_vane": "beta", "ax_imu": "ax", "ay_imu": "ay", "az_imu": "az", "h_baro": "h", "h_gps": "h"}
+_STANDS_FOR = {
+    "alpha_vane": "alpha",
+    "beta_vane": "beta",
+    "ax_imu": "ax",
+    "ay_imu": "ay",
+    "az_imu": "az",
+    "h_baro": "h",
+    "h_gps": "h",
+}
 _SHADES = ("#2a6f97", "#bc6c25")
 _LEAST = {"deg": 0.5, "1": 0.1, "%": 2.0}  # span of an axis by its unit
 _ONE_COLUMN = 5  # panels
@@ -75,7 +83,10 @@ def record_figure(
         matplotlib is not installed.
     """
     leaves = channels_of(record)
-    panels = [[record[leaves[name]].to_dataset()[name] for name in panel] for panel in chosen_panels(leaves, channels)]
+    panels = [
+        [record[leaves[name]].to_dataset()[name] for name in panel]
+        for panel in chosen_panels(leaves, channels)
+    ]
     return signals_figure(str(record.attrs.get("title", "")), panels, marks, window=window)
 
 
@@ -86,20 +97,32 @@ def states_figure(
     window: tuple[float, float] | None = None,
     errors: xr.Dataset | None = None,
 ) -> Figure:
-    """Return states of a reconstructed path over time as a figure; parameters and errors as for `record_figure`.
+    """Return states of a reconstructed path over time as a figure; parameters and errors as for
+    `record_figure`.
 
     Parameters
     ----------
     errors : Dataset (error, time), optional
-        Change of the states for one standard error of each independent error: a band of two standard errors is drawn.
+        Change of the states for one standard error of each independent error: a band of two
+        standard errors is drawn.
     """
-    panels = [[states[name] for name in panel] for panel in chosen_panels(list(map(str, states.data_vars)), channels)]
-    found = {} if errors is None else {str(name): (errors[name] ** 2).sum("error") ** 0.5 for name in errors.data_vars}
+    panels = [
+        [states[name] for name in panel]
+        for panel in chosen_panels(list(map(str, states.data_vars)), channels)
+    ]
+    found = (
+        {}
+        if errors is None
+        else {str(name): (errors[name] ** 2).sum("error") ** 0.5 for name in errors.data_vars}
+    )
     return signals_figure(str(states.attrs.get("record", "")), panels, marks, found, window)
 
 
-def chosen_panels(available: Collection[str], channels: Sequence[str] | None = None) -> list[list[str]]:
-    """Return the channels of every panel: one panel for each of `channels`, or the page of those that are there.
+def chosen_panels(
+    available: Collection[str], channels: Sequence[str] | None = None
+) -> list[list[str]]:
+    """Return the channels of every panel: one panel for each of `channels`, or the page of those
+    that are there.
 
     Raises
     ------
@@ -119,8 +142,13 @@ def chosen_panels(available: Collection[str], channels: Sequence[str] | None = N
 
 
 def _present(column: Sequence[Sequence[str]], available: Collection[str]) -> list[list[str]]:
-    """Return the panels of a column that have channels; one that stands for another is left out when that is there."""
-    panels = [[name for name in panel if name in available and _STANDS_FOR.get(name) not in available] for panel in column]
+    """Return the panels of a column that have channels; one that stands for another is left out
+    when that is there.
+    """
+    panels = [
+        [name for name in panel if name in available and _STANDS_FOR.get(name) not in available]
+        for panel in column
+    ]
     return [panel for panel in panels if panel]
 
 
@@ -137,7 +165,8 @@ def signals_figure(
     ----------
     title : str
     panels : sequence of sequences of DataArray (time,)
-        In SI units; they are drawn in the display unit of their name.  The place of an empty one stays free.
+        In SI units; they are drawn in the display unit of their name.  The place of an empty one
+        stays free.
     marks : DataFrame, optional
         ``manoeuvre control start end``. [s]
     stderr : mapping of str to DataArray (time,), optional
@@ -155,7 +184,9 @@ def signals_figure(
     inside = [[_inside(signal, window) for signal in panel] for panel in panels]
     if window is not None and not any(signal.size for panel in inside for signal in panel):
         start, end = _span(panels)
-        raise OutOfRange(f"no sample between {window[0]:g} and {window[1]:g} s; the signals go from {start:g} to {end:g} s")
+        raise OutOfRange(
+            f"no sample between {window[0]:g} and {window[1]:g} s; the signals go from {start:g} to {end:g} s"
+        )
     columns = 2 if len(panels) > _ONE_COLUMN or not all(panels) else 1
     rows = -(-len(panels) // columns)
     figure = new_figure(8.0 if columns == 1 else 14.0, 1.5 * rows + 1.2)
@@ -177,7 +208,9 @@ def signals_figure(
 
 
 def broken(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the finite samples with a NaN wherever more than `GAP` steps lie between two, so that no line crosses a gap."""
+    """Return the finite samples with a NaN wherever more than `GAP` steps lie between two, so that
+    no line crosses a gap.
+    """
     there = np.isfinite(values)
     time, values = time[there], values[there]
     steps = np.diff(time)
@@ -197,12 +230,19 @@ def _span(panels: Sequence[Sequence[xr.DataArray]]) -> tuple[float, float]:
     return min(float(time[0]) for time in times), max(float(time[-1]) for time in times)
 
 
-def _draw_panel(ax: Axes, panel: Sequence[xr.DataArray], stderr: Mapping[str, xr.DataArray]) -> None:
+def _draw_panel(
+    ax: Axes, panel: Sequence[xr.DataArray], stderr: Mapping[str, xr.DataArray]
+) -> None:
     names = list(dict.fromkeys(str(signal.name) for signal in panel))
     for signal, colour in zip(panel, cycle(COLOURS), strict=False):
         name, time = str(signal.name), signal["time"].values
         values, unit = displayed(name, np.asarray(signal.values, float))
-        ax.plot(*broken(time, values), color=colour, linewidth=0.8, label=name if len(names) == 1 else f"{name} [{unit}]")
+        ax.plot(
+            *broken(time, values),
+            color=colour,
+            linewidth=0.8,
+            label=name if len(names) == 1 else f"{name} [{unit}]",
+        )
         if name in stderr:
             half = 2.0 * stderr[name].sel(time=time).values
             below, above = (displayed(name, signal.values + sign * half)[0] for sign in (-1.0, 1.0))
@@ -210,22 +250,44 @@ def _draw_panel(ax: Axes, panel: Sequence[xr.DataArray], stderr: Mapping[str, xr
     if len(names) == 1:
         ax.set_ylabel(f"{names[0]}\n[{unit}]", fontsize="small")
     else:
-        ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2, fontsize="xx-small", ncols=len(panel), frameon=False)
+        ax.legend(
+            loc="lower left",
+            bbox_to_anchor=(0.0, 1.0),
+            borderaxespad=0.2,
+            fontsize="xx-small",
+            ncols=len(panel),
+            frameon=False,
+        )
     low, high = ax.get_ylim()
-    if high - low < (least := _LEAST.get(unit, 0.0)):  # a control at rest does not fill its panel with noise
+    if high - low < (
+        least := _LEAST.get(unit, 0.0)
+    ):  # a control at rest does not fill its panel with noise
         ax.set_ylim((low + high - least) / 2.0, (low + high + least) / 2.0)
     ax.grid(linewidth=0.3)
 
 
-def _draw_marks(figure: Figure, axes: np.ndarray, marks: pd.DataFrame, span: tuple[float, float]) -> None:
-    """Shade the manoeuvres in all panels, number them in the first row and name them below the figure."""
-    rows = [(float(row["start"]), float(row["end"]), f"{row['manoeuvre']} {row['control']}".strip()) for row in marks.to_dict("records")]
+def _draw_marks(
+    figure: Figure, axes: np.ndarray, marks: pd.DataFrame, span: tuple[float, float]
+) -> None:
+    """Shade the manoeuvres in all panels, number them in the first row and name them below the
+    figure.
+    """
+    rows = [
+        (float(row["start"]), float(row["end"]), f"{row['manoeuvre']} {row['control']}".strip())
+        for row in marks.to_dict("records")
+    ]
     shown = [row for row in rows if row[1] > span[0] and row[0] < span[1]]
     for number, (start, end, _) in enumerate(shown, start=1):
         for ax in (ax for ax in axes.flat if ax.axison):
             ax.axvspan(start, end, color=_SHADES[number % 2], alpha=0.12, linewidth=0)
         for ax in axes[0]:
-            ax.annotate(f" {number}", (max(start, span[0]), 0.98), xycoords=("data", "axes fraction"), va="top", fontsize=7)
+            ax.annotate(
+                f" {number}",
+                (max(start, span[0]), 0.98),
+                xycoords=("data", "axes fraction"),
+                va="top",
+                fontsize=7,
+            )
     named = [f"{number} {name}" for number, (_, _, name) in enumerate(shown, start=1)]
     text = "   ".join(name.replace(" ", "\N{NO-BREAK SPACE}") for name in named)
     width = int(_LETTERS * figure.get_figwidth())

@@ -6,7 +6,8 @@
     power    atom [ (^|**) signed ]
     atom     number [unit] | name | function(sum, ...) | (sum) | [name of an estimate]
 
-A number with a unit, ``12 deg``, counts in SI.  Nothing else can be written, so a text from a file cannot run code.
+A number with a unit, ``12 deg``, counts in SI.  Nothing else can be written, so a text from a file
+cannot run code.
 """
 
 from __future__ import annotations
@@ -32,7 +33,9 @@ class Pieces:
 
 
 class Function(NamedTuple):
-    """Number of arguments, and the value with its derivatives from those of the arguments and the pieces."""
+    """Number of arguments, and the value with its derivatives from those of the arguments and the
+    pieces.
+    """
 
     arity: int
     apply: Callable[[Sequence[Any], Pieces], tuple[np.ndarray, dict[str, np.ndarray]]]
@@ -44,7 +47,9 @@ def _by(given, partial: np.ndarray) -> dict[str, np.ndarray]:
 
 def _plain(value: Callable, slope: Callable) -> Function:
     """A function of one argument from its value and its derivative, both of the argument."""
-    return Function(1, lambda given, _: (value(given[0].value), _by(given[0], slope(given[0].value))))
+    return Function(
+        1, lambda given, _: (value(given[0].value), _by(given[0], slope(given[0].value)))
+    )
 
 
 def _positive(name: str, value: Callable, slope: Callable) -> Function:
@@ -65,7 +70,10 @@ def _chosen(first: Callable) -> Function:
     def apply(given, _):
         x, y = given
         choice = first(x.value, y.value)
-        by = {name: np.where(choice, x.by.get(name, 0.0), y.by.get(name, 0.0)) for name in sorted({*x.by, *y.by})}
+        by = {
+            name: np.where(choice, x.by.get(name, 0.0), y.by.get(name, 0.0))
+            for name in sorted({*x.by, *y.by})
+        }
         return np.where(choice, x.value, y.value), by
 
     return Function(2, apply)
@@ -75,18 +83,24 @@ def _ramp(given, _):
     """x - a above the knot a, zero below."""
     x, a = given
     above = x.value > a.value
-    by = {name: np.where(above, np.subtract(x.by.get(name, 0.0), a.by.get(name, 0.0)), 0.0) for name in sorted({*x.by, *a.by})}
+    by = {
+        name: np.where(above, np.subtract(x.by.get(name, 0.0), a.by.get(name, 0.0)), 0.0)
+        for name in sorted({*x.by, *a.by})
+    }
     return np.where(above, x.value - a.value, 0.0), by
 
 
 def _lag(given, pieces: Pieces):
-    """First-order lag, tau y' + y = x, from rest at the first sample of each piece; x is straight between samples.
+    """First-order lag, tau y' + y = x, from rest at the first sample of each piece; x is straight
+    between samples.
 
     With a = exp(-dt/tau) and e = (1 - a) tau/dt:  y_k = a y_(k-1) + (e - a) x_(k-1) + (1 - e) x_k.
     """
     x, tau = given
     if tau.value.ndim or not tau.value > 0.0:
-        raise OutOfRange("the time constant of a lag is one positive number or parameter, as in lag(n1, tau)")
+        raise OutOfRange(
+            "the time constant of a lag is one positive number or parameter, as in lag(n1, tau)"
+        )
     T = float(tau.value)
     size = pieces.slices[-1].stop if pieces.slices else 0
     if not size:
@@ -136,7 +150,9 @@ FUNCTIONS: dict[str, Function] = {
 
 
 class Slopes(NamedTuple):
-    """A value along the samples, and its derivatives with respect to the parameters on which it depends."""
+    """A value along the samples, and its derivatives with respect to the parameters on which it
+    depends.
+    """
 
     value: np.ndarray
     by: dict[str, np.ndarray]
@@ -144,7 +160,9 @@ class Slopes(NamedTuple):
 
 @dataclass(frozen=True)
 class Scope:
-    """What the names of an expression stand for: quantities along the samples, parameters, and where time is continuous."""
+    """What the names of an expression stand for: quantities along the samples, parameters, and
+    where time is continuous.
+    """
 
     quantities: Mapping[str, np.ndarray]
     parameters: Mapping[str, float]
@@ -204,12 +222,18 @@ def _named(name: str, scope: Scope) -> Slopes:
     if name in scope.parameters:
         return Slopes(np.array(float(scope.parameters[name])), {name: np.array(1.0)})
     if name not in scope.quantities:
-        raise UnknownName(name, [*scope.parameters, *map(str, scope.quantities)], "quantity or parameter")
+        raise UnknownName(
+            name, [*scope.parameters, *map(str, scope.quantities)], "quantity or parameter"
+        )
     return Slopes(np.asarray(scope.quantities[name], float), {})
 
 
-def chained(value: np.ndarray, *parts: tuple[Slopes, np.ndarray]) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Return a value with its derivatives by the chain rule, from the arguments and the partial derivatives."""
+def chained(
+    value: np.ndarray, *parts: tuple[Slopes, np.ndarray]
+) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Return a value with its derivatives by the chain rule, from the arguments and the partial
+    derivatives.
+    """
     by: dict[str, np.ndarray] = {}
     for given, partial in parts:
         for name, slope in given.by.items():
@@ -224,7 +248,9 @@ def _power(given: Sequence[Slopes], _: Pieces):
             f"the base of a power with an unknown exponent reaches {np.min(x.value):g}; it must stay positive, as in max(h, 1)"
         )
     if (x.value < 0.0).any() and (y.value != np.round(y.value)).any():
-        raise OutOfRange(f"the base of a power that is no integer reaches {np.min(x.value):g}; it must not be negative")
+        raise OutOfRange(
+            f"the base of a power that is no integer reaches {np.min(x.value):g}; it must not be negative"
+        )
     if (x.value == 0.0).any() and (y.value < 0.0).any():
         raise OutOfRange("a negative power of zero")
     value = x.value**y.value
@@ -241,9 +267,15 @@ def _ratio(given: Sequence[Slopes], _: Pieces):
 
 _ONE = np.array(1.0)
 _OPERATIONS: dict[str, Callable] = {
-    "+": lambda given, _: chained(given[0].value + given[1].value, (given[0], _ONE), (given[1], _ONE)),
-    "-": lambda given, _: chained(given[0].value - given[1].value, (given[0], _ONE), (given[1], -_ONE)),
-    "*": lambda given, _: chained(given[0].value * given[1].value, (given[0], given[1].value), (given[1], given[0].value)),
+    "+": lambda given, _: chained(
+        given[0].value + given[1].value, (given[0], _ONE), (given[1], _ONE)
+    ),
+    "-": lambda given, _: chained(
+        given[0].value - given[1].value, (given[0], _ONE), (given[1], -_ONE)
+    ),
+    "*": lambda given, _: chained(
+        given[0].value * given[1].value, (given[0], given[1].value), (given[1], given[0].value)
+    ),
     "/": _ratio,
     "^": _power,
     "negative": lambda given, _: chained(-given[0].value, (given[0], -_ONE)),
@@ -267,7 +299,9 @@ def _written(node: Expression) -> str:
     if node.kind == "^":
         return f"{words[0] if ranks[0] > own else f'({words[0]})'}^{words[1] if ranks[1] >= 3 else f'({words[1]})'}"
     left = words[0] if ranks[0] >= own else f"({words[0]})"
-    right = words[1] if ranks[1] > own or (node.kind in "+*" and ranks[1] == own) else f"({words[1]})"
+    right = (
+        words[1] if ranks[1] > own or (node.kind in "+*" and ranks[1] == own) else f"({words[1]})"
+    )
     return f"{left}{f' {node.kind} ' if own == 1 else node.kind}{right}"
 
 
@@ -295,7 +329,8 @@ def parse(text: str) -> Expression:
 
 
 def parse_terms(text: str) -> tuple[Expression, ...]:
-    """Return the terms of a sum; a term that is subtracted is refused, since its coefficient takes the sign.
+    """Return the terms of a sum; a term that is subtracted is refused, since its coefficient takes
+    the sign.
 
     Raises
     ------
@@ -307,7 +342,12 @@ def parse_terms(text: str) -> tuple[Expression, ...]:
     while reader.accept("+"):
         found.append(reader.product())
     if reader.next == "-":
-        raise ParseError("<model>", 0, f"{text.strip()!r}", "terms joined by +; the coefficient of a term takes its sign")
+        raise ParseError(
+            "<model>",
+            0,
+            f"{text.strip()!r}",
+            "terms joined by +; the coefficient of a term takes its sign",
+        )
     reader.demand_end()
     return tuple(found)
 
@@ -328,10 +368,16 @@ class _Reader:
 
     @property
     def next(self) -> str:
-        return self.tokens[self.at][1] if self.at < len(self.tokens) and self.tokens[self.at][0] == "sign" else ""
+        return (
+            self.tokens[self.at][1]
+            if self.at < len(self.tokens) and self.tokens[self.at][0] == "sign"
+            else ""
+        )
 
     def refuse(self, found: str) -> ParseError:
-        return ParseError("<model>", 0, f"{found or 'the end'!r} in {self.text.strip()!r}", _EXPECTED)
+        return ParseError(
+            "<model>", 0, f"{found or 'the end'!r} in {self.text.strip()!r}", _EXPECTED
+        )
 
     def accept(self, *signs: str) -> str:
         sign = self.next
@@ -411,5 +457,7 @@ class _Reader:
             arguments.append(self.sum())
         self.demand(")")
         if len(arguments) != FUNCTIONS[name].arity:
-            raise ParseError("<model>", 0, f"{name} of {len(arguments)} arguments", f"{FUNCTIONS[name].arity}")
+            raise ParseError(
+                "<model>", 0, f"{name} of {len(arguments)} arguments", f"{FUNCTIONS[name].arity}"
+            )
         return Expression(name, tuple(arguments))

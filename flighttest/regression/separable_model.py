@@ -1,4 +1,6 @@
-"""A measured quantity as a sum of terms, each with one unknown coefficient and a form that few parameters shape."""
+"""A measured quantity as a sum of terms, each with one unknown coefficient and a form that few
+parameters shape.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,8 @@ class ShapeParameter(NamedTuple):
     low, high : float
         Bounds of the search. [as the expression needs it, SI]
     start : float, optional
-        First value; without it the search starts from several values between the bounds. With `sigma` the a-priori value.
+        First value; without it the search starts from several values between the bounds. With
+        `sigma` the a-priori value.
     sigma : float
         Standard error of the a-priori value `start`; infinite when nothing is known.
     """
@@ -40,7 +43,9 @@ class ShapeParameter(NamedTuple):
 
     @property
     def spread(self) -> float:
-        """Standard deviation before the flights: `sigma`, or that of a uniform distribution between the bounds."""
+        """Standard deviation before the flights: `sigma`, or that of a uniform distribution between
+        the bounds.
+        """
         return min(self.sigma, (self.high - self.low) / np.sqrt(12.0))
 
 
@@ -54,19 +59,23 @@ class Slope(NamedTuple):
 
 @dataclass(frozen=True)
 class SeparableModel:
-    """A quantity as a sum of terms that are linear in their coefficients and nonlinear in few shape parameters.
+    """A quantity as a sum of terms that are linear in their coefficients and nonlinear in few shape
+    parameters.
 
     Parameters
     ----------
     target : str
         The measured quantity: a name of the vocabulary, or one that `units` declares.
     terms : sequence of str
-        Expressions of quantities and parameters, each with a coefficient of its own: ``1``, ``alpha``,
-        ``alpha*h_agl^s``, ``Fz*tanh(g*slip)``, ``lag(n1, tau)``; see `reading` for the grammar.
+        Expressions of quantities and parameters, each with a coefficient of its own: ``1``,
+        ``alpha``, ``alpha*h_agl^s``, ``Fz*tanh(g*slip)``, ``lag(n1, tau)``; see `reading` for the
+        grammar.
     parameters : mapping of str to ShapeParameter or tuple
-        The shape parameters by name; a tuple holds the fields of `ShapeParameter`: ``{"s": (-4.0, -0.1)}``.
+        The shape parameters by name; a tuple holds the fields of `ShapeParameter`: ``{"s": (-4.0,
+        -0.1)}``.
     units : mapping of str to str, optional
-        Quantities that the vocabulary does not have, and their units: ``{"slip": "rad", "Fz": "N"}``.
+        Quantities that the vocabulary does not have, and their units: ``{"slip": "rad", "Fz":
+        "N"}``.
 
     Raises
     ------
@@ -75,7 +84,8 @@ class SeparableModel:
     ParseError
         A term that cannot be read, or that stands twice.
     SchemaError
-        Parameters with impossible bounds or start, or that no term has; names that mean two things; all at once.
+        Parameters with impossible bounds or start, or that no term has; names that mean two things;
+        all at once.
 
     Examples
     --------
@@ -96,14 +106,28 @@ class SeparableModel:
         if not names:
             raise ParseError("<model>", 0, "no term", "at least one, such as '1'")
         if len(set(names)) < len(names):
-            raise ParseError("<model>", 0, f"the term {next(n for n in names if names.count(n) > 1)} more than once", "each term once")
-        parameters = {name: item if isinstance(item, ShapeParameter) else ShapeParameter(*item) for name, item in self.parameters.items()}
+            raise ParseError(
+                "<model>",
+                0,
+                f"the term {next(n for n in names if names.count(n) > 1)} more than once",
+                "each term once",
+            )
+        parameters = {
+            name: item if isinstance(item, ShapeParameter) else ShapeParameter(*item)
+            for name, item in self.parameters.items()
+        }
         for name, value in (("terms", names), ("expressions", expressions)):
             object.__setattr__(self, name, value)
         for name, mapping in (("parameters", parameters), ("units", dict(self.units))):
             object.__setattr__(self, name, MappingProxyType(mapping))
-        problems = [text for name, item in parameters.items() for text in _faults(name, item, self._names)]
-        problems += [f"the parameter {name} is also a quantity with a unit; rename it" for name in parameters if name in self.units]
+        problems = [
+            text for name, item in parameters.items() for text in _faults(name, item, self._names)
+        ]
+        problems += [
+            f"the parameter {name} is also a quantity with a unit; rename it"
+            for name in parameters
+            if name in self.units
+        ]
         if problems:
             raise SchemaError(str(self), problems)
         for name in (self.target, *self.variables):
@@ -111,7 +135,10 @@ class SeparableModel:
 
     @classmethod
     def parse(
-        cls, text: str, parameters: Mapping[str, ShapeParameter | tuple] | None = None, units: Mapping[str, str] | None = None
+        cls,
+        text: str,
+        parameters: Mapping[str, ShapeParameter | tuple] | None = None,
+        units: Mapping[str, str] | None = None,
     ) -> SeparableModel:
         """Return the model that a text such as ``"CL = 1 + alpha + h_agl^s"`` describes.
 
@@ -130,7 +157,9 @@ class SeparableModel:
 
     @property
     def _names(self) -> tuple[str, ...]:
-        return tuple(dict.fromkeys(name for expression in self.expressions for name in expression.names()))
+        return tuple(
+            dict.fromkeys(name for expression in self.expressions for name in expression.names())
+        )
 
     @property
     def variables(self) -> tuple[str, ...]:
@@ -140,7 +169,10 @@ class SeparableModel:
     @property
     def shapes(self) -> dict[str, tuple[str, ...]]:
         """The parameters that shape each term, by term."""
-        return {term: tuple(n for n in self.parameters if n in set(e.names())) for term, e in zip(self.terms, self.expressions)}
+        return {
+            term: tuple(n for n in self.parameters if n in set(e.names()))
+            for term, e in zip(self.terms, self.expressions)
+        }
 
     def unit(self, name: str) -> str:
         """Return the unit of the target or of a variable.
@@ -159,10 +191,18 @@ class SeparableModel:
             return lookup(name).units
         except UnknownName:
             known = [*VOCABULARY, *self.units, *self.parameters]
-            raise UnknownName(name, known, "quantity", "declare its unit in `units`, or its bounds in `parameters`") from None
+            raise UnknownName(
+                name,
+                known,
+                "quantity",
+                "declare its unit in `units`, or its bounds in `parameters`",
+            ) from None
 
     def design(
-        self, data: xr.Dataset | Mapping[str, np.ndarray], parameters: Mapping[str, float], pieces: Pieces | None = None
+        self,
+        data: xr.Dataset | Mapping[str, np.ndarray],
+        parameters: Mapping[str, float],
+        pieces: Pieces | None = None,
     ) -> tuple[np.ndarray, list[Slope]]:
         """Return the regressors and their derivatives with respect to the shape parameters.
 
@@ -186,14 +226,21 @@ class SeparableModel:
         UnknownName
             A variable that the data do not hold.
         OutOfRange
-            A power, root, logarithm or lag of values for which there is none, or numbers beyond all bounds.
+            A power, root, logarithm or lag of values for which there is none, or numbers beyond all
+            bounds.
         """
         columns, size = columns_of(data)
-        quantities = {str(name): np.asarray(columns[name]) for name in self.variables if name in columns}
+        quantities = {
+            str(name): np.asarray(columns[name]) for name in self.variables if name in columns
+        }
         return self.columns(quantities, size, parameters, pieces)
 
     def columns(
-        self, quantities: Mapping[str, np.ndarray], size: int, parameters: Mapping[str, float], pieces: Pieces | None = None
+        self,
+        quantities: Mapping[str, np.ndarray],
+        size: int,
+        parameters: Mapping[str, float],
+        pieces: Pieces | None = None,
     ) -> tuple[np.ndarray, list[Slope]]:
         """Return what `design` does, of arrays (size,) by name."""
         scope = Scope(quantities, dict(parameters), pieces or Pieces())
@@ -202,20 +249,34 @@ class SeparableModel:
             for j, expression in enumerate(self.expressions):
                 value, by = expression.at(scope)
                 X[:, j] = value
-                slopes += [Slope(name, j, np.broadcast_to(slope, (size,))) for name, slope in by.items()]
+                slopes += [
+                    Slope(name, j, np.broadcast_to(slope, (size,))) for name, slope in by.items()
+                ]
         return X, slopes
 
 
 def _faults(name: str, item: ShapeParameter, used: Sequence[str]) -> list[str]:
-    problems = [] if _NAME.match(name) and name not in FUNCTIONS else [f"{name!r} is no name for a parameter; take letters and digits"]
+    problems = (
+        []
+        if _NAME.match(name) and name not in FUNCTIONS
+        else [f"{name!r} is no name for a parameter; take letters and digits"]
+    )
     if name in VOCABULARY:
-        problems.append(f"the parameter {name} has the name of a quantity ({VOCABULARY[name].long_name}); rename it")
+        problems.append(
+            f"the parameter {name} has the name of a quantity ({VOCABULARY[name].long_name}); rename it"
+        )
     if name not in used:
         problems.append(f"no term has the parameter {name}")
     if not (np.isfinite([item.low, item.high]).all() and item.low < item.high):
-        problems.append(f"{name}: bounds {item.low:g} ... {item.high:g}; give two finite numbers, the lower first")
+        problems.append(
+            f"{name}: bounds {item.low:g} ... {item.high:g}; give two finite numbers, the lower first"
+        )
     elif item.start is not None and not item.low <= item.start <= item.high:
-        problems.append(f"{name}: start {item.start:g} is outside its bounds {item.low:g} ... {item.high:g}")
+        problems.append(
+            f"{name}: start {item.start:g} is outside its bounds {item.low:g} ... {item.high:g}"
+        )
     if not item.sigma > 0.0 or (item.start is None and np.isfinite(item.sigma)):
-        problems.append(f"{name}: a standard error of {item.sigma:g}; it must be positive and goes with a start")
+        problems.append(
+            f"{name}: a standard error of {item.sigma:g}; it must be positive and goes with a start"
+        )
     return problems

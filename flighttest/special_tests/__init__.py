@@ -1,4 +1,6 @@
-"""Motion capture as an instrument: camera markers to the pose, rates and accelerations of rigid bodies, as a flight record."""
+"""Motion capture as an instrument: camera markers to the pose, rates and accelerations of rigid
+bodies, as a flight record.
+"""
 
 from flightmech.support.imports import attach_stub
 

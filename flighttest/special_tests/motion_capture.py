@@ -1,7 +1,8 @@
 """Rates and accelerations of a body from its poses, and the flight record of it.
 
-Position and quaternion are smoothed by a Fourier series up to a cut-off and differentiated analytically: with a flapping wing the motion
-stands at the multiples of the flapping frequency, so the cut-off is given as a multiple of it (7 to 10 [Grauer2010]).
+Position and quaternion are smoothed by a Fourier series up to a cut-off and differentiated
+analytically: with a flapping wing the motion stands at the multiples of the flapping frequency, so
+the cut-off is given as a multiple of it (7 to 10 [Grauer2010]).
 
 References
 ----------
@@ -40,17 +41,18 @@ def motion(pose: xr.Dataset, cutoff: float) -> xr.Dataset:
     Parameters
     ----------
     pose : Dataset (time,)
-        As from `poses`, on a uniform clock; frames without a pose are bridged by a cubic, those in a hole longer than half a period of
-        the cut-off are NaN in the result.
+        As from `poses`, on a uniform clock; frames without a pose are bridged by a cubic, those in
+        a hole longer than half a period of the cut-off are NaN in the result.
     cutoff : float
         Frequency up to which there is motion, such as 8 times the flapping frequency. [Hz]
 
     Returns
     -------
     Dataset (time,)
-        ``north east h vn ve vd phi theta psi p q r p_dot q_dot r_dot ax ay az``, the last three specific force at the origin of the body
-        along body axes; SI.  Each has its mean standard error as attribute ``stderr``, that of small pitch and bank for the angles.  Two
-        periods of the cut-off are left out at both ends.
+        ``north east h vn ve vd phi theta psi p q r p_dot q_dot r_dot ax ay az``, the last three
+        specific force at the origin of the body along body axes; SI.  Each has its mean standard
+        error as attribute ``stderr``, that of small pitch and bank for the angles.  Two periods of
+        the cut-off are left out at both ends.
 
     Raises
     ------
@@ -61,9 +63,13 @@ def motion(pose: xr.Dataset, cutoff: float) -> xr.Dataset:
     count, step = len(time), float((time[-1] - time[0]) / max(len(time) - 1, 1))
     good = np.isfinite(pose["r"].values).all(axis=1)
     if good.sum() < _FEWEST or np.ptp(np.diff(time)) > 1e-3 * step:
-        raise IdentificationError(f"{int(good.sum())} frames with a pose of {count}; at least {_FEWEST} on a uniform clock are needed")
+        raise IdentificationError(
+            f"{int(good.sum())} frames with a pose of {count}; at least {_FEWEST} on a uniform clock are needed"
+        )
     if not 0.0 < cutoff < 0.5 / step:
-        raise IdentificationError(f"cut-off {cutoff:g} Hz; it must lie between 0 and half the frame rate, {0.5 / step:g} Hz")
+        raise IdentificationError(
+            f"cut-off {cutoff:g} Hz; it must lie between 0 and half the frame rate, {0.5 / step:g} Hz"
+        )
     (x, v, a), gains = _smooth(_bridged(time, pose["r"].values, good), step, cutoff)
     (quat, rate, bend), _ = _smooth(_bridged(time, pose["q"].values, good), step, cutoff)
     size = np.linalg.norm(quat, axis=1, keepdims=True)
@@ -72,19 +78,46 @@ def motion(pose: xr.Dataset, cutoff: float) -> xr.Dataset:
     R = matrix(quat)
     force = np.einsum("nij,nj->ni", R, a - [0.0, 0.0, _G])
     phi, theta, psi = euler(R)
-    columns = dict(zip(("north", "east", "h"), (x * [1.0, 1.0, -1.0]).T)) | dict(zip(("vn", "ve", "vd"), v.T))
+    columns = dict(zip(("north", "east", "h"), (x * [1.0, 1.0, -1.0]).T)) | dict(
+        zip(("vn", "ve", "vd"), v.T)
+    )
     columns |= {"phi": phi, "theta": theta, "psi": np.unwrap(psi)}
-    columns |= dict(zip(("p", "q", "r", "p_dot", "q_dot", "r_dot", "ax", "ay", "az"), np.hstack([omega, omega_dot, force]).T))
-    where, turn = (np.sqrt(np.nanmean(pose[name].values ** 2, axis=0)) for name in ("r_stderr", "turn_stderr"))
+    columns |= dict(
+        zip(
+            ("p", "q", "r", "p_dot", "q_dot", "r_dot", "ax", "ay", "az"),
+            np.hstack([omega, omega_dot, force]).T,
+        )
+    )
+    where, turn = (
+        np.sqrt(np.nanmean(pose[name].values ** 2, axis=0)) for name in ("r_stderr", "turn_stderr")
+    )
     of = [
         *zip((("north", "east", "h"), ("vn", "ve", "vd")), (gains[0] * where, gains[1] * where)),
-        *zip((("phi", "theta", "psi"), ("p", "q", "r"), ("p_dot", "q_dot", "r_dot")), np.outer(gains, turn)),
-        (("ax", "ay", "az"), np.full(3, np.hypot(gains[2] * np.sqrt(np.mean(where**2)), _G * gains[0] * np.sqrt(np.mean(turn**2))))),
+        *zip(
+            (("phi", "theta", "psi"), ("p", "q", "r"), ("p_dot", "q_dot", "r_dot")),
+            np.outer(gains, turn),
+        ),
+        (
+            ("ax", "ay", "az"),
+            np.full(
+                3,
+                np.hypot(
+                    gains[2] * np.sqrt(np.mean(where**2)), _G * gains[0] * np.sqrt(np.mean(turn**2))
+                ),
+            ),
+        ),
     ]
     errors = {name: float(s) for names, values in of for name, s in zip(names, values)}
     lost = _holes(time, good, 0.5 / cutoff)
     found = xr.Dataset(
-        {name: ("time", np.where(lost, np.nan, y), {"units": lookup(name).units, "stderr": errors[name]}) for name, y in columns.items()},
+        {
+            name: (
+                "time",
+                np.where(lost, np.nan, y),
+                {"units": lookup(name).units, "stderr": errors[name]},
+            )
+            for name, y in columns.items()
+        },
         {"time": ("time", time, {"units": "s"})},
         {"cutoff": cutoff, "noise": pose.attrs["noise"]},
     )
@@ -102,7 +135,14 @@ def motion_record(bodies: dict[str, xr.Dataset], title: str) -> xr.DataTree:
     title : str
     """
     leaves = {f"/{name}": data.assign_attrs(body=name) for name, data in bodies.items()}
-    return xr.DataTree.from_dict({"/": xr.Dataset(attrs={"title": title, "kind": "motion capture", "unmapped": "", "notes": ""}), **leaves})
+    return xr.DataTree.from_dict(
+        {
+            "/": xr.Dataset(
+                attrs={"title": title, "kind": "motion capture", "unmapped": "", "notes": ""}
+            ),
+            **leaves,
+        }
+    )
 
 
 def _bridged(time: np.ndarray, x: np.ndarray, good: np.ndarray) -> np.ndarray:
@@ -122,8 +162,12 @@ def _holes(time: np.ndarray, good: np.ndarray, longest: float) -> np.ndarray:
     return ~good & (after - before > longest)
 
 
-def _smooth(x: np.ndarray, step: float, cutoff: float) -> tuple[tuple[np.ndarray, np.ndarray, np.ndarray], np.ndarray]:
-    """Return columns (time, column) smoothed, their first and second derivatives, and the gain of white noise of each."""
+def _smooth(
+    x: np.ndarray, step: float, cutoff: float
+) -> tuple[tuple[np.ndarray, np.ndarray, np.ndarray], np.ndarray]:
+    """Return columns (time, column) smoothed, their first and second derivatives, and the gain of
+    white noise of each.
+    """
     from scipy.fft import dct, dst
 
     last = len(x) - 1
@@ -142,24 +186,45 @@ def _smooth(x: np.ndarray, step: float, cutoff: float) -> tuple[tuple[np.ndarray
 
 
 def _cubic(x: np.ndarray, i: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return a cubic with the values and second derivatives of both ends, and its derivatives: the remainder suits a sine series."""
+    """Return a cubic with the values and second derivatives of both ends, and its derivatives: the
+    remainder suits a sine series.
+    """
     reach = np.arange(min(_END, len(x)))
-    first, end = (np.polyfit(reach * step, part, 2) for part in (x[: len(reach)], x[::-1][: len(reach)]))
+    first, end = (
+        np.polyfit(reach * step, part, 2) for part in (x[: len(reach)], x[::-1][: len(reach)])
+    )
     T, t = (len(x) - 1) * step, (i * step)[:, None]
     bend_0, bend_1 = 2.0 * first[0], 2.0 * end[0]
     value = first[2] * (1.0 - t / T) + end[2] * t / T
-    value = value + ((1.0 - t / T) ** 3 - (1.0 - t / T)) * T**2 / 6.0 * bend_0 + ((t / T) ** 3 - t / T) * T**2 / 6.0 * bend_1
-    slope = (end[2] - first[2]) / T + (1.0 - 3.0 * (1.0 - t / T) ** 2) * T / 6.0 * bend_0 + (3.0 * (t / T) ** 2 - 1.0) * T / 6.0 * bend_1
+    value = (
+        value
+        + ((1.0 - t / T) ** 3 - (1.0 - t / T)) * T**2 / 6.0 * bend_0
+        + ((t / T) ** 3 - t / T) * T**2 / 6.0 * bend_1
+    )
+    slope = (
+        (end[2] - first[2]) / T
+        + (1.0 - 3.0 * (1.0 - t / T) ** 2) * T / 6.0 * bend_0
+        + (3.0 * (t / T) ** 2 - 1.0) * T / 6.0 * bend_1
+    )
     return value, slope, (1.0 - t / T) * bend_0 + t / T * bend_1
 
 
 def _product(quat: np.ndarray, rate: np.ndarray) -> np.ndarray:
-    """Return the vector part of conj(quat) rate: half of the rate about body axes, of a derivative of any order for a unit quaternion."""
+    """Return the vector part of conj(quat) rate: half of the rate about body axes, of a derivative
+    of any order for a unit quaternion.
+    """
     s, u, ds, du = quat[:, :1], quat[:, 1:], rate[:, :1], rate[:, 1:]
     return s * du - ds * u - np.cross(u, du)
 
 
-_WAYS = {"north": (0, 1.0), "south": (0, -1.0), "east": (1, 1.0), "west": (1, -1.0), "down": (2, 1.0), "up": (2, -1.0)}
+_WAYS = {
+    "north": (0, 1.0),
+    "south": (0, -1.0),
+    "east": (1, 1.0),
+    "west": (1, -1.0),
+    "down": (2, 1.0),
+    "up": (2, -1.0),
+}
 _EVEN = 1e-3  # of the median step
 Metres = si("m")
 
@@ -171,16 +236,29 @@ class MarkerSetup(Strict):
         min_length=1, description="Markers of each body in body axes, x forward, y right, z down."
     )
     flapping_frequency: si("Hz") = Field(gt=0.0, description="Frequency of the periodic motion.")  # type: ignore[valid-type]
-    multiples: float = Field(default=8.0, gt=0.0, description="Cut-off of the smoothing over the flapping frequency.")
-    axes: str = Field(default="north east down", description="Where x, y and z of the cameras point to: north east down, their opposites.")
-    noise: si("m") | None = Field(default=None, description="Standard deviation of a coordinate of a marker.")  # type: ignore[valid-type]
+    multiples: float = Field(
+        default=8.0, gt=0.0, description="Cut-off of the smoothing over the flapping frequency."
+    )
+    axes: str = Field(
+        default="north east down",
+        description="Where x, y and z of the cameras point to: north east down, their opposites.",
+    )
+    noise: si("m") | None = Field(  # type: ignore[valid-type]
+        default=None, description="Standard deviation of a coordinate of a marker."
+    )
     unit: str = Field(default="m", description="Unit of the positions, where the file states none.")
 
     @model_validator(mode="after")
     def _right_handed(self) -> MarkerSetup:
         words = self.axes.split()
-        if len(words) != 3 or any(word not in _WAYS for word in words) or not np.isclose(np.linalg.det(self.turn), 1.0):
-            raise ValueError(f"axes = {self.axes!r}: three directions of {', '.join(_WAYS)} that make a right-handed frame are needed")
+        if (
+            len(words) != 3
+            or any(word not in _WAYS for word in words)
+            or not np.isclose(np.linalg.det(self.turn), 1.0)
+        ):
+            raise ValueError(
+                f"axes = {self.axes!r}: three directions of {', '.join(_WAYS)} that make a right-handed frame are needed"
+            )
         return self
 
     @property
@@ -217,7 +295,8 @@ def read_markers(path: str | Path, setup: MarkerSetup) -> xr.DataArray:
     Parameters
     ----------
     path : str or Path
-        Recording with columns ``MARKER_x``, ``MARKER_y``, ``MARKER_z`` and time; empty cells where a marker was not seen.
+        Recording with columns ``MARKER_x``, ``MARKER_y``, ``MARKER_z`` and time; empty cells where
+        a marker was not seen.
     setup : MarkerSetup
 
     Returns
@@ -244,16 +323,28 @@ def read_markers(path: str | Path, setup: MarkerSetup) -> xr.DataArray:
     steps = np.diff(time)
     if len(steps) < 2 or not (steps > 0.0).all() or np.ptp(steps) > _EVEN * float(np.median(steps)):
         raise SchemaError(
-            str(path), ["its frames are not evenly spaced in time; give one row per frame, with empty cells where nothing was seen"]
+            str(path),
+            [
+                "its frames are not evenly spaced in time; give one row per frame, with empty cells where nothing was seen"
+            ],
         )
     positions = np.stack(columns, axis=1).reshape(len(time), len(names), 3) @ setup.turn.T
-    return xr.DataArray(positions, {"time": time, "marker": names, "axis": ["north", "east", "down"]}, ("time", "marker", "axis"))
+    return xr.DataArray(
+        positions,
+        {"time": time, "marker": names, "axis": ["north", "east", "down"]},
+        ("time", "marker", "axis"),
+    )
 
 
-_FLAT = 1e-6  # second singular value of the marker positions over the first, below which they lie on a line
+# second singular value of the marker positions over the first, below which they lie on a line
+_FLAT = 1e-6
 
 
-def poses(positions: xr.DataArray, markers: Mapping[str, tuple[float, float, float]], noise: float | None = None) -> xr.Dataset:
+def poses(
+    positions: xr.DataArray,
+    markers: Mapping[str, tuple[float, float, float]],
+    noise: float | None = None,
+) -> xr.Dataset:
     """Return the pose of a body in every frame.
 
     Parameters
@@ -261,16 +352,19 @@ def poses(positions: xr.DataArray, markers: Mapping[str, tuple[float, float, flo
     positions : DataArray (time, marker, axis)
         North, east, down of the markers; NaN where the cameras did not see one. [m]
     markers : mapping of str to (x, y, z)
-        Where each marker sits in the body, x forward, y right, z down, from the point whose motion is wanted. [m]
+        Where each marker sits in the body, x forward, y right, z down, from the point whose motion
+        is wanted. [m]
     noise : float, optional
-        Standard deviation of each coordinate of a marker; by default what the frames with more than three markers show. [m]
+        Standard deviation of each coordinate of a marker; by default what the frames with more than
+        three markers show. [m]
 
     Returns
     -------
     Dataset (time,)
-        ``r (time, axis)`` [m], ``q (time, component)``, scalar first and without jumps of sign; ``r_stderr (time, axis)`` [m] and
-        ``turn_stderr (time, axis)``, of a turn about body axes [rad]; ``seen (time,)``, markers; ``residual (time,)``, rms of a
-        coordinate [m].  NaN in frames with fewer than three markers, or three on a line.  Attribute ``noise`` [m].
+        ``r (time, axis)`` [m], ``q (time, component)``, scalar first and without jumps of sign;
+        ``r_stderr (time, axis)`` [m] and ``turn_stderr (time, axis)``, of a turn about body axes
+        [rad]; ``seen (time,)``, markers; ``residual (time,)``, rms of a coordinate [m].  NaN in
+        frames with fewer than three markers, or three on a line.  Attribute ``noise`` [m].
 
     Raises
     ------
@@ -280,17 +374,24 @@ def poses(positions: xr.DataArray, markers: Mapping[str, tuple[float, float, flo
     names = [name for name in map(str, positions["marker"].values) if name in markers]
     Q = np.array([markers[name] for name in names], float).reshape(-1, 3)
     if len(names) < 3 or not _spread(Q[None])[0]:
-        raise IdentificationError(f"markers {', '.join(names) or 'none'} recorded; a body needs three that do not lie on a line")
+        raise IdentificationError(
+            f"markers {', '.join(names) or 'none'} recorded; a body needs three that do not lie on a line"
+        )
     P = positions.sel(marker=names).transpose("time", "marker", "axis").values.astype(float)
     seen = np.isfinite(P).all(axis=2)
     weight = seen.astype(float)
     count = weight.sum(axis=1)
     with np.errstate(invalid="ignore", divide="ignore"):
-        middle_q, middle_p = weight @ Q / count[:, None], np.where(seen[:, :, None], P, 0.0).sum(axis=1) / count[:, None]
+        middle_q, middle_p = (
+            weight @ Q / count[:, None],
+            np.where(seen[:, :, None], P, 0.0).sum(axis=1) / count[:, None],
+        )
     A = np.where(seen[:, :, None], Q[None] - middle_q[:, None], 0.0)
     good = (count >= 3) & _spread(A)
     if not good.any():
-        raise IdentificationError(f"no frame shows three of the markers {', '.join(names)}; check their names and the cameras")
+        raise IdentificationError(
+            f"no frame shows three of the markers {', '.join(names)}; check their names and the cameras"
+        )
     D = np.where(seen[:, :, None], P - middle_p[:, None], 0.0)
     A, D, middle_q, middle_p = A[good], D[good], middle_q[good], middle_p[good]
     U, _, Vt = np.linalg.svd(np.einsum("nmi,nmj->nij", A, D))
@@ -302,13 +403,19 @@ def poses(positions: xr.DataArray, markers: Mapping[str, tuple[float, float, flo
     squares, freedom = (rest**2).sum(axis=(1, 2)), 3.0 * count[good] - 6.0
     if noise is None:
         if not freedom.sum() > 0.0:
-            raise IdentificationError("no frame shows more than three markers: nothing indicates their noise; give it")
+            raise IdentificationError(
+                "no frame shows more than three markers: nothing indicates their noise; give it"
+            )
         noise = float(np.sqrt(squares.sum() / freedom.sum()))
-    inertia = np.einsum("nmk,nmk->n", A, A)[:, None, None] * np.eye(3) - np.einsum("nmi,nmj->nij", A, A)
+    inertia = np.einsum("nmk,nmk->n", A, A)[:, None, None] * np.eye(3) - np.einsum(
+        "nmi,nmj->nij", A, A
+    )
     turn = noise**2 * np.linalg.inv(inertia)
     arm = _skew(middle_q)
     body = arm @ turn @ np.swapaxes(arm, 1, 2)
-    where = noise**2 / count[good][:, None, None] * np.eye(3) + np.einsum("nji,njk,nkl->nil", R, body, R)
+    where = noise**2 / count[good][:, None, None] * np.eye(3) + np.einsum(
+        "nji,njk,nkl->nil", R, body, R
+    )
     found = {
         "r": (("time", "axis"), r), "q": (("time", "component"), _continuous(quaternion(R))),
         "r_stderr": (("time", "axis"), np.sqrt(np.einsum("nii->ni", where))),
@@ -316,13 +423,17 @@ def poses(positions: xr.DataArray, markers: Mapping[str, tuple[float, float, flo
         "residual": ("time", np.sqrt(squares / (3.0 * count[good]))),
     }  # fmt: skip
     time = positions["time"].values
-    part = xr.Dataset(found, {"time": time[good], "axis": ["north", "east", "down"]}, {"noise": noise})
+    part = xr.Dataset(
+        found, {"time": time[good], "axis": ["north", "east", "down"]}, {"noise": noise}
+    )
     return part.reindex(time=time).assign(seen=("time", count.astype(int)))
 
 
 def _spread(A: np.ndarray) -> np.ndarray:
     """Whether the points of each frame (frame, point, 3) do not lie on a line."""
-    singular = np.linalg.svd(A - A.mean(axis=1, keepdims=True) if len(A) == 1 else A, compute_uv=False)
+    singular = np.linalg.svd(
+        A - A.mean(axis=1, keepdims=True) if len(A) == 1 else A, compute_uv=False
+    )
     return singular[:, 1] > _FLAT * np.maximum(singular[:, 0], np.finfo(float).tiny)
 
 

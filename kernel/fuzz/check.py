@@ -1,8 +1,10 @@
-"""The kernel under sanitizers and fuzzers: ``python kernel/fuzz/check.py [--seconds 20] [--only NAME]``; needs clang.
+"""The kernel under sanitizers and fuzzers: ``python kernel/fuzz/check.py [--seconds 20] [--only
+NAME]``; needs clang.
 
-Compiles the kernel and the shell with address, undefined-behaviour, memory and thread sanitizers into a temporary folder, flies every
-model of ``models.py`` in every mode (``flights.c``), and runs the libFuzzer targets (``fuzz_*.c``) for a bounded time each, from
-seeds made here.  An input that breaks a promise is kept in the folder of ``--keep`` and ends the run with exit code 1.
+Compiles the kernel and the shell with address, undefined-behaviour, memory and thread sanitizers
+into a temporary folder, flies every model of ``models.py`` in every mode (``flights.c``), and runs
+the libFuzzer targets (``fuzz_*.c``) for a bounded time each, from seeds made here.  An input that
+breaks a promise is kept in the folder of ``--keep`` and ends the run with exit code 1.
 """
 
 from __future__ import annotations
@@ -32,7 +34,8 @@ FLAGS = [
     "-Wextra",
     "-Wno-psabi",
 ]
-# float-cast-overflow is not part of `undefined`; division by zero is defined for IEEE numbers and meant where it occurs
+# float-cast-overflow is not part of `undefined`; division by zero is defined for IEEE numbers and
+# meant where it occurs
 FOUND = "address,undefined,float-cast-overflow"
 MOST_MEMORY = 2048  # of a fuzzer [MB]
 SEEDS = 40
@@ -46,16 +49,24 @@ def clang() -> str | None:
 
 def run(command: list[str], environment: dict[str, str], what: str) -> str:
     """Run a command and return its output; end with it when it fails."""
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, errors="replace")
+    done = subprocess.run(
+        command, env=environment, capture_output=True, text=True, errors="replace"
+    )
     if done.returncode:
-        sys.exit(f"{what}: exit code {done.returncode}\n{done.stdout[-2000:]}\n{done.stderr[-6000:]}")
+        sys.exit(
+            f"{what}: exit code {done.returncode}\n{done.stdout[-2000:]}\n{done.stderr[-6000:]}"
+        )
     return done.stdout + done.stderr
 
 
 def objects(compiler: str, sanitize: str, folder: Path) -> list[str]:
     """Compile the kernel, the shell and what all programs share; return the object files."""
     folder.mkdir()
-    sources = [*(KERNEL / "src").glob("*/*.c"), *(KERNEL / "shell").glob("*.c"), KERNEL / "fuzz" / "drive.c"]
+    sources = [
+        *(KERNEL / "src").glob("*/*.c"),
+        *(KERNEL / "shell").glob("*.c"),
+        KERNEL / "fuzz" / "drive.c",
+    ]
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         return list(pool.map(lambda source: compiled(compiler, sanitize, source, folder), sources))
 
@@ -63,14 +74,33 @@ def objects(compiler: str, sanitize: str, folder: Path) -> list[str]:
 def compiled(compiler: str, sanitize: str, source: Path, folder: Path) -> str:
     """Compile one source and return the object file."""
     to = folder / f"{source.parent.name}_{source.stem}.o"
-    include = [f"-I{folder}" for folder in (KERNEL / "include", *(KERNEL / "src").glob("*/"), KERNEL / "shell", KERNEL / "fuzz")]
-    command = [compiler, *FLAGS, f"-fsanitize={sanitize}", *include, "-c", str(source), "-o", str(to)]
+    include = [
+        f"-I{folder}"
+        for folder in (
+            KERNEL / "include",
+            *(KERNEL / "src").glob("*/"),
+            KERNEL / "shell",
+            KERNEL / "fuzz",
+        )
+    ]
+    command = [
+        compiler,
+        *FLAGS,
+        f"-fsanitize={sanitize}",
+        *include,
+        "-c",
+        str(source),
+        "-o",
+        str(to),
+    ]
     if subprocess.run(command).returncode:
         sys.exit(f"{source} did not compile; the compiler's messages stand above")
     return str(to)
 
 
-def linked(compiler: str, sanitize: str, source: Path, parts: list[str], folder: Path, extra: str = "") -> str:
+def linked(
+    compiler: str, sanitize: str, source: Path, parts: list[str], folder: Path, extra: str = ""
+) -> str:
     """Compile and link a program and return its path."""
     own = compiled(compiler, sanitize + (",fuzzer-no-link" if extra else ""), source, folder)
     to = str(folder / source.stem)
@@ -87,7 +117,10 @@ def write_models(folder: Path) -> None:
         "for name, sim in models.compiled().items():\n"
         "    place = pathlib.Path(sys.argv[3]) / name; place.mkdir(); (place / 'model.bin').write_bytes(sim.block)"
     )
-    subprocess.run([sys.executable, "-c", code, str(KERNEL / "fuzz"), str(KERNEL.parent), str(folder)], check=True)
+    subprocess.run(
+        [sys.executable, "-c", code, str(KERNEL / "fuzz"), str(KERNEL.parent), str(folder)],
+        check=True,
+    )
 
 
 def write_seeds(target: str, models: Path, folder: Path) -> None:
@@ -102,19 +135,32 @@ def write_seeds(target: str, models: Path, folder: Path) -> None:
         (folder / str(k)).write_bytes(rng.randbytes(rng.choice((100, 400, 1500))))
 
 
-def fly(compiler: str, sanitize: str, folder: Path, environment: dict[str, str], *arguments: str) -> None:
+def fly(
+    compiler: str, sanitize: str, folder: Path, environment: dict[str, str], *arguments: str
+) -> None:
     """Fly every model under one set of sanitizers."""
     place = folder / sanitize.split(",")[0]
-    program = linked(compiler, sanitize, KERNEL / "fuzz" / "flights.c", objects(compiler, sanitize, place), place)
+    program = linked(
+        compiler, sanitize, KERNEL / "fuzz" / "flights.c", objects(compiler, sanitize, place), place
+    )
     print(f"{sanitize}: {run([program, *arguments], environment, sanitize).strip()}", flush=True)
 
 
-def fuzz(compiler: str, targets: list[str], seconds: int, keep: Path, folder: Path, environment: dict[str, str]) -> None:
+def fuzz(
+    compiler: str,
+    targets: list[str],
+    seconds: int,
+    keep: Path,
+    folder: Path,
+    environment: dict[str, str],
+) -> None:
     """Run the fuzzers, one after the other."""
     place, models = folder / "fuzz", Path(environment["AEROMATCH_MODELS"])
     parts = objects(compiler, FOUND + ",fuzzer-no-link", place)
     for target in targets:
-        program = linked(compiler, FOUND, KERNEL / "fuzz" / f"fuzz_{target}.c", parts, place, ",fuzzer")
+        program = linked(
+            compiler, FOUND, KERNEL / "fuzz" / f"fuzz_{target}.c", parts, place, ",fuzzer"
+        )
         write_seeds(target, models, folder / f"seeds_{target}")
         limits = [
             f"-max_total_time={seconds}",
@@ -125,7 +171,11 @@ def fuzz(compiler: str, targets: list[str], seconds: int, keep: Path, folder: Pa
             "-print_final_stats=1",
         ]
         seeds = str(folder / f"seeds_{target}")
-        output = run([program, *limits, f"-artifact_prefix={keep}/{target}-", seeds], environment, f"fuzzer of {target}")
+        output = run(
+            [program, *limits, f"-artifact_prefix={keep}/{target}-", seeds],
+            environment,
+            f"fuzzer of {target}",
+        )
         stat = {name: int(value) for name, value in re.findall(r"stat::(\w+): +(\d+)", output)}
         edges = re.findall(r"cov: (\d+)", output)[-1]
         print(
@@ -136,10 +186,16 @@ def fuzz(compiler: str, targets: list[str], seconds: int, keep: Path, folder: Pa
 
 def main() -> None:
     """Run what the command line requests."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--seconds", type=int, default=20, help="time of each fuzzer [s]")
-    parser.add_argument("--only", choices=("address", "memory", "thread", *TARGETS), help="one of the checks")
-    parser.add_argument("--keep", type=Path, default=Path.cwd(), help="folder for inputs that break a promise")
+    parser.add_argument(
+        "--only", choices=("address", "memory", "thread", *TARGETS), help="one of the checks"
+    )
+    parser.add_argument(
+        "--keep", type=Path, default=Path.cwd(), help="folder for inputs that break a promise"
+    )
     given = parser.parse_args()
     compiler = clang()
     if not compiler:

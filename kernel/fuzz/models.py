@@ -1,4 +1,6 @@
-"""Aircraft that use everything the kernel can compute, and as little as it allows: what robustness is tried on."""
+"""Aircraft that use everything the kernel can compute, and as little as it allows: what robustness
+is tried on.
+"""
 
 from __future__ import annotations
 
@@ -35,8 +37,20 @@ LEG = {
     "tyre_stiffness": 400e3,
     "rolling": 0.02,
 }
-MAIN = LEG | {"stiffness": 90e3, "side_stiffness": 150e3, "cornering_stiffness": 45e3, "cornering_load": 14e3, "brake": 8e3}
-NOSE = LEG | {"stiffness": 40e3, "side_stiffness": 80e3, "cornering_stiffness": 15e3, "cornering_load": 5e3, "steering": 1.0}
+MAIN = LEG | {
+    "stiffness": 90e3,
+    "side_stiffness": 150e3,
+    "cornering_stiffness": 45e3,
+    "cornering_load": 14e3,
+    "brake": 8e3,
+}
+NOSE = LEG | {
+    "stiffness": 40e3,
+    "side_stiffness": 80e3,
+    "cornering_stiffness": 15e3,
+    "cornering_load": 5e3,
+    "steering": 1.0,
+}
 MOVING = {
     "cable_stiffness": 12e3,
     "cable_damping": 60.0,
@@ -49,13 +63,24 @@ MOVING = {
 
 
 def air() -> dict[str, xr.Dataset]:
-    """Return terms of every form: tables of none to four axes, factors, powers, implicit variables, lift, hinge moments."""
+    """Return terms of every form: tables of none to four axes, factors, powers, implicit variables,
+    lift, hinge moments.
+    """
     gear = xr.DataArray([0.0, 1.0], coords={"gear": [0.0, 1.0]}, dims="gear")
-    four = {"alpha": ALPHA[::2], "mach": [0.2, 0.6], "delta_f": [0.0, 0.7], "beta": [-0.2, 0.0, 0.2]}
+    four = {
+        "alpha": ALPHA[::2],
+        "mach": [0.2, 0.6],
+        "delta_f": [0.0, 0.7],
+        "beta": [-0.2, 0.0, 0.2],
+    }
     near = make(0.05, regressors=["CL"])
     near.attrs |= {"power": "h_agl", "exponent": -1.2, "floor": 0.5}
     return {
-        "CL/basic": make((0.25 + 4.8 * ALPHA)[:, None] * (1.0 + 0.1 * MACH), {"alpha": ALPHA, "mach": MACH}, outside="linear"),
+        "CL/basic": make(
+            (0.25 + 4.8 * ALPHA)[:, None] * (1.0 + 0.1 * MACH),
+            {"alpha": ALPHA, "mach": MACH},
+            outside="linear",
+        ),
         "CL/elevator": make(0.36, regressors=["delta_e"]),
         "CL/alphadothat": make([1.2, 1.5], {"mach": [0.2, 0.7]}, ["alphadothat"]),
         "CD/basic": make(0.024 + 0.8 * ALPHA**2, {"alpha": ALPHA}),
@@ -93,7 +118,9 @@ def deck() -> Deck:
             "n2_up_limit": make(0.2),
             "n1_command": make([0.2, 0.9], {"n2": [0.5, 1.0]}),
             "n1_up_time": make(0.4),
-            "corrected_thrust": make([[100.0, -50.0], [5000.0, 4000.0]], {"corrected_n1": [0.2, 1.0], "mach": [0.0, 0.6]}),
+            "corrected_thrust": make(
+                [[100.0, -50.0], [5000.0, 4000.0]], {"corrected_n1": [0.2, 1.0], "mach": [0.0, 0.6]}
+            ),
             "corrected_air_flow": make([5.0, 30.0], {"corrected_n1": [0.2, 1.0]}),
             "corrected_fuel_flow": make([0.02, 0.12], {"corrected_n2": [0.5, 1.0]}),
             "corrected_itt": make([600.0, 900.0], {"corrected_n2": [0.5, 1.0]}),
@@ -111,13 +138,32 @@ def deck() -> Deck:
 
 
 def whole() -> flightmech.Aircraft:
-    """Return a twin jet with decks, fuel in tanks, gear with a tail skid, and three circuits of the highest order."""
-    tanks = (Tank((0.1, -2.0, 0.15), 60.0, order=2), Tank((0.1, 2.0, 0.15), 60.0, order=2), Tank((0.8, 0.3, -0.1), 50.0))
+    """Return a twin jet with decks, fuel in tanks, gear with a tail skid, and three circuits of the
+    highest order.
+    """
+    tanks = (
+        Tank((0.1, -2.0, 0.15), 60.0, order=2),
+        Tank((0.1, 2.0, 0.15), 60.0, order=2),
+        Tank((0.8, 0.3, -0.1), 50.0),
+    )
     contacts = (
         Contact("nose", (1.564, 0.0, 0.798), **NOSE),
-        Contact("left", (-0.17, -0.805, 0.759), strut=make([0.0, 900.0], {"compression": [0.0, 0.3]}), **MAIN),
+        Contact(
+            "left",
+            (-0.17, -0.805, 0.759),
+            strut=make([0.0, 900.0], {"compression": [0.0, 0.3]}),
+            **MAIN,
+        ),
         Contact("right", (-0.17, 0.805, 0.759), **MAIN),
-        Contact("tail", (-4.0, 0.0, -0.1), side_stiffness=200e3, stiffness=150e3, damping=3e3, friction=0.4, retracts=False),
+        Contact(
+            "tail",
+            (-4.0, 0.0, -0.1),
+            side_stiffness=200e3,
+            stiffness=150e3,
+            damping=3e3,
+            friction=0.4,
+            retracts=False,
+        ),
     )
     return flightmech.Aircraft(
         name="whole",
@@ -146,13 +192,29 @@ def whole() -> flightmech.Aircraft:
             ),
             antiskid=0.8,
         ),
-        controls={"delta_e": Control(1.5, 0.35, -1.2), "delta_a": Control(1.0, 0.3, 0.3), "delta_r": Control(0.6, 0.3, -2.5)},
+        controls={
+            "delta_e": Control(1.5, 0.35, -1.2),
+            "delta_a": Control(1.0, 0.3, 0.3),
+            "delta_r": Control(0.6, 0.3, -2.5),
+        },
         circuits={
             "column": Circuit(
-                (-0.15, 0.2), 6.0, 4, bob_weight=1.0, unbalance=0.3, neutral_trim=0.1, stiffness=300.0, preload=4.0, **MOVING
+                (-0.15, 0.2),
+                6.0,
+                4,
+                bob_weight=1.0,
+                unbalance=0.3,
+                neutral_trim=0.1,
+                stiffness=300.0,
+                preload=4.0,
+                **MOVING,
             ),
             "wheel": Circuit(
-                (-1.2, 1.2), 0.08, 6, stiffness=20.0, **(MOVING | {"friction": 1.0, "stiction": 0.5, "cable_stiffness": 120.0})
+                (-1.2, 1.2),
+                0.08,
+                6,
+                stiffness=20.0,
+                **(MOVING | {"friction": 1.0, "stiction": 0.5, "cable_stiffness": 120.0}),
             ),
             "pedal": Circuit((-0.08, 0.08), 4.0, 4, restitution=0.2, stiffness=900.0, **MOVING),
         },
@@ -162,17 +224,28 @@ def whole() -> flightmech.Aircraft:
 def plain() -> flightmech.Aircraft:
     """Return a jet with one static engine and nothing else."""
     thrust = make([[300.0, 250.0], [4559.0, 4000.0]], {"throttle": [0.0, 1.0], "mach": [0.0, 0.6]})
-    engine = flightmech.aircraft.Engine((-0.3, 0.0, 0.05), thrust=thrust, time_constant=1.2, angular_momentum=55.0)
+    engine = flightmech.aircraft.Engine(
+        (-0.3, 0.0, 0.05), thrust=thrust, time_constant=1.2, angular_momentum=55.0
+    )
     return flightmech.Aircraft(name="plain", **BODY, engines=(engine,))
 
 
 def compiled() -> dict[str, flightmech.SimModel]:
-    """Return the models by name: every submodel; one engine and body axes; one constant; no term at all."""
-    body = {"CX/basic": make(-0.03), "CZ/alpha": make(-4.5, regressors=["alpha"]), "Cm/qhat": make(-9.0, regressors=["qhat"])}
+    """Return the models by name: every submodel; one engine and body axes; one constant; no term at
+    all.
+    """
+    body = {
+        "CX/basic": make(-0.03),
+        "CZ/alpha": make(-4.5, regressors=["alpha"]),
+        "Cm/qhat": make(-9.0, regressors=["qhat"]),
+    }
     return {
         "whole": flightmech.compile(whole(), _tree(air())),
         "plain": flightmech.compile(plain(), _tree(body, force_axes="body")),
-        "bare": flightmech.compile(flightmech.Aircraft(name="bare", **BODY), _tree({"CL/alpha": make(4.5, regressors=["alpha"])})),
+        "bare": flightmech.compile(
+            flightmech.Aircraft(name="bare", **BODY),
+            _tree({"CL/alpha": make(4.5, regressors=["alpha"])}),
+        ),
         "empty": flightmech.compile(flightmech.Aircraft(name="empty", **BODY), _tree({})),
     }
 

@@ -1,11 +1,13 @@
-"""``results.nc``: whole results in exact doubles, one group per case, readable by any netCDF-4 or HDF5 tool.
+"""``results.nc``: whole results in exact doubles, one group per case, readable by any netCDF-4 or
+HDF5 tool.
 
-Layout: the text ``document`` of the root is JSON (title, revision, provenance, diagnoses, logs of tunings, order of the
-cases); the group of a case
-holds ``signals(run, channel, time)``, ``tolerance(banded, time)`` and ``inputs(input, time)`` with the names along these dimensions,
-and its own ``document`` (case, conditions, trim, verdicts, failure).  Models flown with draws have ``samples`` in that document and
-their quantiles in ``fan0(channel, quantile, time)`` and so on.  SI and radians; the verdicts are in the unit of the tolerance
-table.  Files are named from the folder of the report.  Few large variables instead of many small ones: a hundred cases are read in seconds.
+Layout: the text ``document`` of the root is JSON (title, revision, provenance, diagnoses, logs of
+tunings, order of the cases); the group of a case holds ``signals(run, channel, time)``,
+``tolerance(banded, time)`` and ``inputs(input, time)`` with the names along these dimensions, and
+its own ``document`` (case, conditions, trim, verdicts, failure).  Models flown with draws have
+``samples`` in that document and their quantiles in ``fan0(channel, quantile, time)`` and so on.  SI
+and radians; the verdicts are in the unit of the tolerance table.  Files are named from the folder
+of the report.  Few large variables instead of many small ones: a hundred cases are read in seconds.
 """
 
 from __future__ import annotations
@@ -31,7 +33,11 @@ from pom.fmu.run_cache import FileState
 from pom.result import PomResult, split, verdict_table
 from pom.samples import Samples
 
-_NAMES = {"signals": "channel", "tolerance": "banded", "inputs": "input"}  # part of a result -> the dimension of its names
+_NAMES = {
+    "signals": "channel",
+    "tolerance": "banded",
+    "inputs": "input",
+}  # part of a result -> the dimension of its names
 
 
 @dataclass(frozen=True)
@@ -53,7 +59,8 @@ class Archive:
     tunings : dict of str to dict
         Name of a model to the log of its tuning (`pom.tuning.Tuning.document`).
     chapters : bytes
-        What the report shows in addition to its cases, as it draws it (`pom.report.chapters`); empty where it shows nothing.
+        What the report shows in addition to its cases, as it draws it (`pom.report.chapters`);
+        empty where it shows nothing.
     """
 
     results: list[PomResult]
@@ -80,7 +87,12 @@ def write_archive(path: str | os.PathLike, archive: Archive, keys: Sequence[str]
     with h5py.File(path, "w") as file:
         _write_document(file, head)
         if archive.chapters:
-            file.create_dataset("chapters", data=np.frombuffer(archive.chapters, np.uint8), compression="gzip", compression_opts=6)
+            file.create_dataset(
+                "chapters",
+                data=np.frombuffer(archive.chapters, np.uint8),
+                compression="gzip",
+                compression_opts=6,
+            )
         for key, result in zip(keys, archive.results, strict=True):
             _write_result(file.create_group(key), result, Path(path).parent)
 
@@ -98,15 +110,24 @@ def read_archive(path: str | os.PathLike) -> Archive:
     path = Path(path)
     path = path / "results.nc" if path.is_dir() else path
     if not path.is_file():
-        raise FileNotFoundError(2, "no results here; give the folder of a report or its results.nc", str(path))
+        raise FileNotFoundError(
+            2, "no results here; give the folder of a report or its results.nc", str(path)
+        )
     demand_self_contained(path)
     try:
         with h5py.File(path, "r") as file:
             head = _read_document(file)
             results = [_read_result(file[key], path.parent) for key in head["cases"]]
-            chapters = file["chapters"][()].tobytes() if isinstance(file.get("chapters"), h5py.Dataset) else b""
+            chapters = (
+                file["chapters"][()].tobytes()
+                if isinstance(file.get("chapters"), h5py.Dataset)
+                else b""
+            )
     except (OSError, KeyError, ValueError, TypeError) as error:
-        raise SchemaError(str(path), [f"not a results.nc of a report, or damaged ({error}); write the report again"]) from error
+        raise SchemaError(
+            str(path),
+            [f"not a results.nc of a report, or damaged ({error}); write the report again"],
+        ) from error
     diagnoses = {name: _table_from_json(table) for name, table in head["diagnoses"].items()}
     about = (head["title"], head["revision"], head["provenance"])
     return Archive(results, *about, diagnoses, head.get("paper"), head.get("tunings", {}), chapters)
@@ -121,7 +142,10 @@ def _write_result(group: h5py.Group, result: PomResult, folder: Path) -> None:
         "trim": split(result.trim),
         "verdict": result.verdict_records(),
         "attrs": {part: data.attrs for part, data in parts.items()},
-        "channels": {part: {str(name): data.variables[name].attrs for name in data.data_vars} for part, data in parts.items()},
+        "channels": {
+            part: {str(name): data.variables[name].attrs for name in data.data_vars}
+            for part, data in parts.items()
+        },
     }
     if result.samples:
         head["samples"] = {run: found.document() for run, found in result.samples.items()}
@@ -137,16 +161,22 @@ def _write_result(group: h5py.Group, result: PomResult, folder: Path) -> None:
         axes = [run, names, clock] if part == "signals" else [names, clock]
         channels = [data.variables[name].values for name in data.data_vars]
         values = np.array(channels, float).reshape(-1, *(len(a) for a in axes if a is not names))
-        table = group.create_dataset(part, data=np.moveaxis(values, 0, axes.index(names)), **_squeeze(values))
+        table = group.create_dataset(
+            part, data=np.moveaxis(values, 0, axes.index(names)), **_squeeze(values)
+        )
         for i, axis in enumerate(axes):
             table.dims[i].attach_scale(axis)
 
 
 def _write_fan(group: h5py.Group, number: int, fan: xr.Dataset, time: h5py.Dataset) -> None:
-    """Write the quantiles of the draws of one model: ``fan0(fan0_channel, quantile, time)`` and so on, in the order of the models."""
+    """Write the quantiles of the draws of one model: ``fan0(fan0_channel, quantile, time)`` and so
+    on, in the order of the models.
+    """
     names = _scale(group, f"fan{number}_channel", list(map(str, fan.data_vars)))
     quantile = _scale(group, f"fan{number}_quantile", fan["quantile"].values)
-    values = np.array([item.values for item in fan.data_vars.values()], float).reshape(-1, len(quantile), len(time))
+    values = np.array([item.values for item in fan.data_vars.values()], float).reshape(
+        -1, len(quantile), len(time)
+    )
     table = group.create_dataset(f"fan{number}", data=values, **_squeeze(values))
     for i, axis in enumerate((names, quantile, time)):
         table.dims[i].attach_scale(axis)
@@ -159,31 +189,43 @@ def _squeeze(values: np.ndarray) -> dict[str, Any]:
 def _scale(group: h5py.Group, name: str, values: Any) -> h5py.Dataset:
     """Write the coordinate along a dimension."""
     kind = h5py.string_dtype(encoding="utf-8") if isinstance(values, list) else float
-    scale = group.create_dataset(name, data=np.array(values, object if isinstance(values, list) else float), dtype=kind)
+    scale = group.create_dataset(
+        name, data=np.array(values, object if isinstance(values, list) else float), dtype=kind
+    )
     scale.make_scale(name)
     return scale
 
 
 def _read_result(group: h5py.Group, folder: Path) -> PomResult:
     head = _read_document(group)
-    trim = pd.DataFrame(head["trim"]["data"], head["trim"]["index"], head["trim"]["columns"], dtype=float)
+    trim = pd.DataFrame(
+        head["trim"]["data"], head["trim"]["index"], head["trim"]["columns"], dtype=float
+    )
     return PomResult(
         case=case_found_from(PomCase.from_dict(head["case"]), folder),
-        conditions={name: float("nan") if value is None else float(value) for name, value in head["conditions"].items()},
+        conditions={
+            name: float("nan") if value is None else float(value)
+            for name, value in head["conditions"].items()
+        },
         trim=trim.rename_axis("quantity"),
         verdict=verdict_table(head["verdict"]),
         failure=head["failure"],
         signals=_read_part(group, head, "signals"),
         tolerance=_read_part(group, head, "tolerance"),
         inputs=_read_part(group, head, "inputs"),
-        samples={run: Samples.of_document(item, _read_fan(group, k)) for k, (run, item) in enumerate(head.get("samples", {}).items())},
+        samples={
+            run: Samples.of_document(item, _read_fan(group, k))
+            for k, (run, item) in enumerate(head.get("samples", {}).items())
+        },
     )
 
 
 def _read_fan(group: h5py.Group, number: int) -> xr.Dataset:
     values, names = group[f"fan{number}"][()], group[f"fan{number}_channel"].asstr()[()]
     coords = {"quantile": group[f"fan{number}_quantile"][()], "time": group["time"][()]}
-    return xr.Dataset({name: (("quantile", "time"), values[k]) for k, name in enumerate(names)}, coords)
+    return xr.Dataset(
+        {name: (("quantile", "time"), values[k]) for k, name in enumerate(names)}, coords
+    )
 
 
 def _read_part(group: h5py.Group, head: Mapping[str, Any], part: str) -> xr.Dataset:
@@ -194,7 +236,11 @@ def _read_part(group: h5py.Group, head: Mapping[str, Any], part: str) -> xr.Data
         coords["run"] = list(group["run"].asstr()[()])
     dims = ("run", "time") if part == "signals" else ("time",)
     attrs = head["channels"][part]
-    return xr.Dataset({name: (dims, values[..., i, :], attrs[name]) for i, name in enumerate(names)}, coords, head["attrs"][part])
+    return xr.Dataset(
+        {name: (dims, values[..., i, :], attrs[name]) for i, name in enumerate(names)},
+        coords,
+        head["attrs"][part],
+    )
 
 
 def _write_document(group: h5py.Group, item: Mapping[str, Any]) -> None:
@@ -207,17 +253,28 @@ def _read_document(group: h5py.Group) -> dict[str, Any]:
 
 
 def _table_to_json(table: pd.DataFrame) -> dict[str, Any]:
-    return {"columns": [str(name) for name in table.columns], "rows": plain(table.to_numpy(object).tolist())}
+    return {
+        "columns": [str(name) for name in table.columns],
+        "rows": plain(table.to_numpy(object).tolist()),
+    }
 
 
 def _table_from_json(item: Mapping[str, Any]) -> pd.DataFrame:
     table = pd.DataFrame(item["rows"], columns=item["columns"])
-    numbers = [name for name in table.columns if not table[name].map(lambda value: isinstance(value, str)).any()]
-    return table.astype(dict.fromkeys(numbers, float)).rename(columns=_renamed)  # a column without any number came as nulls
+    numbers = [
+        name
+        for name in table.columns
+        if not table[name].map(lambda value: isinstance(value, str)).any()
+    ]
+    return table.astype(dict.fromkeys(numbers, float)).rename(
+        columns=_renamed
+    )  # a column without any number came as nulls
 
 
 def _renamed(column: str) -> str:
-    """Return a column of a diagnosis by its present name; files of earlier versions hold ``closes`` and ``miss``."""
+    """Return a column of a diagnosis by its present name; files of earlier versions hold ``closes``
+    and ``miss``.
+    """
     name, blank, quantity = column.rpartition(" ")
     return name + blank + {"closes": "explained", "miss": "mismatch"}.get(quantity, quantity)
 
@@ -225,8 +282,8 @@ def _renamed(column: str) -> str:
 class Custody:
     """Files with their hashes, taken before they are read.
 
-    A file that is replaced or edited while a batch runs, even for a moment, would lend its hash to results of another content;
-    `check` finds it before anything is written.
+    A file that is replaced or edited while a batch runs, even for a moment, would lend its hash to
+    results of another content; `check` finds it before anything is written.
 
     Examples
     --------
@@ -247,7 +304,9 @@ class Custody:
         """
         for path in (Path(file).resolve() for file in files):
             if path not in self._taken:
-                state = FileState.of(path)  # first: what changes while it is hashed is found by `check`
+                state = FileState.of(
+                    path
+                )  # first: what changes while it is hashed is found by `check`
                 self._taken[path] = state, sha256(path)
 
     def sha256(self, file: str | Path) -> str:
@@ -271,6 +330,8 @@ class Custody:
             except OSError:
                 same = False
             if not same:
-                problems.append(f"{path} changed while the batch ran; nothing was written, run it again")
+                problems.append(
+                    f"{path} changed while the batch ran; nothing was written, run it again"
+                )
         if problems:
             raise SchemaError("inputs", problems)

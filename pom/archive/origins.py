@@ -1,7 +1,9 @@
-"""``manifest.json``: what a report was made from and what it consists of, every file by its SHA-256.
+"""``manifest.json``: what a report was made from and what it consists of, every file by its
+SHA-256.
 
-An in-toto statement (https://in-toto.io/Statement/v1) whose predicate follows SLSA provenance v1, so that general tools read it.
-No host name and no clock: equal input gives equal bytes.  Whoever wants it signed signs this one file.
+An in-toto statement (https://in-toto.io/Statement/v1) whose predicate follows SLSA provenance v1,
+so that general tools read it. No host name and no clock: equal input gives equal bytes.  Whoever
+wants it signed signs this one file.
 """
 
 from __future__ import annotations
@@ -37,10 +39,11 @@ class Model(TypedDict, total=False):
 class Provenance(TypedDict, total=False):
     """Where a report comes from; every key may be absent.
 
-    ``date`` of the results (text), ``command`` line, ``versions`` (name to version), ``inputs`` (file to SHA-256),
-    ``places`` (input to path), ``models`` (run to file, SHA-256 and path), ``records`` (part of the model or case to the names of the
-    flight records it rests on), ``record_errors`` (name of a flight record to the errors that its check
-    found), ``signatures`` (who signs the report, by role: name, date, organisation).
+    ``date`` of the results (text), ``command`` line, ``versions`` (name to version), ``inputs``
+    (file to SHA-256), ``places`` (input to path), ``models`` (run to file, SHA-256 and path),
+    ``records`` (part of the model or case to the names of the flight records it rests on),
+    ``record_errors`` (name of a flight record to the errors that its check found), ``signatures``
+    (who signs the report, by role: name, date, organisation).
     """
 
     date: str
@@ -91,14 +94,14 @@ def provenance(
     date : str
         Of the results, ``2026-11-21``; no clock is read.
     digest : callable, optional
-        Gives the SHA-256 of a file: ``Custody.sha256`` of files that were taken before they were read.  Without it they are
-        hashed now.
+        Gives the SHA-256 of a file: ``Custody.sha256`` of files that were taken before they were
+        read.  Without it they are hashed now.
 
     Returns
     -------
     dict
-        For `write_report`: ``command``, ``date``, ``versions``, ``inputs`` with their SHA-256, the ``places`` where they lie,
-        ``models`` with file, SHA-256 and path.
+        For `write_report`: ``command``, ``date``, ``versions``, ``inputs`` with their SHA-256, the
+        ``places`` where they lie, ``models`` with file, SHA-256 and path.
     """
     digest = digest or sha256
     files = sorted({Path(file).resolve() for file in inputs})
@@ -110,7 +113,12 @@ def provenance(
         "inputs": {file.relative_to(folder).as_posix(): digest(file) for file in files},
         "places": {file.relative_to(folder).as_posix(): str(file) for file in files},
         "models": {
-            name: {"file": Path(file).name, "sha256": digest(file), "path": str(Path(file).resolve())} for name, file in models.items()
+            name: {
+                "file": Path(file).name,
+                "sha256": digest(file),
+                "path": str(Path(file).resolve()),
+            }
+            for name, file in models.items()
         },
     }
 
@@ -124,14 +132,21 @@ def _versions() -> dict[str, str]:
 
 
 def without_places(provenance: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what a report prints of its provenance: names and hashes, no folder of the machine it was made on."""
-    models = {run: {key: text for key, text in model.items() if key != "path"} for run, model in provenance.get("models", {}).items()}
+    """Return what a report prints of its provenance: names and hashes, no folder of the machine it
+    was made on.
+    """
+    models = {
+        run: {key: text for key, text in model.items() if key != "path"}
+        for run, model in provenance.get("models", {}).items()
+    }
     kept = {key: item for key, item in provenance.items() if key != "places"}
     return {**kept, "models": models} if models else kept
 
 
 def seen_from(path: str | os.PathLike, folder: str | os.PathLike) -> str:
-    """Return a path as it is seen from a folder, so that a report discloses nothing of the machine it was made on."""
+    """Return a path as it is seen from a folder, so that a report discloses nothing of the machine
+    it was made on.
+    """
     try:
         return Path(os.path.relpath(Path(path).resolve(), Path(folder).resolve())).as_posix()
     except ValueError:  # another drive
@@ -140,19 +155,31 @@ def seen_from(path: str | os.PathLike, folder: str | os.PathLike) -> str:
 
 def case_seen_from(case: PomCase, folder: str | os.PathLike) -> PomCase:
     """Return a case whose files are named as seen from `folder`."""
-    names: dict[str, Any] = {name: seen_from(getattr(case, name), folder) for name in FILES if getattr(case, name)}
+    names: dict[str, Any] = {
+        name: seen_from(getattr(case, name), folder) for name in FILES if getattr(case, name)
+    }
     return replace(case, **names)
 
 
 def with_full_places(result: PomResult) -> PomResult:
-    """Return a result whose case names its files by full paths, for processes that may have another working directory."""
-    names: dict[str, Any] = {name: str(Path(getattr(result.case, name)).resolve()) for name in FILES if getattr(result.case, name)}
+    """Return a result whose case names its files by full paths, for processes that may have another
+    working directory.
+    """
+    names: dict[str, Any] = {
+        name: str(Path(getattr(result.case, name)).resolve())
+        for name in FILES
+        if getattr(result.case, name)
+    }
     return replace(result, case=replace(result.case, **names))
 
 
 def case_found_from(case: PomCase, folder: str | os.PathLike) -> PomCase:
     """Return a case of `case_seen_from` with its files found again."""
-    names: dict[str, Any] = {name: os.path.normpath(Path(folder, getattr(case, name))) for name in FILES if getattr(case, name)}
+    names: dict[str, Any] = {
+        name: os.path.normpath(Path(folder, getattr(case, name)))
+        for name in FILES
+        if getattr(case, name)
+    }
     return replace(case, **names)
 
 
@@ -193,20 +220,31 @@ def manifest(
     provenance : mapping
         From `pom.provenance`.
     """
-    given = {"title": title, "revision": revision, "paper": paper or "", "command": provenance.get("command", "")}
+    given = {
+        "title": title,
+        "revision": revision,
+        "paper": paper or "",
+        "command": provenance.get("command", ""),
+    }
     given |= {"date": provenance.get("date", ""), "cases": [result.case.name for result in results]}
     statement = {
         "_type": STATEMENT,
-        "subject": [{"name": name, "digest": {"sha256": digest}} for name, digest in sorted(outputs.items())],
+        "subject": [
+            {"name": name, "digest": {"sha256": digest}} for name, digest in sorted(outputs.items())
+        ],
         "predicateType": PREDICATE,
         "predicate": {
             "buildDefinition": {
                 "buildType": BUILD,
                 "externalParameters": given,
-                "internalParameters": {"cases": [case_seen_from(result.case, folder).to_dict() for result in results]},
+                "internalParameters": {
+                    "cases": [case_seen_from(result.case, folder).to_dict() for result in results]
+                },
                 "resolvedDependencies": _inputs(provenance, Path(folder)),
             },
-            "runDetails": {"builder": {"id": BUILD, "version": dict(provenance.get("versions", {}))}},
+            "runDetails": {
+                "builder": {"id": BUILD, "version": dict(provenance.get("versions", {}))}
+            },
         },
     }
     return text_of(statement)
@@ -214,17 +252,29 @@ def manifest(
 
 def text_of(statement: Mapping[str, Any]) -> str:
     """Return a statement as it is written: equal content gives equal bytes."""
-    return json.dumps(plain(statement), indent=1, sort_keys=True, ensure_ascii=False, allow_nan=False) + "\n"
+    return (
+        json.dumps(plain(statement), indent=1, sort_keys=True, ensure_ascii=False, allow_nan=False)
+        + "\n"
+    )
 
 
 def _inputs(provenance: Mapping[str, Any], folder: Path) -> list[dict[str, Any]]:
     """Return every input with its digest; its place is given from the report where it is known."""
     places, found = provenance.get("places", {}), []
     for name, digest in sorted(provenance.get("inputs", {}).items()):
-        found.append(_dependency(name, digest, Path(places[name]) if name in places else None, folder))
+        found.append(
+            _dependency(name, digest, Path(places[name]) if name in places else None, folder)
+        )
     for run, model in provenance.get("models", {}).items():
         path = model.get("path", "")
-        found.append(_dependency(model.get("file", run), model.get("sha256", ""), Path(path) if path else None, folder))
+        found.append(
+            _dependency(
+                model.get("file", run),
+                model.get("sha256", ""),
+                Path(path) if path else None,
+                folder,
+            )
+        )
         found[-1]["annotations"] = {"run": run}
     return found
 
@@ -237,7 +287,9 @@ def _dependency(name: str, digest: str, path: Path | None, folder: Path) -> dict
 
 
 def place(dependency: Mapping[str, Any], folder: str | os.PathLike) -> Path | None:
-    """Return where an input of a manifest lies, seen from the folder of the report; None when the manifest does not state it."""
+    """Return where an input of a manifest lies, seen from the folder of the report; None when the
+    manifest does not state it.
+    """
     uri = dependency.get("uri", "")
     return Path(os.path.normpath(Path(folder) / unquote(uri))) if uri else None
 
@@ -254,14 +306,20 @@ def read_manifest(folder: str | os.PathLike) -> dict[str, Any]:
     """
     path = Path(folder) / NAME
     if not path.is_file():
-        raise FileNotFoundError(2, "no manifest.json here; give the folder that `aeromatch pom run -o` wrote", str(path))
+        raise FileNotFoundError(
+            2, "no manifest.json here; give the folder that `aeromatch pom run -o` wrote", str(path)
+        )
     try:
         statement = json_content(path.read_text(encoding="utf-8"), path, "a manifest")
         definition = statement["predicate"]["buildDefinition"]
         known = definition["buildType"] == BUILD and isinstance(statement["subject"], list)
         known = known and isinstance(definition["resolvedDependencies"], list)
     except (ParseError, ValueError, KeyError, TypeError) as error:
-        raise SchemaError(str(path), [f"not a manifest ({type(error).__name__}: {error}); write the report again"]) from None
+        raise SchemaError(
+            str(path), [f"not a manifest ({type(error).__name__}: {error}); write the report again"]
+        ) from None
     if not known:
-        raise SchemaError(str(path), [f"a statement of another kind than {BUILD}; write the report again"])
+        raise SchemaError(
+            str(path), [f"a statement of another kind than {BUILD}; write the report again"]
+        )
     return statement

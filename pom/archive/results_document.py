@@ -25,7 +25,8 @@ def joined(paths: Iterable[str | os.PathLike]) -> Archive:
     Parameters
     ----------
     paths : iterable of path
-        Folders of reports, or their ``results.nc``; a manifest next to them states where the inputs lie.
+        Folders of reports, or their ``results.nc``; a manifest next to them states where the inputs
+        lie.
 
     Raises
     ------
@@ -35,9 +36,14 @@ def joined(paths: Iterable[str | os.PathLike]) -> Archive:
     parts = [(Path(path), read_archive(path)) for path in paths]
     first = parts[0][1]
     provenance = dict(first.provenance)
-    located = [(_located(path if path.is_dir() else path.parent), path, part.provenance) for path, part in parts]
+    located = [
+        (_located(path if path.is_dir() else path.parent), path, part.provenance)
+        for path, part in parts
+    ]
     inputs = [
-        (name, digest, places.get(name, ""), path) for places, path, made in located for name, digest in made.get("inputs", {}).items()
+        (name, digest, places.get(name, ""), path)
+        for places, path, made in located
+        for name, digest in made.get("inputs", {}).items()
     ]
     models = [
         (run, model.get("sha256", ""), {**model, "path": places.get(run, "")}, path)
@@ -48,21 +54,42 @@ def joined(paths: Iterable[str | os.PathLike]) -> Archive:
     provenance["inputs"] = {name: digest for name, (digest, _) in known.items()}
     provenance["places"] = {name: place for name, (_, place) in known.items() if place}
     provenance["models"] = {
-        run: model for run, (_, model) in _unambiguous({(run, sha): (model, path) for run, sha, model, path in models}).items()
+        run: model
+        for run, (_, model) in _unambiguous(
+            {(run, sha): (model, path) for run, sha, model, path in models}
+        ).items()
     }
-    if records := {what: names for _, part in parts for what, names in part.provenance.get("records", {}).items()}:
+    if records := {
+        what: names
+        for _, part in parts
+        for what, names in part.provenance.get("records", {}).items()
+    }:
         provenance["records"] = records
-    if errors := {what: text for _, part in parts for what, text in part.provenance.get("record_errors", {}).items()}:
+    if errors := {
+        what: text
+        for _, part in parts
+        for what, text in part.provenance.get("record_errors", {}).items()
+    }:
         provenance["record_errors"] = errors
     diagnoses = {name: table for _, part in parts for name, table in part.diagnoses.items()}
     tunings = {run: log for _, part in parts for run, log in part.tunings.items()}
     results = [result for _, part in parts for result in part.results]
     chapters = next((part.chapters for _, part in parts if part.chapters), b"")
-    return Archive(results, first.title, first.revision, provenance, diagnoses, tunings=tunings, chapters=chapters)
+    return Archive(
+        results,
+        first.title,
+        first.revision,
+        provenance,
+        diagnoses,
+        tunings=tunings,
+        chapters=chapters,
+    )
 
 
 def _unambiguous(found: Mapping[tuple[str, str], tuple[Any, Path]]) -> dict[str, tuple[str, Any]]:
-    """Return name -> (digest, item); where one name stands for several files, each takes the name of its report too."""
+    """Return name -> (digest, item); where one name stands for several files, each takes the name
+    of its report too.
+    """
     names = [name for name, _ in found]
     return {
         name if names.count(name) == 1 else f"{name} ({path.resolve().name})": (digest, item)
@@ -91,12 +118,20 @@ class CaseText(NamedTuple):
 
 
 def case_text(result: PomResult, modes: pd.DataFrame, folder: str | os.PathLike) -> CaseText:
-    """Return what ``results.json`` holds of a case; files are named from `folder`, `modes` is its `pom.judging.mode_table`."""
-    return CaseText(result.case.name, _json(_numbers(result, folder)), _json(_records(modes)) if len(modes) else "")
+    """Return what ``results.json`` holds of a case; files are named from `folder`, `modes` is its
+    `pom.judging.mode_table`.
+    """
+    return CaseText(
+        result.case.name,
+        _json(_numbers(result, folder)),
+        _json(_records(modes)) if len(modes) else "",
+    )
 
 
 def results_json(archive: Archive, cases: Sequence[CaseText]) -> str:
-    """Return the text of ``results.json``, the keys of every object in their order; the samples are in ``results.nc``."""
+    """Return the text of ``results.json``, the keys of every object in their order; the samples are
+    in ``results.nc``.
+    """
     parts = {
         "title": _json(archive.title),
         "revision": _json(archive.revision),
@@ -111,7 +146,9 @@ def results_json(archive: Archive, cases: Sequence[CaseText]) -> str:
 
 
 def _json(item: Any) -> str:
-    return json.dumps(item, sort_keys=True, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
+    return json.dumps(
+        item, sort_keys=True, ensure_ascii=False, separators=(",", ":"), allow_nan=False
+    )
 
 
 def _joined(texts: dict[str, str]) -> str:

@@ -1,4 +1,6 @@
-"""What a report states of itself: manifest, results.json and results.nc against each other, tolerances against the table."""
+"""What a report states of itself: manifest, results.json and results.nc against each other,
+tolerances against the table.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,16 @@ import numpy as np
 from flightmech.errors import AeromatchError, UnknownName
 from flightmech.support.console import plain
 from pom.archive.archive import Archive, read_archive
-from pom.archive.origins import NAME, case_found_from, case_seen_from, manifest, place, read_manifest, sha256, text_of
+from pom.archive.origins import (
+    NAME,
+    case_found_from,
+    case_seen_from,
+    manifest,
+    place,
+    read_manifest,
+    sha256,
+    text_of,
+)
 from pom.archive.results_document import case_text, results_json
 from pom.cases.case import PomCase
 from pom.judging.beyond_the_bands import watch
@@ -35,10 +46,11 @@ FLOWN_ALIKE = 1e-3
 
 
 def stated(folder: Path, statement: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
-    """Yield what was compared: kind, name, and the differences as one text, empty where there are none.
+    """Yield what was compared: kind, name, and the differences as one text, empty where there are
+    none.
 
-    The manifest and ``results.json``, field by field, against ``results.nc``, and the criteria of every case against the tolerance
-    table.
+    The manifest and ``results.json``, field by field, against ``results.nc``, and the criteria of
+    every case against the tolerance table.
 
     Parameters
     ----------
@@ -56,20 +68,44 @@ def stated(folder: Path, statement: Mapping[str, Any]) -> Iterator[tuple[str, st
     made_from = archive.provenance
     given = definition.get("externalParameters", {})
     there = {key: given.get(key, "") for key in ("title", "revision", "command", "date", "cases")}
-    due = {"title": archive.title, "revision": archive.revision, "command": made_from.get("command", ""), "date": made_from.get("date", "")}
+    due = {
+        "title": archive.title,
+        "revision": archive.revision,
+        "command": made_from.get("command", ""),
+        "date": made_from.get("date", ""),
+    }
     due["cases"] = [result.case.name for result in archive.results]
     yield _compared("manifest", "title, revision, command, date, cases", due, there)
     versions = statement["predicate"].get("runDetails", {}).get("builder", {}).get("version", {})
     yield _compared("manifest", "versions", dict(made_from.get("versions", {})), versions)
     own = [plain(case_seen_from(result.case, folder).to_dict()) for result in archive.results]
-    cases = [_as_written_now(item, folder) for item in definition.get("internalParameters", {}).get("cases", [])]
+    cases = [
+        _as_written_now(item, folder)
+        for item in definition.get("internalParameters", {}).get("cases", [])
+    ]
     yield _compared("manifest", "resolved cases", dict(enumerate(own)), dict(enumerate(cases)))
-    hashes = {**made_from.get("inputs", {}), **{run: model.get("sha256", "") for run, model in made_from.get("models", {}).items()}}
-    named = {run_of(item) or item["name"]: item["digest"]["sha256"] for item in definition["resolvedDependencies"]}
+    hashes = {
+        **made_from.get("inputs", {}),
+        **{run: model.get("sha256", "") for run, model in made_from.get("models", {}).items()},
+    }
+    named = {
+        run_of(item) or item["name"]: item["digest"]["sha256"]
+        for item in definition["resolvedDependencies"]
+    }
     yield _compared("manifest", "hashes of inputs and models", hashes, named)
     yield "statement", "manifest: all else", "; ".join(_all_else(folder, statement, archive))
-    due = json.loads(results_json(archive, [case_text(result, mode_table(result), folder) for result in archive.results]))
-    yield "statement", "results.json", "; ".join(islice(_unlike_numbers(_with_cases(due, folder), _with_cases(document, folder)), 5))
+    due = json.loads(
+        results_json(
+            archive, [case_text(result, mode_table(result), folder) for result in archive.results]
+        )
+    )
+    yield (
+        "statement",
+        "results.json",
+        "; ".join(
+            islice(_unlike_numbers(_with_cases(due, folder), _with_cases(document, folder)), 5)
+        ),
+    )
     for run, log in archive.tunings.items():
         yield "statement", f"tuning of {run}", "; ".join(unlike_the_log(archive.results, run, log))
     for result in archive.results:
@@ -77,23 +113,47 @@ def stated(folder: Path, statement: Mapping[str, Any]) -> Iterator[tuple[str, st
 
 
 def _all_else(folder: Path, statement: Mapping[str, Any], archive: Archive) -> Iterator[str]:
-    """Yield what of a manifest is not as it would be written today, and other spaces or lines than it is written with."""
+    """Yield what of a manifest is not as it would be written today, and other spaces or lines than
+    it is written with.
+    """
     definition = statement["predicate"]["buildDefinition"]
-    found = [(run_of(item), item, place(item, folder)) for item in definition["resolvedDependencies"]]
+    found = [
+        (run_of(item), item, place(item, folder)) for item in definition["resolvedDependencies"]
+    ]
     places = {item["name"]: str(path) for run, item, path in found if path and not run}
     paths = {run: {"path": str(path)} for run, _, path in found if path and run}
-    models = {run: {**model, **paths.get(run, {})} for run, model in archive.provenance.get("models", {}).items()}
+    models = {
+        run: {**model, **paths.get(run, {})}
+        for run, model in archive.provenance.get("models", {}).items()
+    }
     located = {**archive.provenance, "places": places, "models": models}
     outputs = {item["name"]: item["digest"]["sha256"] for item in statement["subject"]}
-    paper = definition["externalParameters"].get("paper") if archive.paper is None else archive.paper
-    due = manifest(archive.results, outputs, folder, title=archive.title, revision=archive.revision, paper=paper, provenance=located)
-    yield from islice(_unlike_numbers(_without_cases_and_places(json.loads(due)), _without_cases_and_places(statement)), 5)
+    paper = (
+        definition["externalParameters"].get("paper") if archive.paper is None else archive.paper
+    )
+    due = manifest(
+        archive.results,
+        outputs,
+        folder,
+        title=archive.title,
+        revision=archive.revision,
+        paper=paper,
+        provenance=located,
+    )
+    yield from islice(
+        _unlike_numbers(
+            _without_cases_and_places(json.loads(due)), _without_cases_and_places(statement)
+        ),
+        5,
+    )
     if (folder / NAME).read_text(encoding="utf-8") != text_of(statement):
         yield "spaces, lines or the order of the keys are not as they are written"
 
 
 def _without_cases_and_places(statement: Mapping[str, Any]) -> Any:
-    """Return a manifest without its cases, which are compared by themselves, and without places, which it alone states."""
+    """Return a manifest without its cases, which are compared by themselves, and without places,
+    which it alone states.
+    """
     copy = json.loads(json.dumps(statement))
     copy["predicate"]["buildDefinition"].pop("internalParameters", None)
     for item in copy["predicate"]["buildDefinition"]["resolvedDependencies"]:
@@ -104,16 +164,26 @@ def _without_cases_and_places(statement: Mapping[str, Any]) -> Any:
 def _with_cases(document: Any, folder: Path) -> Any:
     """Return a ``results.json`` whose cases have the keys of this version."""
     try:
-        return {**document, "results": [{**item, "case": _as_written_now(item["case"], folder)} for item in document["results"]]}
+        return {
+            **document,
+            "results": [
+                {**item, "case": _as_written_now(item["case"], folder)}
+                for item in document["results"]
+            ],
+        }
     except (KeyError, TypeError):
         return document
 
 
 def _unlike_numbers(due: Any, there: Any, place: str = "") -> Iterator[str]:
-    """Yield the places where plain data differ; numbers within `CLOSE`: another processor rounds a fit differently."""
+    """Yield the places where plain data differ; numbers within `CLOSE`: another processor rounds a
+    fit differently.
+    """
     if isinstance(due, Mapping) and isinstance(there, Mapping):
         for key in {**due, **there}:
-            yield from _unlike_numbers(due.get(key), there.get(key), f"{place}.{key}" if place else str(key))
+            yield from _unlike_numbers(
+                due.get(key), there.get(key), f"{place}.{key}" if place else str(key)
+            )
     elif isinstance(due, list) and isinstance(there, list) and len(due) == len(there):
         for i, (one, other) in enumerate(zip(due, there, strict=True)):
             yield from _unlike_numbers(one, other, f"{place}[{i}]")
@@ -122,26 +192,39 @@ def _unlike_numbers(due: Any, there: Any, place: str = "") -> Iterator[str]:
 
 
 def _alike(one: Any, other: Any) -> bool:
-    if isinstance(one, int | float) and isinstance(other, int | float) and not isinstance(one, bool) and not isinstance(other, bool):
+    if (
+        isinstance(one, int | float)
+        and isinstance(other, int | float)
+        and not isinstance(one, bool)
+        and not isinstance(other, bool)
+    ):
         return math.isclose(one, other, rel_tol=CLOSE, abs_tol=1e-12)
     return type(one) is type(other) and one == other
 
 
 def _as_written_now(case: Mapping[str, Any], folder: Path) -> Any:
-    """Return a case of a manifest with the keys of this version, so that an older report is compared by what it states.
+    """Return a case of a manifest with the keys of this version, so that an older report is
+    compared by what it states.
 
-    Its files are found and named again, as those of ``results.nc`` are: a path that leads up beyond the root of the drive, since the
-    report was moved to a folder nearer to it, ends there.
+    Its files are found and named again, as those of ``results.nc`` are: a path that leads up beyond
+    the root of the drive, since the report was moved to a folder nearer to it, ends there.
     """
     try:
-        return plain(case_seen_from(case_found_from(PomCase.from_dict(case), folder), folder).to_dict())
+        return plain(
+            case_seen_from(case_found_from(PomCase.from_dict(case), folder), folder).to_dict()
+        )
     except (KeyError, TypeError, ValueError, IndexError):
         return dict(case)
 
 
-def _compared(where: str, name: str, due: Mapping[Any, Any], there: Mapping[Any, Any]) -> tuple[str, str, str]:
+def _compared(
+    where: str, name: str, due: Mapping[Any, Any], there: Mapping[Any, Any]
+) -> tuple[str, str, str]:
     """Return in what a file differs from ``results.nc``."""
-    words = [f"{key}: results.nc has {_short(due.get(key))}, {where} {_short(there.get(key))}" for key in _unlike(due, there)]
+    words = [
+        f"{key}: results.nc has {_short(due.get(key))}, {where} {_short(there.get(key))}"
+        for key in _unlike(due, there)
+    ]
     return "statement", f"{where}: {name}", "; ".join(words)
 
 
@@ -168,14 +251,19 @@ def unlike_the_log(results: Iterable[PomResult], run: str, log: Mapping[str, Any
             continue
         if row["after"] != result.status(run):
             yield f"{result.case.name}: {row['after']} in the log, {result.status(run)} here"
-        elif worst is not None and abs(worst["worst_ratio"] - (row["ratio_after"] or 0.0)) > FLOWN_ALIKE:
+        elif (
+            worst is not None
+            and abs(worst["worst_ratio"] - (row["ratio_after"] or 0.0)) > FLOWN_ALIKE
+        ):
             yield f"{result.case.name}: ratio {row['ratio_after']:.4g} in the log, {worst['worst_ratio']:.4g} here"
 
 
 def unlike_the_table(case: PomCase) -> Iterator[str]:
-    """Yield what the criteria of a case have other than the rows of the tolerance table that they name.
+    """Yield what the criteria of a case have other than the rows of the tolerance table that they
+    name.
 
-    Bands that the case file set itself are marked ``case file`` in their provenance, and are not compared.
+    Bands that the case file set itself are marked ``case file`` in their provenance, and are not
+    compared.
     """
     try:
         found = rows.rows_of(case.id, case.standard, case.edition)
@@ -193,7 +281,10 @@ def unlike_the_table(case: PomCase) -> Iterator[str]:
         printed = rows.criterion(item, name, criterion.window, case.features)
         for what in ("band", "group", "condition", "provenance", "source"):
             if getattr(criterion, what) != getattr(printed, what):
-                shown = [getattr(value, "text", value) for value in (getattr(criterion, what), getattr(printed, what))]
+                shown = [
+                    getattr(value, "text", value)
+                    for value in (getattr(criterion, what), getattr(printed, what))
+                ]
                 yield f"{name}: {what} {shown[0]!r}, the table of {case.standard}, {case.edition} has {shown[1]!r}"
 
 
@@ -215,11 +306,13 @@ class VerificationResult:
 
 
 def verify(folder: str | os.PathLike) -> list[VerificationResult]:
-    """Check a report: hash all outputs and inputs again, judge all verdicts again from ``results.nc``, compare what the files state.
+    """Check a report: hash all outputs and inputs again, judge all verdicts again from
+    ``results.nc``, compare what the files state.
 
-    Statements: every field of ``manifest.json`` and of ``results.json`` against ``results.nc``.  Tolerances: the criteria of every case
-    against the rows of the table of its standard and edition, bands of the case file apart.  Not covered: who wrote the report, and page
-    and PDF but for their hashes.
+    Statements: every field of ``manifest.json`` and of ``results.json`` against ``results.nc``.
+    Tolerances: the criteria of every case against the rows of the table of its standard and
+    edition, bands of the case file apart.  Not covered: who wrote the report, and page and PDF but
+    for their hashes.
 
     Parameters
     ----------
@@ -238,21 +331,33 @@ def verify(folder: str | os.PathLike) -> list[VerificationResult]:
     """
     folder = Path(folder)
     statement = read_manifest(folder)
-    found = [_hashed("output", item["name"], folder / item["name"], item["digest"]["sha256"]) for item in statement["subject"]]
+    found = [
+        _hashed("output", item["name"], folder / item["name"], item["digest"]["sha256"])
+        for item in statement["subject"]
+    ]
     for item in statement["predicate"]["buildDefinition"]["resolvedDependencies"]:
         run = run_of(item)
         name = f"{run}: {item['name']}" if run else item["name"]
-        found.append(_hashed("model" if run else "input", name, place(item, folder), item["digest"]["sha256"]))
+        found.append(
+            _hashed(
+                "model" if run else "input", name, place(item, folder), item["digest"]["sha256"]
+            )
+        )
     return [
         *found,
-        *(VerificationResult(kind, name, "changed" if detail else "same", detail) for kind, name, detail in stated(folder, statement)),
+        *(
+            VerificationResult(kind, name, "changed" if detail else "same", detail)
+            for kind, name, detail in stated(folder, statement)
+        ),
         *_verdicts(folder),
     ]
 
 
 def _hashed(kind: str, name: str, path: Path | None, wanted: str) -> VerificationResult:
     if path is None:
-        return VerificationResult(kind, name, "missing", "the manifest does not state where it lies")
+        return VerificationResult(
+            kind, name, "missing", "the manifest does not state where it lies"
+        )
     if not path.is_file():
         return VerificationResult(kind, name, "missing", f"no file {path}")
     have = sha256(path)
@@ -264,35 +369,61 @@ def _hashed(kind: str, name: str, path: Path | None, wanted: str) -> Verificatio
 
 
 def _verdicts(folder: Path) -> Iterator[VerificationResult]:
-    """Yield one result per case and model that states what is judged differently now, or printed differently in ``results.json``."""
+    """Yield one result per case and model that states what is judged differently now, or printed
+    differently in ``results.json``.
+    """
     try:
         results = read_archive(folder).results
         pages = _json(folder)
         printed = [{(r["run"], r["criterion"]): r for r in item["verdict"]} for item in pages]
         statuses = [dict(item["status"]) for item in pages]
     except (AeromatchError, OSError, ValueError, KeyError, TypeError) as error:
-        yield VerificationResult("verdict", "all", "missing", f"the results cannot be read: {error}")
+        yield VerificationResult(
+            "verdict", "all", "missing", f"the results cannot be read: {error}"
+        )
         return
     if len(printed) != len(results):
-        yield VerificationResult("verdict", "all", "changed", f"results.json has {len(printed)} cases, results.nc has {len(results)}")
+        yield VerificationResult(
+            "verdict",
+            "all",
+            "changed",
+            f"results.json has {len(printed)} cases, results.nc has {len(results)}",
+        )
         return
     for result, numbers, status in zip(results, printed, statuses, strict=True):
         for run in result.runs:
             stored = {row["criterion"]: row for row in result.rows if row["run"] == run}
-            words = [*_judged_again(result, run, stored), *_not_stated(result, run), *_differences("results.json", run, stored, numbers)]
+            words = [
+                *_judged_again(result, run, stored),
+                *_not_stated(result, run),
+                *_differences("results.json", run, stored, numbers),
+            ]
             if status.get(run) != result.status(run):
                 words.append(f"status {result.status(run)}, results.json {status.get(run)}")
-            yield VerificationResult("verdict", f"{result.case.name}, {run}", "changed" if words else "same", "; ".join(words))
+            yield VerificationResult(
+                "verdict",
+                f"{result.case.name}, {run}",
+                "changed" if words else "same",
+                "; ".join(words),
+            )
 
 
 def _json(folder: Path) -> list[dict[str, Any]]:
     return json.loads((folder / "results.json").read_text(encoding="utf-8"))["results"]
 
 
-def _judged_again(result: PomResult, run: str, stored: Mapping[str, Mapping[Hashable, Any]]) -> Iterator[str]:
+def _judged_again(
+    result: PomResult, run: str, stored: Mapping[str, Mapping[Hashable, Any]]
+) -> Iterator[str]:
     time, refused = result.signals["time"].values, _refused(result, run)
-    outcomes = judge_all(result.case, time, traces_of(result.signals, "flight"), traces_of(result.signals, run))
-    empty = {row["group"] for row in stored.values() if any(remark.kind == "no_value" for remark in row["remarks"])}
+    outcomes = judge_all(
+        result.case, time, traces_of(result.signals, "flight"), traces_of(result.signals, run)
+    )
+    empty = {
+        row["group"]
+        for row in stored.values()
+        if any(remark.kind == "no_value" for remark in row["remarks"])
+    }
     for criterion in result.case.criteria:
         before = stored.get(criterion.name)
         if before is None:
@@ -307,7 +438,10 @@ def _judged_again(result: PomResult, run: str, stored: Mapping[str, Mapping[Hash
                 yield from _difference(criterion.name, "judged again", before, now)
 
 
-_EMPTY = {"invalid", "not_tested"}  # a channel without any sample is missing or empty: the archive does not show which
+_EMPTY = {
+    "invalid",
+    "not_tested",
+}  # a channel without any sample is missing or empty: the archive does not show which
 
 
 def _refused(result: PomResult, run: str) -> bool:
@@ -316,12 +450,17 @@ def _refused(result: PomResult, run: str) -> bool:
 
 
 def _not_stated(result: PomResult, run: str) -> Iterator[str]:
-    """Yield the remarks on the trim and on watched channels that the samples call for and no row states."""
+    """Yield the remarks on the trim and on watched channels that the samples call for and no row
+    states.
+    """
     if _refused(result, run):
         return
     stated = {remark.text for row in result.rows if row["run"] == run for remark in row["remarks"]}
     flight, model = traces_of(result.signals, "flight"), traces_of(result.signals, run)
-    due = (*_beyond(result, run, demanded=False), *watch(result.case, result.signals["time"].values, flight, model))
+    due = (
+        *_beyond(result, run, demanded=False),
+        *watch(result.case, result.signals["time"].values, flight, model),
+    )
     yield from (f"{remark.text}: not stated" for remark in due if remark.text not in stated)
 
 
@@ -333,7 +472,9 @@ def _beyond(result: PomResult, run: str, demanded: bool) -> tuple[RowRemark, ...
     return beyond_limits(limits_of(result), found, demanded)
 
 
-def _differences(where: str, run: str, stored: Mapping[str, Mapping[Hashable, Any]], others: Mapping[Any, Any]) -> Iterator[str]:
+def _differences(
+    where: str, run: str, stored: Mapping[str, Mapping[Hashable, Any]], others: Mapping[Any, Any]
+) -> Iterator[str]:
     for name, before in stored.items():
         other = others.get((run, name))
         if other is None:
@@ -342,7 +483,9 @@ def _differences(where: str, run: str, stored: Mapping[str, Mapping[Hashable, An
             yield from _difference(name, where, before, other)
 
 
-def _difference(name: str, where: str, before: Mapping[Hashable, Any], now: Mapping[Any, Any]) -> Iterator[str]:
+def _difference(
+    name: str, where: str, before: Mapping[Hashable, Any], now: Mapping[Any, Any]
+) -> Iterator[str]:
     if before["verdict"] != now["verdict"]:
         yield f"{name}: verdict {before['verdict']}, {where} {now['verdict']}"
     for column in NUMBERS:

@@ -1,4 +1,6 @@
-"""A Proof-of-Match case: one row of the tolerance table, one window of one flight record, and how the model is driven."""
+"""A Proof-of-Match case: one row of the tolerance table, one window of one flight record, and how
+the model is driven.
+"""
 
 from __future__ import annotations
 
@@ -31,23 +33,28 @@ class Drive:
     Attributes
     ----------
     surfaces : str
-        ``recorded``: recorded surface positions; ``cockpit``: recorded travel of column, wheel and pedals; ``force``: recorded
-        pilot forces; ``pilot``: the recorded controls plus what the loops of the math pilot add.
+        ``recorded``: recorded surface positions; ``cockpit``: recorded travel of column, wheel and
+        pedals; ``force``: recorded pilot forces; ``pilot``: the recorded controls plus what the
+        loops of the math pilot add.
     engine : str
-        ``thrust``: recorded thrust drives; ``n1``: the recorded fan speed; ``throttle``: the recorded lever drives the engine model.
+        ``thrust``: recorded thrust drives; ``n1``: the recorded fan speed; ``throttle``: the
+        recorded lever drives the engine model.
     trim : bool or "ground"
-        Trim the model to the flight condition at the start of the window; its biases are reported.  ``ground``: it stands or
-        rolls on its wheels, whose height and attitude are solved for; the surfaces stay as recorded.
+        Trim the model to the flight condition at the start of the window; its biases are reported.
+        ``ground``: it stands or rolls on its wheels, whose height and attitude are solved for; the
+        surfaces stay as recorded.
     limits : dict of str to float
-        Largest biases of the trim, and largest accelerations it leaves, as the case file limits them: ``delta_e``, ``thrust``,
-        ``F_column``, ``u_dot`` ...; a run beyond one is invalid. [SI]
+        Largest biases of the trim, and largest accelerations it leaves, as the case file limits
+        them: ``delta_e``, ``thrust``, ``F_column``, ``u_dot`` ...; a run beyond one is invalid.
+        [SI]
     held_by : {"force", "friction"}
-        What holds the controls at the start of a run with recorded forces: the recorded force and a bias; or dry friction as far as it
-        can, and a bias beyond.
+        What holds the controls at the start of a run with recorded forces: the recorded force and a
+        bias; or dry friction as far as it can, and a bias beyond.
     pilot : tuple of Loop
         Loops of the math pilot; only with ``surfaces = "pilot"``.
     trim_surfaces : tuple of str
-        Trim surfaces that the trim solves for, so that the recorded forces hold the controls at the start.
+        Trim surfaces that the trim solves for, so that the recorded forces hold the controls at the
+        start.
     runway : str
         ``dry``, ``wet``, ``icy``; empty for the state in the aircraft file.
     """
@@ -63,21 +70,28 @@ class Drive:
 
     @property
     def level(self) -> str:
-        """What pitch, roll and yaw are driven by: a key of `PRIMARY`; with a math pilot that of the controls he moves."""
+        """What pitch, roll and yaw are driven by: a key of `PRIMARY`; with a math pilot that of the
+        controls he moves.
+        """
         if self.surfaces != "pilot":
             return self.surfaces
-        return next((level for loop in self.pilot if (level := parts.level_of(loop.control))), "recorded")
+        return next(
+            (level for loop in self.pilot if (level := parts.level_of(loop.control))), "recorded"
+        )
 
     @classmethod
     def from_dict(cls, item: Mapping[str, Any]) -> Drive:
         """Rebuild a drive from ``dataclasses.asdict``."""
         loops = tuple(Loop(**loop) for loop in item.get("pilot", ()))
-        return cls(**{**item, "pilot": loops, "trim_surfaces": tuple(item.get("trim_surfaces", ()))})
+        return cls(
+            **{**item, "pilot": loops, "trim_surfaces": tuple(item.get("trim_surfaces", ()))}
+        )
 
 
 @dataclass(frozen=True)
 class PomCase:
-    """A case, resolved: defaults filled in, criteria looked up, windows in seconds of the record's clock.
+    """A case, resolved: defaults filled in, criteria looked up, windows in seconds of the record's
+    clock.
 
     Attributes
     ----------
@@ -101,16 +115,19 @@ class PomCase:
         Channels to show in addition to the judged ones.
     criteria : tuple of Criterion
     reference : str
-        ``flight``; ``engineering``: data of an engineering simulator; ``footprint``: a recording without a reference, which has
-        no band and no verdict.
+        ``flight``; ``engineering``: data of an engineering simulator; ``footprint``: a recording
+        without a reference, which has no band and no verdict.
     fraction : float
         Share of the tolerance that is applied. [1]
     wind : str
-        ``record``: the wind of the reconstruction; ``measured``: that of the raw record; ``none``: calm air.
+        ``record``: the wind of the reconstruction; ``measured``: that of the raw record; ``none``:
+        calm air.
     ranges : dict of str to float
-        Largest value in service by channel, the base of lone percentages (``range_max``, rule R3). [SI]
+        Largest value in service by channel, the base of lone percentages (``range_max``, rule R3).
+        [SI]
     certified : dict of str to float
-        Certified values below which a criterion fails inside its band, by parameter (climb gradients of 1.c.2, 1.c.4). [SI]
+        Certified values below which a criterion fails inside its band, by parameter (climb
+        gradients of 1.c.2, 1.c.4). [SI]
     ticks : dict of str to str
         By advisory criterion: name, date and words of the engineer who ticked it.
     rationale : dict of str to str
@@ -126,7 +143,8 @@ class PomCase:
     law_moves : tuple of str
         Controls that the control law moves, in place of the record.
     objective, procedure, manual, evaluation, notes : str
-        What the test shows, how it is flown automatically and by hand, how it is evaluated, remarks.
+        What the test shows, how it is flown automatically and by hand, how it is evaluated,
+        remarks.
     """
 
     name: str
@@ -169,7 +187,17 @@ class PomCase:
     def files(self) -> list[str]:
         """Return the case file and the files it names."""
         return [
-            name for name in (self.path, self.record, self.names, self.aircraft, *self.models.values(), self.law, self.law_names) if name
+            name
+            for name in (
+                self.path,
+                self.record,
+                self.names,
+                self.aircraft,
+                *self.models.values(),
+                self.law,
+                self.law_names,
+            )
+            if name
         ]
 
     def to_dict(self) -> dict[str, Any]:
@@ -193,7 +221,9 @@ class PomCase:
 
 
 def driven(case: PomCase) -> set[str]:
-    """Return the quantities that the record sets, so that they cannot be judged; what math pilot or control law move is not among them."""
+    """Return the quantities that the record sets, so that they cannot be judged; what math pilot or
+    control law move is not among them.
+    """
     names = set(INPUTS).difference(*PRIMARY.values()).union(PRIMARY[case.drive.level])
     moved = {loop.control for loop in case.drive.pilot}.union(case.law_moves)
     if "throttle" not in moved:
@@ -214,8 +244,8 @@ def read_case(path: str | Path) -> PomCase:
     ParseError
         The file is not TOML.
     SchemaError
-        With every problem of the file: unknown keys and their near names, units, events without a time, windows, a math
-        pilot on a judged channel.
+        With every problem of the file: unknown keys and their near names, units, events without a
+        time, windows, a math pilot on a judged channel.
     """
     path = Path(path)
     content = load(path)
@@ -224,7 +254,9 @@ def read_case(path: str | Path) -> PomCase:
     except SchemaError as error:
         rest = parts.sound_rest(content)
         more = _resolved(path, rest)[1] if rest is not None else _loose_problems(content)
-        raise SchemaError(error.what, [*error.problems, *(text for text in more if text not in error.problems)]) from None
+        raise SchemaError(
+            error.what, [*error.problems, *(text for text in more if text not in error.problems)]
+        ) from None
     case, problems = _resolved(path, file)
     if problems:
         raise SchemaError(f"case {path}", problems)
@@ -246,17 +278,28 @@ def _resolved(path: Path, file: CaseFile) -> tuple[PomCase, list[str]]:
     parts.check_names("ticks", file.ticks, names, "criterion", problems)
     trim = {f"trim.{name}" for name in parts.LIMIT_UNITS}
     explained = names | {c.channel for c in found} | set(case.show) | trim
-    parts.check_names("rationale", file.rationale, explained, "criterion, channel or trim quantity", problems)
-    parts.check_names("certified", file.certified, {c.parameter for c in found}, "parameter", problems)
+    parts.check_names(
+        "rationale", file.rationale, explained, "criterion, channel or trim quantity", problems
+    )
+    parts.check_names(
+        "certified", file.certified, {c.parameter for c in found}, "parameter", problems
+    )
     calm = [name for name in file.conditions if name in WIND and file.drive.wind == "none"]
-    problems += [f'conditions.{name}: drive.wind is "none", calm air; give one of the two' for name in calm]
+    problems += [
+        f'conditions.{name}: drive.wind is "none", calm air; give one of the two' for name in calm
+    ]
     largest, fraction = parts.ranges(file.ranges, problems), parts.fraction(file)
     drive = _drive(file, found, problems)
     as_written: dict[str, Any] = {key: getattr(case, key) for key in _AS_WRITTEN}
-    as_written |= {key: parts.place(path, getattr(case, key), f"case.{key}", problems) for key in ("record", "names", "aircraft")}
+    as_written |= {
+        key: parts.place(path, getattr(case, key), f"case.{key}", problems)
+        for key in ("record", "names", "aircraft")
+    }
     law = file.control_law
     if law is not None and file.drive.surfaces != "recorded":
-        problems.append(f'control_law: it drives surfaces, and drive.surfaces is "{file.drive.surfaces}"; make it "recorded"')
+        problems.append(
+            f'control_law: it drives surfaces, and drive.surfaces is "{file.drive.surfaces}"; make it "recorded"'
+        )
     resolved = PomCase(
         **as_written,
         path=str(path),
@@ -273,15 +316,32 @@ def _resolved(path: Path, file: CaseFile) -> tuple[PomCase, list[str]]:
         source=dict(file.source),
         signatures=plain_signatures(file.signatures),
         law=parts.place(path, law.fmu, "control_law.fmu", problems) if law is not None else "",
-        law_names=parts.place(path, law.names, "control_law.names", problems) if law is not None else "",
+        law_names=parts.place(path, law.names, "control_law.names", problems)
+        if law is not None
+        else "",
         law_moves=law.moves if law is not None else (),
-        models={name: parts.place(path, place, f"models.{name}", problems) for name, place in file.models.items()},
+        models={
+            name: parts.place(path, place, f"models.{name}", problems)
+            for name, place in file.models.items()
+        },
     )
     return resolved, problems
 
 
 _AS_WRITTEN = (
-    *("id", "standard", "edition", "name", "title", "description", "window", "features", "shortened", "show", "reference"),
+    *(
+        "id",
+        "standard",
+        "edition",
+        "name",
+        "title",
+        "description",
+        "window",
+        "features",
+        "shortened",
+        "show",
+        "reference",
+    ),
     *("objective", "procedure", "manual", "evaluation", "notes"),
 )
 
@@ -292,10 +352,23 @@ def _drive(file: CaseFile, found: list[Criterion], problems: list[str]) -> Drive
         parts.forbid_judged(loops, found, problems)
     given = file.drive
     if any(loop.control == "throttle" for loop in loops) and given.engine != "throttle":
-        problems.append(f'drive.pilot: a loop moves the throttle, but drive.engine is "{given.engine}"; drive the engines by "throttle"')
+        problems.append(
+            f'drive.pilot: a loop moves the throttle, but drive.engine is "{given.engine}"; drive the engines by "throttle"'
+        )
     limits = parts.limits(given.limits, problems)
-    drive = Drive(given.surfaces, given.engine, given.trim, limits, loops, given.held_by, given.trim_surfaces, given.runway)
-    if drive.trim_surfaces and (drive.level != "force" or drive.trim is not True or drive.held_by != "force"):
+    drive = Drive(
+        given.surfaces,
+        given.engine,
+        given.trim,
+        limits,
+        loops,
+        given.held_by,
+        given.trim_surfaces,
+        given.runway,
+    )
+    if drive.trim_surfaces and (
+        drive.level != "force" or drive.trim is not True or drive.held_by != "force"
+    ):
         problems.append(
             "drive.trim_surfaces: a trim surface is solved for where recorded forces hold the controls at the start; "
             'give surfaces = "force", trim = true and held_by = "force", or leave it out'

@@ -25,7 +25,12 @@ class Signature(Strict):
 
     name: str = Field(min_length=1, max_length=100, examples=["A. Engineer"], description="Name.")
     date: str = Field(examples=["2026-11-21"], description="Day of the signature, YYYY-MM-DD.")
-    organisation: str = Field(default="", max_length=100, examples=["flight test"], description="Organisation or function.")
+    organisation: str = Field(
+        default="",
+        max_length=100,
+        examples=["flight test"],
+        description="Organisation or function.",
+    )
     results: str = Field(
         default="",
         pattern=r"^([0-9a-f]{8,64})?$",
@@ -50,12 +55,19 @@ class Signatures(Strict):
 
 
 def plain_signatures(given: Mapping[Role, Signature]) -> dict[str, dict[str, str]]:
-    """Return signatures as plain data, by role in the order of the block; ``results`` where they are named."""
+    """Return signatures as plain data, by role in the order of the block; ``results`` where they
+    are named.
+    """
     dumped = {role: given[role].model_dump() for role in ROLES if role in given}
-    return {role: {key: text for key, text in one.items() if text or key != "results"} for role, one in dumped.items()}
+    return {
+        role: {key: text for key, text in one.items() if text or key != "results"}
+        for role, one in dumped.items()
+    }
 
 
-def signature_rows(given: Mapping[str, Mapping[str, Any]], date: str, results: str = "") -> list[dict[str, str]]:
+def signature_rows(
+    given: Mapping[str, Mapping[str, Any]], date: str, results: str = ""
+) -> list[dict[str, str]]:
     """Return the rows of the block of signatures, one for each role.
 
     Parameters
@@ -63,9 +75,11 @@ def signature_rows(given: Mapping[str, Mapping[str, Any]], date: str, results: s
     given : mapping
         Of `plain_signatures`; roles without an entry stay empty, for a signature by hand.
     date : str
-        Of the results, empty where none is given: who signed on an earlier day has not seen these results.
+        Of the results, empty where none is given: who signed on an earlier day has not seen these
+        results.
     results : str
-        Their name (`pom.result.results_name`), empty where there are none yet: who signed others has not seen them either.
+        Their name (`pom.result.results_name`), empty where there are none yet: who signed others
+        has not seen them either.
 
     Returns
     -------
@@ -87,13 +101,33 @@ def signature_rows(given: Mapping[str, Mapping[str, Any]], date: str, results: s
 
 INITIAL = ("V", "alpha", "beta", "gamma", "phi", "theta", "psi", "p", "q", "r", "h", "lat", "lon")
 MASS = ("mass", "x_cg_b", "y_cg_b", "z_cg_b", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
-SURFACES = ("delta_e", "delta_a", "delta_r", "delta_t", "delta_ta", "delta_tr", "delta_f", "delta_s", "delta_d")
+SURFACES = (
+    "delta_e",
+    "delta_a",
+    "delta_r",
+    "delta_t",
+    "delta_ta",
+    "delta_tr",
+    "delta_f",
+    "delta_s",
+    "delta_d",
+)
 BRAKES = ("brake_left", "brake_right")
 INPUTS = (*SURFACES, "gear", "speedbrake", "delta_nw", *BRAKES)
 TRAVEL = ("column", "wheel", "pedal")
 FORCES = ("F_column", "F_wheel", "F_pedal")
 WIND = ("wind_n", "wind_e", "wind_d")
-CONDITIONS = (*INPUTS, *TRAVEL, *FORCES, *WIND, *INITIAL, *MASS, "delta_T", "runway_elevation", "wheel_radius")
+CONDITIONS = (
+    *INPUTS,
+    *TRAVEL,
+    *FORCES,
+    *WIND,
+    *INITIAL,
+    *MASS,
+    "delta_T",
+    "runway_elevation",
+    "wheel_radius",
+)
 SHOWN = ("V_cas", "h", "alpha", "beta", "phi", "theta", "psi", "p", "q", "r", "nz")
 
 _NAME = re.compile(r"\w[\w.-]{0,99}")
@@ -114,24 +148,43 @@ class CaseTable(Strict):
     name: str = Field(description="Short name of the case, for files and links.")
     title: str = Field(description="Title for people.")
     description: str = Field(default="", description="What was flown.")
-    record: str = Field(description="Flight record: a raw one, or one of `aeromatch flight reconstruct`. Relative to this file.")
+    record: str = Field(
+        description="Flight record: a raw one, or one of `aeromatch flight reconstruct`. Relative to this file."
+    )
     names: str = Field(default="", description="Name map of the record. Relative to this file.")
-    aircraft: str = Field(default="", description="Aircraft file; a raw record needs it to be reconstructed. Relative to this file.")
-    window: tuple[float, float] = Field(description="Start and end of the replay on the clock of the record [s].")
-    features: tuple[str, ...] = Field(default=(), description="Conditions of table rows that hold, such as reversible_controls.")
+    aircraft: str = Field(
+        default="",
+        description="Aircraft file; a raw record needs it to be reconstructed. Relative to this file.",
+    )
+    window: tuple[float, float] = Field(
+        description="Start and end of the replay on the clock of the record [s]."
+    )
+    features: tuple[str, ...] = Field(
+        default=(), description="Conditions of table rows that hold, such as reversible_controls."
+    )
     absent: tuple[str, ...] = Field(
         default=(),
         examples=[["spoiler", "epr"]],
         description="Parameters of rows whose equipment the aeroplane does not have, such as spoiler, epr, tiller_force.",
     )
-    shortened: str = Field(default="", description="Why a window is shorter than the rows ask; without it a short window is an error.")
-    show: tuple[str, ...] = Field(default=SHOWN, description="Channels to show in addition to the judged ones.")
-    mode_channel: str = Field(default="", examples=["r"], description="Channel on which period and damping are measured.")
+    shortened: str = Field(
+        default="",
+        description="Why a window is shorter than the rows ask; without it a short window is an error.",
+    )
+    show: tuple[str, ...] = Field(
+        default=SHOWN, description="Channels to show in addition to the judged ones."
+    )
+    mode_channel: str = Field(
+        default="", examples=["r"], description="Channel on which period and damping are measured."
+    )
     engine_parameter: str = Field(
-        default="", examples=["engine1.n1"], description="Critical engine parameter of Ti and Tt, such as engine1.n1."
+        default="",
+        examples=["engine1.n1"],
+        description="Critical engine parameter of Ti and Tt, such as engine1.n1.",
     )
     reference: Literal["flight", "engineering", "footprint"] = Field(
-        default="flight", description="flight; engineering: an engineering simulator; footprint: a recording without reference, no verdict."
+        default="flight",
+        description="flight; engineering: an engineering simulator; footprint: a recording without reference, no verdict.",
     )
     fraction: float | None = Field(
         default=None,
@@ -140,34 +193,63 @@ class CaseTable(Strict):
         examples=[0.2],
         description="Share of the tolerance that is applied. Default: 1 for flight; for engineering 0.2 before 2016, 0.4 from then on.",
     )
-    objective: str = Field(default="", examples=["Phugoid without pilot"], description="What the test shows.")
-    procedure: str = Field(default="", examples=["The recorded elevator drives the model"], description="How it runs automatically.")
-    manual: str = Field(default="", examples=["Trim, pull, release"], description="How a pilot flies it by hand.")
-    evaluation: str = Field(default="", examples=["Period and damping of the speed"], description="How it is evaluated.")
-    notes: str = Field(default="", examples=["light turbulence"], description="Remarks for the reader of the report.")
+    objective: str = Field(
+        default="", examples=["Phugoid without pilot"], description="What the test shows."
+    )
+    procedure: str = Field(
+        default="",
+        examples=["The recorded elevator drives the model"],
+        description="How it runs automatically.",
+    )
+    manual: str = Field(
+        default="", examples=["Trim, pull, release"], description="How a pilot flies it by hand."
+    )
+    evaluation: str = Field(
+        default="", examples=["Period and damping of the speed"], description="How it is evaluated."
+    )
+    notes: str = Field(
+        default="",
+        examples=["light turbulence"],
+        description="Remarks for the reader of the report.",
+    )
 
     @field_validator("name")
     @classmethod
     def _name_of_files(cls, name: str) -> str:
         if not _NAME.fullmatch(name):
-            raise ValueError(f"{name!r} names files and links: letters, digits, '-', '_' and '.', a letter or digit first, at most 100")
+            raise ValueError(
+                f"{name!r} names files and links: letters, digits, '-', '_' and '.', a letter or digit first, at most 100"
+            )
         return name
 
     @field_validator("window")
     @classmethod
     def _window_rises(cls, window: tuple[float, float]) -> tuple[float, float]:
         if not window[0] < window[1]:
-            raise ValueError(f"the window must start before it ends, not {window[0]:g} ... {window[1]:g} s")
+            raise ValueError(
+                f"the window must start before it ends, not {window[0]:g} ... {window[1]:g} s"
+            )
         return window
 
 
 class LoopTable(Strict):
-    """A loop of the math pilot: correction = gain e + integral * Int e dt with e = recorded - model, no larger than limit."""
+    """A loop of the math pilot: correction = gain e + integral * Int e dt with e = recorded -
+    model, no larger than limit.
+    """
 
-    control: str = Field(description="Control that the loop moves: delta_a, wheel, F_column, throttle ...")
-    channel: str = Field(description="Channel that is held to the recorded one; never one that is judged.")
-    gain: Quantity = Field(description="Control per error: SI, or with units such as '0.3 deg/deg' or '2 cm/deg'.")
-    integral: Quantity = Field(default=0.0, description="Control per error and second: SI, or with units such as '0.05 deg/deg s'.")
+    control: str = Field(
+        description="Control that the loop moves: delta_a, wheel, F_column, throttle ..."
+    )
+    channel: str = Field(
+        description="Channel that is held to the recorded one; never one that is judged."
+    )
+    gain: Quantity = Field(
+        description="Control per error: SI, or with units such as '0.3 deg/deg' or '2 cm/deg'."
+    )
+    integral: Quantity = Field(
+        default=0.0,
+        description="Control per error and second: SI, or with units such as '0.05 deg/deg s'.",
+    )
     limit: Quantity = Field(description="Largest correction of the loop, such as '5 deg'.")
 
 
@@ -180,13 +262,16 @@ class DriveTable(Strict):
         "pilot: what is recorded of the level of its loops, plus their corrections.",
     )
     engine: Literal["thrust", "n1", "throttle"] = Field(
-        default="thrust", description="thrust: recorded thrust drives; n1: the fan speed, throttle: the lever drives the engine model."
+        default="thrust",
+        description="thrust: recorded thrust drives; n1: the fan speed, throttle: the lever drives the engine model.",
     )
     trim: StrictBool | Literal["ground"] = Field(
-        default=True, description="Trim the model to the flight condition at the start; ground: it stands or rolls on its wheels."
+        default=True,
+        description="Trim the model to the flight condition at the start; ground: it stands or rolls on its wheels.",
     )
     wind: Literal["record", "measured", "none"] = Field(
-        default="record", description="record: wind of the reconstructed path; measured: wind channels of the raw record; none: calm air."
+        default="record",
+        description="record: wind of the reconstructed path; measured: wind channels of the raw record; none: calm air.",
     )
     limits: dict[str, Quantity] = _table(
         "Largest bias of the trim, such as { delta_e = '1 deg', thrust = '50 lbf' }; beyond one written here the run is invalid."
@@ -203,18 +288,35 @@ class DriveTable(Strict):
         examples=[["delta_t"]],
     )
     runway: Literal["", "dry", "wet", "icy"] = Field(
-        default="", description="State of the runway, parameter runway.condition of the model; empty: that of the aircraft file."
+        default="",
+        description="State of the runway, parameter runway.condition of the model; empty: that of the aircraft file.",
     )
     pilot: tuple[LoopTable, ...] = Field(default=(), description="Loops of the math pilot.")
 
 
-_Moved = Literal["delta_e", "delta_a", "delta_r", "delta_t", "delta_ta", "delta_tr", "delta_f", "delta_s", "delta_d", "speedbrake"]
+_Moved = Literal[
+    "delta_e",
+    "delta_a",
+    "delta_r",
+    "delta_t",
+    "delta_ta",
+    "delta_tr",
+    "delta_f",
+    "delta_s",
+    "delta_d",
+    "speedbrake",
+]
 
 
 class ControlLawTable(Strict):
-    """A control law of the airplane, such as a yaw damper or a flight-control computer: an FMU that moves controls of the model."""
+    """A control law of the airplane, such as a yaw damper or a flight-control computer: an FMU that
+    moves controls of the model.
+    """
 
-    fmu: str = Field(description="FMU of the control law, FMI 1.0 to 3.0. Relative to this file.", examples=["yaw_damper.fmu"])
+    fmu: str = Field(
+        description="FMU of the control law, FMI 1.0 to 3.0. Relative to this file.",
+        examples=["yaw_damper.fmu"],
+    )
     names: str = Field(
         default="",
         examples=["yaw_damper.toml"],
@@ -228,41 +330,66 @@ class ControlLawTable(Strict):
 
 
 class CaseFile(Strict):
-    """A case of `aeromatch pom`: one row of the tolerance table, one window of one flight record, and how the model is driven."""
+    """A case of `aeromatch pom`: one row of the tolerance table, one window of one flight record,
+    and how the model is driven.
+    """
 
     case: CaseTable
     drive: DriveTable = DriveTable()
-    control_law: ControlLawTable | None = Field(default=None, description="Control law between the recorded pilot and the model.")
-    conditions: dict[str, Quantity] = _table("Values against the record: inputs held constant, parts of the initial state, mass, air.")
-    events: dict[str, float] = _table("Instants that bound the windows of rows, on the clock of the record [s].")
+    control_law: ControlLawTable | None = Field(
+        default=None, description="Control law between the recorded pilot and the model."
+    )
+    conditions: dict[str, Quantity] = _table(
+        "Values against the record: inputs held constant, parts of the initial state, mass, air."
+    )
+    events: dict[str, float] = _table(
+        "Instants that bound the windows of rows, on the clock of the record [s]."
+    )
     models: Texts = _table(
         "By model: its table of names, when names, units or signs are not the canonical ones. Relative to this file.",
         final="final_names.toml",
     )
-    tolerance: dict[str, Any] = _table("Bands that replace those of the row or add to them, by criterion or channel.")
-    ranges: dict[str, Quantity] = _table("Largest value in service by channel, the base of lone percentages (rule R3).", V_cas="250 kt")
-    certified: dict[str, Quantity] = _table("Certified value by parameter, below which a floor criterion fails.", nz=2.5)
+    tolerance: dict[str, Any] = _table(
+        "Bands that replace those of the row or add to them, by criterion or channel."
+    )
+    ranges: dict[str, Quantity] = _table(
+        "Largest value in service by channel, the base of lone percentages (rule R3).",
+        V_cas="250 kt",
+    )
+    certified: dict[str, Quantity] = _table(
+        "Certified value by parameter, below which a floor criterion fails.", nz=2.5
+    )
     ticks: Texts = _table(
-        "By advisory criterion: name, date and words of the engineer who ticked it.", **{"stick shaker": "J. Smith, 2024-05-17, seen"}
+        "By advisory criterion: name, date and words of the engineer who ticked it.",
+        **{"stick shaker": "J. Smith, 2024-05-17, seen"},
     )
     rationale: Texts = _table(
-        "By criterion or channel: why it is as it is. trim.<quantity>: why its bias may be beyond the usual limit.", theta="gust at 40 s"
+        "By criterion or channel: why it is as it is. trim.<quantity>: why its bias may be beyond the usual limit.",
+        theta="gust at 40 s",
     )
     source: Texts = _table(
-        "Where the flight data come from: document, pages, flight, run, filters ...", document="flight-test report", pages="12 to 15"
+        "Where the flight data come from: document, pages, flight, run, filters ...",
+        document="flight-test report",
+        pages="12 to 15",
     )
-    signatures: dict[Role, Signature] = Field(default={}, description="Who signs the pages of the case, by role.")
+    signatures: dict[Role, Signature] = Field(
+        default={}, description="Who signs the pages of the case, by role."
+    )
 
 
 def case_schema() -> dict[str, Any]:
     """Return the schema (JSON Schema 2020-12) of a case file.
 
-    It knows every key with its description, the words of the tolerance table (tests, editions, events, conditions of
-    rows) and the SI unit of every condition.  What depends on several keys at once, `read_case` checks.
+    It knows every key with its description, the words of the tolerance table (tests, editions,
+    events, conditions of rows) and the SI unit of every condition.  What depends on several keys at
+    once, `read_case` checks.
     """
-    schema = file_schema(CaseFile, CaseFile.__doc__ or "")
+    schema = file_schema(CaseFile, " ".join((CaseFile.__doc__ or "").split()))
     parts = schema["$defs"]
-    parts["Entry"] = {**part_schema(Entry), "description": "Half width, percentage, base, rule, group and window."}
+    parts["Entry"] = {
+        **part_schema(Entry),
+        "description": "Half width, percentage, base, rule, group and window.",
+    }
     case = parts["CaseTable"]["properties"]
     case["id"]["enum"] = sorted({row["test_id"] for row in rows.rows()})
     case["standard"]["enum"] = sorted({row["standard"] for row in rows.rows()})
@@ -273,16 +400,29 @@ def case_schema() -> dict[str, Any]:
     _only(top["conditions"], {name: _quantity(name) for name in CONDITIONS})
     _only(
         top["events"],
-        {name: {"type": "number", "description": "[s] on the clock of the record", "examples": [12.5]} for name in sorted(rows.events())},
+        {
+            name: {
+                "type": "number",
+                "description": "[s] on the clock of the record",
+                "examples": [12.5],
+            }
+            for name in sorted(rows.events())
+        },
     )
-    top["tolerance"]["additionalProperties"] = {"anyOf": [{"type": "number"}, {"type": "string"}, {"$ref": "#/$defs/Entry"}]}
+    top["tolerance"]["additionalProperties"] = {
+        "anyOf": [{"type": "number"}, {"type": "string"}, {"$ref": "#/$defs/Entry"}]
+    }
     return schema
 
 
 def _quantity(name: str) -> dict[str, Any]:
     row = lookup(name)
     example = 1.0 if row.units == "1" else f"1 {row.display_units}"
-    return {**quantity_schema(row.units), "description": f"{row.long_name} [{row.units}], or a text with its unit", "examples": [example]}
+    return {
+        **quantity_schema(row.units),
+        "description": f"{row.long_name} [{row.units}], or a text with its unit",
+        "examples": [example],
+    }
 
 
 def _only(place: dict[str, Any], properties: dict[str, Any]) -> None:

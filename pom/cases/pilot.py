@@ -21,7 +21,9 @@ def turns(channel: str) -> bool:
 
 def shortest(channel: str, error: float) -> float:
     """Return an error; of an angle that jumps by a full turn the one below half a turn."""
-    return math.remainder(error, 2.0 * math.pi) if turns(channel) and math.isfinite(error) else error
+    return (
+        math.remainder(error, 2.0 * math.pi) if turns(channel) and math.isfinite(error) else error
+    )
 
 
 @dataclass(frozen=True)
@@ -70,12 +72,15 @@ class Pilot:
     Attributes
     ----------
     moved : dict of str to array (time,)
-        Correction of every control, in force from its sample to the next; NaN where the run did not come. [SI]
+        Correction of every control, in force from its sample to the next; NaN where the run did not
+        come. [SI]
     cut : dict of str to array (time,)
         Whether a loop of the control was at its limit.
     """
 
-    def __init__(self, loops: Sequence[Loop | Mapping], time: np.ndarray, targets: Mapping[str, np.ndarray]):
+    def __init__(
+        self, loops: Sequence[Loop | Mapping], time: np.ndarray, targets: Mapping[str, np.ndarray]
+    ):
         self.loops = tuple(loop if isinstance(loop, Loop) else Loop(**loop) for loop in loops)
         # lists: arithmetic on single elements of arrays takes several times as long
         self.steps = np.diff(np.asarray(time, float)).tolist()
@@ -106,7 +111,9 @@ class Pilot:
         """
         total = dict.fromkeys(self.moved, 0.0)
         for i, loop in enumerate(self.loops):
-            total[loop.control] += self._correction(i, shortest(loop.channel, self.targets[i][k] - outputs[loop.channel]), k)
+            total[loop.control] += self._correction(
+                i, shortest(loop.channel, self.targets[i][k] - outputs[loop.channel]), k
+            )
         for name, value in total.items():
             self.moved[name][k] = value
         return total

@@ -27,8 +27,9 @@ def calibration_text(biases: xr.Dataset) -> str:
     Parameters
     ----------
     biases : Dataset (parameter,)
-        ``estimate``, ``stderr``, ``unit``, ``held``, from `flighttest.reconstruct` or `flighttest.reconstruction.open_biases`.
-        Constants that were held are left out: nothing was corrected by them that the instrument's own specification does not state.
+        ``estimate``, ``stderr``, ``unit``, ``held``, from `flighttest.reconstruct` or
+        `flighttest.reconstruction.open_biases`. Constants that were held are left out: nothing was
+        corrected by them that the instrument's own specification does not state.
     """
     rows = [
         {
@@ -54,7 +55,8 @@ def flight_states(case: PomCase, path: Any = None) -> xr.Dataset:
     Returns
     -------
     Dataset (time)
-        States, controls, thrust, mass properties; the attribute ``calibration`` gives the corrections of the instruments. [SI]
+        States, controls, thrust, mass properties; the attribute ``calibration`` gives the
+        corrections of the instruments. [SI]
 
     Raises
     ------
@@ -74,22 +76,38 @@ def flight_states(case: PomCase, path: Any = None) -> xr.Dataset:
             f"case {case.name}: the window {start:g} ... {stop:g} s lies outside the record {time[0]:g} ... {time[-1]:g} s "
             f"({case.record}); choose one inside"
         )
-    first, behind = np.searchsorted(time, start - 1e-9), np.searchsorted(time, stop + 1e-9, side="right")
-    inside = unwrapped(states.isel(time=slice(first, behind)))  # no copy: a batch holds the states of all its cases
-    return inside.assign(measured_wind(case, inside["time"].values)) if case.wind == "measured" else inside
+    first, behind = (
+        np.searchsorted(time, start - 1e-9),
+        np.searchsorted(time, stop + 1e-9, side="right"),
+    )
+    inside = unwrapped(
+        states.isel(time=slice(first, behind))
+    )  # no copy: a batch holds the states of all its cases
+    return (
+        inside.assign(measured_wind(case, inside["time"].values))
+        if case.wind == "measured"
+        else inside
+    )
 
 
 def window_problem(case: PomCase) -> str:
-    """Return what is wrong with the window of a case against its record; empty when it lies inside, or there is no record yet."""
+    """Return what is wrong with the window of a case against its record; empty when it lies inside,
+    or there is no record yet.
+    """
     if not Path(case.record).is_file():
         return ""
     kept = path_states(case.record)
     if kept is not None:
         leaves = [kept]
     else:
-        leaves = [leaf.to_dataset() for leaf in flighttest.read(case.record, names=case.names or None).children.values()]
+        leaves = [
+            leaf.to_dataset()
+            for leaf in flighttest.read(case.record, names=case.names or None).children.values()
+        ]
     times = [leaf["time"].values.astype(float) for leaf in leaves if leaf.sizes.get("time", 0) > 1]
-    time = min(times, key=lambda time: float(np.median(np.diff(time))))  # the fastest clock, on which the states are reconstructed
+    time = min(
+        times, key=lambda time: float(np.median(np.diff(time)))
+    )  # the fastest clock, on which the states are reconstructed
     first, last, step = float(time[0]), float(time[-1]), float(np.median(np.diff(time)))
     start, stop = case.window
     if start >= first - 0.5 * step and stop <= last + 0.5 * step:
@@ -104,15 +122,22 @@ def _states(case: PomCase, path: Any) -> xr.Dataset:
 
 
 def _calibrated(path: Any) -> xr.Dataset:
-    known = {} if path.biases is None else {CALIBRATION: calibration_text(path.biases)}  # states of another program hold no constants
+    known = (
+        {} if path.biases is None else {CALIBRATION: calibration_text(path.biases)}
+    )  # states of another program hold no constants
     return _with_errors(path.states.assign_attrs(known), path.errors)
 
 
 def _with_errors(states: xr.Dataset, errors: xr.Dataset | None) -> xr.Dataset:
-    """Return states with what the constants of the instruments leave open in them, as variables named `ERROR` and the channel."""
+    """Return states with what the constants of the instruments leave open in them, as variables
+    named `ERROR` and the channel.
+    """
     if errors is None:
         return states
-    named = {f"{ERROR}{name}": (item.dims, item.values, item.attrs) for name, item in errors.data_vars.items()}
+    named = {
+        f"{ERROR}{name}": (item.dims, item.values, item.attrs)
+        for name, item in errors.data_vars.items()
+    }
     return states.assign(named).assign_coords(error=errors["error"].values)
 
 
@@ -122,7 +147,8 @@ def measured_wind(case: PomCase, time: np.ndarray) -> dict[str, Any]:
     Returns
     -------
     dict of str to (dimension, array (time,))
-        ``wind_n``, ``wind_e`` and ``wind_d``, which is zero where none is recorded: velocity of the air mass. [m s-1]
+        ``wind_n``, ``wind_e`` and ``wind_d``, which is zero where none is recorded: velocity of the
+        air mass. [m s-1]
 
     Raises
     ------
@@ -141,14 +167,16 @@ def measured_wind(case: PomCase, time: np.ndarray) -> dict[str, Any]:
 
 
 def recorded_states(case: PomCase, biases: xr.Dataset | None = None) -> xr.Dataset:
-    """Return the states of the record of a case: read when it is a reconstructed path, reconstructed when it is raw.
+    """Return the states of the record of a case: read when it is a reconstructed path,
+    reconstructed when it is raw.
 
     Parameters
     ----------
     case : PomCase
     biases : Dataset, optional
-        Constants of the instruments as other records give them (`flighttest.reconstruction.open_biases`), the prior of a
-        reconstruction.  Without them a raw record has only itself and the class of its instruments.
+        Constants of the instruments as other records give them
+        (`flighttest.reconstruction.open_biases`), the prior of a reconstruction.  Without them a
+        raw record has only itself and the class of its instruments.
 
     Raises
     ------
@@ -161,17 +189,26 @@ def recorded_states(case: PomCase, biases: xr.Dataset | None = None) -> xr.Datas
     if found is not None:
         return found
     if not case.aircraft:
-        raise SchemaError(f"case {case.path}", ["case.aircraft: missing; the record has to be reconstructed, and that needs the aircraft"])
+        raise SchemaError(
+            f"case {case.path}",
+            [
+                "case.aircraft: missing; the record has to be reconstructed, and that needs the aircraft"
+            ],
+        )
     record = flighttest.read(case.record, names=case.names or None)
     try:
-        return _calibrated(flighttest.reconstruct(record, read_aircraft(case.aircraft), prior=biases))
+        return _calibrated(
+            flighttest.reconstruct(record, read_aircraft(case.aircraft), prior=biases)
+        )
     except IdentificationError as error:
         hint = "give the constants of the instruments from other records (--biases), or a reconstructed path as the record of the case"
         raise IdentificationError(f"case {case.name}: {error}; {hint}") from error
 
 
 def path_states(record: str) -> xr.Dataset | None:
-    """Return the states of a file of reconstructed states, variables without attributes; None when it is something else."""
+    """Return the states of a file of reconstructed states, variables without attributes; None when
+    it is something else.
+    """
     if Path(record).suffix != ".nc":
         return None
     try:
@@ -186,5 +223,8 @@ def path_states(record: str) -> xr.Dataset | None:
 def unwrapped(states: xr.Dataset) -> xr.Dataset:
     """Return the states with angles that jump by a full turn made continuous."""
     items = {name: states.variables[name] for name in states.data_vars}
-    smooth = {name: (items[name].dims, np.unwrap(items[name].values), items[name].attrs) for name in WRAPPED & items.keys()}
+    smooth = {
+        name: (items[name].dims, np.unwrap(items[name].values), items[name].attrs)
+        for name in WRAPPED & items.keys()
+    }
     return xr.Dataset({**items, **smooth}, states.coords, states.attrs)

@@ -1,4 +1,6 @@
-"""The parts of a case file resolved one by one; what is wrong is added to a list of problems, so that all are reported at once."""
+"""The parts of a case file resolved one by one; what is wrong is added to a list of problems, so
+that all are reported at once.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,9 @@ MOVABLE = (*SURFACES, *TRAVEL, *FORCES, "throttle", "speedbrake", "delta_nw", *B
 BIASES = ("delta_e", "delta_a", "delta_r", "thrust", "throttle", *FORCES)
 REMAINDERS = ("u_dot", "v_dot", "w_dot", "p_dot", "q_dot", "r_dot")
 LIMIT_UNITS = (
-    {name: lookup(name).units for name in BIASES} | {name: "m s-2" for name in REMAINDERS[:3]} | dict.fromkeys(REMAINDERS[3:], "rad s-2")
+    {name: lookup(name).units for name in BIASES}
+    | {name: "m s-2" for name in REMAINDERS[:3]}
+    | dict.fromkeys(REMAINDERS[3:], "rad s-2")
 )
 """What a trim finds and leaves, with its SI unit: keys of ``drive.limits``, outputs ``trim.*`` of a model."""
 
@@ -73,7 +77,8 @@ _BEARING = {"id", "standard", "edition", "window", "features", "shortened", "rec
 
 
 def sound_rest(content: Mapping[str, Any]) -> CaseFile | None:
-    """Return a case file of wrong form without the keys that are wrong, so that all else can be looked at in the same go.
+    """Return a case file of wrong form without the keys that are wrong, so that all else can be
+    looked at in the same go.
 
     None when windows and rows depend on what is wrong.
     """
@@ -83,7 +88,9 @@ def sound_rest(content: Mapping[str, Any]) -> CaseFile | None:
     except ValidationError as error:
         for item in error.errors():
             place = item["loc"]
-            if place[0] == "events" or (place[0] == "case" and (len(place) == 1 or place[1] in _BEARING)):
+            if place[0] == "events" or (
+                place[0] == "case" and (len(place) == 1 or place[1] in _BEARING)
+            ):
                 return None
             if item["type"] != "missing":
                 _remove(rest, place)
@@ -106,7 +113,9 @@ def _remove(content: Any, place: tuple[int | str, ...]) -> None:
         content.pop(last, None)
 
 
-def quantities(place: str, found: Mapping[str, Any], units: Mapping[str, str], what: str, problems: list[str]) -> dict[str, float]:
+def quantities(
+    place: str, found: Mapping[str, Any], units: Mapping[str, str], what: str, problems: list[str]
+) -> dict[str, float]:
     """Return the SI values of a table whose keys are those of `units`."""
     values = {}
     for name, item in found.items():
@@ -121,14 +130,22 @@ def quantities(place: str, found: Mapping[str, Any], units: Mapping[str, str], w
 
 def conditions(found: Mapping[str, Any], problems: list[str]) -> dict[str, float]:
     """Return ``[conditions]`` in SI."""
-    return quantities("conditions", found, {name: lookup(name).units for name in CONDITIONS}, "condition", problems)
+    return quantities(
+        "conditions",
+        found,
+        {name: lookup(name).units for name in CONDITIONS},
+        "condition",
+        problems,
+    )
 
 
 def limits(found: Mapping[str, Any], problems: list[str]) -> dict[str, float]:
     """Return ``drive.limits`` in SI, all positive."""
     values = quantities("drive.limits", found, LIMIT_UNITS, "bias of the trim", problems)
     problems += [
-        f"drive.limits.{name}: {value:g} is not positive; a limit is a largest size" for name, value in values.items() if not value > 0.0
+        f"drive.limits.{name}: {value:g} is not positive; a limit is a largest size"
+        for name, value in values.items()
+        if not value > 0.0
     ]
     return values
 
@@ -150,9 +167,13 @@ def check_events(found: Mapping[str, Any], problems: list[str]) -> None:
             problems.append(f"events: {UnknownName(name, table.events(), 'event')}")
 
 
-def check_names(place: str, found: Mapping[str, Any], allowed: set[str], what: str, problems: list[str]) -> None:
+def check_names(
+    place: str, found: Mapping[str, Any], allowed: set[str], what: str, problems: list[str]
+) -> None:
     """Check the keys of a table of texts."""
-    problems += [f"{place}: {UnknownName(name, allowed, what)}" for name in found if name not in allowed]
+    problems += [
+        f"{place}: {UnknownName(name, allowed, what)}" for name in found if name not in allowed
+    ]
 
 
 def place(path: Path, name: str, key: str, problems: list[str]) -> str:
@@ -170,17 +191,35 @@ def criteria(file: CaseFile, problems: list[str]) -> list[Criterion]:
     case = file.case
     rows = collect(problems, "case.id", table.rows_of, case.id, case.standard, case.edition) or []
     optional = sorted({row["parameter"] for row in rows} & EQUIPMENT)
-    problems += [f"case.absent: {UnknownName(name, optional, 'equipment of this test')}" for name in case.absent if name not in optional]
+    problems += [
+        f"case.absent: {UnknownName(name, optional, 'equipment of this test')}"
+        for name in case.absent
+        if name not in optional
+    ]
     found = []
     for row, name in zip(rows, table.names_of(rows), strict=True):
         window = _window(row, name, file, problems)
-        criterion = table.criterion(row, name, window, case.features, case.mode_channel, case.engine_parameter)
+        criterion = table.criterion(
+            row, name, window, case.features, case.mode_channel, case.engine_parameter
+        )
         if row["parameter"] in case.absent:
-            criterion = replace(criterion, applies=False, reason=f"the aeroplane has no {row['parameter']}: case.absent of the case file")
-        if criterion.applies and criterion.measure.startswith("response_") and not criterion.channel:
-            problems.append(f"case.engine_parameter: missing; row {name} needs the channel of the critical engine parameter")
+            criterion = replace(
+                criterion,
+                applies=False,
+                reason=f"the aeroplane has no {row['parameter']}: case.absent of the case file",
+            )
+        if (
+            criterion.applies
+            and criterion.measure.startswith("response_")
+            and not criterion.channel
+        ):
+            problems.append(
+                f"case.engine_parameter: missing; row {name} needs the channel of the critical engine parameter"
+            )
         if criterion.applies and criterion.measure == "steady" and "capture" not in file.events:
-            problems.append(f"events.capture: missing; row {name} is a snapshot and needs its instant")
+            problems.append(
+                f"events.capture: missing; row {name} is a snapshot and needs its instant"
+            )
         found.append(criterion)
     for key, item in file.tolerance.items():
         changed = collect(problems, f"tolerance.{key}", override, found, key, item, case.window)
@@ -203,7 +242,9 @@ def _window(row: table.Row, name: str, file: CaseFile, problems: list[str]) -> t
     asked = f"{found[0]:g} ... {found[1]:g} s"
     inside = max(found[0], start), min(found[1], stop)
     if not inside[0] < inside[1]:
-        problems.append(f"events: row {name} requires {asked}, outside the case window {start:g} ... {stop:g} s")
+        problems.append(
+            f"events: row {name} requires {asked}, outside the case window {start:g} ... {stop:g} s"
+        )
     elif inside != (found[0], found[1]) and not file.case.shortened:
         problems.append(
             f"case.window: {start:g} ... {stop:g} s is shorter than row {name} asks ({asked}, {row['applies_from']} to "
@@ -212,13 +253,19 @@ def _window(row: table.Row, name: str, file: CaseFile, problems: list[str]) -> t
     return inside
 
 
-def weighed(found: Sequence[Criterion], fraction: float, largest: Mapping[str, float]) -> tuple[Criterion, ...]:
-    """Return criteria with the share of the tolerance that is applied and the largest values in service."""
+def weighed(
+    found: Sequence[Criterion], fraction: float, largest: Mapping[str, float]
+) -> tuple[Criterion, ...]:
+    """Return criteria with the share of the tolerance that is applied and the largest values in
+    service.
+    """
     return tuple(replace(c, fraction=fraction, largest=largest.get(c.channel)) for c in found)
 
 
 def fraction(file: CaseFile) -> float:
-    """Return the share of the tolerance: as written, else by reference and edition (rule R9 of the table)."""
+    """Return the share of the tolerance: as written, else by reference and edition (rule R9 of the
+    table).
+    """
     if file.case.fraction is not None:
         return file.case.fraction
     if file.case.reference != "engineering":
@@ -243,7 +290,9 @@ def loops(file: CaseFile, problems: list[str]) -> tuple[Loop, ...]:
 def level_of(control: str) -> str:
     """Return the level of drive that a control belongs to; empty for those that belong to all."""
     level = {name: "recorded" for name in ("delta_e", "delta_a", "delta_r")}
-    return (level | dict.fromkeys(TRAVEL, "cockpit") | dict.fromkeys(FORCES, "force")).get(control, "")
+    return (level | dict.fromkeys(TRAVEL, "cockpit") | dict.fromkeys(FORCES, "force")).get(
+        control, ""
+    )
 
 
 def _loop(item: LoopTable, where: str, problems: list[str]) -> Loop | None:
@@ -259,12 +308,16 @@ def _loop(item: LoopTable, where: str, problems: list[str]) -> Loop | None:
     before = len(problems)
     values = quantities(where, given, units, "key", problems)
     if values.get("limit", 1.0) <= 0.0:
-        problems.append(f"{where}.limit: {values['limit']:g} is not positive; a limit is the largest correction")
+        problems.append(
+            f"{where}.limit: {values['limit']:g} is not positive; a limit is the largest correction"
+        )
     return Loop(item.control, item.channel, **values) if len(problems) == before else None
 
 
 def forbid_judged(loops: Sequence[Loop], found: Sequence[Criterion], problems: list[str]) -> None:
-    """Report every loop that holds what is judged: qtg-report practice, section 5; a controller would pass any model."""
+    """Report every loop that holds what is judged: qtg-report practice, section 5; a controller
+    would pass any model.
+    """
     for loop in loops:
         kindred = {loop.channel}.union(*(group for group in KINDRED if loop.channel in group))
         judged = [c for c in found if c.applies and not c.reason and kindred & set(channels(c))]

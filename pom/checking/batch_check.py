@@ -1,4 +1,6 @@
-"""The check before a batch: all cases of raw records at once, before the first record is reconstructed."""
+"""The check before a batch: all cases of raw records at once, before the first record is
+reconstructed.
+"""
 
 from __future__ import annotations
 
@@ -62,7 +64,10 @@ PATH = "reconstructed path"
 
 
 def check_batch(
-    cases: Sequence[PomCase], models: Models | None = None, jobs: int = 1, folder: str | Path | None = None
+    cases: Sequence[PomCase],
+    models: Models | None = None,
+    jobs: int = 1,
+    folder: str | Path | None = None,
 ) -> dict[str, RecordCheck]:
     """Check every case and its record before a batch.
 
@@ -74,7 +79,8 @@ def check_batch(
     jobs : int
         Processes; -1 for one per core.
     folder : path, optional
-        Keeps the checks, as `pom.replay_all` keeps its flights. The cases of a record whose check is kept are not checked again.
+        Keeps the checks, as `pom.replay_all` keeps its flights. The cases of a record whose check
+        is kept are not checked again.
 
     Returns
     -------
@@ -84,8 +90,8 @@ def check_batch(
     Raises
     ------
     SchemaError
-        Every problem of every case of a raw record (`case_problems`). `pom.replay_all` checks those of reconstructed paths, which
-        take no time, itself.
+        Every problem of every case of a raw record (`case_problems`). `pom.replay_all` checks those
+        of reconstructed paths, which take no time, itself.
     """
     from joblib import Parallel, delayed
 
@@ -93,10 +99,19 @@ def check_batch(
     for case in cases:
         groups.setdefault(case.record, []).append(case)
     kept = KeptChecks(Path(folder).resolve() if folder is not None else None)
-    found = {record: check for record, group in groups.items() if (check := kept.read(group[0])) is not None}
+    found = {
+        record: check
+        for record, group in groups.items()
+        if (check := kept.read(group[0])) is not None
+    }
     new = {record: group for record, group in groups.items() if record not in found}
-    offered = {record: [models.of(case) if models is not None else {} for case in group] for record, group in new.items()}
-    calls = (delayed(check_record_and_cases)(group, offered[record]) for record, group in new.items())
+    offered = {
+        record: [models.of(case) if models is not None else {} for case in group]
+        for record, group in new.items()
+    }
+    calls = (
+        delayed(check_record_and_cases)(group, offered[record]) for record, group in new.items()
+    )
     made = dict(zip(new, Parallel(n_jobs=jobs if len(new) > 1 else 1)(calls), strict=True))
     problems = [text for _, texts in made.values() for text in texts]
     if problems:
@@ -107,17 +122,26 @@ def check_batch(
     return {record: found[record] for record in groups}
 
 
-def check_record_and_cases(cases: Sequence[PomCase], models: Sequence[Mapping[str, Model]]) -> tuple[RecordCheck, list[str]]:
-    """Return the check of the one record of some cases, and the problems of these cases with their models."""
+def check_record_and_cases(
+    cases: Sequence[PomCase], models: Sequence[Mapping[str, Model]]
+) -> tuple[RecordCheck, list[str]]:
+    """Return the check of the one record of some cases, and the problems of these cases with their
+    models.
+    """
     first = cases[0]
     name = Path(first.record).stem
     if path_states(first.record) is not None:
         return RecordCheck(name, PATH), []
     if not first.aircraft:
         missing = "case.aircraft: missing; the record has to be reconstructed, and that needs the aircraft"
-        return RecordCheck(name, ""), [f"case {case.path}: {missing}" for case in cases if not case.aircraft]
+        return RecordCheck(name, ""), [
+            f"case {case.path}: {missing}" for case in cases if not case.aircraft
+        ]
     try:
-        record, aircraft = flighttest.read(first.record, names=first.names or None), read_aircraft(first.aircraft)
+        record, aircraft = (
+            flighttest.read(first.record, names=first.names or None),
+            read_aircraft(first.aircraft),
+        )
         states = start_states(record, aircraft)
     except AeromatchError as error:
         texts = error.problems if isinstance(error, SchemaError) else [str(error)]

@@ -1,4 +1,6 @@
-"""Checks of the flight records behind a report: a pass against a faulty record does not count as a pass."""
+"""Checks of the flight records behind a report: a pass against a faulty record does not count as a
+pass.
+"""
 
 from __future__ import annotations
 
@@ -32,20 +34,24 @@ def case_problems(case: PomCase, states: xr.Dataset, models: Mapping[str, Model]
     ----------
     case : PomCase
     states : Dataset (time,)
-        States of the whole record: those of a reconstructed path, or `flighttest.reconstruction.start_states`. [SI]
+        States of the whole record: those of a reconstructed path, or
+        `flighttest.reconstruction.start_states`. [SI]
     models : mapping of str to Model
         By name; empty to check the record alone.
 
     Returns
     -------
     list of str
-        A line for every problem: the window, every channel that the record lacks, samples without a value, and every input,
-        output and parameter that a model lacks. Empty if the case can be flown.
+        A line for every problem: the window, every channel that the record lacks, samples without a
+        value, and every input, output and parameter that a model lacks. Empty if the case can be
+        flown.
     """
     return _planned(case, states, models)[0]
 
 
-def _planned(case: PomCase, states: xr.Dataset, models: Mapping[str, Model]) -> tuple[list[str], Plan | None]:
+def _planned(
+    case: PomCase, states: xr.Dataset, models: Mapping[str, Model]
+) -> tuple[list[str], Plan | None]:
     """Return why a case cannot be flown, and its plan if there is one."""
     problems: list[str] = []
     for _ in range(MOST_CHANNELS):
@@ -53,7 +59,8 @@ def _planned(case: PomCase, states: xr.Dataset, models: Mapping[str, Model]) -> 
             plan = plan_of(case, states)
             break
         except UnknownName as error:
-            # The channel is added without motion, so that the next one that is missing is found as well.
+            # The channel is added without motion, so that the next one that is missing is found as
+            # well.
             problems.append(_named(case, str(error)))
             if error.name in states:
                 return problems, None
@@ -71,7 +78,8 @@ def _planned(case: PomCase, states: xr.Dataset, models: Mapping[str, Model]) -> 
 
 
 def kernel_model(name: str, sim: SimModel) -> Model:
-    """Return a compiled model as `check_plan` takes it: as the FMU that `flightmech.write_fmu` makes of it, without writing one.
+    """Return a compiled model as `check_plan` takes it: as the FMU that `flightmech.write_fmu`
+    makes of it, without writing one.
 
     Parameters
     ----------
@@ -90,8 +98,11 @@ def kernel_model(name: str, sim: SimModel) -> Model:
     return Model(interface, links_of(interface))
 
 
-def start_problems(case: PomCase, states: xr.Dataset, models: Mapping[str, Model], sims: Mapping[str, SimModel]) -> list[str]:
-    """Return why a case cannot be flown, as `case_problems`, and else why the kernel refuses to start it, apart from its trim.
+def start_problems(
+    case: PomCase, states: xr.Dataset, models: Mapping[str, Model], sims: Mapping[str, SimModel]
+) -> list[str]:
+    """Return why a case cannot be flown, as `case_problems`, and else why the kernel refuses to
+    start it, apart from its trim.
 
     Parameters
     ----------
@@ -186,10 +197,15 @@ class RecordCheck:
 
     def lines(self) -> list[str]:
         """Return the errors, a line each."""
-        return [f"record {self.record}: {error.name}{_place(error)}: {error.text}" for error in self.errors]
+        return [
+            f"record {self.record}: {error.name}{_place(error)}: {error.text}"
+            for error in self.errors
+        ]
 
 
-def check_records(records: Mapping[str, xr.DataTree], aircraft: Aircraft | None, jobs: int = 1) -> dict[str, RecordCheck]:
+def check_records(
+    records: Mapping[str, xr.DataTree], aircraft: Aircraft | None, jobs: int = 1
+) -> dict[str, RecordCheck]:
     """Return the check of every record by name; the same for any number of processes.
 
     Parameters
@@ -207,7 +223,9 @@ def check_records(records: Mapping[str, xr.DataTree], aircraft: Aircraft | None,
     return dict(zip(records, Parallel(n_jobs=jobs if len(records) > 1 else 1)(calls), strict=True))
 
 
-def with_record_checks(results: Iterable[PomResult], checks: Mapping[str, RecordCheck]) -> list[PomResult]:
+def with_record_checks(
+    results: Iterable[PomResult], checks: Mapping[str, RecordCheck]
+) -> list[PomResult]:
     """Return results whose rows carry the errors of their record.
 
     Parameters
@@ -219,8 +237,8 @@ def with_record_checks(results: Iterable[PomResult], checks: Mapping[str, Record
     Returns
     -------
     list of PomResult
-        A result without an error in its window as it is. In another one every row has a remark of kind ``record``, so that a
-        pass becomes ``record_error`` (`PomResult.status`).
+        A result without an error in its window as it is. In another one every row has a remark of
+        kind ``record``, so that a pass becomes ``record_error`` (`PomResult.status`).
     """
     return [_remarked(result, checks) for result in results]
 
@@ -231,20 +249,33 @@ def _remarked(result: PomResult, checks: Mapping[str, RecordCheck]) -> PomResult
     errors = [error for error in check.errors if error.concerns(case.window)] if check else []
     if not errors:
         return result
-    more = tuple(RowRemark("record", f"error of the flight record: {error.name}: {error.text}", error.name) for error in errors)
+    more = tuple(
+        RowRemark("record", f"error of the flight record: {error.name}: {error.text}", error.name)
+        for error in errors
+    )
     rows = [{**row, "remarks": (*row["remarks"], *more)} for row in result.rows]
     return replace(result, verdict=verdict_table(rows))  # type: ignore[arg-type]
 
 
 def checks_text(checks: Iterable[RecordCheck]) -> dict[str, str]:
-    """Return the errors of records that have any, by the name of the record, for the provenance of a report."""
+    """Return the errors of records that have any, by the name of the record, for the provenance of
+    a report.
+    """
     return {
-        check.record: "; ".join(f"{error.name}{_place(error)}: {error.text}" for error in check.errors) for check in checks if check.errors
+        check.record: "; ".join(
+            f"{error.name}{_place(error)}: {error.text}" for error in check.errors
+        )
+        for check in checks
+        if check.errors
     }
 
 
 def _place(error: RecordError) -> str:
-    return "" if error.start is None or error.stop is None else f" [{error.start:g} ... {error.stop:g} s]"
+    return (
+        ""
+        if error.start is None or error.stop is None
+        else f" [{error.start:g} ... {error.stop:g} s]"
+    )
 
 
 def _in_one_line(text: str, remedy: str) -> str:

@@ -1,4 +1,6 @@
-"""``aeromatch pom diagnose``: which terms and parts explain the mismatch of the a-priori model, and the corrected model."""
+"""``aeromatch pom diagnose``: which terms and parts explain the mismatch of the a-priori model, and
+the corrected model.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +9,16 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from flightmech.support.console import InputFile, NewFile, document, jobs_option, json_option, progress, remark, table
+from flightmech.support.console import (
+    InputFile,
+    NewFile,
+    document,
+    jobs_option,
+    json_option,
+    progress,
+    remark,
+    table,
+)
 from pom.cli.report import biases_option, case_files, cases_argument, read_biases
 
 if TYPE_CHECKING:
@@ -25,11 +36,25 @@ _INTERACTING = 5  # pairs printed
 @cases_argument
 @click.option("--prior", required=True, type=_FILE, help="A-priori database.")
 @click.option("--final", required=True, type=_FILE, help="Database with flight-identified terms.")
-@click.option("--apriori", type=_FILE, help="Aircraft file of the a-priori model, when engines, gear or circuits are others.")
 @click.option(
-    "--group", "groups", multiple=True, metavar="NAME=TERM,...", help="Terms, parts or patterns to swap together; may be repeated."
+    "--apriori",
+    type=_FILE,
+    help="Aircraft file of the a-priori model, when engines, gear or circuits are others.",
 )
-@click.option("--players", default=5, show_default=True, type=click.IntRange(1), help="Terms with a share of their own, at least.")
+@click.option(
+    "--group",
+    "groups",
+    multiple=True,
+    metavar="NAME=TERM,...",
+    help="Terms, parts or patterns to swap together; may be repeated.",
+)
+@click.option(
+    "--players",
+    default=5,
+    show_default=True,
+    type=click.IntRange(1),
+    help="Terms with a share of their own, at least.",
+)
 @click.option(
     "--replays",
     default=256,
@@ -38,8 +63,17 @@ _INTERACTING = 5  # pairs printed
     help="Replays for the shares; more terms than they allow are sampled.",
 )
 @click.option("--seed", default=0, show_default=True, help="Seed of the random sample.")
-@click.option("-o", "--output", type=NewFile(), help="Corrected database: the a-priori one with only the terms that the cases need.")
-@click.option("--aircraft-output", type=NewFile(), help="Corrected aircraft: that of --apriori with only the parts that the cases need.")
+@click.option(
+    "-o",
+    "--output",
+    type=NewFile(),
+    help="Corrected database: the a-priori one with only the terms that the cases need.",
+)
+@click.option(
+    "--aircraft-output",
+    type=NewFile(),
+    help="Corrected aircraft: that of --apriori with only the parts that the cases need.",
+)
 @biases_option
 @jobs_option
 @json_option
@@ -58,9 +92,13 @@ def diagnose(
     jobs: int,
     as_json: bool,
 ) -> None:
-    """Swap terms between two databases and rank how much of the mismatch of CASES each explains (files, or folders of them)."""
+    """Swap terms between two databases and rank how much of the mismatch of CASES each explains
+    (files, or folders of them).
+    """
     if aircraft_output and not apriori:
-        raise click.UsageError("--aircraft-output needs --apriori: the aircraft file that is to be corrected")
+        raise click.UsageError(
+            "--aircraft-output needs --apriori: the aircraft file that is to be corrected"
+        )
     wanted = _groups(groups)
     import aerodb
     from flightmech.aircraft.aircraft import read_aircraft
@@ -80,7 +118,9 @@ def diagnose(
     models = swap_models(before, after, {case.name: new[case.aircraft] for case in read}, old)
     with progress(f"swap terms on {len(read)} case{'s' if len(read) > 1 else ''}"):
         paths = {case.name: recorded_states(case, biases) for case in read}
-        ranked = rank_all(read, models, paths, jobs, groups=wanted, players=players, replays=replays, seed=seed)
+        ranked = rank_all(
+            read, models, paths, jobs, groups=wanted, players=players, replays=replays, seed=seed
+        )
     found = {name: table for name, (_, table) in ranked.items()}
     if not as_json:
         for case in read:
@@ -94,7 +134,13 @@ def diagnose(
     if aircraft_output and old is not None:
         _write_aircraft(aircraft_output, old, new, found)
     if as_json:
-        document([{"case": name, **row} for name, rows in found.items() for row in rows.to_dict("records")])
+        document(
+            [
+                {"case": name, **row}
+                for name, rows in found.items()
+                for row in rows.to_dict("records")
+            ]
+        )
         return
     if written:
         click.echo(written)
@@ -107,10 +153,22 @@ def _cases(places: tuple[Path, ...]) -> list[PomCase]:
     from pom.cases.case import read_case
 
     found = [read_case(file) for file in case_files(places)]
-    problems = [f"{case.path}: case.aircraft: missing; the kernel flies an aircraft, give its file" for case in found if not case.aircraft]
-    problems += [f"{case.path}: control_law: the kernel flies no FMU of a control law; leave the case out" for case in found if case.law]
+    problems = [
+        f"{case.path}: case.aircraft: missing; the kernel flies an aircraft, give its file"
+        for case in found
+        if not case.aircraft
+    ]
+    problems += [
+        f"{case.path}: control_law: the kernel flies no FMU of a control law; leave the case out"
+        for case in found
+        if case.law
+    ]
     names = [case.name for case in found]
-    problems += [f"case name {name!r} is given twice" for name in dict.fromkeys(names) if names.count(name) > 1]
+    problems += [
+        f"case name {name!r} is given twice"
+        for name in dict.fromkeys(names)
+        if names.count(name) > 1
+    ]
     if problems:
         raise SchemaError("cases to diagnose", problems)
     return found
@@ -122,7 +180,9 @@ def _groups(texts: tuple[str, ...]) -> dict[str, list[str]]:
         name, equals, members = text.partition("=")
         found[name.strip()] = [word.strip() for word in members.split(",") if word.strip()]
         if not equals or not name.strip() or not found[name.strip()]:
-            raise click.UsageError(f"--group {text!r}: expected NAME=TERM,TERM such as ground=CL/ground,Cm/ground")
+            raise click.UsageError(
+                f"--group {text!r}: expected NAME=TERM,TERM such as ground=CL/ground,Cm/ground"
+            )
     return found
 
 
@@ -133,16 +193,25 @@ def _written(output: str, databases: tuple[Any, Any, str], found: dict[str, pd.D
     before, after, final = databases
     corrected = corrected_database(before, after, found, _source(final))
     aerodb.save(corrected, output)
-    return f"written: {output}, with {' '.join(differing(before, corrected)) or 'no term'} of {final}"
+    return (
+        f"written: {output}, with {' '.join(differing(before, corrected)) or 'no term'} of {final}"
+    )
 
 
-def _write_aircraft(output: str, old: Aircraft, new: dict[str, Aircraft], found: dict[str, pd.DataFrame]) -> None:
+def _write_aircraft(
+    output: str, old: Aircraft, new: dict[str, Aircraft], found: dict[str, pd.DataFrame]
+) -> None:
     from flightmech.aircraft.writing import write_aircraft
     from flightmech.errors import SchemaError
     from pom.diagnosis.term_swaps import corrected_aircraft
 
     if len(new) > 1:
-        raise SchemaError("corrected aircraft", [f"the cases name {len(new)} aircraft files ({', '.join(new)}); diagnose them one by one"])
+        raise SchemaError(
+            "corrected aircraft",
+            [
+                f"the cases name {len(new)} aircraft files ({', '.join(new)}); diagnose them one by one"
+            ],
+        )
     ((file, aircraft),) = new.items()
     write_aircraft(corrected_aircraft(old, aircraft, found, _source(file)), output)
 
@@ -172,7 +241,9 @@ def _print(case: PomCase, ranked: pd.DataFrame) -> None:
         *(f"{name} {what}" for name in criteria for what in ("explained", "ratio")),
     ]
     not_flown = ranked["stage"] == "idle"
-    rows = [_cells(row, criteria) for row in ranked[~idle & ~not_flown].drop(quiet).to_dict("records")]
+    rows = [
+        _cells(row, criteria) for row in ranked[~idle & ~not_flown].drop(quiet).to_dict("records")
+    ]
     table(columns, rows, f"{case.id}  {case.title}", right=[columns[2], *columns[4:]])
     click.echo(story(ranked))
     if not_flown.any():
@@ -191,11 +262,18 @@ def _print_joint(found: dict[str, pd.DataFrame]) -> None:
     from pom.diagnosis.term_swaps import joint_terms
 
     for name, terms in joint_terms(found).items():
-        click.echo(f"added for {name}, which does not pass with what each case needs alone: {', '.join(terms)}")
+        click.echo(
+            f"added for {name}, which does not pass with what each case needs alone: {', '.join(terms)}"
+        )
 
 
 def _cells(row: dict[Any, Any], criteria: list[str]) -> list[str]:
-    cells = [row["stage"], row["term"], _percent(row["explained"], row["stderr"]), "" if row["stage"] == "share" else row["verdict"]]
+    cells = [
+        row["stage"],
+        row["term"],
+        _percent(row["explained"], row["stderr"]),
+        "" if row["stage"] == "share" else row["verdict"],
+    ]
     cells.append(_percent(row["interaction"]))
     for name in criteria:
         cells += [

@@ -92,26 +92,63 @@ def _print_criteria(case: Any) -> None:
     from pom.judging.verdict import unjudged
 
     rows = [
-        (c.name, c.channel, c.measure, c.group, c.band.text, f"{c.window[0]:g} ... {c.window[1]:g}", unjudged(case, c) or c.provenance)
+        (
+            c.name,
+            c.channel,
+            c.measure,
+            c.group,
+            c.band.text,
+            f"{c.window[0]:g} ... {c.window[1]:g}",
+            unjudged(case, c) or c.provenance,
+        )
         for c in case.criteria
     ]
     title = f"{case.id}  {case.title}  ({case.standard}, {case.edition})"
-    table(("criterion", "channel", "measure", "group", "tolerance", "window [s]", "remark"), rows, title)
+    table(
+        ("criterion", "channel", "measure", "group", "tolerance", "window [s]", "remark"),
+        rows,
+        title,
+    )
 
 
 @pom.command()
 @cases_argument
-@click.option("--model", "models", multiple=True, required=True, metavar="NAME=FILE.fmu", help="A model; as often as wanted.")
-@click.option("-o", "--output", type=NewFolder(), help="Folder for the report: pages, numbers, manifest.")
+@click.option(
+    "--model",
+    "models",
+    multiple=True,
+    required=True,
+    metavar="NAME=FILE.fmu",
+    help="A model; as often as wanted.",
+)
+@click.option(
+    "-o", "--output", type=NewFolder(), help="Folder for the report: pages, numbers, manifest."
+)
 @click.option("--title", default="Proof of Match", show_default=True, help="Title of the report.")
 @report_options
-@click.option("--junit", type=NewFile(), help="JUnit XML for a build server, with or without a report.")
-@click.option("--names", "tables", multiple=True, metavar="NAME=FILE.toml", help="Table of names, units and signs of a model.")
-@click.option("--timeout", default=60.0, show_default=True, help="Wall time per model and case. [s]")
-@jobs_option
-@click.option("--scheduler", metavar="tcp://HOST:PORT", help="Fly on the workers of a dask.distributed cluster that see the same files.")
 @click.option(
-    "--resume", type=click.Path(file_okay=False, path_type=Path), help="Folder that keeps flights; what is there is not flown again."
+    "--junit", type=NewFile(), help="JUnit XML for a build server, with or without a report."
+)
+@click.option(
+    "--names",
+    "tables",
+    multiple=True,
+    metavar="NAME=FILE.toml",
+    help="Table of names, units and signs of a model.",
+)
+@click.option(
+    "--timeout", default=60.0, show_default=True, help="Wall time per model and case. [s]"
+)
+@jobs_option
+@click.option(
+    "--scheduler",
+    metavar="tcp://HOST:PORT",
+    help="Fly on the workers of a dask.distributed cluster that see the same files.",
+)
+@click.option(
+    "--resume",
+    type=click.Path(file_okay=False, path_type=Path),
+    help="Folder that keeps flights; what is there is not flown again.",
 )
 @biases_option
 @click.option(
@@ -128,9 +165,15 @@ def _print_criteria(case: Any) -> None:
     help="Database that a model was made from, with standard errors; needs --samples.",
 )
 @click.option(
-    "--tuning", "tunings", multiple=True, metavar="NAME=FILE.json", help="Log by which a model was tuned, of aeromatch pom tune; needs -o."
+    "--tuning",
+    "tunings",
+    multiple=True,
+    metavar="NAME=FILE.json",
+    help="Log by which a model was tuned, of aeromatch pom tune; needs -o.",
 )
-@click.option("-v", "--verbose", is_flag=True, help="Print trim, math pilot and drift of every model as well.")
+@click.option(
+    "-v", "--verbose", is_flag=True, help="Print trim, math pilot and drift of every model as well."
+)
 @json_option
 @click.pass_context
 def run(
@@ -161,9 +204,10 @@ def run(
 ):
     """Replay CASES (files, or folders of them) by models and print one line per case and model.
 
-    All cases and records are checked before the first flight. Exit code 0 when all pass, 1 when one does not; a pass with a trim
-    beyond its limits (LIMITS) is not enough, unless [rationale] of the case file states why the bias is allowed, and neither is a pass
-    against a flight record with an error (RECORD).
+    All cases and records are checked before the first flight. Exit code 0 when all pass, 1 when one
+    does not; a pass with a trim beyond its limits (LIMITS) is not enough, unless [rationale] of the
+    case file states why the bias is allowed, and neither is a pass against a flight record with an
+    error (RECORD).
     """
     import aerodb
     from flightmech.errors import SimulationError
@@ -177,10 +221,15 @@ def run(
     from pom.replaying.replay_case import files_by_name
     from pom.result import status_text
 
-    runs, names = files_by_name("--model", models, "final=out/final.fmu"), files_by_name("--names", tables, "simulator=names.toml")
+    runs, names = (
+        files_by_name("--model", models, "final=out/final.fmu"),
+        files_by_name("--names", tables, "simulator=names.toml"),
+    )
     stated = files_by_name("--database", databases, "final=out/final.nc")
     if bool(samples) != bool(stated):
-        raise click.UsageError("--samples and --database go together: the number of draws, and the database of each model to draw from")
+        raise click.UsageError(
+            "--samples and --database go together: the number of draws, and the database of each model to draw from"
+        )
     signatures = signatures_of(signed)
     tuned = files_by_name("--tuning", tunings, "tuned=out/tuning.json")
     if tuned and output is None:
@@ -192,7 +241,10 @@ def run(
     custody.take([*named, *runs.values()])
     with progress(f"read {len(named)} case{'s' if len(named) > 1 else ''}"):
         read = [read_case(file) for file in named]
-    files = [*(file for case in read for file in case.files()), *map(str, (*names.values(), *stated.values(), *tuned.values()))]
+    files = [
+        *(file for case in read for file in case.files()),
+        *map(str, (*names.values(), *stated.values(), *tuned.values())),
+    ]
     files += filter(None, (evidence, biases_file))
     custody.take(files)
     logs = tuning_logs(tuned, runs)
@@ -212,18 +264,31 @@ def run(
     def finished(result: Any) -> None:
         nonlocal flown
         (result,) = with_record_checks([result], checks)
-        flown = flown or not result.failure or any(result.status(name) != "invalid" for name in runs)
+        flown = (
+            flown or not result.failure or any(result.status(name) != "invalid" for name in runs)
+        )
         waiting.extend(_lines(result, verbose))
         if flown and not as_json:
             click.echo("\n".join(waiting))
             waiting.clear()
 
     found = aerodb.store.open(evidence) if evidence else None
-    shared: dict[str, Any] = {"jobs": jobs, "scheduler": scheduler, "resume": resume, "evidence": found}
+    shared: dict[str, Any] = {
+        "jobs": jobs,
+        "scheduler": scheduler,
+        "resume": resume,
+        "evidence": found,
+    }
     biases = read_biases(biases_file)
     text = f"replay {len(read)} case{'s' if len(read) > 1 else ''} by {len(runs)} model{'s' if len(runs) > 1 else ''}"
     with progress(text, lines=not as_json):
-        given: dict[str, Any] = {"names": names, "biases": biases, "timeout": timeout, "progress": finished, **shared}
+        given: dict[str, Any] = {
+            "names": names,
+            "biases": biases,
+            "timeout": timeout,
+            "progress": finished,
+            **shared,
+        }
         if samples:
             from pom.diagnosis.sampling.sampled_replay import replay_sampled
 
@@ -263,15 +328,21 @@ def run(
     if as_json:
         document([_summary(r) for r in results])
     else:
-        counts = ", ".join(f"{statuses.count(word)} {status_text(word)}" for word in dict.fromkeys(statuses))
-        click.echo(f"{len(runs)} model{'s' if len(runs) > 1 else ''} x {len(results)} case{'s' if len(results) > 1 else ''}: {counts}")
+        counts = ", ".join(
+            f"{statuses.count(word)} {status_text(word)}" for word in dict.fromkeys(statuses)
+        )
+        click.echo(
+            f"{len(runs)} model{'s' if len(runs) > 1 else ''} x {len(results)} case{'s' if len(results) > 1 else ''}: {counts}"
+        )
         if written is not None:
             click.echo(f"written: {written}")
     ctx.exit(0 if set(statuses) == {"pass"} else 1)
 
 
 def _lines(result: Any, verbose: bool = False) -> list[str]:
-    """Return one line per model, e.g. ``2.c.10  Short period  datcom  FAIL  1.6 x tolerance  theta +2.41 deg at 4.3 s (1.5 deg)``."""
+    """Return one line per model, e.g. ``2.c.10  Short period  datcom  FAIL  1.6 x tolerance  theta
+    +2.41 deg at 4.3 s (1.5 deg)``.
+    """
     from pom.report.case.remarks import run_notes, sampled_line
     from pom.result import PASSED, notices, status_text, trim_remarks
     from pom.tolerances.bands import text_of
@@ -286,12 +357,22 @@ def _lines(result: Any, verbose: bool = False) -> list[str]:
             unit = "" if worst["unit"] == "1" else f" {worst['unit']}"
             text += f"  {worst['worst_ratio']:.2f} x tolerance"
             text += f"  {worst['criterion']} {worst['worst']:+.3g}{unit}{at} ({worst['tolerance_text']})"
-            text += "".join(f"; {words}" for words in trim_remarks(result, name)) if status in ("limits_exceeded", "record_error") else ""
+            text += (
+                "".join(f"; {words}" for words in trim_remarks(result, name))
+                if status in ("limits_exceeded", "record_error")
+                else ""
+            )
         elif status not in PASSED:
-            rows = result.verdict[(result.verdict["run"] == name) & (result.verdict["verdict"] == status)]
+            rows = result.verdict[
+                (result.verdict["run"] == name) & (result.verdict["verdict"] == status)
+            ]
             text += f"  {text_of(rows.iloc[0]['remarks'])}" if len(rows) else ""
         lines.append(f"{case.id:<8}{case.title:<44} {name:<12} {text}")
-        lines += [f"{'':8}notice {text}" for text in notices(result, name)] if status != "fail" or verbose else []
+        lines += (
+            [f"{'':8}notice {text}" for text in notices(result, name)]
+            if status != "fail" or verbose
+            else []
+        )
         lines += [f"{'':8}{sampled_line(result, name)}"] if name in result.samples else []
         lines += [f"{'':8}{text}" for text in run_notes(result, name)] if verbose else []
     return lines

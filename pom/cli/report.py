@@ -1,4 +1,6 @@
-"""``aeromatch pom report`` and ``aeromatch pom verify``: a report written again, a report checked; the options of a report."""
+"""``aeromatch pom report`` and ``aeromatch pom verify``: a report written again, a report checked;
+the options of a report.
+"""
 
 from __future__ import annotations
 
@@ -9,12 +11,24 @@ from typing import TYPE_CHECKING, Any, cast
 
 import click
 
-from flightmech.support.console import InputFile, NewFile, NewFolder, command_line, document, json_option, progress, remark, table
+from flightmech.support.console import (
+    InputFile,
+    NewFile,
+    NewFolder,
+    command_line,
+    document,
+    json_option,
+    progress,
+    remark,
+    table,
+)
 
 if TYPE_CHECKING:
     from pom.archive.origins import Provenance
 
-cases_argument = click.argument("cases", nargs=-1, required=True, type=click.Path(exists=True, path_type=Path))
+cases_argument = click.argument(
+    "cases", nargs=-1, required=True, type=click.Path(exists=True, path_type=Path)
+)
 biases_option = click.option(
     "--biases",
     "biases_file",
@@ -26,7 +40,13 @@ biases_option = click.option(
 def samples_options(command: Any) -> Any:
     """Add the options ``--samples`` and ``--seed`` to a command."""
     number = click.IntRange(0)
-    command = click.option("--seed", default=0, show_default=True, type=number, help="Seed of the random draws of --samples.")(command)
+    command = click.option(
+        "--seed",
+        default=0,
+        show_default=True,
+        type=number,
+        help="Seed of the random draws of --samples.",
+    )(command)
     return click.option(
         "--samples",
         default=0,
@@ -61,13 +81,43 @@ _FILE = InputFile(path_type=Path)
 
 @click.command()
 @click.argument("record", type=_FILE)
-@click.option("--test", help="Number of the test in the tolerance table, such as 2.c.10. On a terminal it is requested.")
-@click.option("-o", "--output", default="case.toml", show_default=True, type=NewFile(), help="Case file to write.")
-@click.option("--standard", help="Standard, or a part of its name.  [default: FAA 14 CFR Part 60 App A Table A2A]")
-@click.option("--edition", help="Edition, or its first digits.  [default: 2014-01-01, or the oldest of the standard]")
-@click.option("--names", type=_FILE, help="Name map of the record.  [default: names.toml next to it or one folder up]")
-@click.option("--aircraft", type=_FILE, help="Aircraft.  [default: aircraft.toml next to the record or one folder up]")
-@click.option("--window", nargs=2, type=float, metavar="START STOP", help="Part of the record in which the manoeuvre lies. [s]")
+@click.option(
+    "--test",
+    help="Number of the test in the tolerance table, such as 2.c.10. On a terminal it is requested.",
+)
+@click.option(
+    "-o",
+    "--output",
+    default="case.toml",
+    show_default=True,
+    type=NewFile(),
+    help="Case file to write.",
+)
+@click.option(
+    "--standard",
+    help="Standard, or a part of its name.  [default: FAA 14 CFR Part 60 App A Table A2A]",
+)
+@click.option(
+    "--edition",
+    help="Edition, or its first digits.  [default: 2014-01-01, or the oldest of the standard]",
+)
+@click.option(
+    "--names",
+    type=_FILE,
+    help="Name map of the record.  [default: names.toml next to it or one folder up]",
+)
+@click.option(
+    "--aircraft",
+    type=_FILE,
+    help="Aircraft.  [default: aircraft.toml next to the record or one folder up]",
+)
+@click.option(
+    "--window",
+    nargs=2,
+    type=float,
+    metavar="START STOP",
+    help="Part of the record in which the manoeuvre lies. [s]",
+)
 @click.option("--force", is_flag=True, help="Overwrite an older file.")
 @json_option
 def init(
@@ -92,25 +142,46 @@ def init(
     standard, edition = edition_of(standard, edition)
     if test is None:
         if not _on_terminal():
-            raise click.UsageError("--test is missing; give the number of a row, such as --test 2.c.10 (on a terminal it is requested)")
+            raise click.UsageError(
+                "--test is missing; give the number of a row, such as --test 2.c.10 (on a terminal it is requested)"
+            )
         test = _ask(titles(standard, edition))
     with progress("read the record, write the case"):
         case, remarks = init_case(
-            record, test, output, standard=standard, edition=edition, names=names, aircraft=aircraft, window=window, force=force
+            record,
+            test,
+            output,
+            standard=standard,
+            edition=edition,
+            names=names,
+            aircraft=aircraft,
+            window=window,
+            force=force,
         )
     if as_json:
         document({"case": case.to_dict(), "remarks": remarks})
         return
     click.echo(f"written: {output}")
-    click.echo(f"{case.id}  {case.title}  {case.window[0]:g} ... {case.window[1]:g} s  {case.description}")
+    click.echo(
+        f"{case.id}  {case.title}  {case.window[0]:g} ... {case.window[1]:g} s  {case.description}"
+    )
     for text in remarks:
         remark(f"  - {text}")
 
 
 @click.command()
-@click.option("-o", "--output", default="case.schema.json", show_default=True, type=NewFile(), help="File to write.")
+@click.option(
+    "-o",
+    "--output",
+    default="case.schema.json",
+    show_default=True,
+    type=NewFile(),
+    help="File to write.",
+)
 def schema(output: str) -> None:
-    """Write the JSON schema of case files, for an editor: the first line of a case file names it, ``#:schema case.schema.json``."""
+    """Write the JSON schema of case files, for an editor: the first line of a case file names it,
+    ``#:schema case.schema.json``.
+    """
     from flightmech.support.atomic_write import write_text
     from flightmech.support.toml_models import schema_text
     from pom.cases.case_file import case_schema
@@ -127,19 +198,36 @@ def _ask(titles: dict[str, str]) -> str:
     """Ask what was flown, then which of the fitting rows it is."""
     while True:
         words = click.prompt("What was flown? (words of the title, or a number)").lower().split()
-        fitting = {test: title for test, title in titles.items() if all(word in f"{test} {title}".lower() for word in words)}
+        fitting = {
+            test: title
+            for test, title in titles.items()
+            if all(word in f"{test} {title}".lower() for word in words)
+        }
         if fitting:
             break
         click.echo("no row has all of these words; try fewer, such as 'roll' or '2.c'")
     for test, title in fitting.items():
         click.echo(f"  {test:8} {title}")
-    return click.prompt("Which row?", default=next(iter(fitting)), type=click.Choice(list(fitting)), show_choices=False)
+    return click.prompt(
+        "Which row?",
+        default=next(iter(fitting)),
+        type=click.Choice(list(fitting)),
+        show_choices=False,
+    )
 
 
 _OPTIONS = (
     click.option("--revision", default="", help="Revision of the report, printed on every page."),
-    click.option("--date", default="", metavar="YYYY-MM-DD", help="Date of the results; no clock is read."),
-    click.option("--paper", type=click.Choice(["a4", "letter"]), default="a4", show_default=True, help="Paper of report.pdf."),
+    click.option(
+        "--date", default="", metavar="YYYY-MM-DD", help="Date of the results; no clock is read."
+    ),
+    click.option(
+        "--paper",
+        type=click.Choice(["a4", "letter"]),
+        default="a4",
+        show_default=True,
+        help="Paper of report.pdf.",
+    ),
     click.option("--no-pdf", is_flag=True, help="No report.pdf, which takes most of the time."),
     click.option(
         "--sign",
@@ -177,9 +265,17 @@ def signatures_of(signed: tuple[tuple[str, str, str], ...]) -> dict[str, dict[st
 @click.command()
 @click.argument("results", nargs=-1, required=True, type=click.Path(exists=True, path_type=Path))
 @click.option("-o", "--output", required=True, type=NewFolder(), help="Folder of the new report.")
-@click.option("--title", default=None, help="Title of the report.  [default: that of the first of the RESULTS]")
 @click.option(
-    "--database", "databases", multiple=True, metavar="NAME=FILE.nc", help="Database to compare; as often as wanted, the prior first."
+    "--title",
+    default=None,
+    help="Title of the report.  [default: that of the first of the RESULTS]",
+)
+@click.option(
+    "--database",
+    "databases",
+    multiple=True,
+    metavar="NAME=FILE.nc",
+    help="Database to compare; as often as wanted, the prior first.",
 )
 @click.option(
     "--chapter",
@@ -201,9 +297,11 @@ def report(
     no_pdf: bool,
     signed: tuple[tuple[str, str, str], ...],
 ) -> None:
-    """Write a report from RESULTS (folders of reports, or their results.nc), without flying anything again.
+    """Write a report from RESULTS (folders of reports, or their results.nc), without flying
+    anything again.
 
-    The results of several reports are joined in the order given. Verdicts are those stored; `aeromatch pom verify` judges them again.
+    The results of several reports are joined in the order given. Verdicts are those stored;
+    `aeromatch pom verify` judges them again.
     """
     from pom.archive.results_document import joined
     from pom.replaying.replay_case import files_by_name
@@ -213,7 +311,11 @@ def report(
     signatures = signatures_of(signed)
     with progress("read the results"):
         found = joined(results)
-    made_from = {**found.provenance, "command": command_line(), "date": date or found.provenance.get("date", "")}
+    made_from = {
+        **found.provenance,
+        "command": command_line(),
+        "date": date or found.provenance.get("date", ""),
+    }
     if signatures:
         name = results_name(found.results)
         signatures = {role: {**one, "results": name} for role, one in signatures.items()}
@@ -222,7 +324,10 @@ def report(
     if databases:
         import aerodb
 
-        opened = {name: aerodb.open(file) for name, file in files_by_name("--database", databases, "final=out/final.nc").items()}
+        opened = {
+            name: aerodb.open(file)
+            for name, file in files_by_name("--database", databases, "final=out/final.nc").items()
+        }
     with progress(f"write the report of {len(found.results)} cases"):
         made = write_report(
             found.results,
@@ -245,7 +350,8 @@ def report(
 @json_option
 @click.pass_context
 def verify(ctx: click.Context, folder: Path, as_json: bool) -> None:
-    """Check the report in FOLDER: hash all inputs and outputs again, judge all verdicts again from the stored samples.
+    """Check the report in FOLDER: hash all inputs and outputs again, judge all verdicts again from
+    the stored samples.
 
     Exit code 0 when all is as it was, 1 when anything changed or is missing, with what exactly.
     """
@@ -263,9 +369,18 @@ def verify(ctx: click.Context, folder: Path, as_json: bool) -> None:
     else:
         counts = {kind: sum(item.kind == kind for item in found) for kind in KINDS}
         if bad:
-            table(("what", "name", "state", "detail"), [(item.kind, item.name, item.state, item.detail) for item in bad])
-        checked = ", ".join(f"{count} {kind}{'' if count == 1 else 's'}" for kind, count in counts.items())
-        click.echo(f"{len(bad)} of {len(found)} differ ({checked} checked)" if bad else f"all as it was: {checked} checked")
+            table(
+                ("what", "name", "state", "detail"),
+                [(item.kind, item.name, item.state, item.detail) for item in bad],
+            )
+        checked = ", ".join(
+            f"{count} {kind}{'' if count == 1 else 's'}" for kind, count in counts.items()
+        )
+        click.echo(
+            f"{len(bad)} of {len(found)} differ ({checked} checked)"
+            if bad
+            else f"all as it was: {checked} checked"
+        )
         click.echo(f"SHA-256 of {NAME}, to be signed: {sha256(folder / NAME)}")
         click.echo("not covered: who wrote the report, and page and PDF but for their hashes")
     ctx.exit(1 if bad else 0)

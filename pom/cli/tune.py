@@ -1,4 +1,6 @@
-"""``aeromatch pom tune``: terms moved inside their standard errors, as little as flight contradicts least, until rows pass."""
+"""``aeromatch pom tune``: terms moved inside their standard errors, as little as flight contradicts
+least, until rows pass.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,16 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from flightmech.support.console import InputFile, NewFile, NewFolder, document, jobs_option, json_option, progress, table
+from flightmech.support.console import (
+    InputFile,
+    NewFile,
+    NewFolder,
+    document,
+    jobs_option,
+    json_option,
+    progress,
+    table,
+)
 from pom.cli.report import biases_option, case_files, cases_argument, read_biases
 
 if TYPE_CHECKING:
@@ -25,10 +36,29 @@ RATIONALE = "rationale"
 
 @click.command()
 @cases_argument
-@click.option("--database", required=True, type=_FILE, help="Database of the model, such as final.nc of aeromatch match.")
-@click.option("--aircraft", type=_FILE, help="Aircraft of the model.  [default: the .toml next to the database, else that of the cases]")
-@click.option("--evidence", type=_FILE, help="Database identified from flight, with standard errors.  [default: the database of the model]")
-@click.option("--row", "wanted", multiple=True, metavar="CASE", help="Case that must pass; may be repeated.  [default: all that fail]")
+@click.option(
+    "--database",
+    required=True,
+    type=_FILE,
+    help="Database of the model, such as final.nc of aeromatch match.",
+)
+@click.option(
+    "--aircraft",
+    type=_FILE,
+    help="Aircraft of the model.  [default: the .toml next to the database, else that of the cases]",
+)
+@click.option(
+    "--evidence",
+    type=_FILE,
+    help="Database identified from flight, with standard errors.  [default: the database of the model]",
+)
+@click.option(
+    "--row",
+    "wanted",
+    multiple=True,
+    metavar="CASE",
+    help="Case that must pass; may be repeated.  [default: all that fail]",
+)
 @click.option(
     "--rationale",
     multiple=True,
@@ -42,11 +72,18 @@ RATIONALE = "rationale"
     type=click.FloatRange(0.0, min_open=True),
     help="Largest move of a node from the evidence. [standard errors]",
 )
-@click.option("-o", "--output", type=NewFolder(), help="Folder for the tuned database, its aircraft and the log; nothing on a refusal.")
+@click.option(
+    "-o",
+    "--output",
+    type=NewFolder(),
+    help="Folder for the tuned database, its aircraft and the log; nothing on a refusal.",
+)
 @click.option("--fmu", is_flag=True, help="FMU of the tuned model to write; needs -o.")
 @click.option("--log", "log_file", type=NewFile(), help="Log as JSON, also of a refusal.")
 @click.option(
-    "--resume", type=click.Path(file_okay=False, path_type=Path), help="Folder that keeps reconstructed flights, as that of pom run."
+    "--resume",
+    type=click.Path(file_okay=False, path_type=Path),
+    help="Folder that keeps reconstructed flights, as that of pom run.",
 )
 @jobs_option
 @biases_option
@@ -69,11 +106,14 @@ def tune(
     biases_file: str | None,
     as_json: bool,
 ) -> None:
-    """Move terms of a database as little as the flight evidence contradicts, until rows of CASES (files, or folders of them) pass.
+    """Move terms of a database as little as the flight evidence contradicts, until rows of CASES
+    (files, or folders of them) pass.
 
-    No node moves by more than the bound from the evidence unless a rationale for its term is given. Cases that pass must go on passing.
+    No node moves by more than the bound from the evidence unless a rationale for its term is given.
+    Cases that pass must go on passing.
 
-    Exit code 0 when the rows pass, 1 when they cannot within the bound: the price is printed, and no model is written.
+    Exit code 0 when the rows pass, 1 when they cannot within the bound: the price is printed, and
+    no model is written.
     """
     if fmu and output is None:
         raise click.UsageError("--fmu needs -o: the folder for the tuned model")
@@ -104,13 +144,27 @@ def tune(
     demand_evidence(model, model if found is None else found, reasons)
     kept = KeptStates(resume.resolve() if resume is not None else None, read_biases(biases_file))
     with progress(f"read the flights of {len(read)} case{'s' if len(read) > 1 else ''}"):
-        plans = [plan_of(case, states) for case, states in zip(read, flown(read, {}, kept, jobs), strict=True)]
+        plans = [
+            plan_of(case, states)
+            for case, states in zip(read, flown(read, {}, kept, jobs), strict=True)
+        ]
     airplane = read_aircraft(aircraft)
     with progress("search the least move"):
         tuning = search(plans, model, airplane, list(wanted) or None, found, reasons, bound, jobs)
-    tuned = nodes_digest(compile_model(airplane, tuning.database)) if tuning.database is not None else ""
+    tuned = (
+        nodes_digest(compile_model(airplane, tuning.database))
+        if tuning.database is not None
+        else ""
+    )
     custody.check()
-    log = tuning.document(tuned, {role: {"name": Path(file).name, "sha256": custody.sha256(file)} for role, file in files.items() if file})
+    log = tuning.document(
+        tuned,
+        {
+            role: {"name": Path(file).name, "sha256": custody.sha256(file)}
+            for role, file in files.items()
+            if file
+        },
+    )
     if output is not None and tuning.database is not None:
         with progress("write the tuned model"):
             _write(output, tuning.database, airplane, log, fmu)
@@ -121,7 +175,11 @@ def tune(
     else:
         _print(log)
         if output is not None:
-            click.echo(f"written: {output}" if tuning.database is not None else f"not written: {output}, the tuning was refused")
+            click.echo(
+                f"written: {output}"
+                if tuning.database is not None
+                else f"not written: {output}, the tuning was refused"
+            )
         if log_file:
             click.echo(f"written: {log_file}")
     ctx.exit(1 if tuning.refusal else 0)
@@ -133,7 +191,8 @@ def read_rationales(words: Iterable[str]) -> tuple[dict[str, str], str | None]:
     Raises
     ------
     SchemaError
-        Two files, one without the table ``[rationale]`` of texts, a term with two rationales; all of them.
+        Two files, one without the table ``[rationale]`` of texts, a term with two rationales; all
+        of them.
     """
     from flightmech.errors import SchemaError
     from flightmech.support.input_files import load
@@ -146,7 +205,11 @@ def read_rationales(words: Iterable[str]) -> tuple[dict[str, str], str | None]:
         if equals:
             given: Mapping[str, Any] = {term.strip(): text.strip()}
         else:
-            problems += [f"{word}: {file} is a file of rationales already; write all into one"] if file else []
+            problems += (
+                [f"{word}: {file} is a file of rationales already; write all into one"]
+                if file
+                else []
+            )
             file = str(_FILE.convert(word, None, None))
             content = load(word)
             given = content.get(RATIONALE, {})
@@ -156,7 +219,11 @@ def read_rationales(words: Iterable[str]) -> tuple[dict[str, str], str | None]:
                 )
                 continue
         problems += [f"{term}: has two rationales" for term in given if term in found]
-        problems += [f"{term}: the rationale is {why!r}; write a text" for term, why in given.items() if not isinstance(why, str)]
+        problems += [
+            f"{term}: the rationale is {why!r}; write a text"
+            for term, why in given.items()
+            if not isinstance(why, str)
+        ]
         found |= given
     if problems:
         raise SchemaError("--rationale", problems)
@@ -194,17 +261,23 @@ def tuning_logs(files: Mapping[str, Path], runs: Mapping[str, Path]) -> dict[str
 
 
 def _aircraft_of(database: str, cases: Iterable[PomCase]) -> str:
-    """Return the aircraft file of a model: the one next to its database, else the one that all cases name."""
+    """Return the aircraft file of a model: the one next to its database, else the one that all
+    cases name.
+    """
     near = Path(database).with_suffix(".toml")
     if near.is_file():
         return str(near)
     named = {case.aircraft for case in cases}
     if len(named) != 1 or "" in named:
-        raise click.UsageError(f"no {near}, and the cases do not name one aircraft file; give that of the model, --aircraft FILE.toml")
+        raise click.UsageError(
+            f"no {near}, and the cases do not name one aircraft file; give that of the model, --aircraft FILE.toml"
+        )
     return named.pop()
 
 
-def _write(folder: Path, database: xr.DataTree, aircraft: Aircraft, log: Mapping[str, Any], fmu: bool) -> None:
+def _write(
+    folder: Path, database: xr.DataTree, aircraft: Aircraft, log: Mapping[str, Any], fmu: bool
+) -> None:
     """Write the tuned model and its log, the whole folder or nothing."""
     import aerodb
     from flightmech.aircraft.writing import write_aircraft
@@ -214,13 +287,17 @@ def _write(folder: Path, database: xr.DataTree, aircraft: Aircraft, log: Mapping
     from pom.diagnosis.tuning.tuning_log import lines
 
     folder.parent.mkdir(parents=True, exist_ok=True)
-    with folder_written_atomically(folder, lambda name: name in PARTS or name.startswith("tuned_")) as new:
+    with folder_written_atomically(
+        folder, lambda name: name in PARTS or name.startswith("tuned_")
+    ) as new:
         aerodb.save(database, new / "tuned.nc")
         write_aircraft(aircraft, new / "tuned.toml")
         if fmu:
             write_fmu(compile_model(aircraft, database), new / "tuned.fmu")
         _write_log(new / "tuning.json", log)
-        (new / "tuning.txt").write_text("\n".join(lines(log)) + "\n", encoding="utf-8", newline="\n")
+        (new / "tuning.txt").write_text(
+            "\n".join(lines(log)) + "\n", encoding="utf-8", newline="\n"
+        )
 
 
 def _write_log(file: Path, log: Mapping[str, Any]) -> None:
@@ -236,7 +313,17 @@ def _print(log: Mapping[str, Any]) -> None:
     click.echo(headline(log))
     moves, rest = moves_of(log)
     if moves:
-        table(MOVES, moves, "terms, in standard errors" + (", as it would take" if log["refusal"] else ""), NUMBERS)
+        table(
+            MOVES,
+            moves,
+            "terms, in standard errors" + (", as it would take" if log["refusal"] else ""),
+            NUMBERS,
+        )
     if rest:
         click.echo(rest)
-    table(ROWS, rows_of(log), "cases, ratio to the tolerance" + (", with these moves" if log["refusal"] else ""), NUMBERS)
+    table(
+        ROWS,
+        rows_of(log),
+        "cases, ratio to the tolerance" + (", with these moves" if log["refusal"] else ""),
+        NUMBERS,
+    )

@@ -1,9 +1,10 @@
 """The corrected model of several cases together: the terms that one case requires change another.
 
-The union of what single cases need is judged on every case.  For one that is judged worse than with the final model, everything else
-is taken from the final model too and then left out again as far as the verdict stays, in halves and quarters, that first without
-which the final model suffers least [ZellerHildebrandt2002]; what remains is added.  This repeats until every case is judged as well
-as with the final model.
+The union of what single cases need is judged on every case.  For one that is judged worse than with
+the final model, everything else is taken from the final model too and then left out again as far as
+the verdict stays, in halves and quarters, that first without which the final model suffers least
+[ZellerHildebrandt2002]; what remains is added.  This repeats until every case is judged as well as
+with the final model.
 
 References
 ----------
@@ -43,7 +44,8 @@ def join_diagnoses(
     paths: Mapping[str, Any],
     apriori: Aircraft | None = None,
 ) -> dict[str, pd.DataFrame]:
-    """Return diagnoses with the terms that the corrected model needs further for every case to pass that the final model passes.
+    """Return diagnoses with the terms that the corrected model needs further for every case to pass
+    that the final model passes.
 
     Parameters
     ----------
@@ -63,15 +65,19 @@ def join_diagnoses(
     Returns
     -------
     dict of str to DataFrame
-        The tables.  That of a case for which terms were added has further rows of the stage ``joint``: the corrected model without
-        them (``term`` empty), then with one after the other, the last row being the corrected model of all cases.
+        The tables.  That of a case for which terms were added has further rows of the stage
+        ``joint``: the corrected model without them (``term`` empty), then with one after the other,
+        the last row being the corrected model of all cases.
 
     Notes
     -----
     None of the added terms can be left out alone: a case that the final model passes would not pass.
     """
     models = swap_models(prior, final, aircraft, apriori)
-    return joined(diagnoses, {case.name: Bench.of(case, models[case.name], paths.get(case.name)) for case in cases})
+    return joined(
+        diagnoses,
+        {case.name: Bench.of(case, models[case.name], paths.get(case.name)) for case in cases},
+    )
 
 
 def diagnose_all(
@@ -83,7 +89,8 @@ def diagnose_all(
     apriori: Aircraft | None = None,
     jobs: int = -1,
 ) -> dict[str, pd.DataFrame]:
-    """Return the tables of `join_diagnoses` of all cases: compiled once for all, and what a diagnosis flew is not flown again.
+    """Return the tables of `join_diagnoses` of all cases: compiled once for all, and what a
+    diagnosis flew is not flown again.
 
     Parameters
     ----------
@@ -93,7 +100,12 @@ def diagnose_all(
         Cases diagnosed at the same time; -1: one per processor.
     """
     at_hand = Stages()
-    models = (at_hand.given(prior), at_hand.given(final), at_hand.given(aircraft), at_hand.given(apriori))
+    models = (
+        at_hand.given(prior),
+        at_hand.given(final),
+        at_hand.given(aircraft),
+        at_hand.given(apriori),
+    )
     flown = {case.name: at_hand.given(paths.get(case.name)) for case in cases}
     return diagnosed_cases(cases, *models, flown, jobs, at_hand)
 
@@ -108,28 +120,44 @@ def diagnosed_cases(
     jobs: int,
     stages: Stages,
 ) -> dict[str, pd.DataFrame]:
-    """Return the tables of `diagnose_all`, each case a stage; what cases judge for each other is kept with them."""
+    """Return the tables of `diagnose_all`, each case a stage; what cases judge for each other is
+    kept with them.
+    """
     from joblib import effective_n_jobs
 
-    mixed = Kept(make=lambda: (swap_models(prior.value, final.value, aircraft.value, apriori.value),))
+    mixed = Kept(
+        make=lambda: (swap_models(prior.value, final.value, aircraft.value, apriori.value),)
+    )
     parcel = Kept(make=lambda: (pickle.dumps(mixed.value),))
     processes = min(effective_n_jobs(jobs), len(cases) // LEAST_SHARE)
     threads = processes < 2 and stages.local
-    common = {"a-priori database": prior, "final database": final, "aircraft": aircraft, "a-priori aircraft": apriori}
-    inputs = {case.name: {"case": case, "record": paths[case.name], **common} for case in sorted(cases, key=_length, reverse=True)}
+    common = {
+        "a-priori database": prior,
+        "final database": final,
+        "aircraft": aircraft,
+        "a-priori aircraft": apriori,
+    }
+    inputs = {
+        case.name: {"case": case, "record": paths[case.name], **common}
+        for case in sorted(cases, key=_length, reverse=True)
+    }
     named = {case.name: case for case in cases}
 
     def arguments(name: str) -> tuple[Any, ...]:
         return named[name], mixed.value if threads else parcel.value, paths[name].value
 
-    found = stages.each("diagnosis", inputs, _diagnosed, arguments, jobs if threads else processes, threads)
+    found = stages.each(
+        "diagnosis", inputs, _diagnosed, arguments, jobs if threads else processes, threads
+    )
     benches: dict[str, LateBench] = {}
     for case in cases:
 
         def make(case: PomCase = case) -> Bench:
             return Bench.of(case, mixed.value[case.name], paths[case.name].value)
 
-        benches[case.name] = LateBench(found[case.name].value, stages.recall("judgements", inputs[case.name], {}), make)
+        benches[case.name] = LateBench(
+            found[case.name].value, stages.recall("judgements", inputs[case.name], {}), make
+        )
     before = {name: len(bench.known) for name, bench in benches.items()}
     tables = joined({case.name: found[case.name].value.table for case in cases}, benches, jobs)
     for name, bench in benches.items():
@@ -139,20 +167,27 @@ def diagnosed_cases(
 
 
 def _diagnosed(case: PomCase, models: Mapping[str, SwapModels] | bytes, path: Any) -> Diagnosed:
-    """Return what is kept of a diagnosis; models by name of the case, as a parcel in another process."""
+    """Return what is kept of a diagnosis; models by name of the case, as a parcel in another
+    process.
+    """
     mixed = _unpacked(models) if isinstance(models, bytes) else models
     return Diagnosed.of(*_ranked(case, mixed[case.name], path, {}))
 
 
 def rank_all(
-    cases: Sequence[PomCase], models: Mapping[str, SwapModels], paths: Mapping[str, Any], jobs: int = -1, **options: Any
+    cases: Sequence[PomCase],
+    models: Mapping[str, SwapModels],
+    paths: Mapping[str, Any],
+    jobs: int = -1,
+    **options: Any,
 ) -> dict[str, tuple[Bench, pd.DataFrame]]:
     """Return the bench of every case and its table of `ranked`, by name of the case.
 
     Parameters
     ----------
     cases, paths, jobs
-        As in `diagnose_all`.  Processes share the work where each has `LEAST_SHARE` cases at least, else threads do.
+        As in `diagnose_all`.  Processes share the work where each has `LEAST_SHARE` cases at least,
+        else threads do.
     models : mapping of str to SwapModels
         By name of the case.
     **options
@@ -164,24 +199,38 @@ def rank_all(
     workers = effective_n_jobs(jobs)
     if (processes := min(workers, len(cases) // LEAST_SHARE)) > 1:
         parcel = pickle.dumps(models)
-        calls = (delayed(_ranked_elsewhere)(case, parcel, paths.get(case.name), options) for case in order)
+        calls = (
+            delayed(_ranked_elsewhere)(case, parcel, paths.get(case.name), options)
+            for case in order
+        )
         found = Parallel(n_jobs=processes, batch_size=1, pre_dispatch="all")(calls)
         for case, (bench, _) in zip(order, found, strict=True):
             bench.models = models[case.name]
     else:
-        calls = (delayed(_ranked)(case, models[case.name], paths.get(case.name), options) for case in order)
-        found = Parallel(n_jobs=min(workers, len(cases)) or 1, backend="threading", batch_size=1)(calls)
+        calls = (
+            delayed(_ranked)(case, models[case.name], paths.get(case.name), options)
+            for case in order
+        )
+        found = Parallel(n_jobs=min(workers, len(cases)) or 1, backend="threading", batch_size=1)(
+            calls
+        )
     by_name = {case.name: one for case, one in zip(order, found, strict=True)}
     return {case.name: by_name[case.name] for case in cases}
 
 
-def _ranked(case: PomCase, models: SwapModels, path: Any, options: Mapping[str, Any]) -> tuple[Bench, pd.DataFrame]:
+def _ranked(
+    case: PomCase, models: SwapModels, path: Any, options: Mapping[str, Any]
+) -> tuple[Bench, pd.DataFrame]:
     bench = Bench.of(case, models, path)
     return bench, ranked(bench, **options)
 
 
-def _ranked_elsewhere(case: PomCase, parcel: bytes, path: Any, options: Mapping[str, Any]) -> tuple[Bench, pd.DataFrame]:
-    """Return the same in another process, but the bench without its models: what is compiled stays there."""
+def _ranked_elsewhere(
+    case: PomCase, parcel: bytes, path: Any, options: Mapping[str, Any]
+) -> tuple[Bench, pd.DataFrame]:
+    """Return the same in another process, but the bench without its models: what is compiled stays
+    there.
+    """
     bench, table = _ranked(case, _unpacked(parcel)[case.name], path, options)
     bench.models = cast(SwapModels, None)
     return bench, table
@@ -195,28 +244,47 @@ def _unpacked(parcel: bytes) -> dict[str, SwapModels]:
 
 def _length(case: PomCase) -> float:
     """Return roughly how long a case takes to fly, so that none of the longest starts last."""
-    slow = case.drive.surfaces != "recorded" or case.drive.trim == "ground"  # circuits that move, legs on the ground
+    slow = (
+        case.drive.surfaces != "recorded" or case.drive.trim == "ground"
+    )  # circuits that move, legs on the ground
     return (case.window[1] - case.window[0]) * (5.0 if slow else 1.0)
 
 
 def swap_models(
-    prior: xr.DataTree, final: xr.DataTree, aircraft: Mapping[str, Aircraft], apriori: Aircraft | None = None
+    prior: xr.DataTree,
+    final: xr.DataTree,
+    aircraft: Mapping[str, Aircraft],
+    apriori: Aircraft | None = None,
 ) -> dict[str, SwapModels]:
     """Return the mixtures of both models by name of the case; cases of one aircraft share theirs."""
-    made = {key: SwapModels.of(prior, final, (apriori or one, one)) for key, one in {id(one): one for one in aircraft.values()}.items()}
+    made = {
+        key: SwapModels.of(prior, final, (apriori or one, one))
+        for key, one in {id(one): one for one in aircraft.values()}.items()
+    }
     return {name: made[id(one)] for name, one in aircraft.items()}
 
 
-def joined(diagnoses: Mapping[str, pd.DataFrame], benches: Mapping[str, Bench | LateBench], jobs: int = 1) -> dict[str, pd.DataFrame]:
-    """Return the tables of `join_diagnoses` of benches by name of the case; what all of them fly they fly at the same time in threads."""
-    reached = {name: bench for name, bench in benches.items() if _verdict(bench, bench.names) in MATCHED}
+def joined(
+    diagnoses: Mapping[str, pd.DataFrame], benches: Mapping[str, Bench | LateBench], jobs: int = 1
+) -> dict[str, pd.DataFrame]:
+    """Return the tables of `join_diagnoses` of benches by name of the case; what all of them fly
+    they fly at the same time in threads.
+    """
+    reached = {
+        name: bench for name, bench in benches.items() if _verdict(bench, bench.names) in MATCHED
+    }
     union = corrected_terms(diagnoses.values())
     added = _added(reached, union, jobs)
     everything = {*union, *(name for names in added.values() for name in names)}
-    return {name: _with_rows(table, benches[name], everything, added.get(name, [])) for name, table in diagnoses.items()}
+    return {
+        name: _with_rows(table, benches[name], everything, added.get(name, []))
+        for name, table in diagnoses.items()
+    }
 
 
-def _added(benches: Mapping[str, Bench | LateBench], union: Sequence[str], jobs: int) -> dict[str, list[str]]:
+def _added(
+    benches: Mapping[str, Bench | LateBench], union: Sequence[str], jobs: int
+) -> dict[str, list[str]]:
     """Return what is added to the union, by a case that needs it; only cases that need something."""
     from joblib import Parallel, delayed
 
@@ -225,7 +293,9 @@ def _added(benches: Mapping[str, Bench | LateBench], union: Sequence[str], jobs:
     while failing:
         failing = False
         # as if nothing were added: a bench keeps what it has flown
-        Parallel(n_jobs=jobs, backend="threading")(delayed(_verdict)(bench, frozenset(taken)) for bench in benches.values())
+        Parallel(n_jobs=jobs, backend="threading")(
+            delayed(_verdict)(bench, frozenset(taken)) for bench in benches.values()
+        )
         for name, bench in benches.items():
             if not _as_good(bench, taken):
                 further = _least(bench, taken)
@@ -249,7 +319,9 @@ def _added(benches: Mapping[str, Bench | LateBench], union: Sequence[str], jobs:
 
 
 def _verdict(bench: Bench | LateBench, names: Collection[str]) -> str:
-    """Return the verdict with these terms and parts of the final model, as far as the case feels them."""
+    """Return the verdict with these terms and parts of the final model, as far as the case feels
+    them.
+    """
     (found,) = bench.judged([[name for name in bench.names if name in names]], exact=True)
     return found.verdict
 
@@ -264,7 +336,9 @@ def _least(bench: Bench | LateBench, taken: Collection[str]) -> list[str]:
     free = [name for name in bench.names if name not in taken]
     screen(bench.whole)
     without = bench.judged([[other for other in bench.names if other != name] for name in free])
-    loss = {name: (not found.matched, found.total) for name, found in zip(free, without, strict=True)}
+    loss = {
+        name: (not found.matched, found.total) for name, found in zip(free, without, strict=True)
+    }
     kept = sorted(free, key=lambda name: loss[name])
     waiting = [kept]
     while waiting:
@@ -278,12 +352,16 @@ def _least(bench: Bench | LateBench, taken: Collection[str]) -> list[str]:
     return kept
 
 
-def _with_rows(table: pd.DataFrame, bench: Bench | LateBench, everything: Collection[str], added: Sequence[str]) -> pd.DataFrame:
+def _with_rows(
+    table: pd.DataFrame, bench: Bench | LateBench, everything: Collection[str], added: Sequence[str]
+) -> pd.DataFrame:
     """Return a diagnosis with the rows of the stage ``joint``."""
     if not added:
         return table
     base = [name for name in bench.names if name in everything and name not in added]
-    start, end, *found = bench.judged([(), bench.names, *([*base, *added[:k]] for k in range(len(added) + 1))], exact=True)
+    start, end, *found = bench.judged(
+        [(), bench.names, *([*base, *added[:k]] for k in range(len(added) + 1))], exact=True
+    )
     rows = Rows(start, end)
     for name, one in zip(["", *added], found, strict=True):
         rows.add("joint", name, one)

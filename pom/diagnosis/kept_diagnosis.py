@@ -1,4 +1,6 @@
-"""The diagnosis of one case as a stage that is kept, and its bench, which is made again only where something new has to be flown."""
+"""The diagnosis of one case as a stage that is kept, and its bench, which is made again only where
+something new has to be flown.
+"""
 
 from __future__ import annotations
 
@@ -43,7 +45,8 @@ class Diagnosed:
 class LateBench:
     """A bench whose judgements are known, and which is made only for others.
 
-    A judgement depends on nothing but the case, the models and the choice, so that one kept is as good as one flown.
+    A judgement depends on nothing but the case, the models and the choice, so that one kept is as
+    good as one flown.
 
     Parameters
     ----------

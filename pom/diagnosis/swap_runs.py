@@ -1,4 +1,6 @@
-"""The bench on which terms are swapped: one case, what differs between two models, and every choice of it replayed and judged once."""
+"""The bench on which terms are swapped: one case, what differs between two models, and every choice
+of it replayed and judged once.
+"""
 
 from __future__ import annotations
 
@@ -24,19 +26,27 @@ from pom.replaying.trim import TrimLimit, beyond_limits, trim_limits
 from pom.result import group_verdicts, status_of
 from pom.tolerances.channels import WRAPPED, output_of
 
-JUMP = 10.0  # second differences of an input above so many of their medians, and above `LEAST_JUMP` of its range, are a jump
+# second differences of an input above so many of their medians, and above `LEAST_JUMP` of its
+# range, are a jump
+JUMP = 10.0
 LEAST_JUMP = 0.02
 LEAST_RANGE = 1e-6  # [SI] of an input: what is below is rounding, as a wind that blows level
 
 
 def thinned(job: Job, step: float) -> Job:
-    """Return a job whose samples are as far apart as they can be within `step` [s], which becomes its longest internal step.
+    """Return a job whose samples are as far apart as they can be within `step` [s], which becomes
+    its longest internal step.
 
-    First and last sample stay as they are: the model is trimmed on the one and ends on the other.  A math pilot keeps all samples.
+    First and last sample stay as they are: the model is trimmed on the one and ends on the other.
+    A math pilot keeps all samples.
     """
     parameters = {**job.parameters, "mode.step": step}
     count = job.time.size
-    every = 1 if job.pilot or count < 2 else int(step / float(np.median(np.diff(job.time))) * (1.0 + 1e-6))
+    every = (
+        1
+        if job.pilot or count < 2
+        else int(step / float(np.median(np.diff(job.time))) * (1.0 + 1e-6))
+    )
     if every < 2 or count < 2 * every:
         return replace(job, parameters=parameters)
     kept = np.unique([*range(0, count, every), count - 1, *_jumps(job.inputs.values())])
@@ -55,24 +65,40 @@ def _jumps(inputs: Iterable[np.ndarray]) -> np.ndarray:
     found = [np.empty(0, int)]
     for values in inputs:
         bend = np.abs(np.diff(values, 2))
-        found.append(1 + np.flatnonzero(bend > np.fmax(JUMP * np.median(bend), LEAST_JUMP * max(np.ptp(values), LEAST_RANGE))))
+        found.append(
+            1
+            + np.flatnonzero(
+                bend
+                > np.fmax(JUMP * np.median(bend), LEAST_JUMP * max(np.ptp(values), LEAST_RANGE))
+            )
+        )
     at = np.concatenate(found)
     return np.concatenate([at - 1, at, at + 1])
 
 
 def _between(kept: np.ndarray, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return behind which of the kept places each wanted one lies, and which share of the way to the next."""
+    """Return behind which of the kept places each wanted one lies, and which share of the way to
+    the next.
+    """
     before = np.clip(np.searchsorted(kept, wanted, side="right") - 1, 0, kept.size - 2)
     return before, (wanted - kept[before]) / np.diff(kept)[before]
 
 
 def _hats(before: np.ndarray, share: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
-    """Return the sums of values (sample,) weighed by the hat functions (count,) at the kept samples."""
-    return np.bincount(before, (1.0 - share) * values, count) + np.bincount(before + 1, share * values, count)
+    """Return the sums of values (sample,) weighed by the hat functions (count,) at the kept
+    samples.
+    """
+    return np.bincount(before, (1.0 - share) * values, count) + np.bincount(
+        before + 1, share * values, count
+    )
 
 
-def at_samples(outputs: Mapping[str, np.ndarray], kept: np.ndarray, time: np.ndarray) -> dict[str, np.ndarray]:
-    """Return outputs (run, kept) by name at all samples (run, time), along lines; angles the way round that is below half a turn."""
+def at_samples(
+    outputs: Mapping[str, np.ndarray], kept: np.ndarray, time: np.ndarray
+) -> dict[str, np.ndarray]:
+    """Return outputs (run, kept) by name at all samples (run, time), along lines; angles the way
+    round that is below half a turn.
+    """
     if kept.size == time.size:
         return dict(outputs)
     before, share = _between(kept, time)
@@ -85,18 +111,28 @@ def at_samples(outputs: Mapping[str, np.ndarray], kept: np.ndarray, time: np.nda
     return found
 
 
-CEILING = 10.0  # [half widths] of a criterion that fails without a number, such as a mode that is not there; no mismatch counts more
-MATCHED = ("pass", "limits_exceeded")  # verdicts of a model within tolerance; of the second the trim is beyond its usual limits
+# [half widths] of a criterion that fails without a number, such as a mode that is not there; no
+# mismatch counts more
+CEILING = 10.0
+MATCHED = (
+    "pass",
+    "limits_exceeded",
+)  # verdicts of a model within tolerance; of the second the trim is beyond its usual limits
 OTHERS = "others"  # in the shares: all terms without a share of their own
 
 
 def criteria_of(table: pd.DataFrame) -> list[str]:
     """Return the names of the judged criteria of a diagnosis."""
-    return [str(column).removesuffix(" ratio") for column in table.columns if str(column).endswith(" ratio")]
+    return [
+        str(column).removesuffix(" ratio")
+        for column in table.columns
+        if str(column).endswith(" ratio")
+    ]
 
 
 def waterfall(table: pd.DataFrame, criterion: str = "") -> pd.DataFrame:
-    """Return the way from the mismatch of the a-priori model to that of the final one, share by share.
+    """Return the way from the mismatch of the a-priori model to that of the final one, share by
+    share.
 
     Parameters
     ----------
@@ -108,8 +144,9 @@ def waterfall(table: pd.DataFrame, criterion: str = "") -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        One row per share, in the order of the table: ``term``, ``start`` and ``stop`` (mismatch before and after it, in half widths),
-        ``explained`` and ``stderr`` (share of the gap and its standard error).  Empty when the diagnosis has no shares.
+        One row per share, in the order of the table: ``term``, ``start`` and ``stop`` (mismatch
+        before and after it, in half widths), ``explained`` and ``stderr`` (share of the gap and its
+        standard error).  Empty when the diagnosis has no shares.
     """
     prefix = f"{criterion} " if criterion else ""
     rows = table[table["stage"] == "share"]
@@ -117,7 +154,9 @@ def waterfall(table: pd.DataFrame, criterion: str = "") -> pd.DataFrame:
     stop = rows[f"{prefix}mismatch"].to_numpy(float)
     start = np.append(np.fmin(first, CEILING), stop)[: len(stop)]
     found = {"term": rows["term"].to_list(), "start": start, "stop": stop}
-    return pd.DataFrame(found | {name: rows[f"{prefix}{name}"].to_numpy(float) for name in ("explained", "stderr")})
+    return pd.DataFrame(
+        found | {name: rows[f"{prefix}{name}"].to_numpy(float) for name in ("explained", "stderr")}
+    )
 
 
 def ranking(table: pd.DataFrame) -> pd.DataFrame:
@@ -131,21 +170,33 @@ def ranking(table: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        ``criterion`` (empty: the total mismatch), ``rank`` from 1, ``term``, ``explained`` and ``stderr`` (Shapley share of the gap and its
-        standard error; NaN where the criterion has no gap), ``change`` (of the mismatch, in half widths; negative: towards the flight).
+        ``criterion`` (empty: the total mismatch), ``rank`` from 1, ``term``, ``explained`` and
+        ``stderr`` (Shapley share of the gap and its standard error; NaN where the criterion has no
+        gap), ``change`` (of the mismatch, in half widths; negative: towards the flight).
     """
     found = []
     for criterion in ("", *criteria_of(table)):
         steps = waterfall(table, criterion)
-        steps = steps.assign(criterion=criterion, change=steps["stop"] - steps["start"]).sort_values("change", kind="stable")
+        steps = steps.assign(
+            criterion=criterion, change=steps["stop"] - steps["start"]
+        ).sort_values("change", kind="stable")
         found.append(steps.assign(rank=np.arange(1, len(steps) + 1)))
-    return pd.concat(found, ignore_index=True)[["criterion", "rank", "term", "explained", "stderr", "change"]]
+    return pd.concat(found, ignore_index=True)[
+        ["criterion", "rank", "term", "explained", "stderr", "change"]
+    ]
 
 
-LONG_STEPS = (0.08, 0.04, 0.02)  # [s] longest steps of a swap; the first that is as good as `STEP`, of the models themselves, is taken
-# with wheels on the ground: when one lifts off or strikes differs more between two swaps than between the two models
+LONG_STEPS = (
+    0.08,
+    0.04,
+    0.02,
+)  # [s] longest steps of a swap; the first that is as good as `STEP`, of the models themselves, is taken
+# with wheels on the ground: when one lifts off or strikes differs more between two swaps than
+# between the two models
 GROUND_STEPS = LONG_STEPS[-1:]
-STEP_ERROR = 2e-3  # half widths, or part of the number where that is more: by how much both models may be judged otherwise with it
+# half widths, or part of the number where that is more: by how much both models may be judged
+# otherwise with it
+STEP_ERROR = 2e-3
 TRIM_WEIGHT = 0.1  # a trim that moves by its whole limit counts as much as a tenth of the mismatch
 
 
@@ -158,12 +209,14 @@ class Judged:
     verdict : str
         Status of the case.
     mismatch, ratio : dict of str to float
-        By judged criterion: rms of difference over half width of a time history, the ratio itself of a scalar; largest ratio. [1]
+        By judged criterion: rms of difference over half width of a time history, the ratio itself
+        of a scalar; largest ratio. [1]
     total : float
         Root mean square of the mismatches of the groups, of each group the best alternative. [1]
     moved : float
-        How far the judged outputs are from those of the a-priori model: largest rms of a channel over that of its mismatch (a-priori
-        model less flight, or less final model, the larger), or a tenth of a trim over its limit; infinite for a run that failed. [1]
+        How far the judged outputs are from those of the a-priori model: largest rms of a channel
+        over that of its mismatch (a-priori model less flight, or less final model, the larger), or
+        a tenth of a trim over its limit; infinite for a run that failed. [1]
     """
 
     verdict: str
@@ -178,8 +231,18 @@ class Judged:
         return self.verdict in MATCHED
 
     def counted(self, criteria: Iterable[str]) -> np.ndarray:
-        """Return the total mismatch and that of every criterion as they count, at most `CEILING` (1 + criterion,)."""
-        return np.array([np.fmin(mismatch, CEILING) for mismatch in (self.total, *(self.mismatch.get(name, CEILING) for name in criteria))])
+        """Return the total mismatch and that of every criterion as they count, at most `CEILING` (1
+        + criterion,).
+        """
+        return np.array(
+            [
+                np.fmin(mismatch, CEILING)
+                for mismatch in (
+                    self.total,
+                    *(self.mismatch.get(name, CEILING) for name in criteria),
+                )
+            ]
+        )
 
 
 @dataclass
@@ -195,17 +258,19 @@ class Bench:
     flight : Signals
         The same by channel.
     channels : frozenset of str
-        What the criteria are computed from, what a math pilot applies, and the trims that have a limit.
+        What the criteria are computed from, what a math pilot applies, and the trims that have a
+        limit.
     limits : dict of str to TrimLimit
         Of the trim, by quantity.
     models : SwapModels
     terms, parts : tuple of str
         What differs and can matter in this case.
     flown : Job
-        The same as `job` with the longest steps that judge both models alike (`long_steps.thinned`).
+        The same as `job` with the longest steps that judge both models alike
+        (`long_steps.thinned`).
     idle : dict of str to float
-        Terms that are not flown alone (`screening.screen`), with the bound of what each may move, as `Judged.moved`: a choice takes all
-        of them or none, whichever is nearer.
+        Terms that are not flown alone (`screening.screen`), with the bound of what each may move,
+        as `Judged.moved`: a choice takes all of them or none, whichever is nearer.
     known : dict of frozenset of str to Judged
         What was flown, by choice.
     """
@@ -228,7 +293,8 @@ class Bench:
 
     @classmethod
     def of(cls, case: PomCase, models: SwapModels, path: Any) -> Bench:
-        """Return the bench of a case, on which both models are flown already; `path` as in `replay`.
+        """Return the bench of a case, on which both models are flown already; `path` as in
+        `replay`.
 
         Raises
         ------
@@ -237,15 +303,31 @@ class Bench:
         """
         plan = plan_of(case, path)
         count, states = plan.job.time.size, plan.states.data_vars
-        flight = {str(name): np.broadcast_to(item.values, count) for name, item in states.items() if item.ndim < 2}
+        flight = {
+            str(name): np.broadcast_to(item.values, count)
+            for name, item in states.items()
+            if item.ndim < 2
+        }
         limits = trim_limits(plan.case, flight)
         limited = (f"trim.{name}" for name in limits)
         moved = (f"applied.{loop.control}" for loop in plan.job.pilot)
-        channels = frozenset({*judged_channels(plan.case), *helping_channels(plan.case), *moved, *limited})
+        channels = frozenset(
+            {*judged_channels(plan.case), *helping_channels(plan.case), *moved, *limited}
+        )
         driven = case.drive.level == "recorded"  # surfaces that are driven feel no hinge moment
         terms = tuple(name for name in models.terms if not (driven and name.startswith("Ch_")))
         parts = _parts(case, flight, models.parts)
-        return cls(plan.case, plan.job, plan.states, signals_of(case, flight, plan.job.time), channels, limits, models, terms, parts)
+        return cls(
+            plan.case,
+            plan.job,
+            plan.states,
+            signals_of(case, flight, plan.job.time),
+            channels,
+            limits,
+            models,
+            terms,
+            parts,
+        )
 
     def __post_init__(self) -> None:
         self.flown = self.job
@@ -263,7 +345,8 @@ class Bench:
         return self
 
     def judged(self, choices: Iterable[Collection[str]], exact: bool = False) -> list[Judged]:
-        """Return the judgement of every choice of names; those that the bench does not know yet are flown together.
+        """Return the judgement of every choice of names; those that the bench does not know yet are
+        flown together.
 
         With `exact` a choice takes idle terms one by one, as it has them.
         """
@@ -272,8 +355,12 @@ class Bench:
             self.known[key] = self._judge(*flown)
         return [self.known[key] for key in keys]
 
-    def _fly(self, choices: Iterable[frozenset[str]]) -> Iterator[tuple[frozenset[str], tuple[dict[str, np.ndarray], str]]]:
-        """Give every choice with its outputs and why its run failed; those with the same compiled parts are flown together."""
+    def _fly(
+        self, choices: Iterable[frozenset[str]]
+    ) -> Iterator[tuple[frozenset[str], tuple[dict[str, np.ndarray], str]]]:
+        """Give every choice with its outputs and why its run failed; those with the same compiled
+        parts are flown together.
+        """
         together: dict[frozenset[str], list[frozenset[str]]] = defaultdict(list)
         for choice in choices:
             together[self.models.compiled_parts(choice)].append(choice)
@@ -281,12 +368,18 @@ class Bench:
             yield from zip(group, zip(*self._flown(parts, group), strict=True), strict=True)
 
     def nearest(self, choice: Collection[str]) -> frozenset[str]:
-        """Return the choice that takes all idle terms where this one takes more than half of them, and none where it does not."""
+        """Return the choice that takes all idle terms where this one takes more than half of them,
+        and none where it does not.
+        """
         idle = frozenset(self.idle)
-        return frozenset(choice) - idle | (idle if 2 * len(idle.intersection(choice)) > len(idle) else frozenset())
+        return frozenset(choice) - idle | (
+            idle if 2 * len(idle.intersection(choice)) > len(idle) else frozenset()
+        )
 
     def _begin(self) -> None:
-        """Fly both models, with the longest steps that are as good, and keep what the effect of a swap is compared with."""
+        """Fly both models, with the longest steps that are as good, and keep what the effect of a
+        swap is compared with.
+        """
         for names in ((), self.names):  # a swap may make no aircraft, the models themselves have to
             self.models.compiled(self.models.compiled_parts(names))
         ends = self._ends()
@@ -294,7 +387,9 @@ class Bench:
             for step in GROUND_STEPS if _touching(self.case, self.flight.raw) else LONG_STEPS:
                 self.flown = thinned(self.job, step)
                 longer = self._ends()
-                if all(_agree(one, other) for (_, one), (_, other) in zip(ends, longer, strict=True)):
+                if all(
+                    _agree(one, other) for (_, one), (_, other) in zip(ends, longer, strict=True)
+                ):
                     ends = longer
                     break
             else:
@@ -303,10 +398,16 @@ class Bench:
         self.known.update({frozenset(): prior, frozenset(self.names): final})
         for name, values in start.items():
             if name.startswith("trim."):
-                self._start[name], self._size[name] = values[:1], self.limits[name.removeprefix("trim.")].size / TRIM_WEIGHT
+                self._start[name], self._size[name] = (
+                    values[:1],
+                    self.limits[name.removeprefix("trim.")].size / TRIM_WEIGHT,
+                )
             else:
                 others = [run[name] for run in (end, self.flight.raw) if name in run]
-                self._start[name], self._size[name] = values, float(np.fmax.reduce([0.0, *(rms(_apart(name, values, o)) for o in others)]))
+                self._start[name], self._size[name] = (
+                    values,
+                    float(np.fmax.reduce([0.0, *(rms(_apart(name, values, o)) for o in others)])),
+                )
 
     def _ends(self) -> list[tuple[dict[str, np.ndarray], Judged]]:
         """Return outputs and judgement of the a-priori model and of the final one."""
@@ -314,7 +415,9 @@ class Bench:
         flown = dict(self._fly(ends))
         return [(flown[end][0], self._judge(*flown[end])) for end in ends]
 
-    def _flown(self, parts: frozenset[str], choices: Sequence[frozenset[str]]) -> tuple[list[dict[str, np.ndarray]], list[str]]:
+    def _flown(
+        self, parts: frozenset[str], choices: Sequence[frozenset[str]]
+    ) -> tuple[list[dict[str, np.ndarray]], list[str]]:
         """Return the outputs of choices with the same compiled parts, and why runs failed."""
         try:
             sim = self.models.compiled(parts)
@@ -325,13 +428,23 @@ class Bench:
         chosen = [self._without_own(self.models.choice(choice)) for choice in choices]
         outputs, failures = fly(sim, self.flown, chosen, wanted)
         outputs = at_samples(outputs, self.flown.time, self.job.time)
-        outputs |= {loop.control: outputs[f"applied.{loop.control}"] for loop in self.job.pilot if f"applied.{loop.control}" in outputs}
-        return [{name: values[k] for name, values in outputs.items()} for k in range(len(choices))], failures
+        outputs |= {
+            loop.control: outputs[f"applied.{loop.control}"]
+            for loop in self.job.pilot
+            if f"applied.{loop.control}" in outputs
+        }
+        return [
+            {name: values[k] for name, values in outputs.items()} for k in range(len(choices))
+        ], failures
 
     def _without_own(self, parameters: Mapping[str, float]) -> dict[str, float]:
         """Return parameters without those that the case gives, such as the condition of the runway."""
         own = parameters.keys() & self.job.parameters.keys()
-        return {name: value for name, value in parameters.items() if name not in own} if own else dict(parameters)
+        return (
+            {name: value for name, value in parameters.items() if name not in own}
+            if own
+            else dict(parameters)
+        )
 
     def _judge(self, outputs: Mapping[str, np.ndarray], failure: str) -> Judged:
         mismatch: dict[str, float] = {}
@@ -339,7 +452,9 @@ class Bench:
         verdicts: dict[str, str] = {}
         groups: dict[str, float] = {}
         failed = bool(failure or beyond_limits(self.limits, outputs, demanded=True))
-        exceeded = any(remark.kind == "trim" for remark in beyond_limits(self.limits, outputs, demanded=False))
+        exceeded = any(
+            remark.kind == "trim" for remark in beyond_limits(self.limits, outputs, demanded=False)
+        )
         outcomes = judge_match(self._match.against(outputs))
         for criterion in self.case.criteria:
             found = outcomes[criterion.name]
@@ -347,43 +462,68 @@ class Bench:
             if found.verdict not in ("pass", "fail", "invalid"):
                 continue
             ratio[criterion.name] = found.worst_ratio
-            mismatch[criterion.name] = found.rms if np.isfinite(found.rms) else found.worst_ratio  # of a curve, of a number
+            mismatch[criterion.name] = (
+                found.rms if np.isfinite(found.rms) else found.worst_ratio
+            )  # of a curve, of a number
             counted = float(np.fmin(mismatch[criterion.name], CEILING))
             groups[criterion.group] = min(groups.get(criterion.group, CEILING), counted)
         total = float(np.sqrt(np.mean(np.square(list(groups.values()))))) if groups else np.nan
         moved = np.inf if failure else self._moved(outputs)
-        return Judged(status_of(group_verdicts(self.case, verdicts), exceeded), mismatch, ratio, total, moved)
+        return Judged(
+            status_of(group_verdicts(self.case, verdicts), exceeded), mismatch, ratio, total, moved
+        )
 
     def _moved(self, outputs: Mapping[str, np.ndarray]) -> float:
         """Return how far the outputs are from those of the a-priori model."""
         found = 0.0
         for name, start in self._start.items():
-            change = rms(_apart(name, outputs[name][: start.size], start)) if name in outputs else np.inf
+            change = (
+                rms(_apart(name, outputs[name][: start.size], start)) if name in outputs else np.inf
+            )
             if change != 0.0:
-                found = max(found, change / self._size[name] if self._size[name] > 0.0 and np.isfinite(change) else np.inf)
+                found = max(
+                    found,
+                    change / self._size[name]
+                    if self._size[name] > 0.0 and np.isfinite(change)
+                    else np.inf,
+                )
         return found
 
 
-def _parts(case: PomCase, flight: Mapping[str, np.ndarray], parts: Iterable[str]) -> tuple[str, ...]:
-    """Return the parts that can matter: engines that the thrust does not drive, gear that touches the ground."""
-    felt = {"engine": case.drive.engine != "thrust", "gear": _touching(case, flight), "circuit": case.drive.surfaces != "recorded"}
+def _parts(
+    case: PomCase, flight: Mapping[str, np.ndarray], parts: Iterable[str]
+) -> tuple[str, ...]:
+    """Return the parts that can matter: engines that the thrust does not drive, gear that touches
+    the ground.
+    """
+    felt = {
+        "engine": case.drive.engine != "thrust",
+        "gear": _touching(case, flight),
+        "circuit": case.drive.surfaces != "recorded",
+    }
     return tuple(name for name in parts if felt.get(name.split("/")[0], True))
 
 
 def _touching(case: PomCase, flight: Mapping[str, np.ndarray]) -> bool:
     """Return whether a wheel is on the ground."""
-    return case.drive.trim == "ground" or any((flight[name] > 0.5).any() for name in flight if name.startswith("wow_"))
+    return case.drive.trim == "ground" or any(
+        (flight[name] > 0.5).any() for name in flight if name.startswith("wow_")
+    )
 
 
 def _apart(name: str, one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Return the difference of two time histories, of an angle the way round that is below half a turn."""
+    """Return the difference of two time histories, of an angle the way round that is below half a
+    turn.
+    """
     return np.angle(np.exp(1j * (one - other))) if name in WRAPPED else one - other
 
 
 def _agree(one: Judged, other: Judged) -> bool:
     """Whether two judgements differ by no more than `STEP_ERROR`."""
     close = [
-        np.allclose([*mine.values()], [*theirs.values()], rtol=STEP_ERROR, atol=STEP_ERROR, equal_nan=True)
+        np.allclose(
+            [*mine.values()], [*theirs.values()], rtol=STEP_ERROR, atol=STEP_ERROR, equal_nan=True
+        )
         for mine, theirs in ((one.mismatch, other.mismatch), (one.ratio, other.ratio))
         if mine.keys() == theirs.keys()
     ]

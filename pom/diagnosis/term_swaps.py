@@ -1,4 +1,6 @@
-"""Terms and parts exchanged between two models: which differ, which belong together, and the corrected model with its provenance."""
+"""Terms and parts exchanged between two models: which differ, which belong together, and the
+corrected model with its provenance.
+"""
 
 from __future__ import annotations
 
@@ -20,14 +22,22 @@ from flightmech.aircraft.parts import different_parts, swap_parts
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.simulation.compiler import changed_parameters
 
-# what a configuration or a control is made of: terms with one of these among their axes or regressors make a group
+# what a configuration or a control is made of: terms with one of these among their axes or
+# regressors make a group
 _VARIABLES = ("delta_f", "gear", "speedbrake", "h_agl", "delta_e", "delta_a", "delta_r")
-_PARTS_OF = {"engine": "engine", "gear": "landing gear", "circuit": "control loading", "fuel": "fuel"}
+_PARTS_OF = {
+    "engine": "engine",
+    "gear": "landing gear",
+    "circuit": "control loading",
+    "fuel": "fuel",
+}
 _SUBMODELS = tuple(_PARTS_OF)
 
 
 def differing(prior: xr.DataTree, final: xr.DataTree) -> list[str]:
-    """Return the names of the terms that are not the same in both databases, or only in one of them."""
+    """Return the names of the terms that are not the same in both databases, or only in one of
+    them.
+    """
     ours, theirs = aerodb.terms(prior), aerodb.terms(final)
     return [name for name in {**ours, **theirs} if not _same(ours.get(name), theirs.get(name))]
 
@@ -36,7 +46,10 @@ def _same(a: xr.Dataset | None, b: xr.Dataset | None) -> bool:
     if a is None or b is None:
         return False
     tables = [name for name in ("value", "K1", "K2") if name in a or name in b]
-    rules = all(a.attrs.get(key) == b.attrs.get(key) for key in ("regressors", "outside", "power", "exponent", "floor"))
+    rules = all(
+        a.attrs.get(key) == b.attrs.get(key)
+        for key in ("regressors", "outside", "power", "exponent", "floor")
+    )
     return rules and all(name in a and name in b and a[name].equals(b[name]) for name in tables)
 
 
@@ -60,9 +73,10 @@ def groups_of(
     Returns
     -------
     dict of str to tuple of str
-        ``Cm/*`` all of a coefficient, ``*(gear)`` all terms that depend on a variable, ``engine/*`` all parts of a submodel,
-        ``control loading`` the circuits and the hinge moments,
-        ``C*/*`` all terms (and no parts), and those that are `wanted`.  Groups of one, of all, and repetitions are left out.
+        ``Cm/*`` all of a coefficient, ``*(gear)`` all terms that depend on a variable, ``engine/*``
+        all parts of a submodel, ``control loading`` the circuits and the hinge moments, ``C*/*``
+        all terms (and no parts), and those that are `wanted`.  Groups of one, of all, and
+        repetitions are left out.
 
     Raises
     ------
@@ -72,9 +86,18 @@ def groups_of(
     parts = [name for name in names if name.split("/")[0] in _SUBMODELS]
     terms = [name for name in names if name not in parts]
     leaves = [aerodb.terms(db) for db in (prior, final)]
-    found = {f"{coefficient}/*": [name for name in terms if name.startswith(f"{coefficient}/")] for coefficient in _heads(terms)}
-    found |= {f"*({variable})": [name for name in terms if variable in _depends(leaves, name)] for variable in _VARIABLES}
-    found |= {f"{model}/*": [name for name in parts if name.startswith(f"{model}/")] for model in _heads(parts)}
+    found = {
+        f"{coefficient}/*": [name for name in terms if name.startswith(f"{coefficient}/")]
+        for coefficient in _heads(terms)
+    }
+    found |= {
+        f"*({variable})": [name for name in terms if variable in _depends(leaves, name)]
+        for variable in _VARIABLES
+    }
+    found |= {
+        f"{model}/*": [name for name in parts if name.startswith(f"{model}/")]
+        for model in _heads(parts)
+    }
     found |= {"control loading": [name for name in names if name.startswith(("circuit/", "Ch_"))]}
     found |= {"C*/*": terms}
     kept: dict[str, tuple[str, ...]] = {}
@@ -93,7 +116,9 @@ def _depends(leaves: Sequence[Mapping[str, xr.Dataset]], name: str) -> set[str]:
     found: set[str] = set()
     for terms in leaves:
         if name in terms:
-            found |= set(map(str, terms[name].dims)) | set(str(terms[name].attrs.get("regressors", "")).split())
+            found |= set(map(str, terms[name].dims)) | set(
+                str(terms[name].attrs.get("regressors", "")).split()
+            )
     return found
 
 
@@ -107,8 +132,14 @@ def _meant(key: str, patterns: Sequence[str], names: Sequence[str]) -> tuple[str
     return tuple(found)
 
 
-def swap_terms(prior: xr.DataTree, final: xr.DataTree, names: Iterable[str], why: Mapping[str, str] | None = None) -> xr.DataTree:
-    """Return `prior` with the named terms as they are in `final`; a term that `final` does not have is taken out.
+def swap_terms(
+    prior: xr.DataTree,
+    final: xr.DataTree,
+    names: Iterable[str],
+    why: Mapping[str, str] | None = None,
+) -> xr.DataTree:
+    """Return `prior` with the named terms as they are in `final`; a term that `final` does not have
+    is taken out.
 
     Names that are terms of neither, such as parts of the aircraft, are passed over.
 
@@ -123,11 +154,19 @@ def swap_terms(prior: xr.DataTree, final: xr.DataTree, names: Iterable[str], why
     """
     theirs, ours = aerodb.terms(final), aerodb.terms(prior)
     names = [name for name in names if name in theirs or name in ours]
-    taken = {name: _with_line(theirs[name], (why or {}).get(name, "")) for name in names if name in theirs}
+    taken = {
+        name: _with_line(theirs[name], (why or {}).get(name, ""))
+        for name in names
+        if name in theirs
+    }
     swapped = aerodb.replace_terms(prior, taken, "term swap")
     gone = [name for name in names if name not in theirs]
     reasons = "; ".join(f"{name}: {why[name]}" for name in gone if why and name in why)
-    return aerodb.delete_terms(swapped, gone, f"term swap; {reasons}" if reasons else "term swap") if gone else swapped
+    return (
+        aerodb.delete_terms(swapped, gone, f"term swap; {reasons}" if reasons else "term swap")
+        if gone
+        else swapped
+    )
 
 
 def _with_line(leaf: xr.Dataset, line: str) -> xr.Dataset:
@@ -148,21 +187,28 @@ def by_submodel(names: Iterable[str], *databases: xr.DataTree) -> dict[str, list
     Returns
     -------
     dict of str to list of str
-        ``aerodynamics``, ``ground effect`` (terms over the height), ``control loading`` (circuits and hinge moments), ``engine``,
-        ``landing gear``, ``fuel``; only those that have a member.
+        ``aerodynamics``, ``ground effect`` (terms over the height), ``control loading`` (circuits
+        and hinge moments), ``engine``, ``landing gear``, ``fuel``; only those that have a member.
     """
     leaves = [aerodb.terms(db) for db in databases]
     found: dict[str, list[str]] = {}
     for name in names:
         head = name.split("/")[0]
         submodel = _PARTS_OF.get(head) or ("control loading" if head.startswith("Ch_") else "")
-        submodel = submodel or ("ground effect" if "h_agl" in _depends(leaves, name) else "aerodynamics")
+        submodel = submodel or (
+            "ground effect" if "h_agl" in _depends(leaves, name) else "aerodynamics"
+        )
         found.setdefault(submodel, []).append(name)
-    return {submodel: found[submodel] for submodel in ("aerodynamics", "ground effect", *_PARTS_OF.values()) if submodel in found}
+    return {
+        submodel: found[submodel]
+        for submodel in ("aerodynamics", "ground effect", *_PARTS_OF.values())
+        if submodel in found
+    }
 
 
 def corrected_terms(diagnoses: Iterable[pd.DataFrame]) -> list[str]:
-    """Return the terms and parts that several diagnoses needed, alone and together, in the order of the share each explains alone.
+    """Return the terms and parts that several diagnoses needed, alone and together, in the order of
+    the share each explains alone.
 
     Parameters
     ----------
@@ -178,7 +224,8 @@ def corrected_terms(diagnoses: Iterable[pd.DataFrame]) -> list[str]:
 
 
 def joint_terms(diagnoses: Mapping[str, pd.DataFrame]) -> dict[str, list[str]]:
-    """Return what the corrected model takes further since the terms of one case change another, by the case for which.
+    """Return what the corrected model takes further since the terms of one case change another, by
+    the case for which.
 
     Parameters
     ----------
@@ -190,7 +237,8 @@ def joint_terms(diagnoses: Mapping[str, pd.DataFrame]) -> dict[str, list[str]]:
 
 
 def reasons(diagnoses: Mapping[str, pd.DataFrame]) -> dict[str, str]:
-    """Return, by term or part that the corrected model takes, which cases need it and what it explains there.
+    """Return, by term or part that the corrected model takes, which cases need it and what it
+    explains there.
 
     Parameters
     ----------
@@ -202,10 +250,15 @@ def reasons(diagnoses: Mapping[str, pd.DataFrame]) -> dict[str, str]:
         alone, share = _explained(table, "single"), _explained(table, "share")
         for name in _terms(table, "sequence"):
             part = f", share {100.0 * share[name]:.0f} %" if name in share else ""
-            found.setdefault(name, []).append(f"{case} (alone {100.0 * alone[name]:.0f} % of the gap{part})")
+            found.setdefault(name, []).append(
+                f"{case} (alone {100.0 * alone[name]:.0f} % of the gap{part})"
+            )
     why = {name: f"needed by {'; '.join(texts)}" for name, texts in found.items()}
     for case, names in joint_terms(diagnoses).items():
-        why |= {name: f"added for {case}, which does not pass with what each case needs alone" for name in names}
+        why |= {
+            name: f"added for {case}, which does not pass with what each case needs alone"
+            for name in names
+        }
     return {name: why[name] for name in corrected_terms(diagnoses.values())}
 
 
@@ -218,8 +271,11 @@ def _explained(table: pd.DataFrame, stage: str) -> dict[str, float]:
     return dict(zip(rows["term"], rows["explained"], strict=True))
 
 
-def corrected_database(prior: xr.DataTree, final: xr.DataTree, diagnoses: Mapping[str, pd.DataFrame], source: str = "") -> xr.DataTree:
-    """Return the a-priori database with only the terms of the final one that the cases need: the corrected model of LR-743, 5.2.
+def corrected_database(
+    prior: xr.DataTree, final: xr.DataTree, diagnoses: Mapping[str, pd.DataFrame], source: str = ""
+) -> xr.DataTree:
+    """Return the a-priori database with only the terms of the final one that the cases need: the
+    corrected model of LR-743, 5.2.
 
     The history of every term that was taken states from where and for which cases.
 
@@ -234,12 +290,17 @@ def corrected_database(prior: xr.DataTree, final: xr.DataTree, diagnoses: Mappin
     """
     why = _lines(diagnoses, source or str(final.attrs.get("title", "the final database")))
     found = swap_terms(prior, final, why, why)
-    found.attrs["title"] = f"{prior.attrs['aircraft']}: a-priori database with the terms that the diagnosis needs"
+    found.attrs["title"] = (
+        f"{prior.attrs['aircraft']}: a-priori database with the terms that the diagnosis needs"
+    )
     return found
 
 
-def corrected_aircraft(apriori: Aircraft, final: Aircraft, diagnoses: Mapping[str, pd.DataFrame], source: str = "") -> Aircraft:
-    """Return the a-priori aircraft with only the parts of the final one that the cases need, and why in its history.
+def corrected_aircraft(
+    apriori: Aircraft, final: Aircraft, diagnoses: Mapping[str, pd.DataFrame], source: str = ""
+) -> Aircraft:
+    """Return the a-priori aircraft with only the parts of the final one that the cases need, and
+    why in its history.
 
     Parameters
     ----------
@@ -251,11 +312,17 @@ def corrected_aircraft(apriori: Aircraft, final: Aircraft, diagnoses: Mapping[st
     why = _lines(diagnoses, source or final.name)
     taken = [name for name in different_parts(apriori, final) if name in why]
     history = [apriori.history, *(f"{name}: {why[name]}" for name in taken)]
-    return replace(swap_parts(apriori, final, taken), history="\n".join(filter(None, history))) if taken else apriori
+    return (
+        replace(swap_parts(apriori, final, taken), history="\n".join(filter(None, history)))
+        if taken
+        else apriori
+    )
 
 
 def _lines(diagnoses: Mapping[str, pd.DataFrame], source: str) -> dict[str, str]:
-    return {name: f"pom diagnose: from {source}, {text}" for name, text in reasons(diagnoses).items()}
+    return {
+        name: f"pom diagnose: from {source}, {text}" for name, text in reasons(diagnoses).items()
+    }
 
 
 _FINAL = "_of_final"
@@ -265,9 +332,10 @@ _FINAL = "_of_final"
 class SwapModels:
     """Two models of one aeroplane, and every mixture of them.
 
-    The scale parameters of the terms, 0 or 1, choose among the terms of one compiled model; parts that differ in constants only, such as a
-    leg of the gear, are chosen by their parameters; every choice of other parts, such as the tables of an engine, is a compiled model of
-    its own, made once for all cases that fly it, from any thread.
+    The scale parameters of the terms, 0 or 1, choose among the terms of one compiled model; parts
+    that differ in constants only, such as a leg of the gear, are chosen by their parameters; every
+    choice of other parts, such as the tables of an engine, is a compiled model of its own, made
+    once for all cases that fly it, from any thread.
 
     Attributes
     ----------
@@ -292,18 +360,35 @@ class SwapModels:
     _lock: Any = field(default_factory=Lock, repr=False)
 
     @classmethod
-    def of(cls, prior: xr.DataTree, final: xr.DataTree, aircraft: tuple[Aircraft, Aircraft]) -> SwapModels:
+    def of(
+        cls, prior: xr.DataTree, final: xr.DataTree, aircraft: tuple[Aircraft, Aircraft]
+    ) -> SwapModels:
         """Return the mixtures of two databases and of two aircraft, a priori and final."""
         names = tuple(differing(prior, final))
-        ours, theirs = ({name: _flown(leaf) for name, leaf in aerodb.terms(db).items()} for db in (prior, final))
+        ours, theirs = (
+            {name: _flown(leaf) for name, leaf in aerodb.terms(db).items()} for db in (prior, final)
+        )
         both = ours | {name + _FINAL: theirs[name] for name in names if name in theirs}
-        trees = [_tree(attrs, leaves) for attrs, leaves in ((prior.attrs, ours), (final.attrs, theirs), (prior.attrs, both))]
+        trees = [
+            _tree(attrs, leaves)
+            for attrs, leaves in ((prior.attrs, ours), (final.attrs, theirs), (prior.attrs, both))
+        ]
         parts = tuple(different_parts(*aircraft))
-        return cls(trees[0], trees[1], aircraft, names, parts, _constants(aircraft, parts), trees[2])
+        return cls(
+            trees[0], trees[1], aircraft, names, parts, _constants(aircraft, parts), trees[2]
+        )
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Go to another process without what is compiled, which a process makes for itself."""
-        return SwapModels, (self.prior, self.final, self.aircraft, self.terms, self.parts, self.constants, self.both)
+        return SwapModels, (
+            self.prior,
+            self.final,
+            self.aircraft,
+            self.terms,
+            self.parts,
+            self.constants,
+            self.both,
+        )
 
     def compiled(self, parts: Collection[str]) -> Any:
         """Return the compiled model with those parts of the final aircraft, from `compiled_parts`.
@@ -318,7 +403,9 @@ class SwapModels:
             if chosen not in self._sims:
                 names = [name for name in self.parts if name in chosen]
                 try:
-                    self._sims[chosen] = flightmech.compile(swap_parts(*self.aircraft, names), self.both)
+                    self._sims[chosen] = flightmech.compile(
+                        swap_parts(*self.aircraft, names), self.both
+                    )
                 except SchemaError as error:
                     self._sims[chosen] = error
         found = self._sims[chosen]
@@ -327,11 +414,17 @@ class SwapModels:
         return found
 
     def compiled_parts(self, names: Collection[str]) -> frozenset[str]:
-        """Return the named parts that a compiled model has to hold, since they differ in more than constants."""
-        return frozenset(name for name in self.parts if name in names and name not in self.constants)
+        """Return the named parts that a compiled model has to hold, since they differ in more than
+        constants.
+        """
+        return frozenset(
+            name for name in self.parts if name in names and name not in self.constants
+        )
 
     def choice(self, names: Collection[str]) -> dict[str, float]:
-        """Return the parameters with which the model compiled with `compiled_parts` has the named terms and parts of the final one."""
+        """Return the parameters with which the model compiled with `compiled_parts` has the named
+        terms and parts of the final one.
+        """
         prior, final = self._values
         chosen = dict(prior)
         for name in names:
@@ -340,7 +433,9 @@ class SwapModels:
 
     @cached_property
     def _values(self) -> tuple[dict[str, float], dict[str, dict[str, float]]]:
-        """The parameters of the a-priori model, and by name what a term or part of the final one changes of them."""
+        """The parameters of the a-priori model, and by name what a term or part of the final one
+        changes of them.
+        """
         prior: dict[str, float] = {}
         final: dict[str, dict[str, float]] = {}
         for name in self.terms:
@@ -353,7 +448,9 @@ class SwapModels:
         return prior, final
 
 
-def _constants(aircraft: tuple[Aircraft, Aircraft], parts: Collection[str]) -> dict[str, tuple[dict[str, float], dict[str, float]]]:
+def _constants(
+    aircraft: tuple[Aircraft, Aircraft], parts: Collection[str]
+) -> dict[str, tuple[dict[str, float], dict[str, float]]]:
     """Return the parameters, a priori and final, of parts that differ in nothing else."""
     found = {}
     for part in parts:
@@ -362,7 +459,10 @@ def _constants(aircraft: tuple[Aircraft, Aircraft], parts: Collection[str]) -> d
         except SchemaError:  # it makes no aircraft without other parts
             continue
         if changed := changed_parameters(aircraft[0], swapped):
-            found[part] = ({name: one for name, (one, _) in changed.items()}, {name: other for name, (_, other) in changed.items()})
+            found[part] = (
+                {name: one for name, (one, _) in changed.items()},
+                {name: other for name, (_, other) in changed.items()},
+            )
     return found
 
 
@@ -372,6 +472,8 @@ def _tree(attributes: Mapping[Any, Any], leaves: Mapping[str, xr.Dataset]) -> xr
 
 
 def _flown(leaf: xr.Dataset) -> xr.Dataset:
-    """Return a term without what does not fly: standard errors, sources, covariances, the texts of its history."""
+    """Return a term without what does not fly: standard errors, sources, covariances, the texts of
+    its history.
+    """
     tables = [name for name in ("value", "K1", "K2") if name in leaf]
     return leaf[tables]

@@ -1,4 +1,6 @@
-"""An FMU is untrusted: what it offers is read from its description and compared with what a case needs, both ways."""
+"""An FMU is untrusted: what it offers is read from its description and compared with what a case
+needs, both ways.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,8 @@ def read_fmu(path: str | Path) -> Fmu:
     Parameters
     ----------
     path : path
-        FMU of FMI 1.0, 2.0 or 3.0.  Where it offers co-simulation, that is used; else model exchange.
+        FMU of FMI 1.0, 2.0 or 3.0.  Where it offers co-simulation, that is used; else model
+        exchange.
 
     Raises
     ------
@@ -35,18 +38,25 @@ def read_fmu(path: str | Path) -> Fmu:
     """
     path = Path(path)
     if not path.is_file():
-        raise FileNotFoundError(f"no file {str(path)!r}; give the FMU of a model, as `aeromatch fmu write` writes it")
+        raise FileNotFoundError(
+            f"no file {str(path)!r}; give the FMU of a model, as `aeromatch fmu write` writes it"
+        )
     state = FileState.of(path)
     try:
         description = read_description(path)
     except Exception as error:  # FMPy raises what its parser raised
         content = file_kind(path)
         reason = str(error).split("\n")[0] if content.startswith("a zip") else content
-        raise ParseError(str(path), 0, reason, "an FMU (zip file with modelDescription.xml)") from error
+        raise ParseError(
+            str(path), 0, reason, "an FMU (zip file with modelDescription.xml)"
+        ) from error
     kind = description.coSimulation or description.modelExchange
     if kind is None:
         raise ParseError(
-            str(path), 0, f"FMI {description.fmiVersion} without co-simulation and model exchange", "an FMU that offers one of them"
+            str(path),
+            0,
+            f"FMI {description.fmiVersion} without co-simulation and model exchange",
+            "an FMU that offers one of them",
         )
     found: dict[str, dict[str, str]] = {"input": {}, "output": {}, "parameter": {}, "start": {}}
     for variable in description.modelVariables:
@@ -54,12 +64,16 @@ def read_fmu(path: str | Path) -> Fmu:
             continue
         if variable.causality in found:
             found[variable.causality][variable.name] = _unit(variable)
-        if variable.causality in ("output", "local") and _takes_start(variable, description.fmiVersion):
+        if variable.causality in ("output", "local") and _takes_start(
+            variable, description.fmiVersion
+        ):
             found["start"][variable.name] = _unit(variable)
     even, step = _steps(description)
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
     if FileState.of(path) != state:
-        raise ParseError(str(path), 0, "the file changed while it was read", "an FMU that stays as it is")
+        raise ParseError(
+            str(path), 0, "the file changed while it was read", "an FMU that stays as it is"
+        )
     return Fmu(
         path.resolve(),
         description.fmiVersion,
@@ -90,7 +104,11 @@ def demand_platform(fmu: Fmu) -> None:
 
 
 def _unit(variable: Any) -> str:
-    return variable.unit or (variable.declaredType.unit if variable.declaredType is not None else "") or ""
+    return (
+        variable.unit
+        or (variable.declaredType.unit if variable.declaredType is not None else "")
+        or ""
+    )
 
 
 def _takes_start(variable: Any, version: str) -> bool:
@@ -100,7 +118,9 @@ def _takes_start(variable: Any, version: str) -> bool:
 
 
 def _steps(description: Any) -> tuple[bool, float]:
-    """Return whether an FMU takes steps of one length only, and that length, 0 when it does not state it. [s]"""
+    """Return whether an FMU takes steps of one length only, and that length, 0 when it does not
+    state it. [s]
+    """
     kind, experiment = description.coSimulation, description.defaultExperiment
     if kind is None:
         return False, 0.0
@@ -108,10 +128,14 @@ def _steps(description: Any) -> tuple[bool, float]:
         return True, float(kind.fixedInternalStepSize)
     if kind.canHandleVariableCommunicationStepSize:
         return False, 0.0
-    return True, float(experiment.stepSize) if experiment is not None and experiment.stepSize else 0.0
+    return True, float(
+        experiment.stepSize
+    ) if experiment is not None and experiment.stepSize else 0.0
 
 
-def check(fmu: Fmu, links: Links, inputs: Iterable[str], outputs: Iterable[str], parameters: Iterable[str]) -> None:
+def check(
+    fmu: Fmu, links: Links, inputs: Iterable[str], outputs: Iterable[str], parameters: Iterable[str]
+) -> None:
     """Check that an FMU offers what a case needs, in units that can be converted.
 
     Parameters
@@ -145,7 +169,9 @@ def check(fmu: Fmu, links: Links, inputs: Iterable[str], outputs: Iterable[str],
 
 @cache
 def _unit_problem(what: str, name: str, unit: str) -> tuple[str, ...]:
-    """Compare the declared unit of a variable that no table converts with the canonical one: same quantity, same size."""
+    """Compare the declared unit of a variable that no table converts with the canonical one: same
+    quantity, same size.
+    """
     try:
         expected = canonical_unit(name)
     except UnknownName:
@@ -156,4 +182,6 @@ def _unit_problem(what: str, name: str, unit: str) -> tuple[str, ...]:
         return (f"{what} {name}: {error}",)
     if same:
         return ()
-    return (f"{what} {name} is in {unit!r}; needed is {expected!r}, write the FMU in SI or give its unit in a table of names (--names)",)
+    return (
+        f"{what} {name} is in {unit!r}; needed is {expected!r}, write the FMU in SI or give its unit in a table of names (--names)",
+    )

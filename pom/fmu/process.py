@@ -1,8 +1,9 @@
-"""Child processes for FMUs, kept for the next job of the same file, replaced when they crashed or hung.
+"""Child processes for FMUs, kept for the next job of the same file, replaced when they crashed or
+hung.
 
-An FMU is untrusted.  Its process has a session of its own and ends with all that it started; what comes back are numbered frames of
-text and numbers (`pom.fmu.worker.messages`), of the size that the job has, within the time that it has.  Its limits are those of
-`pom.fmu.process`.
+An FMU is untrusted.  Its process has a session of its own and ends with all that it started; what
+comes back are numbered frames of text and numbers (`pom.fmu.worker.messages`), of the size that the
+job has, within the time that it has.  Its limits are those of `pom.fmu.process`.
 """
 
 from __future__ import annotations
@@ -47,7 +48,8 @@ class Limits:
     unpacked : int
         All files of the FMU together, ``AEROMATCH_FMU_UNPACKED``. [byte]
     sandbox : bool
-        It runs in bubblewrap, ``AEROMATCH_FMU_SANDBOX=bwrap`` (Linux): without network, and writing to its own folder only.
+        It runs in bubblewrap, ``AEROMATCH_FMU_SANDBOX=bwrap`` (Linux): without network, and writing
+        to its own folder only.
     """
 
     memory: int = 2_000_000_000
@@ -79,7 +81,9 @@ def limits(environment: Mapping[str, str] = os.environ) -> Limits:
     if sandbox not in ("", "none", "bwrap"):
         problems.append(f"AEROMATCH_FMU_SANDBOX is {sandbox!r}; give 'bwrap' or 'none'")
     if sandbox == "bwrap" and not (sys.platform == "linux" and shutil.which("bwrap")):
-        problems.append("AEROMATCH_FMU_SANDBOX is 'bwrap', and there is no program bwrap; install bubblewrap, or leave the variable out")
+        problems.append(
+            "AEROMATCH_FMU_SANDBOX is 'bwrap', and there is no program bwrap; install bubblewrap, or leave the variable out"
+        )
     if problems:
         raise SchemaError("environment", problems)
     return Limits(**sizes, sandbox=sandbox == "bwrap")
@@ -96,14 +100,27 @@ def _size(name: str, text: str, problems: list[str]) -> int:
 
 
 def sandboxed(folder: str) -> list[str]:
-    """Return what stands before a command that runs in bubblewrap: all is read-only but `folder`; no network, processes of its own."""
+    """Return what stands before a command that runs in bubblewrap: all is read-only but `folder`;
+    no network, processes of its own.
+    """
     rights = ["--ro-bind", "/", "/", "--dev", "/dev", "--proc", "/proc", "--bind", folder, folder]
-    return ["bwrap", *rights, "--unshare-net", "--unshare-pid", "--unshare-ipc", "--unshare-uts", "--die-with-parent", "--chdir", folder]
+    return [
+        "bwrap",
+        *rights,
+        "--unshare-net",
+        "--unshare-pid",
+        "--unshare-ipc",
+        "--unshare-uts",
+        "--die-with-parent",
+        "--chdir",
+        folder,
+    ]
 
 
 _HERE = str(Path(__file__).parents[2])  # the child finds this very package
 KEPT = max(8, 4 * (os.cpu_count() or 1))  # children that may wait for work at the same time
-KILLED = "crashed: signal SIGKILL"  # somebody else stopped it, such as a system short of memory: its job is given to another, once
+# somebody else stopped it, such as a system short of memory: its job is given to another, once
+KILLED = "crashed: signal SIGKILL"
 _LOOK = 0.2  # s, between two looks whether the process still runs while its reply is awaited
 _PATIENCE = 1.0  # s, for a process to end, or a pipe to be closed, once it was killed
 _WORDS = 4096  # bytes of what the FMU printed last that are looked at
@@ -166,16 +183,25 @@ class Child:
         text, columns = (answer, None) if isinstance(answer, str) else answer
         if columns is None:
             return Reply(np.full((n, m), np.nan), text)
-        return Reply(columns[:, :m], text, {name: columns[:, m + i] for i, name in enumerate(moved_controls(job))})
+        return Reply(
+            columns[:, :m],
+            text,
+            {name: columns[:, m + i] for i, name in enumerate(moved_controls(job))},
+        )
 
     def _ask(self, job: Mapping[str, Any], timeout: float) -> tuple[str, np.ndarray | None] | str:
         process = self._start()
         self._number += 1
-        number, shape = self._number, (len(job["time"]), len(job["outputs"]) + len(moved_controls(job)))
+        number, shape = (
+            self._number,
+            (len(job["time"]), len(job["outputs"]) + len(moved_controls(job))),
+        )
         answers: list[tuple[str, np.ndarray | None]] = []
 
         def converse() -> None:
-            with suppress(OSError, EOFError, ValueError):  # a broken pipe, or bytes that are no reply
+            with suppress(
+                OSError, EOFError, ValueError
+            ):  # a broken pipe, or bytes that are no reply
                 pickle.dump({**job, "number": number}, process.stdin)  # type: ignore[arg-type]
                 process.stdin.flush()  # type: ignore[union-attr]
                 answers.append(read_reply(process.stdout.read, number, shape))  # type: ignore[union-attr]
@@ -187,7 +213,9 @@ class Child:
             self._talk.join(min(_LOOK, max(end - time.monotonic(), 0.0)))
         if process.poll() is None and self._talk.is_alive():
             return f"no answer within {timeout:g} s; the process was stopped"
-        self._talk.join(_PATIENCE)  # it has ended: what it wrote is read, and another process may hold the pipe
+        self._talk.join(
+            _PATIENCE
+        )  # it has ended: what it wrote is read, and another process may hold the pipe
         if answers:
             return answers[0]
         try:
@@ -211,7 +239,9 @@ class Child:
                 env={
                     **os.environ,
                     "OPENBLAS_NUM_THREADS": "1",  # each of its threads takes address space
-                    "PYTHONPATH": os.pathsep.join([_HERE, *filter(None, [os.environ.get("PYTHONPATH")])]),
+                    "PYTHONPATH": os.pathsep.join(
+                        [_HERE, *filter(None, [os.environ.get("PYTHONPATH")])]
+                    ),
                 },
             )
         return self._process
@@ -230,7 +260,9 @@ class Child:
             _kill(self._process)
             if self._talk is not None:
                 self._talk.join(_PATIENCE)
-            if self._talk is None or not self._talk.is_alive():  # else a process that has left its session holds the pipe: it stays open
+            if (
+                self._talk is None or not self._talk.is_alive()
+            ):  # else a process that has left its session holds the pipe: it stays open
                 for pipe in (self._process.stdin, self._process.stdout):
                     _shut(pipe)
             self._process = self._talk = None
@@ -255,8 +287,19 @@ def _new_folder() -> str:
 
 def _command(fmu: Path, folder: str, allowed: Limits) -> list[str]:
     sizes = [str(size) for size in (allowed.memory, allowed.written, allowed.unpacked)]
-    parent = "0" if allowed.sandbox else str(os.getpid())  # bubblewrap ends with its parent, and numbers processes anew
-    command = [sys.executable, "-P", "-m", "pom.fmu.worker", str(fmu.resolve()), folder, parent, *sizes]
+    parent = (
+        "0" if allowed.sandbox else str(os.getpid())
+    )  # bubblewrap ends with its parent, and numbers processes anew
+    command = [
+        sys.executable,
+        "-P",
+        "-m",
+        "pom.fmu.worker",
+        str(fmu.resolve()),
+        folder,
+        parent,
+        *sizes,
+    ]
     return [*sandboxed(folder), *command] if allowed.sandbox else command
 
 
@@ -293,14 +336,21 @@ _guard = threading.Lock()
 
 @contextmanager
 def hired(fmu: str | Path) -> Iterator[Child]:
-    """Yield a child that has this file loaded and works for nobody else; a file that changed gets a new one.
+    """Yield a child that has this file loaded and works for nobody else; a file that changed gets a
+    new one.
 
-    Idle children wait for the next job; those beyond `KEPT`, and those of an older state of the file, are stopped.
+    Idle children wait for the next job; those beyond `KEPT`, and those of an older state of the
+    file, are stopped.
     """
     path = Path(fmu).resolve()
     key = str(path), FileState.of(path)
     with _guard:
-        stale = [child for other in list(_idle) if other[0] == key[0] and other != key for child in _idle.pop(other)]
+        stale = [
+            child
+            for other in list(_idle)
+            if other[0] == key[0] and other != key
+            for child in _idle.pop(other)
+        ]
         waiting = _idle.get(key)
         found = waiting.pop() if waiting else Child(path)
     _stop(stale)

@@ -1,4 +1,6 @@
-"""A folder of flights, so that an interrupted batch goes on where it stopped and what did not change is not flown again."""
+"""A folder of flights, so that an interrupted batch goes on where it stopped and what did not
+change is not flown again.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,9 @@ from flightmech.support.atomic_write import written_atomically
 
 
 class FileState(NamedTuple):
-    """Identity of a file at one time; a program can set the time of modification of a file, not that of its last change."""
+    """Identity of a file at one time; a program can set the time of modification of a file, not
+    that of its last change.
+    """
 
     device: int
     inode: int
@@ -41,10 +45,11 @@ _DIGEST = hashlib.sha256().digest_size
 
 @dataclass(frozen=True)
 class Store:
-    """Arrays by key, one file each, written atomically, with the SHA-256 of what comes before at its end.
+    """Arrays by key, one file each, written atomically, with the SHA-256 of what comes before at
+    its end.
 
-    Several processes may share the folder: who comes second writes the same.  Nobody waits for the disk; a file that a loss of power
-    damaged is as good as none.
+    Several processes may share the folder: who comes second writes the same.  Nobody waits for the
+    disk; a file that a loss of power damaged is as good as none.
 
     Attributes
     ----------

@@ -1,4 +1,6 @@
-"""One model through one job: canonical names and SI on this side, the variables and units of the FMU on the other."""
+"""One model through one job: canonical names and SI on this side, the variables and units of the
+FMU on the other.
+"""
 
 from __future__ import annotations
 
@@ -60,13 +62,19 @@ class Models:
         A model with the name of the recording, ``flight``; a table for a model that is not there.
     """
 
-    def __init__(self, runs: Mapping[str, str | Path], names: Mapping[str, str | Path] | None = None):
+    def __init__(
+        self, runs: Mapping[str, str | Path], names: Mapping[str, str | Path] | None = None
+    ):
         self.names = {name: str(table) for name, table in (names or {}).items()}
         if "flight" in runs:
-            raise SchemaError("models", ["flight is the name of the recording; give the model another one"])
+            raise SchemaError(
+                "models", ["flight is the name of the recording; give the model another one"]
+            )
         unknown = [name for name in self.names if name not in runs]
         if unknown:
-            raise SchemaError("names", [f"{name}: no such model; there are {', '.join(runs)}" for name in unknown])
+            raise SchemaError(
+                "names", [f"{name}: no such model; there are {', '.join(runs)}" for name in unknown]
+            )
         self._fmus = {name: read_fmu(file) for name, file in runs.items()}
         self._links: dict[tuple[str, str | None], Links] = {}
         self._laws: dict[tuple[str, str], Model] = {}
@@ -100,7 +108,10 @@ class Models:
         """
         tables = {**case.models, **self.names}
         law = self.law_of(case) if case.law else None
-        return {name: Model(fmu, self._joined(name, tables.get(name)), law) for name, fmu in self._fmus.items()}
+        return {
+            name: Model(fmu, self._joined(name, tables.get(name)), law)
+            for name, fmu in self._fmus.items()
+        }
 
     def law_of(self, case: PomCase) -> Model:
         """Return the control law of a case that has one; errors as `of`."""
@@ -118,7 +129,9 @@ class Models:
         return self._links[name, table]
 
 
-def fly(model: Model, job: Job, wanted: Collection[str], timeout: float, store: Store | None = None) -> tuple[Found, str]:
+def fly(
+    model: Model, job: Job, wanted: Collection[str], timeout: float, store: Store | None = None
+) -> tuple[Found, str]:
     """Fly a job by a model in its child process.
 
     Parameters
@@ -135,17 +148,23 @@ def fly(model: Model, job: Job, wanted: Collection[str], timeout: float, store: 
     Returns
     -------
     found : dict of str to array (time,)
-        Outputs by canonical name, and the controls that the math pilot or the control law moved; NaN where the run did not come. [SI]
+        Outputs by canonical name, and the controls that the math pilot or the control law moved;
+        NaN where the run did not come. [SI]
     failure : str
         Empty when all went well.
     """
-    outputs = [name for name in model.links.outputs if name in {*wanted, *job.targets, *feedback(model)}]
+    outputs = [
+        name for name in model.links.outputs if name in {*wanted, *job.targets, *feedback(model)}
+    ]
     time = _points(model.fmu, job.time)
     if model.law is not None:
         time = _common_points(model, model.law, time)
     task = _task(model, job, outputs, time)
     key = content_hash(_program(), model.fmu.sha256, task) if store else ""
-    columns, failure = store.read(key, (len(time), len(outputs) + len(moved_controls(task)))) if store else None, ""
+    columns, failure = (
+        store.read(key, (len(time), len(outputs) + len(moved_controls(task)))) if store else None,
+        "",
+    )
     if columns is None:
         fmus = [model.fmu, *([model.law.fmu] if model.law is not None else [])]
         before = [_as_read(fmu) for fmu in fmus]
@@ -153,15 +172,22 @@ def fly(model: Model, job: Job, wanted: Collection[str], timeout: float, store: 
             reply = child.run(task, timeout, any(fmu.once for fmu in fmus))
         columns, failure = np.column_stack([reply.outputs, *_moved(task, reply.moved)]), reply.error
         for fmu, state in zip(fmus, before, strict=True):
-            if state is None or _state(fmu) != state:  # what flew may be neither the file that was read nor the one that is there
-                columns, failure = np.full_like(columns, np.nan), f"{fmu.path.name} changed after it was read; run the batch again"
+            if (
+                state is None or _state(fmu) != state
+            ):  # what flew may be neither the file that was read nor the one that is there
+                columns, failure = (
+                    np.full_like(columns, np.nan),
+                    f"{fmu.path.name} changed after it was read; run the batch again",
+                )
         if store and not failure:
             store.write(key, columns)
     return _found(model, job, outputs, time, task, columns), failure
 
 
 def _as_read(fmu: Fmu) -> FileState | None:
-    """Return the state of an FMU that is the file that was read, on another machine of a cluster by its hash; None of another one."""
+    """Return the state of an FMU that is the file that was read, on another machine of a cluster by
+    its hash; None of another one.
+    """
     state = _state(fmu)
     if state is None or state == fmu.state:
         return state
@@ -176,7 +202,9 @@ def _state(fmu: Fmu) -> FileState | None:
 
 
 def _points(fmu: Fmu, time: np.ndarray) -> np.ndarray:
-    """Return the communication points: the samples, or even steps for an FMU that takes no others. [s]"""
+    """Return the communication points: the samples, or even steps for an FMU that takes no others.
+    [s]
+    """
     if not fmu.even:
         return time
     step = fmu.step or float(np.median(np.diff(time)))
@@ -185,11 +213,15 @@ def _points(fmu: Fmu, time: np.ndarray) -> np.ndarray:
 
 def feedback(model: Model) -> list[str]:
     """Return the outputs of a model that its control law sees, by canonical name."""
-    return [] if model.law is None else [name for name in seen_by(model.law) if not is_recorded(name)]
+    return (
+        [] if model.law is None else [name for name in seen_by(model.law) if not is_recorded(name)]
+    )
 
 
 def seen_by(law: Model) -> list[str]:
-    """Return the inputs of a control law by canonical name, those apart that its table of names fixes."""
+    """Return the inputs of a control law by canonical name, those apart that its table of names
+    fixes.
+    """
     return [name for name, link in law.links.inputs.items() if link.variable not in law.links.fixed]
 
 
@@ -211,18 +243,25 @@ def check_law(model: Model, job: Job) -> None:
     problems = []
     for name in names:
         if is_recorded(name) and name not in given.recorded:
-            problems.append(f"input {name}: the record has no such channel; map it, or hold it by [conditions]")
+            problems.append(
+                f"input {name}: the record has no such channel; map it, or hold it by [conditions]"
+            )
         elif not is_recorded(name) and name not in model.links.outputs:
-            problems.append(f"input {name}: the model {model.fmu.path.name} has no such output, and it is no control that is recorded")
+            problems.append(
+                f"input {name}: the model {model.fmu.path.name} has no such output, and it is no control that is recorded"
+            )
         elif not is_recorded(name) and not np.isfinite(given.start.get(name, np.nan)):
-            problems.append(f"input {name}: no value at the first sample, with which the law starts; map the channel")
+            problems.append(
+                f"input {name}: no value at the first sample, with which the law starts; map the channel"
+            )
     if problems:
         raise SchemaError(f"control law {law.fmu.path}", problems)
     for name in names:
         bad = ~np.isfinite(given.recorded[name]) if is_recorded(name) else np.zeros(1, bool)
         if bad.any():
             raise OutOfRange(
-                f"control law: input {name} has no value in {int(bad.sum())} samples; repair the record or move the window", bad
+                f"control law: input {name} has no value in {int(bad.sum())} samples; repair the record or move the window",
+                bad,
             )
 
 
@@ -232,12 +271,16 @@ def _common_points(model: Model, law: Model, time: np.ndarray) -> np.ndarray:
     if model.fmu.even and not (len(points) == len(time) and np.allclose(points, time, atol=1e-9)):
         raise SchemaError(
             f"control law {law.fmu.path}",
-            [f"it takes steps of {law.fmu.step:g} s only, the model {model.fmu.path.name} others; export one of them with variable steps"],
+            [
+                f"it takes steps of {law.fmu.step:g} s only, the model {model.fmu.path.name} others; export one of them with variable steps"
+            ],
         )
     return points
 
 
-def _law_task(model: Model, job: Job, outputs: list[str], inputs: list[str], at_points: Callable) -> dict[str, Any]:
+def _law_task(
+    model: Model, job: Job, outputs: list[str], inputs: list[str], at_points: Callable
+) -> dict[str, Any]:
     """Return the control law as the worker takes it, everything in the units of the FMUs."""
     law, given = model.law, job.law
     assert law is not None
@@ -245,26 +288,51 @@ def _law_task(model: Model, job: Job, outputs: list[str], inputs: list[str], at_
     names, links = seen_by(law), law.links
     fixed = {name: value for name, value in links.fixed.items() if name in law.fmu.inputs}
     count = len(at_points(job.time))
-    columns = [links.inputs[name].to_fmu(at_points(given.recorded[name])) if is_recorded(name) else np.zeros(count) for name in names]
+    columns = [
+        links.inputs[name].to_fmu(at_points(given.recorded[name]))
+        if is_recorded(name)
+        else np.zeros(count)
+        for name in names
+    ]
     columns += [np.full(count, value) for value in fixed.values()]
-    start = [links.inputs[name].to_fmu(given.recorded[name][0] if is_recorded(name) else given.start[name]) for name in names]
+    start = [
+        links.inputs[name].to_fmu(
+            given.recorded[name][0] if is_recorded(name) else given.start[name]
+        )
+        for name in names
+    ]
     rows = []
     for i, name in enumerate(names):
         if not is_recorded(name):
             out, into = model.links.outputs[name], links.inputs[name]
-            rows.append((i, outputs.index(name), out.factor / into.factor, (out.offset - into.offset) / into.factor))
+            rows.append(
+                (
+                    i,
+                    outputs.index(name),
+                    out.factor / into.factor,
+                    (out.offset - into.offset) / into.factor,
+                )
+            )
     moves = {}
     for name in given.moves:
         out, into = links.outputs[name], model.links.inputs[name]
         place = inputs.index(into.variable)
-        moves[name] = place, out.factor / into.factor, (out.offset - into.offset) / into.factor, out.factor, out.offset
+        moves[name] = (
+            place,
+            out.factor / into.factor,
+            (out.offset - into.offset) / into.factor,
+            out.factor,
+            out.offset,
+        )
     return {
         "fmu": str(law.fmu.path),
         "sha256": law.fmu.sha256,
         "inputs": [*(links.inputs[name].variable for name in names), *fixed],
         "values": np.column_stack(columns) if columns else np.zeros((count, 0)),
         "start": [*map(float, start), *fixed.values()],
-        "parameters": {name: value for name, value in links.fixed.items() if name not in law.fmu.inputs},
+        "parameters": {
+            name: value for name, value in links.fixed.items() if name not in law.fmu.inputs
+        },
         "feedback": rows,
         "outputs": [links.outputs[name].variable for name in given.moves],
         "moves": moves,
@@ -272,23 +340,38 @@ def _law_task(model: Model, job: Job, outputs: list[str], inputs: list[str], at_
 
 
 def _task(model: Model, job: Job, outputs: list[str], time: np.ndarray) -> dict[str, Any]:
-    """Return the job as the worker takes it: names, units and signs of the FMU, at its communication points."""
+    """Return the job as the worker takes it: names, units and signs of the FMU, at its
+    communication points.
+    """
     links = model.links
 
     def at_points(values: np.ndarray) -> np.ndarray:
         return values if time is job.time else np.interp(time, job.time, values)
 
     inputs = {
-        links.inputs[name].variable: links.inputs[name].to_fmu(at_points(u)) for name, u in job.inputs.items() if name in links.inputs
+        links.inputs[name].variable: links.inputs[name].to_fmu(at_points(u))
+        for name, u in job.inputs.items()
+        if name in links.inputs
     }
     parameters = {
         links.parameters[name].variable: links.parameters[name].to_fmu(value)
         for name, value in job.parameters.items()
         if name in links.parameters
     }
-    inputs |= {name: np.full(len(time), value) for name, value in links.fixed.items() if name in model.fmu.inputs}
-    parameters |= {name: value for name, value in links.fixed.items() if name not in model.fmu.inputs}
-    task = {"time": time, "inputs": inputs, "parameters": parameters, "outputs": [links.outputs[name].variable for name in outputs]}
+    inputs |= {
+        name: np.full(len(time), value)
+        for name, value in links.fixed.items()
+        if name in model.fmu.inputs
+    }
+    parameters |= {
+        name: value for name, value in links.fixed.items() if name not in model.fmu.inputs
+    }
+    task = {
+        "time": time,
+        "inputs": inputs,
+        "parameters": parameters,
+        "outputs": [links.outputs[name].variable for name in outputs],
+    }
     if model.law is not None and job.law is not None:
         task["law"] = _law_task(model, job, outputs, list(inputs), at_points)
     if job.pilot:
@@ -298,12 +381,16 @@ def _task(model: Model, job: Job, outputs: list[str], time: np.ndarray) -> dict[
 
 
 def _hand(links: Links, job: Job, outputs: list[str], inputs: list[str]) -> dict[str, Any]:
-    """Return the loops of the math pilot, what they see (column, factor, offset to SI) and what they move (column, factor to SI)."""
+    """Return the loops of the math pilot, what they see (column, factor, offset to SI) and what
+    they move (column, factor to SI).
+    """
     seen = {name: links.outputs[name] for name in job.targets}
     moved = {loop.control: links.inputs[loop.control] for loop in job.pilot}
     return {
         "loops": [asdict(loop) for loop in job.pilot],
-        "sense": {name: (outputs.index(name), link.factor, link.offset) for name, link in seen.items()},
+        "sense": {
+            name: (outputs.index(name), link.factor, link.offset) for name, link in seen.items()
+        },
         "move": {name: (inputs.index(link.variable), link.factor) for name, link in moved.items()},
     }
 
@@ -313,9 +400,19 @@ def _moved(task: Mapping[str, Any], moved: Mapping[str, np.ndarray]) -> list[np.
     return [moved.get(name, nothing) for name in moved_controls(task)]
 
 
-def _found(model: Model, job: Job, outputs: list[str], time: np.ndarray, task: Mapping[str, Any], columns: np.ndarray) -> Found:
+def _found(
+    model: Model,
+    job: Job,
+    outputs: list[str],
+    time: np.ndarray,
+    task: Mapping[str, Any],
+    columns: np.ndarray,
+) -> Found:
     """Return what was flown at the samples of the job, by canonical name and in SI."""
-    found = {name: model.links.outputs[name].to_canonical(columns[:, i]) for i, name in enumerate(outputs)}
+    found = {
+        name: model.links.outputs[name].to_canonical(columns[:, i])
+        for i, name in enumerate(outputs)
+    }
     if len(time) != len(job.time) or not np.array_equal(time, job.time):
         found = {name: _at_samples(name, values, time, job.time) for name, values in found.items()}
     for i, name in enumerate(moved_controls(task)):
@@ -325,7 +422,9 @@ def _found(model: Model, job: Job, outputs: list[str], time: np.ndarray, task: M
 
 
 def _at_samples(name: str, values: np.ndarray, time: np.ndarray, samples: np.ndarray) -> np.ndarray:
-    """Return an output between the steps of its FMU, on straight lines; angles that jump are made continuous first."""
+    """Return an output between the steps of its FMU, on straight lines; angles that jump are made
+    continuous first.
+    """
     if name in WRAPPED:
         known = np.isfinite(values)
         values = np.where(known, np.unwrap(np.where(known, values, 0.0)), np.nan)

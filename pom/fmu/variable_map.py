@@ -1,4 +1,6 @@
-"""Canonical names and the variables of a foreign FMU: the table of names that joins them, with factors, signs and offsets."""
+"""Canonical names and the variables of a foreign FMU: the table of names that joins them, with
+factors, signs and offsets.
+"""
 
 from __future__ import annotations
 
@@ -133,9 +135,10 @@ def links_of(fmu: Fmu, table: str | Path | None = None) -> Links:
     ----------
     fmu : Fmu
     table : path, optional
-        Table of names, TOML: sections ``inputs``, ``outputs``, ``parameters`` with ``canonical_name = "variable"`` or
-        ``canonical_name = { variable = "...", unit = "deg", sign = -1 }`` or ``{ variable = "...", scale = "40 deg" }`` (what 1 stands
-        for), and ``fixed`` with ``variable = value``; a list ``waived`` before them names what the FMU does without, such as
+        Table of names, TOML: sections ``inputs``, ``outputs``, ``parameters`` with ``canonical_name
+        = "variable"`` or ``canonical_name = { variable = "...", unit = "deg", sign = -1 }`` or ``{
+        variable = "...", scale = "40 deg" }`` (what 1 stands for), and ``fixed`` with ``variable =
+        value``; a list ``waived`` before them names what the FMU does without, such as
         ``["mode.engine", "mode.trim"]``.  A variable with a canonical name needs no entry.
 
     Raises
@@ -143,8 +146,9 @@ def links_of(fmu: Fmu, table: str | Path | None = None) -> Links:
     ParseError
         The table is not TOML.
     SchemaError
-        With every entry that names no such variable, another kind of variable, one that another entry has, an unknown canonical name, or
-        a unit that cannot be; every input of the FMU that nothing drives; and what is waived and there.
+        With every entry that names no such variable, another kind of variable, one that another
+        entry has, an unknown canonical name, or a unit that cannot be; every input of the FMU that
+        nothing drives; and what is waived and there.
     """
     own = Links(_alike(fmu.inputs), _alike(fmu.outputs), _alike(fmu.parameters))
     if table is None:
@@ -157,15 +161,23 @@ def links_of(fmu: Fmu, table: str | Path | None = None) -> Links:
         ("output", file.outputs, fmu.outputs, own.outputs),
         ("parameter", file.parameters, {**fmu.parameters, **fmu.settable}, own.parameters),
     ):
-        links = {name: _link(what, name, entry, offered, problems) for name, entry in entries.items()}
+        links = {
+            name: _link(what, name, entry, offered, problems) for name, entry in entries.items()
+        }
         taken = _taken_once(what, entries, problems)
         found[what] = {**{name: link for name, link in names.items() if name not in taken}, **links}
     _check_fixed(file, fmu, problems)
     _check_waived(file.waived, {**found["input"], **found["parameter"]}, problems)
-    driven = {link.variable for name, link in found["input"].items() if name in file.inputs or _known(name)}
+    driven = {
+        link.variable
+        for name, link in found["input"].items()
+        if name in file.inputs or _known(name)
+    }
     for name in fmu.inputs:
         if name not in driven and name not in file.fixed:
-            problems.append(f"inputs: nothing drives the input {name!r} of the FMU; give it a canonical name, or a value in [fixed]")
+            problems.append(
+                f"inputs: nothing drives the input {name!r} of the FMU; give it a canonical name, or a value in [fixed]"
+            )
     if problems:
         raise SchemaError(f"names {table} for FMU {fmu.path}", problems)
     digest = hashlib.sha256(Path(table).read_bytes()).hexdigest()
@@ -187,12 +199,16 @@ def _taken_once(what: str, entries: Mapping[str, _Entry], problems: list[str]) -
     taken: dict[str, str] = {}
     for name, entry in entries.items():
         if entry.variable in taken:
-            problems.append(f"{what}s.{name}: {entry.variable!r} is {taken[entry.variable]} already; a variable has one canonical name")
+            problems.append(
+                f"{what}s.{name}: {entry.variable!r} is {taken[entry.variable]} already; a variable has one canonical name"
+            )
         taken[entry.variable] = name
     return set(taken)
 
 
-def _link(what: str, name: str, entry: _Entry, offered: Mapping[str, str], problems: list[str]) -> Link:
+def _link(
+    what: str, name: str, entry: _Entry, offered: Mapping[str, str], problems: list[str]
+) -> Link:
     place = f"{what}s.{name}"
     if entry.variable not in offered:
         problems.append(f"{place}: {UnknownName(entry.variable, offered, f'{what} of the FMU')}")
@@ -209,16 +225,24 @@ def _link(what: str, name: str, entry: _Entry, offered: Mapping[str, str], probl
 
 
 def _turned(entry: _Entry, declared: str, expected: str) -> tuple[float, float]:
-    """Return factor and offset to SI by the entry and the unit that the FMU declares, empty when it declares none."""
+    """Return factor and offset to SI by the entry and the unit that the FMU declares, empty when it
+    declares none.
+    """
     if entry.scale is not None:
         if entry.unit or declared not in ("", "1", "-", "%"):
-            raise UnitError(f"a scale is for a variable without a unit; this one is in {entry.unit or declared!r}, leave the scale out")
+            raise UnitError(
+                f"a scale is for a variable without a unit; this one is in {entry.unit or declared!r}, leave the scale out"
+            )
         return quantity(entry.scale, expected), 0.0
     dimension, factor, offset = parse(entry.unit or declared or expected)
     if dimension != parse(expected)[0]:
-        raise UnitError(f"unit {entry.unit or declared!r} cannot be converted to {expected!r}; give a unit of the same quantity")
+        raise UnitError(
+            f"unit {entry.unit or declared!r} cannot be converted to {expected!r}; give a unit of the same quantity"
+        )
     if entry.unit and declared and _parsed(declared) not in (None, (dimension, factor, offset)):
-        raise UnitError(f"the table gives {entry.unit!r} and the FMU declares {declared!r}; correct the table")
+        raise UnitError(
+            f"the table gives {entry.unit!r} and the FMU declares {declared!r}; correct the table"
+        )
     return factor, offset
 
 
@@ -231,7 +255,9 @@ def _parsed(unit: str) -> Any:
 
 def _check_fixed(file: _File, fmu: Fmu, problems: list[str]) -> None:
     offered = {**fmu.inputs, **fmu.parameters, **fmu.settable}
-    mapped = {entry.variable for entries in (file.inputs, file.parameters) for entry in entries.values()}
+    mapped = {
+        entry.variable for entries in (file.inputs, file.parameters) for entry in entries.values()
+    }
     for name in file.fixed:
         if name not in offered:
             problems.append(f"fixed: {UnknownName(name, offered, 'input or parameter of the FMU')}")
@@ -242,7 +268,9 @@ def _check_fixed(file: _File, fmu: Fmu, problems: list[str]) -> None:
 def _check_waived(waived: list[str], linked: Mapping[str, Link], problems: list[str]) -> None:
     for name in waived:
         if name in linked:
-            problems.append(f"waived: the FMU has {name!r} as {linked[name].variable!r}; delete it from the list")
+            problems.append(
+                f"waived: the FMU has {name!r} as {linked[name].variable!r}; delete it from the list"
+            )
         elif not _known(name):
             problems.append(f"waived: {name!r} is no canonical name of an input or parameter")
 
@@ -267,7 +295,9 @@ def _known(name: str) -> bool:
 
 
 def _bare(name: str) -> str:
-    """Return the quantity of a grouped name: ``init.theta`` is theta, ``engine1.thrust_drive`` a thrust."""
+    """Return the quantity of a grouped name: ``init.theta`` is theta, ``engine1.thrust_drive`` a
+    thrust.
+    """
     if name.endswith("_drive"):
         return name.rpartition(".")[2].removesuffix("_drive")
     head, _, tail = name.partition(".")

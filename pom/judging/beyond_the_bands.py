@@ -1,7 +1,9 @@
-"""How far a flown model lies from what flight found, term by term: errors that compensate each other pass every band.
+"""How far a flown model lies from what flight found, term by term: errors that compensate each
+other pass every band.
 
-The evidence is an identified database with its standard errors.  Along the flight states of a case the contribution of every term
-of the model (read from the FMU itself) is compared with that of the evidence, as a share of the standard error of the latter.
+The evidence is an identified database with its standard errors.  Along the flight states of a case
+the contribution of every term of the model (read from the FMU itself) is compared with that of the
+evidence, as a share of the standard error of the latter.
 """
 
 from __future__ import annotations
@@ -34,7 +36,13 @@ if TYPE_CHECKING:
 FAR = 3.0  # standard errors
 ROUNDING = 1e-6  # standard errors that are none
 SAMPLES = 200  # of a case
-LEAST = {"CL": 1e-3, "CD": 1e-3, "CY": 1e-3, "CX": 1e-3, "CZ": 1e-3}  # rms of a contribution that a case uses; moments:
+LEAST = {
+    "CL": 1e-3,
+    "CD": 1e-3,
+    "CY": 1e-3,
+    "CX": 1e-3,
+    "CZ": 1e-3,
+}  # rms of a contribution that a case uses; moments:
 LEAST_MOMENT = 2e-4
 BLOCK = "resources/model.bin"
 
@@ -61,7 +69,9 @@ class Evidence:
 
     def __init__(self, database: xr.DataTree, states: xr.Dataset, hinges: bool = True):
         leaves = {name: leaf for name, leaf in terms(database).items() if _from_flight(leaf).any()}
-        leaves = {name: leaf for name, leaf in leaves.items() if hinges or name.split("/")[0] not in HINGE}
+        leaves = {
+            name: leaf for name, leaf in leaves.items() if hinges or name.split("/")[0] not in HINGE
+        }
         every = max(1, states.sizes["time"] // SAMPLES)
         whole, _ = completed(states.isel(time=slice(None, None, every)), database)
         self.samples, *_ = flat(whole, leaves.values()) if leaves else ({}, 0)
@@ -71,14 +81,18 @@ class Evidence:
             B = _terms.basis(leaf, self.samples, "clamp")
             value = np.broadcast_to(_terms.evaluate(leaf, self.samples, "clamp"), count)
             sigma, weights = spread(B, leaf), abs(B)
-            flown = weights @ _from_flight(leaf).ravel() > 0.5 * np.asarray(weights.sum(axis=1)).ravel()
+            flown = (
+                weights @ _from_flight(leaf).ravel() > 0.5 * np.asarray(weights.sum(axis=1)).ravel()
+            )
             self.found[name] = value, np.broadcast_to(sigma, count), np.broadcast_to(flown, count)
 
     def distances(self, model: SimModel) -> dict[str, float]:
-        """Return how far the terms of a model that the case uses lie from the evidence, in standard errors, the farthest first.
+        """Return how far the terms of a model that the case uses lie from the evidence, in standard
+        errors, the farthest first.
 
-        Root mean square of the differences over that of the standard errors, over the samples whose nodes are from flight.  A
-        term is used when the contribution of model or evidence has an rms of 1e-3 (forces) or 2e-4 (moments).
+        Root mean square of the differences over that of the standard errors, over the samples whose
+        nodes are from flight.  A term is used when the contribution of model or evidence has an rms
+        of 1e-3 (forces) or 2e-4 (moments).
         """
         contributions = self._of(model)
         found = {}
@@ -86,7 +100,9 @@ class Evidence:
             if not flown.any() or not (sigma[flown] > 0.0).any():
                 continue
             own = contributions.get(name, np.zeros_like(value))
-            if max(rms(value[flown]), rms(own[flown])) >= LEAST.get(name.split("/")[0], LEAST_MOMENT):
+            if max(rms(value[flown]), rms(own[flown])) >= LEAST.get(
+                name.split("/")[0], LEAST_MOMENT
+            ):
                 found[name] = rms((own - value)[flown]) / rms(sigma[flown])
         return dict(sorted(found.items(), key=lambda item: -item[1]))
 
@@ -100,9 +116,11 @@ class Evidence:
 
 
 def evidence_remarks(evidence: Evidence, fmu: str | Path) -> tuple[RowRemark, ...]:
-    """Return the remarks on a flown FMU: its distance from the evidence, and the terms beyond three standard errors by name.
+    """Return the remarks on a flown FMU: its distance from the evidence, and the terms beyond three
+    standard errors by name.
 
-    An FMU of another program, or of another version of this one, gives the reason why it cannot be compared.
+    An FMU of another program, or of another version of this one, gives the reason why it cannot be
+    compared.
     """
     try:
         model = flown_model(fmu)
@@ -110,14 +128,26 @@ def evidence_remarks(evidence: Evidence, fmu: str | Path) -> tuple[RowRemark, ..
     except AeromatchError as error:
         return (RowRemark("evidence", f"not compared with the flight evidence: {error}"),)
     if model is None:
-        return (RowRemark("evidence", "not compared with the flight evidence: the FMU holds no tables of this program"),)
+        return (
+            RowRemark(
+                "evidence",
+                "not compared with the flight evidence: the FMU holds no tables of this program",
+            ),
+        )
     return distance_remarks(distances)
 
 
 def distance_remarks(distances: Mapping[str, float]) -> tuple[RowRemark, ...]:
-    """Return the remarks on the distances of `Evidence.distances`: their rms, and the terms beyond three standard errors by name."""
+    """Return the remarks on the distances of `Evidence.distances`: their rms, and the terms beyond
+    three standard errors by name.
+    """
     if not distances:
-        return (RowRemark("evidence", "not compared with the flight evidence: no term that the case uses was found from flight"),)
+        return (
+            RowRemark(
+                "evidence",
+                "not compared with the flight evidence: no term that the case uses was found from flight",
+            ),
+        )
     joint = rms([*distances.values()])
     text = f"distance from the flight evidence: {joint if joint > ROUNDING else 0.0:.2g} standard errors, rms of {len(distances)} terms"
     remarks = [RowRemark("evidence", text, values={"rms": joint, **distances}, unit="1")]
@@ -125,7 +155,12 @@ def distance_remarks(distances: Mapping[str, float]) -> tuple[RowRemark, ...]:
     if far:
         listed = ", ".join(f"{name} {size:.1f}" for name, size in far.items())
         remarks.append(
-            RowRemark("far_from_evidence", f"beyond {FAR:g} standard errors from what flight found: {listed}", values=far, unit="1")
+            RowRemark(
+                "far_from_evidence",
+                f"beyond {FAR:g} standard errors from what flight found: {listed}",
+                values=far,
+                unit="1",
+            )
         )
     return tuple(remarks)
 
@@ -162,7 +197,12 @@ SHARE = 0.25  # of the largest departure of the flight from its start, where tha
 SLOWEST = 15.0  # [m s-1] below it the flow angles mean nothing
 
 
-def watch(case: PomCase, time: np.ndarray, flight: Mapping[str, np.ndarray], model: Mapping[str, np.ndarray]) -> tuple[RowRemark, ...]:
+def watch(
+    case: PomCase,
+    time: np.ndarray,
+    flight: Mapping[str, np.ndarray],
+    model: Mapping[str, np.ndarray],
+) -> tuple[RowRemark, ...]:
     """Return a remark of kind ``watch`` for every channel without a tolerance that leaves its band.
 
     Parameters
@@ -177,7 +217,9 @@ def watch(case: PomCase, time: np.ndarray, flight: Mapping[str, np.ndarray], mod
     if case.reference == "footprint":
         return ()
     judged = {c.channel for c in case.criteria if _judged(case, c)}
-    airborne = np.asarray(flight["V_cas"]) > SLOWEST if "V_cas" in flight else np.ones(time.size, bool)
+    airborne = (
+        np.asarray(flight["V_cas"]) > SLOWEST if "V_cas" in flight else np.ones(time.size, bool)
+    )
     found = []
     for name, least in BANDS.items():
         if name in judged or name not in flight or name not in model:

@@ -1,6 +1,8 @@
-"""The signals of a flight or of a model by canonical name, and the quantities that are formed of them.
+"""The signals of a flight or of a model by canonical name, and the quantities that are formed of
+them.
 
-Flight and model are formed alike: distances and deviations begin at the first sample of the replay in both.
+Flight and model are formed alike: distances and deviations begin at the first sample of the replay
+in both.
 """
 
 from __future__ import annotations
@@ -79,8 +81,14 @@ class Signals(Mapping[str, np.ndarray]):
 
 
 def signals_of(case: PomCase, raw: Raw, time: np.ndarray) -> Signals:
-    """Return the signals of one run of a case; those of the same samples as they are, with what was formed of them."""
-    if isinstance(raw, Signals) and raw.time is time and raw.wheel_radius == case.conditions.get("wheel_radius"):
+    """Return the signals of one run of a case; those of the same samples as they are, with what was
+    formed of them.
+    """
+    if (
+        isinstance(raw, Signals)
+        and raw.time is time
+        and raw.wheel_radius == case.conditions.get("wheel_radius")
+    ):
         return raw
     return Signals(raw, time, case.conditions.get("wheel_radius"))
 
@@ -93,12 +101,16 @@ def traces_of(signals: xr.Dataset, run: str) -> dict[str, np.ndarray]:
 
 
 def trace_of(signals: xr.Dataset, run: str, name: str) -> np.ndarray:
-    """Return a channel of one run of a result (time,); ``sel`` takes longer than most measures. [SI]"""
+    """Return a channel of one run of a result (time,); ``sel`` takes longer than most measures.
+    [SI]
+    """
     return signals.variables[name].values[signals.variables["run"].values.tolist().index(run)]
 
 
 def _integral(rate: np.ndarray, time: np.ndarray) -> np.ndarray:
-    from scipy.integrate import cumulative_trapezoid  # takes as long to load as all else that judges
+    from scipy.integrate import (
+        cumulative_trapezoid,
+    )  # takes as long to load as all else that judges
 
     return cumulative_trapezoid(rate, time, initial=0.0)
 
@@ -117,7 +129,9 @@ _RECIPES: dict[str, Callable[[Signals], np.ndarray]] = {
     "V_ground": lambda s: np.hypot(s["vn"], s["ve"]),
     "distance": lambda s: _integral(s["V_ground"], s.time),
     "y_runway": _deviation,
-    "psi_dot": lambda s: (s["q"] * np.sin(s["phi"]) + s["r"] * np.cos(s["phi"])) / np.cos(s["theta"]),
+    "psi_dot": lambda s: (
+        (s["q"] * np.sin(s["phi"]) + s["r"] * np.cos(s["phi"])) / np.cos(s["theta"])
+    ),
     "fuel_used": lambda s: _integral(np.sum(list(s.fuel_flow.values()), axis=0), s.time),
     "F_rim": lambda s: s["F_wheel"] / s.wheel_radius,
 }
@@ -152,7 +166,9 @@ class Match:
         return cls(case, time, signals_of(case, flight, time), signals_of(case, model, time))
 
     def against(self, model: Raw) -> Match:
-        """Return the match of the same flight and another model; what depends on the flight alone is not computed again."""
+        """Return the match of the same flight and another model; what depends on the flight alone
+        is not computed again.
+        """
         return replace(self, model=signals_of(self.case, model, self.time))
 
     def once(self, key: Any, of_flight: Callable[[], Any]) -> Any:
@@ -161,8 +177,11 @@ class Match:
             self._of_flight[key] = of_flight()
         return self._of_flight[key]
 
-    def both(self, criterion: Criterion, channel: str = "") -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return time, flight and model over the samples that a criterion counts; those of the flight are not to be changed.
+    def both(
+        self, criterion: Criterion, channel: str = ""
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return time, flight and model over the samples that a criterion counts; those of the
+        flight are not to be changed.
 
         Raises
         ------
@@ -170,7 +189,9 @@ class Match:
             The record is short, time does not rise, or a value is missing.
         """
         place, channel = (criterion.window, criterion.condition), channel or criterion.channel
-        mask = self.once(place, lambda: inside_window(self.time, criterion.window) & self.counted(criterion))
+        mask = self.once(
+            place, lambda: inside_window(self.time, criterion.window) & self.counted(criterion)
+        )
         time, flight = self.once((place, channel), lambda: self._checked(mask, channel))
         model = self.model[channel][mask]
         demand_finite(WHO[1], time, model)
@@ -190,7 +211,9 @@ class Match:
         return time, flight, model
 
     def counted(self, criterion: Criterion) -> np.ndarray:
-        """Return the samples at which the condition of the row holds in flight; all when it has none on samples."""
+        """Return the samples at which the condition of the row holds in flight; all when it has
+        none on samples.
+        """
         if not criterion.condition:
             return np.ones(self.time.size, bool)
         mask = sample_mask(criterion.condition, self.case.events, self.time, self.flight)
@@ -238,7 +261,9 @@ def find(match: Match, event: str, excluded: str = "") -> Instant:
     """
     given = match.case.events.get(event)
     if given is not None and not match.time[0] - 1e-9 <= given <= match.time[-1] + 1e-9:
-        raise Invalid(f"{event} is at {given:g} s, outside the replay, {match.time[0]:g} ... {match.time[-1]:g} s")
+        raise Invalid(
+            f"{event} is at {given:g} s, outside the replay, {match.time[0]:g} ... {match.time[-1]:g} s"
+        )
     if event in ACTS:
         time = event_time(match, event)
         return Instant(time, time)
@@ -248,42 +273,70 @@ def find(match: Match, event: str, excluded: str = "") -> Instant:
     if names and all(name in match.model for name in names):
         return _by_discrete(match, event, names)
     channel, direction = LEVELS.get(event, ("", 0))
-    if not channel or channel == excluded or channel not in match.flight or channel not in match.model:
+    if (
+        not channel
+        or channel == excluded
+        or channel not in match.flight
+        or channel not in match.model
+    ):
         signals = [name for name in (*names, channel) if name and name != excluded]
-        raise NotJudged(f"{event} is detected by {' or '.join(signals) or 'a signal'}, and flight and model do not both have it")
+        raise NotJudged(
+            f"{event} is detected by {' or '.join(signals) or 'a signal'}, and flight and model do not both have it"
+        )
     time = event_time(match, event)
     level = level_at(match, event, time)
     reached = crossing(match.time, match.model[channel], level, direction)
     if reached is None:
-        raise Invalid(f"the model does not come to {event} ({written(channel, level)}) in the record")
-    remark = RowRemark("event", f"{event} at {written(channel, level)}", channel, {"level": level}, lookup(channel).units)
+        raise Invalid(
+            f"the model does not come to {event} ({written(channel, level)}) in the record"
+        )
+    remark = RowRemark(
+        "event",
+        f"{event} at {written(channel, level)}",
+        channel,
+        {"level": level},
+        lookup(channel).units,
+    )
     return Instant(time, reached, (remark,))
 
 
 def level_at(match: Match, event: str, time: float) -> float:
-    """Return the level of the signal of an event: what the flight has at the event; for a full stop that of standing still. [SI]"""
-    return STANDING if event == "full_stop" else float(np.interp(time, match.time, match.flight[LEVELS[event][0]]))
+    """Return the level of the signal of an event: what the flight has at the event; for a full stop
+    that of standing still. [SI]
+    """
+    return (
+        STANDING
+        if event == "full_stop"
+        else float(np.interp(time, match.time, match.flight[LEVELS[event][0]]))
+    )
 
 
 def _by_discrete(match: Match, event: str, names: tuple[str, ...]) -> Instant:
     """Return an event that a discrete indicates; the flight's is as given where the case gives it."""
     flight, model = (_jump(match, signals, names) for signals in (match.flight, match.model))
     if model is None:
-        raise Invalid(f"the model does not come to {event} in the record ({' and '.join(names)} stay off)")
+        raise Invalid(
+            f"the model does not come to {event} in the record ({' and '.join(names)} stay off)"
+        )
     if flight is None or event in match.case.events:
         flight = event_time(match, event)
     return Instant(flight, model, (RowRemark("event", f"{event} by {' or '.join(names)}", event),))
 
 
 def _jump(match: Match, signals: Signals, names: tuple[str, ...]) -> float | None:
-    """Return when the first of several discretes comes on; None when none does, or one is not there. [s]"""
+    """Return when the first of several discretes comes on; None when none does, or one is not
+    there. [s]
+    """
     if not all(name in signals for name in names):
         return None
     return crossing(match.time, np.max([signals[name] for name in names], axis=0), 0.5, 1)
 
 
-def crossing(time: np.ndarray, y: np.ndarray, level: float, direction: int, start: float = -np.inf) -> float | None:
-    """Return when `y` first passes `level` upwards (1) or downwards (-1), linear between samples; None when it does not. [s]
+def crossing(
+    time: np.ndarray, y: np.ndarray, level: float, direction: int, start: float = -np.inf
+) -> float | None:
+    """Return when `y` first passes `level` upwards (1) or downwards (-1), linear between samples;
+    None when it does not. [s]
 
     A signal that is beyond the level from the start has not passed it.
     """

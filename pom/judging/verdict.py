@@ -23,14 +23,25 @@ from pom.judging.measures import values as levels
 from pom.judging.measures import values as trends
 from pom.judging.measures.control_forces import free_motion
 from pom.judging.signals import Match, Raw, Signals, signals_of
-from pom.tolerances.bands import Invalid, NotJudged, NoValue, Outcome, RowRemark, applied_band, half_width, reasons, trace
+from pom.tolerances.bands import (
+    Invalid,
+    NotJudged,
+    NoValue,
+    Outcome,
+    RowRemark,
+    applied_band,
+    half_width,
+    reasons,
+    trace,
+)
 from pom.tolerances.channels import OTHERS, SOURCES, display_unit, factor, written
 from pom.tolerances.criteria import PARTS, Band, Criterion
 from pom.tolerances.rows import KINDS, holds, needs
 
 
 def settled(case: PomCase, time: np.ndarray, flight: Raw) -> PomCase:
-    """Return a case whose criteria are settled on this flight: which rows apply, on which channel, over which part.
+    """Return a case whose criteria are settled on this flight: which rows apply, on which channel,
+    over which part.
 
     Parameters
     ----------
@@ -47,7 +58,11 @@ def settled(case: PomCase, time: np.ndarray, flight: Raw) -> PomCase:
 def settle(case: PomCase, criterion: Criterion, time: np.ndarray, flight: Signals) -> Criterion:
     """Return one criterion settled on a flight; settling twice is settling once."""
     criterion = _on_channel(criterion, flight)
-    criterion = replace(criterion, fraction=case.fraction, largest=case.ranges.get(criterion.channel, criterion.largest))
+    criterion = replace(
+        criterion,
+        fraction=case.fraction,
+        largest=case.ranges.get(criterion.channel, criterion.largest),
+    )
     if not criterion.applies:
         return criterion
     for word in criterion.condition.split(";"):
@@ -61,7 +76,9 @@ def settle(case: PomCase, criterion: Criterion, time: np.ndarray, flight: Signal
 
 
 def _on_channel(criterion: Criterion, flight: Signals) -> Criterion:
-    """Return the criterion on the channel that the flight has of those that a parameter may be judged on."""
+    """Return the criterion on the channel that the flight has of those that a parameter may be
+    judged on.
+    """
     rate = criterion.parameter == "trim_rate"
     other = next((name for name in OTHERS.get(criterion.parameter, ()) if name in flight), "")
     if not other or (criterion.abscissa if rate else criterion.channel) in flight:
@@ -73,16 +90,26 @@ def _part(case: PomCase, criterion: Criterion, word: str) -> Criterion:
     start, stop = criterion.window
     missing = [event for event in PARTS[word] if event and event not in case.events]
     if missing:
-        return replace(criterion, reason=f"give the event {' and '.join(missing)} in [events]: the row counts only in {word}")
+        return replace(
+            criterion,
+            reason=f"give the event {' and '.join(missing)} in [events]: the row counts only in {word}",
+        )
     first, last = (case.events.get(event) for event in PARTS[word])
-    window = (start if first is None else max(start, first), stop if last is None else min(stop, last))
+    window = (
+        start if first is None else max(start, first),
+        stop if last is None else min(stop, last),
+    )
     if window[0] >= window[1]:
         return replace(criterion, applies=False, reason=f"no part of the window is {word}")
     return replace(criterion, window=window)
 
 
-def _of_kind(case: PomCase, criterion: Criterion, word: str, time: np.ndarray, flight: Signals) -> Criterion:
-    """Settle a row of control dynamics: on the kind of the motion, and on whether it has what the row measures."""
+def _of_kind(
+    case: PomCase, criterion: Criterion, word: str, time: np.ndarray, flight: Signals
+) -> Criterion:
+    """Settle a row of control dynamics: on the kind of the motion, and on whether it has what the
+    row measures.
+    """
     if criterion.channel not in flight:
         return criterion
     try:
@@ -91,25 +118,38 @@ def _of_kind(case: PomCase, criterion: Criterion, word: str, time: np.ndarray, f
         return criterion  # the measure reports what is wrong with the record
     kind = KINDS[0] if motion.overshoots.size else KINDS[1]
     if kind != word and word not in case.features:
-        return replace(criterion, applies=False, reason=f"applies only {word}; the flight is {kind}")
+        return replace(
+            criterion, applies=False, reason=f"applies only {word}; the flight is {kind}"
+        )
     later_only = criterion.parameter == "an" and criterion.band.base != "first_overshoot"
     cycles = motion.overshoots.size >= 2 and motion.period(1) is not None
     lacking = {"period_n": not cycles, "overshoot_n": later_only and motion.overshoots.size < 2}
     if lacking.get(criterion.measure):
         seen = f"{motion.overshoots.size} overshoot{'s' if motion.overshoots.size != 1 else ''} beyond 5 % of the first displacement"
-        return replace(criterion, applies=False, reason=f"the flight has {seen} and not what the row measures")
+        return replace(
+            criterion, applies=False, reason=f"the flight has {seen} and not what the row measures"
+        )
     return criterion
 
 
-def _by_distance(case: PomCase, criterion: Criterion, word: str, time: np.ndarray, flight: Signals) -> Criterion:
+def _by_distance(
+    case: PomCase, criterion: Criterion, word: str, time: np.ndarray, flight: Signals
+) -> Criterion:
     """Settle a row that counts for short or for long runs."""
     if "distance" not in flight:
         return criterion
-    ends = [case.events.get(event, default) for event, default in zip(criterion.bounds, criterion.window, strict=True)]
+    ends = [
+        case.events.get(event, default)
+        for event, default in zip(criterion.bounds, criterion.window, strict=True)
+    ]
     run = float(np.diff(np.interp(ends, time, flight["distance"]))[0])
     if holds(word, run):
         return criterion
-    return replace(criterion, applies=False, reason=f"applies only with {word}; the flight has {written('distance', run)}")
+    return replace(
+        criterion,
+        applies=False,
+        reason=f"applies only with {word}; the flight has {written('distance', run)}",
+    )
 
 
 FOOTPRINT = "a footprint: a recording without a reference has no band and no verdict"
@@ -148,7 +188,9 @@ MEASURES: dict[str, Callable[[Criterion, Match], Outcome]] = {
 }
 
 
-def judge(case: PomCase, criterion: Criterion, time: np.ndarray, flight: Raw, model: Raw) -> Outcome:
+def judge(
+    case: PomCase, criterion: Criterion, time: np.ndarray, flight: Raw, model: Raw
+) -> Outcome:
     """Judge one criterion on one model.
 
     Parameters
@@ -164,17 +206,22 @@ def judge(case: PomCase, criterion: Criterion, time: np.ndarray, flight: Raw, mo
     Returns
     -------
     Outcome
-        ``not_tested`` or ``invalid`` with the reason as a remark when it cannot be judged; never an exception for data.
+        ``not_tested`` or ``invalid`` with the reason as a remark when it cannot be judged; never an
+        exception for data.
     """
     return _judged(criterion, Match.of(case, time, flight, model))
 
 
 def _judged(criterion: Criterion, match: Match) -> Outcome:
     try:
-        settled, needed, reason = match.once(("settled", criterion.name), lambda: _settled(criterion, match))
+        settled, needed, reason = match.once(
+            ("settled", criterion.name), lambda: _settled(criterion, match)
+        )
         if not reason:
             reason = _lacking("model", needed, match.model)
-        return Outcome("not_tested", remarks=reasons(reason)) if reason else _measured(settled, match)
+        return (
+            Outcome("not_tested", remarks=reasons(reason)) if reason else _measured(settled, match)
+        )
     except NotJudged as error:
         return Outcome("not_tested", remarks=reasons(str(error)))
     except NoValue as error:
@@ -184,11 +231,15 @@ def _judged(criterion: Criterion, match: Match) -> Outcome:
 
 
 def _settled(criterion: Criterion, match: Match) -> tuple[Criterion, tuple[str, ...], str]:
-    """Return a criterion settled on the flight, what it is computed from, and why it is not judged on any model; empty when it is."""
+    """Return a criterion settled on the flight, what it is computed from, and why it is not judged
+    on any model; empty when it is.
+    """
     case, flight = match.case, match.flight
     criterion = settle(case, criterion, match.time, flight)
     needed = needs(criterion)
-    reason = criterion.reason or unjudged(case, criterion) or _steered_by_record(case, criterion, flight)
+    reason = (
+        criterion.reason or unjudged(case, criterion) or _steered_by_record(case, criterion, flight)
+    )
     return criterion, needed, reason or _lacking("flight record", needed, flight)
 
 
@@ -199,7 +250,9 @@ def _lacking(who: str, needed: tuple[str, ...], signals: Signals) -> str:
 
 
 def judge_all(case: PomCase, time: np.ndarray, flight: Raw, model: Raw) -> dict[str, Outcome]:
-    """Judge every criterion of a case on one model; parameters as `judge`, result as of `judge_match`."""
+    """Judge every criterion of a case on one model; parameters as `judge`, result as of
+    `judge_match`.
+    """
     return judge_match(Match.of(case, time, flight, model))
 
 
@@ -209,8 +262,9 @@ def judge_match(match: Match) -> dict[str, Outcome]:
     Returns
     -------
     dict of str to Outcome
-        By criterion.  A group with a sample that is no number is ``invalid`` as a whole: what was not computed may be the very
-        alternative that fails, and a model that gives no number proves nothing.
+        By criterion.  A group with a sample that is no number is ``invalid`` as a whole: what was
+        not computed may be the very alternative that fails, and a model that gives no number proves
+        nothing.
     """
     case = match.case
     found = {criterion.name: _judged(criterion, match) for criterion in case.criteria}
@@ -221,15 +275,27 @@ def judge_match(match: Match) -> dict[str, Outcome]:
                 broken.setdefault(criterion.group, (criterion.name, remark.text))
     for criterion in case.criteria:
         name, text = broken.get(criterion.group, ("", ""))
-        if name and criterion.applies and found[criterion.name].verdict in ("pass", "fail", "advisory"):
-            found[criterion.name] = Outcome("invalid", remarks=(RowRemark("no_value", f"its alternative {name}: {text}", name),))
+        if (
+            name
+            and criterion.applies
+            and found[criterion.name].verdict in ("pass", "fail", "advisory")
+        ):
+            found[criterion.name] = Outcome(
+                "invalid", remarks=(RowRemark("no_value", f"its alternative {name}: {text}", name),)
+            )
     return found
 
 
 def _traced(criterion: Criterion, match: Match) -> Outcome:
     time, flight, model = match.both(criterion)
     key = ("band", criterion.name, criterion.band.base)  # `_measured` exchanges the base
-    return trace(criterion, time, flight, model, match.once(key, lambda: applied_band(criterion, time, flight)))
+    return trace(
+        criterion,
+        time,
+        flight,
+        model,
+        match.once(key, lambda: applied_band(criterion, time, flight)),
+    )
 
 
 def _measured(criterion: Criterion, match: Match) -> Outcome:
@@ -238,7 +304,9 @@ def _measured(criterion: Criterion, match: Match) -> Outcome:
         return measure(criterion, match)
     # the flight value is never above the largest in service: what passes on that base passes on any
     strict = replace(criterion, band=Band(criterion.band.limits, criterion.band.rule, "ref_scalar"))
-    with suppress(Invalid):  # not steady within a third of the narrower band; what else is wrong is found again
+    with suppress(
+        Invalid
+    ):  # not steady within a third of the narrower band; what else is wrong is found again
         outcome = measure(strict, match)
         if outcome.verdict == "pass":
             remark = RowRemark("method", "passes on the flight value, so on the largest in service")
@@ -255,7 +323,9 @@ def unjudged(case: PomCase, criterion: Criterion) -> str:
     judged = criterion.abscissa if criterion.parameter == "trim_rate" else criterion.channel
     if any(loop.channel == judged for loop in case.drive.pilot):
         return f"{judged} is held by the math pilot; what a controller holds cannot be judged"
-    calibration = criterion.abscissa == "trim_indicator"  # what is judged there is the indicator that a model computes
+    calibration = (
+        criterion.abscissa == "trim_indicator"
+    )  # what is judged there is the indicator that a model computes
     if judged in driven(case) and not calibration and not _found_by_trim(case, criterion):
         return f"{judged} is driven by the record; what drives a model cannot be judged"
     if judged in _STICK and case.drive.level == "recorded":
@@ -266,22 +336,38 @@ def unjudged(case: PomCase, criterion: Criterion) -> str:
 
 
 def _steered_by_record(case: PomCase, criterion: Criterion, flight: Signals) -> str:
-    """Return why a nose-wheel angle is not judged: the record gives the command of the steering itself."""
-    if criterion.channel != "gear.steering" or "delta_nw" not in flight or "delta_nw" in case.conditions:
+    """Return why a nose-wheel angle is not judged: the record gives the command of the steering
+    itself.
+    """
+    if (
+        criterion.channel != "gear.steering"
+        or "delta_nw" not in flight
+        or "delta_nw" in case.conditions
+    ):
         return ""
     return "gear.steering follows delta_nw, which the record drives; hold it by [conditions] delta_nw = 0, so that pedals or tiller steer"
 
 
 def _found_by_trim(case: PomCase, criterion: Criterion) -> bool:
-    """Whether the trim at the start finds what a snapshot judges: recorded value plus bias is the model's own answer."""
+    """Whether the trim at the start finds what a snapshot judges: recorded value plus bias is the
+    model's own answer.
+    """
     found = (*TRIMMED, *case.drive.trim_surfaces)
-    return criterion.measure in ("steady", "change") and case.drive.trim is True and criterion.channel.rpartition(".")[2] in found
+    return (
+        criterion.measure in ("steady", "change")
+        and case.drive.trim is True
+        and criterion.channel.rpartition(".")[2] in found
+    )
 
 
 def formed_channels(case: PomCase, flight: Signals) -> list[str]:
     """Return the judged channels that are formed of signals, so that they can be shown."""
     formed = SOURCES.keys() - {"time"}
-    return [c.channel for c in case.criteria if c.applies and c.channel in formed and c.channel in flight]
+    return [
+        c.channel
+        for c in case.criteria
+        if c.applies and c.channel in formed and c.channel in flight
+    ]
 
 
 def row(run: str, criterion: Criterion, outcome: Outcome) -> dict[str, Any]:
@@ -309,18 +395,28 @@ def row(run: str, criterion: Criterion, outcome: Outcome) -> dict[str, Any]:
         "first_exit": outcome.first_exit,
         "inside": outcome.inside,
         "verdict": outcome.verdict,
-        "remarks": (*outcome.remarks, *([RowRemark("row", criterion.note)] if criterion.note else [])),
+        "remarks": (
+            *outcome.remarks,
+            *([RowRemark("row", criterion.note)] if criterion.note else []),
+        ),
         "provenance": criterion.provenance,
     }
 
 
 def bands(case: PomCase, time: np.ndarray, flight: Raw) -> xr.Dataset:
-    """Return the half width over time of every judged time history, NaN where it does not count. [SI]"""
+    """Return the half width over time of every judged time history, NaN where it does not count.
+    [SI]
+    """
     found: dict[str, np.ndarray] = {}
     signals = signals_of(case, flight, time)
     for criterion in case.criteria:
         criterion = settle(case, criterion, time, signals)
-        if criterion.measure != "trace" or not criterion.applies or unjudged(case, criterion) or criterion.channel not in signals:
+        if (
+            criterion.measure != "trace"
+            or not criterion.applies
+            or unjudged(case, criterion)
+            or criterion.channel not in signals
+        ):
             continue
         width = np.full(time.size, np.nan)
         try:
@@ -329,6 +425,10 @@ def bands(case: PomCase, time: np.ndarray, flight: Raw) -> xr.Dataset:
             width[mask] = half_width(criterion, signals[criterion.channel][mask])
         except (NotJudged, Invalid, ValueError):
             continue
-        found[criterion.channel] = np.fmin(width, found.get(criterion.channel, np.full(time.size, np.nan)))
+        found[criterion.channel] = np.fmin(
+            width, found.get(criterion.channel, np.full(time.size, np.nan))
+        )
     attrs = {name: {"units": lookup(name).units} for name in found}
-    return xr.Dataset({name: ("time", width, attrs[name]) for name, width in found.items()}, coords={"time": time})
+    return xr.Dataset(
+        {name: ("time", width, attrs[name]) for name, width in found.items()}, coords={"time": time}
+    )

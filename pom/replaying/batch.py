@@ -1,8 +1,9 @@
-"""A batch: every case by every model, on all cores or on a cluster, going on where it was interrupted.
+"""A batch: every case by every model, on all cores or on a cluster, going on where it was
+interrupted.
 
-Here the cases are shared out to threads, for the flights run in processes of their own; many cases to processes, each with FMUs of
-its own.  With a scheduler the same calls go to the workers of a dask.distributed cluster, which see the same files; a case whose worker
-dies is given to another.
+Here the cases are shared out to threads, for the flights run in processes of their own; many cases
+to processes, each with FMUs of its own.  With a scheduler the same calls go to the workers of a
+dask.distributed cluster, which see the same files; a case whose worker dies is given to another.
 """
 
 from __future__ import annotations
@@ -32,7 +33,9 @@ from pom.result import PomResult
 LEAST_SHARE = 40
 """Cases that keep a process busy for some times as long as its start takes."""
 _AHEAD = 3  # calls per process that are on their way at the same time
-_ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"), "1")  # a process has one core
+_ONE_THREAD = dict.fromkeys(
+    ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"), "1"
+)  # a process has one core
 
 
 class Processes:
@@ -51,21 +54,27 @@ class Processes:
             A process ended, such as by a system short of memory.
         """
         try:
-            yield from in_order(lambda *call: self._executor.submit(work, *call), calls, _AHEAD * self._count)
+            yield from in_order(
+                lambda *call: self._executor.submit(work, *call), calls, _AHEAD * self._count
+            )
         except BrokenExecutor as error:
             advice = "run the batch again, with fewer jobs when memory is short; with --resume what is done is not done again"
-            raise SimulationError(f"a process that shares the work of the batch ended ({error}); {advice}") from error
+            raise SimulationError(
+                f"a process that shares the work of the batch ended ({error}); {advice}"
+            ) from error
 
 
 @contextmanager
 def processes(cases: int, jobs: int) -> Iterator[Processes | None]:
-    """Give processes for a number of cases, as long as the block lasts; None when there are too few cases to share out.
+    """Give processes for a number of cases, as long as the block lasts; None when there are too few
+    cases to share out.
 
     Parameters
     ----------
     cases : int
     jobs : int
-        Processes at the same time; -1 for one per core.  A process has `LEAST_SHARE` cases at least.
+        Processes at the same time; -1 for one per core.  A process has `LEAST_SHARE` cases at
+        least.
     """
     from joblib import effective_n_jobs
     from joblib.externals.loky import ProcessPoolExecutor
@@ -74,7 +83,9 @@ def processes(cases: int, jobs: int) -> Iterator[Processes | None]:
     if count < 2:
         yield None
         return
-    executor = ProcessPoolExecutor(count, env=_ONE_THREAD)  # with an end of its own: FMUs that its processes have loaded end with them
+    executor = ProcessPoolExecutor(
+        count, env=_ONE_THREAD
+    )  # with an end of its own: FMUs that its processes have loaded end with them
     try:
         yield Processes(executor, count)
     except BaseException:
@@ -83,7 +94,9 @@ def processes(cases: int, jobs: int) -> Iterator[Processes | None]:
     executor.shutdown(wait=True)
 
 
-def in_order(submit: Callable[..., Any], calls: Iterable[tuple[Any, ...]], window: int) -> Iterator[Any]:
+def in_order(
+    submit: Callable[..., Any], calls: Iterable[tuple[Any, ...]], window: int
+) -> Iterator[Any]:
     """Submit calls, no more than a window of them ahead, and give their results in their order."""
     waiting = deque[Any]()
     for call in calls:
@@ -119,19 +132,23 @@ def replay_all(
     runs : mapping of str to path
         Name of a model to its FMU, in the order of the report.
     paths : mapping of str to Path of flighttest.reconstruct or Dataset (time), optional
-        Reconstructed paths by the file of the record or its stem; a record that has none is read, and reconstructed when it is raw.
+        Reconstructed paths by the file of the record or its stem; a record that has none is read,
+        and reconstructed when it is raw.
     names : mapping of str to path, optional
         Name of a model to the table of its names (`replay`).
     biases : Dataset, optional
         Constants of the instruments for records that are reconstructed (`recorded_states`).
     jobs : int
-        Cases at the same time, and processes for records that are reconstructed; -1 for one per core.
+        Cases at the same time, and processes for records that are reconstructed; -1 for one per
+        core.
     scheduler : str, optional
-        Address of a dask.distributed scheduler, ``tcp://host:8786``; its workers take the place of `jobs`.
+        Address of a dask.distributed scheduler, ``tcp://host:8786``; its workers take the place of
+        `jobs`.
     resume : path, optional
-        Folder that keeps every flight that went well, by the hash of the FMU, of all that it was given and of the program that flew
-        it; reconstructed records likewise; and results of which every flight went well, by all that they depend on
-        (`pom.replaying.caches`).  What is there is neither flown nor judged again.
+        Folder that keeps every flight that went well, by the hash of the FMU, of all that it was
+        given and of the program that flew it; reconstructed records likewise; and results of which
+        every flight went well, by all that they depend on (`pom.replaying.caches`).  What is there
+        is neither flown nor judged again.
     timeout : float
         Wall time allowed per model and case. [s]
     evidence : DataTree, optional
@@ -151,26 +168,44 @@ def replay_all(
     OutOfRange
         A window is not inside its record, or an input holds a NaN.
     SimulationError
-        No scheduler or no worker answers, workers have another program, those of one case died again and again, or the scheduler ended.
+        No scheduler or no worker answers, workers have another program, those of one case died
+        again and again, or the scheduler ended.
     """
     models = Models(runs, names)
     for case in cases:
-        models.of(case)  # a table that does not fit is reported before records are reconstructed, which takes long
+        models.of(
+            case
+        )  # a table that does not fit is reported before records are reconstructed, which takes long
     folder = Path(resume).resolve() if resume is not None else None
     records, paths = KeptStates(folder, biases), paths or {}
-    kept, by_content = KeptResults(folder), ResultKeys(records, installation() if folder is not None else "", evidence)
-    keys = [by_content.of(case, _given(case, paths), models.of(case)) if folder is not None else "" for case in cases]
+    kept, by_content = (
+        KeptResults(folder),
+        ResultKeys(records, installation() if folder is not None else "", evidence),
+    )
+    keys = [
+        by_content.of(case, _given(case, paths), models.of(case)) if folder is not None else ""
+        for case in cases
+    ]
     known = [kept.read(key) for key in keys]
-    new = [(case, key) for case, key, result in zip(cases, keys, known, strict=True) if result is None]
+    new = [
+        (case, key) for case, key, result in zip(cases, keys, known, strict=True) if result is None
+    ]
     with processes(len(new), 1 if scheduler else jobs) as pool:
         plans = _plans([case for case, _ in new], paths, records, jobs, pool)
         _check(plans, models)
         names_kept = [key if by_content.hold(case) else "" for case, key in new]
         store = Store(folder) if folder is not None else None
         calls = (
-            (plan, models.of(plan.case), timeout, store, evidence, kept, key) for plan, key in zip(_let_go(plans), names_kept, strict=True)
+            (plan, models.of(plan.case), timeout, store, evidence, kept, key)
+            for plan, key in zip(_let_go(plans), names_kept, strict=True)
         )
-        performed = _on_cluster(calls, scheduler) if scheduler else _here(calls, jobs) if pool is None else pool.map(_performed, calls)
+        performed = (
+            _on_cluster(calls, scheduler)
+            if scheduler
+            else _here(calls, jobs)
+            if pool is None
+            else pool.map(_performed, calls)
+        )
         results = []
         for result in (found if found is not None else next(performed) for found in _let_go(known)):
             results.append(result)
@@ -179,8 +214,16 @@ def replay_all(
     return results
 
 
-def _plans(cases: list[PomCase], paths: Mapping[str, Any], records: KeptStates, jobs: int, pool: Processes | None) -> list[Plan]:
-    """Return the plan of every case; a record is read once for all its cases, by processes when there are any."""
+def _plans(
+    cases: list[PomCase],
+    paths: Mapping[str, Any],
+    records: KeptStates,
+    jobs: int,
+    pool: Processes | None,
+) -> list[Plan]:
+    """Return the plan of every case; a record is read once for all its cases, by processes when
+    there are any.
+    """
     given = [_given(case, paths) for case in cases]
     groups: dict[tuple[str, str, str], list[PomCase]] = {}
     for case, path in zip(cases, given, strict=True):
@@ -189,10 +232,18 @@ def _plans(cases: list[PomCase], paths: Mapping[str, Any], records: KeptStates, 
     work = [(group, records) for group in groups.values()]
     read = starmap(_plans_at_hand, work) if pool is None else pool.map(_plans_at_hand, work)
     found = dict(zip(groups, read, strict=True))
-    made = _states([groups[source][0] for source, plans in found.items() if plans is None], records, jobs)
-    found |= {source: [plan_of(case, states) for case in groups[source]] for source, states in made.items()}
+    made = _states(
+        [groups[source][0] for source, plans in found.items() if plans is None], records, jobs
+    )
+    found |= {
+        source: [plan_of(case, states) for case in groups[source]]
+        for source, states in made.items()
+    }
     waiting = {source: iter(plans or ()) for source, plans in found.items()}
-    return [next(waiting[_source(case)]) if path is None else plan_of(case, path) for case, path in zip(cases, given, strict=True)]
+    return [
+        next(waiting[_source(case)]) if path is None else plan_of(case, path)
+        for case, path in zip(cases, given, strict=True)
+    ]
 
 
 def _plans_at_hand(cases: list[PomCase], records: KeptStates) -> list[Plan] | None:
@@ -212,7 +263,9 @@ def _performed(
 ) -> PomResult:
     """Return the result of a plan, and keep it when every model flew."""
     result = perform(plan, models, timeout, store, evidence)
-    mode_table(result)  # of fits that were made to judge it, by this process: a report needs them again
+    mode_table(
+        result
+    )  # of fits that were made to judge it, by this process: a report needs them again
     if not result.failure:
         kept.write(key, result)
     return result
@@ -223,19 +276,32 @@ def _given(case: PomCase, paths: Mapping[str, Any]) -> Any:
     return paths.get(case.record, paths.get(Path(case.record).stem))
 
 
-def flown(cases: Sequence[PomCase], paths: Mapping[str, Any], records: KeptStates, jobs: int) -> list[Any]:
-    """Return the path of every case: the one given, else that of its record, read or reconstructed once; parameters as `replay_all`."""
+def flown(
+    cases: Sequence[PomCase], paths: Mapping[str, Any], records: KeptStates, jobs: int
+) -> list[Any]:
+    """Return the path of every case: the one given, else that of its record, read or reconstructed
+    once; parameters as `replay_all`.
+    """
     given = [_given(case, paths) for case in cases]
-    read = _states([case for case, path in zip(cases, given, strict=True) if path is None], records, jobs)
-    return [read[_source(case)] if path is None else path for case, path in zip(cases, given, strict=True)]
+    read = _states(
+        [case for case, path in zip(cases, given, strict=True) if path is None], records, jobs
+    )
+    return [
+        read[_source(case)] if path is None else path
+        for case, path in zip(cases, given, strict=True)
+    ]
 
 
 def _source(case: PomCase) -> tuple[str, str, str]:
     return case.record, case.names, case.aircraft
 
 
-def _states(cases: Iterable[PomCase], records: KeptStates, jobs: int) -> dict[tuple[str, str, str], xr.Dataset]:
-    """Return the states of the records of cases, each read or reconstructed once; reconstructions share the cores."""
+def _states(
+    cases: Iterable[PomCase], records: KeptStates, jobs: int
+) -> dict[tuple[str, str, str], xr.Dataset]:
+    """Return the states of the records of cases, each read or reconstructed once; reconstructions
+    share the cores.
+    """
     from joblib import Parallel, delayed
 
     first: dict[tuple[str, str, str], PomCase] = {}
@@ -254,7 +320,9 @@ def _at_hand(case: PomCase, records: KeptStates) -> xr.Dataset | None:
 
 
 def _check(plans: Iterable[Plan], models: Models) -> None:
-    """Demand that every model can fly every case; what a model lacks is stated once, with the cases that need it."""
+    """Demand that every model can fly every case; what a model lacks is stated once, with the cases
+    that need it.
+    """
     cases: dict[tuple[str, str, str], list[str]] = {}
     for plan in plans:
         for name, model in models.of(plan.case).items():
@@ -264,12 +332,17 @@ def _check(plans: Iterable[Plan], models: Models) -> None:
                 for text in error.problems:
                     cases.setdefault((error.what, name, text), []).append(plan.case.name)
     if cases:
-        problems = [f"{what} ({name}): {text}; case {', '.join(dict.fromkeys(found))}" for (what, name, text), found in cases.items()]
+        problems = [
+            f"{what} ({name}): {text}; case {', '.join(dict.fromkeys(found))}"
+            for (what, name, text), found in cases.items()
+        ]
         raise SchemaError("replay", problems)
 
 
 def _let_go(items: list[_Item]) -> Iterator[_Item]:
-    """Give items in their order and keep none: the result of a case takes the place of its states in memory."""
+    """Give items in their order and keep none: the result of a case takes the place of its states
+    in memory.
+    """
     items.reverse()
     while items:
         yield items.pop()
@@ -278,7 +351,9 @@ def _let_go(items: list[_Item]) -> Iterator[_Item]:
 def _here(calls: Iterable[tuple[Any, ...]], jobs: int) -> Iterator[PomResult]:
     from joblib import Parallel, delayed
 
-    yield from Parallel(n_jobs=jobs, backend="threading", return_as="generator")(delayed(_performed)(*call) for call in calls)
+    yield from Parallel(n_jobs=jobs, backend="threading", return_as="generator")(
+        delayed(_performed)(*call) for call in calls
+    )
 
 
 def _on_cluster(calls: Iterable[tuple[Any, ...]], scheduler: str) -> Iterator[PomResult]:

@@ -1,7 +1,9 @@
-"""Results kept next to the flights of a batch, so that a batch that goes on judges only what changed.
+"""Results kept next to the flights of a batch, so that a batch that goes on judges only what
+changed.
 
-A result is a function of its case, the flight, the models, the evidence and the program.  Their hash names the file, so that one that
-is there needs neither its record nor a fit; whatever changed has another name and is judged anew.
+A result is a function of its case, the flight, the models, the evidence and the program.  Their
+hash names the file, so that one that is there needs neither its record nor a fit; whatever changed
+has another name and is judged anew.
 """
 
 from __future__ import annotations
@@ -40,15 +42,17 @@ class KeptStates:
     Attributes
     ----------
     folder : Path or None
-        Keeps them under the hash of the record, of its name map, of the aircraft with all that its file names, of the biases and of
-        the programs that reconstruct; without it nothing is kept.
+        Keeps them under the hash of the record, of its name map, of the aircraft with all that its
+        file names, of the biases and of the programs that reconstruct; without it nothing is kept.
     biases : Dataset or None
         Constants of the instruments (`recorded_states`).
     """
 
     folder: Path | None
     biases: xr.Dataset | None
-    _aircraft: dict[str, flightmech.Aircraft] = field(default_factory=dict, repr=False)  # read once in a batch
+    _aircraft: dict[str, flightmech.Aircraft] = field(
+        default_factory=dict, repr=False
+    )  # read once in a batch
 
     def read(self, case: PomCase) -> xr.Dataset | None:
         """Return the states of the record of a case; None when they are not kept."""
@@ -75,10 +79,15 @@ class KeptStates:
         return states
 
     def identity(self, case: PomCase) -> str:
-        """Return the hash of all that the states of the record of a case come from, but for the windows of its cases."""
+        """Return the hash of all that the states of the record of a case come from, but for the
+        windows of its cases.
+        """
         if case.aircraft and case.aircraft not in self._aircraft:
             self._aircraft[case.aircraft] = flightmech.read_aircraft(case.aircraft)
-        files = [hashlib.sha256(Path(name).read_bytes() if name else b"").hexdigest() for name in (case.record, case.names)]
+        files = [
+            hashlib.sha256(Path(name).read_bytes() if name else b"").hexdigest()
+            for name in (case.record, case.names)
+        ]
         return content_hash(program(), files, self._aircraft.get(case.aircraft), self.biases)
 
     def _file(self, case: PomCase) -> Path | None:
@@ -89,16 +98,24 @@ class KeptStates:
 
 @cache
 def program() -> str:
-    """Return the hash of the modules that read and reconstruct, with the versions of the libraries they count with."""
+    """Return the hash of the modules that read and reconstruct, with the versions of the libraries
+    they count with.
+    """
     digest = hashlib.sha256()
     for package in (flightmech, flighttest):
         folder = Path(str(package.__file__)).parent
         for file in sorted(folder.rglob("*.py")):
             digest.update(file.read_bytes())
-    return " ".join([digest.hexdigest(), *(f"{name} {version(name)}" for name in ("numpy", "scipy", "xarray"))])
+    return " ".join(
+        [digest.hexdigest(), *(f"{name} {version(name)}" for name in ("numpy", "scipy", "xarray"))]
+    )
 
 
-_PARTS = {"signals": ("run", "time"), "tolerance": ("time",), "inputs": ("time",)}  # with the dimensions of their channels
+_PARTS = {
+    "signals": ("run", "time"),
+    "tolerance": ("time",),
+    "inputs": ("time",),
+}  # with the dimensions of their channels
 
 
 @dataclass(frozen=True)
@@ -118,11 +135,16 @@ class ResultKeys:
     records: KeptStates
     program: str
     evidence: xr.DataTree | None = None
-    _hashes: dict[Any, str] = field(default_factory=dict, repr=False)  # of what the cases of a batch share
-    _states: dict[str, FileState] = field(default_factory=dict, repr=False)  # of files, before they were read
+    _hashes: dict[Any, str] = field(
+        default_factory=dict, repr=False
+    )  # of what the cases of a batch share
+    _states: dict[str, FileState] = field(
+        default_factory=dict, repr=False
+    )  # of files, before they were read
 
     def of(self, case: PomCase, path: Any, models: Mapping[str, Model]) -> str:
-        """Return the name of the result of a case; empty when one of its files cannot be read, which whoever reads it reports.
+        """Return the name of the result of a case; empty when one of its files cannot be read,
+        which whoever reads it reports.
 
         Parameters
         ----------
@@ -133,18 +155,46 @@ class ResultKeys:
         """
         read = path is None or case.wind == "measured"  # a path holds no measured wind
         try:
-            self._states.update({name: FileState.of(name) for name in _files(case) if read and name not in self._states})
-            record = self._once((case.record, case.names, case.aircraft), lambda: self.records.identity(case)) if read else ""
+            self._states.update(
+                {
+                    name: FileState.of(name)
+                    for name in _files(case)
+                    if read and name not in self._states
+                }
+            )
+            record = (
+                self._once(
+                    (case.record, case.names, case.aircraft), lambda: self.records.identity(case)
+                )
+                if read
+                else ""
+            )
         except OSError:
             return ""
         given = "" if path is None else self._once(id(path), lambda: _of_path(path))
-        flown = [(name, _described(model), None if model.law is None else _described(model.law)) for name, model in models.items()]
-        return content_hash(self.program, case, record, given, flown, self._once("evidence", lambda: _of_tree(self.evidence)))
+        flown = [
+            (name, _described(model), None if model.law is None else _described(model.law))
+            for name, model in models.items()
+        ]
+        return content_hash(
+            self.program,
+            case,
+            record,
+            given,
+            flown,
+            self._once("evidence", lambda: _of_tree(self.evidence)),
+        )
 
     def hold(self, case: PomCase) -> bool:
-        """Whether the files of a case are those whose content the name of its result was made of; else it may be kept under no name."""
+        """Whether the files of a case are those whose content the name of its result was made of;
+        else it may be kept under no name.
+        """
         try:
-            return all(FileState.of(name) == self._states[name] for name in _files(case) if name in self._states)
+            return all(
+                FileState.of(name) == self._states[name]
+                for name in _files(case)
+                if name in self._states
+            )
         except OSError:
             return False
 
@@ -185,7 +235,11 @@ class KeptResults:
         if file is None:
             return
         head, blocks = _content(result)
-        body = json.dumps(head, default=_plain, ensure_ascii=False).encode() + b"\n" + b"".join(block.tobytes() for block in blocks)
+        body = (
+            json.dumps(head, default=_plain, ensure_ascii=False).encode()
+            + b"\n"
+            + b"".join(block.tobytes() for block in blocks)
+        )
         file.parent.mkdir(parents=True, exist_ok=True)
         with written_atomically(file, durable=False) as part:
             part.write_bytes(hashlib.sha256(body).digest() + body)
@@ -206,11 +260,19 @@ def _described(model: Model) -> list[str]:
 
 
 def _of_path(path: Any) -> str:
-    return content_hash(path) if isinstance(path, xr.Dataset) else content_hash(path.states, path.biases, path.errors)
+    return (
+        content_hash(path)
+        if isinstance(path, xr.Dataset)
+        else content_hash(path.states, path.biases, path.errors)
+    )
 
 
 def _of_tree(tree: xr.DataTree | None) -> str:
-    return "" if tree is None else content_hash({node.path: node.to_dataset() for node in tree.subtree})
+    return (
+        ""
+        if tree is None
+        else content_hash({node.path: node.to_dataset() for node in tree.subtree})
+    )
 
 
 def _content(result: PomResult) -> tuple[dict[str, Any], list[np.ndarray]]:
@@ -229,8 +291,14 @@ def _content(result: PomResult) -> tuple[dict[str, Any], list[np.ndarray]]:
     for part in _PARTS:
         data: xr.Dataset = getattr(result, part)
         channels = {str(name): data.variables[name].attrs for name in data.data_vars}
-        head["parts"][part] = {"attrs": data.attrs, "channels": channels, "samples": data.sizes["time"]}
-        blocks += [data.variables[name].values.astype("<f8", copy=False) for name in ("time", *channels)]
+        head["parts"][part] = {
+            "attrs": data.attrs,
+            "channels": channels,
+            "samples": data.sizes["time"],
+        }
+        blocks += [
+            data.variables[name].values.astype("<f8", copy=False) for name in ("time", *channels)
+        ]
     return head, blocks
 
 
@@ -254,12 +322,16 @@ def _result(head: Mapping[str, Any], numbers: np.ndarray) -> PomResult:
         time = taken(found["samples"])
         shape = (len(runs), len(time)) if len(dims) == 2 else (len(time),)
         data = {name: (dims, taken(*shape), attrs) for name, attrs in found["channels"].items()}
-        parts[part] = xr.Dataset(data, {**({"run": runs} if len(dims) == 2 else {}), "time": time}, found["attrs"])
+        parts[part] = xr.Dataset(
+            data, {**({"run": runs} if len(dims) == 2 else {}), "time": time}, found["attrs"]
+        )
     trim = head["trim"]
     result = PomResult(
         case=PomCase.from_dict(head["case"]),
         conditions=head["conditions"],
-        trim=pd.DataFrame(trim["data"], pd.Index(trim["index"], name="quantity"), trim["columns"], dtype=float),
+        trim=pd.DataFrame(
+            trim["data"], pd.Index(trim["index"], name="quantity"), trim["columns"], dtype=float
+        ),
         verdict=verdict_table(head["verdict"]),
         failure=head["failure"],
         **parts,

@@ -67,17 +67,18 @@ def replay(
     case : PomCase
         From `read_case`.
     runs : mapping of str to path
-        Name of a model to its FMU (FMI 1.0 to 3.0, co-simulation or model exchange), in the order of the report.
+        Name of a model to its FMU (FMI 1.0 to 3.0, co-simulation or model exchange), in the order
+        of the report.
     path : Path of flighttest.reconstruct or Dataset (time), optional
         Reconstructed path of the record; without it the record is read and reconstructed.
     timeout : float
         Wall time allowed per model. [s]
     names : mapping of str to path, optional
-        Name of a model to the table of its names, units and signs, when they are not the SI names (`docs/pom-replay.md`);
-        it goes before that of the case file.
+        Name of a model to the table of its names, units and signs, when they are not the SI names
+        (`docs/pom-replay.md`); it goes before that of the case file.
     evidence : DataTree, optional
-        An identified database with standard errors: what flight found.  Every run then states how far the terms of the flown
-        model lie from it (`pom.judging.beyond_the_bands`).
+        An identified database with standard errors: what flight found.  Every run then states how
+        far the terms of the flown model lie from it (`pom.judging.beyond_the_bands`).
 
     Returns
     -------
@@ -87,7 +88,8 @@ def replay(
     Raises
     ------
     SchemaError
-        A model lacks an input, output or parameter that the case needs, declares another unit, or its table of names does not fit.
+        A model lacks an input, output or parameter that the case needs, declares another unit, or
+        its table of names does not fit.
     OutOfRange
         The window is not inside the record, or an input holds a NaN.
     """
@@ -108,13 +110,18 @@ def plan_of(case: PomCase, path: Any = None) -> Plan:
 def _samples(states: xr.Dataset) -> dict[str, np.ndarray]:
     """Return what the flight holds, per sample. [SI]"""
     items = ((str(name), states.variables[name]) for name in states.data_vars)
-    return {name: np.broadcast_to(item.values, states.sizes["time"]) for name, item in items if item.ndim < 2}
+    return {
+        name: np.broadcast_to(item.values, states.sizes["time"])
+        for name, item in items
+        if item.ndim < 2
+    }
 
 
 def check_plan(plan: Plan, model: Model) -> None:
     """Check that a model offers what a case needs.
 
-    A judged channel that the flight record lacks as well is no error: its verdict states what is missing.
+    A judged channel that the flight record lacks as well is no error: its verdict states what is
+    missing.
 
     Raises
     ------
@@ -123,8 +130,13 @@ def check_plan(plan: Plan, model: Model) -> None:
     """
     job, links = plan.job, model.links
     moved = {loop.control for loop in job.pilot}.union(job.law.moves if job.law is not None else ())
-    inputs = _taken(job.inputs, links.inputs, {*job.needed_inputs, *moved} - ({*links.waived} - moved))
-    shown, judged = (_outputs(names, links.outputs) for names in (shown_channels(plan.case, plan.states), judged_channels(plan.case)))
+    inputs = _taken(
+        job.inputs, links.inputs, {*job.needed_inputs, *moved} - ({*links.waived} - moved)
+    )
+    shown, judged = (
+        _outputs(names, links.outputs)
+        for names in (shown_channels(plan.case, plan.states), judged_channels(plan.case))
+    )
     recorded = {*map(str, plan.states.data_vars)}
     needed = {name for name in judged if output_of(name, recorded) in recorded}
     outputs = _taken([*shown, *job.targets], links.outputs, {*needed, *job.targets})
@@ -139,7 +151,11 @@ def check_plan(plan: Plan, model: Model) -> None:
 
 
 def perform(
-    plan: Plan, models: Mapping[str, Model], timeout: float, store: Store | None = None, evidence: xr.DataTree | None = None
+    plan: Plan,
+    models: Mapping[str, Model],
+    timeout: float,
+    store: Store | None = None,
+    evidence: xr.DataTree | None = None,
 ) -> PomResult:
     """Fly a checked plan by every model and judge it; parameters as `replay` and `fly`."""
     shown = shown_channels(plan.case, plan.states)
@@ -148,54 +164,93 @@ def perform(
         ranges[name] = table_ranges(model.fmu.path, model.fmu.sha256)
         axes = [item.variable for item in ranges[name]]
         wanted = {*_outputs([*shown, *axes], model.links.outputs), *OBSERVED}
-        job, trims[name], refused = solved(plan.job, plan.case.drive.trim_surfaces, model, timeout, store)
+        job, trims[name], refused = solved(
+            plan.job, plan.case.drive.trim_surfaces, model, timeout, store
+        )
         found[name], failures[name] = fly(model, job, wanted, timeout, store)
         failures[name] = refused or failures[name]
     attrs = {f"model.{name}": model.origin() for name, model in models.items()}
     laws = [model.law for model in models.values() if model.law is not None]
     attrs |= {"control_law": laws[0].origin()} if laws else {}
-    attrs |= {f"names.{name}": model.links.table for name, model in models.items() if model.links.table}
+    attrs |= {
+        f"names.{name}": model.links.table for name, model in models.items() if model.links.table
+    }
     compared = _compared(evidence, plan, models)
     more = {
-        name: (*trims[name], *tables_left(plan.job.time, found[name], ranges[name]), *compared.get(name, ()), *_without(plan.job, model))
+        name: (
+            *trims[name],
+            *tables_left(plan.job.time, found[name], ranges[name]),
+            *compared.get(name, ()),
+            *_without(plan.job, model),
+        )
         for name, model in models.items()
     }
     return assemble(plan.case, plan.states, plan.job, found, failures, attrs, more)
 
 
 def _without(job: Job, model: Model) -> tuple[RowRemark, ...]:
-    """Return the remark on what a case needs and a model does without, as its table of names allows."""
-    needed = [name for name in (*job.needed_inputs, *job.needed_parameters) if name in model.links.waived]
-    return (RowRemark("waived", f"flown without {', '.join(needed)}, waived by the table of names"),) if needed else ()
+    """Return the remark on what a case needs and a model does without, as its table of names
+    allows.
+    """
+    needed = [
+        name for name in (*job.needed_inputs, *job.needed_parameters) if name in model.links.waived
+    ]
+    return (
+        (RowRemark("waived", f"flown without {', '.join(needed)}, waived by the table of names"),)
+        if needed
+        else ()
+    )
 
 
-def _compared(evidence: xr.DataTree | None, plan: Plan, models: Mapping[str, Model]) -> dict[str, tuple[RowRemark, ...]]:
-    """Return the remarks of every model on its distance from the flight evidence; none without evidence."""
+def _compared(
+    evidence: xr.DataTree | None, plan: Plan, models: Mapping[str, Model]
+) -> dict[str, tuple[RowRemark, ...]]:
+    """Return the remarks of every model on its distance from the flight evidence; none without
+    evidence.
+    """
     if evidence is None:
         return {}
     try:
         found = Evidence(evidence, plan.states, hinges=plan.case.drive.level != "recorded")
     except AeromatchError as error:
-        return dict.fromkeys(models, (RowRemark("evidence", f"not compared with the flight evidence: {error}"),))
+        return dict.fromkeys(
+            models, (RowRemark("evidence", f"not compared with the flight evidence: {error}"),)
+        )
     return {name: evidence_remarks(found, model.fmu.path) for name, model in models.items()}
 
 
 def judged_channels(case: PomCase) -> list[str]:
     """Return the channels that the criteria of a case are computed from."""
-    names = [name for c in case.criteria if c.applies and not unjudged(case, c) for name in channels(c)]
+    names = [
+        name for c in case.criteria if c.applies and not unjudged(case, c) for name in channels(c)
+    ]
     return list(dict.fromkeys(names))
 
 
 def shown_channels(case: PomCase, states: xr.Dataset) -> list[str]:
-    """Return every channel of the result: judged, requested, moved by the math pilot, and the thrust of each engine."""
+    """Return every channel of the result: judged, requested, moved by the math pilot, and the
+    thrust of each engine.
+    """
     moved = [*(loop.control for loop in case.drive.pilot), *case.law_moves]
-    engines = sorted(str(name) for name in states.data_vars if str(name).startswith("engine") and str(name).endswith(".thrust"))
-    return list(dict.fromkeys([*judged_channels(case), *case.show, *moved, *engines, *helping_channels(case)]))
+    engines = sorted(
+        str(name)
+        for name in states.data_vars
+        if str(name).startswith("engine") and str(name).endswith(".thrust")
+    )
+    return list(
+        dict.fromkeys(
+            [*judged_channels(case), *case.show, *moved, *engines, *helping_channels(case)]
+        )
+    )
 
 
 def helping_channels(case: PomCase) -> list[str]:
-    """Return the signals that show the events and conditions of the criteria of a case; a model may have them."""
-    return [name for c in case.criteria if c.applies and not unjudged(case, c) for name in helpful(c)]
+    """Return the signals that show the events and conditions of the criteria of a case; a model may
+    have them.
+    """
+    return [
+        name for c in case.criteria if c.applies and not unjudged(case, c) for name in helpful(c)
+    ]
 
 
 def _outputs(names: Iterable[str], offered: Container[str]) -> list[str]:
@@ -236,11 +291,19 @@ def assemble(
     if job.pilot or job.law is not None:
         found = {run: _as_applied(job, outputs) for run, outputs in found.items()}
     rows, limits = [], trim_limits(case, flight)
-    signals = _signals([*shown_channels(case, states), *formed_channels(case, flight)], flight, found)
+    signals = _signals(
+        [*shown_channels(case, states), *formed_channels(case, flight)], flight, found
+    )
     recorded, match = traces_of(signals, "flight"), Match(case, job.time, flight, flight)
     for name, outputs in found.items():
-        seen = () if failures.get(name) else watch(case, job.time, recorded, traces_of(signals, name))
-        remarks = (*beyond_limits(limits, outputs, demanded=False), *seen, *(more or {}).get(name, ()))
+        seen = (
+            () if failures.get(name) else watch(case, job.time, recorded, traces_of(signals, name))
+        )
+        remarks = (
+            *beyond_limits(limits, outputs, demanded=False),
+            *seen,
+            *(more or {}).get(name, ()),
+        )
         failure = _failed(failures.get(name, "")) or beyond_limits(limits, outputs, demanded=True)
         outcomes = judge_match(match.against(outputs))
         for criterion in case.criteria:
@@ -263,7 +326,9 @@ def _failed(text: str) -> tuple[RowRemark, ...]:
 
 
 def _outcome(criterion: Criterion, failure: tuple[RowRemark, ...], outcome: Outcome) -> Outcome:
-    """Return an outcome; a run that failed, or started beyond what the case file allows the trim, carries no judgement."""
+    """Return an outcome; a run that failed, or started beyond what the case file allows the trim,
+    carries no judgement.
+    """
     return Outcome("invalid", remarks=failure) if failure and criterion.applies else outcome
 
 
@@ -271,32 +336,52 @@ def _pilot(job: Job, found: Mapping[str, Traces]) -> list[dict[str, Any]]:
     """Return what the math pilot did in each run."""
     rows: list[dict[str, Any]] = []
     for run, outputs in found.items():
-        moved = {name: outputs[name] - job.inputs[name] for name in dict.fromkeys(loop.control for loop in job.pilot) if name in outputs}
+        moved = {
+            name: outputs[name] - job.inputs[name]
+            for name in dict.fromkeys(loop.control for loop in job.pilot)
+            if name in outputs
+        }
         rows += activity(run, job.pilot, job.time, moved, job.targets, outputs)
     return rows
 
 
 def _as_applied(job: Job, outputs: Traces) -> dict[str, np.ndarray]:
-    """Return outputs with what the math pilot moves at its true position, bias of the trim included, where the model reports it."""
-    controls = {loop.control for loop in job.pilot}.union(job.law.moves if job.law is not None else ())
+    """Return outputs with what the math pilot moves at its true position, bias of the trim
+    included, where the model reports it.
+    """
+    controls = {loop.control for loop in job.pilot}.union(
+        job.law.moves if job.law is not None else ()
+    )
     moved = {name for name in controls if f"applied.{name}" in outputs}
     return {**outputs, **{name: outputs[f"applied.{name}"] for name in moved}}
 
 
 def _signals(names: list[str], flight: Signals, found: Mapping[str, Traces]) -> xr.Dataset:
     time = flight.time
-    runs = {"flight": flight, **{run: Signals(outputs, time, flight.wheel_radius) for run, outputs in found.items()}}
+    runs = {
+        "flight": flight,
+        **{run: Signals(outputs, time, flight.wheel_radius) for run, outputs in found.items()},
+    }
     data = {}
     for name in dict.fromkeys(names):
-        traces = [np.asarray(run[name], float) if name in run else np.full(time.size, np.nan) for run in runs.values()]
+        traces = [
+            np.asarray(run[name], float) if name in run else np.full(time.size, np.nan)
+            for run in runs.values()
+        ]
         if name in WRAPPED:
             traces = [unwrapped_near(trace, traces[0]) for trace in traces]
-        data[name] = (("run", "time"), np.stack(traces), {"units": lookup(name).units, "long_name": lookup(name).long_name})
+        data[name] = (
+            ("run", "time"),
+            np.stack(traces),
+            {"units": lookup(name).units, "long_name": lookup(name).long_name},
+        )
     return xr.Dataset(data, coords={"run": list(runs), "time": time})
 
 
 def unwrapped_near(angle: np.ndarray, flight: np.ndarray) -> np.ndarray:
-    """Return a wrapped angle (time,) without jumps, starting less than half a turn from the flight. [rad]"""
+    """Return a wrapped angle (time,) without jumps, starting less than half a turn from the flight.
+    [rad]
+    """
     if not np.isfinite(angle).all() or not np.isfinite(flight[0]):
         return angle
     smooth = np.unwrap(angle)
@@ -304,7 +389,10 @@ def unwrapped_near(angle: np.ndarray, flight: np.ndarray) -> np.ndarray:
 
 
 def _inputs(job: Job) -> xr.Dataset:
-    units = {name: lookup("thrust" if name.endswith("thrust_drive") else name).units for name in job.inputs}
+    units = {
+        name: lookup("thrust" if name.endswith("thrust_drive") else name).units
+        for name in job.inputs
+    }
     data = {name: ("time", values, {"units": units[name]}) for name, values in job.inputs.items()}
     return xr.Dataset(data, coords={"time": job.time})
 
@@ -323,14 +411,17 @@ def files_by_name(option: str, words: tuple[str, ...], example: str) -> dict[str
     Raises
     ------
     SchemaError
-        Words without a name, with a name that came before, or ``flight``, which is taken; all of them.
+        Words without a name, with a name that came before, or ``flight``, which is taken; all of
+        them.
     """
     found: dict[str, Path] = {}
     problems = []
     for word in words:
         name, _, file = word.partition("=")
         if not name or not file:
-            problems.append(f"{word!r}: write {'name=file' + Path(example).suffix}, such as {example}")
+            problems.append(
+                f"{word!r}: write {'name=file' + Path(example).suffix}, such as {example}"
+            )
         elif name in (*found, "flight"):
             problems.append(f"{word!r}: the name {name!r} is taken; give every model its own")
         found[name] = Path(file)

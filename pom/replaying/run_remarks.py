@@ -1,4 +1,6 @@
-"""What the math pilot did: how far he moved each control, how often at his limit, and how well he held his channels."""
+"""What the math pilot did: how far he moved each control, how often at his limit, and how well he
+held his channels.
+"""
 
 from __future__ import annotations
 
@@ -29,8 +31,12 @@ _COLUMNS = ("parameter", "estimate", "stderr", "unit")
 
 
 def calibration(result: PomResult) -> pd.DataFrame:
-    """Return the corrections that the flight data of a result carry: ``parameter estimate stderr unit``, empty when none are known."""
-    return pd.DataFrame(json.loads(result.signals.attrs.get(CALIBRATION, "[]")), columns=list(_COLUMNS))
+    """Return the corrections that the flight data of a result carry: ``parameter estimate stderr
+    unit``, empty when none are known.
+    """
+    return pd.DataFrame(
+        json.loads(result.signals.attrs.get(CALIBRATION, "[]")), columns=list(_COLUMNS)
+    )
 
 
 def drift(result: PomResult) -> pd.DataFrame:
@@ -39,8 +45,9 @@ def drift(result: PomResult) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        ``run channel start rate spread unit``: value and slope [per s] of the line through model minus flight, and the standard
-        deviation about it, over the whole window. [SI]  A slope with a small spread points to an error of force, of wind or of mass.
+        ``run channel start rate spread unit``: value and slope [per s] of the line through model
+        minus flight, and the standard deviation about it, over the whole window. [SI]  A slope with
+        a small spread points to an error of force, of wind or of mass.
     """
     return result.once(_drift)
 
@@ -85,9 +92,10 @@ def activity(
     Returns
     -------
     list of dict
-        ``control``; ``gains``, his loops in words; ``mean``, ``rms`` and ``largest`` correction (signed) and its time ``at`` [s];
-        ``at_limit``, the share of samples at which one of his loops was at its limit; ``held``, the rms by which each channel
-        departed from its record, in words. [SI]
+        ``control``; ``gains``, his loops in words; ``mean``, ``rms`` and ``largest`` correction
+        (signed) and its time ``at`` [s]; ``at_limit``, the share of samples at which one of his
+        loops was at its limit; ``held``, the rms by which each channel departed from its record, in
+        words. [SI]
     """
     rows, cut = [], _cut(loops, time, targets, outputs)
     for control, correction in moved.items():
@@ -115,13 +123,20 @@ def activity(
 
 def pilot_activity(result: PomResult) -> pd.DataFrame:
     """Return the rows of `activity` of all models of a result; empty when no math pilot flew."""
-    return pd.DataFrame(json.loads(result.signals.attrs.get(PILOT, "[]")), columns=list(_PILOT_COLUMNS))
+    return pd.DataFrame(
+        json.loads(result.signals.attrs.get(PILOT, "[]")), columns=list(_PILOT_COLUMNS)
+    )
 
 
 def _cut(
-    loops: Sequence[Loop], time: np.ndarray, targets: Mapping[str, np.ndarray], outputs: Mapping[str, np.ndarray]
+    loops: Sequence[Loop],
+    time: np.ndarray,
+    targets: Mapping[str, np.ndarray],
+    outputs: Mapping[str, np.ndarray],
 ) -> dict[str, np.ndarray]:
-    """Return for every control whether a loop was at its limit: the loops once more, on what the model did."""
+    """Return for every control whether a loop was at its limit: the loops once more, on what the
+    model did.
+    """
     pilot = Pilot(loops, time, targets)
     for k in range(time.size):
         pilot.controls(k, {name: float(outputs[name][k]) for name in pilot.channels})
@@ -159,7 +174,8 @@ class TableRange(NamedTuple):
 
 @lru_cache(maxsize=64)
 def table_ranges(fmu: str | Path, sha256: str) -> tuple[TableRange, ...]:
-    """Return the ranges of the tables inside an FMU, each once; none for an FMU of another program or of another version of this one.
+    """Return the ranges of the tables inside an FMU, each once; none for an FMU of another program
+    or of another version of this one.
 
     Parameters
     ----------
@@ -172,11 +188,16 @@ def table_ranges(fmu: str | Path, sha256: str) -> tuple[TableRange, ...]:
         rows = () if model is None else model.entries(AXIS)
     except AeromatchError:
         return ()
-    return tuple(dict.fromkeys(TableRange(row.name, row.low, row.high, row.display_units) for row in rows))
+    return tuple(
+        dict.fromkeys(TableRange(row.name, row.low, row.high, row.display_units) for row in rows)
+    )
 
 
-def tables_left(time: np.ndarray, outputs: Mapping[str, np.ndarray], ranges: tuple[TableRange, ...]) -> tuple[RowRemark, ...]:
-    """Return a remark of kind ``tables_left`` for every range that a run left; none when the model counts no such step.
+def tables_left(
+    time: np.ndarray, outputs: Mapping[str, np.ndarray], ranges: tuple[TableRange, ...]
+) -> tuple[RowRemark, ...]:
+    """Return a remark of kind ``tables_left`` for every range that a run left; none when the model
+    counts no such step.
 
     Parameters
     ----------
@@ -190,14 +211,31 @@ def tables_left(time: np.ndarray, outputs: Mapping[str, np.ndarray], ranges: tup
     steps = float(np.fmax.reduce(outputs.get("out_of_range", np.zeros(1))))
     if not steps > 0.0:
         return ()
-    seen = [(item, outputs[source]) for item in ranges if (source := output_of(item.variable, outputs)) in outputs]
+    seen = [
+        (item, outputs[source])
+        for item in ranges
+        if (source := output_of(item.variable, outputs)) in outputs
+    ]
     flying = outputs["V"] > SLOWEST if "V" in outputs else np.ones(time.size, bool)
-    seen = [(item, np.where(flying, values, item.low) if item.variable in FLOW else values) for item, values in seen]
+    seen = [
+        (item, np.where(flying, values, item.low) if item.variable in FLOW else values)
+        for item, values in seen
+    ]
     found = [remark for item, values in seen if (remark := _left(time, values, item))]
-    explained = any(((values < item.low) | (values > item.high)).any() for item, values in seen) or not flying.all()
+    explained = (
+        any(((values < item.low) | (values > item.high)).any() for item, values in seen)
+        or not flying.all()
+    )
     if found or explained or (ranges and len(seen) == len(ranges)):
         return tuple(found)
-    return (RowRemark("tables_left", f"tables left in {steps:.0f} internal steps", values={"steps": steps}, unit="1"),)
+    return (
+        RowRemark(
+            "tables_left",
+            f"tables left in {steps:.0f} internal steps",
+            values={"steps": steps},
+            unit="1",
+        ),
+    )
 
 
 def _left(time: np.ndarray, values: np.ndarray, item: TableRange) -> RowRemark | None:
@@ -215,4 +253,6 @@ def _left(time: np.ndarray, values: np.ndarray, item: TableRange) -> RowRemark |
         f"tables over {item.variable} left: {word} {limit:.4g}{unit} by up to {amount:.2g}{unit}, at {time[worst]:.1f} s, "
         f"in {share:.0f} % of the samples; held there"
     )
-    return RowRemark("tables_left", text, item.variable, {"limit": limit, "beyond": amount}, item.unit)
+    return RowRemark(
+        "tables_left", text, item.variable, {"limit": limit, "beyond": amount}, item.unit
+    )

@@ -1,7 +1,7 @@
 """The trim of a model at the start of a replay: what it found, what it left, and what limits it.
 
-A trim bias is the price of starting in the flight condition: the model flies with its controls that far from the recorded
-ones.  It is never hidden and never taken off the compared traces.
+A trim bias is the price of starting in the flight condition: the model flies with its controls that
+far from the recorded ones.  It is never hidden and never taken off the compared traces.
 """
 
 from __future__ import annotations
@@ -26,7 +26,23 @@ from pom.result import PomResult
 from pom.tolerances.bands import ALLOWED, RowRemark
 
 STATE = (
-    *("V", "V_cas", "alpha", "beta", "gamma", "phi", "theta", "psi", "p", "q", "r", "h", "delta_e", "delta_a", "delta_r"),
+    *(
+        "V",
+        "V_cas",
+        "alpha",
+        "beta",
+        "gamma",
+        "phi",
+        "theta",
+        "psi",
+        "p",
+        "q",
+        "r",
+        "h",
+        "delta_e",
+        "delta_a",
+        "delta_r",
+    ),
     *("column", "wheel", "pedal", "F_column", "F_wheel", "F_pedal"),
 )
 CONTROLS = STATE[12:]
@@ -37,15 +53,22 @@ OBSERVED = (*STATE, *(f"applied.{name}" for name in CONTROLS), *FOUND, *LEFT, "o
 """Outputs of a model that the trim table and its remarks are made of."""
 
 DEFAULT_LIMITS = {
-    **dict.fromkeys(("delta_e", "delta_a", "delta_r"), 1.0 * DEGREE),  # longitudinal trim, 2.c.5 of Table A2A: elevator 1 deg
-    **dict.fromkeys(("F_column", "F_pedal"), 5.0 * POUND_FORCE),  # static force checks, 2.a.1.a and 2.a.3.a of Table A2A
+    **dict.fromkeys(
+        ("delta_e", "delta_a", "delta_r"), 1.0 * DEGREE
+    ),  # longitudinal trim, 2.c.5 of Table A2A: elevator 1 deg
+    **dict.fromkeys(
+        ("F_column", "F_pedal"), 5.0 * POUND_FORCE
+    ),  # static force checks, 2.a.1.a and 2.a.3.a of Table A2A
     "throttle": 0.05,  # of the travel: 2.c.5 allows 5 % of net thrust
-    # our number: an acceleration that goes on changes the speed by 1 m/s in 20 s, an attitude by 1.5 deg in 5 s
+    # our number: an acceleration that goes on changes the speed by 1 m/s in 20 s, an attitude by
+    # 1.5 deg in 5 s
     **dict.fromkeys(("u_dot", "v_dot", "w_dot"), 0.05),
     **dict.fromkeys(("p_dot", "q_dot", "r_dot"), 2.0e-3),
 }
 """Size of a bias or of an acceleration left beyond which a run is remarked. [SI]"""
-THRUST_SHARE = 0.05  # of the largest thrust of an engine in the window; 2.c.5 of Table A2A has 5 % of the largest in service
+# of the largest thrust of an engine in the window; 2.c.5 of Table A2A has 5 % of the largest in
+# service
+THRUST_SHARE = 0.05
 _THRUST = re.compile(r"^engine\d+\.thrust$")
 SHOWN_UNITS = {"N": "lbf", "rad": "deg", "rad s-2": "deg/s2", "m s-2": "m/s2"}
 
@@ -53,9 +76,10 @@ SHOWN_UNITS = {"N": "lbf", "rad": "deg", "rad s-2": "deg/s2", "m s-2": "m/s2"}
 class TrimLimit(NamedTuple):
     """Limit of a trim quantity.
 
-    ``size`` is that of the case file where it has one (``demanded``: a run beyond it is invalid), else the default; ``usual``
-    the default, infinite where there is none: beyond it a pass is one with limits exceeded, unless ``allowed``, the rationale of
-    the case file for ``trim.<name>``, states why. [SI]
+    ``size`` is that of the case file where it has one (``demanded``: a run beyond it is invalid),
+    else the default; ``usual`` the default, infinite where there is none: beyond it a pass is one
+    with limits exceeded, unless ``allowed``, the rationale of the case file for ``trim.<name>``,
+    states why. [SI]
     """
 
     size: float
@@ -73,25 +97,37 @@ def trim_limits(case: PomCase, flight: Mapping[str, np.ndarray]) -> dict[str, Tr
         Recorded channels; the thrust is limited by a share of its largest value.
     """
     usual = dict(DEFAULT_LIMITS)
-    largest = [float(np.fmax.reduce(np.abs(flight[name]))) for name in flight if _THRUST.match(name)]
+    largest = [
+        float(np.fmax.reduce(np.abs(flight[name]))) for name in flight if _THRUST.match(name)
+    ]
     if largest:
         usual["thrust"] = THRUST_SHARE * max(largest)
     if case.drive.trim == "ground":  # a roll is not steady, and the surfaces stay as recorded
         usual = {name: size for name, size in usual.items() if name in ("w_dot", "p_dot", "q_dot")}
-    allowed = {name: case.rationale.get(f"trim.{name}", "") for name in (*usual, *case.drive.limits)}
+    allowed = {
+        name: case.rationale.get(f"trim.{name}", "") for name in (*usual, *case.drive.limits)
+    }
     found = {name: TrimLimit(size, False, size, allowed[name]) for name, size in usual.items()}
-    own = {name: TrimLimit(size, True, usual.get(name, np.inf), allowed[name]) for name, size in case.drive.limits.items()}
+    own = {
+        name: TrimLimit(size, True, usual.get(name, np.inf), allowed[name])
+        for name, size in case.drive.limits.items()
+    }
     return found | own
 
 
 def limits_of(result: PomResult) -> dict[str, TrimLimit]:
     """Return the limits that the trim of a result was held against."""
     names = [name for name in map(str, result.signals.data_vars) if _THRUST.match(name)]
-    return trim_limits(result.case, {name: trace_of(result.signals, "flight", name) for name in names})
+    return trim_limits(
+        result.case, {name: trace_of(result.signals, "flight", name) for name in names}
+    )
 
 
-def beyond_limits(limits: Mapping[str, TrimLimit], outputs: Mapping[str, np.ndarray], demanded: bool) -> tuple[RowRemark, ...]:
-    """Return a remark for every trim quantity of a model beyond its limit; none for a model that does not report it.
+def beyond_limits(
+    limits: Mapping[str, TrimLimit], outputs: Mapping[str, np.ndarray], demanded: bool
+) -> tuple[RowRemark, ...]:
+    """Return a remark for every trim quantity of a model beyond its limit; none for a model that
+    does not report it.
 
     Parameters
     ----------
@@ -103,26 +139,36 @@ def beyond_limits(limits: Mapping[str, TrimLimit], outputs: Mapping[str, np.ndar
     Returns
     -------
     tuple of RowRemark
-        Of kind ``trim``, or ``trim_allowed`` where the case file states why a bias beyond the usual limit is allowed.
+        Of kind ``trim``, or ``trim_allowed`` where the case file states why a bias beyond the usual
+        limit is allowed.
     """
     found = []
     for name, limit in limits.items():
         value = float(outputs[f"trim.{name}"][0]) if f"trim.{name}" in outputs else 0.0
         size = (limit.size if limit.demanded else np.inf) if demanded else limit.usual
-        if math.isfinite(size) and not abs(value) <= size:  # a value that is no number is not within it
+        if (
+            math.isfinite(size) and not abs(value) <= size
+        ):  # a value that is no number is not within it
             unit = SHOWN_UNITS.get(LIMIT_UNITS[name], LIMIT_UNITS[name])
             shown = "" if unit == "1" else f" {unit}"
             values = {"found": float(from_si(value, unit)), "limit": float(from_si(size, unit))}
-            text = f"trim.{name} {values['found']:+.3g}{shown} is beyond {values['limit']:.3g}{shown}"
+            text = (
+                f"trim.{name} {values['found']:+.3g}{shown} is beyond {values['limit']:.3g}{shown}"
+            )
             if limit.allowed and not demanded:
-                found.append(RowRemark("trim_allowed", f"{text}{ALLOWED}{limit.allowed}", name, values, unit))
+                found.append(
+                    RowRemark("trim_allowed", f"{text}{ALLOWED}{limit.allowed}", name, values, unit)
+                )
             else:
                 found.append(RowRemark("trim", text, name, values, unit))
     return tuple(found)
 
 
-def trim_table(flight: Mapping[str, np.ndarray], found: Mapping[str, Mapping[str, np.ndarray]]) -> pd.DataFrame:
-    """Return the first sample of flight and models, index ``quantity``; controls of a model are what it applied, bias included.
+def trim_table(
+    flight: Mapping[str, np.ndarray], found: Mapping[str, Mapping[str, np.ndarray]]
+) -> pd.DataFrame:
+    """Return the first sample of flight and models, index ``quantity``; controls of a model are
+    what it applied, bias included.
 
     Parameters
     ----------
@@ -130,7 +176,11 @@ def trim_table(flight: Mapping[str, np.ndarray], found: Mapping[str, Mapping[str
     found : mapping of model to mapping of output to array (time,)
     """
     columns = {"flight": {name: float(flight[name][0]) for name in STATE if name in flight}}
-    shown = [name for name in (*STATE, *FOUND, *LEFT) if name not in COCKPIT or _in_use(name, flight, found)]
+    shown = [
+        name
+        for name in (*STATE, *FOUND, *LEFT)
+        if name not in COCKPIT or _in_use(name, flight, found)
+    ]
     for run, outputs in found.items():
         values = {}
         for name in shown:
@@ -138,15 +188,27 @@ def trim_table(flight: Mapping[str, np.ndarray], found: Mapping[str, Mapping[str
             if source in outputs:
                 values[name] = float(outputs[source][0])
         columns[run] = values
-    table = np.array([[values.get(name, np.nan) for values in columns.values()] for name in shown], float).reshape(-1, len(columns))
+    table = np.array(
+        [[values.get(name, np.nan) for values in columns.values()] for name in shown], float
+    ).reshape(-1, len(columns))
     known = ~np.isnan(table).all(axis=1)
-    index = pd.Index([name for name, there in zip(shown, known, strict=True) if there], name="quantity")
+    index = pd.Index(
+        [name for name, there in zip(shown, known, strict=True) if there], name="quantity"
+    )
     return pd.DataFrame(table[known], index, list(columns), dtype=float)
 
 
-def _in_use(name: str, flight: Mapping[str, np.ndarray], found: Mapping[str, Mapping[str, np.ndarray]]) -> bool:
-    """Whether a quantity of the cockpit belongs to the flight or to the trim; a model driven by its surfaces reports zero for it."""
-    return name in flight or any(name in outputs and float(outputs[name][0]) != 0.0 for outputs in found.values() if name in FOUND)
+def _in_use(
+    name: str, flight: Mapping[str, np.ndarray], found: Mapping[str, Mapping[str, np.ndarray]]
+) -> bool:
+    """Whether a quantity of the cockpit belongs to the flight or to the trim; a model driven by its
+    surfaces reports zero for it.
+    """
+    return name in flight or any(
+        name in outputs and float(outputs[name][0]) != 0.0
+        for outputs in found.values()
+        if name in FOUND
+    )
 
 
 FORCE_OF = {"delta_t": "trim.F_column", "delta_ta": "trim.F_wheel", "delta_tr": "trim.F_pedal"}
@@ -154,7 +216,9 @@ FORCE_OF = {"delta_t": "trim.F_column", "delta_ta": "trim.F_wheel", "delta_tr": 
 SAMPLES = 3  # of the record that a start flies
 PROBE = 0.5 * DEGREE
 WIDEST = 20.0 * DEGREE  # of a bias: beyond it no trim surface goes
-LEAST = 1.0 * POUND_FORCE / (10.0 * DEGREE)  # [N rad-1] a surface with less effect than this trims nothing
+LEAST = (
+    1.0 * POUND_FORCE / (10.0 * DEGREE)
+)  # [N rad-1] a surface with less effect than this trims nothing
 SURFACES_LEFT = 0.01 * POUND_FORCE
 ITERATIONS = 6
 
@@ -188,7 +252,11 @@ def solved(
     lacking = [f"input {name}" for name in names if name not in model.links.inputs]
     lacking += [f"output {name}" for name in forces if name not in model.links.outputs]
     if lacking:
-        return job, (), f"drive.trim_surfaces: the model has no {', '.join(lacking)}; leave the surface out, or give a model that has them"
+        return (
+            job,
+            (),
+            f"drive.trim_surfaces: the model has no {', '.join(lacking)}; leave the surface out, or give a model that has them",
+        )
     failure = ""
 
     def forces_left(bias: np.ndarray) -> np.ndarray:
@@ -199,12 +267,16 @@ def solved(
 
     bias = np.zeros(len(names))
     left = forces_left(bias)
-    slope = np.column_stack([(forces_left(bias + step) - left) / PROBE for step in PROBE * np.eye(len(names))])
+    slope = np.column_stack(
+        [(forces_left(bias + step) - left) / PROBE for step in PROBE * np.eye(len(names))]
+    )
     works = np.abs(np.diag(slope)) > LEAST
     for _ in range(ITERATIONS if works.any() else 0):
         if failure or np.abs(left[works]).max() < SURFACES_LEFT:
             break
-        bias[works] = np.clip(bias[works] - np.linalg.solve(slope[np.ix_(works, works)], left[works]), -WIDEST, WIDEST)
+        bias[works] = np.clip(
+            bias[works] - np.linalg.solve(slope[np.ix_(works, works)], left[works]), -WIDEST, WIDEST
+        )
         left = forces_left(bias)
     remarks = tuple(_remark(*item) for item in zip(names, forces, bias, left, works, strict=True))
     return moved(job, names, bias), remarks, failure
@@ -212,7 +284,13 @@ def solved(
 
 def moved(job: Job, names: Sequence[str], bias: np.ndarray) -> Job:
     """Return a job with a constant added to some inputs. [SI]"""
-    return replace(job, inputs={**job.inputs, **{name: job.inputs[name] + size for name, size in zip(names, bias, strict=True)}})
+    return replace(
+        job,
+        inputs={
+            **job.inputs,
+            **{name: job.inputs[name] + size for name, size in zip(names, bias, strict=True)},
+        },
+    )
 
 
 def _start(job: Job) -> Job:
@@ -223,7 +301,11 @@ def _start(job: Job) -> Job:
 
 def _remark(name: str, force: str, bias: float, left: float, works: bool) -> RowRemark:
     if not works:
-        return RowRemark("trim_surface", f"{name} has no effect on {force} of this model; it stays as recorded", name)
+        return RowRemark(
+            "trim_surface",
+            f"{name} has no effect on {force} of this model; it stays as recorded",
+            name,
+        )
     unit = "N m" if "wheel" in force else "N"
     shown = f"{name} solved for: {from_si(bias, 'deg'):+.3g} deg from the recorded deflection; {force} {left:+.2g} {unit} left"
     return RowRemark("trim_surface", shown, name, {"bias": float(from_si(bias, "deg"))}, "deg")

@@ -1,7 +1,9 @@
-"""The chapters of a report in addition to its cases, drawn: databases, identification, submodels; kept with the results.
+"""The chapters of a report in addition to its cases, drawn: databases, identification, submodels;
+kept with the results.
 
-They are made from databases of 12 MB and fits of 50 MB and more, which a report does not hold.  What page and paper show of them
-is kept as it is drawn, in ``results.nc``: a report is written again with its chapters, and without those files.
+They are made from databases of 12 MB and fits of 50 MB and more, which a report does not hold.
+What page and paper show of them is kept as it is drawn, in ``results.nc``: a report is written
+again with its chapters, and without those files.
 """
 
 from __future__ import annotations
@@ -62,13 +64,18 @@ class Chapters:
     @property
     def roots(self) -> dict[str, xr.DataTree]:
         """The databases without their terms."""
-        return {name: xr.DataTree(xr.Dataset(attrs=dict(attrs))) for name, attrs in self.databases.items()}
+        return {
+            name: xr.DataTree(xr.Dataset(attrs=dict(attrs)))
+            for name, attrs in self.databases.items()
+        }
 
     def kept(self) -> bytes:
         """Return the chapters as they are kept in ``results.nc``; empty where there is none."""
         if not (self.databases or self.identification or self.submodels):
             return b""
-        return json.dumps(_plain(self), ensure_ascii=False, sort_keys=True, separators=(",", ":")).encode()
+        return json.dumps(
+            _plain(self), ensure_ascii=False, sort_keys=True, separators=(",", ":")
+        ).encode()
 
 
 def drawn(
@@ -80,11 +87,18 @@ def drawn(
     diagnoses: Mapping[str, pd.DataFrame],
     on_paper: Sequence[str],
 ) -> Chapters:
-    """Return the chapters of what `pom.write_report` was given; the figures of fits are drawn for paper where it is wanted."""
-    attributes = {name: {key: str(db.attrs[key]) for key in _ATTRIBUTES if key in db.attrs} for name, db in databases.items()}
+    """Return the chapters of what `pom.write_report` was given; the figures of fits are drawn for
+    paper where it is wanted.
+    """
+    attributes = {
+        name: {key: str(db.attrs[key]) for key in _ATTRIBUTES if key in db.attrs}
+        for name, db in databases.items()
+    }
     return Chapters(
         attributes,
-        database_comparison.compared(databases, support, line_styles(databases)) if databases else None,
+        database_comparison.compared(databases, support, line_styles(databases))
+        if databases
+        else None,
         identification.chapter(fits, level_lines, "identification" in on_paper) if fits else None,
         tuple(submodels),
         needed(diagnoses, databases) if submodels else None,
@@ -103,7 +117,9 @@ def drawn_chapters(
     chapters: Sequence[str],
     level_lines: Mapping[str, xr.Dataset],
 ) -> Chapters:
-    """Return what `pom.write_report` takes as `kept` in the place of these arguments of it: the same report, drawn once."""
+    """Return what `pom.write_report` takes as `kept` in the place of these arguments of it: the
+    same report, drawn once.
+    """
     found = sections(submodels, free_motion, driven_motion)
     return drawn(databases, {}, fits, level_lines, found, diagnoses, chapters)
 
@@ -146,9 +162,13 @@ def with_kept(now: Chapters, before: Chapters, on_paper: Sequence[str] | None = 
     fits = found.identification["fits"] if found.identification else []
     lacking = []
     if "identification" in wanted and not any(fit.get("drawing") for fit in fits):
-        lacking.append("identification: the results hold no figures of it; match again with it among the chapters of the project")
+        lacking.append(
+            "identification: the results hold no figures of it; match again with it among the chapters of the project"
+        )
     if "database" in wanted and not found.compared:
-        lacking.append("database: the results compare no databases; give them as --database NAME=FILE.nc")
+        lacking.append(
+            "database: the results compare no databases; give them as --database NAME=FILE.nc"
+        )
     if lacking:
         raise SchemaError("chapters of the report", lacking)
     return found
@@ -156,7 +176,10 @@ def with_kept(now: Chapters, before: Chapters, on_paper: Sequence[str] | None = 
 
 def _plain(item: Any) -> Any:
     if is_dataclass(item) and not isinstance(item, type):
-        return {_KIND: type(item).__name__, **{one.name: _plain(getattr(item, one.name)) for one in fields(item)}}
+        return {
+            _KIND: type(item).__name__,
+            **{one.name: _plain(getattr(item, one.name)) for one in fields(item)},
+        }
     if isinstance(item, bytes):
         return {_KIND: "bytes", "base64": base64.b64encode(item).decode()}
     if isinstance(item, Mapping):

@@ -1,7 +1,8 @@
-"""Lines of a CSV file as ``%.9g`` writes every number, from whole columns in less than half of the time.
+"""Lines of a CSV file as ``%.9g`` writes every number, from whole columns in less than half of the
+time.
 
-A number is brought to nine digits in front of the point and rounded there.  Where a product of two doubles does not show which way to
-round, one sample in a million, ``%.9g`` itself writes it.
+A number is brought to nine digits in front of the point and rounded there.  Where a product of two
+doubles does not show which way to round, one sample in a million, ``%.9g`` itself writes it.
 """
 
 from __future__ import annotations
@@ -26,16 +27,23 @@ from pom.tolerances.bands import text_of
 _DIGITS = 9
 _ZEROS = 4  # smallest exponent below zero that is written without one
 _LEAST, _LARGEST = -290, 290  # exponents of numbers whose power of ten is a double
-_NEAR = 2e-6  # to the middle of two integers of nine digits: six times the error of the product that they come from
+# to the middle of two integers of nine digits: six times the error of the product that they come
+# from
+_NEAR = 2e-6
 _BLOCK = 512  # lines whose numbers stay in the cache
 # places of a number: sign, "0.000", digits before the point and after it, exponent
 _SIGN, _ZERO, _WHOLE, _POINT, _REST, _EXPONENT, _WIDTH = 0, 1, 6, 15, 16, 25, 30
 _PLACES = np.frombuffer(b"-0.000#########.#########e?000", np.uint8)
-_WITH_EXPONENT, _EMPTY = _ZEROS + _DIGITS, _ZEROS + _DIGITS + 2  # kinds behind those of numbers without one; two and three digits
+_WITH_EXPONENT, _EMPTY = (
+    _ZEROS + _DIGITS,
+    _ZEROS + _DIGITS + 2,
+)  # kinds behind those of numbers without one; two and three digits
 
 
 class _Tables(NamedTuple):
-    """What is looked up: powers of ten by exponent, four digits of 0 to 9999 and how many to the last that is not zero, places written."""
+    """What is looked up: powers of ten by exponent, four digits of 0 to 9999 and how many to the
+    last that is not zero, places written.
+    """
 
     powers: np.ndarray
     digits: np.ndarray
@@ -56,7 +64,9 @@ def csv_lines(columns: Sequence[np.ndarray]) -> Iterator[str]:
     ['1,1e-09\\n-0.5,\\n']
     """
     moving: list[np.ndarray] = []
-    texts = [b""]  # before the first column that moves, and behind each; what does not move is written into the line once
+    texts = [
+        b""
+    ]  # before the first column that moves, and behind each; what does not move is written into the line once
     for number, values in enumerate(columns, 1):
         end = b"\n" if number == len(columns) else b","
         if _still(values):
@@ -78,9 +88,15 @@ def _written(value: float) -> bytes:
 
 
 def _blocks(columns: Sequence[np.ndarray], texts: Sequence[bytes]) -> Iterator[str]:
-    """Give the lines of columns, some hundred at once, with a text before the first column and one behind each."""
-    first = np.cumsum([len(texts[0]), *(_WIDTH + len(text) for text in texts[1:-1])])  # place of every column in a line
-    line = np.frombuffer(texts[0] + b"".join(_PLACES.tobytes() + text for text in texts[1:]), np.uint8)
+    """Give the lines of columns, some hundred at once, with a text before the first column and one
+    behind each.
+    """
+    first = np.cumsum(
+        [len(texts[0]), *(_WIDTH + len(text) for text in texts[1:-1])]
+    )  # place of every column in a line
+    line = np.frombuffer(
+        texts[0] + b"".join(_PLACES.tobytes() + text for text in texts[1:]), np.uint8
+    )
     page = np.empty((min(_BLOCK, len(columns[0])), line.size), np.uint8)
     kept = np.ones(page.shape, bool)
     for start in range(0, len(columns[0]), _BLOCK):
@@ -92,19 +108,31 @@ def _blocks(columns: Sequence[np.ndarray], texts: Sequence[bytes]) -> Iterator[s
 
 
 def _fill(page: np.ndarray, kept: np.ndarray, values: np.ndarray, first: np.ndarray) -> None:
-    """Write numbers (column, line) into lines (line, place), and which places are kept, every column from its first place on."""
+    """Write numbers (column, line) into lines (line, place), and which places are kept, every
+    column from its first place on.
+    """
     tables = _tables()
     digits, exponent, doubtful = _rounded(values, tables)
     leading, high, low = digits // 100_000_000, digits // 10_000 % 10_000, digits % 10_000
     used = np.where(low, 5 + tables.used.take(low), 1 + tables.used.take(high))
-    kind = np.where((exponent >= -_ZEROS) & (exponent < _DIGITS), exponent + _ZEROS, _WITH_EXPONENT + (np.abs(exponent) > 99))
+    kind = np.where(
+        (exponent >= -_ZEROS) & (exponent < _DIGITS),
+        exponent + _ZEROS,
+        _WITH_EXPONENT + (np.abs(exponent) > 99),
+    )
     kind[np.isnan(values)] = _EMPTY
     written = tables.kept.take((kind * (_DIGITS + 1) + used) * 2 + np.signbit(values))
-    groups = (0, (leading + ord("0")).astype(np.uint8)), (1, tables.digits.take(high)), (5, tables.digits.take(low))
+    groups = (
+        (0, (leading + ord("0")).astype(np.uint8)),
+        (1, tables.digits.take(high)),
+        (5, tables.digits.take(low)),
+    )
     for column, at in enumerate(first.tolist()):
         _places(kept, at, written.dtype)[:] = written[column]
         for behind, group in groups:
-            _places(page, at + _WHOLE + behind, group.dtype)[:] = _places(page, at + _REST + behind, group.dtype)[:] = group[column]
+            _places(page, at + _WHOLE + behind, group.dtype)[:] = _places(
+                page, at + _REST + behind, group.dtype
+            )[:] = group[column]
     found, lines = np.nonzero((kind >= _WITH_EXPONENT) & (kind < _EMPTY))
     power, places = exponent[found, lines], first[found] + _EXPONENT + 1
     page[lines, places] = np.where(power < 0, ord("-"), ord("+"))
@@ -122,7 +150,9 @@ def _places(page: np.ndarray, at: int, kind: np.dtype) -> np.ndarray:
 
 
 def _rounded(values: np.ndarray, tables: _Tables) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return nine digits and the exponent of the first of them, and which numbers have to be written otherwise; a NaN is zero."""
+    """Return nine digits and the exponent of the first of them, and which numbers have to be
+    written otherwise; a NaN is zero.
+    """
     size = np.abs(values)
     known = (size >= 10.0**_LEAST) & (size < 10.0**_LARGEST)
     size = np.where(known, size, 1.0)
@@ -177,27 +207,40 @@ _ELEMENTS = {"fail": "failure", "invalid": "error", "not_tested": "skipped", "ad
 def junit(results: Sequence[PomResult], title: str) -> str:
     """Return the verdicts as JUnit XML: a suite per case, a test per model and group of criteria.
 
-    Criteria of one group are alternatives, so a group is one test: it fails only when none of them passes.  A trim beyond
-    its limits is a failed test of its own, and so is a flight record with errors.
+    Criteria of one group are alternatives, so a group is one test: it fails only when none of them
+    passes.  A trim beyond its limits is a failed test of its own, and so is a flight record with
+    errors.
     """
     root = ElementTree.Element("testsuites", name=_clean(title))
     for key, result in zip(keys(results), results, strict=True):
-        suite = ElementTree.SubElement(root, "testsuite", name=_clean(f"{result.case.id} {result.case.title}"))
+        suite = ElementTree.SubElement(
+            root, "testsuite", name=_clean(f"{result.case.id} {result.case.title}")
+        )
         for run in result.runs:
             for name, verdict, why in _tests(result, run):
-                test = ElementTree.SubElement(suite, "testcase", classname=f"{key}.{run}", name=_clean(name))
+                test = ElementTree.SubElement(
+                    suite, "testcase", classname=f"{key}.{run}", name=_clean(name)
+                )
                 if verdict in _ELEMENTS:
                     ElementTree.SubElement(test, _ELEMENTS[verdict], message=_clean(why))
             if beyond := trim_remarks(result, run):
-                test = ElementTree.SubElement(suite, "testcase", classname=f"{key}.{run}", name="trim within its limits")
+                test = ElementTree.SubElement(
+                    suite, "testcase", classname=f"{key}.{run}", name="trim within its limits"
+                )
                 ElementTree.SubElement(test, "failure", message=_clean("; ".join(beyond)))
             if wrong := record_remarks(result, run):
-                test = ElementTree.SubElement(suite, "testcase", classname=f"{key}.{run}", name="flight record without errors")
+                test = ElementTree.SubElement(
+                    suite, "testcase", classname=f"{key}.{run}", name="flight record without errors"
+                )
                 ElementTree.SubElement(test, "failure", message=_clean("; ".join(wrong)))
         _count(suite, [suite])
     _count(root, list(root))
     ElementTree.indent(root)
-    return '<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
+    return (
+        '<?xml version="1.0" encoding="UTF-8"?>\n'
+        + ElementTree.tostring(root, encoding="unicode")
+        + "\n"
+    )
 
 
 def write_junit(path: str | os.PathLike, results: Sequence[PomResult], title: str) -> None:
@@ -211,7 +254,11 @@ def _tests(result: PomResult, run: str) -> Iterator[tuple[str, str, str]]:
     applying = {c.name for c in result.case.criteria if c.applies}
     for group, verdict in result.groups(run).items():
         mine = [row for row in rows if row["group"] == group and row["criterion"] in applying]
-        yield " or ".join(row["criterion"] for row in mine), verdict, "; ".join(_reason(row) for row in mine)
+        yield (
+            " or ".join(row["criterion"] for row in mine),
+            verdict,
+            "; ".join(_reason(row) for row in mine),
+        )
 
 
 def _reason(row: Mapping[Hashable, Any]) -> str:
@@ -230,14 +277,21 @@ def _count(element: ElementTree.Element, suites: Sequence[ElementTree.Element]) 
 
 def _clean(text: str) -> str:
     """Return a text without the control characters that XML cannot hold."""
-    return "".join(c if c in "\t\n" or (ord(c) >= 32 and not 0xD800 <= ord(c) <= 0xDFFF and ord(c) < 0xFFFE) else "?" for c in text)
+    return "".join(
+        c
+        if c in "\t\n" or (ord(c) >= 32 and not 0xD800 <= ord(c) <= 0xDFFF and ord(c) < 0xFFFE)
+        else "?"
+        for c in text
+    )
 
 
 def case_csv(result: PomResult) -> Iterator[str]:
-    """Give the samples of a case: time, every channel per run, half widths, inputs; SI, nine significant digits.
+    """Give the samples of a case: time, every channel per run, half widths, inputs; SI, nine
+    significant digits.
 
-    A missing sample is an empty cell.  Inputs on another time base are read off by straight lines.  The text comes in parts of some
-    hundred lines: a flight of 90 minutes would take many times its file in memory.
+    A missing sample is an empty cell.  Inputs on another time base are read off by straight lines.
+    The text comes in parts of some hundred lines: a flight of 90 minutes would take many times its
+    file in memory.
     """
     time = result.signals["time"].values
     columns = {"time [s]": time}

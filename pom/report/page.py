@@ -1,7 +1,7 @@
 """The HTML page of the report: one self-contained file that loads nothing from outside.
 
-In a long report each case and chapter is packed into a file of its own next to the page, in a very long one the list of the cases
-too: the page stays below 3 MB whatever their number.
+In a long report each case and chapter is packed into a file of its own next to the page, in a very
+long one the list of the cases too: the page stays below 3 MB whatever their number.
 """
 
 from __future__ import annotations
@@ -30,8 +30,11 @@ from pom.result import STATUSES, PomResult, results_name
 from pom.tolerances.rows import rows as tolerance_rows
 
 
-def matrix(keys: Sequence[str], results: Sequence[PomResult], found: Sequence[Sequence[Mapping[str, Any]]]) -> dict[str, Any]:
-    """Return rows (case) by columns (model) with verdict and worst ratio, and the counts of every model.
+def matrix(
+    keys: Sequence[str], results: Sequence[PomResult], found: Sequence[Sequence[Mapping[str, Any]]]
+) -> dict[str, Any]:
+    """Return rows (case) by columns (model) with verdict and worst ratio, and the counts of every
+    model.
 
     Parameters
     ----------
@@ -55,15 +58,26 @@ def matrix(keys: Sequence[str], results: Sequence[PomResult], found: Sequence[Se
         )
     counts, shown = [], shown_statuses(results)
     for run in runs:
-        count = Counter(cell["status"] for outcome in found for cell in outcome if cell["run"] == run)
+        count = Counter(
+            cell["status"] for outcome in found for cell in outcome if cell["run"] == run
+        )
         counts.append({"run": run, "counts": [count[word] for word in shown]})
     chapters = sorted({chapter(result.case.id) for result in results})
     order = [Verdict.of(word) for word in shown]
-    return {"runs": runs, "styles": line_styles(runs), "rows": rows, "counts": counts, "order": order, "chapters": chapters}
+    return {
+        "runs": runs,
+        "styles": line_styles(runs),
+        "rows": rows,
+        "counts": counts,
+        "order": order,
+        "chapters": chapters,
+    }
 
 
 def shown_statuses(results: Sequence[PomResult]) -> list[str]:
-    """Return the statuses that the counts of a report have a column for; ``record_error`` only where a case has it."""
+    """Return the statuses that the counts of a report have a column for; ``record_error`` only
+    where a case has it.
+    """
     rare = any(result.status(run) == "record_error" for result in results for run in result.runs)
     return [word for word in STATUSES if rare or word != "record_error"]
 
@@ -80,8 +94,11 @@ def chapter(test: str) -> str:
     return found.group() if found else test
 
 
-def coverage(results: Sequence[PomResult], table: Sequence[Mapping[str, str]]) -> list[dict[str, Any]]:
-    """Return, per standard and edition that a case names, what of the table was run, and why the rest was not.
+def coverage(
+    results: Sequence[PomResult], table: Sequence[Mapping[str, str]]
+) -> list[dict[str, Any]]:
+    """Return, per standard and edition that a case names, what of the table was run, and why the
+    rest was not.
 
     Parameters
     ----------
@@ -91,17 +108,34 @@ def coverage(results: Sequence[PomResult], table: Sequence[Mapping[str, str]]) -
     Returns
     -------
     list of dict
-        ``entries``: per entry of the table its cases, how many of its criteria were judged, and why the others were not.
+        ``entries``: per entry of the table its cases, how many of its criteria were judged, and why
+        the others were not.
     """
     found = []
     for standard, edition in dict.fromkeys((r.case.standard, r.case.edition) for r in results):
         mine = [r for r in results if (r.case.standard, r.case.edition) == (standard, edition)]
-        titles = {row["test_id"]: row["title"] for row in table if (row["standard"], row["edition"]) == (standard, edition)}
-        entries = [_entry(test, title, [r for r in mine if r.case.id == test]) for test, title in titles.items()]
+        titles = {
+            row["test_id"]: row["title"]
+            for row in table
+            if (row["standard"], row["edition"]) == (standard, edition)
+        }
+        entries = [
+            _entry(test, title, [r for r in mine if r.case.id == test])
+            for test, title in titles.items()
+        ]
         run = [entry for entry in entries if entry["cases"]]
         missing = [entry for entry in entries if not entry["cases"]]
         judged = sum(entry["judged"] > 0 for entry in run)
-        found.append({"standard": standard, "edition": edition, "total": len(entries), "run": run, "judged": judged, "missing": missing})
+        found.append(
+            {
+                "standard": standard,
+                "edition": edition,
+                "total": len(entries),
+                "run": run,
+                "judged": judged,
+                "missing": missing,
+            }
+        )
     return found
 
 
@@ -115,12 +149,25 @@ def _entry(test: str, title: str, results: Sequence[PomResult]) -> dict[str, Any
             else:
                 judged.add(row["criterion"])
     left = [(words(name), note) for name, note in why.items() if name not in judged]
-    return {"id": test, "title": title, "cases": len(results), "judged": len(judged), "criteria": len(judged | set(why)), "left": left}
+    return {
+        "id": test,
+        "title": title,
+        "cases": len(results),
+        "judged": len(judged),
+        "criteria": len(judged | set(why)),
+        "left": left,
+    }
 
 
-def page(provenance: Mapping[str, Any], results: Sequence[PomResult], databases: Mapping[str, xr.DataTree]) -> dict[str, Any]:
+def page(
+    provenance: Mapping[str, Any],
+    results: Sequence[PomResult],
+    databases: Mapping[str, xr.DataTree],
+) -> dict[str, Any]:
     """Return everything the template ``provenance.html`` needs."""
-    channels = {str(name) for r in results for data in (r.signals, r.inputs) for name in data.data_vars}
+    channels = {
+        str(name) for r in results for data in (r.signals, r.inputs) for name in data.data_vars
+    }
     return {
         "date": provenance.get("date", ""),
         "results": (name := results_name(results)),
@@ -130,9 +177,17 @@ def page(provenance: Mapping[str, Any], results: Sequence[PomResult], databases:
         "models": list(provenance.get("models", {}).items()),
         "records": list(provenance.get("records", {}).items()),
         "record_errors": list(provenance.get("record_errors", {}).items()),
-        "signatures": signature_rows(given, provenance.get("date", ""), name) if (given := provenance.get("signatures", {})) else [],
-        "absent": [(name, str(db.attrs.get("absent", "")).split()) for name, db in databases.items()],
-        "notices": [(name, notice) for name, db in databases.items() for notice in str(db.attrs.get("notices", "")).splitlines()],
+        "signatures": signature_rows(given, provenance.get("date", ""), name)
+        if (given := provenance.get("signatures", {}))
+        else [],
+        "absent": [
+            (name, str(db.attrs.get("absent", "")).split()) for name, db in databases.items()
+        ],
+        "notices": [
+            (name, notice)
+            for name, db in databases.items()
+            for notice in str(db.attrs.get("notices", "")).splitlines()
+        ],
         "glossary": sorted((label(name) for name in channels), key=lambda x: x.name.lower()),
     }
 
@@ -147,7 +202,8 @@ _SCRIPT = ("basics", "parcels", "scales", "marks", "plots", "fraction", "paper",
 MOST_HELD = 2_500_000  # characters of packed pages and of lists that ``report.html`` holds itself
 PAGE, PAGES = "report.html", "pages"
 INDEX = f"{PAGES}/index.js"
-# a script, for a page from disk may load nothing else; it runs before that of the page, which finds everything in its place
+# a script, for a page from disk may load nothing else; it runs before that of the page, which finds
+# everything in its place
 _INDEX = """document.querySelector("#matrix tbody").innerHTML = {rows};
 document.querySelector("#inputs").innerHTML = {inputs};
 document.querySelector("#overview").insertAdjacentHTML("afterend", {articles});
@@ -165,11 +221,16 @@ def html_files(
 ) -> dict[str, str]:
     """Return the texts of ``report.html`` and of the files that it loads, by name.
 
-    The arguments are those of `pom.write_report`, `cases` the page of every result, `chapters` what it shows in addition, `tunings` those
-    of `tuning.context`.
+    The arguments are those of `pom.write_report`, `cases` the page of every result, `chapters` what
+    it shows in addition, `tunings` those of `tuning.context`.
     """
     pages, databases = page_templates(), chapters.roots
-    common = {"title": title, "revision": revision, "origin": page(provenance, results, databases), "count": len(results)}
+    common = {
+        "title": title,
+        "revision": revision,
+        "origin": page(provenance, results, databases),
+        "count": len(results),
+    }
     table = matrix([page.key for page in cases], results, [page.outcome for page in cases])
     common["models"] = database_comparison.page(chapters.compared) if chapters.compared else None
     more = {}
@@ -178,14 +239,29 @@ def html_files(
     if chapters.identification:
         context, head, body = identification.page(chapters.identification)
         more["identification"] = parcel(
-            {**head, "page": pages.get_template("identification.html").render(common, identification=context)}, body
+            {
+                **head,
+                "page": pages.get_template("identification.html").render(
+                    common, identification=context
+                ),
+            },
+            body,
         )
     if chapters.submodels:
-        chapter = {"submodels": submodel_page.context(chapters.submodels), "needed": chapters.needed}
-        more["submodels"] = parcel({"page": pages.get_template("submodels.html").render(common, **chapter)})
+        chapter = {
+            "submodels": submodel_page.context(chapters.submodels),
+            "needed": chapters.needed,
+        }
+        more["submodels"] = parcel(
+            {"page": pages.get_template("submodels.html").render(common, **chapter)}
+        )
     if tunings:
-        found_styles = case.line_styles(list(dict.fromkeys(run for result in results for run in result.runs)))
-        text = pages.get_template("tuning.html").render(common, tunings=tunings, note=tuning.NOTE, styles=found_styles)
+        found_styles = case.line_styles(
+            list(dict.fromkeys(run for result in results for run in result.runs))
+        )
+        text = pages.get_template("tuning.html").render(
+            common, tunings=tunings, note=tuning.NOTE, styles=found_styles
+        )
         more["tuning"] = parcel({"page": text})
     lists = {
         "rows": pages.get_template("matrix_rows.html").render(matrix=table),
@@ -194,18 +270,32 @@ def html_files(
     packed = {**{f"case-{page.key}": page.parcel for page in cases}, **more}
 
     def articles(files: Mapping[str, str]) -> str:
-        held = {name: {"id": name, "file": files.get(name, ""), "parcel": text} for name, text in packed.items()}
-        entries = [held[f"case-{page.key}"] | {"key": page.key, "fail": page.fail, "brief": Markup(page.brief)} for page in cases]
-        return pages.get_template("articles.html").render(cases=entries, more=[held[name] for name in more])
+        held = {
+            name: {"id": name, "file": files.get(name, ""), "parcel": text}
+            for name, text in packed.items()
+        }
+        entries = [
+            held[f"case-{page.key}"]
+            | {"key": page.key, "fail": page.fail, "brief": Markup(page.brief)}
+            for page in cases
+        ]
+        return pages.get_template("articles.html").render(
+            cases=entries, more=[held[name] for name in more]
+        )
 
     files = {}
     lists["articles"] = articles({})
     if apart := _long(lists):
         names = {name: f"{PAGES}/{name}.js" for name in packed}
-        files = {file: f'(window.parcels ??= {{}})["{file}"] = "{packed[name]}";\n' for name, file in names.items()}
+        files = {
+            file: f'(window.parcels ??= {{}})["{file}"] = "{packed[name]}";\n'
+            for name, file in names.items()
+        }
         lists["articles"] = articles(names)
     if listed := _long(lists):
-        files[INDEX] = _INDEX.format(**{name: json.dumps(text, ensure_ascii=False) for name, text in lists.items()})
+        files[INDEX] = _INDEX.format(
+            **{name: json.dumps(text, ensure_ascii=False) for name, text in lists.items()}
+        )
         lists = dict.fromkeys(lists, "")
     text = pages.get_template("report.html").render(
         common,

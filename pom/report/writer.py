@@ -1,6 +1,8 @@
-"""The Proof-of-Match report: one page for a browser, one document for paper, and all numbers for programs, written together.
+"""The Proof-of-Match report: one page for a browser, one document for paper, and all numbers for
+programs, written together.
 
-Equal input gives equal bytes: dates come from the input, keys are sorted, no host name or clock is read.
+Equal input gives equal bytes: dates come from the input, keys are sorted, no host name or clock is
+read.
 """
 
 from __future__ import annotations
@@ -17,7 +19,15 @@ import pandas as pd
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.support.atomic_write import folder_written_atomically
 from flightmech.support.kept_stages.stages import Stages
-from pom.archive.origins import NAME, Provenance, case_seen_from, manifest, sha256, with_full_places, without_places
+from pom.archive.origins import (
+    NAME,
+    Provenance,
+    case_seen_from,
+    manifest,
+    sha256,
+    with_full_places,
+    without_places,
+)
 from pom.archive.origins import check as check_provenance
 from pom.archive.results_document import CaseText, case_text
 from pom.judging.measures.modal import mode_table
@@ -84,7 +94,8 @@ def case_parts(
     place: Place,
     report: Path | None = None,
 ) -> CaseParts:
-    """Return the parts of the case at `position`, counted from one, and write its CSV file and its drawings.
+    """Return the parts of the case at `position`, counted from one, and write its CSV file and its
+    drawings.
 
     Files are named as seen from the folder `report`, that of `place` unless given.
     """
@@ -96,7 +107,9 @@ def case_parts(
     if place.paper is not None:
         from pom.report.pdf.content import case_on_paper
 
-        on_paper = case_on_paper(place.drawings, position, key, result, heading.provenance, diagnosis, modes, place.paper)
+        on_paper = case_on_paper(
+            place.drawings, position, key, result, heading.provenance, diagnosis, modes, place.paper
+        )
     return CaseParts(page, case_text(result, modes, report or place.folder), on_paper)
 
 
@@ -125,7 +138,13 @@ class PartFiles:
 
 
 def part_files(
-    position: int, key: str, result: PomResult, heading: Heading, diagnosis: pd.DataFrame | None, paper: str | None, report: Path
+    position: int,
+    key: str,
+    result: PomResult,
+    heading: Heading,
+    diagnosis: pd.DataFrame | None,
+    paper: str | None,
+    report: Path,
 ) -> PartFiles:
     """Return the parts of a case with their files; arguments as `case_parts`."""
     with TemporaryDirectory() as name:
@@ -146,15 +165,32 @@ def kept_parts(
     jobs: int,
     stages: Stages,
 ) -> list[CaseParts]:
-    """Return the same as `parts_of_cases`, each case a stage: only cases that changed are made again."""
+    """Return the same as `parts_of_cases`, each case a stage: only cases that changed are made
+    again.
+    """
     inputs: dict[str, dict[str, Any]] = {}
     calls: dict[str, tuple[Any, ...]] = {}
     for position, (name, result) in enumerate(zip(names, results, strict=True), 1):
         own = replace(heading, provenance=provenance_of(result, heading.provenance))
         diagnosis = diagnoses.get(result.case.name)
-        calls[name] = (position, name, with_full_places(result), own, diagnosis, place.paper, place.folder)
+        calls[name] = (
+            position,
+            name,
+            with_full_places(result),
+            own,
+            diagnosis,
+            place.paper,
+            place.folder,
+        )
         seen = case_seen_from(result.case, place.folder)
-        inputs[name] = {"position": position, "result": result, "heading": own, "diagnosis": diagnosis, "paper": place.paper, "place": seen}
+        inputs[name] = {
+            "position": position,
+            "result": result,
+            "heading": own,
+            "diagnosis": diagnosis,
+            "paper": place.paper,
+            "place": seen,
+        }
     from joblib import effective_n_jobs
 
     processes = max(1, min(effective_n_jobs(jobs), len(results) // LEAST_SHARE))
@@ -163,22 +199,31 @@ def kept_parts(
 
 
 def parts_of_cases(
-    results: Sequence[PomResult], names: Sequence[str], heading: Heading, diagnoses: Mapping[str, pd.DataFrame], place: Place, jobs: int
+    results: Sequence[PomResult],
+    names: Sequence[str],
+    heading: Heading,
+    diagnoses: Mapping[str, pd.DataFrame],
+    place: Place,
+    jobs: int,
 ) -> Iterable[CaseParts]:
-    """Return the parts of every case in their order; the work begins at once where it is shared out to processes.
+    """Return the parts of every case in their order; the work begins at once where it is shared out
+    to processes.
 
     Parameters
     ----------
     names : sequence of str
         `case.keys` of the results.
     jobs : int
-        Processes at the same time; -1 for one per core.  A process has `LEAST_SHARE` cases at least.
+        Processes at the same time; -1 for one per core.  A process has `LEAST_SHARE` cases at
+        least.
     """
     from joblib import Parallel, delayed, effective_n_jobs
 
     processes = max(1, min(effective_n_jobs(jobs), len(results) // LEAST_SHARE))
     calls = (
-        delayed(case_parts)(i, name, with_full_places(result), heading, diagnoses.get(result.case.name), place)
+        delayed(case_parts)(
+            i, name, with_full_places(result), heading, diagnoses.get(result.case.name), place
+        )
         for i, (name, result) in enumerate(zip(names, results, strict=True), 1)
     )
     return Parallel(n_jobs=processes, return_as="generator")(calls)
@@ -213,30 +258,34 @@ def write_report(
 ) -> Path:
     """Write a report into a folder: ``report.html``, ``report.pdf`` and the numbers behind them.
 
-    Next to the two: ``results.json`` (every printed number), ``results.nc`` (samples as exact doubles), ``results.xml`` (JUnit),
-    ``csv/`` (one file per case) and ``manifest.json`` (SHA-256 of every input and output).  A long report has ``pages/`` too, the cases
-    that ``report.html`` loads when they are opened.
+    Next to the two: ``results.json`` (every printed number), ``results.nc`` (samples as exact
+    doubles), ``results.xml`` (JUnit), ``csv/`` (one file per case) and ``manifest.json`` (SHA-256
+    of every input and output).  A long report has ``pages/`` too, the cases that ``report.html``
+    loads when they are opened.
 
     Parameters
     ----------
     results : sequence of PomResult
         In the order of the report.
     folder : path
-        Made when missing.  It is exchanged as a whole: whoever looks finds the earlier report or this one, never files of both.  What
-        is no part of a report stays in it.
+        Made when missing.  It is exchanged as a whole: whoever looks finds the earlier report or
+        this one, never files of both.  What is no part of a report stays in it.
     title : str
         Title of the report, e.g. the airplane and the model standard.
     provenance : Provenance, optional
-        From `pom.provenance`: ``date`` of the results, ``command``, ``versions``, ``inputs`` (file to SHA-256) and their
-        ``places``, ``models`` (run to ``file``, ``sha256`` and ``path``).
+        From `pom.provenance`: ``date`` of the results, ``command``, ``versions``, ``inputs`` (file
+        to SHA-256) and their ``places``, ``models`` (run to ``file``, ``sha256`` and ``path``).
     databases : mapping of str to DataTree, optional
-        Aero databases to set against each other, the prior first; names of runs take the line code of the runs.
+        Aero databases to set against each other, the prior first; names of runs take the line code
+        of the runs.
     diagnoses : mapping of str to DataFrame, optional
         Case name to the table of `pom.diagnose`.
     support : mapping of str to DataFrame, optional
-        Term (``CL/basic``) to the flight samples that support it, columns named after the axes of the term. [SI]
+        Term (``CL/basic``) to the flight samples that support it, columns named after the axes of
+        the term. [SI]
     fits : sequence of flighttest.Fit
-        Local models of the identification; the page shows their estimates, residuals and collinearity.
+        Local models of the identification; the page shows their estimates, residuals and
+        collinearity.
     submodels : mapping of str to EngineFit, IdentifiedLoading, GroundEffect or IdentifiedGear, optional
         Submodels identified from flight, by name: a chapter of page and PDF.
     free_motion : mapping of str to sequence of Flown, optional
@@ -250,15 +299,17 @@ def write_report(
     paper : {"a4", "letter"}, optional
         Paper of ``report.pdf``; None leaves it out, and removes one of an earlier report.
     chapters : sequence of {"identification", "database"}, optional
-        Chapters of the PDF behind the proof of match, which the page always has: `fits`, and `databases` against each other.  Unless
-        given none, of `kept` those that the earlier report had.
+        Chapters of the PDF behind the proof of match, which the page always has: `fits`, and
+        `databases` against each other.  Unless given none, of `kept` those that the earlier report
+        had.
     level_lines : mapping of str to Dataset (mach,), optional
         1 g lines of the map of the flights, of `aerodb.figures.one_g_lines`.
     kept : bytes or Chapters
-        Chapters of an earlier report (`Archive.chapters`), or of `pom.report.drawn_chapters`, where no `databases`, `fits` or
-        `submodels` are given.
+        Chapters of an earlier report (`Archive.chapters`), or of `pom.report.drawn_chapters`, where
+        no `databases`, `fits` or `submodels` are given.
     jobs : int
-        Processes that share the cases of a long report; -1 for one per core.  The bytes are the same for any number.
+        Processes that share the cases of a long report; -1 for one per core.  The bytes are the
+        same for any number.
     stages : Stages, optional
         Where the pages of cases and the PDF are kept; only what changed is made again.
 
@@ -272,7 +323,8 @@ def write_report(
     SchemaError
         No results, another paper, a submodel of another kind, or a chapter that was not kept.
     UnknownName
-        A diagnosis for a case or a tuning of a model that is not there, or a misspelt key of `provenance`.
+        A diagnosis for a case or a tuning of a model that is not there, or a misspelt key of
+        `provenance`.
     OSError
         The folder is read-only, a mount point, or the one that this process works in.
     """
@@ -286,21 +338,44 @@ def write_report(
     logs: dict[str, dict[str, Any]] = {run: dict(log) for run, log in (tunings or {}).items()}
     _check(results, located, diagnoses, logs, paper, chapters or ())
     made_from = without_places(located)
-    found, tuned = sections(submodels or {}, free_motion or {}, driven_motion), tuning.context(logs, results)
-    shown = drawn(databases or {}, support or {}, fits, level_lines or {}, found, diagnoses, chapters or ())
+    found, tuned = (
+        sections(submodels or {}, free_motion or {}, driven_motion),
+        tuning.context(logs, results),
+    )
+    shown = drawn(
+        databases or {}, support or {}, fits, level_lines or {}, found, diagnoses, chapters or ()
+    )
     if isinstance(kept, Chapters):
         shown = kept
     elif kept:
         shown = with_kept(shown, restored(kept), chapters)
-    archive, names = Archive(results, title, revision, made_from, diagnoses, paper or "", logs, shown.kept()), keys(results)
+    archive, names = (
+        Archive(results, title, revision, made_from, diagnoses, paper or "", logs, shown.kept()),
+        keys(results),
+    )
     heading = Heading(title, revision, len(results), made_from, bool(shown.databases))
     folder = Path(folder)
     folder.parent.mkdir(parents=True, exist_ok=True)
-    with folder_written_atomically(folder, PARTS.__contains__) as new, TemporaryDirectory() as drawings:
+    with (
+        folder_written_atomically(folder, PARTS.__contains__) as new,
+        TemporaryDirectory() as drawings,
+    ):
 
         def manifested() -> str:
-            outputs = {file.relative_to(new).as_posix(): sha256(file) for file in new.rglob("*") if file.is_file()}
-            return manifest(results, outputs, new, title=title, revision=revision, paper=paper, provenance=located)
+            outputs = {
+                file.relative_to(new).as_posix(): sha256(file)
+                for file in new.rglob("*")
+                if file.is_file()
+            }
+            return manifest(
+                results,
+                outputs,
+                new,
+                title=title,
+                revision=revision,
+                paper=paper,
+                provenance=located,
+            )
 
         (new / CSV).mkdir()
         place = Place(new.resolve(), paper, Path(drawings))
@@ -330,7 +405,11 @@ def write_report(
             if stages is None:
                 paged = printed()
             else:
-                inputs = {"cases": on_paper, "names": names, "common": [*common[:-2], shown.kept(), tuned]}
+                inputs = {
+                    "cases": on_paper,
+                    "names": names,
+                    "common": [*common[:-2], shown.kept(), tuned],
+                }
                 inputs |= {"drawings": _contents(drawings), "results": results}
                 paged = stages.one("report pdf", inputs, printed).value
             (new / PDF).write_bytes(paged)
@@ -349,7 +428,10 @@ def _check(
     if not results:
         raise SchemaError("report", ["no results came; give the outcome of at least one case"])
     if paper is not None and paper not in PAPERS:
-        raise SchemaError("report", [f"paper is {paper!r}; give {' or '.join(map(repr, PAPERS))}, or None for no PDF"])
+        raise SchemaError(
+            "report",
+            [f"paper is {paper!r}; give {' or '.join(map(repr, PAPERS))}, or None for no PDF"],
+        )
     for chapter in chapters:
         if chapter not in CHAPTERS:
             raise UnknownName(chapter, CHAPTERS, "chapter")

@@ -1,7 +1,8 @@
 """Half widths of a band and the judgement of a time history or of one number.
 
-The band belongs to the flight value at its time.  Nothing is shifted in time, nothing is re-centred on the start value
-of the model (rule R17 of the tolerance table): a trim residual and a delay use up tolerance.
+The band belongs to the flight value at its time.  Nothing is shifted in time, nothing is re-centred
+on the start value of the model (rule R17 of the tolerance table): a trim residual and a delay use
+up tolerance.
 """
 
 from __future__ import annotations
@@ -27,15 +28,17 @@ class RowRemark:
     Attributes
     ----------
     kind : str
-        ``reason`` (why a row is not judged), ``failure`` (of the model's run), ``values`` (what flight and model have), ``cycles``,
-        ``no_mode``, ``stability``, ``bank``, ``window`` (a figure of the flight that a shorter window moves), ``outside``,
-        ``steady``, ``method``, ``span``, ``event``, ``trend``, ``tick``,
-        ``lacking``, ``precondition``, ``certified``, ``no_value`` (a sample without a number), ``trim`` (a trim quantity beyond its
-        limit), ``trim_allowed`` (the same, allowed by the case file), ``trim_surface`` (a trim surface that was solved for),
-        ``tables_left``, ``waived`` (what the model does without), ``record`` (an error that a check found in the flight record),
-        ``watch`` (a channel without a tolerance that is off), ``evidence`` (distance of the model from what flight found),
-        ``far_from_evidence`` (terms beyond three standard errors of it), ``row`` (note of the tolerance table), ``note``
-        (text of a report that was written before remarks had kinds).
+        ``reason`` (why a row is not judged), ``failure`` (of the model's run), ``values`` (what
+        flight and model have), ``cycles``, ``no_mode``, ``stability``, ``bank``, ``window`` (a
+        figure of the flight that a shorter window moves), ``outside``, ``steady``, ``method``,
+        ``span``, ``event``, ``trend``, ``tick``, ``lacking``, ``precondition``, ``certified``,
+        ``no_value`` (a sample without a number), ``trim`` (a trim quantity beyond its limit),
+        ``trim_allowed`` (the same, allowed by the case file), ``trim_surface`` (a trim surface that
+        was solved for), ``tables_left``, ``waived`` (what the model does without), ``record`` (an
+        error that a check found in the flight record), ``watch`` (a channel without a tolerance
+        that is off), ``evidence`` (distance of the model from what flight found),
+        ``far_from_evidence`` (terms beyond three standard errors of it), ``row`` (note of the
+        tolerance table), ``note`` (text of a report that was written before remarks had kinds).
     text : str
         The remark for a reader, with its numbers.
     quantity : str
@@ -76,20 +79,28 @@ def reasons(text: str) -> tuple[RowRemark, ...]:
 def row_remarks(row: Mapping[str, Any]) -> tuple[RowRemark, ...]:
     """Return the remarks of a stored row; that of an older report has one text, its ``note``."""
     if "remarks" in row:
-        return tuple(item if isinstance(item, RowRemark) else RowRemark(**item) for item in row["remarks"])
+        return tuple(
+            item if isinstance(item, RowRemark) else RowRemark(**item) for item in row["remarks"]
+        )
     return (RowRemark("note", row["note"]),) if row.get("note") else ()
 
 
 NAN = float("nan")
-ROUNDING = 1e-9  # degrees to radians and back: a difference equal to the tolerance as printed passes
+ROUNDING = (
+    1e-9  # degrees to radians and back: a difference equal to the tolerance as printed passes
+)
 
 
 class NotJudged(Exception):
-    """A criterion cannot be judged; the text states why.  Ends as a verdict, never at the user as an error."""
+    """A criterion cannot be judged; the text states why.  Ends as a verdict, never at the user as
+    an error.
+    """
 
 
 class Invalid(Exception):
-    """The data cannot carry a judgement; the text states why.  Ends as a verdict, never at the user as an error."""
+    """The data cannot carry a judgement; the text states why.  Ends as a verdict, never at the user
+    as an error.
+    """
 
 
 class NoValue(Invalid):
@@ -100,8 +111,9 @@ class NoValue(Invalid):
 class Outcome:
     """Judgement of one criterion on one model, in SI; times on the clock of the record.
 
-    ``flight`` and ``model`` are the values of a measure that is one number; ``applied`` the tolerance as applied; ``rms``
-    the root mean square of difference over half width of a measure that has many samples.
+    ``flight`` and ``model`` are the values of a measure that is one number; ``applied`` the
+    tolerance as applied; ``rms`` the root mean square of difference over half width of a measure
+    that has many samples.
     """
 
     verdict: str
@@ -126,15 +138,16 @@ def half_width(criterion: Criterion, flight: np.ndarray | float, cycle: int = 0)
     criterion : Criterion
         Its band as printed and the share of it that is applied.
     flight : array (time,) or float
-        Flight values of the window, or the flight value of a scalar measure (of the first overshoot where the
-        percentage is of that). [SI]
+        Flight values of the window, or the flight value of a scalar measure (of the first overshoot
+        where the percentage is of that). [SI]
     cycle : int
         Number n of the cycle, for a percentage that grows as n + 1.
 
     Returns
     -------
     array (time,)
-        ``max`` of the limits for ``greater_of``, ``min`` for ``lesser_of``, times the fraction. [SI]
+        ``max`` of the limits for ``greater_of``, ``min`` for ``lesser_of``, times the fraction.
+        [SI]
 
     Raises
     ------
@@ -145,7 +158,12 @@ def half_width(criterion: Criterion, flight: np.ndarray | float, cycle: int = 0)
     widths = []
     for limit in criterion.band.limits:
         if limit.quantity == "absolute":
-            widths.append(np.full_like(magnitude, limit.value * factor(criterion.measure, criterion.channel, limit.unit)))
+            widths.append(
+                np.full_like(
+                    magnitude,
+                    limit.value * factor(criterion.measure, criterion.channel, limit.unit),
+                )
+            )
         elif limit.quantity == "percent":
             widths.append(limit.value / 100.0 * _base(criterion, magnitude))
         elif limit.quantity == "percent_times_n_plus_1":
@@ -154,7 +172,9 @@ def half_width(criterion: Criterion, flight: np.ndarray | float, cycle: int = 0)
             raise NotJudged(f"a limit of kind {limit.quantity} has no width")
     if not widths:
         raise NotJudged("the row prints no width")
-    joined = np.min(widths, axis=0) if criterion.band.rule == "lesser_of" else np.max(widths, axis=0)
+    joined = (
+        np.min(widths, axis=0) if criterion.band.rule == "lesser_of" else np.max(widths, axis=0)
+    )
     return criterion.fraction * joined
 
 
@@ -164,13 +184,18 @@ def _base(criterion: Criterion, magnitude: np.ndarray) -> np.ndarray:
         return np.full_like(magnitude, magnitude.max())
     if criterion.band.base != "range_max":
         return magnitude
-    if criterion.largest is None:  # rule R3: a lone percentage is of the largest value in service, which no record holds
-        raise NotJudged(f"the percentage is of the largest value in service; give that of {criterion.channel} in [ranges]")
+    if (
+        criterion.largest is None
+    ):  # rule R3: a lone percentage is of the largest value in service, which no record holds
+        raise NotJudged(
+            f"the percentage is of the largest value in service; give that of {criterion.channel} in [ranges]"
+        )
     return np.full_like(magnitude, abs(criterion.largest))
 
 
 def applied(criterion: Criterion, widths: np.ndarray, flight: np.ndarray | float) -> str:
-    """Return the tolerance as applied: its share, what the percentage is of, and the number that came out.
+    """Return the tolerance as applied: its share, what the percentage is of, and the number that
+    came out.
 
     Examples
     --------
@@ -180,9 +205,11 @@ def applied(criterion: Criterion, widths: np.ndarray, flight: np.ndarray | float
     size = factor(criterion.measure, criterion.channel, unit)
     low, high = float(np.min(widths)) / size, float(np.max(widths)) / size
     number = f"{low:.4g}" if high - low <= 1e-6 * high else f"{low:.4g} ... {high:.4g}"
-    base = {"ref_peak": np.max(np.abs(flight)), "range_max": criterion.largest, "ref_local": None}.get(
-        criterion.band.base, np.max(np.abs(flight))
-    )
+    base = {
+        "ref_peak": np.max(np.abs(flight)),
+        "range_max": criterion.largest,
+        "ref_local": None,
+    }.get(criterion.band.base, np.max(np.abs(flight)))
     words = criterion.band.text
     if base is not None and "%" in words:
         words = f"{words} ({float(base) / size:.4g}{_unit(unit)})"
@@ -209,7 +236,9 @@ def inside_window(time: np.ndarray, window: tuple[float, float]) -> np.ndarray:
     start, stop = window
     missing = max(time[0] - start, stop - time[-1])
     if missing > 0.0 and missing > np.median(steps):
-        raise Invalid(f"samples cover {time[0]:.2f} ... {time[-1]:.2f} s, the window is {start:.2f} ... {stop:.2f} s")
+        raise Invalid(
+            f"samples cover {time[0]:.2f} ... {time[-1]:.2f} s, the window is {start:.2f} ... {stop:.2f} s"
+        )
     return (time >= start - 1e-9) & (time <= stop + 1e-9)
 
 
@@ -219,11 +248,15 @@ def demand_finite(who: str, time: np.ndarray, values: np.ndarray) -> None:
     if bad.all():
         raise NoValue(f"{who} has no value in the window")
     if bad.any():
-        raise NoValue(f"{who} has no value in {int(bad.sum())} of {bad.size} samples, first at {time[bad][0]:.2f} s")
+        raise NoValue(
+            f"{who} has no value in {int(bad.sum())} of {bad.size} samples, first at {time[bad][0]:.2f} s"
+        )
 
 
 def difference(channel: str, flight: np.ndarray, model: np.ndarray) -> np.ndarray:
-    """Return model minus flight; angles that wrap are unwrapped and start less than half a turn apart."""
+    """Return model minus flight; angles that wrap are unwrapped and start less than half a turn
+    apart.
+    """
     if channel not in WRAPPED:
         return model - flight
     error = np.unwrap(model) - np.unwrap(flight)
@@ -231,7 +264,9 @@ def difference(channel: str, flight: np.ndarray, model: np.ndarray) -> np.ndarra
 
 
 class AppliedBand(NamedTuple):
-    """The band about a flight: half width (time,) [SI], the least of it, median step [s], the tolerance as applied in words."""
+    """The band about a flight: half width (time,) [SI], the least of it, median step [s], the
+    tolerance as applied in words.
+    """
 
     width: np.ndarray
     least: float
@@ -246,7 +281,13 @@ def applied_band(criterion: Criterion, time: np.ndarray, flight: np.ndarray) -> 
     return AppliedBand(width, float(width.min()), step, applied(criterion, width, flight))
 
 
-def trace(criterion: Criterion, time: np.ndarray, flight: np.ndarray, model: np.ndarray, band: AppliedBand | None = None) -> Outcome:
+def trace(
+    criterion: Criterion,
+    time: np.ndarray,
+    flight: np.ndarray,
+    model: np.ndarray,
+    band: AppliedBand | None = None,
+) -> Outcome:
     """Judge a time history: every flight sample must lie within the half width.
 
     Parameters
@@ -290,7 +331,11 @@ def ratios(error: np.ndarray, width: np.ndarray) -> np.ndarray:
 
 
 def _outside(longest: float) -> tuple[RowRemark, ...]:
-    return (RowRemark("outside", f"longest run outside {longest:.2f} s", values={"longest": longest}, unit="s"),)
+    return (
+        RowRemark(
+            "outside", f"longest run outside {longest:.2f} s", values={"longest": longest}, unit="s"
+        ),
+    )
 
 
 def _longest(out: np.ndarray) -> int:

@@ -1,4 +1,6 @@
-"""The words of the tolerance table in canonical names: which quantity a parameter is judged on, and in which unit."""
+"""The words of the tolerance table in canonical names: which quantity a parameter is judged on, and
+in which unit.
+"""
 
 from __future__ import annotations
 
@@ -27,13 +29,17 @@ def sources(channel: str) -> tuple[str, ...]:
 
 
 def output_of(channel: str, offered: Container[str]) -> str:
-    """Return the output of a model that holds a channel: ``applied.delta_e`` holds ``delta_e``, which is an input."""
+    """Return the output of a model that holds a channel: ``applied.delta_e`` holds ``delta_e``,
+    which is an input.
+    """
     applied = f"applied.{channel}"
     return applied if channel not in offered and applied in offered else channel
 
 
-# Airspeed is calibrated, and like is compared with like (rule R10 of the table).  Tables give magnitudes, so signs need
-# no change.  A wheel force of the table is a force at the rim; this product uses a torque and the radius of the wheel.
+# Airspeed is calibrated, and like is compared with like (rule R10 of the table).  Tables give
+# magnitudes, so signs need
+# no change.  A wheel force of the table is a force at the rim; this product uses a torque and the
+# radius of the wheel.
 CHANNELS: dict[str, str] = {
     # performance
     "airspeed": "V_cas",
@@ -88,7 +94,8 @@ CHANNELS: dict[str, str] = {
     "tiller_force": "F_tiller",
     "brake_force": "F_brake",
     "brake_pressure": "p_brake",
-    # power plant: the first engine stands for all; an asymmetric case names another one in its tolerances
+    # power plant: the first engine stands for all; an asymmetric case names another one in its
+    # tolerances
     "n1": "engine1.n1",
     "net_thrust": "engine1.thrust",
     "fuel_flow": "engine1.fuel_flow",
@@ -98,7 +105,11 @@ CHANNELS: dict[str, str] = {
     "throttle_angle": "engine1.pla",
     "prop_lever": "engine1.prop_lever",
 }
-OTHERS: dict[str, tuple[str, ...]] = {"trim_surface": ("i_h",), "trim_rate": ("i_h",), "fuel_used": ("fuel_used",)}
+OTHERS: dict[str, tuple[str, ...]] = {
+    "trim_surface": ("i_h",),
+    "trim_rate": ("i_h",),
+    "fuel_used": ("fuel_used",),
+}
 """What a parameter is judged on when the record lacks the first choice: an adjustable stabilizer instead of a tab, fuel
 flow instead of fuel on board."""
 
@@ -129,7 +140,13 @@ TRAVEL = {
 PROGRESS = {"1.c.3": "h", "1.d.1": "V_cas", "1.d.2": "V_cas"}
 """The channel whose change bounds a segment that has no events."""
 
-FORCES = {"column": "F_column", "wheel": "F_rim", "pedal": "F_pedal", "tiller": "F_tiller", "brake": "F_brake"}
+FORCES = {
+    "column": "F_column",
+    "wheel": "F_rim",
+    "pedal": "F_pedal",
+    "tiller": "F_tiller",
+    "brake": "F_brake",
+}
 """The pilot's force on each control of the cockpit."""
 
 SCALAR_UNITS = {
@@ -154,7 +171,8 @@ _LINEAR = {row.display_units for row in VOCABULARY.values() if parse(row.display
 
 
 def plain_id(test_id: str) -> str:
-    """Return the number of a test as the FAA writes it; EASA and CAAC write ``2.c(10)``, ``2.a(1)``.
+    """Return the number of a test as the FAA writes it; EASA and CAAC write ``2.c(10)``,
+    ``2.a(1)``.
 
     Examples
     --------
@@ -189,12 +207,16 @@ def factor(measure: str, channel: str, unit: str) -> float:
         return 1.0
     dimension, size, _ = parse(_PURE.get(unit, unit))
     if dimension != parse(expected)[0]:
-        raise UnitError(f"{channel}: unit {unit!r} cannot be converted to {expected!r}; give a unit of the same quantity")
+        raise UnitError(
+            f"{channel}: unit {unit!r} cannot be converted to {expected!r}; give a unit of the same quantity"
+        )
     return size
 
 
 def display_unit(criterion: Criterion) -> str:
-    """Return the unit of the printed absolute limit, else the one in which people read the quantity."""
+    """Return the unit of the printed absolute limit, else the one in which people read the
+    quantity.
+    """
     for limit in criterion.band.limits:
         if limit.quantity == "absolute":
             return _PURE.get(limit.unit, limit.unit)

@@ -1,4 +1,6 @@
-"""One row of the tolerance table as an object: what is measured, on which channel, and how wide the band is."""
+"""One row of the tolerance table as an object: what is measured, on which channel, and how wide the
+band is.
+"""
 
 from __future__ import annotations
 
@@ -17,10 +19,11 @@ _BASES = {
 
 @dataclass(frozen=True)
 class Limit:
-    """One half width as the table prints it, e.g. ``Limit("absolute", 1.5, "deg")`` or ``Limit("percent", 10.0, "%")``.
+    """One half width as the table prints it, e.g. ``Limit("absolute", 1.5, "deg")`` or
+    ``Limit("percent", 10.0, "%")``.
 
-    ``quantity`` is ``absolute``, ``percent``, ``percent_times_n_plus_1`` (times the number of the cycle plus one) or
-    ``floor`` (one sided, the value is in the case).
+    ``quantity`` is ``absolute``, ``percent``, ``percent_times_n_plus_1`` (times the number of the
+    cycle plus one) or ``floor`` (one sided, the value is in the case).
     """
 
     quantity: str
@@ -39,10 +42,10 @@ class Limit:
 class Band:
     """One or two limits and the rule that joins them.
 
-    ``rule`` is ``single``, ``greater_of`` or ``lesser_of``; ``base`` states of what a percentage is taken: ``ref_local``
-    (flight value at the same instant or abscissa), ``ref_peak`` (largest flight magnitude of the window), ``ref_scalar``
-    (flight value of the scalar measure), ``first_overshoot`` (that of the flight), ``range_max`` (maximum of the normal
-    operating range).
+    ``rule`` is ``single``, ``greater_of`` or ``lesser_of``; ``base`` states of what a percentage is
+    taken: ``ref_local`` (flight value at the same instant or abscissa), ``ref_peak`` (largest
+    flight magnitude of the window), ``ref_scalar`` (flight value of the scalar measure),
+    ``first_overshoot`` (that of the flight), ``range_max`` (maximum of the normal operating range).
     """
 
     limits: tuple[Limit, ...] = ()
@@ -54,7 +57,10 @@ class Band:
         """The tolerance as printed, e.g. ``10 % of the flight value or 2 deg/s, the greater``."""
         if any(limit.quantity == "floor" for limit in self.limits):
             return "not below the certified value"
-        words = [f"{x.text} {_BASES.get(self.base, '')}".strip() if x.unit == "%" else x.text for x in self.limits]
+        words = [
+            f"{x.text} {_BASES.get(self.base, '')}".strip() if x.unit == "%" else x.text
+            for x in self.limits
+        ]
         tail = {"greater_of": ", the greater", "lesser_of": ", the smaller"}.get(self.rule, "")
         return " or ".join(words) + tail
 
@@ -70,8 +76,8 @@ class Criterion:
     parameter : str
         Name in the tolerance table; empty when the case file added the criterion.
     channel : str
-        Quantity it is judged on, canonical name: a signal, or one formed of signals such as ``distance``; empty for what is
-        shown and judged by people.
+        Quantity it is judged on, canonical name: a signal, or one formed of signals such as
+        ``distance``; empty for what is shown and judged by people.
     measure : str
         ``trace``, ``steady``, ``period`` ...
     group : str
@@ -95,7 +101,8 @@ class Criterion:
     bounds : tuple of str
         Events between which the row counts; empty words for the window of the case.
     abscissa : str
-        Control over which a curve is drawn, surface whose rate is taken, or channel whose change bounds a segment.
+        Control over which a curve is drawn, surface whose rate is taken, or channel whose change
+        bounds a segment.
     """
 
     name: str
@@ -147,7 +154,11 @@ ACTS = frozenset(
 )
 """Events that pilot or record bring about, at the same time in both."""
 
-DISCRETES = {"stall_warning": ("stall_warning",), "initial_buffet": ("buffet",), "touchdown": ("wow_left", "wow_right")}
+DISCRETES = {
+    "stall_warning": ("stall_warning",),
+    "initial_buffet": ("buffet",),
+    "touchdown": ("wow_left", "wow_right"),
+}
 """Signals that jump from 0 to 1 at an event."""
 
 LEVELS = {
@@ -174,7 +185,18 @@ OF_PARAMETER = {
 }
 """The event at which a parameter is read."""
 
-MEASURED = frozenset({*ACTS, *LEVELS, *DISCRETES, "g_break", "static_sweep_start", "static_sweep_end", "segment_start", "segment_end"})
+MEASURED = frozenset(
+    {
+        *ACTS,
+        *LEVELS,
+        *DISCRETES,
+        "g_break",
+        "static_sweep_start",
+        "static_sweep_end",
+        "segment_start",
+        "segment_end",
+    }
+)
 """Events that the measures need, in addition to those that bound the windows of rows."""
 
 PARTS = {

@@ -1,4 +1,6 @@
-"""The tolerance table: rows of a test as criteria, with their windows and the conditions under which they count."""
+"""The tolerance table: rows of a test as criteria, with their windows and the conditions under
+which they count.
+"""
 
 from __future__ import annotations
 
@@ -19,8 +21,28 @@ from flightmech.names import lookup
 from flightmech.support.toml_models import Strict, validate
 from flightmech.units import quantity
 from pom.tolerances.bands import NotJudged
-from pom.tolerances.channels import CHANNELS, FORCES, MODE_CHANNELS, PROGRESS, SHEAR_CHANNEL, TRAVEL, factor, plain_id, si_unit, sources
-from pom.tolerances.criteria import DISCRETES, LEVELS, MEASURED, OF_PARAMETER, PARTS, Band, Criterion, Limit
+from pom.tolerances.channels import (
+    CHANNELS,
+    FORCES,
+    MODE_CHANNELS,
+    PROGRESS,
+    SHEAR_CHANNEL,
+    TRAVEL,
+    factor,
+    plain_id,
+    si_unit,
+    sources,
+)
+from pom.tolerances.criteria import (
+    DISCRETES,
+    LEVELS,
+    MEASURED,
+    OF_PARAMETER,
+    PARTS,
+    Band,
+    Criterion,
+    Limit,
+)
 
 _RELATION = re.compile(r"^(speed|groundspeed|distance)(<=|>=|<|>)(.+)$")
 _COMPARE = {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge}
@@ -44,7 +66,9 @@ def unclaimed(condition: str, features: tuple[str, ...]) -> list[str]:
     for word in filter(None, condition.split(";")):
         if word in KINDS and SWEEPS in features:
             missing.append("a release instead of sweeps")
-        elif word not in features and (claimed(word) or (word in KINDS and set(KINDS) & set(features))):
+        elif word not in features and (
+            claimed(word) or (word in KINDS and set(KINDS) & set(features))
+        ):
             missing.append(word)
     return missing
 
@@ -56,7 +80,11 @@ def is_relation(word: str) -> bool:
 
 def asked(condition: str) -> list[str]:
     """Return the channels that the relations of a condition speak of."""
-    return [_CHANNEL[match.group(1)] for word in condition.split(";") if (match := _RELATION.match(word))]
+    return [
+        _CHANNEL[match.group(1)]
+        for word in condition.split(";")
+        if (match := _RELATION.match(word))
+    ]
 
 
 def holds(word: str, value: Any) -> Any:
@@ -66,10 +94,14 @@ def holds(word: str, value: Any) -> Any:
     return _COMPARE[relation](value, quantity(re.sub(r"(?<=\d)(?=[a-z])", " ", text), unit))
 
 
-def sample_mask(condition: str, events: Mapping[str, float], time: np.ndarray, flight: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Return the samples at which the flight fulfils the relations of a condition, such as ``groundspeed<40kt``.
+def sample_mask(
+    condition: str, events: Mapping[str, float], time: np.ndarray, flight: Mapping[str, np.ndarray]
+) -> np.ndarray:
+    """Return the samples at which the flight fulfils the relations of a condition, such as
+    ``groundspeed<40kt``.
 
-    ``speed>stick_shaker_or_initial_buffet``: faster than the flight is at the first of the two events.
+    ``speed>stick_shaker_or_initial_buffet``: faster than the flight is at the first of the two
+    events.
 
     Raises
     ------
@@ -85,9 +117,13 @@ def sample_mask(condition: str, events: Mapping[str, float], time: np.ndarray, f
         if channel not in flight:
             raise NotJudged(f"the flight record has no {channel}, which {word} requires")
         if _WARNING.match(match.group(3)):
-            times = [events[event] for event in ("stall_warning", "initial_buffet") if event in events]
+            times = [
+                events[event] for event in ("stall_warning", "initial_buffet") if event in events
+            ]
             if not times:
-                raise NotJudged(f"give the event stall_warning or initial_buffet in [events]: the row counts only with {word}")
+                raise NotJudged(
+                    f"give the event stall_warning or initial_buffet in [events]: the row counts only with {word}"
+                )
             mask &= flight[channel] > np.interp(min(times), time, flight[channel])
         else:
             mask &= holds(word, flight[channel])
@@ -101,8 +137,12 @@ _NUMBER = re.compile(r"^\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(\D.*)?$")
 class Entry(Strict):
     """One entry of the table, written out."""
 
-    abs: float | str | None = Field(default=None, description="Half width: SI, or with its unit.", examples=["2 deg/s"])
-    percent: float | None = Field(default=None, description="Half width as a percentage of base.", examples=[10.0])
+    abs: float | str | None = Field(
+        default=None, description="Half width: SI, or with its unit.", examples=["2 deg/s"]
+    )
+    percent: float | None = Field(
+        default=None, description="Half width as a percentage of base.", examples=[10.0]
+    )
     base: Literal["ref_local", "ref_peak", "ref_scalar", "range_max"] = Field(
         default="ref_local",
         description="What percent refers to: the flight at each instant, its peak, its value at the event, the largest value in service.",
@@ -111,9 +151,15 @@ class Entry(Strict):
     rule: Literal["greater_of", "lesser_of"] = Field(
         default="greater_of", description="Which of two widths counts.", examples=["lesser_of"]
     )
-    group: str = Field(default="", description="Rows of one group are alternatives, different groups must all pass.", examples=["a"])
+    group: str = Field(
+        default="",
+        description="Rows of one group are alternatives, different groups must all pass.",
+        examples=["a"],
+    )
     window: tuple[float, float] | None = Field(
-        default=None, description="[start, end] on the clock of the record that is judged.", examples=[[2.0, 12.0]]
+        default=None,
+        description="[start, end] on the clock of the record that is judged.",
+        examples=[[2.0, 12.0]],
     )
 
     @model_validator(mode="after")
@@ -123,7 +169,9 @@ class Entry(Strict):
         return self
 
 
-def override(criteria: Sequence[Criterion], key: str, item: Any, window: tuple[float, float]) -> list[Criterion]:
+def override(
+    criteria: Sequence[Criterion], key: str, item: Any, window: tuple[float, float]
+) -> list[Criterion]:
     """Return the criteria with one entry of ``[tolerance]`` applied.
 
     Parameters
@@ -133,7 +181,8 @@ def override(criteria: Sequence[Criterion], key: str, item: Any, window: tuple[f
     key : str
         Name of a criterion (``pitch_angle``, ``period``) or a channel (``theta``).
     item : number, str or table
-        ``"1.5 deg"``, or ``{ abs = "2 deg/s", percent = 10, base = "ref_local", rule = "greater_of" }``.
+        ``"1.5 deg"``, or ``{ abs = "2 deg/s", percent = 10, base = "ref_local", rule = "greater_of"
+        }``.
     window : tuple of float
         Window of a criterion that is added. [s]
 
@@ -143,13 +192,28 @@ def override(criteria: Sequence[Criterion], key: str, item: Any, window: tuple[f
         Key, unit, width or keys of the entry are wrong.
     """
     entry = validate(Entry, item if isinstance(item, dict) else {"abs": item}, "entry")
-    matching = [c for c in criteria if c.name == key] or [c for c in criteria if c.channel == key and c.measure in _WITH_BAND]
+    matching = [c for c in criteria if c.name == key] or [
+        c for c in criteria if c.channel == key and c.measure in _WITH_BAND
+    ]
     if not matching:
         try:
             lookup(key)
         except UnknownName:
-            raise UnknownName(key, {c.name for c in criteria} | {c.channel for c in criteria if c.channel}, "criterion") from None
-        new = Criterion(key, "", key, "trace", entry.group or key, Band(), entry.window or window, kind="time_history")
+            raise UnknownName(
+                key,
+                {c.name for c in criteria} | {c.channel for c in criteria if c.channel},
+                "criterion",
+            ) from None
+        new = Criterion(
+            key,
+            "",
+            key,
+            "trace",
+            entry.group or key,
+            Band(),
+            entry.window or window,
+            kind="time_history",
+        )
         return [*criteria, _changed(new, entry)]
     return [_changed(c, entry) if c in matching else c for c in criteria]
 
@@ -163,8 +227,14 @@ def _changed(criterion: Criterion, entry: Entry) -> Criterion:
         factor(criterion.measure, criterion.channel, unit)
         limits.append(Limit("absolute", value, unit))
     if any(limit.value <= 0.0 for limit in limits):
-        raise OutOfRange(f"width {min(limit.value for limit in limits):g} is not positive; a tolerance is a half width")
-    band = Band(tuple(limits), entry.rule if len(limits) == 2 else "single", entry.base if entry.percent is not None else "")
+        raise OutOfRange(
+            f"width {min(limit.value for limit in limits):g} is not positive; a tolerance is a half width"
+        )
+    band = Band(
+        tuple(limits),
+        entry.rule if len(limits) == 2 else "single",
+        entry.base if entry.percent is not None else "",
+    )
     return replace(
         criterion,
         band=band,
@@ -200,7 +270,16 @@ def needs(criterion: Criterion) -> tuple[str, ...]:
                 criterion.parameter, (criterion.channel, criterion.abscissa)
             )
         case "elapsed":
-            return tuple(filter(None, (criterion.channel, criterion.abscissa, LEVELS.get(criterion.bounds[1], ("",))[0])))
+            return tuple(
+                filter(
+                    None,
+                    (
+                        criterion.channel,
+                        criterion.abscissa,
+                        LEVELS.get(criterion.bounds[1], ("",))[0],
+                    ),
+                )
+            )
     return (criterion.channel,)
 
 
@@ -211,19 +290,41 @@ def channels(criterion: Criterion) -> tuple[str, ...]:
 
 def helpful(criterion: Criterion) -> tuple[str, ...]:
     """Return signals that show the events and conditions of a criterion; a model may have them."""
-    event = OF_PARAMETER.get(criterion.parameter, "") if criterion.measure in ("event_value", "setup") else ""
-    showing = [name for each in (event, *criterion.bounds) for name in (*DISCRETES.get(each, ()), *LEVELS.get(each, ())[:1])]
-    flows = [f"engine{n}.fuel_flow" for n in range(1, 5)] if criterion.channel == "fuel_used" else []
-    return tuple(dict.fromkeys(name for channel in (*showing, *asked(criterion.condition), *flows) for name in sources(channel)))
+    event = (
+        OF_PARAMETER.get(criterion.parameter, "")
+        if criterion.measure in ("event_value", "setup")
+        else ""
+    )
+    showing = [
+        name
+        for each in (event, *criterion.bounds)
+        for name in (*DISCRETES.get(each, ()), *LEVELS.get(each, ())[:1])
+    ]
+    flows = (
+        [f"engine{n}.fuel_flow" for n in range(1, 5)] if criterion.channel == "fuel_used" else []
+    )
+    return tuple(
+        dict.fromkeys(
+            name
+            for channel in (*showing, *asked(criterion.condition), *flows)
+            for name in sources(channel)
+        )
+    )
 
 
 STANDARD = "FAA 14 CFR Part 60 App A Table A2A"
 EDITION = "2014-01-01"
-DEMONSTRATION = "a demonstration: recordings are shown and judged by pilots, the table gives no number"
-_UNCHANNELLED = dict.fromkeys(("response_initial", "response_total"), "name the critical engine parameter in case.engine_parameter")
+DEMONSTRATION = (
+    "a demonstration: recordings are shown and judged by pilots, the table gives no number"
+)
+_UNCHANNELLED = dict.fromkeys(
+    ("response_initial", "response_total"),
+    "name the critical engine parameter in case.engine_parameter",
+)
 Row = Mapping[str, str]
 
-# Rows whose measure the README of the table spells out otherwise: the spiral's bank angle is judged 20 s after release, a
+# Rows whose measure the README of the table spells out otherwise: the spiral's bank angle is judged
+# 20 s after release, a
 # change of elevator is that between two snapshots, a force increment is over the static sweep.
 _JUDGED_AS = {("2.d.4", "bank_angle", "trace"): "end_value"}
 _PARAMETER_AS = {"elevator_change": "change", "dynamic_force_increment": "force_increment"}
@@ -259,14 +360,23 @@ def rows_of(id: str, standard: str = STANDARD, edition: str = EDITION) -> list[R
 
 
 def features() -> set[str]:
-    """Return every word that a case can claim; conditions that the record shows are not among them, but for the kinds of damping."""
-    return {word for row in rows() for word in row["condition"].split(";") if word and (claimed(word) or word in KINDS)}
+    """Return every word that a case can claim; conditions that the record shows are not among them,
+    but for the kinds of damping.
+    """
+    return {
+        word
+        for row in rows()
+        for word in row["condition"].split(";")
+        if word and (claimed(word) or word in KINDS)
+    }
 
 
 def events() -> set[str]:
     """Return every event that bounds a window; ``capture`` is the instant of a snapshot."""
     bounds = {row[end] for row in rows() for end in ("applies_from", "applies_to")} - {""}
-    return set(MEASURED) | {match.group(1) if (match := _OFFSET.match(bound)) else bound for bound in bounds}
+    return set(MEASURED) | {
+        match.group(1) if (match := _OFFSET.match(bound)) else bound for bound in bounds
+    }
 
 
 def band_of(row: Row) -> Band:
@@ -321,7 +431,9 @@ def criterion(
     mode_channel, engine_parameter : str
         Channel of modal and of engine response measures.
     """
-    measure = _PARAMETER_AS.get(row["parameter"]) or _JUDGED_AS.get((row["test_id"], row["parameter"], row["measure"]), row["measure"])
+    measure = _PARAMETER_AS.get(row["parameter"]) or _JUDGED_AS.get(
+        (row["test_id"], row["parameter"], row["measure"]), row["measure"]
+    )
     travel = TRAVEL.get(plain_id(row["test_id"]), "")
     channel = _channel(row, measure, travel, mode_channel, engine_parameter)
     missing = unclaimed(row["condition"], features)
@@ -334,7 +446,11 @@ def criterion(
         band=band_of(row),
         window=window,
         applies=not missing,
-        reason=f"applies only with {', '.join(missing)}" if missing else "" if channel else _UNCHANNELLED.get(measure, DEMONSTRATION),
+        reason=f"applies only with {', '.join(missing)}"
+        if missing
+        else ""
+        if channel
+        else _UNCHANNELLED.get(measure, DEMONSTRATION),
         kind=row["kind"],
         provenance=row["provenance"],
         source=row["source"],
@@ -355,7 +471,9 @@ def _abscissa(row: Row, measure: str, travel: str) -> str:
 
 
 def _channel(row: Row, measure: str, travel: str, mode_channel: str, engine_parameter: str) -> str:
-    """Return what a row is judged on; what a case chooses (mode, engine parameter) before what the table sets."""
+    """Return what a row is judged on; what a case chooses (mode, engine parameter) before what the
+    table sets.
+    """
     if measure in ("period", "t_half", "damping_ratio"):
         return mode_channel or MODE_CHANNELS.get(plain_id(row["test_id"]), "")
     if measure.startswith("response_"):
@@ -370,7 +488,9 @@ def _channel(row: Row, measure: str, travel: str, mode_channel: str, engine_para
 
 
 def names_of(found: list[Row]) -> list[str]:
-    """Return one unique name per row: the parameter, with its measure or place when it stands more than once."""
+    """Return one unique name per row: the parameter, with its measure or place when it stands more
+    than once.
+    """
     names: list[str] = []
     for row in found:
         choices = [row["parameter"], f"{row['parameter']} {row['measure']}"]

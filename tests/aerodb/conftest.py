@@ -1,4 +1,6 @@
-"""A small database written by hand, a small DATCOM case, and the T-37 listings where they are at hand."""
+"""A small database written by hand, a small DATCOM case, and the T-37 listings where they are at
+hand.
+"""
 
 import dataclasses
 import functools
@@ -57,9 +59,18 @@ def small_terms():
     mach = [0.2, 0.4]
     CL = 0.2 + np.outer([5.0, 5.4], alpha)
     return {
-        "CL/basic": terms.make(CL, {"mach": mach, "alpha": alpha}, stderr=0.05, source="datcom", comment="clean"),
-        "CL/qhat": terms.make([8.0, 8.4], {"mach": mach}, ["qhat"], stderr=[2.0, 2.1], source="datcom"),
-        "CL/flap": terms.make([0.0, 0.2, 0.36], {"delta_f": np.radians([0, 20, 40])}, stderr=[0.0, 0.04, 0.07], source="datcom"),
+        "CL/basic": terms.make(
+            CL, {"mach": mach, "alpha": alpha}, stderr=0.05, source="datcom", comment="clean"
+        ),
+        "CL/qhat": terms.make(
+            [8.0, 8.4], {"mach": mach}, ["qhat"], stderr=[2.0, 2.1], source="datcom"
+        ),
+        "CL/flap": terms.make(
+            [0.0, 0.2, 0.36],
+            {"delta_f": np.radians([0, 20, 40])},
+            stderr=[0.0, 0.04, 0.07],
+            source="datcom",
+        ),
         "Cm/qhat": terms.make(-17.0, regressors=["qhat"], source="datcom"),
     }
 
@@ -71,23 +82,49 @@ def small(small_terms, root):
 
 @pytest.fixture(scope="session")
 def make_case():
-    """Return a maker of clean case trees of a straightforward aeroplane, one that algebra can follow."""
+    """Return a maker of clean case trees of a straightforward aeroplane, one that algebra can
+    follow.
+    """
 
     def make(S=16.0, cbar=1.6, b=10.0, x_cg=3.0, z_cg=0.0, **static):
         alpha = np.radians(np.arange(-8.0, 17.0, 2.0))
         mach, h = (grid.ravel() for grid in np.meshgrid([0.2, 0.4], [0.0, 3000.0]))
         over = ("condition", "alpha")
         one = np.ones((4, alpha.size))
-        tables = {"CL": 0.2 + 5.0 * alpha, "CD": 0.02 + 0.0 * alpha, "Cm": 0.05 - 0.8 * alpha, **static}
+        tables = {
+            "CL": 0.2 + 5.0 * alpha,
+            "CD": 0.02 + 0.0 * alpha,
+            "Cm": 0.05 - 0.8 * alpha,
+            **static,
+        }
         tables |= {"CY_beta": -0.4, "Cn_beta": 0.06, "Cl_beta": -0.05 - 0.2 * alpha}
         rates = {"CL_qhat": 8.0, "Cm_qhat": -17.0, "CL_alphadothat": 3.0, "Cm_alphadothat": -10.0}
-        rates |= {"Cl_phat": -0.46, "CY_phat": -0.06, "Cn_phat": -0.02, "Cn_rhat": -0.09, "Cl_rhat": 0.08}
-        coords = {"condition": np.arange(4), "alpha": alpha, "mach": ("condition", mach), "h": ("condition", h)}
+        rates |= {
+            "Cl_phat": -0.46,
+            "CY_phat": -0.06,
+            "Cn_phat": -0.02,
+            "Cn_rhat": -0.09,
+            "Cl_rhat": 0.08,
+        }
+        coords = {
+            "condition": np.arange(4),
+            "alpha": alpha,
+            "mach": ("condition", mach),
+            "h": ("condition", h),
+        }
         leaves = {
             name: xr.Dataset({key: (over, one * item) for key, item in group.items()}, coords)
             for name, group in (("static", tables), ("dynamic", rates))
         }
-        attributes = {"S": S, "cbar": cbar, "b": b, "x_cg": x_cg, "z_cg": z_cg, "case": "BY HAND", "file": "by_hand.out"}
+        attributes = {
+            "S": S,
+            "cbar": cbar,
+            "b": b,
+            "x_cg": x_cg,
+            "z_cg": z_cg,
+            "case": "BY HAND",
+            "file": "by_hand.out",
+        }
         return xr.DataTree.from_dict({"/": xr.Dataset(attrs=attributes), **leaves})
 
     return make
@@ -112,7 +149,9 @@ def corpus():
 @pytest.fixture(scope="session")
 def jet(craft):
     """Return the Citation-500-like jet of the corpus."""
-    return dataclasses.replace(craft, name="Ce-500-like", S=24.2, cbar=2.022, b=13.36, reference=(-6.3, 0.0, 0.15))
+    return dataclasses.replace(
+        craft, name="Ce-500-like", S=24.2, cbar=2.022, b=13.36, reference=(-6.3, 0.0, 0.15)
+    )
 
 
 @pytest.fixture(scope="session")
@@ -126,10 +165,21 @@ def t37(t37_folder):
     """Return every listing of the T-37 by name."""
     import datcom_io
 
-    names = ("clean", "build", "flaps", "elevator", "aileron", "ground", "ground_flap", "ground_elevator")
+    names = (
+        "clean",
+        "build",
+        "flaps",
+        "elevator",
+        "aileron",
+        "ground",
+        "ground_flap",
+        "ground_elevator",
+    )
     found = {name: datcom_io.read(t37_folder / f"t37_{name}.out") for name in names}
     found["elevator_one_by_one"] = datcom_io.read(t37_folder / "t37_elevator_one_by_one.pdas.out")
-    found["ground_flap_one_by_one"] = datcom_io.read(t37_folder / "t37_ground_flap_one_by_one.pdas.out")
+    found["ground_flap_one_by_one"] = datcom_io.read(
+        t37_folder / "t37_ground_flap_one_by_one.pdas.out"
+    )
     return found
 
 

@@ -8,7 +8,9 @@ from aeromatch.cli.command import main
 
 @pytest.fixture
 def aeromatch(monkeypatch, capfd):
-    """The command as a user calls it, in this process: arguments in; exit code, stdout and stderr out."""
+    """The command as a user calls it, in this process: arguments in; exit code, stdout and stderr
+    out.
+    """
 
     def call(*words):
         monkeypatch.setattr(sys, "argv", ["aeromatch", *map(str, words)])

@@ -1,4 +1,6 @@
-"""The face: help stays light, unknown commands are met with the near ones, bad input ends with exit code 2."""
+"""The face: help stays light, unknown commands are met with the near ones, bad input ends with exit
+code 2.
+"""
 
 import importlib
 import json
@@ -17,7 +19,13 @@ HEAVY = {"numpy", "scipy", "pandas", "xarray", "fmpy", "pydantic", "rich", "h5py
 
 def run(*arguments, cwd=None):
     code = "import sys; from aeromatch.cli import main; sys.argv = ['aeromatch', *sys.argv[1:]]; main()"
-    return subprocess.run([sys.executable, "-c", code, *map(str, arguments)], capture_output=True, text=True, cwd=cwd, timeout=1200)
+    return subprocess.run(
+        [sys.executable, "-c", code, *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        cwd=cwd,
+        timeout=1200,
+    )
 
 
 def modules_after(*arguments):
@@ -26,7 +34,11 @@ def modules_after(*arguments):
         "import sys\nfrom click.testing import CliRunner\nfrom aeromatch.cli import cli\n"
         f"done = CliRunner().invoke(cli, {list(arguments)!r})\nassert done.exit_code == 0, done.output\nprint(*sys.modules)"
     )
-    return set(subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split())
+    return set(
+        subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, check=True
+        ).stdout.split()
+    )
 
 
 def test_help_imports_nothing_heavy():
@@ -40,15 +52,39 @@ def test_group_help_imports_nothing_heavy(group):
 
 @pytest.mark.parametrize("options", [(), ("--json",), ("--term", "CL/basic")])
 def test_a_look_at_a_database_makes_no_dataset(tmp_path, options):
-    about = {"title": "one term", "aircraft": "test", "S": 16.9, "cbar": 1.667, "b": 10.31, "x_ref": -3.0, "y_ref": 0.0, "z_ref": 0.0}
+    about = {
+        "title": "one term",
+        "aircraft": "test",
+        "S": 16.9,
+        "cbar": 1.667,
+        "b": 10.31,
+        "x_ref": -3.0,
+        "y_ref": 0.0,
+        "z_ref": 0.0,
+    }
     leaf = terms.make([0.1, 0.9], {"alpha": [0.0, 0.2]}, source="datcom")
-    aerodb.save(aerodb.database({"CL/basic": leaf}, **about, force_axes="stability"), tmp_path / "db.nc")
-    assert not modules_after("db", "show", str(tmp_path / "db.nc"), *options) & {"xarray", "pandas", "scipy", "rich", "pydantic"}
+    aerodb.save(
+        aerodb.database({"CL/basic": leaf}, **about, force_axes="stability"), tmp_path / "db.nc"
+    )
+    assert not modules_after("db", "show", str(tmp_path / "db.nc"), *options) & {
+        "xarray",
+        "pandas",
+        "scipy",
+        "rich",
+        "pydantic",
+    }
 
 
 def test_a_look_at_a_record_imports_no_package_that_it_does_not_use(tmp_path):
-    (tmp_path / "flight.csv").write_text("time [s],alpha [rad],q [rad/s]\n0,0.1,0\n0.1,0.2,0.1\n0.2,0.1,0.2\n")
-    assert not modules_after("flight", "show", str(tmp_path / "flight.csv")) & {"scipy", "rich", "dask", "matplotlib"}
+    (tmp_path / "flight.csv").write_text(
+        "time [s],alpha [rad],q [rad/s]\n0,0.1,0\n0.1,0.2,0.1\n0.2,0.1,0.2\n"
+    )
+    assert not modules_after("flight", "show", str(tmp_path / "flight.csv")) & {
+        "scipy",
+        "rich",
+        "dask",
+        "matplotlib",
+    }
 
 
 def test_the_scheme_is_printed_without_pandas():
@@ -75,7 +111,14 @@ def test_a_missing_file_is_named_without_a_number(tmp_path):
     assert "Errno" not in done.stderr
 
 
-@pytest.mark.parametrize("command", [("db", "show", "none.nc"), ("match", "none.toml", "-o", "out"), ("datcom", "read", "none.out")])
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("db", "show", "none.nc"),
+        ("match", "none.toml", "-o", "out"),
+        ("datcom", "read", "none.out"),
+    ],
+)
 def test_failures_are_json_where_results_would_be(tmp_path, command):
     done = run(*command, "--json", cwd=tmp_path)
     assert done.returncode == 2
@@ -91,7 +134,9 @@ def test_one_thread_of_the_linear_algebra_unless_the_user_states_another(monkeyp
     if given is None:
         monkeypatch.delenv("OPENBLAS_NUM_THREADS")
     seen = []
-    monkeypatch.setattr(main_module, "cli", lambda **_: seen.append(os.environ["OPENBLAS_NUM_THREADS"]) or 0)
+    monkeypatch.setattr(
+        main_module, "cli", lambda **_: seen.append(os.environ["OPENBLAS_NUM_THREADS"]) or 0
+    )
     with pytest.raises(SystemExit):
         main_module.main()
     assert seen == [given or "1"]
@@ -122,7 +167,11 @@ def test_a_worker_that_joblib_replaces_is_no_message(capsys, monkeypatch):
     main_module = importlib.import_module("aeromatch.cli.command")
 
     def command(**_):
-        warnings.warn("A worker stopped while some jobs were given to the executor.", UserWarning, stacklevel=1)
+        warnings.warn(
+            "A worker stopped while some jobs were given to the executor.",
+            UserWarning,
+            stacklevel=1,
+        )
         warnings.warn("another matter", UserWarning, stacklevel=1)
 
     monkeypatch.setattr(main_module, "cli", command)
@@ -133,7 +182,9 @@ def test_a_worker_that_joblib_replaces_is_no_message(capsys, monkeypatch):
     assert "A worker stopped" not in printed
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="other systems state the processor without a program")
+@pytest.mark.skipif(
+    sys.platform != "linux", reason="other systems state the processor without a program"
+)
 def test_no_program_is_started_to_find_the_processor():
     code = "import sys; from aeromatch.cli import main; sys.argv = ['aeromatch', '--version']\ntry: main()\nexcept SystemExit: pass\n"
     code += "import h5py; sys.exit('subprocess' in sys.modules)"

@@ -14,10 +14,21 @@ def test_the_demo_writes_what_it_promises(demo):
     folder, run = demo
     assert run.returncode == 0, run.stderr
     names = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
-    models = {f"{name}{kind}" for name in ("datcom", "corrected", "final") for kind in (".nc", ".fmu", ".toml", "_engine1.nc")}
+    models = {
+        f"{name}{kind}"
+        for name in ("datcom", "corrected", "final")
+        for kind in (".nc", ".fmu", ".toml", "_engine1.nc")
+    }
     results = json.loads((folder / "report" / "results.json").read_text())["results"]
     assert len(results) == 19
-    report = {"report.html", "report.pdf", "results.json", "results.nc", "results.xml", "manifest.json"}
+    report = {
+        "report.html",
+        "report.pdf",
+        "results.json",
+        "results.nc",
+        "results.xml",
+        "manifest.json",
+    }
     report |= {f"csv/{item['case']['name']}.csv" for item in results}
     assert names == models | {"flown.nc"} | {f"report/{name}" for name in report}
     assert {item.state for item in pom.verify(folder / "report")} == {"same"}
@@ -29,32 +40,53 @@ def test_the_demo_writes_what_it_promises(demo):
 def test_flight_makes_the_model_better(demo):
     _, run = demo
     outcome = json.loads(run.stdout)
-    passes = {name: sum(case["status"][name] == "pass" for case in outcome["cases"]) for name in ("datcom", "corrected", "final")}
+    passes = {
+        name: sum(case["status"][name] == "pass" for case in outcome["cases"])
+        for name in ("datcom", "corrected", "final")
+    }
     assert passes["datcom"] < min(passes["corrected"], passes["final"])
-    assert all(case["status"]["corrected"] == "pass" for case in outcome["cases"] if case["status"]["final"] == "pass")
+    assert all(
+        case["status"]["corrected"] == "pass"
+        for case in outcome["cases"]
+        if case["status"]["final"] == "pass"
+    )
     assert len(outcome["corrected_terms"]) < 0.5 * outcome["differing"]  # found 31 of 99
     added = [name for names in outcome["joint_terms"].values() for name in names]
     assert set(added) < set(outcome["corrected_terms"])
-    assert sorted(name for names in outcome["corrected_submodels"].values() for name in names) == sorted(outcome["corrected_terms"])
+    assert sorted(
+        name for names in outcome["corrected_submodels"].values() for name in names
+    ) == sorted(outcome["corrected_terms"])
     assert {"aerodynamics", "engine"} <= set(outcome["corrected_submodels"])
     assert all(case["failure"] == "" for case in outcome["cases"])
 
 
 @pytest.mark.slow
 def test_the_final_model_flies_by_force(demo):
-    """What only the identified control loading can give: the column force of a turn, the motion after a pulse of force."""
+    """What only the identified control loading can give: the column force of a turn, the motion
+    after a pulse of force.
+    """
     folder, run = demo
     cases = {case["name"]: case["status"] for case in json.loads(run.stdout)["cases"]}
-    for name in ("stick_free_short_period", "wheel_force", "dutch_roll_pedals_free", "stick_force_per_g"):
+    for name in (
+        "stick_free_short_period",
+        "wheel_force",
+        "dutch_roll_pedals_free",
+        "stick_force_per_g",
+    ):
         assert cases[name]["final"] == "pass"
         assert cases[name]["datcom"] != "pass"
     terms = aerodb.terms(aerodb.open(folder / "final.nc"))
-    assert float(terms["Ch_e/alpha"]["value"]) < 0.0 < float(terms["Ch_r/beta"]["value"])  # the surfaces trail in the wind
+    assert (
+        float(terms["Ch_e/alpha"]["value"]) < 0.0 < float(terms["Ch_r/beta"]["value"])
+    )  # the surfaces trail in the wind
     assert float(terms["Ch_e/delta_t"]["stderr"]) > 0.0
     craft = flightmech.read_aircraft(folder / "final.toml")
     assert "identified from flight" in craft.history
     apriori = flightmech.read_aircraft(folder / "datcom.toml")
-    assert all(craft.circuits[name].friction != apriori.circuits[name].friction for name in ("column", "wheel", "pedal"))
+    assert all(
+        craft.circuits[name].friction != apriori.circuits[name].friction
+        for name in ("column", "wheel", "pedal")
+    )
 
 
 @pytest.mark.slow
@@ -64,7 +96,10 @@ def test_the_final_model_brakes_and_turns_on_the_runway(demo):
     assert cases["brake_stop"]["final"] == cases["taxi_turn"]["final"] == "pass"
     assert cases["brake_stop"]["datcom"] != "pass"
     assert cases["taxi_turn"]["datcom"] != "pass"
-    gear = {contact.name: contact for contact in flightmech.read_aircraft(folder / "final.toml").gear.contacts}
+    gear = {
+        contact.name: contact
+        for contact in flightmech.read_aircraft(folder / "final.toml").gear.contacts
+    }
     assert gear["left"].stiffness == gear["right"].stiffness > gear["nose"].stiffness > 0.0
     assert 0.0 < gear["left"].rolling < 0.05  # dry concrete: 0.01 to 0.03
     assert gear["left"].brake_friction > gear["nose"].brake_friction == 0.0

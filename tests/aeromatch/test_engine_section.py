@@ -1,4 +1,6 @@
-"""The engine of the T-37 identified inside the whole job, from a few cut records, in the place of its deck file."""
+"""The engine of the T-37 identified inside the whole job, from a few cut records, in the place of
+its deck file.
+"""
 
 from dataclasses import replace
 from pathlib import Path
@@ -16,7 +18,11 @@ from flighttest.submodels.engine.bench import fly_deck
 from flighttest.submodels.engine.records import engine_channels
 
 DATA = Path(__file__).parents[2] / "data" / "t37"
-RECORDS = ("t37_02_clean_cruise_5kft", "t37_05_clean_cruise_20kft", "t37_08_flaps_full_gear_down_3kft")
+RECORDS = (
+    "t37_02_clean_cruise_5kft",
+    "t37_05_clean_cruise_20kft",
+    "t37_08_flaps_full_gear_down_3kft",
+)
 SECTION = """
 [engine]
 engines = [1, 2]
@@ -42,13 +48,20 @@ window = [[108.0, 222.0]]
 @pytest.mark.filterwarnings("ignore:flaps. D.CM. comes from a loop")
 @pytest.mark.filterwarnings("ignore:incompatible fits")  # CD, as in the whole job
 def test_an_engine_identified_in_the_job_flies_as_the_deck_file(tmp_path):
-    """Power chop by the lever: the identified deck next to that of `aeromatch flight engine` from eighteen whole flights."""
+    """Power chop by the lever: the identified deck next to that of `aeromatch flight engine` from
+    eighteen whole flights.
+    """
     for place in DATA.iterdir():
         if place.name != "aeromatch.toml":
             (tmp_path / place.name).symlink_to(place)
-    (tmp_path / "aeromatch.toml").write_text((DATA / "aeromatch.toml").read_text(encoding="utf-8") + SECTION, encoding="utf-8")
+    (tmp_path / "aeromatch.toml").write_text(
+        (DATA / "aeromatch.toml").read_text(encoding="utf-8") + SECTION, encoding="utf-8"
+    )
     whole = read_project(tmp_path / "aeromatch.toml")
-    fits = [fit.model_copy(update={"records": tuple(r for r in fit.records if r in RECORDS)}) for fit in whole.fits]
+    fits = [
+        fit.model_copy(update={"records": tuple(r for r in fit.records if r in RECORDS)})
+        for fit in whole.fits
+    ]
     few = replace(
         whole,
         fits=tuple(fit for fit in fits if fit.records),

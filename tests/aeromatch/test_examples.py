@@ -12,12 +12,16 @@ from flightmech.errors import SchemaError
 
 
 def test_what_a_project_starts_from_is_copied(tmp_path):
-    done = CliRunner().invoke(example, ["c182", str(tmp_path / "new" / "c182"), "--inputs-only", "--json"])
+    done = CliRunner().invoke(
+        example, ["c182", str(tmp_path / "new" / "c182"), "--inputs-only", "--json"]
+    )
     assert done.exit_code == 0, done.output
     files = json.loads(done.output)["files"]
     assert {file.split("/")[0] for file in files} == {"README.md", "datcom", "flight"}
     for file in files:
-        assert (tmp_path / "new" / "c182" / file).read_bytes() == (example_folder("c182") / file).read_bytes()
+        assert (tmp_path / "new" / "c182" / file).read_bytes() == (
+            example_folder("c182") / file
+        ).read_bytes()
     assert list((tmp_path / "new").iterdir()) == [tmp_path / "new" / "c182"]
 
 

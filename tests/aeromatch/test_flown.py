@@ -18,22 +18,39 @@ def record():
     """Twenty seconds at 50 Hz: a doublet from 5 to 10 s, whose input begins after half a second."""
     time = np.arange(0.0, 20.0, 0.02)
     alpha = 0.06 + 0.03 * np.sin(2.0 * np.pi * (time - 5.5)) * (time > 5.5)
-    data = {"alpha": alpha, "mach": 0.3 + 0.0 * time, "h": 1500.0 + time, "mass": 2000.0 - time, "delta_f": 0.0 * time}
+    data = {
+        "alpha": alpha,
+        "mach": 0.3 + 0.0 * time,
+        "h": 1500.0 + time,
+        "mass": 2000.0 - time,
+        "delta_f": 0.0 * time,
+    }
     data["CL"] = 0.2 + 5.0 * alpha
     return xr.Dataset({name: ("time", values) for name, values in data.items()}, {"time": time})
 
 
 @pytest.fixture(scope="module")
 def tree(record):
-    fit = flighttest.regress(flighttest.Model.parse("CL = 1 + alpha"), [record.sel(time=slice(5.0, 9.99))], name="run_1: pitch")
-    table = pd.DataFrame({"manoeuvre": ["doublet"], "control": ["elevator"], "start": [5.0], "end": [10.0]})
+    fit = flighttest.regress(
+        flighttest.Model.parse("CL = 1 + alpha"),
+        [record.sel(time=slice(5.0, 9.99))],
+        name="run_1: pitch",
+    )
+    table = pd.DataFrame(
+        {"manoeuvre": ["doublet"], "control": ["elevator"], "start": [5.0], "end": [10.0]}
+    )
     rows = {"1": (0.8, 0.6, 0.02, -1.4, 0.1, -0.9)}
     coefficient = SimpleNamespace(
         form="k h^s",
         ground=("1",),
         not_identified={"qhat": "1.3 standard errors from zero, 3 are needed"},
         row=lambda term, common: SimpleNamespace(
-            _asdict=lambda: dict(zip(("term", "y_inf", "k", "k_stderr", "s", "s_stderr", "correlation"), (term, *rows[term])))
+            _asdict=lambda: dict(
+                zip(
+                    ("term", "y_inf", "k", "k_stderr", "s", "s_stderr", "correlation"),
+                    (term, *rows[term]),
+                )
+            )
         ),
     )
     found = SimpleNamespace(coefficients={"CL": coefficient})
@@ -44,11 +61,17 @@ def tree(record):
 
 def test_manoeuvres_begin_from_the_steady_condition_of_the_record(tree, record):
     rows = tree["manoeuvres"].to_dataset().to_dataframe()
-    assert list(rows["label"]) == ["doublet elevator", "window"]  # one that two fits take stands once
+    assert list(rows["label"]) == [
+        "doublet elevator",
+        "window",
+    ]  # one that two fits take stands once
     steady = record.sel(time=slice(5.0, 5.5))
     for name in ("alpha", "CL", "h", "mass"):
         np.testing.assert_allclose(rows[name].iloc[0], float(steady[name].mean()))
-    assert (rows["gear"].iloc[0], rows["h_agl"].iloc[0]) == (0.0, 1e4)  # not recorded: at rest, free air
+    assert (rows["gear"].iloc[0], rows["h_agl"].iloc[0]) == (
+        0.0,
+        1e4,
+    )  # not recorded: at rest, free air
 
 
 def test_samples_are_those_of_the_record_at_ten_hertz(tree, record):
@@ -73,5 +96,8 @@ def test_the_file_is_read_again(tree, tmp_path):
     tree.to_netcdf(tmp_path / "flown.nc", engine="h5netcdf")
     flown = aerodb.figures.read_flown(tmp_path / "flown.nc")
     assert flown.source == "T: what the databases were identified from"
-    assert flown.submodels["technique"].tolist() == ["type 1, batch least squares", "type 2, equation error"]
+    assert flown.submodels["technique"].tolist() == [
+        "type 1, batch least squares",
+        "type 2, equation error",
+    ]
     assert flown.manoeuvres["record"].tolist() == ["run_1", "run_1"]

@@ -1,4 +1,6 @@
-"""`aeromatch init`: names and units of columns, geometry of the cards, and a folder that the next verb reads."""
+"""`aeromatch init`: names and units of columns, geometry of the cards, and a folder that the next
+verb reads.
+"""
 
 import json
 import tomllib
@@ -58,7 +60,9 @@ def flown():
 @pytest.fixture(scope="module")
 def columns(flown):
     time = flown["time"].values
-    return {"Time_ms": np.round(1000.0 * time)} | {name: flown[own].values / one for name, (own, one) in COLUMNS.items()}
+    return {"Time_ms": np.round(1000.0 * time)} | {
+        name: flown[own].values / one for name, (own, one) in COLUMNS.items()
+    }
 
 
 @pytest.fixture(scope="module")
@@ -66,7 +70,9 @@ def recordings(columns, tmp_path_factory):
     """The record twice, as CSV files of a recorder with names and units of its own."""
     folder = tmp_path_factory.mktemp("recordings")
     for name in ("monday", "tuesday"):
-        pd.DataFrame({**columns, "Event": 0.0}).to_csv(folder / f"{name}.csv", index=False, float_format="%.7g")
+        pd.DataFrame({**columns, "Event": 0.0}).to_csv(
+            folder / f"{name}.csv", index=False, float_format="%.7g"
+        )
     return folder
 
 
@@ -99,22 +105,38 @@ def test_columns_without_a_quantity_are_left_out(column):
 
 def test_units_follow_from_the_size_of_the_values():
     time = np.linspace(0.0, 20.0, 200)
-    small = {"theta": 4.0 + np.sin(time), "delta_r": 0.1 * np.sin(time), "p": 8.0 * np.sin(time), "az_imu": 1.0 + 0.1 * np.sin(time)}
-    others = {"p_static": 900.0 + time, "temperature": 10.0 + 0.0 * time, "engine1.n1": 70.0 + time, "ax_imu": 0.05 * np.sin(time)}
+    small = {
+        "theta": 4.0 + np.sin(time),
+        "delta_r": 0.1 * np.sin(time),
+        "p": 8.0 * np.sin(time),
+        "az_imu": 1.0 + 0.1 * np.sin(time),
+    }
+    others = {
+        "p_static": 900.0 + time,
+        "temperature": 10.0 + 0.0 * time,
+        "engine1.n1": 70.0 + time,
+        "ax_imu": 0.05 * np.sin(time),
+    }
     found = {name: unit for name, (unit, _) in by_size({**small, **others}).items()}
     assert found == {
         "theta": "deg", "delta_r": "deg", "p": "deg/s", "az_imu": "g", "ax_imu": "g", "p_static": "hPa", "temperature": "degC",
         "engine1.n1": "%",
     }  # fmt: skip
-    radians = by_size({"theta": 0.07 + 0.02 * np.sin(time), "p": 0.1 * np.sin(time), "az_imu": -9.8 + 0.0 * time})
+    radians = by_size(
+        {"theta": 0.07 + 0.02 * np.sin(time), "p": 0.1 * np.sin(time), "az_imu": -9.8 + 0.0 * time}
+    )
     assert [unit for unit, _ in radians.values()] == ["rad", "rad/s", "m/s2"]
 
 
 def test_geometry_of_cards_and_of_a_deck_alone():
-    """T-37: 182 ft2, 5.47 ft, 33.83 ft, XCG 9.88 ft; the reference point is at 0.27 of the mean chord (flight/README.md)."""
+    """T-37: 182 ft2, 5.47 ft, 33.83 ft, XCG 9.88 ft; the reference point is at 0.27 of the mean
+    chord (flight/README.md).
+    """
     listing, deck = geometry_of([CLEAN], []), geometry_of([], [CLEAN.with_suffix(".inp")])
     for found in (listing, deck):
-        np.testing.assert_allclose([found.S, found.cbar, found.b], [182.0 * FOOT**2, 5.47 * FOOT, 33.83 * FOOT], rtol=1e-6)
+        np.testing.assert_allclose(
+            [found.S, found.cbar, found.b], [182.0 * FOOT**2, 5.47 * FOOT, 33.83 * FOOT], rtol=1e-6
+        )
         np.testing.assert_allclose(found.reference, [-9.88 * FOOT, 0.0, 0.0], rtol=1e-6, atol=1e-12)
         assert found.x_ref_mac == pytest.approx(0.27, abs=0.002)
     assert listing.places == {"clean": [str(CLEAN)]}
@@ -123,20 +145,35 @@ def test_geometry_of_cards_and_of_a_deck_alone():
 
 def test_without_optins_the_reference_is_that_of_the_planform(tmp_path):
     text = CLEAN.with_suffix(".inp").read_text()
-    (tmp_path / "wing.inp").write_text("\n".join(line for line in text.splitlines() if "OPTINS" not in line))
+    (tmp_path / "wing.inp").write_text(
+        "\n".join(line for line in text.splitlines() if "OPTINS" not in line)
+    )
     found = geometry_of([], [tmp_path / "wing.inp"])
     mean = 2.0 / 3.0 * (6.37 + 4.5 - 6.37 * 4.5 / (6.37 + 4.5))  # of a straight wing
-    np.testing.assert_allclose([found.S, found.cbar, found.b], [(6.37 + 4.5) * 16.915 * FOOT**2, mean * FOOT, 33.83 * FOOT], rtol=1e-5)
+    np.testing.assert_allclose(
+        [found.S, found.cbar, found.b],
+        [(6.37 + 4.5) * 16.915 * FOOT**2, mean * FOOT, 33.83 * FOOT],
+        rtol=1e-5,
+    )
 
 
 @pytest.mark.slow
 def test_recorded_channels_come_back_in_si(drafted, flown):
-    """Units by name and by size, the milliseconds of the clock, the load factor upwards and the reversed aileron."""
+    """Units by name and by size, the milliseconds of the clock, the load factor upwards and the
+    reversed aileron.
+    """
     folder, _ = drafted
-    record = flighttest.read(next(folder.parent.parent.glob("recordings*/monday.csv")), folder / "names.toml")
+    record = flighttest.read(
+        next(folder.parent.parent.glob("recordings*/monday.csv")), folder / "names.toml"
+    )
     for name, _ in COLUMNS.values():
         leaf = flighttest.records.record.locate(record, name)
-        np.testing.assert_allclose(record[leaf][name].values, flown[name].values, rtol=1e-5, atol=1e-5 * np.abs(flown[name].values).max())
+        np.testing.assert_allclose(
+            record[leaf][name].values,
+            flown[name].values,
+            rtol=1e-5,
+            atol=1e-5 * np.abs(flown[name].values).max(),
+        )
     np.testing.assert_allclose(record["imu"]["time"].values, flown["time"].values, atol=6e-4)
     assert "Event" in (folder / "names.toml").read_text()
 
@@ -150,10 +187,15 @@ def test_every_drafted_file_passes_the_checks_of_the_product(drafted):
     assert aircraft.mass == 2150.0
     assert len(aircraft.engines) == 2
     assert {fit.name.partition(",")[0] for fit in project.fits} == {"pitch", "roll and yaw"}
-    assert set(flighttest.records.read_manoeuvres(folder / "manoeuvres.csv")) == {"monday", "tuesday"}
+    assert set(flighttest.records.read_manoeuvres(folder / "manoeuvres.csv")) == {
+        "monday",
+        "tuesday",
+    }
     for file in project.cases:
         case = pom.read_case(file)
-        assert Path(case.record).stem == "tuesday"  # the last of each test proves, the others identify
+        assert (
+            Path(case.record).stem == "tuesday"
+        )  # the last of each test proves, the others identify
     assert {file.stem for file in project.cases} == {"short_period", "roll_response", "dutch_roll"}
     assert any("inertial unit" in text for text in done.remarks)
 
@@ -165,10 +207,16 @@ def test_what_a_case_replays_does_not_identify(drafted):
     marks = flighttest.records.read_manoeuvres(folder / "manoeuvres.csv")
     for fit in project.fits:
         for record in fit.records:
-            named = [row for row in marks[record].to_dict("records") if f"{row['manoeuvre']} {row['control']}" in fit.manoeuvres]
+            named = [
+                row
+                for row in marks[record].to_dict("records")
+                if f"{row['manoeuvre']} {row['control']}" in fit.manoeuvres
+            ]
             spans = [*fit.window, *((row["start"], row["end"]) for row in named)]
             for case in cases:
-                assert Path(case.record).stem != record or all(a >= case.window[1] or b <= case.window[0] for a, b in spans)
+                assert Path(case.record).stem != record or all(
+                    a >= case.window[1] or b <= case.window[0] for a, b in spans
+                )
 
 
 def test_nothing_is_overwritten_without_force(drafted, aeromatch):
@@ -193,7 +241,9 @@ def test_what_nobody_knows_is_marked_and_refused_with_a_sentence(tmp_path, aerom
     with pytest.raises(SchemaError, match="mass: not given yet; write a number in kg"):
         flightmech.read_aircraft(tmp_path / "new" / "aircraft.toml")
     project = tmp_path / "new" / "aeromatch.toml"
-    project.write_text(project.read_text() + '[[fit]]\nname="a"\nrecords=["a"]\nwindow=[0,1]\nmodels=["CL = 1"]\n')
+    project.write_text(
+        project.read_text() + '[[fit]]\nname="a"\nrecords=["a"]\nwindow=[0,1]\nmodels=["CL = 1"]\n'
+    )
     with pytest.raises(SchemaError, match="flights: '\\?' stands for files"):
         read_project(project)
 
@@ -210,7 +260,9 @@ def test_an_error_leaves_nothing_behind(tmp_path):
 @pytest.mark.slow
 def test_matlab_structure_with_names_of_its_own(columns, tmp_path):
     content = {name: values for name, values in columns.items() if name != "Time_ms"}
-    scipy.io.savemat(tmp_path / "flight.mat", {"rec": {"time": columns["Time_ms"] / 1000.0, **content}})
+    scipy.io.savemat(
+        tmp_path / "flight.mat", {"rec": {"time": columns["Time_ms"] / 1000.0, **content}}
+    )
     rows = {row.name: row.channel for row in draft_names([tmp_path / "flight.mat"]).rows}
     assert {name for name, _ in COLUMNS.values()} == set(rows)
     assert rows["az_imu"].sign == -1
@@ -218,9 +270,15 @@ def test_matlab_structure_with_names_of_its_own(columns, tmp_path):
 
 
 def test_a_canonical_record_needs_no_map(flown, tmp_path):
-    canonical = pd.DataFrame({"time": flown["time"].values} | {name: flown[name].values for name in ("p", "q", "r", "theta")})
+    canonical = pd.DataFrame(
+        {"time": flown["time"].values}
+        | {name: flown[name].values for name in ("p", "q", "r", "theta")}
+    )
     file = tmp_path / "canonical.csv"
-    file.write_text("time,p [rad/s],q [rad/s],r [rad/s],theta [rad]\n" + canonical.to_csv(index=False, header=False))
+    file.write_text(
+        "time,p [rad/s],q [rad/s],r [rad/s],theta [rad]\n"
+        + canonical.to_csv(index=False, header=False)
+    )
     draft = draft_names([file])
     assert draft.identity
     assert draft.mapping() is None
@@ -239,11 +297,20 @@ def test_folders_inside_are_looked_into_and_cases_have_names_of_their_own(tmp_pa
     """The light-aircraft example: listings and recordings in a folder each, two cases of one test."""
     copy_example("c182", tmp_path / "new", inputs_only=True)
     flight = tmp_path / "new" / "flight"
-    for name in ("cruise", "fast", "check_roll", "check_power", "check_dutch_roll", "check_phugoid"):
+    for name in (
+        "cruise",
+        "fast",
+        "check_roll",
+        "check_power",
+        "check_dutch_roll",
+        "check_phugoid",
+    ):
         (flight / f"{name}.csv").unlink()
     (flight / "again.csv").write_bytes((flight / "check_short_period.csv").read_bytes())
     done = draft_project(tmp_path / "new", known=MASS, prove=["check_short_period", "again"])
-    assert [row[0] for row in done.roles] == sorted(file.name for file in (tmp_path / "new" / "datcom").glob("*.out"))
+    assert [row[0] for row in done.roles] == sorted(
+        file.name for file in (tmp_path / "new" / "datcom").glob("*.out")
+    )
     assert set(done.records) == {"slow", "check_short_period", "again"}
     cases = [pom.read_case(file) for file in (tmp_path / "new" / "cases").glob("*.toml")]
     assert sorted(case.name for case in cases) == ["short_period_1", "short_period_2"]
@@ -252,8 +319,10 @@ def test_folders_inside_are_looked_into_and_cases_have_names_of_their_own(tmp_pa
     assert 'mass = "Gross Wt"' in mapped
 
 
-# What the flights were flown for, by the marks of the records.  Without marks: the roll into the bank of the spiral is a roll response
-# as well; the deceleration before the slam is a power change too; runs on the ground (25, 71, 72), the turns (56) and the release of the
+# What the flights were flown for, by the marks of the records.  Without marks: the roll into the
+# bank of the spiral is a roll response
+# as well; the deceleration before the slam is a power change too; runs on the ground (25, 71, 72),
+# the turns (56) and the release of the
 # pedals (55, a pulse of the rudder to who sees the surface alone) are not recognised.
 _PROOFS = {
     "21_val_short_period_full_flaps_gear_down": "2.c.10",
@@ -273,30 +342,49 @@ _PROOFS = {
 @pytest.mark.parametrize("name", _PROOFS)
 def test_records_of_the_t37_are_drafted_as_what_they_were_flown_for(name):
     record = flighttest.read(T37 / "flight" / f"t37_{name}.nc", T37 / "names.toml")
-    marked = held_for_proof({"a": named_by_response(record, flighttest.manoeuvres(record))}, ["a"], ["a"])
+    marked = held_for_proof(
+        {"a": named_by_response(record, flighttest.manoeuvres(record))}, ["a"], ["a"]
+    )
     found = held_for_proof({"a": find_manoeuvres(record)}, ["a"], ["a"])
     assert " ".join(case.test for case in found) == _PROOFS[name]
     assert {case.test for case in marked} == {_PROOFS[name].split()[-1]}
 
 
 def test_an_engine_is_judged_where_its_speed_is_recorded():
-    chop = pd.DataFrame([("throttle_chop", "throttle", 10.0, 15.0)], columns=["manoeuvre", "control", "start", "end"])
+    chop = pd.DataFrame(
+        [("throttle_chop", "throttle", 10.0, 15.0)],
+        columns=["manoeuvre", "control", "start", "end"],
+    )
     assert [case.test for case in held_for_proof({"a": chop}, ["a"], ["a"])] == ["1.f.2"]
     assert held_for_proof({"a": chop}, ["a"], []) == []
 
 
 @pytest.mark.slow
 def test_a_corrected_map_is_used_and_what_was_not_recognised_is_named(columns, tmp_path):
-    """A column E1, which no name explains, is named; with the author's map its manoeuvres are drafted."""
+    """A column E1, which no name explains, is named; with the author's map its manoeuvres are
+    drafted.
+    """
     renamed = {("E1" if name == "Elev_deg" else name): values for name, values in columns.items()}
-    pd.DataFrame({**renamed, "Event": 0.0}).to_csv(tmp_path / "monday.csv", index=False, float_format="%.7g")
+    pd.DataFrame({**renamed, "Event": 0.0}).to_csv(
+        tmp_path / "monday.csv", index=False, float_format="%.7g"
+    )
     first = draft_project(tmp_path / "one", [CLEAN], [tmp_path / "monday.csv"], MASS)
     assert any(text.startswith("columns without a quantity: E1, Event") for text in first.remarks)
-    assert any(text.startswith("no elevator (delta_e)") and "no pitch manoeuvre" in text for text in first.remarks)
+    assert any(
+        text.startswith("no elevator (delta_e)") and "no pitch manoeuvre" in text
+        for text in first.remarks
+    )
     text = (tmp_path / "one" / "names.toml").read_text()
-    (tmp_path / "mine.toml").write_text(text.replace("[vanes]", '[surfaces]\ndelta_e = { column = "E1", unit = "deg" }\n[vanes]'))
-    again = draft_project(tmp_path / "two", [CLEAN], [tmp_path / "monday.csv"], MASS, own_map=tmp_path / "mine.toml")
+    (tmp_path / "mine.toml").write_text(
+        text.replace("[vanes]", '[surfaces]\ndelta_e = { column = "E1", unit = "deg" }\n[vanes]')
+    )
+    again = draft_project(
+        tmp_path / "two", [CLEAN], [tmp_path / "monday.csv"], MASS, own_map=tmp_path / "mine.toml"
+    )
     assert any("elevator" in flown for flown in again.records["monday"]["manoeuvres"])
     assert not any("E1" in text for text in again.remarks)
     assert not (tmp_path / "two" / "names.toml").exists()
-    assert read_project(tmp_path / "two" / "aeromatch.toml").names.resolve() == (tmp_path / "mine.toml").resolve()
+    assert (
+        read_project(tmp_path / "two" / "aeromatch.toml").names.resolve()
+        == (tmp_path / "mine.toml").resolve()
+    )

@@ -33,7 +33,14 @@ models = ["CL = 1 + alpha"]
 def write(tmp_path):
     """Write a project file next to the files it names."""
     (tmp_path / "flight").mkdir()
-    for name in ("aircraft.toml", "names.toml", "case.toml", "clean.out", "flight/run_1.nc", "flight/run_2.nc"):
+    for name in (
+        "aircraft.toml",
+        "names.toml",
+        "case.toml",
+        "clean.out",
+        "flight/run_1.nc",
+        "flight/run_2.nc",
+    ):
         (tmp_path / name).touch()
 
     def write(*changes):
@@ -55,14 +62,24 @@ def problems(path):
 
 def test_terms_without_a_place_stop_unless_the_project_allows_them(write):
     assert read_project(write()).unplaced == "raise"
-    assert read_project(write(('cutoff = "4 Hz"', 'cutoff = "4 Hz"\nunplaced = "warn"'))).unplaced == "warn"
+    assert (
+        read_project(write(('cutoff = "4 Hz"', 'cutoff = "4 Hz"\nunplaced = "warn"'))).unplaced
+        == "warn"
+    )
     (text,) = problems(write(('cutoff = "4 Hz"', 'unplaced = "ignore"')))
     assert "unplaced" in text
 
 
 def test_a_role_may_have_several_listings(write, tmp_path):
-    project = read_project(write(('clean = "clean.out"', 'clean = "clean.out"\nelevator = ["clean.out", "names.toml"]')))
-    assert project.listings["elevator"] == (Place(tmp_path / "clean.out"), Place(tmp_path / "names.toml"))
+    project = read_project(
+        write(
+            ('clean = "clean.out"', 'clean = "clean.out"\nelevator = ["clean.out", "names.toml"]')
+        )
+    )
+    assert project.listings["elevator"] == (
+        Place(tmp_path / "clean.out"),
+        Place(tmp_path / "names.toml"),
+    )
 
 
 def test_what_is_stated_about_the_listings_is_no_role(write):
@@ -93,11 +110,15 @@ def test_a_project_is_read(write, tmp_path):
 
 @pytest.mark.parametrize("cutoff", ["0 Hz", "-4 Hz"])
 def test_a_low_pass_needs_a_frequency(write, cutoff):
-    assert problems(write(("4 Hz", cutoff)))[0].startswith("cutoff: a low-pass needs a frequency of more than 0 Hz; leave the key out")
+    assert problems(write(("4 Hz", cutoff)))[0].startswith(
+        "cutoff: a low-pass needs a frequency of more than 0 Hz; leave the key out"
+    )
 
 
 def test_all_misspelt_keys_are_reported_at_once(write):
-    found = problems(write(("cutoff", "cutof"), ("regressors", "regresors"), ("manoeuvres", "maneuvers")))
+    found = problems(
+        write(("cutoff", "cutof"), ("regressors", "regresors"), ("manoeuvres", "maneuvers"))
+    )
     assert "cutof: unknown key; near it: cutoff" in found
     assert any("regresors: unknown key; near it: regressors" in text for text in found)
     assert any(text.startswith("fit.0.maneuvers: unknown key") for text in found)
@@ -105,7 +126,9 @@ def test_all_misspelt_keys_are_reported_at_once(write):
 
 
 def test_cases_may_be_given_by_absolute_paths(write, tmp_path):
-    assert read_project(write(('["case.toml"]', f'["{tmp_path}/case.*"]'))).cases == (tmp_path / "case.toml",)
+    assert read_project(write(('["case.toml"]', f'["{tmp_path}/case.*"]'))).cases == (
+        tmp_path / "case.toml",
+    )
 
 
 @pytest.mark.parametrize("name", [".", "cases"])
@@ -142,7 +165,10 @@ def test_all_that_is_not_there_is_reported_at_once(write):
 
 
 def test_no_flights_at_all(write):
-    assert any(text.startswith("flights: no file matches 'flight/*.csv'") for text in problems(write(("flight/*.nc", "flight/*.csv"))))
+    assert any(
+        text.startswith("flights: no file matches 'flight/*.csv'")
+        for text in problems(write(("flight/*.nc", "flight/*.csv")))
+    )
 
 
 def test_a_unit_of_another_quantity(write):
@@ -156,7 +182,12 @@ def test_not_toml(write):
 
 
 def test_a_new_term_is_zero_with_its_standard_error():
-    term = NewTerm(axes={"beta": ("-10 deg", 0.0, "10 deg")}, regressors=("gear",), stderr=(0.3, 0.0, 0.3), comment="guess")
+    term = NewTerm(
+        axes={"beta": ("-10 deg", 0.0, "10 deg")},
+        regressors=("gear",),
+        stderr=(0.3, 0.0, 0.3),
+        comment="guess",
+    )
     leaf = term.leaf()
     assert (leaf["value"] == 0.0).all()
     assert leaf["beta"].values == pytest.approx([-10.0 * DEGREE, 0.0, 10.0 * DEGREE])
@@ -177,7 +208,10 @@ def test_models_from_elsewhere_come_with_their_tables_of_names(write, tmp_path):
     assert project.tables == {"simulator": tmp_path / "names.toml"}
     wrong = '[models]\nfinal = { fmu = "gone.fmu" }\n\n[listings]'
     found = problems(write(("[listings]", wrong)))
-    assert found[0] == "models.final: the name is taken; call it otherwise than flight, datcom, corrected, final"
+    assert (
+        found[0]
+        == "models.final: the name is taken; call it otherwise than flight, datcom, corrected, final"
+    )
     assert found[1].startswith("models.final.fmu: no file 'gone.fmu' in ")
 
 
@@ -225,21 +259,45 @@ def test_a_project_without_submodels_has_none(write):
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ('records = ["run_1"] }]', 'records = ["run_3"] }]', "ground_effect.flown.records: unknown record 'run_3'; near it: run_2, run_1"),
+        (
+            'records = ["run_1"] }]',
+            'records = ["run_3"] }]',
+            "ground_effect.flown.records: unknown record 'run_3'; near it: run_2, run_1",
+        ),
         ("engines = [1, 2]", "engine = [1, 2]", "engine.engine: unknown key; near it: engines"),
         ("[controls.column]", "[controls.colum]", "controls.colum: unknown key; near it: column"),
-        ("Ch_e = 1", "Ch_r = 1", "controls.column.model: unknown hinge-moment coefficient 'Ch_r'; near it: Ch_e"),
-        ("Ch_e = 1 + alpha", "Ch_e = 1 + alfa", "controls.column.model: unknown quantity 'alfa'; near it: alpha"),
+        (
+            "Ch_e = 1",
+            "Ch_r = 1",
+            "controls.column.model: unknown hinge-moment coefficient 'Ch_r'; near it: Ch_e",
+        ),
+        (
+            "Ch_e = 1 + alpha",
+            "Ch_e = 1 + alfa",
+            "controls.column.model: unknown quantity 'alfa'; near it: alpha",
+        ),
         (
             "driven =",
             'constants = ["frictoin"]\ndriven =',
             "controls.column.constants: unknown term of the force 'frictoin'; near it: friction",
         ),
         ('"10 deg", ', "", "engine.pla.1: missing; give it"),
-        ("engines =", 'climbs = "climbs.csv"\nengines =', "engine.polar: missing; climbs need CD0 and K of the drag polar"),
+        (
+            "engines =",
+            'climbs = "climbs.csv"\nengines =',
+            "engine.polar: missing; climbs need CD0 and K of the drag polar",
+        ),
         ("lift = 0.2", "lfit = 0.2", "gear.errors: unknown source of error 'lfit'; near it: lift"),
-        ("lift = 0.2", "lift = -0.2", "gear.errors.lift: input should be greater than or equal to 0"),
-        ('models = ["CL = 1 + alpha"]', 'models = ["CL = 1 + alfa"]', "ground_effect.models: unknown quantity 'alfa'; near it: alpha"),
+        (
+            "lift = 0.2",
+            "lift = -0.2",
+            "gear.errors.lift: input should be greater than or equal to 0",
+        ),
+        (
+            'models = ["CL = 1 + alpha"]',
+            'models = ["CL = 1 + alfa"]',
+            "ground_effect.models: unknown quantity 'alfa'; near it: alpha",
+        ),
     ],
 )
 def test_faulty_submodels(write, old, new, words):

@@ -1,4 +1,6 @@
-"""JSON schemas of the files of a project: they know the keys that the readers accept, no more and no fewer, and explain each."""
+"""JSON schemas of the files of a project: they know the keys that the readers accept, no more and
+no fewer, and explain each.
+"""
 
 import json
 import runpy
@@ -29,8 +31,15 @@ ROOT = Path(__file__).parents[2]
 DATA = ROOT / "data"
 SHIPPED = {
     "project": sorted(DATA.glob("*/aeromatch.toml")),
-    "aircraft": [*sorted(DATA.glob("*/aircraft.toml")), DATA / "t37" / "apriori.toml", ROOT / "tests" / "real" / "maps" / "ce500.toml"],
-    "names": [*sorted(DATA.glob("*/names*.toml")), *sorted((ROOT / "flighttest" / "readers" / "maps").glob("*.toml"))],
+    "aircraft": [
+        *sorted(DATA.glob("*/aircraft.toml")),
+        DATA / "t37" / "apriori.toml",
+        ROOT / "tests" / "real" / "maps" / "ce500.toml",
+    ],
+    "names": [
+        *sorted(DATA.glob("*/names*.toml")),
+        *sorted((ROOT / "flighttest" / "readers" / "maps").glob("*.toml")),
+    ],
     "case": sorted(DATA.rglob("cases/**/*.toml")),
     "engine": [DATA / "t37" / "engine.toml"],
 }
@@ -42,7 +51,13 @@ def _aircraft(path: Path) -> None:
     instruments(flightmech.read_aircraft(path).instruments)
 
 
-READERS = {"project": read_project, "aircraft": _aircraft, "names": read_names, "case": read_case, "engine": read_structure}
+READERS = {
+    "project": read_project,
+    "aircraft": _aircraft,
+    "names": read_names,
+    "case": read_case,
+    "engine": read_structure,
+}
 
 
 def plain(file: Path) -> Any:
@@ -54,7 +69,9 @@ def schemas() -> dict[str, Any]:
     return {kind: make() for kind, make in SCHEMAS.items()}
 
 
-@pytest.mark.parametrize(("kind", "file"), FILES, ids=[str(file.relative_to(ROOT)) for _, file in FILES])
+@pytest.mark.parametrize(
+    ("kind", "file"), FILES, ids=[str(file.relative_to(ROOT)) for _, file in FILES]
+)
 def test_shipped_files_fit_the_schema(schemas, kind, file):
     jsonschema.Draft202012Validator(schemas[kind]).validate(plain(file))
 
@@ -77,7 +94,9 @@ def test_examples_of_keys_fit_them(schemas):
             for key, part in table["properties"].items():
                 for example in part.get("examples", ()):
                     if place[-1:] != ("show",):
-                        jsonschema.Draft202012Validator({**part, "$defs": schema.get("$defs", {})}).validate(example)
+                        jsonschema.Draft202012Validator(
+                            {**part, "$defs": schema.get("$defs", {})}
+                        ).validate(example)
                     if UNIT in part:
                         assert np.isfinite(quantity(example, part[UNIT]))
                 assert part.get("default", 0) is not None, (kind, place, key)
@@ -86,19 +105,28 @@ def test_examples_of_keys_fit_them(schemas):
 def resolved(schema: dict[str, Any], part: dict[str, Any]) -> dict[str, Any]:
     """Return a part of a schema with what it refers to."""
     while "$ref" in part:
-        part = {**schema["$defs"][part["$ref"].rpartition("/")[2]], **{key: item for key, item in part.items() if key != "$ref"}}
+        part = {
+            **schema["$defs"][part["$ref"].rpartition("/")[2]],
+            **{key: item for key, item in part.items() if key != "$ref"},
+        }
     return part
 
 
 def tables(schema: dict[str, Any]) -> Iterator[tuple[tuple[str, ...], dict[str, Any]]]:
-    """Yield every table with declared keys, and the place at which it stands; ``*`` is a free name, ``[]`` an item of an array."""
+    """Yield every table with declared keys, and the place at which it stands; ``*`` is a free name,
+    ``[]`` an item of an array.
+    """
     waiting = [((), schema)]
     while waiting:
         place, part = waiting.pop()
         part = resolved(schema, part)
         if "properties" in part:
             yield place, part
-            waiting += [((*place, key), inner) for key, inner in part["properties"].items() if key not in ("properties",)]
+            waiting += [
+                ((*place, key), inner)
+                for key, inner in part["properties"].items()
+                if key not in ("properties",)
+            ]
         if isinstance(part.get("additionalProperties"), dict):
             free = part.get("propertyNames", {}).get("enum", ["*"])[0]
             waiting.append(((*place, free), part["additionalProperties"]))
@@ -121,16 +149,31 @@ def nested(place: tuple[str, ...], item: Any) -> Any:
 
 def toml(item: Any) -> str:
     if isinstance(item, dict):
-        return "{" + ", ".join(f"{json.dumps(key)} = {toml(value)}" for key, value in item.items()) + "}"
+        return (
+            "{"
+            + ", ".join(f"{json.dumps(key)} = {toml(value)}" for key, value in item.items())
+            + "}"
+        )
     return "[" + ", ".join(map(toml, item)) + "]" if isinstance(item, list) else json.dumps(item)
 
 
 def problems(kind: str, path: Path, item: dict[str, Any]) -> str:
     """Return what the reader of a kind finds wrong."""
-    if kind in ("project", "case", "aircraft"):  # a file with one key of these is taken for one of another kind
-        base = {"project": SHIPPED["project"][0], "case": SHIPPED["case"][0], "aircraft": SHIPPED["aircraft"][0]}[kind]
+    if kind in (
+        "project",
+        "case",
+        "aircraft",
+    ):  # a file with one key of these is taken for one of another kind
+        base = {
+            "project": SHIPPED["project"][0],
+            "case": SHIPPED["case"][0],
+            "aircraft": SHIPPED["aircraft"][0],
+        }[kind]
         item = {**{key: value for key, value in plain(base).items() if key not in item}, **item}
-    path.write_text("".join(f"{json.dumps(key)} = {toml(value)}\n" for key, value in item.items()), encoding="utf-8")
+    path.write_text(
+        "".join(f"{json.dumps(key)} = {toml(value)}\n" for key, value in item.items()),
+        encoding="utf-8",
+    )
     try:
         READERS[kind](path)
     except SchemaError as error:
@@ -143,7 +186,9 @@ def problems(kind: str, path: Path, item: dict[str, Any]) -> str:
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", SCHEMAS)
 def test_the_reader_knows_every_key_of_the_schema_and_no_other(schemas, kind, tmp_path):
-    """An unknown key is refused by both at every place, a key of the schema is unknown to the reader nowhere."""
+    """An unknown key is refused by both at every place, a key of the schema is unknown to the
+    reader nowhere.
+    """
     path = tmp_path / "file.toml"
     validator = jsonschema.Draft202012Validator(schemas[kind])
     for place, table in tables(schemas[kind]):
@@ -153,9 +198,16 @@ def test_the_reader_knows_every_key_of_the_schema_and_no_other(schemas, kind, tm
             wrong = content(place, "zz_unknown")
             found = problems(kind, path, wrong)
             assert "zz_unknown" in found, (place, found)
-            assert any("zz_unknown" in error.message or error.context for error in validator.iter_errors(wrong)), place
+            assert any(
+                "zz_unknown" in error.message or error.context
+                for error in validator.iter_errors(wrong)
+            ), place
         if table["properties"].keys() >= VOCABULARY.keys():  # canonical names: all of them at once
-            assert "unknown" not in problems(kind, path, nested(place, dict.fromkeys(VOCABULARY, "1" if place == ("constants",) else "x")))
+            assert "unknown" not in problems(
+                kind,
+                path,
+                nested(place, dict.fromkeys(VOCABULARY, "1" if place == ("constants",) else "x")),
+            )
             continue
         for key in table["properties"]:
             found = problems(kind, path, content(place, key))
@@ -169,7 +221,11 @@ def test_the_reader_knows_the_keys_of_words_and_no_others(schemas, tmp_path):
     for kind in ("arinc429", "mil1553", "pcm", "analog"):
         table = schemas["names"]["$defs"][f"decode_{kind}"]
         for key in (*table["properties"], "zz_unknown"):
-            found = problems("names", path, {"decode": {"one": {"kind": kind, key: "x"} if key != "kind" else {"kind": kind}}})
+            found = problems(
+                "names",
+                path,
+                {"decode": {"one": {"kind": kind, key: "x"} if key != "kind" else {"kind": kind}}},
+            )
             assert (f"{key}: unknown key" in found) == (key == "zz_unknown"), (kind, key, found)
 
 
@@ -177,17 +233,26 @@ def test_the_page_of_keys_is_current_and_has_an_example_of_every_key():
     program = runpy.run_path(str(ROOT / "docs" / "make_project_keys.py"))
     text = (ROOT / "docs" / "project-keys.md").read_text(encoding="utf-8")
     assert text == program["page"](), "run: python docs/make_project_keys.py"
-    assert [line for line in text.splitlines() if line.startswith("| `") and line.endswith("| - |")] == []
+    assert [
+        line for line in text.splitlines() if line.startswith("| `") and line.endswith("| - |")
+    ] == []
 
 
 @pytest.mark.parametrize("kind", SCHEMAS)
 def test_the_verb_writes_one_schema_or_all(schemas, kind, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert CliRunner().invoke(cli, ["schema", kind]).output == f"written: {kind}.schema.json\n"
-    assert json.loads((tmp_path / f"{kind}.schema.json").read_text(encoding="utf-8")) == schemas[kind]
+    assert (
+        json.loads((tmp_path / f"{kind}.schema.json").read_text(encoding="utf-8")) == schemas[kind]
+    )
 
 
 def test_the_verb_writes_all_schemas_into_a_folder(schemas, tmp_path):
     done = CliRunner().invoke(cli, ["schema", "-o", str(tmp_path / "new"), "--json"])
-    assert json.loads(done.output) == {"files": [str(tmp_path / "new" / f"{kind}.schema.json") for kind in SCHEMAS]}
-    assert {kind: json.loads((tmp_path / "new" / f"{kind}.schema.json").read_text(encoding="utf-8")) for kind in SCHEMAS} == schemas
+    assert json.loads(done.output) == {
+        "files": [str(tmp_path / "new" / f"{kind}.schema.json") for kind in SCHEMAS]
+    }
+    assert {
+        kind: json.loads((tmp_path / "new" / f"{kind}.schema.json").read_text(encoding="utf-8"))
+        for kind in SCHEMAS
+    } == schemas

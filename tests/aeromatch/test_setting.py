@@ -19,7 +19,15 @@ T37 = Path(__file__).parents[2] / "data" / "t37"
 
 @pytest.fixture
 def project(tmp_path):
-    for name in ("aeromatch.toml", "aircraft.toml", "apriori.toml", "engine.nc", "engine.toml", "names.toml", "names_cockpit.toml"):
+    for name in (
+        "aeromatch.toml",
+        "aircraft.toml",
+        "apriori.toml",
+        "engine.nc",
+        "engine.toml",
+        "names.toml",
+        "names_cockpit.toml",
+    ):
         shutil.copy(T37 / name, tmp_path)
     for name in ("datcom", "flight", "cases"):
         (tmp_path / name).symlink_to(T37 / name)
@@ -27,7 +35,9 @@ def project(tmp_path):
 
 
 def difference(before: str, after: str) -> list[str]:
-    return [line for line in difflib.ndiff(before.splitlines(), after.splitlines()) if line[0] in "+-"]
+    return [
+        line for line in difflib.ndiff(before.splitlines(), after.splitlines()) if line[0] in "+-"
+    ]
 
 
 def test_a_value_changes_and_all_else_stays(project):
@@ -47,7 +57,11 @@ def test_a_value_changes_and_all_else_stays(project):
 def test_an_entry_is_appended_and_removed(project):
     before, fits = project.read_text(), read_project(project).fits
     record = fits[0].records[0]
-    set_key(project, "fit.+", f'{{name = "drag", records = ["{record}"], manoeuvres = ["doublet elevator"], models = ["CD = 1 + alpha"]}}')
+    set_key(
+        project,
+        "fit.+",
+        f'{{name = "drag", records = ["{record}"], manoeuvres = ["doublet elevator"], models = ["CD = 1 + alpha"]}}',
+    )
     assert [fit.name for fit in read_project(project).fits] == [*(fit.name for fit in fits), "drag"]
     set_key(project, f"fit.{len(fits)}", None)
     assert read_project(project).fits == fits
@@ -59,8 +73,14 @@ def test_the_first_entry_of_a_list(project):
     record = read_project(project).fits[0].records[0]
     text = project.read_text()
     project.write_text(text[: text.index("[[fit]]")])
-    set_key(project, "fit.+", f'{{name = "drag", records = ["{record}"], window = [1.0, 9.0], models = ["CD = 1 + alpha"]}}')
-    assert [(fit.name, fit.window) for fit in read_project(project).fits] == [("drag", ((1.0, 9.0),))]
+    set_key(
+        project,
+        "fit.+",
+        f'{{name = "drag", records = ["{record}"], window = [1.0, 9.0], models = ["CD = 1 + alpha"]}}',
+    )
+    assert [(fit.name, fit.window) for fit in read_project(project).fits] == [
+        ("drag", ((1.0, 9.0),))
+    ]
 
 
 @pytest.mark.parametrize(
@@ -116,8 +136,18 @@ alpha_vane = "alpha"
 @pytest.mark.parametrize(
     ("key", "value", "before", "after"),
     [
-        ("controls.engine1.throttle", "lever", 'engine1.throttle = "left"', 'engine1.throttle = "lever"'),
-        ('controls."engine1.throttle"', "lever", 'engine1.throttle = "left"', 'engine1.throttle = "lever"'),
+        (
+            "controls.engine1.throttle",
+            "lever",
+            'engine1.throttle = "left"',
+            'engine1.throttle = "lever"',
+        ),
+        (
+            'controls."engine1.throttle"',
+            "lever",
+            'engine1.throttle = "left"',
+            'engine1.throttle = "lever"',
+        ),
         (
             "controls.engine1.throttle",
             '{ column = "lever", scale = 0.01 }',
@@ -125,9 +155,19 @@ alpha_vane = "alpha"
             'engine1.throttle = { column = "lever", scale = 0.01 }',
         ),
         ("controls.engine2.throttle", "lever", 'throttle = "right"', 'throttle = "lever"'),
-        ('controls."engine2.throttle"', '{ column = "lever" }', 'throttle = "right"', 'throttle = { column = "lever" }'),
+        (
+            'controls."engine2.throttle"',
+            '{ column = "lever" }',
+            'throttle = "right"',
+            'throttle = { column = "lever" }',
+        ),
         ("controls.engine1.thrust", '{ column = "lbf" }', '= "thrust"', '= { column = "lbf" }'),
-        ("controls.delta_e", '{ column = "elevator", sign = -1 }', '= "elevator"', '= { column = "elevator", sign = -1 }'),
+        (
+            "controls.delta_e",
+            '{ column = "elevator", sign = -1 }',
+            '= "elevator"',
+            '= { column = "elevator", sign = -1 }',
+        ),
         ("controls.delta_f.column", "flaps", '"flap"', '"flaps"'),
         ("controls.speedbrake", '{ column = "panel" }', 'column = "brake"', 'column = "panel"'),
         ('controls."engine1.throttle"', None, 'engine1.throttle = "left"  # of the pedestal\n', ""),
@@ -136,7 +176,9 @@ alpha_vane = "alpha"
     ],
 )
 def test_a_name_with_a_dot_and_a_table_in_a_table(tmp_path, key, value, before, after):
-    """However the file writes it, the entry is changed where it stands, and the lines around it stay."""
+    """However the file writes it, the entry is changed where it stands, and the lines around it
+    stay.
+    """
     (tmp_path / "names.toml").write_text(ENGINES)
     assert ENGINES.count(before) == 1
     set_key(tmp_path / "names.toml", key, value)
@@ -145,7 +187,11 @@ def test_a_name_with_a_dot_and_a_table_in_a_table(tmp_path, key, value, before, 
 
 def test_a_name_with_a_dot_that_is_not_there_yet(tmp_path):
     (file := tmp_path / "names.toml").write_text(ENGINES)
-    for key, value in (("controls.engine2.thrust", "right"), ('controls."engine3.throttle"', "middle"), ("vanes.beta_vane", "b")):
+    for key, value in (
+        ("controls.engine2.thrust", "right"),
+        ('controls."engine3.throttle"', "middle"),
+        ("vanes.beta_vane", "b"),
+    ):
         set_key(file, key, value)
     leaves = read_names(file).leaves
     assert leaves["controls"]["engine2.thrust"].column == "right"
@@ -171,17 +217,33 @@ def test_a_trial_is_a_marked_copy_and_the_case_stays(project, tmp_path):
     case = T37 / "cases" / "22_roll_response.toml"
     before = case.read_bytes()
     (folder := tmp_path / "deep" / "trials").mkdir(parents=True)
-    words = [str(case), "drive.trim", "false", "--also", "tolerance.roll_rate", "4 deg/s", "--trial", str(folder / "wide.toml")]
+    words = [
+        str(case),
+        "drive.trim",
+        "false",
+        "--also",
+        "tolerance.roll_rate",
+        "4 deg/s",
+        "--trial",
+        str(folder / "wide.toml"),
+    ]
     done = CliRunner().invoke(set_verb, words, catch_exceptions=False)
     assert done.exit_code == 0, done.output
     assert case.read_bytes() == before
     own, trial = pom.read_case(case), pom.read_case(folder / "wide.toml")
     assert trial.title == f"{TRIAL}: Roll response, clean"
-    assert trial.notes == f"{TRIAL}: a copy of 22_roll_response.toml with drive.trim = false, tolerance.roll_rate = 4 deg/s."
+    assert (
+        trial.notes
+        == f"{TRIAL}: a copy of 22_roll_response.toml with drive.trim = false, tolerance.roll_rate = 4 deg/s."
+    )
     assert (own.drive.trim, trial.drive.trim) == (True, False)
-    bands = [next(c.band.text for c in one.criteria if c.name == "roll_rate") for one in (own, trial)]
+    bands = [
+        next(c.band.text for c in one.criteria if c.name == "roll_rate") for one in (own, trial)
+    ]
     assert bands == ["10 % of the flight value or 2 deg/s, the greater", "4 deg/s"]
-    assert [Path(name).resolve() for name in trial.files()[1:]] == [Path(name).resolve() for name in own.files()[1:]]
+    assert [Path(name).resolve() for name in trial.files()[1:]] == [
+        Path(name).resolve() for name in own.files()[1:]
+    ]
 
 
 def test_a_trial_that_is_none_is_not_written(project, tmp_path):
@@ -193,6 +255,9 @@ def test_a_trial_that_is_none_is_not_written(project, tmp_path):
     with pytest.raises(SchemaError, match="roll_rat"):
         write_trial(case, output, [("tolerance.roll_rat", "4 deg/s")])
     assert not output.exists()
-    for words in (["drive.trim", "--remove", "--trial", str(output)], ["drive.trim", "false", "--also", "drive.wind", "none"]):
+    for words in (
+        ["drive.trim", "--remove", "--trial", str(output)],
+        ["drive.trim", "false", "--also", "drive.wind", "none"],
+    ):
         assert CliRunner().invoke(set_verb, [str(case), *words]).exit_code == 2
     assert not output.exists()

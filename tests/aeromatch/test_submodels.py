@@ -1,4 +1,6 @@
-"""Submodels in the main job: a control and a ground effect of known constants, found through the sections of a project."""
+"""Submodels in the main job: a control and a ground effect of known constants, found through the
+sections of a project.
+"""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -26,9 +28,19 @@ CRAFT = Aircraft("toy", 20.0, 2.0, 10.0, 2000.0, 1e4, 1e4, 2e4)
 
 
 def test_windows_of_whole_records_and_of_manoeuvres():
-    table = pd.DataFrame({"manoeuvre": ["sweep", "release"], "control": ["column", "column"], "start": [0.0, 8.0], "end": [8.0, 12.0]})
+    table = pd.DataFrame(
+        {
+            "manoeuvre": ["sweep", "release"],
+            "control": ["column", "column"],
+            "start": [0.0, 8.0],
+            "end": [8.0, 12.0],
+        }
+    )
     problems: list[str] = []
-    flown = [Flown(records=("a", "b")), Flown(records=("a",), manoeuvres=("release column", "puls"))]
+    flown = [
+        Flown(records=("a", "b")),
+        Flown(records=("a",), manoeuvres=("release column", "puls")),
+    ]
     found = submodels.spans_of("controls.column.free", flown, {"a": table, "b": table}, problems)
     assert found == {"a": [(-np.inf, np.inf), (8.0, 12.0)], "b": [(-np.inf, np.inf)]}
     assert problems[0].startswith("controls.column.free, record a: unknown manoeuvre 'puls'")
@@ -36,64 +48,114 @@ def test_windows_of_whole_records_and_of_manoeuvres():
 
 @pytest.mark.parametrize(
     ("taken", "left"),
-    [([], [(0.0, 10.0)]), ([(2.0, 3.0), (9.0, 12.0)], [(0.0, 2.0), (3.0, 9.0)]), ([(-1.0, 11.0)], []), ([(20.0, 21.0)], [(0.0, 10.0)])],
+    [
+        ([], [(0.0, 10.0)]),
+        ([(2.0, 3.0), (9.0, 12.0)], [(0.0, 2.0), (3.0, 9.0)]),
+        ([(-1.0, 11.0)], []),
+        ([(20.0, 21.0)], [(0.0, 10.0)]),
+    ],
 )
 def test_spans_without_others(taken, left):
     assert submodels._less([(0.0, 10.0)], taken) == left
 
 
 def swept(qbar, alpha):
-    """A slow sweep of the column at one speed: the force of both equations of motion without masses."""
+    """A slow sweep of the column at one speed: the force of both equations of motion without
+    masses.
+    """
     time = np.arange(0.0, 30.0, STEP)
     travel = 0.08 * np.sin(2.0 * np.pi * time / 15.0)
     delta_e, direction = GEARING * travel, np.sign(np.cos(2.0 * np.pi * time / 15.0))
     hinge = HINGE["1"] + HINGE["alpha"] * alpha + HINGE["delta_e"] * delta_e
     force = 4.0 + FRICTION * direction - GEARING * qbar * AREA * CHORD * hinge
-    columns = {"column": travel, "F_column": force, "delta_e": delta_e, "qbar": qbar, "alpha": alpha, "nz": 1.0, "wow_nose": 0.0}
-    return xr.Dataset({name: ("time", np.broadcast_to(x, time.shape)) for name, x in columns.items()}, {"time": time})
+    columns = {
+        "column": travel,
+        "F_column": force,
+        "delta_e": delta_e,
+        "qbar": qbar,
+        "alpha": alpha,
+        "nz": 1.0,
+        "wow_nose": 0.0,
+    }
+    return xr.Dataset(
+        {name: ("time", np.broadcast_to(x, time.shape)) for name, x in columns.items()},
+        {"time": time},
+    )
 
 
 def test_control_loading_through_its_section():
     records = {"slow": (1500.0, 0.10), "fast": (6000.0, 0.02), "faster": (9000.0, 0.01)}
     paths = {name: SimpleNamespace(states=swept(*at)) for name, at in records.items()}
-    asked = Control(driven=(Flown(records=tuple(records)),), model="Ch_e = 1 + alpha + delta_e", constants=("offset", "friction"), order=2)
-    craft = replace(CRAFT, controls={"delta_e": Surface(AREA, CHORD, GEARING)}, circuits={"column": Circuit((-0.1, 0.1), mass=3.0)})
+    asked = Control(
+        driven=(Flown(records=tuple(records)),),
+        model="Ch_e = 1 + alpha + delta_e",
+        constants=("offset", "friction"),
+        order=2,
+    )
+    craft = replace(
+        CRAFT,
+        controls={"delta_e": Surface(AREA, CHORD, GEARING)},
+        circuits={"column": Circuit((-0.1, 0.1), mass=3.0)},
+    )
     spans = {"controls.column.driven": {name: [(-np.inf, np.inf)] for name in records}}
-    found, motion, driven = submodels.identified_controls(SimpleNamespace(controls={"column": asked}), craft, paths, spans)
+    found, motion, driven = submodels.identified_controls(
+        SimpleNamespace(controls={"column": asked}), craft, paths, spans
+    )
     assert found["column"].value("friction")[0] == pytest.approx(FRICTION, rel=1e-3)
     for term, value in HINGE.items():
         assert found["column"].value(f"Ch_e: {term}")[0] == pytest.approx(value, rel=0.02)
     assert motion == {"column": []}
-    assert [part.sizes["time"] for part in driven["column"]] == [path.states.sizes["time"] for path in paths.values()]
+    assert [part.sizes["time"] for part in driven["column"]] == [
+        path.states.sizes["time"] for path in paths.values()
+    ]
     after = found["column"].aircraft(craft)
     assert after.circuits["column"].friction == pytest.approx(FRICTION, rel=1e-3)
     assert after.circuits["column"].mass == 3.0  # what was not identified stays
 
 
 def flight(h, seed):
-    """Lift over the ground at one height, or in free air, with white noise of 0.1 % of a lift coefficient."""
+    """Lift over the ground at one height, or in free air, with white noise of 0.1 % of a lift
+    coefficient.
+    """
     g = np.random.default_rng(seed)
     time = np.arange(0.0, 20.0, 0.05)
     alpha = 0.08 + 0.03 * np.sin(2.0 * np.pi * time / 7.0 + seed)
     CL = 0.4 * (1.0 + (K * h**S if h else 0.0)) + 5.0 * alpha + 1e-3 * g.standard_normal(time.size)
     columns = {"alpha": alpha, "CL": CL, "delta_f": np.full(time.size, 0.7)}
     columns |= {"h_agl": np.full(time.size, h)} if h else {}
-    return xr.Dataset({name: ("time", x) for name, x in columns.items()}, {"time": time}, {"force_axes": "stability"})
+    return xr.Dataset(
+        {name: ("time", x) for name, x in columns.items()},
+        {"time": time},
+        {"force_axes": "stability"},
+    )
 
 
 def test_ground_effect_through_its_section_next_to_the_database():
     data = {f"at {h}": flight(h, k) for k, h in enumerate((1.5, 2.0, 3.0, 5.0, 9.0, 0.0))}
     database = xr.DataTree.from_dict(
-        {"/CL/basic": make([0.4, 0.9], {"alpha": [0.0, 0.1]}), "/CL/ground": make([0.05, 0.0], {"h_agl": [1.0, 20.0]})}
+        {
+            "/CL/basic": make([0.4, 0.9], {"alpha": [0.0, 0.1]}),
+            "/CL/ground": make([0.05, 0.0], {"h_agl": [1.0, 20.0]}),
+        }
     )
     database.attrs = {"force_axes": "stability"}
-    asked = GroundEffect(flown=(Flown(records=tuple(data)),), models=("CL = 1 + alpha",), ground=("CL = 1",))
+    asked = GroundEffect(
+        flown=(Flown(records=tuple(data)),), models=("CL = 1 + alpha",), ground=("CL = 1",)
+    )
     spans = {"ground_effect.flown": {name: [(-np.inf, np.inf)] for name in data}}
-    found = submodels.identified_ground_effect(SimpleNamespace(ground_effect=asked), data, spans, database)
+    found = submodels.identified_ground_effect(
+        SimpleNamespace(ground_effect=asked), data, spans, database
+    )
     row = found["CL"].row("1")
-    assert (row.k, row.s) == (pytest.approx(K, abs=4.0 * row.k_stderr), pytest.approx(S, abs=4.0 * row.s_stderr))
+    assert (row.k, row.s) == (
+        pytest.approx(K, abs=4.0 * row.k_stderr),
+        pytest.approx(S, abs=4.0 * row.s_stderr),
+    )
     assert found["CL"].form.startswith("k h^s")
-    assert found["CL"].evidence.loc["database", "rms"] > 2.0 * found["CL"].evidence.loc[found["CL"].form, "rms"]
+    assert (
+        found["CL"].evidence.loc["database", "rms"]
+        > 2.0 * found["CL"].evidence.loc[found["CL"].form, "rms"]
+    )
 
 
 def test_nothing_is_identified_that_nobody_requests():
@@ -116,7 +178,9 @@ def test_all_engines_get_the_identified_deck():
     found = SimpleNamespace(deck=lambda pla: deck if pla == (0.0, 1.0) else None)
     after = submodels.with_engine(craft, SimpleNamespace(engine=Engine(points="p.csv")), found)
     assert [engine.deck for engine in after.engines] == [deck, deck]
-    assert [engine.position for engine in after.engines] == [engine.position for engine in craft.engines]
+    assert [engine.position for engine in after.engines] == [
+        engine.position for engine in craft.engines
+    ]
 
 
 def test_problems_are_raised_together():

@@ -41,10 +41,18 @@ def prior(shipped):
 def project(shipped, tmp_path):
     """A project with one small record and one fit."""
     q = xr.Dataset({"q": ("time", np.zeros(11), {"units": "rad s-1"})}, {"time": np.arange(11.0)})
-    tree = xr.DataTree.from_dict({"/": xr.Dataset(attrs={"manoeuvres": json.dumps(MANOEUVRES)}), "/imu": q})
+    tree = xr.DataTree.from_dict(
+        {"/": xr.Dataset(attrs={"manoeuvres": json.dumps(MANOEUVRES)}), "/imu": q}
+    )
     tree.to_netcdf(tmp_path / "run_1.nc", engine="h5netcdf")
     (tmp_path / "names.toml").write_text('[imu]\nq = "q"\n')
-    fit = shipped.fits[0].model_copy(update={"records": ("run_1",), "manoeuvres": ("3211 elevator",), "models": ("CL = 1 + alpha",)})
+    fit = shipped.fits[0].model_copy(
+        update={
+            "records": ("run_1",),
+            "manoeuvres": ("3211 elevator",),
+            "models": ("CL = 1 + alpha",),
+        }
+    )
     return replace(
         shipped,
         names=tmp_path / "names.toml",
@@ -63,38 +71,57 @@ def fitted(project, *manoeuvres):
 
 
 def windows_of(project):
-    return workflow.windows_of(project, {name: flighttest.read(file, project.names) for name, file in project.flights.items()})
+    return workflow.windows_of(
+        project,
+        {name: flighttest.read(file, project.names) for name, file in project.flights.items()},
+    )
 
 
 def test_the_rows_of_a_table_stand_in_place_of_the_marks_of_a_record(project, tmp_path):
-    (tmp_path / "manoeuvres.csv").write_text("record,kind,control,start,end\nrun_1,doublet,elevator,2,3\n")
+    (tmp_path / "manoeuvres.csv").write_text(
+        "record,kind,control,start,end\nrun_1,doublet,elevator,2,3\n"
+    )
     given = replace(fitted(project, "doublet elevator"), manoeuvres=tmp_path / "manoeuvres.csv")
     records = {"run_1": flighttest.read(project.flights["run_1"], project.names)}
     assert workflow.windows_of(given, records).fits == [{"run_1": [(2.0, 3.0)]}]
     del records["run_1"].attrs["manoeuvres"]
     assert workflow.windows_of(given, records).fits == [{"run_1": [(2.0, 3.0)]}]
     assert tmp_path / "manoeuvres.csv" in workflow.inputs_of(given, ["run_1"])
-    (tmp_path / "manoeuvres.csv").write_text("record,kind,control,start,end\nrun1,doublet,elevator,2,3\n")
+    (tmp_path / "manoeuvres.csv").write_text(
+        "record,kind,control,start,end\nrun1,doublet,elevator,2,3\n"
+    )
     with pytest.raises(SchemaError, match="manoeuvres: unknown record 'run1'; near it: run_1"):
         workflow.windows_of(given, records)
 
 
 def test_windows_by_kind_and_by_kind_and_control(project):
     assert windows_of(fitted(project, "doublet elevator")).fits == [{"run_1": [(4.0, 6.0)]}]
-    assert windows_of(fitted(project, "doublet", "3211 elevator")).fits == [{"run_1": [(4.0, 6.0), (6.0, 9.0), (1.0, 4.0)]}]
+    assert windows_of(fitted(project, "doublet", "3211 elevator")).fits == [
+        {"run_1": [(4.0, 6.0), (6.0, 9.0), (1.0, 4.0)]}
+    ]
 
 
 def test_windows_by_time_go_with_manoeuvres_or_stand_alone(project):
     def fit(**more):
         content = {"name": "pitch", "records": ["run_1"], "models": ["CL = 1"], **more}
-        return windows_of(replace(project, fits=(type(project.fits[0]).model_validate(content),))).fits
+        return windows_of(
+            replace(project, fits=(type(project.fits[0]).model_validate(content),))
+        ).fits
 
     assert fit(window=[2.0, 5.0]) == [{"run_1": [(2.0, 5.0)]}]
     assert fit(window=[[2.0, 5.0], ["6 s", "8 s"]]) == [{"run_1": [(2.0, 5.0), (6.0, 8.0)]}]
-    assert fit(window=[2.0, 5.0], manoeuvres=["doublet elevator"]) == [{"run_1": [(4.0, 6.0), (2.0, 5.0)]}]
-    with pytest.raises(ValueError, match=r"neither manoeuvres nor window; give one of them, as window = \[start, end\]"):
+    assert fit(window=[2.0, 5.0], manoeuvres=["doublet elevator"]) == [
+        {"run_1": [(4.0, 6.0), (2.0, 5.0)]}
+    ]
+    with pytest.raises(
+        ValueError,
+        match=r"neither manoeuvres nor window; give one of them, as window = \[start, end\]",
+    ):
         fit()
-    with pytest.raises(ValueError, match=r"a window from 5 to 2 s; give start and end in seconds of the record, the end later"):
+    with pytest.raises(
+        ValueError,
+        match=r"a window from 5 to 2 s; give start and end in seconds of the record, the end later",
+    ):
         fit(window=[5.0, 2.0])
 
 
@@ -131,7 +158,10 @@ def test_records_that_prove_the_model_give_nothing_to_those_that_identify(projec
 
 
 def test_the_report_states_which_records_a_number_rests_on(project):
-    cases = [SimpleNamespace(name="a", record="x/run_2.nc", window=(1.0, 2.0)), SimpleNamespace(name="b", record="x/run_1.nc")]
+    cases = [
+        SimpleNamespace(name="a", record="x/run_2.nc", window=(1.0, 2.0)),
+        SimpleNamespace(name="b", record="x/run_1.nc"),
+    ]
     windows = workflow.Windows([{"run_1": [(1.0, 4.0)]}], {"gear.flown": {"run_1": [(0.0, 1.0)]}})
     assert workflow.rests_on(project, windows, cases) == {
         "constants of the instruments": "run_1",
@@ -151,12 +181,17 @@ def test_unknown_manoeuvres_are_reported_at_once(project):
     with pytest.raises(SchemaError) as caught:
         windows_of(fitted(project, "3211 elevater", "doublet", "sideslip"))
     first, second = caught.value.problems
-    assert first.startswith("fit 'pitch', record run_1: unknown manoeuvre '3211 elevater'; near it: 3211 elevator")
+    assert first.startswith(
+        "fit 'pitch', record run_1: unknown manoeuvre '3211 elevater'; near it: 3211 elevator"
+    )
     assert "'sideslip'" in second
 
 
 def test_records_come_once_and_in_order(project):
-    cases = [SimpleNamespace(name="a", record="x/run_1.nc"), SimpleNamespace(name="b", record="x/run_2.nc")]
+    cases = [
+        SimpleNamespace(name="a", record="x/run_1.nc"),
+        SimpleNamespace(name="b", record="x/run_2.nc"),
+    ]
     both = replace(project, flights={**project.flights, "run_2": Path("run_2.nc")})
     assert workflow.records_of(both, cases) == ["run_1", "run_2"]
 
@@ -194,24 +229,42 @@ def test_a_held_term_that_is_not_there(project, prior):
 
 
 def test_flights_enter_the_tables_in_the_way_that_the_project_names(project):
-    """Lift of 0.02 and 0.4 per rad more than the tables have, in each way; the comparison is that of all."""
+    """Lift of 0.02 and 0.4 per rad more than the tables have, in each way; the comparison is that
+    of all.
+    """
     alpha = np.arange(0.0, 0.13, 0.04)
     leaf = terms.make(0.2 + 5.0 * alpha, {"alpha": alpha}, stderr=0.05, source="datcom")
-    root = dict(title="test", aircraft="test", S=16.0, cbar=1.6, b=10.0, x_ref=0.0, y_ref=0.0, z_ref=0.0, force_axes="stability")
+    root = dict(
+        title="test",
+        aircraft="test",
+        S=16.0,
+        cbar=1.6,
+        b=10.0,
+        x_ref=0.0,
+        y_ref=0.0,
+        z_ref=0.0,
+        force_axes="stability",
+    )
     start = aerodb.database({"CL/basic": leaf}, **root)
     t = np.arange(0.0, 4.0, 0.02)
     flown = 0.04 + 0.035 * np.sin(2.0 * t)
     noise = 0.002 * np.random.default_rng(1).normal(size=len(t))
-    data = xr.Dataset({"alpha": ("time", flown), "CL": ("time", 0.22 + 5.4 * flown + noise)}, {"time": t})
+    data = xr.Dataset(
+        {"alpha": ("time", flown), "CL": ("time", 0.22 + 5.4 * flown + noise)}, {"time": t}
+    )
     windows = workflow.Windows([{"run_1": [(0.0, 4.0)]}], {})
     fits = workflow.identify(project, {"run_1": data}, windows, jobs=-1)  # one thread per core
     samples = workflow.samples_of(project, start, {"run_1": data}, windows)
     assert [one.attrs["name"] for one in samples] == [fit.name for fit in fits] == ["run_1: pitch"]
     found = {}
     for way in workflow.WAYS:
-        final, tabulation = workflow.final_database(replace(project, tabulation=way), start, fits, samples)
+        final, tabulation = workflow.final_database(
+            replace(project, tabulation=way), start, fits, samples
+        )
         found[way] = tabulation
-        assert float(aerodb.terms(final)["CL/basic"]["value"].sel(alpha=0.04)) == pytest.approx(0.436, abs=0.005)
+        assert float(aerodb.terms(final)["CL/basic"]["value"].sel(alpha=0.04)) == pytest.approx(
+            0.436, abs=0.005
+        )
     table = workflow.compare_tables(project, start, fits, samples, {"tabulate": found["tabulate"]})
     for way, tabulation in found.items():
         np.testing.assert_array_equal(table[f"value {way}"], tabulation["CL/basic"]["value"])
@@ -220,20 +273,40 @@ def test_flights_enter_the_tables_in_the_way_that_the_project_names(project):
 @pytest.mark.filterwarnings("ignore:incompatible fits")  # without the control they are
 @pytest.mark.parametrize("way", workflow.WAYS)
 def test_an_elevator_without_a_table_stops_a_match_in_each_way(project, way):
-    """The fit has a significant elevator, the database none: an error, or with `unplaced` of the project a warning in the history."""
+    """The fit has a significant elevator, the database none: an error, or with `unplaced` of the
+    project a warning in the history.
+    """
     alpha = np.arange(0.0, 0.13, 0.04)
     leaf = terms.make(0.2 + 5.0 * alpha, {"alpha": alpha}, stderr=0.05, source="datcom")
-    root = dict(title="test", aircraft="test", S=16.0, cbar=1.6, b=10.0, x_ref=0.0, y_ref=0.0, z_ref=0.0, force_axes="stability")
+    root = dict(
+        title="test",
+        aircraft="test",
+        S=16.0,
+        cbar=1.6,
+        b=10.0,
+        x_ref=0.0,
+        y_ref=0.0,
+        z_ref=0.0,
+        force_axes="stability",
+    )
     start = aerodb.database({"CL/basic": leaf}, **root)
     t = np.arange(0.0, 4.0, 0.02)
     flown, elevator = 0.04 + 0.035 * np.sin(2.0 * t), 0.05 * np.cos(5.0 * t)
     lift = 0.2 + 5.0 * flown + 0.5 * elevator + 0.002 * np.random.default_rng(1).normal(size=len(t))
-    data = xr.Dataset({"alpha": ("time", flown), "delta_e": ("time", elevator), "CL": ("time", lift)}, {"time": t})
+    data = xr.Dataset(
+        {"alpha": ("time", flown), "delta_e": ("time", elevator), "CL": ("time", lift)}, {"time": t}
+    )
     windows = workflow.Windows([{"run_1": [(0.0, 4.0)]}], {})
-    job = replace(project, tabulation=way, fits=(project.fits[0].model_copy(update={"models": ("CL = 1 + alpha + delta_e",)}),))
+    job = replace(
+        project,
+        tabulation=way,
+        fits=(project.fits[0].model_copy(update={"models": ("CL = 1 + alpha + delta_e",)}),),
+    )
     fits = workflow.identify(job, {"run_1": data}, windows)
     samples = workflow.samples_of(job, start, {"run_1": data}, windows)
-    with pytest.raises(SchemaError, match=r"CL: delta_e of 'run_1: pitch': estimate 0\.[45].*listing for elevator"):
+    with pytest.raises(
+        SchemaError, match=r"CL: delta_e of 'run_1: pitch': estimate 0\.[45].*listing for elevator"
+    ):
         workflow.final_database(job, start, fits, samples)
     with pytest.warns(AeromatchWarning, match="delta_e of 'run_1: pitch'"):
         final, _ = workflow.final_database(replace(job, unplaced="warn"), start, fits, samples)
@@ -244,20 +317,41 @@ def test_the_inputs_are_every_file_of_the_project(shipped):
     names = workflow.records_of(shipped)
     files = workflow.inputs_of(shipped, names)
     listings = {place.file for places in shipped.listings.values() for place in places}
-    assert {shipped.file, shipped.aircraft, *shipped.cases, *listings, shipped.flights[names[0]]} <= set(files)
+    assert {
+        shipped.file,
+        shipped.aircraft,
+        *shipped.cases,
+        *listings,
+        shipped.flights[names[0]],
+    } <= set(files)
     assert all(file.is_file() for file in files)
 
 
 def test_fits_name_the_flight_modes_of_a_log():
     """Next to the rows of the project's table; records without modes are as before."""
     flights = {"log": Path("log.ulg"), "other": Path("other.nc")}
-    project = SimpleNamespace(fits=[Flown(records=("log", "other"))], submodels={}, manoeuvres=None, flights=flights)
-    rows = [{"manoeuvre": "stabilized", "control": "", "start": a, "end": b, "note": ""} for a, b in ((5.0, 8.0), (12.5, 15.0))]
-    listed = {"log": {"modes": json.dumps(rows)}, "other": {"manoeuvres": json.dumps(MANOEUVRES[:2])}}
+    project = SimpleNamespace(
+        fits=[Flown(records=("log", "other"))], submodels={}, manoeuvres=None, flights=flights
+    )
+    rows = [
+        {"manoeuvre": "stabilized", "control": "", "start": a, "end": b, "note": ""}
+        for a, b in ((5.0, 8.0), (12.5, 15.0))
+    ]
+    listed = {
+        "log": {"modes": json.dumps(rows)},
+        "other": {"manoeuvres": json.dumps(MANOEUVRES[:2])},
+    }
     problems: list[str] = []
-    tables = workflow.marks_of(project, {name: xr.DataTree(xr.Dataset(attrs=attrs)) for name, attrs in listed.items()}, problems)
+    tables = workflow.marks_of(
+        project,
+        {name: xr.DataTree(xr.Dataset(attrs=attrs)) for name, attrs in listed.items()},
+        problems,
+    )
     assert [len(table) for table in tables.values()] == [2, 2]
-    taken = [Flown(records=("log",), manoeuvres=("stabilized",)), Flown(records=("other",), manoeuvres=("doublet elevator",))]
+    taken = [
+        Flown(records=("log",), manoeuvres=("stabilized",)),
+        Flown(records=("other",), manoeuvres=("doublet elevator",)),
+    ]
     found = workflow.spans_of("fit", taken, tables, problems)
     assert problems == []
     assert found == {"log": [(5.0, 8.0), (12.5, 15.0)], "other": [(4.0, 6.0)]}

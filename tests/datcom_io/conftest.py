@@ -25,7 +25,11 @@ def corpus_lines():
     """Return a reader of the corpus next to the checkout, as lines; build B is ``.pdas.out``."""
     if not SHARED.is_dir():
         pytest.skip("the corpus ../shared/data/datcom is not there")
-    return functools.cache(lambda name, end=".out": (SHARED / name / f"{name}{end}").read_text(encoding="latin-1").split("\n"))
+    return functools.cache(
+        lambda name, end=".out": (
+            (SHARED / name / f"{name}{end}").read_text(encoding="latin-1").split("\n")
+        )
+    )
 
 
 @pytest.fixture(scope="session")

@@ -44,7 +44,9 @@ def test_word(text, flag):
     assert found == flag
 
 
-@pytest.mark.parametrize("text", ["1.00E-30", "2.0E-30", "-1.0000E-30", "0.1000E-29", "3.2808E-30", "0.1000000E-29"])
+@pytest.mark.parametrize(
+    "text", ["1.00E-30", "2.0E-30", "-1.0000E-30", "0.1000E-29", "3.2808E-30", "0.1000000E-29"]
+)
 def test_sentinel_keeps_its_number(text):
     assert read_cell(text) == (float(text), SENTINEL)
 

@@ -1,4 +1,5 @@
-"""The whole corpus against readings of its own: numbers, pages and tables found in the raw text by other means than the reader's.
+"""The whole corpus against readings of its own: numbers, pages and tables found in the raw text by
+other means than the reader's.
 
 The reader cuts by columns; the regular expressions here know nothing of columns, layouts or decks.
 """
@@ -22,17 +23,25 @@ ROOT = Path(__file__).parents[2]
 SHARED = ROOT / ".." / "shared" / "data" / "datcom"
 SHIPPED = sorted((ROOT / "data" / "t37" / "datcom").glob("*.out"))
 CORPUS = SHIPPED + sorted(path for path in SHARED.glob("*/*.out") if path.parent.name != "t37")
-needs_corpus = pytest.mark.skipif(not SHARED.is_dir(), reason="the corpus ../shared/data/datcom is not there")
+needs_corpus = pytest.mark.skipif(
+    not SHARED.is_dir(), reason="the corpus ../shared/data/datcom is not there"
+)
 
 Lines = list[tuple[int, str]]
 
-# a printed value has a decimal point; a number that is part of a word or stands before "=" belongs to a label
-_NUMBER = r"(?:[-+]|(?<![\w.]))(?:\d+\.\d*|\.\d+)(?:[EeDd][-+]?\d+|[-+]\d{3}(?!\d))?(?![\w.(*])(?! *=)"
+# a printed value has a decimal point; a number that is part of a word or stands before "=" belongs
+# to a label
+_NUMBER = (
+    r"(?:[-+]|(?<![\w.]))(?:\d+\.\d*|\.\d+)(?:[EeDd][-+]?\d+|[-+]\d{3}(?!\d))?(?![\w.(*])(?! *=)"
+)
 _WORD = r"(?<![\w.*])(?:NDM|NA|NaN|\*{5,})(?![\w.*])"
 _VALUE = re.compile(f"{_NUMBER}|{_WORD}")
-_PAGE = re.compile(r"AUTOMATED STABILITY|THE FOLLOWING IS A LIST OF FINAL|EXTRAPOLATION MESSAGE|\*\*\*\* (?:THE )?FOLLOWING ARE")
+_PAGE = re.compile(
+    r"AUTOMATED STABILITY|THE FOLLOWING IS A LIST OF FINAL|EXTRAPOLATION MESSAGE|\*\*\*\* (?:THE )?FOLLOWING ARE"
+)
 _CARDS = re.compile(r"1 +(?:CONERR|THE FOLLOWING IS A LIST OF ALL INPUT|END OF JOB)")
-# "*** NDM PRINTED WHEN ..." speaks of cells, a line of nothing but asterisks is decoration, the heading of a tab table reads 0.0 always
+# "*** NDM PRINTED WHEN ..." speaks of cells, a line of nothing but asterisks is decoration, the
+# heading of a tab table reads 0.0 always
 _NO_VALUES = re.compile(r"\*{3} ?(?:NDM|NA) PRINTED|\*{40,} *$|\(TRIM TAB DEFL\. = 0\.0\)$")
 
 
@@ -41,7 +50,9 @@ def printed(path: Path) -> list[str]:
 
 
 def on_pages(lines: list[str]) -> Iterator[Lines]:
-    """Yield the pages: from the program's name, or another title, to the next one or to the cards of a case."""
+    """Yield the pages: from the program's name, or another title, to the next one or to the cards
+    of a case.
+    """
     page: Lines = []
     for number, line in enumerate(lines, 1):
         if _CARDS.match(line) or _PAGE.search(line):
@@ -55,11 +66,20 @@ def on_pages(lines: list[str]) -> Iterator[Lines]:
 
 
 def body(page: Lines) -> Lines:
-    """Return a page from its flight-condition line on, or from the line after its heading where it has none."""
+    """Return a page from its flight-condition line on, or from the line after its heading where it
+    has none.
+    """
     anchor = next((k for k, (_, line) in enumerate(page) if "FLIGHT CONDITIONS" in line), None)
     if anchor is not None:
         return page[anchor + 4 :]
-    start = next((k for k, (_, line) in enumerate(page) if k and re.match(r"0|1\$| *$|.{20,}MACH NUMBER=|.*ABSCISSA", line)), 1)
+    start = next(
+        (
+            k
+            for k, (_, line) in enumerate(page)
+            if k and re.match(r"0|1\$| *$|.{20,}MACH NUMBER=|.*ABSCISSA", line)
+        ),
+        1,
+    )
     return page[start:]
 
 
@@ -118,7 +138,9 @@ KINDS = {
     "final inputs": "LIST OF FINAL INPUTS FOR THIS CASE",
     "extrapolation": "EXTRAPOLATION MESSAGE SUMMARY",
 }
-_ROW = re.compile(r" +[-+]?\d*\.\d| +(?:NDM|NA) |0(?:\(DELTAL-DELTAR\)| +DELTA) *=|0? *ALPHA *$|0? *$")
+_ROW = re.compile(
+    r" +[-+]?\d*\.\d| +(?:NDM|NA) |0(?:\(DELTAL-DELTAR\)| +DELTA) *=|0? *ALPHA *$|0? *$"
+)
 
 
 def values_of_tables(lines: list[str]) -> tuple[Counter[str], Counter[str]]:
@@ -133,7 +155,9 @@ def values_of_tables(lines: list[str]) -> tuple[Counter[str], Counter[str]]:
                 tables[kind] += found > 0
                 values[kind] += found
                 kind, found = opened, 0
-                values[next((name for name, pattern in LINES.items() if pattern.match(line)), "")] += count
+                values[
+                    next((name for name, pattern in LINES.items() if pattern.match(line)), "")
+                ] += count
             elif kind:
                 found += count
     del tables[""], values[""]
@@ -172,7 +196,11 @@ def test_nothing_printed_is_lost_and_nothing_is_invented(one):
             found[number][text] += 1
     headings = {number for page in on_pages(one.lines) for number, _ in page} - wanted.keys()
     wrong = {
-        number: (one.lines[number - 1].strip(), dict(wanted[number] - found[number]), dict(found[number] - wanted[number]))
+        number: (
+            one.lines[number - 1].strip(),
+            dict(wanted[number] - found[number]),
+            dict(found[number] - wanted[number]),
+        )
         for number in wanted.keys() | found.keys() - headings
         if wanted.get(number, Counter()) != found[number]
     }
@@ -195,13 +223,17 @@ _WORDS = {"": "blank", "NDM": "NDM", "NA": "NA", "NaN": "nan"}
 def test_values_and_flags_are_those_of_the_text(one):
     kinds = one.cells[["text", "flag", "value"]].drop_duplicates()
     for text, flag, value in kinds.itertuples(index=False):
-        if not text.strip("*") and len(text) > 2:  # two asterisks mark a variable outside of its chart
+        if (
+            not text.strip("*") and len(text) > 2
+        ):  # two asterisks mark a variable outside of its chart
             assert (flag, np.isnan(value)) == ("overflow", True)
         elif text in _WORDS:
             assert (flag, np.isnan(value)) == (_WORDS[text], True)
         elif re.fullmatch(_NUMBER, text):
             assert value == float(text)
-            assert flag in (("sentinel",) if 0.0 < abs(value) < 1e-28 * 1.001 else ("ok", "suspect"))
+            assert flag in (
+                ("sentinel",) if 0.0 < abs(value) < 1e-28 * 1.001 else ("ok", "suspect")
+            )
         else:
             assert (flag, np.isnan(value) or value == int(text)) == ("ok", True)
 
@@ -209,7 +241,9 @@ def test_values_and_flags_are_those_of_the_text(one):
 def test_pages_by_kind(one):
     text = "\n".join(line.rstrip() for line in one.lines) + "\n"
     found = Counter(page.kind for page in one.listing.pages)
-    assert {kind: found[kind] for kind in KINDS} == {kind: text.count(words) for kind, words in KINDS.items()}
+    assert {kind: found[kind] for kind in KINDS} == {
+        kind: text.count(words) for kind, words in KINDS.items()
+    }
 
 
 def test_tables_and_values_by_kind(one):
@@ -217,15 +251,23 @@ def test_tables_and_values_by_kind(one):
     found = Counter(table.name for page in one.listing.pages for table in page.tables)
     names = [table.name for table in TABLES]
     assert {name: found[name] for name in names} == {name: tables[name] for name in names}
-    cells = Counter(table for table, text in zip(one.cells["table"].tolist(), one.cells["text"].tolist()) if _VALUE.fullmatch(text))
-    assert {name: cells[name] for name in (*names, *LINES)} == {name: values[name] for name in (*names, *LINES)}
+    cells = Counter(
+        table
+        for table, text in zip(one.cells["table"].tolist(), one.cells["text"].tolist())
+        if _VALUE.fullmatch(text)
+    )
+    assert {name: cells[name] for name in (*names, *LINES)} == {
+        name: values[name] for name in (*names, *LINES)
+    }
 
 
 _UNDER_HEADINGS = ("static", "downwash", "dynamic", "symflp")
 
 
 def columns_by_place(lines: list[str]) -> dict[int, list[tuple[str, str]]]:
-    """Return heading word and text of every value of a table, by line: each value belongs to the nearest heading word."""
+    """Return heading word and text of every value of a table, by line: each value belongs to the
+    nearest heading word.
+    """
     openings = {table.name: table.opens for table in TABLES if table.name in _UNDER_HEADINGS}
     found: dict[int, list[tuple[str, str]]] = {}
     heading: list[tuple[float, str]] = []
@@ -301,9 +343,16 @@ def test_other_ways_to_write_the_same(how):
     for path in _SMALL:
         wanted = read(path)
         listing = datcom_io.read(rewrite(wanted.lines))
-        same(listing.cells(), wanted.cells, (*columns, "case", "page", "table", "column", "flag"), path.name)
+        same(
+            listing.cells(),
+            wanted.cells,
+            (*columns, "case", "page", "table", "column", "flag"),
+            path.name,
+        )
         assert listing.unread == [], path.name
-        assert [case.deck.namelists for case in listing] == [case.deck.namelists for case in wanted.listing], path.name
+        assert [case.deck.namelists for case in listing] == [
+            case.deck.namelists for case in wanted.listing
+        ], path.name
 
 
 def last_place(text: str) -> float:
@@ -322,16 +371,24 @@ BUILDS = [path for path in CORPUS if path.with_suffix(".pdas.out") in CORPUS]
 @pytest.mark.parametrize("path", BUILDS, ids=lambda path: path.stem)
 def test_both_builds_of_the_program_agree(path):
     ours, other = read(path).cells, read(path.with_suffix(".pdas.out")).cells
-    other = other[~other["page"].str.contains("AT HYPERSONIC SPEEDS")]  # one build prints nothing there
+    other = other[
+        ~other["page"].str.contains("AT HYPERSONIC SPEEDS")
+    ]  # one build prints nothing there
     for column in ("case", "page", "table", "column"):
         assert ours[column].tolist() == other[column].tolist()
-    pairs = zip(*(frame[name].tolist() for frame in (ours, other) for name in ("table", "column", "text")))
-    different = {(table, column) for table, column, a, _, _, b in pairs if a != b and not close(a, b)}
+    pairs = zip(
+        *(frame[name].tolist() for frame in (ours, other) for name in ("table", "column", "text"))
+    )
+    different = {
+        (table, column) for table, column, a, _, _, b in pairs if a != b and not close(a, b)
+    }
     assert different == DIFFERENT.get(path.stem, set())
 
 
 def close(a: str, b: str) -> bool:
-    """Return whether two numbers agree to one unit of their last place: compilers round differently."""
+    """Return whether two numbers agree to one unit of their last place: compilers round
+    differently.
+    """
     if not (re.fullmatch(_NUMBER, a) and re.fullmatch(_NUMBER, b)):
         return False
     return abs(float(a) - float(b)) <= 1.0001 * max(last_place(a), last_place(b))
@@ -351,7 +408,10 @@ def test_saved_cases_hold_what_the_cases_before_gave():
         assert case.deck.namelists.keys() == given
     assert [len(case.deck.namelists) for case in found.listing] == [5, 6, 6, 8, 8, 8]
     fifth = found.listing[4].deck
-    assert (fifth.schedule("FLTCON", "MACH", "NMACH"), fifth.schedule("FLTCON", "ALSCHD", "NALPHA")) == ([0.25], [0.0, 2.0, 4.0, 6.0])
+    assert (
+        fifth.schedule("FLTCON", "MACH", "NMACH"),
+        fifth.schedule("FLTCON", "ALSCHD", "NALPHA"),
+    ) == ([0.25], [0.0, 2.0, 4.0, 6.0])
     assert fifth.value("FLTCON", "NALT") == 1.0  # given in the first case only
     assert fifth.values("SYNTHS", "XCG") == [6.3]  # first case
     assert fifth.values("SYNTHS", "XH") == [11.31]  # fourth case
@@ -359,5 +419,7 @@ def test_saved_cases_hold_what_the_cases_before_gave():
 
 @pytest.mark.parametrize("path", CORPUS, ids=lambda path: path.stem)
 def test_the_deck_alone_states_what_the_listing_states(path):
-    deck = datcom_io.read_deck(path.with_name(path.name.removesuffix(".out").removesuffix(".pdas") + ".inp"))
+    deck = datcom_io.read_deck(
+        path.with_name(path.name.removesuffix(".out").removesuffix(".pdas") + ".inp")
+    )
     assert [case.meaning() for case in deck] == [case.deck.meaning() for case in read(path).listing]

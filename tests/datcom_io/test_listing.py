@@ -20,10 +20,16 @@ def test_a_listing_is_shown_by_its_cases():
 
 
 def test_many_cases_with_long_names_are_counted():
-    cases = [Case(ordinal=number, run=1, line=1, file="a.out", name=f"CASE {number} " + 80 * "X") for number in range(1, 200)]
+    cases = [
+        Case(ordinal=number, run=1, line=1, file="a.out", name=f"CASE {number} " + 80 * "X")
+        for number in range(1, 200)
+    ]
     text = repr(Listing("a.out", cases=cases))
     assert len(text) <= LONGEST
     assert "'CASE 1 XX" in text
     assert "and 174 more" in text
     assert "cases 199" in text
-    assert repr(datcom_io.Listing("empty.out")) == "<Listing 'empty.out': runs 0, lines 0, not understood 0, messages 0; cases 0: >"
+    assert (
+        repr(datcom_io.Listing("empty.out"))
+        == "<Listing 'empty.out': runs 0, lines 0, not understood 0, messages 0; cases 0: >"
+    )

@@ -28,10 +28,16 @@ def trainer() -> flightmech.SimModel:
     """A light trainer: every coefficient, tables of no to two axes, one engine with a lag."""
     alpha, mach = np.array([-0.2, 0.0, 0.15, 0.3]), np.array([0.1, 0.6])
     leaves = {
-        "/CL/basic": make([[-0.8, -0.9], [0.2, 0.25], [0.95, 1.1], [1.4, 1.5]], {"alpha": alpha, "mach": mach}, source="datcom"),
+        "/CL/basic": make(
+            [[-0.8, -0.9], [0.2, 0.25], [0.95, 1.1], [1.4, 1.5]],
+            {"alpha": alpha, "mach": mach},
+            source="datcom",
+        ),
         "/CL/delta_e": make(0.4, regressors=["delta_e"]),
         "/CL/alphadothat": make(2.0, regressors=["alphadothat"]),
-        "/CD/basic": make([0.06, 0.025, 0.07, 0.2], {"alpha": alpha}, comment="parabola through 4 points"),
+        "/CD/basic": make(
+            [0.06, 0.025, 0.07, 0.2], {"alpha": alpha}, comment="parabola through 4 points"
+        ),
         "/CY/beta": make(-0.6, regressors=["beta"]),
         "/Cl/beta": make([-0.05, -0.06, -0.08, -0.1], {"alpha": alpha}, ["beta"]),
         "/Cl/phat": make(-0.45, regressors=["phat"]),
@@ -64,7 +70,14 @@ def trainer() -> flightmech.SimModel:
 def fmus(trainer, tmp_path_factory) -> dict[str, Path]:
     """Both FMUs, unpacked."""
     folder = tmp_path_factory.mktemp("fmu")
-    return {v: Path(fmpy.extract(str(flightmech.write_fmu(trainer, folder / f"v{v[0]}.fmu", v)), str(folder / v))) for v in VERSIONS}
+    return {
+        v: Path(
+            fmpy.extract(
+                str(flightmech.write_fmu(trainer, folder / f"v{v[0]}.fmu", v)), str(folder / v)
+            )
+        )
+        for v in VERSIONS
+    }
 
 
 description = cache(fmpy.read_model_description)
@@ -72,8 +85,17 @@ KINDS = {"2.0": (FMU2Slave, FMU2Model), "3.0": (FMU3Slave, FMU3Model)}
 
 
 def everything_aircraft() -> flightmech.Aircraft:
-    """Return the plain jet with every submodel: deck of a turbofan with a slow lever, fuel, tricycle gear, column and pedals."""
-    leg = {"stiffness": 80e3, "damping": 8e3, "tyre_stiffness": 3e5, "side_stiffness": 2e5, "cornering_stiffness": 45e3, "rolling": 0.02}
+    """Return the plain jet with every submodel: deck of a turbofan with a slow lever, fuel,
+    tricycle gear, column and pedals.
+    """
+    leg = {
+        "stiffness": 80e3,
+        "damping": 8e3,
+        "tyre_stiffness": 3e5,
+        "side_stiffness": 2e5,
+        "cornering_stiffness": 45e3,
+        "rolling": 0.02,
+    }
     gear = LandingGear(
         (
             Contact("nose", (1.6, 0.0, 0.8), steering=1.0, **leg),
@@ -99,7 +121,16 @@ def everything_aircraft() -> flightmech.Aircraft:
         controls={"delta_e": Control(1.5, 0.3, -1.5), "delta_r": Control(1.0, 0.3, -2.0)},
         circuits={
             "column": Circuit((-0.2, 0.2), 5.0, friction=15.0, damping=40.0, stiffness=400.0),
-            "pedal": Circuit((-0.1, 0.1), 5.0, order=4, inertia=1.0, friction=20.0, damping=60.0, stiffness=800.0, cable_stiffness=2e4),
+            "pedal": Circuit(
+                (-0.1, 0.1),
+                5.0,
+                order=4,
+                inertia=1.0,
+                friction=20.0,
+                damping=60.0,
+                stiffness=800.0,
+                cable_stiffness=2e4,
+            ),
         },
     )
 
@@ -119,7 +150,9 @@ def whole(everything, tmp_path_factory) -> dict[str, Path]:
 
 
 class Slave:
-    """An instance driven call by call, for co-simulation or model exchange; texts of the FMU's logger are kept."""
+    """An instance driven call by call, for co-simulation or model exchange; texts of the FMU's
+    logger are kept.
+    """
 
     def __init__(self, folder: Path, guid: str | None = None, exchange: bool = False):
         self.model = description(str(folder))
@@ -137,11 +170,15 @@ class Slave:
     def open(self) -> Slave:
         """Instantiate, with the FMU's logger."""
         if self.version == "2.0":
-            self.logger = fmi2CallbackLoggerTYPE(lambda *message: self.messages.append(message[4].decode()))
+            self.logger = fmi2CallbackLoggerTYPE(
+                lambda *message: self.messages.append(message[4].decode())
+            )
             self.callbacks = fmi2CallbackFunctions(logger=self.logger)
             self.fmu.instantiate(callbacks=self.callbacks)
         else:
-            self.fmu.instantiate(logMessage=lambda *message: self.messages.append(message[3].decode()))
+            self.fmu.instantiate(
+                logMessage=lambda *message: self.messages.append(message[3].decode())
+            )
         return self
 
     def set(self, values: dict[str, float]) -> None:
@@ -155,7 +192,9 @@ class Slave:
         return getter([self.references[name] for name in names])
 
     def start(self, values: dict[str, float] | None = None) -> Slave:
-        """Initialise at the condition of all tests, with `values` set before the end of initialization mode."""
+        """Initialise at the condition of all tests, with `values` set before the end of
+        initialization mode.
+        """
         self.enter()
         self.set({**START, **(values or {})})
         self.fmu.exitInitializationMode()
@@ -213,7 +252,9 @@ LINEAR = {
 
 
 def linear_aircraft(**changes) -> flightmech.Aircraft:
-    """Return a jet without thrust tables, thrust through the c.g. at the moment reference point: closed forms stay short."""
+    """Return a jet without thrust tables, thrust through the c.g. at the moment reference point:
+    closed forms stay short.
+    """
     fields = {
         "name": "plain",
         "S": 17.0,
@@ -230,12 +271,16 @@ def linear_aircraft(**changes) -> flightmech.Aircraft:
 
 
 def linear_tree(**changes) -> xr.DataTree:
-    """Return constant derivatives as a tree: ``Cm={"alpha": 0.1}`` replaces single ones, leaves are taken as they are."""
+    """Return constant derivatives as a tree: ``Cm={"alpha": 0.1}`` replaces single ones, leaves are
+    taken as they are.
+    """
     leaves = {}
     for coefficient in {*LINEAR, *changes}:
         for words, value in {**LINEAR.get(coefficient, {}), **changes.get(coefficient, {})}.items():
             name = f"/{coefficient}/{words.replace(' ', '_') or 'basic'}"
-            leaves[name] = value if isinstance(value, xr.Dataset) else make(value, regressors=words.split())
+            leaves[name] = (
+                value if isinstance(value, xr.Dataset) else make(value, regressors=words.split())
+            )
     return xr.DataTree.from_dict(leaves)
 
 
@@ -252,4 +297,6 @@ def plain_tree():
 @pytest.fixture(scope="session")
 def plain():
     """Compile the plain jet with changed derivatives."""
-    return lambda aircraft=None, **changes: flightmech.compile(aircraft or linear_aircraft(), linear_tree(**changes))
+    return lambda aircraft=None, **changes: flightmech.compile(
+        aircraft or linear_aircraft(), linear_tree(**changes)
+    )

@@ -29,7 +29,9 @@ def geometric(H: float) -> float:
 def test_layer_bases(H, T, p):
     here = air.atmosphere(geometric(H))
     assert float(here.temperature) == pytest.approx(T, abs=5e-4)
-    assert float(here.p_static) == pytest.approx(p, rel=2e-5)  # the printed pressures belong to R = 287.0531
+    assert float(here.p_static) == pytest.approx(
+        p, rel=2e-5
+    )  # the printed pressures belong to R = 287.0531
 
 
 def test_sea_level():
@@ -53,12 +55,16 @@ def test_offset_and_sea_level_pressure():
 
 @given(st.floats(-1000.0, 70000.0))
 def test_pressure_altitude_there_and_back(H):
-    assert float(air.pressure_altitude(air.atmosphere(geometric(H)).p_static)) == pytest.approx(H, abs=1e-5)
+    assert float(air.pressure_altitude(air.atmosphere(geometric(H)).p_static)) == pytest.approx(
+        H, abs=1e-5
+    )
 
 
 @given(st.floats(0.0, 5.0), st.floats(100.0, 110000.0))
 def test_mach_there_and_back(mach, p):
-    assert float(air.mach_number(air.impact_pressure(mach, p), p)) == pytest.approx(mach, rel=1e-9, abs=1e-7)
+    assert float(air.mach_number(air.impact_pressure(mach, p), p)) == pytest.approx(
+        mach, rel=1e-9, abs=1e-7
+    )
 
 
 def test_impact_pressure_is_smooth_at_mach_one():
@@ -85,4 +91,6 @@ def test_calibrated_speed_at_altitude():
     q_c = 101325.0 * ((1.0 + 0.2 * (154.33333333 / 340.29398803) ** 2) ** 3.5 - 1.0)
     mach = np.sqrt(5.0 * ((q_c / float(here.p_static) + 1.0) ** (2.0 / 7.0) - 1.0))
     assert float(V / here.a_sound) == pytest.approx(mach, rel=1e-9)
-    assert float(air.calibrated_airspeed(air.impact_pressure(mach, here.p_static))) == pytest.approx(154.33333333, rel=1e-9)
+    assert float(
+        air.calibrated_airspeed(air.impact_pressure(mach, here.p_static))
+    ) == pytest.approx(154.33333333, rel=1e-9)

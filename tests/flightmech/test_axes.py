@@ -29,7 +29,11 @@ def test_quaternion_there_and_back(phi, theta, psi):
 
 
 def test_quaternion_of_a_bank_is_its_half_angle():
-    np.testing.assert_allclose(axes.quaternion(axes.rotation(0.6, 0.0, 0.0)), [np.cos(0.3), np.sin(0.3), 0.0, 0.0], atol=1e-15)
+    np.testing.assert_allclose(
+        axes.quaternion(axes.rotation(0.6, 0.0, 0.0)),
+        [np.cos(0.3), np.sin(0.3), 0.0, 0.0],
+        atol=1e-15,
+    )
 
 
 def test_rotation_is_three_turns_in_order():
@@ -54,12 +58,16 @@ def test_arrays_keep_their_shape():
 @given(st.floats(-1.5, 1.5))
 def test_stability_axes_there_and_back(alpha):
     vector = np.array([0.3, -0.2, 0.9])
-    np.testing.assert_allclose(axes.to_stability(axes.to_body(vector, alpha), alpha), vector, atol=1e-15)
+    np.testing.assert_allclose(
+        axes.to_stability(axes.to_body(vector, alpha), alpha), vector, atol=1e-15
+    )
 
 
 def test_lift_and_drag_of_body_forces():
     alpha, CL, CD = np.array([0.0, 0.2, 1.4]), 0.8, 0.05
-    body = axes.to_body(np.stack(np.broadcast_arrays(-CD, 0.0, -CL), axis=-1)[None, :].repeat(3, 0), alpha)
+    body = axes.to_body(
+        np.stack(np.broadcast_arrays(-CD, 0.0, -CL), axis=-1)[None, :].repeat(3, 0), alpha
+    )
     found = axes.lift_drag(body[:, 0], body[:, 2], alpha)
     np.testing.assert_allclose(found, [[CL] * 3, [CD] * 3], atol=1e-15)
 
@@ -71,7 +79,9 @@ def test_at_no_angle_of_attack_nothing_turns():
 
 @given(st.floats(-1.0, 1.0))
 def test_rate_derivatives_give_the_same_moment(alpha):
-    """Moments from body rates by the body derivatives are the stability moments turned into body axes."""
+    """Moments from body rates by the body derivatives are the stability moments turned into body
+    axes.
+    """
     D = np.array([[-0.4, 0.1], [-0.03, -0.15]])
     rates = np.array([0.02, 0.0, -0.05])
     p, _, r = axes.to_stability(rates, alpha)
@@ -89,11 +99,19 @@ def test_moment_transfer_is_undone_by_going_back():
 
 
 def test_accelerometer_off_the_centre_of_gravity():
-    """Steady yaw at 2 rad/s, sensor 0.5 m ahead: 2 m/s2 towards the axis; a yaw acceleration shows to the right."""
-    found = axes.acceleration_at([0.0, 0.0, -9.8], [0.0, 0.0, 2.0], [0.0, 0.0, 3.0], [0.5, 0.0, 0.0])
+    """Steady yaw at 2 rad/s, sensor 0.5 m ahead: 2 m/s2 towards the axis; a yaw acceleration shows
+    to the right.
+    """
+    found = axes.acceleration_at(
+        [0.0, 0.0, -9.8], [0.0, 0.0, 2.0], [0.0, 0.0, 3.0], [0.5, 0.0, 0.0]
+    )
     np.testing.assert_allclose(found, [-2.0, 1.5, -9.8])
 
 
 def test_velocity_of_a_vane():
-    """Nose-up rate lowers the tail and lifts the nose: a vane ahead of the c.g. feels less air from below."""
-    np.testing.assert_allclose(axes.velocity_at([80.0, 0.0, 4.0], [0.0, 0.2, 0.0], [4.0, 0.0, 0.0]), [80.0, 0.0, 3.2])
+    """Nose-up rate lowers the tail and lifts the nose: a vane ahead of the c.g. feels less air from
+    below.
+    """
+    np.testing.assert_allclose(
+        axes.velocity_at([80.0, 0.0, 4.0], [0.0, 0.2, 0.0], [4.0, 0.0, 0.0]), [80.0, 0.0, 3.2]
+    )

@@ -15,12 +15,17 @@ def test_parse_error_names_file_and_line():
     error = errors.ParseError("a.out", 12, "'NaN'", "a number")
     assert str(error) == "a.out, line 12: found 'NaN'; expected a number"
     assert (error.file, error.line) == ("a.out", 12)
-    assert str(errors.ParseError("a.out", 0, "nothing", "a listing")).startswith("a.out: found nothing")
+    assert str(errors.ParseError("a.out", 0, "nothing", "a listing")).startswith(
+        "a.out: found nothing"
+    )
 
 
 def test_unknown_name_shows_near_or_all_names():
     assert "near it: gear" in str(errors.UnknownName("gaer", ["gear", "flap"]))
-    assert str(errors.UnknownName("xyz", ["b", "a"], "key", "see the manual")) == "unknown key 'xyz'; allowed: a, b; see the manual"
+    assert (
+        str(errors.UnknownName("xyz", ["b", "a"], "key", "see the manual"))
+        == "unknown key 'xyz'; allowed: a, b; see the manual"
+    )
 
 
 def test_schema_error_holds_all_problems():
@@ -35,21 +40,40 @@ def test_out_of_range_and_simulation_error_carry_data():
 
 
 def test_all_are_errors_of_the_package():
-    names = ["ParseError", "UnknownName", "UnitError", "SchemaError", "OutOfRange", "IdentificationError", "SimulationError"]
+    names = [
+        "ParseError",
+        "UnknownName",
+        "UnitError",
+        "SchemaError",
+        "OutOfRange",
+        "IdentificationError",
+        "SimulationError",
+    ]
     for name in names:
         assert issubclass(getattr(errors, name), errors.AeromatchError)
     with pytest.raises(errors.AeromatchError):
         raise errors.UnitError("x")
 
 
-OTHER_NAMES = {"chord": "cbar", "span": "b", "heading": "psi", "Bank angle": "phi", "wing_area": "S", "elevator": "delta_e"}
+OTHER_NAMES = {
+    "chord": "cbar",
+    "span": "b",
+    "heading": "psi",
+    "Bank angle": "phi",
+    "wing_area": "S",
+    "elevator": "delta_e",
+}
 
 
 @pytest.mark.parametrize(("name", "symbol"), OTHER_NAMES.items())
 def test_other_names_of_the_field_lead_to_the_symbol(name, symbol):
     """Spelling alone led `span` and `heading` elsewhere."""
-    assert errors.near_names(name, ["S", "b", "cbar", "phi", "psi", "theta", "delta_e", "h_agl"]) == [symbol]
-    assert symbol not in errors.near_names(name, ["theta", "h_agl"])  # only what the place at hand allows
+    assert errors.near_names(
+        name, ["S", "b", "cbar", "phi", "psi", "theta", "delta_e", "h_agl"]
+    ) == [symbol]
+    assert symbol not in errors.near_names(
+        name, ["theta", "h_agl"]
+    )  # only what the place at hand allows
 
 
 def test_every_symbol_with_other_names_is_of_the_vocabulary_or_of_the_aircraft_file():
@@ -73,4 +97,6 @@ def test_an_error_of_another_process_is_the_same(error):
     assert type(there) is type(error)
     assert str(there) == str(error)
     assert there.__dict__.keys() == error.__dict__.keys()
-    assert all(np.array_equal(there.__dict__[name], value) for name, value in error.__dict__.items())
+    assert all(
+        np.array_equal(there.__dict__[name], value) for name, value in error.__dict__.items()
+    )

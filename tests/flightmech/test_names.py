@@ -33,5 +33,9 @@ def test_unknown_names_show_the_near_ones():
 
 
 def test_attributes():
-    assert attrs("beta") == {"units": "rad", "long_name": "angle of sideslip", "sign": "wind from right"}
+    assert attrs("beta") == {
+        "units": "rad",
+        "long_name": "angle of sideslip",
+        "sign": "wind from right",
+    }
     assert "sign" not in attrs("V")

@@ -12,7 +12,13 @@ import flightmech
 
 def test_import_is_fast():
     code = "import sys, flightmech; print([m for m in ('numpy', 'scipy', 'xarray', 'pydantic', 'ctypes') if m in sys.modules])"
-    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=flightmech.__path__[0] + "/..")
+    found = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=flightmech.__path__[0] + "/..",
+    )
     assert found.stdout.strip() == "[]"
 
 

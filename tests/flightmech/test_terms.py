@@ -10,7 +10,19 @@ from hypothesis import strategies as st
 from scipy.interpolate import RegularGridInterpolator
 
 from flightmech.errors import OutOfRange, SchemaError, UnknownName
-from flightmech.terms import SOURCES, Power, bare, basis, check, evaluate, make, multipliers, power, regressors, variables
+from flightmech.terms import (
+    SOURCES,
+    Power,
+    bare,
+    basis,
+    check,
+    evaluate,
+    make,
+    multipliers,
+    power,
+    regressors,
+    variables,
+)
 
 ALPHA, MACH = np.array([-0.1, 0.0, 0.2, 0.3]), np.array([0.2, 0.5, 0.8])
 
@@ -18,7 +30,9 @@ ALPHA, MACH = np.array([-0.1, 0.0, 0.2, 0.3]), np.array([0.2, 0.5, 0.8])
 @pytest.fixture
 def table() -> xr.Dataset:
     value = np.random.default_rng(1).normal(size=(4, 3))
-    return make(value, {"alpha": ALPHA, "mach": MACH}, ["qhat"], stderr=0.1, source="datcom", comment="test")
+    return make(
+        value, {"alpha": ALPHA, "mach": MACH}, ["qhat"], stderr=0.1, source="datcom", comment="test"
+    )
 
 
 def test_a_leaf_carries_its_meaning(table):
@@ -32,7 +46,13 @@ def test_a_leaf_carries_its_meaning(table):
 
 def test_all_faults_are_reported_at_once():
     with pytest.raises(SchemaError) as caught:
-        make([1.0, np.nan], {"alpha": [0.2, 0.1]}, ["alpha", "q", "nonsense"], outside="bounce", stderr=-1.0)
+        make(
+            [1.0, np.nan],
+            {"alpha": [0.2, 0.1]},
+            ["alpha", "q", "nonsense"],
+            outside="bounce",
+            stderr=-1.0,
+        )
     text = str(caught.value)
     for part in (
         "axis alpha does not rise: 0.2 is followed by 0.1",
@@ -47,9 +67,21 @@ def test_all_faults_are_reported_at_once():
 
 def test_value_agrees_with_scipy(table):
     rng = np.random.default_rng(2)
-    alpha, mach, qhat = rng.uniform(-0.1, 0.3, 200), rng.uniform(0.2, 0.8, 200), rng.normal(size=200)
-    expected = RegularGridInterpolator((ALPHA, MACH), table["value"].values)(np.stack([alpha, mach], 1)) * qhat
-    np.testing.assert_allclose(evaluate(table, {"alpha": alpha, "mach": mach, "qhat": qhat}), expected, rtol=1e-13, atol=1e-14)
+    alpha, mach, qhat = (
+        rng.uniform(-0.1, 0.3, 200),
+        rng.uniform(0.2, 0.8, 200),
+        rng.normal(size=200),
+    )
+    expected = (
+        RegularGridInterpolator((ALPHA, MACH), table["value"].values)(np.stack([alpha, mach], 1))
+        * qhat
+    )
+    np.testing.assert_allclose(
+        evaluate(table, {"alpha": alpha, "mach": mach, "qhat": qhat}),
+        expected,
+        rtol=1e-13,
+        atol=1e-14,
+    )
 
 
 def test_conditions_broadcast(table):
@@ -59,10 +91,16 @@ def test_conditions_broadcast(table):
 
 
 def test_contribution_is_linear_in_the_nodes(table):
-    conditions = {"alpha": np.linspace(-0.1, 0.3, 30), "mach": np.linspace(0.8, 0.2, 30), "qhat": np.linspace(-1.0, 1.0, 30)}
+    conditions = {
+        "alpha": np.linspace(-0.1, 0.3, 30),
+        "mach": np.linspace(0.8, 0.2, 30),
+        "qhat": np.linspace(-1.0, 1.0, 30),
+    }
     B = basis(table, conditions)
     assert B.shape == (30, 12)
-    np.testing.assert_allclose(B @ table["value"].values.ravel(), evaluate(table, conditions), rtol=1e-14)
+    np.testing.assert_allclose(
+        B @ table["value"].values.ravel(), evaluate(table, conditions), rtol=1e-14
+    )
 
 
 def test_factor_tables_multiply():
@@ -73,7 +111,10 @@ def test_factor_tables_multiply():
 
 def test_outside_raises_or_follows_the_rule(table):
     beyond = {"alpha": [0.0, 0.4], "mach": 0.5, "qhat": 1.0}
-    with pytest.raises(OutOfRange, match=r"alpha = 0.4 lies outside -0.1 ... 0.3 in 1 of 2 samples, first at sample 1") as caught:
+    with pytest.raises(
+        OutOfRange,
+        match=r"alpha = 0.4 lies outside -0.1 ... 0.3 in 1 of 2 samples, first at sample 1",
+    ) as caught:
         evaluate(table, beyond)
     assert caught.value.mask.tolist() == [False, True]
     end = float(table["value"].sel(alpha=0.3, mach=0.5))
@@ -90,13 +131,25 @@ def test_missing_condition_is_named(table):
 
 @st.composite
 def terms_and_conditions(draw):
-    """A term of up to four axes, one of them perhaps a single breakpoint, and conditions that are scalars, records or grids."""
+    """A term of up to four axes, one of them perhaps a single breakpoint, and conditions that are
+    scalars, records or grids.
+    """
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     names = draw(st.lists(st.sampled_from(["mach", "alpha", "delta_f", "delta_e"]), unique=True))
     axes = {name: np.cumsum(0.3 + rng.random(draw(st.integers(1, 5)))) - 1.0 for name in names}
-    gear = xr.DataArray(rng.normal(size=3), coords={"gear": [0.0, 0.4, 1.0]}, dims="gear") if draw(st.booleans()) else None
+    gear = (
+        xr.DataArray(rng.normal(size=3), coords={"gear": [0.0, 0.4, 1.0]}, dims="gear")
+        if draw(st.booleans())
+        else None
+    )
     words = draw(st.lists(st.sampled_from(["qhat", "alpha", "beta"]), max_size=2))
-    leaf = make(rng.normal(size=[len(p) for p in axes.values()]), axes, words, K1=gear, outside=draw(st.sampled_from(["hold", "linear"])))
+    leaf = make(
+        rng.normal(size=[len(p) for p in axes.values()]),
+        axes,
+        words,
+        K1=gear,
+        outside=draw(st.sampled_from(["hold", "linear"])),
+    )
     shapes = st.sampled_from([(), (1,), (3,), (4, 1), (4, 3)])
     return leaf, {name: rng.normal(size=draw(shapes)) for name in sorted(variables(leaf))}
 
@@ -109,21 +162,36 @@ def test_evaluation_is_the_linear_map_without_its_matrix(case):
     B, nodes = basis(leaf, conditions, "clamp"), leaf["value"].values.ravel()
     found = evaluate(leaf, conditions, "clamp")
     assert found.shape == shape
-    # a few dozen operations on the largest of the summands, of the table and of its factors, which may cancel
-    whole, factors = leaf.drop_vars(["K1", "K2"], errors="ignore"), [name for name in ("K1", "K2") if name in leaf]
+    # a few dozen operations on the largest of the summands, of the table and of its factors, which
+    # may cancel
+    whole, factors = (
+        leaf.drop_vars(["K1", "K2"], errors="ignore"),
+        [name for name in ("K1", "K2") if name in leaf],
+    )
     everywhere = {name: np.broadcast_to(x, shape).ravel() for name, x in conditions.items()}
     largest = abs(basis(whole, everywhere, "clamp")) @ np.abs(nodes)
     for name in factors:
         factor = leaf[[name]].rename({name: "value"}).assign_attrs(regressors="")
-        largest = largest * (abs(basis(factor, everywhere, "clamp")) @ np.abs(factor["value"].values.ravel()))
+        largest = largest * (
+            abs(basis(factor, everywhere, "clamp")) @ np.abs(factor["value"].values.ravel())
+        )
     rounding = 1e-13 * largest
     assert (np.abs(found.ravel() - B @ nodes) <= rounding).all()
 
 
 def test_evaluation_of_a_long_record_crosses_its_blocks(table):
     n = 20_001
-    along = {"alpha": np.linspace(-0.1, 0.3, n), "mach": np.linspace(0.8, 0.2, n), "qhat": np.ones(n)}
-    np.testing.assert_allclose(evaluate(table, along), basis(table, along) @ table["value"].values.ravel(), rtol=1e-13, atol=1e-15)
+    along = {
+        "alpha": np.linspace(-0.1, 0.3, n),
+        "mach": np.linspace(0.8, 0.2, n),
+        "qhat": np.ones(n),
+    }
+    np.testing.assert_allclose(
+        evaluate(table, along),
+        basis(table, along) @ table["value"].values.ravel(),
+        rtol=1e-13,
+        atol=1e-15,
+    )
 
 
 def test_places_found_once_serve_the_next_term(table):
@@ -132,7 +200,9 @@ def test_places_found_once_serve_the_next_term(table):
     first = evaluate(table, conditions, places=places)
     assert len(places) == 2
     other = make([1.0, 2.0, 3.0, 4.0], {"alpha": ALPHA})
-    np.testing.assert_array_equal(evaluate(other, conditions, places=places), evaluate(other, conditions))
+    np.testing.assert_array_equal(
+        evaluate(other, conditions, places=places), evaluate(other, conditions)
+    )
     np.testing.assert_array_equal(evaluate(table, conditions, places=places), first)
     assert len(places) == 2
     with pytest.raises(OutOfRange):
@@ -152,11 +222,26 @@ def test_the_mask_has_a_place_for_every_sample(table):
             lambda leaf: leaf["alpha"].attrs.update(units="deg"),
             r"axis alpha is given in 'deg', a term holds 'rad': convert the breakpoints",
         ),
-        (lambda leaf: leaf["alpha"].attrs.update(units="furlong"), r"axis alpha is given in 'furlong'"),
-        (lambda leaf: leaf["source"].__setitem__((0, 0), 7), r"source holds codes other than 0 datcom, 1 flight, 2 judgement"),
-        (lambda leaf: leaf.__setitem__("value", leaf["value"].astype(object)), "value holds object; numbers are needed"),
-        (lambda leaf: leaf.__setitem__("stderr", leaf["stderr"].astype(str)), "stderr holds <U32; numbers are needed"),
-        (lambda leaf: leaf.attrs.update(final=True), "attribute final is a bool; only text and numbers survive"),
+        (
+            lambda leaf: leaf["alpha"].attrs.update(units="furlong"),
+            r"axis alpha is given in 'furlong'",
+        ),
+        (
+            lambda leaf: leaf["source"].__setitem__((0, 0), 7),
+            r"source holds codes other than 0 datcom, 1 flight, 2 judgement",
+        ),
+        (
+            lambda leaf: leaf.__setitem__("value", leaf["value"].astype(object)),
+            "value holds object; numbers are needed",
+        ),
+        (
+            lambda leaf: leaf.__setitem__("stderr", leaf["stderr"].astype(str)),
+            "stderr holds <U32; numbers are needed",
+        ),
+        (
+            lambda leaf: leaf.attrs.update(final=True),
+            "attribute final is a bool; only text and numbers survive",
+        ),
     ],
 )
 def test_a_leaf_that_contradicts_the_vocabulary_or_holds_no_numbers(table, change, fault):
@@ -173,7 +258,9 @@ def test_another_spelling_of_the_same_unit_is_no_fault():
 
 @pytest.fixture
 def ground() -> xr.Dataset:
-    """Lift slope over ground, [LR743] table 2: 0.506 times 4.87, exponent -1.75; the floor of 2 m is ours."""
+    """Lift slope over ground, [LR743] table 2: 0.506 times 4.87, exponent -1.75; the floor of 2 m
+    is ours.
+    """
     flap = {"delta_f": [0.0, 0.7]}
     return make([2.0, 0.506 * 4.87], flap, ["alpha"], power=Power("h_agl", -1.75, 2.0), stderr=0.1)
 
@@ -217,4 +304,6 @@ def test_a_power_without_exponent_or_floor(ground):
     for key in ("exponent", "floor"):
         lacking = ground.copy()
         del lacking.attrs[key]
-        assert check(lacking) == [f"power h_agl: attribute {key} is None; a finite number is needed"]
+        assert check(lacking) == [
+            f"power h_agl: attribute {key} is None; a finite number is needed"
+        ]

@@ -57,7 +57,13 @@ def test_unknown_units_and_offsets_in_products():
 
 
 @pytest.mark.parametrize(
-    ("text", "units", "si"), [("4000 ft", "m", 1219.2), ("-20deg", "rad", -math.pi / 9.0), (3, "m", 3.0), ("2.5e-1 1", "1", 0.25)]
+    ("text", "units", "si"),
+    [
+        ("4000 ft", "m", 1219.2),
+        ("-20deg", "rad", -math.pi / 9.0),
+        (3, "m", 3.0),
+        ("2.5e-1 1", "1", 0.25),
+    ],
 )
 def test_quantities_of_a_file(text, units, si):
     assert quantity(text, units) == pytest.approx(si, rel=1e-15)
@@ -71,10 +77,42 @@ def test_texts_that_are_no_quantity(text):
 
 KNOT, DEG, POUND_FOOT = 1852 / 3600, math.pi / 180, 1.3558179483314004
 SPELT = {
-    **{"kN": 1000.0, "knots": KNOT, "KIAS": KNOT, "(kt)": KNOT, "mph": 0.44704, "ft/min": 0.00508, "fpm": 0.00508, "NM": 1852.0},
-    **{"°": DEG, "°/s": DEG, "º/sec": DEG, "deg per sec": DEG, "DEG/S": DEG, "rad/sec²": 1.0, "G": 9.80665, "g's": 9.80665},
-    **{"lbs": 0.45359237, "lbs/hr": 0.45359237 / 3600, "slug-ft^2": POUND_FOOT, "slug·ft²": POUND_FOOT, "kg-m2": 1.0},
-    **{"Nm": 1.0, "ft-lb": POUND_FOOT, "mb": 100.0, "in Hg": 3386.38864, "in.": 0.0254, "m s-1": 1.0, "": 1.0},
+    **{
+        "kN": 1000.0,
+        "knots": KNOT,
+        "KIAS": KNOT,
+        "(kt)": KNOT,
+        "mph": 0.44704,
+        "ft/min": 0.00508,
+        "fpm": 0.00508,
+        "NM": 1852.0,
+    },
+    **{
+        "°": DEG,
+        "°/s": DEG,
+        "º/sec": DEG,
+        "deg per sec": DEG,
+        "DEG/S": DEG,
+        "rad/sec²": 1.0,
+        "G": 9.80665,
+        "g's": 9.80665,
+    },
+    **{
+        "lbs": 0.45359237,
+        "lbs/hr": 0.45359237 / 3600,
+        "slug-ft^2": POUND_FOOT,
+        "slug·ft²": POUND_FOOT,
+        "kg-m2": 1.0,
+    },
+    **{
+        "Nm": 1.0,
+        "ft-lb": POUND_FOOT,
+        "mb": 100.0,
+        "in Hg": 3386.38864,
+        "in.": 0.0254,
+        "m s-1": 1.0,
+        "": 1.0,
+    },
 }
 
 

@@ -11,10 +11,17 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
 from flightmech.air import impact_pressure
-from flighttest.reconstruction.dynamics.kinematics import EARTH_RADIUS, gravity, rate_matrix, rotation
+from flighttest.reconstruction.dynamics.kinematics import (
+    EARTH_RADIUS,
+    gravity,
+    rate_matrix,
+    rotation,
+)
 
 sys.path.insert(0, str(Path(__file__).parent))  # for the helpers next to the tests
-sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))  # for the studies that tests run in small
+sys.path.append(
+    str(Path(__file__).parents[2] / "benchmarks")
+)  # for the studies that tests run in small
 
 RATE = 50.0
 IMU, BOOM = np.array([0.9, 0.25, 0.32]), np.array([4.3, 0.0, 0.15])
@@ -30,8 +37,13 @@ BIAS = {
 INSTRUMENTS = {
     "imu": {
         "position": list(IMU),
-        "noise": {k: NOISE[k] for k in ("p", "q", "r", "phi", "theta", "psi", "ax_imu", "ay_imu", "az_imu")},
-        "bias_sigma": {k: BIAS[k] for k in ("p", "q", "r", "phi", "theta", "psi", "ax_imu", "ay_imu", "az_imu")},
+        "noise": {
+            k: NOISE[k]
+            for k in ("p", "q", "r", "phi", "theta", "psi", "ax_imu", "ay_imu", "az_imu")
+        },
+        "bias_sigma": {
+            k: BIAS[k] for k in ("p", "q", "r", "phi", "theta", "psi", "ax_imu", "ay_imu", "az_imu")
+        },
     },
     "vanes": {
         "position": list(BOOM),
@@ -55,7 +67,9 @@ def spline(time, x):
 
 
 def path(duration, rng, gust=0.0, motion=1.0):
-    """Return time, attitude, rates, accelerations, specific force, air-relative velocity, ground velocity, height, wind."""
+    """Return time, attitude, rates, accelerations, specific force, air-relative velocity, ground
+    velocity, height, wind.
+    """
     t = np.arange(round(duration * RATE) + 1) / RATE
 
     def wave(*parts):
@@ -65,16 +79,27 @@ def path(duration, rng, gust=0.0, motion=1.0):
     alpha = 0.06 + wave((0.03, 0.35, 0.0), (0.02, 0.9, 1.0), (0.02, 0.06, 2.0))
     beta = wave((0.04, 0.3, 0.5), (0.02, 0.7, 2.0))
     attitude = np.stack(
-        [wave((0.3, 0.1, 0.0), (0.1, 0.5, 1.0)), 0.06 + wave((0.06, 0.3, 0.4), (0.05, 0.05, 0.0)), 1.5 + wave((0.6, 0.02, 0.0))], 1
+        [
+            wave((0.3, 0.1, 0.0), (0.1, 0.5, 1.0)),
+            0.06 + wave((0.06, 0.3, 0.4), (0.05, 0.05, 0.0)),
+            1.5 + wave((0.6, 0.02, 0.0)),
+        ],
+        1,
     )
     wind = np.tile([4.0, -3.0, 0.0], (len(t), 1))
     if gust:
         keep = np.exp(-1.0 / (RATE * 1.5))
         drive = rng.normal(0.0, gust * np.sqrt(1 - keep**2), (len(t), 3))
         wind = wind + lfilter([1.0], [1.0, -keep], drive, axis=0)
-    air = np.stack([V * np.cos(alpha) * np.cos(beta), V * np.sin(beta), V * np.sin(alpha) * np.cos(beta)], 1)
+    air = np.stack(
+        [V * np.cos(alpha) * np.cos(beta), V * np.sin(beta), V * np.sin(alpha) * np.cos(beta)], 1
+    )
     R = rotation(attitude)
-    steady = (R @ air[..., None])[..., 0] + [4.0, -3.0, 0.0]  # the aeroplane does not follow the gusts
+    steady = (R @ air[..., None])[..., 0] + [
+        4.0,
+        -3.0,
+        0.0,
+    ]  # the aeroplane does not follow the gusts
     air = ((steady - wind)[:, None, :] @ R)[:, 0]
     acceleration = spline(t, steady)(t, 1)
     omega = (rate_matrix(attitude) @ spline(t, attitude)(t, 1)[..., None])[..., 0]
@@ -125,19 +150,31 @@ def fly(seed=0, duration=40.0, gust=0.0, noise=1.0, inertial_noise=1.0, motion=1
     sensed["alpha_vane"] = error["factor.alpha_vane"] * lag(np.arctan2(w, u), error["lag.vanes"])
     sensed["beta_vane"] = error["factor.beta_vane"] * lag(np.arctan2(v, u), error["lag.vanes"])
     T = 280.0 - 0.0065 * (true.h - 1500.0)
-    p = 84000.0 * (1.0 - 0.0065 * (true.h - 1500.0) / 280.0) ** (gravity(None, 1500.0) / (287.05287 * 0.0065))
+    p = 84000.0 * (1.0 - 0.0065 * (true.h - 1500.0) / 280.0) ** (
+        gravity(None, 1500.0) / (287.05287 * 0.0065)
+    )
     V = np.linalg.norm(true.air, axis=1)
     q_c = impact_pressure(V / np.sqrt(1.4 * 287.05287 * T), p)
-    sensed["q_c"], sensed["p_static"], sensed["temperature"] = q_c * (1 - error["static_error"]), p + error["static_error"] * q_c, T
+    sensed["q_c"], sensed["p_static"], sensed["temperature"] = (
+        q_c * (1 - error["static_error"]),
+        p + error["static_error"] * q_c,
+        T,
+    )
     sensed.update(zip(("vn", "ve", "vd"), true.velocity.T, strict=True), h_gps=true.h)
 
     def level(name):
-        return noise * inertial_noise if name in ("p", "q", "r", "ax_imu", "ay_imu", "az_imu") else noise
+        return (
+            noise * inertial_noise
+            if name in ("p", "q", "r", "ax_imu", "ay_imu", "az_imu")
+            else noise
+        )
 
     def record(names, rate, delay=0.0):
         clock = np.arange(0.0, t[-1] + 1e-9, 1.0 / rate)
         shown = {
-            n: np.interp(clock - delay, t, sensed[n]) + error.get(f"bias.{n}", 0.0) + rng.normal(0.0, level(n) * NOISE[n], len(clock))
+            n: np.interp(clock - delay, t, sensed[n])
+            + error.get(f"bias.{n}", 0.0)
+            + rng.normal(0.0, level(n) * NOISE[n], len(clock))
             for n in names.split()
         }
         return leaf(clock, **shown)
@@ -149,7 +186,12 @@ def fly(seed=0, duration=40.0, gust=0.0, noise=1.0, inertial_noise=1.0, motion=1
         "gps": record("vn ve vd h_gps", 5.0, error["delay.gps"]),
         "controls": leaf(t, delta_e=0.05 * np.sin(t), **{"engine1.thrust": 3000.0 + 0.0 * t}),
     }
-    tree = xr.DataTree.from_dict({"/": xr.Dataset(attrs={"title": f"simulated {seed}"}), **{f"/{k}": d for k, d in leaves.items()}})
+    tree = xr.DataTree.from_dict(
+        {
+            "/": xr.Dataset(attrs={"title": f"simulated {seed}"}),
+            **{f"/{k}": d for k, d in leaves.items()},
+        }
+    )
     truth = xr.Dataset(coords={"time": t})
     columns = {
         "V": V,
@@ -159,7 +201,12 @@ def fly(seed=0, duration=40.0, gust=0.0, noise=1.0, inertial_noise=1.0, motion=1
         **dict(zip(("vn", "ve", "vd"), true.velocity.T, strict=True)),
         "h": true.h,
     }
-    for name, x in {**columns, "rho": p / (287.05287 * T), "az": true.force[:, 2], "q_dot": true.omega_dot[:, 1]}.items():
+    for name, x in {
+        **columns,
+        "rho": p / (287.05287 * T),
+        "az": true.force[:, 2],
+        "q_dot": true.omega_dot[:, 1],
+    }.items():
         truth[name] = "time", x
     return tree, error, truth
 
@@ -171,4 +218,12 @@ def flown():
 
 @pytest.fixture(scope="session")
 def aircraft():
-    return SimpleNamespace(name="test", S=17.0, cbar=1.7, b=10.3, mass=2100.0, cg=(0.0, 0.0, 0.0), instruments=INSTRUMENTS)
+    return SimpleNamespace(
+        name="test",
+        S=17.0,
+        cbar=1.7,
+        b=10.3,
+        mass=2100.0,
+        cg=(0.0, 0.0, 0.0),
+        instruments=INSTRUMENTS,
+    )

@@ -1,4 +1,6 @@
-"""Simulated records of a lift that follows four terms, with a disturbance of known colour; truth known."""
+"""Simulated records of a lift that follows four terms, with a disturbance of known colour; truth
+known.
+"""
 
 import numpy as np
 import xarray as xr
@@ -22,7 +24,9 @@ def record(rng, duration=30.0, noise=0.01, offset=0.0, tau=0.3):
     k = np.arange(2, 24)
 
     def multisine():
-        return np.cos(2 * np.pi * np.outer(t, k) / 30 + rng.uniform(0, 2 * np.pi, len(k))).sum(axis=1) / np.sqrt(len(k))
+        return np.cos(2 * np.pi * np.outer(t, k) / 30 + rng.uniform(0, 2 * np.pi, len(k))).sum(
+            axis=1
+        ) / np.sqrt(len(k))
 
     elevator = 0.03 * multisine()
     alpha = 0.02 * multisine() + 0.3 * lfilter([0.05], [1, -0.95], elevator)

@@ -1,4 +1,6 @@
-"""What the kernel adds of the steps of a flight path, written out in NumPy with the kinematics of the flight path."""
+"""What the kernel adds of the steps of a flight path, written out in NumPy with the kinematics of
+the flight path.
+"""
 
 import numpy as np
 
@@ -17,7 +19,9 @@ def over_steps(values, linked):
 
 
 def path_steps(path, linked):
-    """Return residuals (N-1, rows) and their derivatives by the states before and after (N-1, rows, q) and by the inputs (N-1, rows, p)."""
+    """Return residuals (N-1, rows) and their derivatives by the states before and after (N-1, rows,
+    q) and by the inputs (N-1, rows, p).
+    """
     rows = 7 + len(path.vanes.side)
     r = np.zeros((path.samples - 1, rows))
     A, B = (np.zeros((path.samples - 1, rows, rows + 3 * path.gusts)) for _ in range(2))
@@ -31,9 +35,14 @@ def path_steps(path, linked):
 
 
 def inertial_steps(path, linked):
-    """Return residuals (N-1, 7) and their derivatives by the first seven states before and after (N-1, 7, 7)."""
+    """Return residuals (N-1, 7) and their derivatives by the first seven states before and after
+    (N-1, 7, 7).
+    """
     x, dt, around = path.x, path.dt, path.around
-    mean_rates, mean_force = over_steps(path.inertial.rates, linked), over_steps(path.inertial.force, linked)
+    mean_rates, mean_force = (
+        over_steps(path.inertial.rates, linked),
+        over_steps(path.inertial.force, linked),
+    )
     difference, middle = np.diff(x[:, :7], axis=0) / dt, (x[1:, :7] + x[:-1, :7]) / 2.0
     r = np.zeros((len(middle), 7))
     from_angles, change = rates(middle[:, :3], difference[:, :3])
@@ -83,13 +92,22 @@ def add_vanes(path, r, A, B, J):
         A[:, own, own], B[:, own, own] = -E, 1.0
         J[:, own] = -c0 * by_input[:-1] - c1 * by_input[1:]
         if LAG in path.inputs:
-            J[:, own, path.inputs.index(LAG)] = -slope[0] * lagged[:-1] - slope[1] * angle[:-1] - slope[2] * angle[1:]
-        r[slow, own], A[slow, own], B[slow, own], J[slow, own] = np.diff(lagged)[slow], 0.0, 0.0, 0.0
+            J[:, own, path.inputs.index(LAG)] = (
+                -slope[0] * lagged[:-1] - slope[1] * angle[:-1] - slope[2] * angle[1:]
+            )
+        r[slow, own], A[slow, own], B[slow, own], J[slow, own] = (
+            np.diff(lagged)[slow],
+            0.0,
+            0.0,
+            0.0,
+        )
         A[slow, own, own], B[slow, own, own] = -1.0, 1.0
 
 
 def sight(path, i):
-    """Return the angle that a vane without lag would see (N,), and its derivatives by state (N, q) and inputs (N, p)."""
+    """Return the angle that a vane without lag would see (N,), and its derivatives by state (N, q)
+    and inputs (N, p).
+    """
     gusts = slice(7 + len(path.vanes.side), 10 + len(path.vanes.side))
     air = path.x[:, 3:6] - path.vanes.wind - (path.x[:, gusts] if path.gusts else 0.0)
     U, turn, Rt = to_body(path.x[:, :3], air)

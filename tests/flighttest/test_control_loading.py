@@ -1,4 +1,6 @@
-"""Control loading from simulated records with their truth: constants, free motion, aircraft file, database, command."""
+"""Control loading from simulated records with their truth: constants, free motion, aircraft file,
+database, command.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +37,16 @@ CHANNELS = {
     "tab_rad": "delta_t",
     "nz": "nz",
 }
-FACTS = {"title": "t", "aircraft": "a", "S": 24.2, "cbar": 2.06, "b": 14.4, "x_ref": 0.0, "y_ref": 0.0, "z_ref": 0.0}
+FACTS = {
+    "title": "t",
+    "aircraft": "a",
+    "S": 24.2,
+    "cbar": 2.06,
+    "b": 14.4,
+    "x_ref": 0.0,
+    "y_ref": 0.0,
+    "z_ref": 0.0,
+}
 AIRCRAFT = """
 name = "a"
 S = 24.2
@@ -65,13 +76,19 @@ def truth() -> dict:
 
 def record(file: Path) -> xr.Dataset:
     table = pd.read_csv(file)
-    return xr.Dataset({new: ("time", table[old].values) for old, new in CHANNELS.items()}, {"time": table["t"].values})
+    return xr.Dataset(
+        {new: ("time", table[old].values) for old, new in CHANNELS.items()},
+        {"time": table["t"].values},
+    )
 
 
 @pytest.fixture(scope="module")
 def records(truth) -> tuple[list[xr.Dataset], list[xr.Dataset]]:
     folder = SHARED / "control_loading"
-    kinds = {kind: [record(file) for file in sorted(folder.glob(f"*_{kind}.csv.gz"))] for kind in ("sweep", "pulse", "release")}
+    kinds = {
+        kind: [record(file) for file in sorted(folder.glob(f"*_{kind}.csv.gz"))]
+        for kind in ("sweep", "pulse", "release")
+    }
     return kinds["sweep"], [*kinds["pulse"], *kinds["release"]]
 
 
@@ -89,12 +106,34 @@ def found(loading, records):
 def test_constants_and_hinge_moments_are_found(found, truth):
     G = truth["G"]
     hinges = {"1": "Ch0", "alpha": "Cha", "delta_e": "Chd", "delta_t": "Cht"}
-    names = {"preload": "breakout", "offset": "unbalance", "mass": "mf", "inertia": "Ia", "cable_stiffness": "Kc", "hinge_friction": "Fa"}
+    names = {
+        "preload": "breakout",
+        "offset": "unbalance",
+        "mass": "mf",
+        "inertia": "Ia",
+        "cable_stiffness": "Kc",
+        "hinge_friction": "Fa",
+    }
     names = {**{f"Ch_e: {term}": true for term, true in hinges.items()}, **names}
     pairs = [(found.value(name), truth[true]) for name, true in names.items()]
     pairs += [(found.total("friction"), truth["Ff"] + G * truth["Fa"])]
-    bounds = [0.05, 0.03, 0.03, 0.03, 0.1, 0.1, 0.15, 0.15, 0.15, 0.15, 0.04]  # of score.py next to the data
-    assert all(abs(value - true) < bound * abs(true) for ((value, _), true), bound in zip(pairs, bounds, strict=True))
+    bounds = [
+        0.05,
+        0.03,
+        0.03,
+        0.03,
+        0.1,
+        0.1,
+        0.15,
+        0.15,
+        0.15,
+        0.15,
+        0.04,
+    ]  # of score.py next to the data
+    assert all(
+        abs(value - true) < bound * abs(true)
+        for ((value, _), true), bound in zip(pairs, bounds, strict=True)
+    )
     assert np.mean([abs(value - true) < 2.0 * stderr for (value, stderr), true in pairs]) >= 0.8
 
 
@@ -125,7 +164,9 @@ def test_aircraft_and_database_take_the_result(found, tmp_path):
     assert circuit.cable_stiffness == pytest.approx(found.value("cable_stiffness")[0])
     assert circuit.stops == (-0.17, 0.17)
     leaf = flightmech.terms.make(-0.2, regressors=["alpha"], stderr=0.05, source="datcom")
-    database = aerodb.database({"Ch_e/alpha": leaf, "Ch_e/delta": leaf}, **FACTS, force_axes="stability")
+    database = aerodb.database(
+        {"Ch_e/alpha": leaf, "Ch_e/delta": leaf}, **FACTS, force_axes="stability"
+    )
     new = aerodb.terms(replace_hinge_moments(database, found))
     assert set(new) == {"Ch_e/basic", "Ch_e/alpha", "Ch_e/delta_e", "Ch_e/delta_t"}
     assert float(new["Ch_e/alpha"]["value"]) == found.value("Ch_e: alpha")[0]
@@ -135,7 +176,8 @@ def test_aircraft_and_database_take_the_result(found, tmp_path):
 def changed(found, name: str, value: float, stderr: float):
     at = found.estimates["term"] == name
     estimates = found.estimates.assign(
-        estimate=found.estimates["estimate"].where(~at, value), stderr=found.estimates["stderr"].where(~at, stderr)
+        estimate=found.estimates["estimate"].where(~at, value),
+        stderr=found.estimates["stderr"].where(~at, stderr),
     )
     return replace(found, estimates=estimates)
 
@@ -157,7 +199,17 @@ def test_command_writes_aircraft(records, tmp_path):
         one.to_netcdf(tmp_path / f"{k}.nc", engine="h5netcdf")
         files.append(str(tmp_path / f"{k}.nc"))
     (tmp_path / "a.toml").write_text(AIRCRAFT)
-    more = ["--free", files[-2], "--free", files[-1], "--aircraft", str(tmp_path / "a.toml"), "-o", str(tmp_path / "b.toml"), "--json"]
+    more = [
+        "--free",
+        files[-2],
+        "--free",
+        files[-1],
+        "--aircraft",
+        str(tmp_path / "a.toml"),
+        "-o",
+        str(tmp_path / "b.toml"),
+        "--json",
+    ]
     result = CliRunner().invoke(controls, [*files[:-2], *more], catch_exceptions=False)
     answer = json.loads(result.output)
     assert answer["order"] == 4
@@ -165,11 +217,17 @@ def test_command_writes_aircraft(records, tmp_path):
     assert flightmech.read_aircraft(tmp_path / "b.toml").circuits["column"].order == 4
 
 
-def one_mass(mass: float, friction: float, spring: float, s0: float, step: float, count: int) -> np.ndarray:
+def one_mass(
+    mass: float, friction: float, spring: float, s0: float, step: float, count: int
+) -> np.ndarray:
     zero = np.zeros(1)
-    names = dict(mass=mass, friction=friction, damping=0.0, preload=0.0, stiffness=spring, rigging=0.0)
+    names = dict(
+        mass=mass, friction=friction, damping=0.0, preload=0.0, stiffness=spring, rigging=0.0
+    )
     constants = {name: np.array([value]) for name, value in names.items()}
-    s, _ = follow(constants, -1.0, (np.array([s0]), zero), np.zeros((count, 1)), np.zeros((count, 1, 1)), step)
+    s, _ = follow(
+        constants, -1.0, (np.array([s0]), zero), np.zeros((count, 1)), np.zeros((count, 1, 1)), step
+    )
     return s[:, 0]
 
 
@@ -178,7 +236,9 @@ def test_dry_friction_takes_twice_its_travel_every_half_cycle_and_then_holds():
     half = np.pi * np.sqrt(mass / spring)
     s = one_mass(mass, friction, spring, 0.011, half / 100.0, 800)
     turns = 0.011 - 2.0 * friction / spring * np.arange(3)
-    assert s[[0, 100, 200]] * [1, -1, 1] == pytest.approx(turns, abs=2e-5)  # sub-steps of 1 ms: (omega h)^2/24 and what a reversal leaves
+    assert s[[0, 100, 200]] * [1, -1, 1] == pytest.approx(
+        turns, abs=2e-5
+    )  # sub-steps of 1 ms: (omega h)^2/24 and what a reversal leaves
     assert np.ptp(s[400:]) == 0.0
     assert abs(s[-1]) <= friction / spring
 
@@ -192,16 +252,18 @@ def test_command_divides_records_by_their_manoeuvres_and_joins_the_drawings(reco
     for k, one in enumerate([*driven, free[1], free[5]]):
         name = f"{k}.nc"
         one.to_netcdf(tmp_path / name, engine="h5netcdf")
-        xr.DataTree(xr.Dataset(attrs={"manoeuvres": listed if k >= len(driven) else "[]"})).to_netcdf(
-            tmp_path / "recordings" / name, engine="h5netcdf"
-        )
+        xr.DataTree(
+            xr.Dataset(attrs={"manoeuvres": listed if k >= len(driven) else "[]"})
+        ).to_netcdf(tmp_path / "recordings" / name, engine="h5netcdf")
         files.append(str(tmp_path / name))
     heavy = AIRCRAFT.replace("mass = 5.0", "mass = 9.0")
     (tmp_path / "a.toml").write_text(heavy)
     common = [*files, "--aircraft", str(tmp_path / "a.toml"), "--json"]
     divided = ["--records", str(tmp_path / "recordings"), "--free-manoeuvre", "release_column"]
     answers = [
-        json.loads(CliRunner().invoke(controls, [*common, *divided, *more], catch_exceptions=False).output)["estimates"]
+        json.loads(
+            CliRunner().invoke(controls, [*common, *divided, *more], catch_exceptions=False).output
+        )["estimates"]
         for more in ([], ["--prior", "0.001"])
     ]
     assert answers[0]["mass"][0] == pytest.approx(5.1, rel=0.1)
@@ -213,15 +275,24 @@ def test_command_divides_records_by_their_manoeuvres_and_joins_the_drawings(reco
 def test_without_a_mass_the_circuit_keeps_its_own(loading, records):
     slow = replace(loading, constants=("offset", "preload", "friction", "damping"))
     found = identify_control_loading(slow, records[0], order=2)
-    known = Circuit(stops=(-0.1, 0.1), order=4, mass=5.0, inertia=0.5, cable_stiffness=3e4, hinge_friction=3.0)
+    known = Circuit(
+        stops=(-0.1, 0.1), order=4, mass=5.0, inertia=0.5, cable_stiffness=3e4, hinge_friction=3.0
+    )
     circuit = found.circuit(known)
-    assert (circuit.order, circuit.mass, circuit.inertia, circuit.cable_stiffness) == (4, 5.0, 0.5, 3e4)
+    assert (circuit.order, circuit.mass, circuit.inertia, circuit.cable_stiffness) == (
+        4,
+        5.0,
+        0.5,
+        3e4,
+    )
     assert (circuit.friction, circuit.hinge_friction) == (found.value("friction")[0], 0.0)
 
 
 def heavier(found, known: Circuit, name: str) -> tuple[float, float]:
     joined = found.with_prior(replace(known, **{name: 2.0 * found.value(name)[0]}), error=0.01)
-    return joined.value(name)[0] / found.value(name)[0], joined.value(name)[1] / found.value(name)[1]
+    return joined.value(name)[0] / found.value(name)[0], joined.value(name)[1] / found.value(name)[
+        1
+    ]
 
 
 def test_mass_of_both_ends_is_not_biased(found, truth):
@@ -245,21 +316,29 @@ def test_prior_moves_what_the_records_leave_open_most(found):
 def test_errors_of_the_pick_ups_widen_what_they_move(loading, records):
     driven, free = records[0], records[1][:1]
     plain = identify_control_loading(loading, driven, free, order=2)
-    wide = identify_control_loading(loading, driven, free, order=2, errors={"F_column": (2.0, 0.02), "wheel": (1.0, 1.0)})
+    wide = identify_control_loading(
+        loading, driven, free, order=2, errors={"F_column": (2.0, 0.02), "wheel": (1.0, 1.0)}
+    )
     assert wide.value("friction")[0] == plain.value("friction")[0]
     expected = np.hypot(plain.value("friction")[1], 0.02 * plain.value("friction")[0])
     assert wide.value("friction")[1] == pytest.approx(expected, rel=0.02)
-    assert wide.value("offset")[1] == pytest.approx(np.hypot(plain.value("offset")[1], 2.0), rel=0.02)
+    assert wide.value("offset")[1] == pytest.approx(
+        np.hypot(plain.value("offset")[1], 2.0), rel=0.02
+    )
 
 
 @pytest.mark.slow
 def test_errors_of_the_pick_ups_are_carried_on_as_a_refit_would(found, loading, records):
     scale = 1.001
     wide = identify_control_loading(loading, *records, errors={"delta_e": (0.0, scale - 1.0)})
-    moved = identify_control_loading(loading, *([one.assign(delta_e=one["delta_e"] * scale) for one in group] for group in records))
+    moved = identify_control_loading(
+        loading,
+        *([one.assign(delta_e=one["delta_e"] * scale) for one in group] for group in records),
+    )
     for name in ("friction", "Ch_e: delta_e", "cable_stiffness", "inertia"):
         carried = np.sqrt(wide.value(name)[1] ** 2 - found.value(name)[1] ** 2)
-        # the noise that is taken off changes too, and to second order the stretch, a difference of travels that is 40 times as small
+        # the noise that is taken off changes too, and to second order the stretch, a difference of
+        # travels that is 40 times as small
         assert carried == pytest.approx(abs(moved.value(name)[0] - found.value(name)[0]), rel=0.15)
 
 
@@ -267,10 +346,18 @@ def test_errors_of_the_pick_ups_are_carried_on_as_a_refit_would(found, loading, 
 def test_drawings_hold_masses_that_are_lost_in_noise(loading, records):
     rng = np.random.default_rng(1)
     noisy = [
-        one.assign({name: one[name] + size * rng.normal(size=one.sizes["time"]) for name, size in (("column", 9e-4), ("delta_e", 1.5e-3))})
+        one.assign(
+            {
+                name: one[name] + size * rng.normal(size=one.sizes["time"])
+                for name, size in (("column", 9e-4), ("delta_e", 1.5e-3))
+            }
+        )
         for one in records[0]
     ]
-    with pytest.raises(IdentificationError, match=r"mass: 9\d% of what distinguishes it from the other terms is noise"):
+    with pytest.raises(
+        IdentificationError,
+        match=r"mass: 9\d% of what distinguishes it from the other terms is noise",
+    ):
         identify_control_loading(loading, noisy)
     known = Circuit(stops=(-0.1, 0.1), order=4, mass=5.0, inertia=0.5, cable_stiffness=3e4)
     held = identify_control_loading(loading, noisy, drawings=known)
@@ -301,27 +388,49 @@ def test_windows_end_at_reversals_and_give_derivatives_without_differences(loadi
     s = 0.05 * np.sin(2.0 * np.pi * 1.0 * time)
     channels = {"F_column": np.zeros_like(s), "column": s, "delta_e": loading.gearing * s}
     channels |= {name: np.full_like(s, 1.0) for name in ("qbar", "alpha", "delta_t", "nz")}
-    moved, windows = free_signals(loading, xr.Dataset({name: ("time", x) for name, x in channels.items()}, {"time": time}))
+    moved, windows = free_signals(
+        loading, xr.Dataset({name: ("time", x) for name, x in channels.items()}, {"time": time})
+    )
     assert len(windows) >= 8
     rate = moved["rate"].values
     assert all((np.sign(rate[one.part]) == np.sign(rate[one.part][0])).all() for one in windows)
-    for order, exact in ((1, 2.0 * np.pi * 0.05 * np.cos(2.0 * np.pi * time)), (2, -((2.0 * np.pi) ** 2) * s)):
-        assert modulated(s, windows, order) == pytest.approx(modulated(exact, windows), abs=2e-3 * np.abs(exact).max())
+    for order, exact in (
+        (1, 2.0 * np.pi * 0.05 * np.cos(2.0 * np.pi * time)),
+        (2, -((2.0 * np.pi) ** 2) * s),
+    ):
+        assert modulated(s, windows, order) == pytest.approx(
+            modulated(exact, windows), abs=2e-3 * np.abs(exact).max()
+        )
 
 
 def steady(count: int, rng: np.random.Generator, coupled: bool = False) -> xr.Dataset:
-    """Points at several speeds and c.g. positions of a column with friction 6 N, offset 12 N, Ch = 0.01 - 0.05 alpha - 0.3 delta_e."""
+    """Points at several speeds and c.g. positions of a column with friction 6 N, offset 12 N, Ch =
+    0.01 - 0.05 alpha - 0.3 delta_e.
+    """
     qbar, alpha = rng.uniform(2000.0, 6000.0, count), rng.uniform(0.03, 0.15, count)
     delta = -0.4 * alpha + (0.0 if coupled else rng.normal(0.0, 0.02, count))
-    F = 12.0 + 1.8 * 2.2 * 0.33 * qbar * (0.01 - 0.05 * alpha - 0.3 * delta) + rng.uniform(-6.0, 6.0, count)
-    return xr.Dataset({name: ("point", x) for name, x in {"F_column": F, "qbar": qbar, "alpha": alpha, "delta_e": delta}.items()})
+    F = (
+        12.0
+        + 1.8 * 2.2 * 0.33 * qbar * (0.01 - 0.05 * alpha - 0.3 * delta)
+        + rng.uniform(-6.0, 6.0, count)
+    )
+    return xr.Dataset(
+        {
+            name: ("point", x)
+            for name, x in {"F_column": F, "qbar": qbar, "alpha": alpha, "delta_e": delta}.items()
+        }
+    )
 
 
 def test_steady_points_give_hinge_moments_and_bound_friction():
     loading = ControlLoading("column", -1.8, 2.2, 0.33, "Ch_e = 1 + alpha + delta_e")
     found = trim_forces(loading, steady(40, np.random.default_rng(3)))
     truth = {"offset": 12.0, "Ch_e: 1": 0.01, "Ch_e: alpha": -0.05, "Ch_e: delta_e": -0.3}
-    errors = [(float(found.estimates["estimate"].sel(term=n)) - x) / float(found.estimates["stderr"].sel(term=n)) for n, x in truth.items()]
+    errors = [
+        (float(found.estimates["estimate"].sel(term=n)) - x)
+        / float(found.estimates["stderr"].sel(term=n))
+        for n, x in truth.items()
+    ]
     assert np.abs(errors).max() < 2.5
     assert found.determined()["Ch_e: delta_e"]
     assert 6.0 < found.estimates.attrs["friction_limit"] < 9.0
@@ -335,7 +444,10 @@ def test_steady_points_give_hinge_moments_and_bound_friction():
 
 
 def test_faults_are_named():
-    with pytest.raises(SchemaError, match=r"(?s)gearing is 0\.0; it must not be 0.*c_hinge is -1\.0; it must be positive"):
+    with pytest.raises(
+        SchemaError,
+        match=r"(?s)gearing is 0\.0; it must not be 0.*c_hinge is -1\.0; it must be positive",
+    ):
         ControlLoading("column", 0.0, 2.2, -1.0)
     with pytest.raises(SchemaError, match="distance of the ailerons"):
         ControlLoading("wheel", -0.35, 1.0, 0.4)
@@ -350,5 +462,9 @@ def test_records_without_what_is_needed_are_refused(loading, records):
     still = driven[0].assign(column=("time", np.zeros(driven[0].sizes["time"])))
     with pytest.raises(IdentificationError, match="samples in which the control slides"):
         identify_control_loading(loading, [still])
-    with pytest.raises(IdentificationError):  # one tab setting cannot separate the tab from the constant
-        identify_control_loading(loading, [one.assign(delta_t=("time", np.zeros(one.sizes["time"]))) for one in driven])
+    with pytest.raises(
+        IdentificationError
+    ):  # one tab setting cannot separate the tab from the constant
+        identify_control_loading(
+            loading, [one.assign(delta_t=("time", np.zeros(one.sizes["time"]))) for one in driven]
+        )

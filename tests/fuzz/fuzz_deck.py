@@ -13,7 +13,10 @@ with atheris.instrument_imports(include=["datcom_io"]):
 import harm
 import promises
 
-DECKS = [path.read_text("latin-1").split("\n") for path in sorted((Path(__file__).parents[2] / "data" / "t37" / "datcom").glob("*.inp"))]
+DECKS = [
+    path.read_text("latin-1").split("\n")
+    for path in sorted((Path(__file__).parents[2] / "data" / "t37" / "datcom").glob("*.inp"))
+]
 
 
 def mutate(data: bytes, largest: int, seed: int) -> bytes:
@@ -21,7 +24,9 @@ def mutate(data: bytes, largest: int, seed: int) -> bytes:
     choice = random.Random(seed)
     if choice.random() < 0.5:
         return atheris.Mutate(data, largest)
-    lines = harm.harm(data.decode("latin-1").split("\n"), DECKS, choice.randrange, 1 + choice.randrange(3))
+    lines = harm.harm(
+        data.decode("latin-1").split("\n"), DECKS, choice.randrange, 1 + choice.randrange(3)
+    )
     return "\n".join(lines).encode("latin-1", "replace")[:largest]
 
 
@@ -35,5 +40,9 @@ if __name__ == "__main__":
         corpus.mkdir()
         for number, lines in enumerate(DECKS):
             (corpus / f"{number:03d}").write_bytes("\n".join(lines).encode("latin-1"))
-    atheris.Setup(["fuzz_deck", "-max_len=8000", "-timeout=20", *sys.argv[1:]], one_input, custom_mutator=mutate)
+    atheris.Setup(
+        ["fuzz_deck", "-max_len=8000", "-timeout=20", *sys.argv[1:]],
+        one_input,
+        custom_mutator=mutate,
+    )
     atheris.Fuzz()

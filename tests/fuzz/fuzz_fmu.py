@@ -1,6 +1,8 @@
-"""Fuzzing of FMUs: descriptions and archives harmed as files get harmed, read, and flown in forked processes; see README.md.
+"""Fuzzing of FMUs: descriptions and archives harmed as files get harmed, read, and flown in forked
+processes; see README.md.
 
-``python tests/fuzz/fuzz_fmu.py SECONDS [SEED]`` prints how many inputs a second were tried and every promise that was broken.
+``python tests/fuzz/fuzz_fmu.py SECONDS [SEED]`` prints how many inputs a second were tried and
+every promise that was broken.
 """
 
 from __future__ import annotations
@@ -74,7 +76,8 @@ ELEMENTS = (
 ENTITIES = '<!DOCTYPE x [<!ENTITY a "aaaaaaaaaa">' + "".join(
     f'<!ENTITY {b} "{f"&{a};" * 10}">' for a, b in zip("abcdefgh", "bcdefghi", strict=True)
 )
-TIME = 5.0  # s, that a forked process may take; it is killed then, which is its own row and no broken promise
+# s, that a forked process may take; it is killed then, which is its own row and no broken promise
+TIME = 5.0
 _VALUE = re.compile(r'="[^"]*"')
 _ELEMENT = re.compile(r"<[A-Za-z][^>]*>")
 
@@ -89,7 +92,11 @@ def _some(pattern: re.Pattern[str], text: str, choice: random.Random) -> re.Matc
 def value(text: str, choice: random.Random) -> str:
     """Put rubbish in the place of the value of an attribute."""
     place = _some(_VALUE, text, choice)
-    return f'{text[: place.start()]}="{choice.choice(RUBBISH)}"{text[place.end() :]}' if place else text
+    return (
+        f'{text[: place.start()]}="{choice.choice(RUBBISH)}"{text[place.end() :]}'
+        if place
+        else text
+    )
 
 
 def lose(text: str, choice: random.Random) -> str:
@@ -112,10 +119,19 @@ def element(text: str, choice: random.Random) -> str:
 
 def swap(text: str, choice: random.Random) -> str:
     """Exchange the values of two attributes."""
-    one, other = sorted((_some(_VALUE, text, choice), _some(_VALUE, text, choice)), key=lambda place: place.start() if place else 0)
+    one, other = sorted(
+        (_some(_VALUE, text, choice), _some(_VALUE, text, choice)),
+        key=lambda place: place.start() if place else 0,
+    )
     if not one or not other or one.end() > other.start():
         return text
-    return text[: one.start()] + other[0] + text[one.end() : other.start()] + one[0] + text[other.end() :]
+    return (
+        text[: one.start()]
+        + other[0]
+        + text[one.end() : other.start()]
+        + one[0]
+        + text[other.end() :]
+    )
 
 
 def cut(text: str, choice: random.Random) -> str:
@@ -174,12 +190,19 @@ def one_input(content: bytes, folder: Path) -> str:
     time_ = np.linspace(0.0, 0.2, 11)
     inputs = {link.variable: 0.01 * time_ for link in [*links.inputs.values()][:3]}
     parameters = {link.variable: 1.0 for link in [*links.parameters.values()][:3]}
-    job = {"time": time_, "inputs": inputs, "parameters": parameters, "outputs": [link.variable for link in links.outputs.values()][:5]}
+    job = {
+        "time": time_,
+        "inputs": inputs,
+        "parameters": parameters,
+        "outputs": [link.variable for link in links.outputs.values()][:5],
+    }
     return _forked(path, job)
 
 
 def _forked(path: Path, job: dict) -> str:
-    """Fly a job in a forked process, which has all modules loaded: a hundred times faster to start than a new one."""
+    """Fly a job in a forked process, which has all modules loaded: a hundred times faster to start
+    than a new one.
+    """
     read, write = os.pipe()
     child = os.fork()
     if child == 0:
@@ -192,7 +215,9 @@ def _forked(path: Path, job: dict) -> str:
                 try:
                     found = replay(Model(str(path), folder, 50_000_000), job)
                     content = reply_bytes(1, found["error"], columns_of(job, found))
-                except Exception as error:  # the worker's own answer to a model that cannot be loaded
+                except (
+                    Exception
+                ) as error:  # the worker's own answer to a model that cannot be loaded
                     content = reply_bytes(1, f"loading failed: {error}", np.empty((0, 0)))
                 while content:
                     content = content[os.write(write, content) :]
@@ -203,7 +228,9 @@ def _forked(path: Path, job: dict) -> str:
     try:
         if not select.select([read], [], [], TIME)[0]:
             return "hung"
-        text, _ = read_reply(lambda count: os.read(read, count), 1, (len(job["time"]), len(job["outputs"])))
+        text, _ = read_reply(
+            lambda count: os.read(read, count), 1, (len(job["time"]), len(job["outputs"]))
+        )
         return "failed" if text else "flown"
     except EOFError:
         return "crashed"
@@ -228,13 +255,20 @@ def content_of(path: Path) -> dict[str, bytes]:
 
 def main(seconds: float, seed: int = 1) -> int:
     """Fuzz for a time; return the number of broken promises."""
-    spec = importlib.util.spec_from_file_location("pom_conftest", Path(__file__).parents[1] / "pom" / "conftest.py")
+    spec = importlib.util.spec_from_file_location(
+        "pom_conftest", Path(__file__).parents[1] / "pom" / "conftest.py"
+    )
     tools = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(tools)
     with tempfile.TemporaryDirectory() as place:
         folder, counts, broken = Path(place), Counter(), 0
         library = tools.compiled("toy.c", folder)
-        bases = [content_of(tools.write_fmu(folder / "base.fmu", tools.describe(kind, True, {}, {}), library)) for kind in ("lag", "event")]
+        bases = [
+            content_of(
+                tools.write_fmu(folder / "base.fmu", tools.describe(kind, True, {}, {}), library)
+            )
+            for kind in ("lag", "event")
+        ]
         one_input(next(inputs(bases, seed)), folder)  # what is loaded late is loaded now
         start = time.monotonic()
         for content in inputs(bases, seed):
@@ -247,7 +281,9 @@ def main(seconds: float, seed: int = 1) -> int:
             if time.monotonic() - start > seconds:
                 break
     total = sum(counts.values()) + broken
-    print(f"{total} inputs, {total / seconds:.0f} a second: {dict(counts)}; {broken} broke a promise")
+    print(
+        f"{total} inputs, {total / seconds:.0f} a second: {dict(counts)}; {broken} broke a promise"
+    )
     return broken
 
 

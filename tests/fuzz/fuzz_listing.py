@@ -32,7 +32,11 @@ def pages_of(lines: list[str]) -> list[list[str]]:
     starts = [k for k, line in enumerate(lines) if line.startswith("1")]
     head = next(k for k in starts if "LIST OF ALL INPUT" in lines[k])
     cards = lines[head : next(k for k in starts if k > head)]
-    return [cards + lines[a:b] + lines[starts[-1] :] for a, b in pairwise(starts) if "AUTOMATED" in lines[a]]
+    return [
+        cards + lines[a:b] + lines[starts[-1] :]
+        for a, b in pairwise(starts)
+        if "AUTOMATED" in lines[a]
+    ]
 
 
 def write_corpus(folder: Path) -> None:
@@ -41,8 +45,17 @@ def write_corpus(folder: Path) -> None:
     kinds: dict[tuple[str, ...], list[str]] = {}
     for path in LISTINGS:
         for lines in pages_of(lines_of(path.read_bytes())):
-            kinds.setdefault(tuple(line.split("  ")[0] for line in lines if line.startswith("0 ") and "=" not in line), lines)
-    for number, lines in enumerate([*kinds.values(), *(lines_of(path.read_bytes()) for path in SEEDS)]):
+            kinds.setdefault(
+                tuple(
+                    line.split("  ")[0]
+                    for line in lines
+                    if line.startswith("0 ") and "=" not in line
+                ),
+                lines,
+            )
+    for number, lines in enumerate(
+        [*kinds.values(), *(lines_of(path.read_bytes()) for path in SEEDS)]
+    ):
         (folder / f"{number:03d}").write_bytes(as_bytes(lines))
 
 
@@ -54,7 +67,9 @@ def mutate(data: bytes, largest: int, seed: int) -> bytes:
     choice = random.Random(seed)
     if choice.random() < 0.4:
         return atheris.Mutate(data, largest)
-    return as_bytes(harm.harm(lines_of(data), OTHERS, choice.randrange, 1 + choice.randrange(3)))[:largest]
+    return as_bytes(harm.harm(lines_of(data), OTHERS, choice.randrange, 1 + choice.randrange(3)))[
+        :largest
+    ]
 
 
 def one_input(data: bytes) -> None:
@@ -65,5 +80,9 @@ if __name__ == "__main__":
     corpus = Path(sys.argv[1])
     if not corpus.exists():
         write_corpus(corpus)
-    atheris.Setup(["fuzz_listing", "-max_len=40000", "-timeout=20", *sys.argv[1:]], one_input, custom_mutator=mutate)
+    atheris.Setup(
+        ["fuzz_listing", "-max_len=40000", "-timeout=20", *sys.argv[1:]],
+        one_input,
+        custom_mutator=mutate,
+    )
     atheris.Fuzz()

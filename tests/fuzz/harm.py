@@ -1,6 +1,8 @@
-"""Ways to harm a listing as files get harmed: cut, lines and pages lost or doubled, columns shifted, counts changed, rubbish between.
+"""Ways to harm a listing as files get harmed: cut, lines and pages lost or doubled, columns
+shifted, counts changed, rubbish between.
 
-Every way takes the lines of a listing, those of other listings, and `pick(n)`, which chooses a number from 0 to n - 1.
+Every way takes the lines of a listing, those of other listings, and `pick(n)`, which chooses a
+number from 0 to n - 1.
 """
 
 from __future__ import annotations
@@ -14,7 +16,21 @@ Way = Callable[[Lines, list[Lines], Pick], Lines]
 
 RUBBISH = (
     *"\x00\x1a\f\x0b\x1c\x85\u2028\té٣\udcff*-.=$(E10+",
-    *("**********", "==", ")=", " NDM ", " NA ", "NaN", "1E400", "-1.#IND", "Infinity", "1_0", "0x10", "1.0E-30", "9" * 40),
+    *(
+        "**********",
+        "==",
+        ")=",
+        " NDM ",
+        " NA ",
+        "NaN",
+        "1E400",
+        "-1.#IND",
+        "Infinity",
+        "1_0",
+        "0x10",
+        "1.0E-30",
+        "9" * 40,
+    ),
     *("ALPHA", "DELTA = ", "END OF JOB."),
 )
 HEADINGS = (
@@ -41,7 +57,21 @@ HEADINGS = (
     "1",
 )
 _COUNT = re.compile(r"\b(NALPHA|NMACH|NALT|NDELTA|NGH|LOOP|NX)=[\d.]+")
-COUNTS = ("0.0", "1.0", "2.0", "3.0", "19.0", "20.0", "21.0", "-1.0", "1.5", "1.0E9", "", "NaN", "300.0")
+COUNTS = (
+    "0.0",
+    "1.0",
+    "2.0",
+    "3.0",
+    "19.0",
+    "20.0",
+    "21.0",
+    "-1.0",
+    "1.5",
+    "1.0E9",
+    "",
+    "NaN",
+    "300.0",
+)
 _HUGE = 20_000
 
 
@@ -80,7 +110,13 @@ def double(lines, others, pick):
 
 def swap(lines, others, pick):
     a, b = sorted((pick(len(lines)), pick(len(lines))))
-    return [*lines[:a], lines[b], *lines[a + 1 : b], *([lines[a]] if a != b else []), *lines[b + 1 :]]
+    return [
+        *lines[:a],
+        lines[b],
+        *lines[a + 1 : b],
+        *([lines[a]] if a != b else []),
+        *lines[b + 1 :],
+    ]
 
 
 def lose_page(lines, others, pick):
@@ -111,7 +147,9 @@ def shift(lines, others, pick):
     at = _rows(lines, pick)
     line = lines[at]
     column, by = pick(max(len(line), 1)), 1 + pick(6)
-    moved = line[:column] + " " * by + line[column:] if pick(2) else line[:column] + line[column + by :]
+    moved = (
+        line[:column] + " " * by + line[column:] if pick(2) else line[:column] + line[column + by :]
+    )
     return [*lines[:at], moved, *lines[at + 1 :]]
 
 
@@ -120,7 +158,12 @@ def rewrite_row(lines, others, pick):
     at = _rows(lines, pick)
     line = lines[at]
     column = pick(max(len(line), 1))
-    text = ("*" * (1 + pick(140)), " " * 60, lines[_rows(lines, pick)][column:], RUBBISH[pick(len(RUBBISH))] * 3)[pick(4)]
+    text = (
+        "*" * (1 + pick(140)),
+        " " * 60,
+        lines[_rows(lines, pick)][column:],
+        RUBBISH[pick(len(RUBBISH))] * 3,
+    )[pick(4)]
     return [*lines[:at], (line[:column] + text)[:140], *lines[at + 1 :]]
 
 
@@ -155,7 +198,11 @@ def insert_rubbish(lines, others, pick):
 
 def insert_huge(lines, others, pick):
     at = pick(len(lines))
-    line, piece = lines[at], (*RUBBISH, lines[at], " ", "A ", "1.0 ", "X(1)=", "A = ", "0.1,")[pick(len(RUBBISH) + 7)] or " "
+    line, piece = (
+        lines[at],
+        (*RUBBISH, lines[at], " ", "A ", "1.0 ", "X(1)=", "A = ", "0.1,")[pick(len(RUBBISH) + 7)]
+        or " ",
+    )
     huge = line + piece * (_HUGE // len(piece))
     return [*lines[:at], huge, *lines[at + (pick(2)) :]]
 

@@ -18,7 +18,8 @@ from flightmech.errors import AeromatchError, ParseError, SchemaError
 
 Lines = list[str]
 
-# Far above the time of any honest reading (40 us a line and 0.3 us a character, seen), far below that of a quadratic one.
+# Far above the time of any honest reading (40 us a line and 0.3 us a character, seen), far below
+# that of a quadratic one.
 _SECONDS, _PER_LINE, _PER_CHARACTER = 10.0, 5e-3, 5e-5
 
 
@@ -48,8 +49,13 @@ class Sound(NamedTuple):
     ends: list[int]
 
     def whole_before(self, harmed: Lines) -> int:
-        """Return the number of the line up to which all pages are the same and ended before the first harmed line."""
-        same = next((k for k, (a, b) in enumerate(zip(self.lines, harmed)) if a != b), min(len(self.lines), len(harmed)))
+        """Return the number of the line up to which all pages are the same and ended before the
+        first harmed line.
+        """
+        same = next(
+            (k for k, (a, b) in enumerate(zip(self.lines, harmed)) if a != b),
+            min(len(self.lines), len(harmed)),
+        )
         return max((end for end in self.ends if end <= same), default=0)
 
 
@@ -111,7 +117,11 @@ def iterate(lines: Lines) -> Found | None:
 
 def read_in_every_way(lines: Lines) -> dict[str, Found | None]:
     """Read and use everything; a whole listing is the same in every way."""
-    found = {"read": read(lines, False), "read with partial=True": read(lines, True), "iterate": iterate(lines)}
+    found = {
+        "read": read(lines, False),
+        "read with partial=True": read(lines, True),
+        "iterate": iterate(lines),
+    }
     strict, part, cases = found.values()
     if strict and strict.whole:
         assert part
@@ -141,12 +151,17 @@ def keeps_promises(lines: Lines, before: Sound | None = None) -> None:
 def same_cells(cells: pd.DataFrame, wanted: pd.DataFrame, how: str) -> None:
     for column in wanted.columns:
         # an axis that only a lost page has is no column
-        a, b = (frame.reindex(columns=[column])[column].astype(object).fillna("").tolist() for frame in (cells, wanted))
+        a, b = (
+            frame.reindex(columns=[column])[column].astype(object).fillna("").tolist()
+            for frame in (cells, wanted)
+        )
         assert a == b, f"{how}: other cells than before in column {column!r}"
 
 
 def keeps_deck_promises(lines: Lines) -> None:
-    """Read lines as an input deck, check and split it, write it and read it again: equal in meaning, or one clear error."""
+    """Read lines as an input deck, check and split it, write it and read it again: equal in
+    meaning, or one clear error.
+    """
     with bounded(lines):
         read_and_write_deck(lines)
 

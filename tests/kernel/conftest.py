@@ -17,7 +17,9 @@ MACH = np.array([0.1, 0.3, 0.5, 0.8])
 
 
 def thrust_leaf() -> xr.Dataset:
-    value = np.array([[300.0, 250.0], [2000.0, 1700.0], [4559.0, 4000.0]])[:, :, None] * np.array([1.0, 0.6])
+    value = np.array([[300.0, 250.0], [2000.0, 1700.0], [4559.0, 4000.0]])[:, :, None] * np.array(
+        [1.0, 0.6]
+    )
     return make(value, {"throttle": [0.0, 0.6, 1.0], "mach": [0.0, 0.6], "h": [0.0, 8000.0]})
 
 
@@ -39,7 +41,9 @@ def jet(**changes) -> flightmech.Aircraft:
         "cg": (0.06, 0.01, 0.22),
         "x_ref_mac": 0.25,
         "engines": (
-            flightmech.aircraft.Engine((-0.3, -0.76, 0.05), (0.9987502603949663, 0.0, -0.04997916927067833), **engine),
+            flightmech.aircraft.Engine(
+                (-0.3, -0.76, 0.05), (0.9987502603949663, 0.0, -0.04997916927067833), **engine
+            ),
             flightmech.aircraft.Engine((-0.3, 0.76, 0.05), **engine),
         ),
         "limits": {"delta_e": (-0.35, 0.3), "delta_a": (-0.35, 0.35), "delta_r": (-0.35, 0.35)},
@@ -48,15 +52,24 @@ def jet(**changes) -> flightmech.Aircraft:
 
 
 def leaves() -> dict[str, xr.Dataset]:
-    """Return terms of every kind: 0 to 4 axes, K factors, squares, all three implicit regressors, both rules outside."""
+    """Return terms of every kind: 0 to 4 axes, K factors, squares, all three implicit regressors,
+    both rules outside.
+    """
     rng = np.random.default_rng(5)
     rise = 0.25 + 4.8 * ALPHA
     gear = xr.DataArray([0.0, 0.4, 1.0], coords={"gear": [0.0, 0.5, 1.0]}, dims="gear")
     ground = xr.DataArray([1.0, 0.2, 0.0], coords={"h_agl": [0.0, 5.0, 15.0]}, dims="h_agl")
     four = rng.normal(0.0, 0.003, (3, 2, 2, 3))
-    four_axes = {"alpha": ALPHA[::2], "mach": [0.2, 0.6], "delta_f": [0.0, 0.7], "beta": [-0.2, 0.0, 0.2]}
+    four_axes = {
+        "alpha": ALPHA[::2],
+        "mach": [0.2, 0.6],
+        "delta_f": [0.0, 0.7],
+        "beta": [-0.2, 0.0, 0.2],
+    }
     return {
-        "CL/basic": make(rise[:, None] * (1.0 + 0.1 * MACH), {"alpha": ALPHA, "mach": MACH}, outside="linear"),
+        "CL/basic": make(
+            rise[:, None] * (1.0 + 0.1 * MACH), {"alpha": ALPHA, "mach": MACH}, outside="linear"
+        ),
         "CL/elevator": make(0.36 + 0.05 * MACH, {"mach": MACH}, ["delta_e"]),
         "CL/qhat": make(4.1, regressors=["qhat"]),
         "CL/alphadothat": make([1.2, 1.5], {"mach": [0.2, 0.7]}, ["alphadothat"]),
@@ -68,7 +81,9 @@ def leaves() -> dict[str, xr.Dataset]:
         "CY/beta": make(-0.6 - 0.1 * ALPHA, {"alpha": ALPHA}, ["beta"]),
         "CY/betadothat": make(-0.3, regressors=["betadothat"]),
         "CY/rudder": make(0.17, regressors=["delta_r"]),
-        "Cl/beta": make(np.outer(-0.08 + 0.02 * ALPHA, np.ones(4)), {"alpha": ALPHA, "mach": MACH}, ["beta"]),
+        "Cl/beta": make(
+            np.outer(-0.08 + 0.02 * ALPHA, np.ones(4)), {"alpha": ALPHA, "mach": MACH}, ["beta"]
+        ),
         "Cl/phat": make(-0.44, regressors=["phat"]),
         "Cl/rhat": make(0.1 + 0.2 * ALPHA, {"alpha": ALPHA}, ["rhat"]),
         "Cl/aileron": make([-0.15, -0.12], {"mach": [0.2, 0.7]}, ["delta_a"]),
@@ -92,7 +107,9 @@ def tree(content: dict[str, xr.Dataset], **attrs) -> xr.DataTree:
 
 
 class Reference:
-    """The derivative of the kernel, written once more in NumPy: no shared code, iterative geodesy, no closed forms."""
+    """The derivative of the kernel, written once more in NumPy: no shared code, iterative geodesy,
+    no closed forms.
+    """
 
     a, f, mu, J2, rate = 6378137.0, 1.0 / 298.257223563, 3.986004418e14, 0.00108262982, 7.292115e-5
 
@@ -113,7 +130,11 @@ class Reference:
         h = p * np.cos(lat) + r[2] * np.sin(lat) - self.a * np.sqrt(1.0 - e2 * np.sin(lat) ** 2)
         c, s = np.cos(lat), np.sin(lat)
         return h, np.array(
-            [[-s * np.cos(lon), -s * np.sin(lon), c], [-np.sin(lon), np.cos(lon), 0.0], [-c * np.cos(lon), -c * np.sin(lon), -s]]
+            [
+                [-s * np.cos(lon), -s * np.sin(lon), c],
+                [-np.sin(lon), np.cos(lon), 0.0],
+                [-c * np.cos(lon), -c * np.sin(lon), -s],
+            ]
         )
 
     def gravity(self, r: np.ndarray) -> np.ndarray:
@@ -165,23 +186,41 @@ class Reference:
             for name, leaf in self.content.items():
                 c[name.split("/")[0]] += float(terms.evaluate(leaf, known, outside="clamp"))
             F_A = qS * axes.to_body([-c["CD"], c["CY"], -c["CL"]], alpha)
-            M = qS * np.array([craft.b * c["Cl"], craft.cbar * c["Cm"], craft.b * c["Cn"]]) + np.cross(-cg, F_A) + M_T
+            M = (
+                qS * np.array([craft.b * c["Cl"], craft.cbar * c["Cm"], craft.b * c["Cn"]])
+                + np.cross(-cg, F_A)
+                + M_T
+            )
             F = F_A + F_T
             a = F / craft.mass + C @ g - np.cross(w - C @ W, velocity)
-            alpha_dot = (velocity[0] * a[2] - velocity[2] * a[0]) / (velocity[0] ** 2 + velocity[2] ** 2)
-            beta_dot = (a[1] - velocity[1] * (velocity @ a) / V**2) / np.hypot(velocity[0], velocity[2])
+            alpha_dot = (velocity[0] * a[2] - velocity[2] * a[0]) / (
+                velocity[0] ** 2 + velocity[2] ** 2
+            )
+            beta_dot = (a[1] - velocity[1] * (velocity @ a) / V**2) / np.hypot(
+                velocity[0], velocity[2]
+            )
             nz = -F[2] / craft.mass / 9.80665
-            return F, M, np.array([alpha_dot * craft.cbar / (2 * V), beta_dot * craft.b / (2 * V), nz - 1.0])
+            return (
+                F,
+                M,
+                np.array(
+                    [alpha_dot * craft.cbar / (2 * V), beta_dot * craft.b / (2 * V), nz - 1.0]
+                ),
+            )
 
         # the map from assumed to following variables is affine: three differences give its matrix
         base = motion(np.zeros(3))[2]
         gain = np.stack([motion(e)[2] - base for e in np.eye(3)], axis=1)
         F, M, _ = motion(np.linalg.solve(np.eye(3) - gain, base))
         rel = w - C @ W
-        quat = 0.5 * np.array([-q[1:] @ rel, *(q[0] * rel + np.cross(q[1:], rel))]) + (1.0 - q @ q) * q
+        quat = (
+            0.5 * np.array([-q[1:] @ rel, *(q[0] * rel + np.cross(q[1:], rel))]) + (1.0 - q @ q) * q
+        )
         w_dot = np.linalg.solve(self.J, M - np.cross(w, self.J @ w + H))
         tau = np.array([engine.time_constant for engine in craft.engines])
-        return np.concatenate([v, C.T @ F / craft.mass + g, quat, w_dot, (np.array(steady) - lag) / tau])
+        return np.concatenate(
+            [v, C.T @ F / craft.mass + g, quat, w_dot, (np.array(steady) - lag) / tau]
+        )
 
 
 def started(sim: flightmech.SimModel, **values: float) -> Simulation:
@@ -207,7 +246,9 @@ def start():
 @pytest.fixture(scope="session")
 def flown():
     """Outputs at the start under parameters and inputs."""
-    return lambda sim, **values: dict(zip(sim.outputs, started(sim, **values).outputs(), strict=True))
+    return lambda sim, **values: dict(
+        zip(sim.outputs, started(sim, **values).outputs(), strict=True)
+    )
 
 
 @pytest.fixture(scope="session")

@@ -1,4 +1,6 @@
-"""The later slopes of a step take their place on the Earth from its start: the step is that of four whole derivatives."""
+"""The later slopes of a step take their place on the Earth from its start: the step is that of four
+whole derivatives.
+"""
 
 from __future__ import annotations
 
@@ -19,8 +21,17 @@ def whole_step(run, x: np.ndarray, u: np.ndarray, h: float) -> np.ndarray:
 @pytest.mark.parametrize("lat", [0.0, 0.8, -1.5707963])
 @pytest.mark.parametrize("h", [0.01, 0.1, 1.0])
 def test_a_step_is_that_of_whole_derivatives(sim, start, earth, lat, h):
-    """Up to 110 m from the start, which is farther than the short way goes; 2e-9 m are two roundings of a position."""
-    values = {"init__V": 110.0, "init__h": 3000.0, "init__lat": lat, "init__psi": 0.7, "init__gamma": 0.2, "mode__earth": earth}
+    """Up to 110 m from the start, which is farther than the short way goes; 2e-9 m are two
+    roundings of a position.
+    """
+    values = {
+        "init__V": 110.0,
+        "init__h": 3000.0,
+        "init__lat": lat,
+        "init__psi": 0.7,
+        "init__gamma": 0.2,
+        "mode__earth": earth,
+    }
     run = start(sim, **values, mode__step=1.0, wind_n=8.0, wind_e=-5.0)
     u = np.zeros(len(sim.inputs))
     u[sim.inputs.index("wind_n")], u[sim.inputs.index("wind_e")] = 8.0, -5.0

@@ -45,13 +45,24 @@ def point(m: float, r: np.ndarray) -> np.ndarray:
 
 
 def counterpart(craft: flightmech.Aircraft, fuel: float) -> tuple[float, np.ndarray, np.ndarray]:
-    """Mass, centre of gravity and inertia tensor about it: the dry aircraft from the one at the start, plus what the tanks hold."""
+    """Mass, centre of gravity and inertia tensor about it: the dry aircraft from the one at the
+    start, plus what the tanks hold.
+    """
     cg0 = np.array(craft.cg)
-    bodies = [(-held, np.array(tank.position)) for held, tank in zip(content(MASS), TANKS, strict=True)]
-    bodies += [(held, np.array(tank.position)) for held, tank in zip(content(fuel), TANKS, strict=True)]
+    bodies = [
+        (-held, np.array(tank.position)) for held, tank in zip(content(MASS), TANKS, strict=True)
+    ]
+    bodies += [
+        (held, np.array(tank.position)) for held, tank in zip(content(fuel), TANKS, strict=True)
+    ]
     mass = craft.mass + sum(m for m, _ in bodies)
     cg = (craft.mass * cg0 + sum(m * r for m, r in bodies)) / mass
-    J = inertia(craft) + point(craft.mass, cg0) + sum(point(m, r) for m, r in bodies) - point(mass, cg)
+    J = (
+        inertia(craft)
+        + point(craft.mass, cg0)
+        + sum(point(m, r) for m, r in bodies)
+        - point(mass, cg)
+    )
     return mass, cg, J
 
 
@@ -65,7 +76,10 @@ def craft(make_aircraft):
             "fuel_flow": make(FLOW),
         }
     )
-    return make_aircraft(engines=(flightmech.aircraft.Engine((0.0, 0.5, 0.0), deck=deck),), fuel=Fuel(MASS, tables=tank_tables(TANKS)))
+    return make_aircraft(
+        engines=(flightmech.aircraft.Engine((0.0, 0.5, 0.0), deck=deck),),
+        fuel=Fuel(MASS, tables=tank_tables(TANKS)),
+    )
 
 
 @pytest.fixture(scope="module")
@@ -86,7 +100,9 @@ def test_at_the_start_the_masses_are_those_of_the_aircraft(sim, flown, craft):
     assert y["mass"] == craft.mass
     assert (y["x_cg_b"], y["y_cg_b"], y["z_cg_b"]) == pytest.approx(craft.cg, rel=1e-15)
     names = ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
-    assert [y[name] for name in names] == pytest.approx([getattr(craft, name) for name in names], rel=1e-13)
+    assert [y[name] for name in names] == pytest.approx(
+        [getattr(craft, name) for name in names], rel=1e-13
+    )
 
 
 def test_burning_against_the_counterpart(sim, start, craft):
@@ -99,7 +115,13 @@ def test_burning_against_the_counterpart(sim, start, craft):
         assert y["fuel"] == pytest.approx(fuel, abs=1e-9)  # sum of some thousand steps
         assert y["mass"] == pytest.approx(mass, rel=1e-12)
         np.testing.assert_allclose([y["x_cg_b"], y["y_cg_b"], y["z_cg_b"]], cg, rtol=1e-11)
-        found = np.array([[y["Ixx"], -y["Ixy"], -y["Ixz"]], [-y["Ixy"], y["Iyy"], -y["Iyz"]], [-y["Ixz"], -y["Iyz"], y["Izz"]]])
+        found = np.array(
+            [
+                [y["Ixx"], -y["Ixy"], -y["Ixz"]],
+                [-y["Ixy"], y["Iyy"], -y["Iyz"]],
+                [-y["Ixz"], -y["Iyz"], y["Izz"]],
+            ]
+        )
         np.testing.assert_allclose(found, J, rtol=1e-10, atol=1e-9)
 
 
@@ -116,13 +138,23 @@ def test_motion_uses_the_mass_of_the_moment(sim, start, craft):
     w, force = np.array([0.1, -0.2, 0.3]), np.array([2400.0, 0.0, 0.0])
     moment = np.cross(np.array(craft.engines[0].position) - cg, force)
     assert y["ax"] == pytest.approx(2400.0 / mass, rel=1e-12)
-    np.testing.assert_allclose([y["p_dot"], y["q_dot"], y["r_dot"]], np.linalg.solve(J, moment - np.cross(w, J @ w)), rtol=1e-10)
+    np.testing.assert_allclose(
+        [y["p_dot"], y["q_dot"], y["r_dot"]],
+        np.linalg.solve(J, moment - np.cross(w, J @ w)),
+        rtol=1e-10,
+    )
     assert y["h_agl"] == pytest.approx(y["h"] + float(run_down(y) @ cg), abs=1e-9)
 
 
 def run_down(y: dict[str, float]) -> np.ndarray:
     """Components of down in body axes."""
-    return np.array([-np.sin(y["theta"]), np.sin(y["phi"]) * np.cos(y["theta"]), np.cos(y["phi"]) * np.cos(y["theta"])])
+    return np.array(
+        [
+            -np.sin(y["theta"]),
+            np.sin(y["phi"]) * np.cos(y["theta"]),
+            np.cos(y["phi"]) * np.cos(y["theta"]),
+        ]
+    )
 
 
 def test_the_engine_goes_out_when_the_fuel_is_gone(sim, start, craft):
@@ -148,15 +180,26 @@ def test_one_mass_point_needs_no_tables(make_tree, craft, start):
     J = inertia(craft) + point(craft.mass, cg0) - point(40.0, here) - point(mass, cg)
     np.testing.assert_allclose([y["x_cg_b"], y["y_cg_b"], y["z_cg_b"]], cg, rtol=1e-12)
     np.testing.assert_allclose([y["Ixx"], y["Iyy"], y["Izz"]], np.diag(J), rtol=1e-12)
-    np.testing.assert_allclose([y["Ixy"], y["Ixz"], y["Iyz"]], [-J[0, 1], -J[0, 2], -J[1, 2]], rtol=1e-9)
+    np.testing.assert_allclose(
+        [y["Ixy"], y["Ixz"], y["Iyz"]], [-J[0, 1], -J[0, 2], -J[1, 2]], rtol=1e-9
+    )
 
 
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
-        ({"init__fuel": -1.0}, "init.fuel is -1; it must be zero or positive, and less than mass.mass"),
-        ({"init__fuel": 2300.0}, "init.fuel is 2300; it must be zero or positive, and less than mass.mass"),
-        ({"mass__Ixx": 200.0}, "without its fuel the aircraft has no positive definite inertia; check init.fuel, fuel"),
+        (
+            {"init__fuel": -1.0},
+            "init.fuel is -1; it must be zero or positive, and less than mass.mass",
+        ),
+        (
+            {"init__fuel": 2300.0},
+            "init.fuel is 2300; it must be zero or positive, and less than mass.mass",
+        ),
+        (
+            {"mass__Ixx": 200.0},
+            "without its fuel the aircraft has no positive definite inertia; check init.fuel, fuel",
+        ),
     ],
 )
 def test_masses_without_meaning_are_refused(sim, flown, changed, message):

@@ -1,4 +1,6 @@
-"""Hostile numbers: a flight ends in finite outputs or in an error with a text, and no step works without end."""
+"""Hostile numbers: a flight ends in finite outputs or in an error with a text, and no step works
+without end.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,12 @@ MODELS = Path(__file__).parents[2] / "kernel" / "fuzz" / "models.py"
 EVERY = [0.0, -1.0, 0.5, 1e-300, -1e300, 1e9, -1e9, 1e16]
 FLYING = {"init.V": 80.0, "init.h": 1000.0}
 STANDING = {"init.V": 0.0, "init.h": 0.415, "mode.earth": 0.0, "gear": 1.0}
-ROUGH = {"turbulence.mode": 1.0, "turbulence.W20": 15.0, "turbulence.severity": 5.0, "gust.peak_w": 8.0}
+ROUGH = {
+    "turbulence.mode": 1.0,
+    "turbulence.W20": 15.0,
+    "turbulence.severity": 5.0,
+    "gust.peak_w": 8.0,
+}
 CASES = [FLYING | ROUGH, FLYING | {"mode.controls": 1.0}, STANDING | {"mode.controls": 2.0}]
 
 
@@ -30,8 +37,12 @@ def fleet() -> dict[str, flightmech.SimModel]:
     return module.compiled()
 
 
-def outcome(sim: flightmech.SimModel, values: dict[str, float], steps: int = 2, dt: float = 0.02) -> str:
-    """Fly with parameters and inputs; return the text of the error, "" for none.  What is not finite fails here."""
+def outcome(
+    sim: flightmech.SimModel, values: dict[str, float], steps: int = 2, dt: float = 0.02
+) -> str:
+    """Fly with parameters and inputs; return the text of the error, "" for none.  What is not
+    finite fails here.
+    """
     run, u = Simulation(sim.model), np.zeros(len(sim.inputs))
     try:
         for name, value in values.items():
@@ -85,26 +96,38 @@ def test_every_parameter_of_the_small_models_alone(fleet):
         alone(fleet[model], FLYING, EVERY)
 
 
-ODD = st.one_of(st.sampled_from(EVERY), st.floats(-2.0, 2.0), st.floats(allow_nan=False, allow_infinity=False))
+ODD = st.one_of(
+    st.sampled_from(EVERY), st.floats(-2.0, 2.0), st.floats(allow_nan=False, allow_infinity=False)
+)
 
 
-@settings(max_examples=2 * settings.default.max_examples, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=2 * settings.default.max_examples,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
 @given(data=st.data())
 def test_parameters_and_inputs_at_random(data, fleet):
     sim = fleet["whole"]
     names = st.sampled_from((*sim.parameters, *sim.inputs))
-    case = data.draw(st.sampled_from(CASES)) | data.draw(st.dictionaries(names, ODD, min_size=1, max_size=6))
+    case = data.draw(st.sampled_from(CASES)) | data.draw(
+        st.dictionaries(names, ODD, min_size=1, max_size=6)
+    )
     assert reported(outcome(sim, case), sim)
 
 
 @pytest.mark.slow
-@settings(max_examples=5000, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=5000, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 @given(data=st.data())
 @pytest.mark.nightly
 def test_many_parameters_and_inputs_at_random(data, fleet):
     sim = fleet["whole"]
     names = st.sampled_from((*sim.parameters, *sim.inputs))
-    case = data.draw(st.sampled_from(CASES)) | data.draw(st.dictionaries(names, ODD, min_size=1, max_size=20))
+    case = data.draw(st.sampled_from(CASES)) | data.draw(
+        st.dictionaries(names, ODD, min_size=1, max_size=20)
+    )
     assert reported(outcome(sim, case, steps=10), sim)
 
 
@@ -150,23 +173,38 @@ def test_no_number_that_is_not_finite_comes_in(value, fleet):
 )
 def test_any_attitude_and_place_flies(start, earth, fleet):
     for controls in (0.0, 2.0):
-        text = outcome(fleet["whole"], {"init.h": 1000.0, "mode.earth": earth, "mode.controls": controls} | start, steps=25)
+        text = outcome(
+            fleet["whole"],
+            {"init.h": 1000.0, "mode.earth": earth, "mode.controls": controls} | start,
+            steps=25,
+        )
         assert text == "", text
 
 
 @pytest.mark.parametrize("h", [-0.5, -100.0, -1e4])
 @pytest.mark.parametrize("speed", [0.0, 60.0])
 def test_wheels_under_the_ground(h, speed, fleet):
-    """A spring that is compressed by 100 m throws the aircraft into the air, or the integration diverges and this is reported."""
+    """A spring that is compressed by 100 m throws the aircraft into the air, or the integration
+    diverges and this is reported.
+    """
     for controls in (0.0, 2.0):
-        case = {"init.V": speed, "init.h": h, "gear": 1.0, "mode.controls": controls, "brake_left": 1.0}
+        case = {
+            "init.V": speed,
+            "init.h": h,
+            "gear": 1.0,
+            "mode.controls": controls,
+            "brake_left": 1.0,
+        }
         assert reported(outcome(fleet["whole"], case, steps=25), fleet["whole"])
 
 
 def test_places_where_there_is_no_air_to_fly_in(fleet):
     for h in (-6371007.1809, -6378137.0, -6356766.0, -6.4e6, 1e12):
         for earth in (0.0, 1.0, 2.0):
-            assert reported(outcome(fleet["whole"], {"init.V": 60.0, "init.h": h, "mode.earth": earth}), fleet["whole"])
+            assert reported(
+                outcome(fleet["whole"], {"init.V": 60.0, "init.h": h, "mode.earth": earth}),
+                fleet["whole"],
+            )
 
 
 @pytest.mark.parametrize("t", [float("nan"), float("inf"), 1.1e10, -1e300])
@@ -177,14 +215,18 @@ def test_times_without_meaning_are_refused(t, fleet):
         run.initialize(t)
     run.initialize()
     for start, dt in ((t, 0.01), (0.0, t)):
-        with pytest.raises(SimulationError, match="must be finite and not negative, times within 1e10 s"):
+        with pytest.raises(
+            SimulationError, match="must be finite and not negative, times within 1e10 s"
+        ):
             run.step(start, dt, u, u)
     with pytest.raises(SimulationError, match=r"the record starts at .* within 1e10 s"):
         run.run(np.array([t]), u[None], hold=False)
 
 
 def test_the_work_of_a_step_is_bounded(fleet):
-    """A step as long as times allow, with turbulence of the finest grid, circuits of the shortest sub-step and a lever delay."""
+    """A step as long as times allow, with turbulence of the finest grid, circuits of the shortest
+    sub-step and a lever delay.
+    """
     case = {"mode.step": 1e10, "turbulence.step": 1e-3, "column.step": 1e-6} | ROUGH | FLYING
     assert reported(outcome(fleet["whole"], case, steps=1, dt=9e9), fleet["whole"])
     text = outcome(fleet["bare"], FLYING, steps=1, dt=9e9)
@@ -193,7 +235,9 @@ def test_the_work_of_a_step_is_bounded(fleet):
 
 @pytest.mark.parametrize("model", ["whole", "plain", "bare", "empty"])
 def test_every_index_is_a_parameter_or_none(model, fleet):
-    """Nodes, scales and offsets follow the catalogue; between the tables of two stages there are numbers that are none."""
+    """Nodes, scales and offsets follow the catalogue; between the tables of two stages there are
+    numbers that are none.
+    """
     sim = fleet[model]
     found = [text_of(sim, i) for i in range(-2, len(sim.parameters) + 800)]
     assert set(found) <= {"", "there is no parameter"}
@@ -209,15 +253,25 @@ def text_of(sim: flightmech.SimModel, i: int) -> str:
         run.set_parameter(i, 1.0)
     except SimulationError as error:
         return str(error).rsplit(" ", 1)[0]
-    assert run.parameter(i) == pytest.approx(1.0, rel=1e-10)  # a node is kept as the change of a value of up to 1e5
+    assert run.parameter(i) == pytest.approx(
+        1.0, rel=1e-10
+    )  # a node is kept as the change of a value of up to 1e5
     return ""
 
 
 @pytest.mark.parametrize(
     ("search", "wanted", "text"),
     [
-        (([np.nan], [1.0], [-1.0], [1.0]), 0.0, "unknown 0 of the trim lies between 1 and -1 in steps of 1; the limits must be in order"),
-        (([np.nan], [-1.0], [1.0], [0.0]), 0.0, "in steps of 0; the limits must be in order, the size positive"),
+        (
+            ([np.nan], [1.0], [-1.0], [1.0]),
+            0.0,
+            "unknown 0 of the trim lies between 1 and -1 in steps of 1; the limits must be in order",
+        ),
+        (
+            ([np.nan], [-1.0], [1.0], [0.0]),
+            0.0,
+            "in steps of 0; the limits must be in order, the size positive",
+        ),
         (([np.nan], [np.nan], [1.0], [1.0]), 0.0, "lies between -?nan and 1"),
         (([np.inf], [-1.0], [1.0], [1.0]), 0.0, "the first guess of unknown 0 of the trim is inf"),
         (([0.0], [-1.0], [1.0], [1.0]), np.inf, "goal 0 of the trim is inf; it must be finite"),
@@ -230,4 +284,10 @@ def test_a_trim_without_meaning_is_refused(search, wanted, text, fleet):
     run.initialize()
     mover = [(2, sim.parameters.index("init.alpha"), 0)]
     with pytest.raises(SimulationError, match=text):
-        run.trim_for(0, mover, tuple(np.array(part) for part in search), [sim.outputs.index("trim.w_dot")], np.array([wanted]))
+        run.trim_for(
+            0,
+            mover,
+            tuple(np.array(part) for part in search),
+            [sim.outputs.index("trim.w_dot")],
+            np.array([wanted]),
+        )

@@ -66,8 +66,12 @@ def test_held_inputs_show_in_the_outputs(sim, start):
     u = np.zeros((3, len(sim.inputs)))
     u[:, sim.inputs.index("delta_e")] = [0.0, 0.1, 0.2]
     column = sim.outputs.index("applied.delta_e")
-    assert start(sim, **FLIGHT | {"mode__trim": 0.0}).run(time, u, hold=True)[:, column].tolist() == [0.0, 0.0, 0.1]
-    assert start(sim, **FLIGHT | {"mode__trim": 0.0}).run(time, u, hold=False)[:, column].tolist() == [0.0, 0.1, 0.2]
+    assert start(sim, **FLIGHT | {"mode__trim": 0.0}).run(time, u, hold=True)[
+        :, column
+    ].tolist() == [0.0, 0.0, 0.1]
+    assert start(sim, **FLIGHT | {"mode__trim": 0.0}).run(time, u, hold=False)[
+        :, column
+    ].tolist() == [0.0, 0.1, 0.2]
 
 
 def test_step_is_cut_into_equal_parts(sim, start):
@@ -108,17 +112,24 @@ def test_bad_input_stops_the_run_and_reports_the_time(value, sim, start):
     time = np.arange(0.0, 2.0, 0.05)
     u = np.zeros((len(time), len(sim.inputs)))
     u[17, sim.inputs.index("delta_r")] = value
-    with pytest.raises(SimulationError, match=r"input delta_r is (-?nan|inf) at t = 0\.85 s") as caught:
+    with pytest.raises(
+        SimulationError, match=r"input delta_r is (-?nan|inf) at t = 0\.85 s"
+    ) as caught:
         start(sim, **FLIGHT).run(time, u, hold=False)
     assert caught.value.time == pytest.approx(0.85)
 
 
 def test_divergence_stops_the_run_and_keeps_the_last_good_state(make_aircraft, make_tree, start):
-    content = {"Cm/unstable": make(400.0, regressors=["alpha"]), "Cm/worse": make(5e4, regressors=["qhat"])}
+    content = {
+        "Cm/unstable": make(400.0, regressors=["alpha"]),
+        "Cm/worse": make(5e4, regressors=["qhat"]),
+    }
     sim = flightmech.compile(make_aircraft(engines=()), make_tree(content))
     u = np.zeros(len(sim.inputs))
     run = start(sim, init__V=200.0, init__alpha=0.1)
-    with pytest.raises(SimulationError, match=r"^state\.\w+ is not finite at t = .* the model has diverged") as caught:
+    with pytest.raises(
+        SimulationError, match=r"^state\.\w+ is not finite at t = .* the model has diverged"
+    ) as caught:
         run.step(0.0, 60.0, u, u)
     assert 0.0 < caught.value.time < 60.0
     assert np.isfinite(run.state).all()
@@ -138,7 +149,10 @@ def test_senseless_steps_are_refused(dt, sim, start):
 
 
 def test_steps_outside_the_tables_are_counted_per_axis_and_side(make_aircraft, make_tree, start):
-    content = {"CL/a": make([0.0, 1.0], {"alpha": [0.2, 0.4]}), "CD/b": make([0.1, 0.1], {"mach": [0.0, 0.05]})}
+    content = {
+        "CL/a": make([0.0, 1.0], {"alpha": [0.2, 0.4]}),
+        "CD/b": make([0.1, 0.1], {"mach": [0.0, 0.05]}),
+    }
     sim = flightmech.compile(make_aircraft(engines=()), make_tree(content))
     u = np.zeros(len(sim.inputs))
     run = start(sim, init__V=100.0, init__h=1000.0, mode__step=0.01)
@@ -151,7 +165,10 @@ def test_steps_outside_the_tables_are_counted_per_axis_and_side(make_aircraft, m
 
 def test_a_table_that_no_step_looks_up_is_not_left(make_aircraft, make_tree, start):
     """Hinge moments are looked up for the outputs alone when the surfaces are driven."""
-    content = {"CL/a": make([0.0, 1.0], {"alpha": [-0.2, 0.4]}), "Ch_e/b": make([0.1, 0.2], {"alpha": [-0.3, 0.3]})}
+    content = {
+        "CL/a": make([0.0, 1.0], {"alpha": [-0.2, 0.4]}),
+        "Ch_e/b": make([0.1, 0.2], {"alpha": [-0.3, 0.3]}),
+    }
     sim = flightmech.compile(make_aircraft(engines=()), make_tree(content))
     u = np.zeros(len(sim.inputs))
     run = start(sim, init__V=100.0, init__h=1000.0, mode__step=0.01)
@@ -173,11 +190,15 @@ def test_two_simulations_of_one_model_are_independent(sim, start):
 
 @pytest.mark.parametrize("threads", [2, 7])
 def test_the_number_of_threads_does_not_change_a_bit(threads, sim, start):
-    """One model, a simulation of its own for every run; ctypes lets the runs go on at the same time."""
+    """One model, a simulation of its own for every run; ctypes lets the runs go on at the same
+    time.
+    """
     time = np.arange(0.0, 2.0, 0.02)
 
     def fly(speed: float) -> np.ndarray:
-        return start(sim, **FLIGHT | {"init__V": speed}).run(time, inputs_over(sim, time, np.zeros(len(sim.inputs))), hold=False)
+        return start(sim, **FLIGHT | {"init__V": speed}).run(
+            time, inputs_over(sim, time, np.zeros(len(sim.inputs))), hold=False
+        )
 
     speeds = np.linspace(80.0, 130.0, 24)
     with ThreadPoolExecutor(threads) as pool:
@@ -197,7 +218,9 @@ def test_a_thousand_simulations_of_one_model(sim, start):
 
 
 def test_a_step_of_no_length_hides_no_failed_trim(sim):
-    """A trim in a wind that no flight survives leaves a state without numbers; no step makes a good one of it."""
+    """A trim in a wind that no flight survives leaves a state without numbers; no step makes a good
+    one of it.
+    """
     run = Simulation(sim.model)
     run.initialize()
     u = np.zeros(len(sim.inputs))

@@ -16,7 +16,9 @@ START = {"init.V": 110.0, "init.h": 60.0, "mode.trim": 1}
 
 
 def as_table(name: str, value: float, further: list[str]) -> xr.Dataset:
-    """The term `value` times a switch, as a table over the switch, which is never left out: the same bits."""
+    """The term `value` times a switch, as a table over the switch, which is never left out: the
+    same bits.
+    """
     return make([0.0, value], {name: [0.0, 1.0]}, further)
 
 
@@ -27,7 +29,9 @@ def as_regressor(name: str, value: float, further: list[str]) -> xr.Dataset:
 @pytest.fixture(scope="module")
 def switched(make_aircraft, make_tree, content):
     """The jet with terms of flaps, brake and wheels that a function makes."""
-    return lambda make_leaf: flightmech.compile(make_aircraft(), make_tree(content | _of_switches(make_leaf)))
+    return lambda make_leaf: flightmech.compile(
+        make_aircraft(), make_tree(content | _of_switches(make_leaf))
+    )
 
 
 def _of_switches(make_leaf) -> dict[str, xr.Dataset]:
@@ -52,7 +56,9 @@ def moved() -> xr.Dataset:
 
 
 def flickering() -> xr.Dataset:
-    """The same, but for the brake, which is in at every other sample: fewer evaluations than any wait."""
+    """The same, but for the brake, which is in at every other sample: fewer evaluations than any
+    wait.
+    """
     brake = np.where(np.arange(TIME.size) % 2, moved()["speedbrake"].values, 0.0)
     return moved().assign(speedbrake=("time", brake))
 
@@ -60,18 +66,29 @@ def flickering() -> xr.Dataset:
 @pytest.mark.parametrize("inputs", [moved, flickering])
 @pytest.mark.parametrize("scale", [1.0, 0.5])
 def test_a_term_that_is_switched_off_comes_back(switched, scale, inputs):
-    """A multiplier of zero leaves its terms out; the same terms as tables, which stay, give the same bits."""
+    """A multiplier of zero leaves its terms out; the same terms as tables, which stay, give the
+    same bits.
+    """
     scales = {f"term.{name}": scale for name in ("CL.flaps", "Cm.brake", "Cl.flaps")}
-    of_terms, of_tables = (flightmech.simulate(switched(way), inputs(), START | scales) for way in (as_regressor, as_table))
+    of_terms, of_tables = (
+        flightmech.simulate(switched(way), inputs(), START | scales)
+        for way in (as_regressor, as_table)
+    )
     assert float(of_terms["CL"].max() - of_terms["CL"].min()) > 0.1
     compared = set(of_terms.data_vars) - {"out_of_range"}  # the tables have ends
-    assert [name for name in compared if of_terms[name].values.tobytes() != of_tables[name].values.tobytes()] == []
+    assert [
+        name
+        for name in compared
+        if of_terms[name].values.tobytes() != of_tables[name].values.tobytes()
+    ] == []
 
 
 def test_contributions_of_terms_that_are_left_out(switched):
     """A term that is off contributes zero, one that is on what its table gives."""
     found = flightmech.simulate(switched(as_regressor), moved(), START, terms=True)
-    assert (found["contribution"].sel(term="CD/brake").values == 0.0625 * moved()["speedbrake"].values).all()
+    assert (
+        found["contribution"].sel(term="CD/brake").values == 0.0625 * moved()["speedbrake"].values
+    ).all()
 
 
 MORE = {
@@ -92,7 +109,10 @@ def with_circuits(make_aircraft, make_tree, content):
         "pedal": Circuit((-0.1, 0.1), 8.0, inertia=0.5, damping=20.0),
     }
     controls = {"delta_e": Control(1.5, 0.35, -1.2), "delta_r": Control(0.6, 0.3, -2.5)}
-    aircraft, own = make_aircraft(circuits=circuits, controls=controls), content | {"Ch_e/delta": make(-0.1, regressors=["delta_e"])}
+    aircraft, own = (
+        make_aircraft(circuits=circuits, controls=controls),
+        content | {"Ch_e/delta": make(-0.1, regressors=["delta_e"])},
+    )
     return lambda more: flightmech.compile(aircraft, make_tree(own | more))
 
 
@@ -102,7 +122,11 @@ def test_a_term_of_scale_zero_is_as_none(with_circuits, driven):
     scales = {f"term.{name.replace('/', '.')}": 0.0 for name in MORE}
     none = flightmech.simulate(with_circuits({}), moved(), start)
     zero = flightmech.simulate(with_circuits(MORE), moved(), start | scales, terms=True)
-    assert [name for name in none.data_vars if none[name].values.tobytes() != zero[name].values.tobytes()] == []
+    assert [
+        name
+        for name in none.data_vars
+        if none[name].values.tobytes() != zero[name].values.tobytes()
+    ] == []
     assert not zero["contribution"].sel(term=list(MORE)).values.any()
 
 
@@ -123,7 +147,10 @@ def test_a_scale_that_becomes_zero_between_derivatives(sim, start):
 
 def test_scales_that_become_zero_between_outputs(with_circuits, start, flown):
     """The hinge moment of a surface that no term is left of is zero, not what it was."""
-    sim, flight = with_circuits(MORE), {"init__V": 110.0, "init__h": 2000.0, "init__alpha": 0.1, "delta_r": 0.05}
+    sim, flight = (
+        with_circuits(MORE),
+        {"init__V": 110.0, "init__h": 2000.0, "init__alpha": 0.1, "delta_r": 0.05},
+    )
     run = start(sim, **flight)
     forces = [sim.outputs.index(name) for name in ("column.F_aer", "pedal.F_aer")]
     assert abs(run.outputs()[forces]).min() > 1.0
@@ -137,7 +164,10 @@ def test_scales_that_become_zero_between_outputs(with_circuits, start, flown):
 def test_contributions_of_scales_that_become_zero(with_circuits, start):
     sim = with_circuits(MORE)
     run = start(sim, init__V=110.0, init__h=2000.0, init__alpha=0.1)
-    time, more = np.array([0.0, 0.02]), [sim.terms.index(name) for name in ("CL/more", "Ch_e/more", "Ch_r/more")]
+    time, more = (
+        np.array([0.0, 0.02]),
+        [sim.terms.index(name) for name in ("CL/more", "Ch_e/more", "Ch_r/more")],
+    )
     u = np.tile(np.where(np.array(sim.inputs) == "delta_r", 0.05, 0.0), (2, 1))
 
     def contributions() -> np.ndarray:
@@ -151,12 +181,21 @@ def test_contributions_of_scales_that_become_zero(with_circuits, start):
 
 
 def test_what_was_looked_up_before_does_not_matter(sim, start):
-    """Tables whose axes stand still are kept: in any order of states each has the bits of a simulation that sees it first."""
+    """Tables whose axes stand still are kept: in any order of states each has the bits of a
+    simulation that sees it first.
+    """
     rng = np.random.default_rng(2)
     first = start(sim, init__V=110.0, init__h=30.0)
     x, n = first.state, len(sim.inputs)
-    states = [np.concatenate([x[:3], x[3:6] * (1.0 + 0.02 * rng.standard_normal(3)), x[6:]]) for _ in range(3)]
-    inputs = [np.zeros(n), np.where(np.array(sim.inputs) == "delta_f", 0.3, 0.0), rng.uniform(0.0, 0.2, n)]
+    states = [
+        np.concatenate([x[:3], x[3:6] * (1.0 + 0.02 * rng.standard_normal(3)), x[6:]])
+        for _ in range(3)
+    ]
+    inputs = [
+        np.zeros(n),
+        np.where(np.array(sim.inputs) == "delta_f", 0.3, 0.0),
+        rng.uniform(0.0, 0.2, n),
+    ]
     used = first.copy()
     for pick in rng.integers(0, 3, (60, 2)):
         at, u = states[pick[0]], inputs[pick[1]]
@@ -178,9 +217,13 @@ def test_a_table_that_is_changed_between_derivatives(sim, start, changed):
 
 @pytest.mark.parametrize("gamma", [-0.0095, -0.2])
 @pytest.mark.parametrize("exponent", [-7.5, -1.5, 0.5, 9.0])
-def test_a_power_in_a_step_is_that_of_whole_derivatives(make_aircraft, make_tree, content, exponent, gamma):
-    """The later slopes find a power from that of the first by a series where the height changes by less than 4e-4 of it,
-    here 3.5e-4.  1e-9 m of a position, its rounding, are 3e-10 m/s after the step; the term of the series in u^3 is 2e-9 m/s."""
+def test_a_power_in_a_step_is_that_of_whole_derivatives(
+    make_aircraft, make_tree, content, exponent, gamma
+):
+    """The later slopes find a power from that of the first by a series where the height changes by
+    less than 4e-4 of it, here 3.5e-4.  1e-9 m of a position, its rounding, are 3e-10 m/s after the
+    step; the term of the series in u^3 is 2e-9 m/s.
+    """
     low = make(0.5 * 30.0**-exponent, power=Power("h_agl", exponent, 1.0))
     sim = flightmech.compile(make_aircraft(), make_tree(content | {"CL/low": low}))
     run = Simulation(sim.model)

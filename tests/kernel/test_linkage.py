@@ -1,4 +1,6 @@
-"""The time stepping of linkage.c, compiled alone: closed forms of free motion, dry friction, stops, two and three masses; energy."""
+"""The time stepping of linkage.c, compiled alone: closed forms of free motion, dry friction, stops,
+two and three masses; energy.
+"""
 
 from __future__ import annotations
 
@@ -23,12 +25,27 @@ class Linkage(ctypes.Structure):
     """linkage_t."""
 
     _fields_ = [
-        *((name, Three) for name in ("mass", "damping", "load", "load_rate", "stiffness", "origin", "friction", "breakout")),
+        *(
+            (name, Three)
+            for name in (
+                "mass",
+                "damping",
+                "load",
+                "load_rate",
+                "stiffness",
+                "origin",
+                "friction",
+                "breakout",
+            )
+        ),
         ("preload", c_double),
         ("neutral", c_double),
         ("low", Three),
         ("high", Three),
-        *((name, c_double) for name in ("restitution", "cable_stiffness", "cable_damping", "drive")),
+        *(
+            (name, c_double)
+            for name in ("restitution", "cable_stiffness", "cable_damping", "drive")
+        ),
         ("bodies", c_int),
         ("driven", c_bool),
     ]
@@ -45,12 +62,30 @@ def advance(tmp_path_factory):
     """linkage_advance of a library that holds nothing else."""
     pytest.importorskip("ziglang", reason="the compiler of the build, ziglang, is not installed")
     library = tmp_path_factory.mktemp("linkage") / "linkage.so"
-    flags = ["-std=c11", "-O2", "-ffp-contract=off", "-fno-sanitize=all", "-Wall", "-Wextra", "-Werror", "-shared", "-fPIC"]
+    flags = [
+        "-std=c11",
+        "-O2",
+        "-ffp-contract=off",
+        "-fno-sanitize=all",
+        "-Wall",
+        "-Wextra",
+        "-Werror",
+        "-shared",
+        "-fPIC",
+    ]
     sources = [f"-I{SOURCE / 'base'}", str(SOURCE / "controls" / "linkage.c")]
-    subprocess.run([sys.executable, "-m", "ziglang", "cc", *flags, *sources, "-o", str(library), "-lm"], check=True)
+    subprocess.run(
+        [sys.executable, "-m", "ziglang", "cc", *flags, *sources, "-o", str(library), "-lm"],
+        check=True,
+    )
     call = ctypes.CDLL(str(library)).linkage_advance
-    call.argtypes, call.restype = [ctypes.POINTER(Linkage), ctypes.POINTER(Motion), c_double, c_int], None
-    return lambda linkage, motion, h, parts=1: call(ctypes.byref(linkage), ctypes.byref(motion), h, parts)
+    call.argtypes, call.restype = (
+        [ctypes.POINTER(Linkage), ctypes.POINTER(Motion), c_double, c_int],
+        None,
+    )
+    return lambda linkage, motion, h, parts=1: call(
+        ctypes.byref(linkage), ctypes.byref(motion), h, parts
+    )
 
 
 def three(value) -> Three:
@@ -58,11 +93,16 @@ def three(value) -> Three:
 
 
 def linkage(bodies: int = 1, **values) -> Linkage:
-    """Return a linkage without friction and stops; a number counts for all bodies, breakout is the friction unless given."""
+    """Return a linkage without friction and stops; a number counts for all bodies, breakout is the
+    friction unless given.
+    """
     values = {"mass": 1.0, "low": -FREE, "high": FREE, **values}
     values.setdefault("breakout", values.get("friction", 0.0))
     vectors = {name for name, kind in Linkage._fields_ if kind is Three}
-    return Linkage(bodies=bodies, **{name: three(value) if name in vectors else value for name, value in values.items()})
+    return Linkage(
+        bodies=bodies,
+        **{name: three(value) if name in vectors else value for name, value in values.items()},
+    )
 
 
 def motion(q=0.0, v=0.0) -> Motion:
@@ -70,7 +110,9 @@ def motion(q=0.0, v=0.0) -> Motion:
 
 
 def flown(advance, given: Linkage, m: Motion, h: float, steps: int, load=None) -> np.ndarray:
-    """Return q of all bodies after every step (steps + 1, 3); `load` gives the load on body 0 at a time."""
+    """Return q of all bodies after every step (steps + 1, 3); `load` gives the load on body 0 at a
+    time.
+    """
     rows = [list(m.q)]
     for k in range(steps):
         if load is not None:
@@ -84,12 +126,17 @@ def energy(c: Linkage, m: Motion) -> float:
     """Kinetic energy, springs, preload, cables and constant loads. [J]"""
     total = c.preload * abs(m.q[0] - c.neutral)
     for i in range(c.bodies):
-        total += 0.5 * c.mass[i] * m.v[i] ** 2 + 0.5 * c.stiffness[i] * (m.q[i] - c.origin[i]) ** 2 - c.load[i] * m.q[i]
+        total += (
+            0.5 * c.mass[i] * m.v[i] ** 2
+            + 0.5 * c.stiffness[i] * (m.q[i] - c.origin[i]) ** 2
+            - c.load[i] * m.q[i]
+        )
         total += 0.5 * c.cable_stiffness * (m.q[i] - m.q[0]) ** 2
     return total
 
 
-# ---- closed forms without friction ---------------------------------------------------------------------------------------
+# ---- closed forms without friction
+# ---------------------------------------------------------------------------------------
 
 
 def test_step_response_of_second_order(advance):
@@ -98,8 +145,18 @@ def test_step_response_of_second_order(advance):
     t = h * np.arange(1501)
     omega, damping = np.sqrt(C / mass), W / (2.0 * np.sqrt(C * mass))
     own = omega * np.sqrt(1.0 - damping**2)
-    exact = F / C * (1.0 - np.exp(-damping * omega * t) * (np.cos(own * t) + damping * omega / own * np.sin(own * t)))
-    found = flown(advance, linkage(mass=mass, damping=W, stiffness=C, load=F), motion(), h, 1500)[:, 0]
+    exact = (
+        F
+        / C
+        * (
+            1.0
+            - np.exp(-damping * omega * t)
+            * (np.cos(own * t) + damping * omega / own * np.sin(own * t))
+        )
+    )
+    found = flown(advance, linkage(mass=mass, damping=W, stiffness=C, load=F), motion(), h, 1500)[
+        :, 0
+    ]
     assert np.abs(found - exact).max() < F / C * 2e-5
 
 
@@ -111,10 +168,14 @@ def test_overbalanced_surface_runs_away(advance):
 
 @pytest.mark.parametrize("friction", [0.0, 4.0])
 def test_second_order_of_the_step(advance, friction):
-    """Halving the sub-step divides the error by four, with reversals and sticking inside the sub-steps too."""
+    """Halving the sub-step divides the error by four, with reversals and sticking inside the
+    sub-steps too.
+    """
 
     def end(h):
-        given = linkage(mass=2.0, damping=1.0, stiffness=300.0, friction=friction, breakout=1.5 * friction)
+        given = linkage(
+            mass=2.0, damping=1.0, stiffness=300.0, friction=friction, breakout=1.5 * friction
+        )
         return flown(advance, given, motion(0.2, 0.3), h, round(0.9 / h))[-1, 0]
 
     coarse, middle, fine = (end(h) for h in (4e-3, 2e-3, 1e-3))
@@ -136,11 +197,15 @@ def test_frequencies_of_three_masses(advance):
 
 
 def check_modes(advance, mass, C, cable, K):
-    """Started in one mode, the motion stays in it with the frequency of the mode as the midpoint rule has it."""
+    """Started in one mode, the motion stays in it with the frequency of the mode as the midpoint
+    rule has it.
+    """
     values, shapes = np.linalg.eig(K / mass[:, None])
     h = 1e-3
     for value, shape in zip(values, shapes.T, strict=True):
-        given = linkage(len(mass), mass=[*mass, 1.0][:3], stiffness=[*C, 0.0][:3], cable_stiffness=cable)
+        given = linkage(
+            len(mass), mass=[*mass, 1.0][:3], stiffness=[*C, 0.0][:3], cable_stiffness=cable
+        )
         found = flown(advance, given, motion([*shape, 0.0][:3]), h, 400)[:, : len(mass)]
         omega = 2.0 / h * np.arctan(0.5 * h * np.sqrt(value))
         assert omega == pytest.approx(np.sqrt(value), rel=1.1 * value * h**2 / 12.0)
@@ -151,29 +216,53 @@ def test_step_response_of_fourth_order(advance):
     """Damped, force on the forward mass, against the matrix exponential."""
     from scipy.linalg import expm
 
-    mass, W, C, cable, slack, F, h = np.array([6.0, 2.0]), np.array([25.0, 8.0]), np.array([200.0, 900.0]), 6000.0, 12.0, 60.0, 5e-4
+    mass, W, C, cable, slack, F, h = (
+        np.array([6.0, 2.0]),
+        np.array([25.0, 8.0]),
+        np.array([200.0, 900.0]),
+        6000.0,
+        12.0,
+        60.0,
+        5e-4,
+    )
     coupling = np.array([[1.0, -1.0], [-1.0, 1.0]])
     K, D, M1 = np.diag(C) + cable * coupling, np.diag(W) + slack * coupling, np.diag(1.0 / mass)
     A = np.block([[np.zeros((2, 2)), np.eye(2)], [-M1 @ K, -M1 @ D]])
     rest = np.concatenate([np.linalg.solve(K, [F, 0.0]), np.zeros(2)])
     exact = np.array([rest - expm(A * t) @ rest for t in (0.1, 0.35, 0.9)])[:, :2]
-    given = linkage(2, mass=mass, damping=W, stiffness=C, cable_stiffness=cable, cable_damping=slack, load=[F, 0.0, 0.0])
+    given = linkage(
+        2,
+        mass=mass,
+        damping=W,
+        stiffness=C,
+        cable_stiffness=cable,
+        cable_damping=slack,
+        load=[F, 0.0, 0.0],
+    )
     found = flown(advance, given, motion(), h, 1800)[[200, 700, 1800], :2]
     assert found == pytest.approx(exact, abs=2e-5 * np.abs(exact).max())
 
 
-# ---- dry friction --------------------------------------------------------------------------------------------------------
+# ---- dry friction
+# --------------------------------------------------------------------------------------------------------
 
 
 def test_amplitude_falls_linearly_under_dry_friction(advance):
-    """Every half cycle takes 2 F_c / C, until the spring no longer overcomes the friction; there the body stays."""
+    """Every half cycle takes 2 F_c / C, until the spring no longer overcomes the friction; there
+    the body stays.
+    """
     mass, C, friction, start = 3.0, 700.0, 14.0, 0.33
-    found = flown(advance, linkage(mass=mass, stiffness=C, friction=friction), motion(start), 1e-3, 4000)[:, 0]
+    found = flown(
+        advance, linkage(mass=mass, stiffness=C, friction=friction), motion(start), 1e-3, 4000
+    )[:, 0]
     drop, band = 2.0 * friction / C, friction / C
     peaks = [start]
     while abs(peaks[-1]) > band:
         peaks.append(-np.sign(peaks[-1]) * (abs(peaks[-1]) - drop))
-    turns = [0, *(k for k in range(1, 4000) if (found[k] - found[k - 1]) * (found[k + 1] - found[k]) < 0.0)]
+    turns = [
+        0,
+        *(k for k in range(1, 4000) if (found[k] - found[k - 1]) * (found[k + 1] - found[k]) < 0.0),
+    ]
     assert len(peaks) == 9
     # a turning point lies at most half a sub-step from a sample: q'' h^2 / 8 off
     assert found[turns] == pytest.approx(peaks[:-1], abs=C * start / mass * 1e-6 / 8.0)
@@ -192,7 +281,13 @@ def test_time_of_half_a_cycle_is_not_changed_by_dry_friction(advance):
 
 def test_rest_lasts_for_ever(advance):
     """At 99.9 % of the breakout force nothing moves, in any of 100 000 sub-steps and at either end."""
-    given = linkage(2, mass=[5.0, 2.0, 1.0], friction=[10.0, 6.0, 0.0], breakout=[12.0, 6.0, 0.0], cable_stiffness=4000.0)
+    given = linkage(
+        2,
+        mass=[5.0, 2.0, 1.0],
+        friction=[10.0, 6.0, 0.0],
+        breakout=[12.0, 6.0, 0.0],
+        cable_stiffness=4000.0,
+    )
     given.load = Three(11.988 - 8.0, 5.994 + 8.0, 0.0)
     m = motion([0.05, 0.052, 0.0])
     before = list(m.q)
@@ -203,7 +298,9 @@ def test_rest_lasts_for_ever(advance):
 
 @pytest.mark.slow
 def test_slow_force_sweep_draws_a_loop_as_wide_as_the_friction(advance):
-    """Force against travel, up and down slowly: two lines apart by 2 F_c, and nothing moves inside the band."""
+    """Force against travel, up and down slowly: two lines apart by 2 F_c, and nothing moves inside
+    the band.
+    """
     C, friction, breakout, h = 400.0, 15.0, 20.0, 1e-3
     given = linkage(mass=0.5, damping=20.0, stiffness=C, friction=friction, breakout=breakout)
     m, period = motion(), 40.0
@@ -216,17 +313,26 @@ def test_slow_force_sweep_draws_a_loop_as_wide_as_the_friction(advance):
     F = np.array([force(at) for at in t])
     s = flown(advance, given, m, h, len(t) - 1, force)[:, 0]
     last = t > 1.5 * period
-    falling, rising = (last & (np.sign(np.gradient(F)) == sign) & (np.abs(s) < 0.1) for sign in (-1.0, 1.0))
-    up, down = (np.interp([-0.05, 0.0, 0.05], np.sort(s[part]), np.sort(F[part])) for part in (rising, falling))
+    falling, rising = (
+        last & (np.sign(np.gradient(F)) == sign) & (np.abs(s) < 0.1) for sign in (-1.0, 1.0)
+    )
+    up, down = (
+        np.interp([-0.05, 0.0, 0.05], np.sort(s[part]), np.sort(F[part]))
+        for part in (rising, falling)
+    )
     # viscous force of the sweep: 20 N s/m at 8 N/s / 400 N/m = 0.4 N on either side
     assert up - down == pytest.approx(2.0 * friction + 0.8, abs=0.02)
     assert F[np.argmax(s > 0.0)] == pytest.approx(breakout, abs=0.02)
 
 
 def test_friction_on_both_ends_of_a_cable(advance):
-    """The pilot moves his end by the stretch that the friction aft allows before the surface follows."""
+    """The pilot moves his end by the stretch that the friction aft allows before the surface
+    follows.
+    """
     cable, friction = 5000.0, [4.0, 25.0, 0.0]
-    given = linkage(2, mass=[2.0, 1.0, 1.0], damping=[40.0, 10.0, 0.0], friction=friction, cable_stiffness=cable)
+    given = linkage(
+        2, mass=[2.0, 1.0, 1.0], damping=[40.0, 10.0, 0.0], friction=friction, cable_stiffness=cable
+    )
     given.load_rate[0] = 28.9 / 5.0
     m = motion()
     advance(given, m, 5.0, 5000)
@@ -240,11 +346,14 @@ def test_friction_on_both_ends_of_a_cable(advance):
     assert m.q[1] > 0.0
 
 
-# ---- centring, stops, drive ----------------------------------------------------------------------------------------------
+# ---- centring, stops, drive
+# ----------------------------------------------------------------------------------------------
 
 
 def test_preload_holds_neutral_until_it_is_overcome(advance):
-    given = linkage(mass=2.0, damping=30.0, stiffness=200.0, origin=0.01, preload=9.0, neutral=0.01, load=8.99)
+    given = linkage(
+        mass=2.0, damping=30.0, stiffness=200.0, origin=0.01, preload=9.0, neutral=0.01, load=8.99
+    )
     m = motion(0.01)
     advance(given, m, 10.0, 10000)
     assert m.q[0] == 0.01
@@ -257,10 +366,14 @@ def test_preload_holds_neutral_until_it_is_overcome(advance):
 
 
 def test_preload_alone_gives_parabolas(advance):
-    """A constant centring force: the period is 4 sqrt(2 m s / P), and no energy is lost in passing neutral."""
+    """A constant centring force: the period is 4 sqrt(2 m s / P), and no energy is lost in passing
+    neutral.
+    """
     mass, preload, start, h = 2.0, 9.0, 0.08, 1e-3
     period = 4.0 * np.sqrt(2.0 * mass * start / preload)
-    found = flown(advance, linkage(mass=mass, preload=preload), motion(start), h, round(5.25 * period / h))[:, 0]
+    found = flown(
+        advance, linkage(mass=mass, preload=preload), motion(start), h, round(5.25 * period / h)
+    )[:, 0]
     at = h * np.arange(len(found))
     crossings = at[1:][np.diff(np.sign(found)) != 0.0]
     assert len(crossings) == 11
@@ -286,20 +399,27 @@ def test_bounce_off_a_stop(advance, restitution):
 
 
 def test_driven_end_moves_as_reported(advance):
-    """A prescribed cockpit end drags the aft mass, here in closed form: x = v t - v sin(omega t) / omega."""
+    """A prescribed cockpit end drags the aft mass, here in closed form: x = v t - v sin(omega t) /
+    omega.
+    """
     mass, cable, speed, h = 1.5, 2000.0, 0.3, 1e-3
     given = linkage(2, mass=[1.0, mass, 1.0], cable_stiffness=cable, driven=True, drive=speed)
     found = flown(advance, given, motion(0.0, [speed, 0.0, 0.0]), h, 300)
     t, omega = h * np.arange(301), np.sqrt(cable / mass)
     assert found[:, 0] == pytest.approx(speed * t, abs=1e-14)
-    assert found[:, 1] == pytest.approx(speed * t - speed * np.sin(omega * t) / omega, abs=speed / omega * 2e-3)
+    assert found[:, 1] == pytest.approx(
+        speed * t - speed * np.sin(omega * t) / omega, abs=speed / omega * 2e-3
+    )
 
 
-# ---- energy, for anything ------------------------------------------------------------------------------------------------
+# ---- energy, for anything
+# ------------------------------------------------------------------------------------------------
 
 positive = st.floats(0.01, 100.0)
 share = st.one_of(st.just(0.0), st.floats(0.0, 50.0))
-place = st.integers(-(10**6), 10**6).map(lambda micro: micro * 1e-6)  # stops and neutral are apart by a micrometre or coincide
+place = st.integers(-(10**6), 10**6).map(
+    lambda micro: micro * 1e-6
+)  # stops and neutral are apart by a micrometre or coincide
 
 
 @st.composite
@@ -322,7 +442,10 @@ def any_linkage(draw):
         "cable_stiffness": draw(st.floats(0.0, 1e6)),
         "cable_damping": draw(share),
     }
-    q = [low + draw(st.floats(0.0, 1.0)) * (high - low) for low, high in zip(values["low"], values["high"], strict=True)]
+    q = [
+        low + draw(st.floats(0.0, 1.0)) * (high - low)
+        for low, high in zip(values["low"], values["high"], strict=True)
+    ]
     return linkage(bodies, **values), motion(q, [draw(st.floats(-10.0, 10.0)) for _ in range(3)])
 
 
@@ -330,7 +453,9 @@ def any_linkage(draw):
 @settings(max_examples=3 * settings.default.max_examples, deadline=None)
 @given(start=any_linkage(), h=st.floats(1e-5, 0.05))
 def test_energy_is_never_made_and_always_accounted_for(advance, start, h):
-    """Whatever the numbers and the sub-step: friction, dampers and stops only take, and what they take is what is missing."""
+    """Whatever the numbers and the sub-step: friction, dampers and stops only take, and what they
+    take is what is missing.
+    """
     given, m = start
     scale = energy(given, m) + sum(abs(given.load[i]) * 1.5 for i in range(3)) + 1.0
     scale += sum(given.stiffness[i] * 6.25 for i in range(3)) + given.cable_stiffness * 9.0
@@ -352,7 +477,9 @@ def test_what_comes_to_rest_stays(advance, start, h):
     """Once all bodies rest, no bit changes any more."""
     given, m = start
     given.friction = Three(*(f + 60.0 for f in given.friction))
-    given.breakout = Three(*(max(a, b) for a, b in zip(given.friction, given.breakout, strict=True)))
+    given.breakout = Three(
+        *(max(a, b) for a, b in zip(given.friction, given.breakout, strict=True))
+    )
     given.load, given.damping = three(0.0), Three(*(w + 20.0 for w in given.damping))
     advance(given, m, 2000 * h, 2000)
     if any(m.v[i] != 0.0 for i in range(given.bodies)):
@@ -374,4 +501,6 @@ def test_forces_obey_the_laws_of_friction_and_stops(advance, start, h):
         advance(given, m, h)
         for i in range(given.bodies):
             assert abs(m.friction[i]) <= max(given.friction[i], given.breakout[i]) * (1.0 + 1e-12)
-            assert abs(m.stop[i]) < 1e-300 or (m.q[i] == given.high[i] if m.stop[i] > 0.0 else m.q[i] == given.low[i])
+            assert abs(m.stop[i]) < 1e-300 or (
+                m.q[i] == given.high[i] if m.stop[i] > 0.0 else m.q[i] == given.low[i]
+            )

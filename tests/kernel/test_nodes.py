@@ -11,13 +11,24 @@ from flightmech.errors import SimulationError, UnknownName
 from flightmech.simulation.kernel import PARAMETER, Simulation
 from flightmech.terms import make
 
-HELD = {"init.V": 90.0, "init.h": 1500.0, "init.alpha": 0.06, "engine1.throttle": 0.6, "engine2.throttle": 0.6, "gear": 0.3, "delta_f": 0.2}
+HELD = {
+    "init.V": 90.0,
+    "init.h": 1500.0,
+    "init.alpha": 0.06,
+    "engine1.throttle": 0.6,
+    "engine2.throttle": 0.6,
+    "gear": 0.3,
+    "delta_f": 0.2,
+}
 
 
 @pytest.fixture(scope="module")
 def record() -> xr.Dataset:
     t = np.arange(0.0, 2.0, 0.02)
-    return xr.Dataset({"delta_e": ("time", -0.05 * np.sin(3.0 * t)), "delta_r": ("time", 0.04 * np.sin(2.0 * t))}, {"time": t})
+    return xr.Dataset(
+        {"delta_e": ("time", -0.05 * np.sin(3.0 * t)), "delta_r": ("time", 0.04 * np.sin(2.0 * t))},
+        {"time": t},
+    )
 
 
 def flown(sim, record, **extra):
@@ -48,14 +59,20 @@ def set_node(index, value):
         ("node.CL.qhat", "CL/qhat", "value", (), 9.0),
     ],
 )
-def test_a_node_is_a_parameter(parameter, name, table, index, value, sim, content, record, make_aircraft, make_tree):
-    counterpart = flightmech.compile(make_aircraft(), make_tree(changed(content, name, table, set_node(index, value))))
+def test_a_node_is_a_parameter(
+    parameter, name, table, index, value, sim, content, record, make_aircraft, make_tree
+):
+    counterpart = flightmech.compile(
+        make_aircraft(), make_tree(changed(content, name, table, set_node(index, value)))
+    )
     run = Simulation(sim.model)
     assert run.parameter(sim.model.find(PARAMETER, parameter)) == content[name][table].values[index]
     ours, theirs = flown(sim, record, **{parameter: value}), flown(counterpart, record)
     for channel in ("alpha", "theta", "p", "CL", "CD", "Cn"):
         # the two add the same numbers in another order
-        np.testing.assert_allclose(ours[channel], theirs[channel], rtol=1e-10, atol=1e-12, err_msg=channel)
+        np.testing.assert_allclose(
+            ours[channel], theirs[channel], rtol=1e-10, atol=1e-12, err_msg=channel
+        )
     assert float(abs(ours["theta"] - flown(sim, record)["theta"]).max()) > 1e-9
 
 
@@ -64,7 +81,9 @@ def test_scale_and_offset_of_a_table(sim, content, record, make_aircraft, make_t
         values *= 1.1
         values += 0.003
 
-    counterpart = flightmech.compile(make_aircraft(), make_tree(changed(content, "CD/basic", "value", change)))
+    counterpart = flightmech.compile(
+        make_aircraft(), make_tree(changed(content, "CD/basic", "value", change))
+    )
     # offset and scale apply in this order whatever the order of the calls
     ours = flown(sim, record, **{"offset.CD.basic": 0.003, "table.CD.basic": 1.1})
     np.testing.assert_allclose(ours["V"], flown(counterpart, record)["V"], rtol=1e-12)
@@ -83,7 +102,15 @@ def test_the_last_value_of_a_node_holds(sim):
 
 
 @pytest.mark.parametrize(
-    "name", ["node.CL.basic[6,0]", "node.CL.basic[3]", "node.CL.basic", "node.CL.nothing[0]", "table.CL.basic[0]", "node.CL.qhat.K1[0]"]
+    "name",
+    [
+        "node.CL.basic[6,0]",
+        "node.CL.basic[3]",
+        "node.CL.basic",
+        "node.CL.nothing[0]",
+        "table.CL.basic[0]",
+        "node.CL.qhat.K1[0]",
+    ],
 )
 def test_what_is_not_there_is_refused(name, sim, record):
     with pytest.raises(UnknownName, match=r"a table has node.CL.basic\[3,1\]"):

@@ -1,4 +1,6 @@
-"""Blocks: any bytes are safe, a wrong block states what is wrong; the same model gives the same bytes."""
+"""Blocks: any bytes are safe, a wrong block states what is wrong; the same model gives the same
+bytes.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +42,11 @@ def section(block: bytes, name: str) -> tuple[int, int]:
 def patched(block: bytes, offset: int, data: bytes, seal: bool = True) -> bytes:
     """The block with other bytes, and with a right CRC unless reported otherwise."""
     changed = block[:offset] + data + block[offset + len(data) :]
-    return changed[:24] + struct.pack("<I", zlib.crc32(changed[28:])) + changed[28:] if seal else changed
+    return (
+        changed[:24] + struct.pack("<I", zlib.crc32(changed[28:])) + changed[28:]
+        if seal
+        else changed
+    )
 
 
 def fly(model: Model) -> None:
@@ -71,7 +77,12 @@ def test_model_survives_pickling(sim):
 def test_a_flipped_bit_is_found(sim):
     rng = np.random.default_rng(1)
     for offset in rng.integers(0, len(sim.block), 100):
-        changed = patched(sim.block, int(offset), bytes([sim.block[offset] ^ (1 << int(rng.integers(8)))]), seal=False)
+        changed = patched(
+            sim.block,
+            int(offset),
+            bytes([sim.block[offset] ^ (1 << int(rng.integers(8)))]),
+            seal=False,
+        )
         with pytest.raises(SchemaError):
             Model(changed)
 
@@ -108,7 +119,12 @@ def test_wrong_headers_state_what_is_wrong(offset, data, text, sim):
         ("axes", 8, struct.pack("<I", 2**31), "breakpoints outside the block"),
         ("bundles", 0, struct.pack("<I", 5), "wrong number of axes"),
         ("bundles", 4, struct.pack("<I", 77), "axis that is not in its stage"),
-        ("bundles", 20, struct.pack("<I", 2**20), "wrong number of axes or tables|nodes outside the block"),
+        (
+            "bundles",
+            20,
+            struct.pack("<I", 2**20),
+            "wrong number of axes or tables|nodes outside the block",
+        ),
         ("bundles", 32, struct.pack("<Q", 2**60), "nodes outside the block"),
         ("terms", 0, struct.pack("<I", 2**31), "term 0 has no name"),
         ("terms", 16, struct.pack("<I", 10**6), "table outside its stage"),
@@ -130,7 +146,11 @@ def test_wrong_records_state_what_is_wrong(name, inside, data, text, sim):
 
 def test_sections_must_lie_inside(sim):
     for i in range(len(SECTIONS)):
-        for entry in (struct.pack("<2Q", 2**63, 1), struct.pack("<2Q", 64, 2**61), struct.pack("<2Q", 65, 1)):
+        for entry in (
+            struct.pack("<2Q", 2**63, 1),
+            struct.pack("<2Q", 64, 2**61),
+            struct.pack("<2Q", 65, 1),
+        ):
             with pytest.raises(SchemaError):
                 Model(patched(sim.block, 32 + 16 * i, entry))
 
@@ -146,7 +166,18 @@ def test_hostile_blocks_with_a_right_checksum_do_not_crash(data, sim):
             offset = min(offset + 4 * data.draw(st.integers(0, 60)), len(block) - 8)
         else:
             offset = data.draw(st.integers(28, len(block) - 8))
-        word = data.draw(st.sampled_from([b"\0\0\0\0", b"\xff\xff\xff\xff", b"\1\0\0\0", b"\0\0\xf0\x7f", b"\0\0\0\x80", b"\7\0\0\0"]))
+        word = data.draw(
+            st.sampled_from(
+                [
+                    b"\0\0\0\0",
+                    b"\xff\xff\xff\xff",
+                    b"\1\0\0\0",
+                    b"\0\0\xf0\x7f",
+                    b"\0\0\0\x80",
+                    b"\7\0\0\0",
+                ]
+            )
+        )
         block = patched(block, offset, word)
     try:
         model = Model(block)
@@ -172,5 +203,8 @@ def test_the_library_itself_refuses_what_it_cannot_solve_for(sim):
     with pytest.raises(SchemaError, match="dnz cannot be a table axis; it may be a regressor only"):
         Model(patched(sim.block, axes + 24 * aero, struct.pack("<I", implicit[1])))
     record = terms + 48 * sim.terms.index("Cm/elevator")
-    with pytest.raises(SchemaError, match="term Cm/elevator has two of alphadothat, betadothat, dnz; only one can be solved for"):
+    with pytest.raises(
+        SchemaError,
+        match="term Cm/elevator has two of alphadothat, betadothat, dnz; only one can be solved for",
+    ):
         Model(patched(sim.block, record + 20, struct.pack("<2I", *(1 + i for i in implicit))))

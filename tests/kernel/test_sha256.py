@@ -11,10 +11,13 @@ from pathlib import Path
 
 import pytest
 
-pytest.importorskip("ziglang", reason="sha256.c is compiled on its own, which needs pip install aeromatch[dev]")
+pytest.importorskip(
+    "ziglang", reason="sha256.c is compiled on its own, which needs pip install aeromatch[dev]"
+)
 
 SOURCE = Path(__file__).parents[2] / "kernel" / "shell"
-# the second function takes the first's place for the blocks; where there are no instructions both are the same
+# the second function takes the first's place for the blocks; where there are no instructions both
+# are the same
 SHIM = """
 #include "sha256.c"
 void blocks_portable(uint32_t h[8], const unsigned char *bytes, size_t n) { absorb_portable(h, bytes, n); }
@@ -26,7 +29,18 @@ void blocks_as_called(uint32_t h[8], const unsigned char *bytes, size_t n) { abs
 def library(tmp_path_factory) -> ctypes.CDLL:
     folder = tmp_path_factory.mktemp("sha256")
     (folder / "shim.c").write_text(SHIM)
-    command = [sys.executable, "-m", "ziglang", "cc", "-shared", "-fPIC", "-std=c11", "-O2", "-fno-sanitize=all", f"-I{SOURCE}"]
+    command = [
+        sys.executable,
+        "-m",
+        "ziglang",
+        "cc",
+        "-shared",
+        "-fPIC",
+        "-std=c11",
+        "-O2",
+        "-fno-sanitize=all",
+        f"-I{SOURCE}",
+    ]
     subprocess.run([*command, str(folder / "shim.c"), "-o", str(folder / "sha256.so")], check=True)
     return ctypes.CDLL(str(folder / "sha256.so"))
 

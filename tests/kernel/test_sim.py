@@ -11,7 +11,9 @@ from flightmech.errors import SimulationError
 from flightmech.simulation.kernel import Simulation, library
 
 AM_BAD_INDEX, AM_NOT_FINITE = 1, 3
-NOT_FINITE = pytest.mark.parametrize(("value", "text"), [(np.nan, "nan"), (np.inf, "inf"), (-np.inf, "-inf")])
+NOT_FINITE = pytest.mark.parametrize(
+    ("value", "text"), [(np.nan, "nan"), (np.inf, "inf"), (-np.inf, "-inf")]
+)
 
 
 @NOT_FINITE

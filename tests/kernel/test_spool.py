@@ -1,4 +1,6 @@
-"""The full deck of an engine: tables by hand, spools against closed forms, lever delay, flame, drives, forces."""
+"""The full deck of an engine: tables by hand, spools against closed forms, lever delay, flame,
+drives, forces.
+"""
 
 from __future__ import annotations
 
@@ -18,12 +20,18 @@ from flightmech.simulation.kernel import STATE, Simulation
 from flightmech.terms import make
 
 STILL = {"init__V": 0.0, "init__h": 0.0, "mode__earth": 0.0, "mode__engine": 0.0}
-N2 = {"n2_command": make([0.5, 1.0], {"throttle": [0.0, 1.0]}), "n2_up_time": make(0.5), "n2_down_time": make(0.8)}
+N2 = {
+    "n2_command": make([0.5, 1.0], {"throttle": [0.0, 1.0]}),
+    "n2_up_time": make(0.5),
+    "n2_down_time": make(0.8),
+}
 STATIC = {
     **N2,
     "n1_command": make([0.2, 0.9], {"n2": [0.5, 1.0]}),
     "n1_up_time": make(0.4),
-    "corrected_thrust": make([[100.0, -50.0], [5000.0, 4000.0]], {"corrected_n1": [0.2, 1.0], "mach": [0.0, 0.6]}),
+    "corrected_thrust": make(
+        [[100.0, -50.0], [5000.0, 4000.0]], {"corrected_n1": [0.2, 1.0], "mach": [0.0, 0.6]}
+    ),
     "corrected_air_flow": make([5.0, 30.0], {"corrected_n1": [0.2, 1.0]}),
     "corrected_fuel_flow": make([0.02, 0.12], {"corrected_n2": [0.5, 1.0]}),
     "corrected_itt": make([600.0, 900.0], {"corrected_n2": [0.5, 1.0]}),
@@ -35,12 +43,19 @@ STATIC = {
 
 @pytest.fixture(scope="module")
 def compiled(make_aircraft, make_tree):
-    """Compile the jet without aerodynamics, with one deck at the moment reference or the decks given."""
+    """Compile the jet without aerodynamics, with one deck at the moment reference or the decks
+    given.
+    """
 
     def of(*decks: Deck, **changes) -> flightmech.SimModel:
         places = [(0.0, 0.0, 0.0)] if len(decks) == 1 else [(0.0, -1.0, 0.0), (0.0, 1.0, 0.0)]
-        engines = tuple(flightmech.aircraft.Engine(place, deck=deck) for place, deck in zip(places, decks, strict=True))
-        return flightmech.compile(make_aircraft(engines=engines, **changes), make_tree({"CD/basic": make(0.0)}))
+        engines = tuple(
+            flightmech.aircraft.Engine(place, deck=deck)
+            for place, deck in zip(places, decks, strict=True)
+        )
+        return flightmech.compile(
+            make_aircraft(engines=engines, **changes), make_tree({"CD/basic": make(0.0)})
+        )
 
     return of
 
@@ -52,7 +67,9 @@ def static(compiled) -> flightmech.SimModel:
 
 def with_thrust(**tables: xr.Dataset | float) -> Deck:
     """A deck of N2 alone with a thrust, changed."""
-    leaves = {name: leaf if isinstance(leaf, xr.Dataset) else make(leaf) for name, leaf in tables.items()}
+    leaves = {
+        name: leaf if isinstance(leaf, xr.Dataset) else make(leaf) for name, leaf in tables.items()
+    }
     return Deck({**N2, "thrust": make([0.0, 4000.0], {"n2": [0.5, 1.0]}), **leaves})
 
 
@@ -67,7 +84,14 @@ def inputs(sim: flightmech.SimModel, **given: float) -> np.ndarray:
     return u
 
 
-def flown_through(sim: flightmech.SimModel, run: Simulation, u: np.ndarray, seconds: float, step: float = 0.01, start: float = 0.0):
+def flown_through(
+    sim: flightmech.SimModel,
+    run: Simulation,
+    u: np.ndarray,
+    seconds: float,
+    step: float = 0.01,
+    start: float = 0.0,
+):
     """Step with constant inputs; the outputs at the end."""
     for k in range(round(seconds / step)):
         run.step(start + k * step, step, u, u)
@@ -81,7 +105,10 @@ def test_static_deck_by_hand(static, flown):
     y = flown(static, **FLIGHT)
     atm = air.atmosphere(y["h"])
     mach = 120.0 / float(atm.a_sound)
-    theta, delta = float(atm.temperature) / 288.15 * (1.0 + 0.2 * mach**2), float(atm.p_static) / 101325.0
+    theta, delta = (
+        float(atm.temperature) / 288.15 * (1.0 + 0.2 * mach**2),
+        float(atm.p_static) / 101325.0,
+    )
     root = theta**0.5
     n2, n1 = 0.5 + 0.5 * 0.6, 0.2 + 0.7 * 0.6
     at = {"corrected_n1": n1 / root, "corrected_n2": n2 / root, "mach": mach}
@@ -120,7 +147,9 @@ def test_ram_drag_acts_at_the_inlet_against_the_airspeed(compiled, flown, make_a
     craft = make_aircraft()
     moment = np.cross(np.array(deck.inlet) - craft.cg, force)
     np.testing.assert_allclose([y["ax"], y["ay"], y["az"]], force / craft.mass, rtol=1e-12)
-    np.testing.assert_allclose([y["p_dot"], y["q_dot"], y["r_dot"]], np.linalg.solve(inertia(craft), moment), rtol=1e-11)
+    np.testing.assert_allclose(
+        [y["p_dot"], y["q_dot"], y["r_dot"]], np.linalg.solve(inertia(craft), moment), rtol=1e-11
+    )
     assert force @ [y["u"], y["v"], y["w"]] < 0.0  # takes energy away
     assert y["engine1.thrust"] == pytest.approx(-20.0 * 120.0)
 
@@ -128,13 +157,22 @@ def test_ram_drag_acts_at_the_inlet_against_the_airspeed(compiled, flown, make_a
 @pytest.mark.parametrize(("before", "after", "tau"), [(0.0, 1.0, 0.5), (1.0, 0.2, 0.8)])
 def test_spool_without_limits_is_first_order(compiled, start, before, after, tau):
     sim = compiled(with_thrust())
-    y = flown_through(sim, start(sim, **STILL, engine1__throttle=before), inputs(sim, engine1__throttle=after), 0.6)
+    y = flown_through(
+        sim,
+        start(sim, **STILL, engine1__throttle=before),
+        inputs(sim, engine1__throttle=after),
+        0.6,
+    )
     goal, n = 0.5 + 0.5 * after, 0.5 + 0.5 * before
-    assert y["engine1.n2"] == pytest.approx(goal + (n - goal) * np.exp(-0.6 / tau), abs=2e-9)  # RK4: (0.01/0.5)^4 / 120
+    assert y["engine1.n2"] == pytest.approx(
+        goal + (n - goal) * np.exp(-0.6 / tau), abs=2e-9
+    )  # RK4: (0.01/0.5)^4 / 120
     assert y["engine1.thrust"] == pytest.approx(8000.0 * (y["engine1.n2"] - 0.5))
 
 
-@pytest.mark.parametrize(("before", "after", "tau", "limit"), [(0.0, 1.0, 0.5, 0.25), (1.0, 0.0, 0.8, 0.125)])
+@pytest.mark.parametrize(
+    ("before", "after", "tau", "limit"), [(0.0, 1.0, 0.5, 0.25), (1.0, 0.0, 0.8, 0.125)]
+)
 def test_limited_spool_runs_straight_then_first_order(compiled, start, before, after, tau, limit):
     """The rate is limited until the gap is limit x tau; chop and slam have limits of their own."""
     sim = compiled(with_thrust(n2_up_limit=0.25, n2_down_limit=0.125))
@@ -146,22 +184,34 @@ def test_limited_spool_runs_straight_then_first_order(compiled, start, before, a
     assert y["engine1.n2"] == pytest.approx(n + way * limit * 1.0, abs=1e-13)
     y = flown_through(sim, run, u, 4.0, start=1.0)
     expected = goal - way * limit * tau * np.exp(-(5.0 - straight) / tau)
-    assert y["engine1.n2"] == pytest.approx(expected, abs=1e-6)  # the kink lies inside a step: error below h^2 limit / tau / 8
+    assert y["engine1.n2"] == pytest.approx(
+        expected, abs=1e-6
+    )  # the kink lies inside a step: error below h^2 limit / tau / 8
 
 
 def test_time_constant_depends_on_the_speed(compiled, start):
-    """tau = 2 - 1.5 n: between n' = (1 - n) / tau and its integral 1.5 (n - n0) - 0.5 ln((1 - n)/(1 - n0)) = t."""
+    """tau = 2 - 1.5 n: between n' = (1 - n) / tau and its integral 1.5 (n - n0) - 0.5 ln((1 - n)/(1
+    - n0)) = t.
+    """
     sim = compiled(with_thrust(n2_up_time=make([2.0, 0.5], {"n2": [0.0, 1.0]})))
-    n = flown_through(sim, start(sim, **STILL), inputs(sim, engine1__throttle=1.0), 1.5)["engine1.n2"]
+    n = flown_through(sim, start(sim, **STILL), inputs(sim, engine1__throttle=1.0), 1.5)[
+        "engine1.n2"
+    ]
     assert 1.5 * (n - 0.5) - 0.5 * np.log((1.0 - n) / 0.5) == pytest.approx(1.5, abs=1e-7)
 
 
 def test_corrected_command_and_pla(compiled, flown):
     """A schedule over the lever angle, of the corrected speed."""
     schedule = make([0.5, 1.0], {"pla": [0.2, 1.2]})
-    deck = Deck({"corrected_n1_command": schedule, "n1_up_time": make(0.5), "thrust": make(0.0)}, pla_idle=0.2, pla_full=1.2)
+    deck = Deck(
+        {"corrected_n1_command": schedule, "n1_up_time": make(0.5), "thrust": make(0.0)},
+        pla_idle=0.2,
+        pla_full=1.2,
+    )
     y = flown(compiled(deck), **{**FLIGHT, "init__h": 9000.0})
-    root = (float(air.atmosphere(9000.0).temperature) / 288.15 * (1.0 + 0.2 * y["mach"] ** 2)) ** 0.5
+    root = (
+        float(air.atmosphere(9000.0).temperature) / 288.15 * (1.0 + 0.2 * y["mach"] ** 2)
+    ) ** 0.5
     assert y["engine1.pla"] == pytest.approx(0.8, rel=1e-15)
     assert y["engine1.n1"] == pytest.approx(0.8 * root, rel=1e-12)
     assert y["engine1.n2"] == 0.0
@@ -169,7 +219,9 @@ def test_corrected_command_and_pla(compiled, flown):
 
 def lever_record() -> tuple[np.ndarray, np.ndarray]:
     """Ramps and rests at uneven times."""
-    return np.array([0.0, 0.4, 0.47, 0.9, 1.0, 1.03, 2.0, 3.0]), np.array([0.1, 0.1, 0.8, 0.8, 0.2, 0.25, 1.0, 1.0])
+    return np.array([0.0, 0.4, 0.47, 0.9, 1.0, 1.03, 2.0, 3.0]), np.array(
+        [0.1, 0.1, 0.8, 0.8, 0.2, 0.25, 1.0, 1.0]
+    )
 
 
 def steps_of(seed: int, end: float) -> np.ndarray:
@@ -185,20 +237,30 @@ def test_lever_delay_is_exact_at_any_steps(compiled, start, delay, seed):
     knots, lever = lever_record()
     time = steps_of(seed, 3.0)
     for t0, t1 in pairwise(time):
-        u0, u1 = (inputs(sim, engine1__throttle=float(np.interp(t, knots, lever))) for t in (t0, t1))
+        u0, u1 = (
+            inputs(sim, engine1__throttle=float(np.interp(t, knots, lever))) for t in (t0, t1)
+        )
         run.step(t0, t1 - t0, u0, u1)
-        assert values(sim, run)["engine1.pla"] == pytest.approx(float(np.interp(t1 - delay, knots, lever)), abs=1e-12)
+        assert values(sim, run)["engine1.pla"] == pytest.approx(
+            float(np.interp(t1 - delay, knots, lever)), abs=1e-12
+        )
 
 
 def test_delayed_lever_without_dynamics_moves_the_spool_alike_at_any_steps(compiled, start):
-    """Random communication steps against uniform ones: what differs is the error of the integration."""
+    """Random communication steps against uniform ones: what differs is the error of the
+    integration.
+    """
     sim = compiled(with_thrust())
     knots, lever = lever_record()
 
     def final(time: np.ndarray) -> float:
-        run = start(sim, **STILL, engine1__throttle=0.1, engine1__lever_delay=0.23, mode__step=0.002)
+        run = start(
+            sim, **STILL, engine1__throttle=0.1, engine1__lever_delay=0.23, mode__step=0.002
+        )
         for t0, t1 in pairwise(time):
-            u0, u1 = (inputs(sim, engine1__throttle=float(np.interp(t, knots, lever))) for t in (t0, t1))
+            u0, u1 = (
+                inputs(sim, engine1__throttle=float(np.interp(t, knots, lever))) for t in (t0, t1)
+            )
             run.step(t0, t1 - t0, u0, u1)
         return values(sim, run)["engine1.n2"]
 
@@ -209,7 +271,9 @@ def test_delayed_lever_without_dynamics_moves_the_spool_alike_at_any_steps(compi
 
 
 def test_held_inputs_jump_after_the_delay(compiled, start):
-    """A jump that arrives between two steps counts from the step that begins with it: n2 is first order to rounding of RK4."""
+    """A jump that arrives between two steps counts from the step that begins with it: n2 is first
+    order to rounding of RK4.
+    """
     sim = compiled(with_thrust())
     run = start(sim, **STILL, engine1__lever_delay=0.3)
     full = inputs(sim, engine1__throttle=1.0)
@@ -222,14 +286,23 @@ def test_held_inputs_jump_after_the_delay(compiled, start):
 
 
 def test_many_knots_within_the_delay_are_thinned_not_lost(compiled, start):
-    """A noisy lever at 1 kHz and a delay of 2 s: 2000 knots; what is thinned lies within delay / 200 in time."""
+    """A noisy lever at 1 kHz and a delay of 2 s: 2000 knots; what is thinned lies within delay /
+    200 in time.
+    """
     sim = compiled(with_thrust())
     run = start(sim, **STILL, engine1__throttle=0.5, engine1__lever_delay=2.0)
     time = np.arange(0.0, 5.0, 0.001)
     lever = 0.5 + 0.4 * np.sin(time) + 0.001 * (np.arange(len(time)) % 2)
     for k in range(len(time) - 1):
-        run.step(time[k], 0.001, inputs(sim, engine1__throttle=lever[k]), inputs(sim, engine1__throttle=lever[k + 1]))
-    assert values(sim, run)["engine1.pla"] == pytest.approx(0.5 + 0.4 * np.sin(time[-1] - 2.0), abs=0.4 * 0.01 + 0.001)
+        run.step(
+            time[k],
+            0.001,
+            inputs(sim, engine1__throttle=lever[k]),
+            inputs(sim, engine1__throttle=lever[k + 1]),
+        )
+    assert values(sim, run)["engine1.pla"] == pytest.approx(
+        0.5 + 0.4 * np.sin(time[-1] - 2.0), abs=0.4 * 0.01 + 0.001
+    )
 
 
 def test_copy_carries_the_lever_history(compiled, start):
@@ -239,13 +312,23 @@ def test_copy_carries_the_lever_history(compiled, start):
     counterpart = run.copy()
     u = inputs(sim, engine1__throttle=0.4)
     flown_through(sim, counterpart, u, 0.5, start=0.3)  # another future first
-    assert flown_through(sim, run.copy(), u, 0.5, start=0.3) == flown_through(sim, run, u, 0.5, start=0.3)
+    assert flown_through(sim, run.copy(), u, 0.5, start=0.3) == flown_through(
+        sim, run, u, 0.5, start=0.3
+    )
 
 
 def test_start_up_and_shut_down(compiled, start):
-    """Cranked to light-off, up to idle by the acceleration table, cut off and run down: each piece by its closed form."""
+    """Cranked to light-off, up to idle by the acceleration table, cut off and run down: each piece
+    by its closed form.
+    """
     deck = Deck(
-        {**N2, "thrust": make([0.0, 4000.0], {"n2": [0.5, 1.0]}), "fuel_flow": make(0.05), "n2_up_limit": make(0.05), "itt": make(900.0)},
+        {
+            **N2,
+            "thrust": make([0.0, 4000.0], {"n2": [0.5, 1.0]}),
+            "fuel_flow": make(0.05),
+            "n2_up_limit": make(0.05),
+            "itt": make(900.0),
+        },
         starter_speed=0.25,
         starter_time=2.0,
         light_speed=0.15,
@@ -256,14 +339,23 @@ def test_start_up_and_shut_down(compiled, start):
     run = start(sim, **STILL, engine1__cutoff=1.0)
     cranking = inputs(sim, engine1__cutoff=1.0, engine1__starter=1.0)
     y = values(sim, run)
-    assert (y["engine1.n2"], y["engine1.burning"], y["engine1.fuel_flow"], y["engine1.itt"]) == (0.0, 0.0, 0.0, pytest.approx(288.15))
+    assert (y["engine1.n2"], y["engine1.burning"], y["engine1.fuel_flow"], y["engine1.itt"]) == (
+        0.0,
+        0.0,
+        0.0,
+        pytest.approx(288.15),
+    )
     y = flown_through(sim, run, cranking, 1.0)
     assert y["engine1.n2"] == pytest.approx(0.25 * (1.0 - np.exp(-0.5)), abs=1e-9)
-    y = flown_through(sim, run, inputs(sim, engine1__starter=1.0), 0.5, start=1.0)  # fuel on below the light-off speed: nothing yet
+    y = flown_through(
+        sim, run, inputs(sim, engine1__starter=1.0), 0.5, start=1.0
+    )  # fuel on below the light-off speed: nothing yet
     assert y["engine1.burning"] == 0.0
     y = flown_through(sim, run, inputs(sim, engine1__starter=1.0), 1.0, start=1.5)
     lit = 2.0 * np.log(0.25 / 0.10)  # when 0.25 (1 - exp(-t/2)) is 0.15
-    assert y["engine1.burning"] == pytest.approx(1.0 - np.exp(-(2.5 - lit) / 0.2), abs=0.01)  # the crossing lies inside a step
+    assert y["engine1.burning"] == pytest.approx(
+        1.0 - np.exp(-(2.5 - lit) / 0.2), abs=0.01
+    )  # the crossing lies inside a step
     n = y["engine1.n2"]
     y = flown_through(sim, run, inputs(sim), 2.0, start=2.5)
     assert y["engine1.n2"] == pytest.approx(n + 0.05 * 2.0, abs=2e-3)  # the flame was at 0.96
@@ -273,7 +365,9 @@ def test_start_up_and_shut_down(compiled, start):
     y = flown_through(sim, run, inputs(sim, engine1__cutoff=1.0), 4.0, start=24.5)
     b = np.exp(-4.0 / 0.2)
     down = solve_ivp(  # while the flame lives the governor still accelerates
-        lambda t, n: min((0.5 - n[0]) / 0.5, 0.05) * np.exp(-t / 0.2) - (1.0 - np.exp(-t / 0.2)) * n[0] / 5.0,
+        lambda t, n: (
+            min((0.5 - n[0]) / 0.5, 0.05) * np.exp(-t / 0.2) - (1.0 - np.exp(-t / 0.2)) * n[0] / 5.0
+        ),
         (0.0, 4.0),
         [0.5],
         rtol=1e-10,
@@ -307,29 +401,44 @@ def test_flame_out_needs_ignition_to_light_again(compiled, start):
     on = inputs(sim, engine1__throttle=1.0)
     flown_through(sim, run, inputs(sim, engine1__throttle=1.0, engine1__flameout=1.0), 1.0)
     assert flown_through(sim, run, on, 1.0, start=1.0)["engine1.burning"] < 1e-3
-    relit = flown_through(sim, run, inputs(sim, engine1__throttle=1.0, engine1__ignition=1.0), 5.0, start=2.0)
+    relit = flown_through(
+        sim, run, inputs(sim, engine1__throttle=1.0, engine1__ignition=1.0), 5.0, start=2.0
+    )
     assert relit["engine1.burning"] == pytest.approx(1.0, abs=1e-9)
-    assert flown_through(sim, run, on, 1.0, start=7.0)["engine1.burning"] == pytest.approx(1.0, abs=1e-9)
+    assert flown_through(sim, run, on, 1.0, start=7.0)["engine1.burning"] == pytest.approx(
+        1.0, abs=1e-9
+    )
 
 
 def test_too_slow_to_light_or_to_go_on(compiled, start):
     sim = compiled(with_thrust())
     run = start(sim, **STILL, engine1__cutoff=1.0)
-    assert flown_through(sim, run, inputs(sim, engine1__ignition=1.0), 3.0)["engine1.burning"] == 0.0
-    run = start(sim, **STILL, engine1__light_speed=0.6, engine1__sustain_speed=0.55, engine1__throttle=1.0)
-    assert flown_through(sim, run, inputs(sim), 5.0)["engine1.burning"] < 1e-3  # the lever is pulled to an idle of 0.5
+    assert (
+        flown_through(sim, run, inputs(sim, engine1__ignition=1.0), 3.0)["engine1.burning"] == 0.0
+    )
+    run = start(
+        sim, **STILL, engine1__light_speed=0.6, engine1__sustain_speed=0.55, engine1__throttle=1.0
+    )
+    assert (
+        flown_through(sim, run, inputs(sim), 5.0)["engine1.burning"] < 1e-3
+    )  # the lever is pulled to an idle of 0.5
 
 
 def test_envelopes(compiled, flown, start):
     """The flame goes out where burn_margin is negative and lights only where light_margin is not."""
-    margin = {"burn_margin": make([1.0, -1.0], {"h": [8000.0, 12000.0]}), "light_margin": make([1.0, -1.0], {"h": [5000.0, 7000.0]})}
+    margin = {
+        "burn_margin": make([1.0, -1.0], {"h": [8000.0, 12000.0]}),
+        "light_margin": make([1.0, -1.0], {"h": [5000.0, 7000.0]}),
+    }
     sim = compiled(with_thrust(**margin))
     for h, burning in ((9900.0, 1.0), (10100.0, 0.0)):
         assert flown(sim, mode__engine=0.0, init__h=h)["engine1.burning"] == burning
     for h, lights in ((5900.0, True), (6100.0, False)):
         run = start(sim, mode__engine=0.0, init__h=h, init__V=150.0, engine1__throttle=1.0)
         flown_through(sim, run, inputs(sim, engine1__throttle=1.0, engine1__flameout=1.0), 1.0)
-        y = flown_through(sim, run, inputs(sim, engine1__throttle=1.0, engine1__ignition=1.0), 2.0, start=1.0)
+        y = flown_through(
+            sim, run, inputs(sim, engine1__throttle=1.0, engine1__ignition=1.0), 2.0, start=1.0
+        )
         assert (y["engine1.burning"] > 0.99) == lights
 
 
@@ -339,7 +448,9 @@ def test_one_engine_failed_yaws_towards_it(compiled, flown, make_aircraft):
     craft = make_aircraft()
     assert (y["engine1.thrust"], y["engine2.thrust"]) == (pytest.approx(4000.0), 0.0)
     moment = np.cross(np.array([0.0, -1.0, 0.0]) - craft.cg, [y["engine1.thrust"], 0.0, 0.0])
-    np.testing.assert_allclose([y["p_dot"], y["q_dot"], y["r_dot"]], np.linalg.solve(inertia(craft), moment), rtol=1e-11)
+    np.testing.assert_allclose(
+        [y["p_dot"], y["q_dot"], y["r_dot"]], np.linalg.solve(inertia(craft), moment), rtol=1e-11
+    )
     assert y["r_dot"] > 0.0  # left engine pushes, right engine is dead
 
 
@@ -355,10 +466,18 @@ def test_n1_drives(compiled, start):
         corrected_n2 = 0.4 + 0.6 / 0.9 * (n1 / theta**0.5 - 0.1)
         assert y["engine1.n1"] == n1
         assert y["engine1.n2"] == pytest.approx(corrected_n2 * theta**0.5, rel=1e-12)
-        thrust = float(terms.evaluate(STATIC["corrected_thrust"], {"corrected_n1": n1 / theta**0.5, "mach": y["mach"]}))
-        assert y["engine1.gross_thrust"] == pytest.approx(thrust * y["p_static"] / 101325.0, rel=1e-12)
+        thrust = float(
+            terms.evaluate(
+                STATIC["corrected_thrust"], {"corrected_n1": n1 / theta**0.5, "mach": y["mach"]}
+            )
+        )
+        assert y["engine1.gross_thrust"] == pytest.approx(
+            thrust * y["p_static"] / 101325.0, rel=1e-12
+        )
         fuel = float(terms.evaluate(STATIC["corrected_fuel_flow"], {"corrected_n2": corrected_n2}))
-        assert y["engine1.fuel_flow"] == pytest.approx(fuel * y["p_static"] / 101325.0 * theta**0.5, rel=1e-12)
+        assert y["engine1.fuel_flow"] == pytest.approx(
+            fuel * y["p_static"] / 101325.0 * theta**0.5, rel=1e-12
+        )
 
 
 def test_recorded_thrust_is_net(static, flown, make_aircraft):
@@ -386,24 +505,43 @@ def test_rotors_keep_the_angular_momentum(compiled, start, make_aircraft):
     J = inertia(make_aircraft(**craft))
 
     def momentum(y: dict[str, float]) -> np.ndarray:
-        return J @ [y["p"], y["q"], y["r"]] + [600.0 * y["engine1.n1"] - 300.0 * y["engine1.n2"], 0.0, 0.0]
+        return J @ [y["p"], y["q"], y["r"]] + [
+            600.0 * y["engine1.n1"] - 300.0 * y["engine1.n2"],
+            0.0,
+            0.0,
+        ]
 
     first = values(sim, run)
     last = flown_through(sim, run, inputs(sim, engine1__throttle=1.0), 2.0)
-    spun_up = 600.0 * (last["engine1.n1"] - first["engine1.n1"]) - 300.0 * (last["engine1.n2"] - first["engine1.n2"])
+    spun_up = 600.0 * (last["engine1.n1"] - first["engine1.n1"]) - 300.0 * (
+        last["engine1.n2"] - first["engine1.n2"]
+    )
     assert spun_up > 200.0
-    assert np.linalg.norm(momentum(last)) == pytest.approx(np.linalg.norm(momentum(first)), rel=1e-10)
+    assert np.linalg.norm(momentum(last)) == pytest.approx(
+        np.linalg.norm(momentum(first)), rel=1e-10
+    )
     rest = flown_through(sim, start(sim, **STILL), inputs(sim, engine1__throttle=1.0), 2.0)
-    assert rest["p"] == pytest.approx(-spun_up / J[0, 0], rel=1e-10)  # the airframe turns against the rotor that speeds up
+    assert rest["p"] == pytest.approx(
+        -spun_up / J[0, 0], rel=1e-10
+    )  # the airframe turns against the rotor that speeds up
 
 
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
-        ({"engine1__lever_delay": -0.1}, "engine1.lever_delay is -0.1; it must be zero or positive"),
+        (
+            {"engine1__lever_delay": -0.1},
+            "engine1.lever_delay is -0.1; it must be zero or positive",
+        ),
         ({"engine1__n2_rundown": 0.0}, "engine1.n2_rundown is 0; it must be 0.02 s or more"),
-        ({"engine1__itt_time": 0.001}, "engine1.itt_time is 0.001; it must be 0, or 0.02 s or more"),
-        ({"engine1__light_speed": 0.01}, "engine1.light_speed is 0.01; it must be at least sustain_speed, below which the flame goes out"),
+        (
+            {"engine1__itt_time": 0.001},
+            "engine1.itt_time is 0.001; it must be 0, or 0.02 s or more",
+        ),
+        (
+            {"engine1__light_speed": 0.01},
+            "engine1.light_speed is 0.01; it must be at least sustain_speed, below which the flame goes out",
+        ),
         ({"engine1__n1_inertia": -1.0}, "engine1.n1_inertia is -1; it must be zero or positive"),
     ],
 )
@@ -414,5 +552,8 @@ def test_constants_without_meaning_are_refused(static, flown, changed, message):
 
 def test_n1_drive_needs_a_deck(make_aircraft, make_tree, flown):
     sim = flightmech.compile(make_aircraft(), make_tree({"CD/basic": make(0.0)}))
-    with pytest.raises(SimulationError, match=r"mode.engine = 1 drives N1, but the engines have no deck of spool speeds"):
+    with pytest.raises(
+        SimulationError,
+        match=r"mode.engine = 1 drives N1, but the engines have no deck of spool speeds",
+    ):
         flown(sim, **{**STILL, "mode__engine": 1.0})

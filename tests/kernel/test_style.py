@@ -1,4 +1,6 @@
-"""The style of the C sources, docs/design/kernel-style.md: short lines and functions, one statement a line, no circle among units."""
+"""The style of the C sources, docs/design/kernel-style.md: short lines and functions, one statement
+a line, no circle among units.
+"""
 
 from __future__ import annotations
 
@@ -37,16 +39,28 @@ def code(path: Path) -> str:
     def blank(found: re.Match) -> str:
         return re.sub(r"[^\n]", " ", found.group())
 
-    return re.sub(r'/\*.*?\*/|"(?:\\.|[^"\\\n])*"|\'(?:\\.|[^\'\\])+\'', blank, path.read_text(), flags=re.S)
+    return re.sub(
+        r'/\*.*?\*/|"(?:\\.|[^"\\\n])*"|\'(?:\\.|[^\'\\])+\'', blank, path.read_text(), flags=re.S
+    )
 
 
 def program(path: Path) -> str:
-    """Return the code without preprocessor lines, and without what stands in parentheses, brackets and initialisers."""
-    text = re.sub(r"^#(?:.*\\\n)*.*$", lambda found: re.sub(r"[^\n]", " ", found.group()), code(path), flags=re.M)
+    """Return the code without preprocessor lines, and without what stands in parentheses, brackets
+    and initialisers.
+    """
+    text = re.sub(
+        r"^#(?:.*\\\n)*.*$",
+        lambda found: re.sub(r"[^\n]", " ", found.group()),
+        code(path),
+        flags=re.M,
+    )
     out: list[str] = []
     open_pieces: list[str] = []
     for i, character in enumerate(text):
-        starts = character in "([" or (character == "{" and bool(open_pieces or re.search(r"(=\s|\))$", text[max(i - 2, 0) : i])))
+        starts = character in "([" or (
+            character == "{"
+            and bool(open_pieces or re.search(r"(=\s|\))$", text[max(i - 2, 0) : i]))
+        )
         if open_pieces and character in ")]}":
             open_pieces.pop()
         out.append(character if not open_pieces or character == "\n" else " ")
@@ -56,7 +70,9 @@ def program(path: Path) -> str:
 
 
 def functions(path: Path) -> list[tuple[str, int]]:
-    """Return name and number of lines of every function; a definition begins in the first column and ends with a brace there."""
+    """Return name and number of lines of every function; a definition begins in the first column
+    and ends with a brace there.
+    """
     found, first, name = [], 0, None
     for number, line in enumerate(code(path).splitlines(), 1):
         if line[:1].isalpha() or line.startswith("__"):
@@ -72,7 +88,13 @@ def functions(path: Path) -> list[tuple[str, int]]:
 
 def exported(path: Path) -> set[str]:
     """Return the functions of a source that others can call."""
-    return set(re.findall(r"^(?!static|typedef|return|else)[a-z_A-Z][\w ]*?[ *](\w+)\((?:[^;{}]*)\)\s*\{", code(path), flags=re.M))
+    return set(
+        re.findall(
+            r"^(?!static|typedef|return|else)[a-z_A-Z][\w ]*?[ *](\w+)\((?:[^;{}]*)\)\s*\{",
+            code(path),
+            flags=re.M,
+        )
+    )
 
 
 @pytest.fixture(scope="module")
@@ -81,15 +103,24 @@ def uses() -> dict[str, set[str]]:
     home = {name: path.stem for path in UNITS if path.suffix == ".c" for name in exported(path)}
     found: dict[str, set[str]] = {path.stem: set() for path in UNITS}
     for path in UNITS:
-        called = {home[name] for name in set(re.findall(r"(?<![\w.>])\w+", code(path))) if name in home and path.suffix == ".c"}
-        included = {Path(name).stem for name in re.findall(r'^#include "(\S+)"', path.read_text(), flags=re.M)}
+        called = {
+            home[name]
+            for name in set(re.findall(r"(?<![\w.>])\w+", code(path)))
+            if name in home and path.suffix == ".c"
+        }
+        included = {
+            Path(name).stem
+            for name in re.findall(r'^#include "(\S+)"', path.read_text(), flags=re.M)
+        }
         found[path.stem] |= (called | included) - {path.stem}
     return found
 
 
 def test_the_sources_are_found():
     assert len(UNITS) > 80
-    assert ("derivative", "sixdof") in [(name, path.stem) for path in UNITS for name, _ in functions(path)]
+    assert ("derivative", "sixdof") in [
+        (name, path.stem) for path in UNITS for name, _ in functions(path)
+    ]
     assert "am_load" in exported(KERNEL / "src" / "access" / "pack.c")
     # one source and one header at most bear a name
     assert max(Counter(path.name for path in UNITS).values()) == 1
@@ -97,7 +128,11 @@ def test_the_sources_are_found():
 
 @pytest.mark.parametrize("path", SOURCES, ids=lambda path: path.name)
 def test_lines_are_short(path):
-    long = [f"{path.name}:{number}" for number, line in enumerate(path.read_text().splitlines(), 1) if len(line) > COLUMNS]
+    long = [
+        f"{path.name}:{number}"
+        for number, line in enumerate(path.read_text().splitlines(), 1)
+        if len(line) > COLUMNS
+    ]
     assert not long, f"more than {COLUMNS} columns: {long}"
 
 
@@ -113,7 +148,11 @@ def test_one_statement_a_line(path):
     crowded = [number for number, line in enumerate(text.splitlines(), 1) if line.count(";") > 1]
     assert not crowded, f"more than one statement in the lines {crowded}"
     statements = re.split(r"[;{}]", text)
-    chained = [" ".join(s.split())[:80] for s in statements if re.search(r"[^=!<>]=[^=].*,.*[^=!<>]=[^=]", s, flags=re.S)]
+    chained = [
+        " ".join(s.split())[:80]
+        for s in statements
+        if re.search(r"[^=!<>]=[^=].*,.*[^=!<>]=[^=]", s, flags=re.S)
+    ]
     # constants of an enumeration are a list
     chained = [s for s in chained if not re.fullmatch(r"(?:[A-Z]\w*(?: = [^,]*)?,? ?)+", s)]
     assert not chained, f"assignments joined by commas: {chained}"
@@ -129,7 +168,12 @@ def test_no_circle_among_units(uses):
 
 def test_folders_use_those_before_them(uses):
     rank = {path.stem: FOLDERS.index(path.parent.name) for path in UNITS}
-    wrong = [f"{unit} uses {other}" for unit, used in uses.items() for other in used if other in rank and rank[other] > rank[unit]]
+    wrong = [
+        f"{unit} uses {other}"
+        for unit, used in uses.items()
+        for other in used
+        if other in rank and rank[other] > rank[unit]
+    ]
     assert not wrong
 
 

@@ -37,13 +37,23 @@ def test_trimmed_flight_stays(sim):
     import xarray as xr
 
     time = np.arange(0.0, 10.0, 0.1)
-    y = flightmech.simulate(sim, xr.Dataset(coords={"time": time}), {**CRUISE, "mode.earth": 0.0, "mode.trim": 2.0})
+    y = flightmech.simulate(
+        sim, xr.Dataset(coords={"time": time}), {**CRUISE, "mode.earth": 0.0, "mode.trim": 2.0}
+    )
     for name, spread in (("V", 1e-4), ("h", 1e-3), ("theta", 1e-6), ("phi", 1e-6)):
         assert float(np.ptp(y[name].values)) < spread, name
 
 
 def test_thrust_is_unknown_for_recorded_thrust(sim):
-    y = flightmech.trim(sim, {**CRUISE, "mode.engine": 2.0, "engine1.thrust_drive": 500.0, "engine2.thrust_drive": 500.0})
+    y = flightmech.trim(
+        sim,
+        {
+            **CRUISE,
+            "mode.engine": 2.0,
+            "engine1.thrust_drive": 500.0,
+            "engine2.thrust_drive": 500.0,
+        },
+    )
     assert float(y["engine1.thrust"]) == pytest.approx(500.0 + float(y["trim.thrust"]))
     assert float(y["trim.throttle"]) == 0.0
     assert max(abs(float(y[name])) for name in RESIDUALS) < 1e-11
@@ -51,22 +61,34 @@ def test_thrust_is_unknown_for_recorded_thrust(sim):
 
 def test_biases_come_on_top_of_the_recorded_controls(sim):
     plain = flightmech.trim(sim, CRUISE)
-    given = flightmech.trim(sim, {**CRUISE, "delta_e": 0.05, "engine1.throttle": 0.4, "engine2.throttle": 0.4})
-    assert float(given["trim.delta_e"]) == pytest.approx(float(plain["trim.delta_e"]) - 0.05, abs=1e-10)
-    assert float(given["applied.delta_e"]) == pytest.approx(float(plain["applied.delta_e"]), abs=1e-10)
+    given = flightmech.trim(
+        sim, {**CRUISE, "delta_e": 0.05, "engine1.throttle": 0.4, "engine2.throttle": 0.4}
+    )
+    assert float(given["trim.delta_e"]) == pytest.approx(
+        float(plain["trim.delta_e"]) - 0.05, abs=1e-10
+    )
+    assert float(given["applied.delta_e"]) == pytest.approx(
+        float(plain["applied.delta_e"]), abs=1e-10
+    )
 
 
 def test_a_bank_that_is_free_shares_a_side_acceleration_with_the_sideslip(sim):
-    """From a trimmed state: of all banks the trim takes that of the smallest change of bank, sideslip, aileron and rudder together."""
+    """From a trimmed state: of all banks the trim takes that of the smallest change of bank,
+    sideslip, aileron and rudder together.
+    """
     level = flightmech.trim(sim, {**CRUISE, "mode.earth": 0.0})
     start = {name: float(level[f"applied.{name}"]) for name in ("delta_e", "delta_a", "delta_r")}
     start |= {f"init.{name}": float(level[name]) for name in ("alpha", "beta")}
     held = {**CRUISE, **start, "mode.earth": 0.0, "init.v_dot": 0.02}
 
     def trimmed(**more):
-        y = flightmech.trim(sim, {**held, **{f"init.{name}": value for name, value in more.items()}})
+        y = flightmech.trim(
+            sim, {**held, **{f"init.{name}": value for name, value in more.items()}}
+        )
         assert max(abs(float(y[name])) for name in RESIDUALS) < 1e-11
-        return y, np.linalg.norm([y["phi"], y["beta"] - level["beta"], y["trim.delta_a"], y["trim.delta_r"]])
+        return y, np.linalg.norm(
+            [y["phi"], y["beta"] - level["beta"], y["trim.delta_a"], y["trim.delta_r"]]
+        )
 
     free, change = trimmed(phi_range=0.02)
     phi = float(free["phi"])
@@ -84,7 +106,13 @@ def test_a_negative_range_of_the_bank_is_refused(sim):
 
 def test_without_a_rudder_the_rudder_stays_and_yaw_is_left(sim):
     """A bank with no turn rate requires sideslip; without rudder terms nothing holds it."""
-    values = {**CRUISE, "mode.earth": 0.0, "init.phi": 0.2, "term.Cn.rudder": 0.0, "term.CY.rudder": 0.0}
+    values = {
+        **CRUISE,
+        "mode.earth": 0.0,
+        "init.phi": 0.2,
+        "term.Cn.rudder": 0.0,
+        "term.CY.rudder": 0.0,
+    }
     y = flightmech.trim(sim, values)
     assert float(y["trim.delta_r"]) == 0.0
     assert max(abs(float(y[name])) for name in RESIDUALS) > 1e-3
@@ -94,11 +122,22 @@ def test_without_a_rudder_the_rudder_stays_and_yaw_is_left(sim):
 
 def test_the_residual_is_a_least_squares_minimum(sim):
     """No small change of any unknown makes the weighed residual smaller."""
-    values = {**CRUISE, "mode.earth": 0.0, "init.phi": 0.2, "term.Cn.rudder": 0.0, "term.CY.rudder": 0.0}
+    values = {
+        **CRUISE,
+        "mode.earth": 0.0,
+        "init.phi": 0.2,
+        "term.Cn.rudder": 0.0,
+        "term.CY.rudder": 0.0,
+    }
     y = flightmech.trim(sim, values)
     weight = np.array([1.0, 1.0, 1.0, 5.15, 5.15, 5.15])  # half the span of 10.3 m
     best = np.linalg.norm(weight * [float(y[name]) for name in RESIDUALS])
-    for change in ({"bias.delta_a": 0.002}, {"bias.delta_a": -0.002}, {"bias.delta_e": 0.002}, {"bias.delta_e": -0.002}):
+    for change in (
+        {"bias.delta_a": 0.002},
+        {"bias.delta_a": -0.002},
+        {"bias.delta_e": 0.002},
+        {"bias.delta_e": -0.002},
+    ):
         held = {
             **{name: value for name, value in values.items() if name != "mode.trim"},
             "init.alpha": float(y["alpha"]),
@@ -132,7 +171,9 @@ def test_engine_at_its_stop_leaves_a_deceleration(sim):
 
 
 def test_a_throttle_that_meets_its_limit_on_the_way_comes_back(flown, sim):
-    """The solution passes full throttle, beyond which nothing moves the thrust: slopes are taken inwards there."""
+    """The solution passes full throttle, beyond which nothing moves the thrust: slopes are taken
+    inwards there.
+    """
     throttle = {"engine1__throttle": 0.5, "engine2__throttle": 0.5}
     found = flown(sim, mode__trim=2, init__V=61.5, init__h=8100.0, init__gamma=-0.035, **throttle)
     assert found["trim.throttle"] == pytest.approx(-0.39, abs=0.02)
@@ -145,5 +186,7 @@ def test_no_speed_is_an_error(sim):
 
 
 def test_throttle_and_recorded_thrust_contradict(sim):
-    with pytest.raises(SimulationError, match=r"mode.trim = 2 solves for the throttle, but mode.engine = 2"):
+    with pytest.raises(
+        SimulationError, match=r"mode.trim = 2 solves for the throttle, but mode.engine = 2"
+    ):
         flightmech.trim(sim, {**CRUISE, "mode.engine": 2.0, "mode.trim": 2.0})

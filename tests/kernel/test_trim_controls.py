@@ -1,6 +1,8 @@
-"""Trim with control circuits: forces of the pilot, travel in the cockpit, tabs that take the force away.
+"""Trim with control circuits: forces of the pilot, travel in the cockpit, tabs that take the force
+away.
 
-Hinge moment of the elevator: qS_e c_e Ch, Ch = -0.1 alpha - 0.3 delta_e - 0.2 delta_t; force on the column -gearing times that.
+Hinge moment of the elevator: qS_e c_e Ch, Ch = -0.1 alpha - 0.3 delta_e - 0.2 delta_t; force on the
+column -gearing times that.
 """
 
 from __future__ import annotations
@@ -31,7 +33,10 @@ def piloted(make_aircraft, make_tree, content) -> flightmech.SimModel:
     """The jet of the tests of the kernel with column and pedals."""
     craft = make_aircraft(
         controls={"delta_e": Control(AREA, CHORD, GEARING), "delta_r": Control(0.9, 0.4, -1.5)},
-        circuits={"column": Circuit((-0.3, 0.3), 6.0, friction=15.0), "pedal": Circuit((-0.3, 0.3), 8.0, friction=20.0)},
+        circuits={
+            "column": Circuit((-0.3, 0.3), 6.0, friction=15.0),
+            "pedal": Circuit((-0.3, 0.3), 8.0, friction=20.0),
+        },
     )
     return flightmech.compile(craft, make_tree({**content, **HINGES}))
 
@@ -42,14 +47,18 @@ def column_force(y: xr.Dataset) -> float:
 
 
 def solution(found) -> dict[str, float]:
-    return dict(zip(map(str, found["unknown"].values), map(float, found["found"].values), strict=True))
+    return dict(
+        zip(map(str, found["unknown"].values), map(float, found["found"].values), strict=True)
+    )
 
 
 def test_surfaces_drive_and_forces_follow(piloted):
     y = flightmech.trim(piloted, CRUISE, kind="level")
     assert y.attrs["verdict"] == "trimmed"
     assert float(y["applied.F_column"]) == pytest.approx(column_force(y), rel=1e-9)
-    assert float(y["applied.column"]) == pytest.approx(float(y["applied.delta_e"]) / GEARING, rel=1e-9)
+    assert float(y["applied.column"]) == pytest.approx(
+        float(y["applied.delta_e"]) / GEARING, rel=1e-9
+    )
 
 
 def test_tabs_take_the_forces_away(piloted):
@@ -57,8 +66,12 @@ def test_tabs_take_the_forces_away(piloted):
     y = flightmech.trim(piloted, CRUISE, kind="level", fixed={"F_column": 0.0, "F_pedal": 0.0})
     assert y.attrs["verdict"] == "trimmed"
     tabs = solution(y)
-    assert tabs["delta_t"] == pytest.approx(-(0.1 * float(y["alpha"]) + 0.3 * float(y["applied.delta_e"])) / 0.2, rel=1e-9)
-    assert tabs["delta_tr"] == pytest.approx((0.05 * float(y["beta"]) - 0.25 * float(y["applied.delta_r"])) / 0.15, rel=1e-9)
+    assert tabs["delta_t"] == pytest.approx(
+        -(0.1 * float(y["alpha"]) + 0.3 * float(y["applied.delta_e"])) / 0.2, rel=1e-9
+    )
+    assert tabs["delta_tr"] == pytest.approx(
+        (0.05 * float(y["beta"]) - 0.25 * float(y["applied.delta_r"])) / 0.15, rel=1e-9
+    )
 
 
 def test_positions_drive(piloted):
@@ -66,14 +79,20 @@ def test_positions_drive(piloted):
     y = flightmech.trim(piloted, {**CRUISE, "mode.controls": 1.0}, kind="level")
     assert y.attrs["verdict"] == "trimmed"
     assert list(y["unknown"].values) == ["alpha", "beta", "column", "delta_a", "pedal", "throttle"]
-    assert solution(y)["column"] == pytest.approx(float(plain["applied.delta_e"]) / GEARING, rel=1e-9)
-    given = flightmech.trim(piloted, {**CRUISE, "mode.controls": 1.0}, kind="sideslip", fixed={"delta_r": 0.1})
+    assert solution(y)["column"] == pytest.approx(
+        float(plain["applied.delta_e"]) / GEARING, rel=1e-9
+    )
+    given = flightmech.trim(
+        piloted, {**CRUISE, "mode.controls": 1.0}, kind="sideslip", fixed={"delta_r": 0.1}
+    )
     assert given.attrs["verdict"] == "trimmed"
     assert float(given["applied.delta_r"]) == pytest.approx(0.1, abs=1e-12)
 
 
 def test_forces_drive(piloted):
-    """The force that is found holds the column: the kernel adds none, and the flight goes on hands on."""
+    """The force that is found holds the column: the kernel adds none, and the flight goes on hands
+    on.
+    """
     plain = flightmech.trim(piloted, CRUISE, kind="turn", fixed={"phi": 0.6})
     y = flightmech.trim(piloted, {**CRUISE, "mode.controls": 2.0}, kind="turn", fixed={"phi": 0.6})
     assert y.attrs["verdict"] == "trimmed"
@@ -81,13 +100,17 @@ def test_forces_drive(piloted):
         assert solution(y)[name] == pytest.approx(float(plain[f"applied.{name}"]), rel=1e-8)
         assert float(y[f"trim.{name}"]) == pytest.approx(0.0, abs=1e-8)
     lag = {"engine1.time_constant": 0.0, "engine2.time_constant": 0.0}
-    flown = flightmech.simulate(piloted, xr.Dataset(coords={"time": np.arange(0.0, 5.0, 0.5)}), {**start_of(y), **lag})
+    flown = flightmech.simulate(
+        piloted, xr.Dataset(coords={"time": np.arange(0.0, 5.0, 0.5)}), {**start_of(y), **lag}
+    )
     assert float(np.abs(flown["phi"] - 0.6).max()) < 1e-6
     assert float(np.abs(flown["applied.delta_e"] - float(y["applied.delta_e"])).max()) < 1e-9
 
 
 def test_a_given_force_requires_a_tab(piloted):
-    y = flightmech.trim(piloted, {**CRUISE, "mode.controls": 2.0}, kind="level", fixed={"F_column": 30.0})
+    y = flightmech.trim(
+        piloted, {**CRUISE, "mode.controls": 2.0}, kind="level", fixed={"F_column": 30.0}
+    )
     assert y.attrs["verdict"] == "trimmed"
     assert "delta_t" in solution(y)
     free = flightmech.trim(piloted, {**CRUISE, "delta_t": solution(y)["delta_t"]}, kind="level")
@@ -97,7 +120,10 @@ def test_a_given_force_requires_a_tab(piloted):
 def test_a_linear_model_holds_the_surfaces(piloted):
     y = flightmech.trim(piloted, {**CRUISE, "mode.controls": 2.0}, kind="level")
     held = flightmech.linearize(piloted, start_of(y))
-    assert held.attrs["held"] == "control circuits of column, pedal: surfaces held where the trim left them"
+    assert (
+        held.attrs["held"]
+        == "control circuits of column, pedal: surfaces held where the trim left them"
+    )
     plain = flightmech.linearize(piloted, start_of(flightmech.trim(piloted, CRUISE, kind="level")))
     np.testing.assert_allclose(held["A"], plain["A"], rtol=1e-6, atol=1e-8)
     assert float(np.abs(held["x_dot"]).max()) < 1e-9

@@ -1,8 +1,10 @@
-"""Kinds of steady flight: closed forms, balance of forces and moments from the outputs, and flights that stay what they are.
+"""Kinds of steady flight: closed forms, balance of forces and moments from the outputs, and flights
+that stay what they are.
 
-The plain jet has constant derivatives, its centre of gravity at the reference point and thrust through it, so that every kind has
-a closed form in the found angle of attack.  At sea level over the flat Earth 100 m/s give 6125 Pa, on 17 m2 104 125 N (1.225 kg/m3
-to 1e-7, hence the relative tolerance of 1e-6).
+The plain jet has constant derivatives, its centre of gravity at the reference point and thrust
+through it, so that every kind has a closed form in the found angle of attack.  At sea level over
+the flat Earth 100 m/s give 6125 Pa, on 17 m2 104 125 N (1.225 kg/m3 to 1e-7, hence the relative
+tolerance of 1e-6).
 """
 
 from __future__ import annotations
@@ -55,10 +57,17 @@ def plain(make_aircraft, make_tree):
 
     def build(more: dict | None = None, **changes) -> flightmech.SimModel:
         rows = {**PLAIN, **(more or {})}
-        rows = {name: value if isinstance(value, tuple) else (value,) for name, value in rows.items()}
-        engines = (flightmech.aircraft.Engine((0.0, -0.8, 0.0)), flightmech.aircraft.Engine((0.0, 0.8, 0.0)))
+        rows = {
+            name: value if isinstance(value, tuple) else (value,) for name, value in rows.items()
+        }
+        engines = (
+            flightmech.aircraft.Engine((0.0, -0.8, 0.0)),
+            flightmech.aircraft.Engine((0.0, 0.8, 0.0)),
+        )
         fixed = {"engines": engines, "cg": (0.0, 0.0, 0.0), "Ixy": 0.0, "Iyz": 0.0}
-        leaves = {name: make(value, regressors=list(words)) for name, (value, *words) in rows.items()}
+        leaves = {
+            name: make(value, regressors=list(words)) for name, (value, *words) in rows.items()
+        }
         return flightmech.compile(make_aircraft(**(fixed | changes)), make_tree(leaves))
 
     return build
@@ -74,14 +83,25 @@ def numbers(found: xr.Dataset) -> dict[str, float]:
 
 
 def solution(found: xr.Dataset) -> dict[str, float]:
-    return dict(zip(map(str, found["unknown"].values), map(float, found["found"].values), strict=True))
+    return dict(
+        zip(map(str, found["unknown"].values), map(float, found["found"].values), strict=True)
+    )
 
 
 def earth_force(y: dict[str, float]) -> np.ndarray:
     """Specific force in axes along the horizontal track, to its right, and down."""
     turned = axes.rotation(y["phi"], y["theta"], y["psi"]).T @ [y["ax"], y["ay"], y["az"]]
     track = np.arctan2(y["ve"], y["vn"])
-    return np.array([[np.cos(track), np.sin(track), 0.0], [-np.sin(track), np.cos(track), 0.0], [0.0, 0.0, 1.0]]) @ turned
+    return (
+        np.array(
+            [
+                [np.cos(track), np.sin(track), 0.0],
+                [-np.sin(track), np.cos(track), 0.0],
+                [0.0, 0.0, 1.0],
+            ]
+        )
+        @ turned
+    )
 
 
 def rate_of_turn(y: dict[str, float]) -> float:
@@ -115,11 +135,14 @@ KINDS = [
 def test_the_flight_stays_what_it_is(earth, kind, fixed, sim):
     """20 s on, without engine lag: nothing has moved, and heading and height went as they should.
 
-    The jet with offset centre of gravity, all products of inertia and tables.  Over the rotating ellipsoid gravity changes on the
-    way and the Coriolis acceleration, 0.016 m/s2, turns with the heading, hence the wider tolerances.
+    The jet with offset centre of gravity, all products of inertia and tables.  Over the rotating
+    ellipsoid gravity changes on the way and the Coriolis acceleration, 0.016 m/s2, turns with the
+    heading, hence the wider tolerances.
     """
     lag = {"engine1.time_constant": 0.0, "engine2.time_constant": 0.0}
-    found = flightmech.trim(sim, {**CRUISE, **lag, "mode.earth": earth, "wind_n": 0.0}, kind=kind, fixed=fixed)
+    found = flightmech.trim(
+        sim, {**CRUISE, **lag, "mode.earth": earth, "wind_n": 0.0}, kind=kind, fixed=fixed
+    )
     assert found.attrs["verdict"] == "trimmed"
     assert found.attrs["converged"] == 1
     y = numbers(found)
@@ -131,17 +154,29 @@ def test_the_flight_stays_what_it_is(earth, kind, fixed, sim):
     flown = flightmech.simulate(sim, xr.Dataset(coords={"time": time}), start_of(found))
     tolerance = 1e-5 if climbs else 2e-6 if earth == 0.0 else 2e-3 if kind == "turn" else 2e-4
     for name in STEADY:
-        assert float(np.abs(flown[name].values - y[name]).max()) < tolerance * max(1.0, abs(y[name])), name
+        assert float(np.abs(flown[name].values - y[name]).max()) < tolerance * max(
+            1.0, abs(y[name])
+        ), name
     heading = np.unwrap(flown["psi"].values) - y["psi"]
     np.testing.assert_allclose(heading, rate_of_turn(y) * time, atol=20.0 * tolerance)
-    np.testing.assert_allclose(flown["h"] - y["h"], y["hdot"] * time, atol=2e-5 if earth == 0.0 else 2.0 if kind == "turn" else 2e-3)
+    np.testing.assert_allclose(
+        flown["h"] - y["h"],
+        y["hdot"] * time,
+        atol=2e-5 if earth == 0.0 else 2.0 if kind == "turn" else 2e-3,
+    )
 
 
-@pytest.mark.parametrize(("kind", "fixed"), [*KINDS, ("pull_up", {"nz": 1.8}), ("pull_up", {"q": 0.05})])
+@pytest.mark.parametrize(
+    ("kind", "fixed"), [*KINDS, ("pull_up", {"nz": 1.8}), ("pull_up", {"q": 0.05})]
+)
 def test_force_and_acceleration_of_the_path(kind, fixed, sim):
-    """What is felt, turned into axes of the path, carries the weight and bends the path: V^2 cos(gamma) / R to the side, q V upward."""
+    """What is felt, turned into axes of the path, carries the weight and bends the path: V^2
+    cos(gamma) / R to the side, q V upward.
+    """
     y = numbers(flightmech.trim(sim, {**CRUISE, "mode.earth": 0.0}, kind=kind, fixed=fixed))
-    up = y["q"] * np.cos(y["beta"]) if kind == "pull_up" else 0.0  # the axis of q stands off the path by beta
+    up = (
+        y["q"] * np.cos(y["beta"]) if kind == "pull_up" else 0.0
+    )  # the axis of q stands off the path by beta
     sideways = y["V"] * np.cos(y["gamma"]) * (0.0 if kind == "pull_up" else rate_of_turn(y))
     np.testing.assert_allclose(earth_force(y), [0.0, sideways, -G0 - y["V"] * up], atol=1e-9)
     assert max(abs(y[name]) for name in ("p_dot", "q_dot", "r_dot", "alpha_dot", "beta_dot")) < 1e-9
@@ -153,7 +188,9 @@ def test_force_and_acceleration_of_the_path(kind, fixed, sim):
 
 
 def test_climb_by_hand(steady):
-    """Thrust 6000 N along body x: T cos a = 0.03 qS + W sin g along the path, (0.1 + 5 a) qS + T sin a = W cos g across it."""
+    """Thrust 6000 N along body x: T cos a = 0.03 qS + W sin g along the path, (0.1 + 5 a) qS + T
+    sin a = W cos g across it.
+    """
     values = {**LEVEL, "mode.engine": 2.0}
     y = numbers(flightmech.trim(steady, values, kind="climb", fixed={"thrust": 3000.0}))
     a, g = y["alpha"], y["gamma"]
@@ -167,7 +204,8 @@ def test_climb_by_hand(steady):
 
 
 def test_coordinated_turn_by_hand(steady):
-    """Bank 45 deg, ay = 0: all force lies in the plane of symmetry, CY = 0 there, so beta = 0.17 / 0.6 delta_r; moments with damping.
+    """Bank 45 deg, ay = 0: all force lies in the plane of symmetry, CY = 0 there, so beta = 0.17 /
+    0.6 delta_r; moments with damping.
 
     Inertia: (Izz - Iyy) q r - Ixz p q and so on with Ixz = 350 kg m2 of the jet.
     """
@@ -175,8 +213,12 @@ def test_coordinated_turn_by_hand(steady):
     y, deflection = numbers(found), solution(found)
     turn = deflection["psi_dot"]
     assert turn == near(rate_of_turn(y))
-    assert turn * V * np.cos(y["gamma"]) == near(G0 * np.tan(np.pi / 4) * np.cos(y["theta"]), rel=2e-3)  # exact for alpha -> 0
-    beta, delta_e, delta_a, delta_r = (deflection[name] for name in ("beta", "delta_e", "delta_a", "delta_r"))
+    assert turn * V * np.cos(y["gamma"]) == near(
+        G0 * np.tan(np.pi / 4) * np.cos(y["theta"]), rel=2e-3
+    )  # exact for alpha -> 0
+    beta, delta_e, delta_a, delta_r = (
+        deflection[name] for name in ("beta", "delta_e", "delta_a", "delta_r")
+    )
     assert beta == near(0.17 / 0.6 * delta_r)
     phat, qhat, rhat = y["p"] * SPAN / (2 * V), y["q"] * 1.67 / (2 * V), y["r"] * SPAN / (2 * V)
     J = np.array([[10800.0, 0.0, -350.0], [0.0, 8100.0, 0.0], [-350.0, 0.0, 15100.0]])
@@ -188,7 +230,9 @@ def test_coordinated_turn_by_hand(steady):
             SPAN * (0.1 * beta - 0.14 * rhat - 0.07 * delta_r),
         ]
     )
-    np.testing.assert_allclose(moment, np.cross(w, J @ w) + np.cross(w, 2 * 55.0 * np.array([0.0, 0.0, 0.0])), atol=1e-3)  # of 1e4 N m
+    np.testing.assert_allclose(
+        moment, np.cross(w, J @ w) + np.cross(w, 2 * 55.0 * np.array([0.0, 0.0, 0.0])), atol=1e-3
+    )  # of 1e4 N m
 
 
 def test_bank_rate_of_turn_and_load_factor_name_the_same_turn(steady):
@@ -201,16 +245,22 @@ def test_bank_rate_of_turn_and_load_factor_name_the_same_turn(steady):
 
 
 def test_the_turn_at_the_start_of_a_run_needs_no_body_rates(steady):
-    """mode.trim 1 with init.psi_dot, bank and rate of turn of a coordinated turn: the same controls."""
+    """mode.trim 1 with init.psi_dot, bank and rate of turn of a coordinated turn: the same
+    controls.
+    """
     found = flightmech.trim(steady, {**LEVEL, "mode.engine": 2.0}, kind="turn", fixed={"phi": 0.6})
-    y = flightmech.trim(steady, {**LEVEL, "init.phi": 0.6, "init.psi_dot": solution(found)["psi_dot"]})
+    y = flightmech.trim(
+        steady, {**LEVEL, "init.phi": 0.6, "init.psi_dot": solution(found)["psi_dot"]}
+    )
     assert max(abs(float(y[f"trim.{name}_dot"])) for name in "uvwpqr") < 1e-10
     for name in ("delta_e", "delta_a", "delta_r"):
         assert float(y[f"trim.{name}"]) == near(solution(found)[name])
 
 
 def test_sideslip_by_hand(steady):
-    """beta 4 deg: rudder and aileron hold Cn and Cl, the bank W sin(phi) cos(theta) = (0.6 beta - 0.17 delta_r) qS."""
+    """beta 4 deg: rudder and aileron hold Cn and Cl, the bank W sin(phi) cos(theta) = (0.6 beta -
+    0.17 delta_r) qS.
+    """
     beta = np.radians(4.0)
     found = flightmech.trim(steady, LEVEL, kind="sideslip", fixed={"beta": beta})
     delta_r = 0.1 * beta / 0.07
@@ -225,7 +275,9 @@ def test_sideslip_by_hand(steady):
 
 
 def test_pull_up_by_hand(steady):
-    """At the lowest point the lift carries W + m q V; nz is along body z, so n cos(a) + ax/g sin(a) = 1 + q V / g."""
+    """At the lowest point the lift carries W + m q V; nz is along body z, so n cos(a) + ax/g sin(a)
+    = 1 + q V / g.
+    """
     found = flightmech.trim(steady, LEVEL, kind="pull_up", fixed={"nz": 2.5})
     y, q = numbers(found), solution(found)["q"]
     assert y["nz"] == near(2.5)
@@ -237,7 +289,9 @@ def test_pull_up_by_hand(steady):
 
 
 def test_engine_out_by_hand(steady):
-    """Left engine dead, beta = 0: the right one yaws left by 0.8 T, the rudder holds it, and its side force requires bank."""
+    """Left engine dead, beta = 0: the right one yaws left by 0.8 T, the rudder holds it, and its
+    side force requires bank.
+    """
     found = flightmech.trim(steady, LEVEL, kind="engine_out", fixed={"engine1.failed": 1.0})
     y, deflection = numbers(found), solution(found)
     T = y["engine2.thrust"]
@@ -247,10 +301,14 @@ def test_engine_out_by_hand(steady):
     assert deflection["delta_r"] == near(delta_r)
     assert np.sin(deflection["phi"]) * np.cos(y["theta"]) == near(-0.17 * delta_r * QS / WEIGHT)
     assert y["beta"] == near(0.0)
-    level = flightmech.trim(steady, LEVEL, kind="engine_out", fixed={"engine1.failed": 1.0, "phi": 0.0})
+    level = flightmech.trim(
+        steady, LEVEL, kind="engine_out", fixed={"engine1.failed": 1.0, "phi": 0.0}
+    )
     beta = solution(level)["beta"]
     assert 0.6 * beta == near(0.17 * solution(level)["delta_r"])  # no side force with wings level
-    assert 0.07 * solution(level)["delta_r"] == near(0.1 * beta - 0.8 * T / (QS * SPAN), rel=1e-4)  # the thrust changes with alpha
+    assert 0.07 * solution(level)["delta_r"] == near(
+        0.1 * beta - 0.8 * T / (QS * SPAN), rel=1e-4
+    )  # the thrust changes with alpha
 
 
 DECK = {
@@ -263,9 +321,16 @@ DECK = {
 
 
 def test_a_dead_engine_with_a_deck_windmills(plain):
-    """Fuel cut off: 0.05 m2 times dynamic pressure of drag on its side, n1 as the air turns it; the other one at full power climbs."""
+    """Fuel cut off: 0.05 m2 times dynamic pressure of drag on its side, n1 as the air turns it; the
+    other one at full power climbs.
+    """
     engines = tuple(flightmech.aircraft.Engine((0.0, y, 0.0), deck=Deck(DECK)) for y in (-0.8, 0.8))
-    found = flightmech.trim(plain(engines=engines), LEVEL, kind="engine_out", fixed={"engine1.failed": 1.0, "throttle": 1.0})
+    found = flightmech.trim(
+        plain(engines=engines),
+        LEVEL,
+        kind="engine_out",
+        fixed={"engine1.failed": 1.0, "throttle": 1.0},
+    )
     assert found.attrs["verdict"] == "trimmed"
     y, deflection = numbers(found), solution(found)
     assert y["engine1.thrust"] == near(-0.05 * y["qbar"])
@@ -278,15 +343,21 @@ def test_a_dead_engine_with_a_deck_windmills(plain):
 
 
 def test_minimum_control_speed_by_hand(steady):
-    """Full rudder, 5 deg of bank towards the live engine, full thrust there: the speed is unknown.  Two equations for beta and qS."""
+    """Full rudder, 5 deg of bank towards the live engine, full thrust there: the speed is unknown.
+    Two equations for beta and qS.
+    """
     thrust, full, bank = 9000.0, -0.35, np.radians(5.0)
     asked = ("alpha", "beta", "delta_e", "delta_a", "V", "gamma")
     fixed = {"engine1.failed": 1.0, "engine2.thrust": thrust, "delta_r": full, "phi": bank}
-    found = flightmech.trim(steady, {**LEVEL, "mode.engine": 2.0}, kind="engine_out", unknowns=asked, fixed=fixed)
+    found = flightmech.trim(
+        steady, {**LEVEL, "mode.engine": 2.0}, kind="engine_out", unknowns=asked, fixed=fixed
+    )
     assert found.attrs["verdict"] == "trimmed"
     y = numbers(found)
     qS = y["qbar"] * 17.0
-    assert qS * (-0.6 * y["beta"] + 0.17 * full) == near(-WEIGHT * np.sin(bank) * np.cos(y["theta"]))
+    assert qS * (-0.6 * y["beta"] + 0.17 * full) == near(
+        -WEIGHT * np.sin(bank) * np.cos(y["theta"])
+    )
     assert qS * SPAN * (0.1 * y["beta"] - 0.07 * full) == near(0.8 * thrust)
     assert y["V"] < 70.0
 
@@ -298,9 +369,15 @@ def test_the_limit_that_was_hit_is_named(steady):
     found = flightmech.trim(steady, values, kind="engine_out", fixed=fixed)
     assert (found.attrs["converged"], found.attrs["at_limit"]) == (0, "delta_r")
     assert float(found["limit"].sel(unknown="delta_r")) == -1.0
-    assert found.attrs["verdict"].startswith("not trimmed; delta_r at its lower limit -0.35; left over: ")
+    assert found.attrs["verdict"].startswith(
+        "not trimmed; delta_r at its lower limit -0.35; left over: "
+    )
     rudder, qSb = 0.35 * 0.07, float(found["qbar"]) * 17.0 * SPAN
-    assert abs(float(found["left"].sel(residual="r_dot"))) > 0.5 * (0.8 * 9000.0 - rudder * qSb) / 15100.0 > 0.0
+    assert (
+        abs(float(found["left"].sel(residual="r_dot")))
+        > 0.5 * (0.8 * 9000.0 - rudder * qSb) / 15100.0
+        > 0.0
+    )
 
 
 def test_limits_are_those_of_the_aircraft(sim):
@@ -322,19 +399,29 @@ def test_unknowns_without_effect_and_those_that_do_the_same(plain):
     # a surplus is shared out by the smallest norm: in the proportion of the effects, 1.1 to 0.2
     assert solution(found)["delta_t"] == near(0.2 / 1.1 * solution(found)["delta_e"], rel=1e-3)
     pitch = flightmech.trim(
-        tab, LEVEL, unknowns=("alpha", "delta_e", "delta_t", "power"), residuals=("u_dot", "w_dot", "q_dot", "CY"), fixed={"gamma": 0.0}
+        tab,
+        LEVEL,
+        unknowns=("alpha", "delta_e", "delta_t", "power"),
+        residuals=("u_dot", "w_dot", "q_dot", "CY"),
+        fixed={"gamma": 0.0},
     )
     assert (pitch.attrs["alike"], pitch.attrs["rank"]) == ("delta_e delta_t", 3)
     assert "only together: delta_e, delta_t" in pitch.attrs["verdict"]
 
 
 def test_any_parameter_can_be_unknown(steady):
-    """The centre of gravity at which the elevator stays at zero: Cm + CL x / cbar cos(a) ... = 0 about it."""
+    """The centre of gravity at which the elevator stays at zero: Cm + CL x / cbar cos(a) ... = 0
+    about it.
+    """
     asked = ("alpha", "beta", "delta_a", "delta_r", "power", "mass.x_cg_b")
-    found = flightmech.trim(steady, {**LEVEL, "mode.engine": 2.0}, unknowns=asked, fixed={"delta_e": 0.0})
+    found = flightmech.trim(
+        steady, {**LEVEL, "mode.engine": 2.0}, unknowns=asked, fixed={"delta_e": 0.0}
+    )
     y = numbers(found)
     x, a = solution(found)["mass.x_cg_b"], y["alpha"]
-    normal = (0.1 + 5.0 * a) * np.cos(a) + 0.03 * np.sin(a)  # of the aerodynamic force, up along body z
+    normal = (0.1 + 5.0 * a) * np.cos(a) + 0.03 * np.sin(
+        a
+    )  # of the aerodynamic force, up along body z
     assert 1.67 * (0.04 - 0.7 * a) == near(normal * x)
     assert y["q_dot"] == near(0.0)
 
@@ -350,21 +437,31 @@ def test_one_engine_at_a_given_thrust(sim):
 def test_power_given_in_level_flight_determines_the_speed(sim):
     level = flightmech.trim(sim, {**CRUISE, "mode.earth": 0.0}, kind="level")
     asked = flightmech.trim(
-        sim, {**CRUISE, "init.V": 130.0, "mode.earth": 0.0}, kind="level", fixed={"throttle": solution(level)["throttle"]}
+        sim,
+        {**CRUISE, "init.V": 130.0, "mode.earth": 0.0},
+        kind="level",
+        fixed={"throttle": solution(level)["throttle"]},
     )
     assert solution(asked)["V"] == near(110.0)
 
 
 def test_given_accelerations(steady):
     y = numbers(flightmech.trim(steady, LEVEL, fixed={"u_dot": 0.5}))
-    assert y["engine1.thrust"] + y["engine2.thrust"] == near(y["qbar"] * 17.0 * y["CD"] / np.cos(y["alpha"]) + 0.5 * MASS, rel=2e-2)
+    assert y["engine1.thrust"] + y["engine2.thrust"] == near(
+        y["qbar"] * 17.0 * y["CD"] / np.cos(y["alpha"]) + 0.5 * MASS, rel=2e-2
+    )
     assert y["trim.u_dot"] == near(0.0)
 
 
 def test_start_of_holds_what_was_given(sim):
     found = flightmech.trim(sim, {**CRUISE, "delta_f": 0.3, "mode.earth": 0.0}, kind="level")
     start = start_of(found)
-    assert (start["delta_f"], start["mode.trim"], start["init.V"], start["init.psi"]) == (0.3, 0.0, 110.0, 0.7)
+    assert (start["delta_f"], start["mode.trim"], start["init.V"], start["init.psi"]) == (
+        0.3,
+        0.0,
+        110.0,
+        0.7,
+    )
     y = flightmech.trim(sim, start)  # mode.trim 0: the kernel starts there and solves for nothing
     for name in ("alpha", "beta", "theta", "phi", "applied.delta_e", "engine2.thrust", "gamma"):
         assert float(y[name]) == pytest.approx(float(found[name]), abs=1e-14), name
@@ -373,7 +470,14 @@ def test_start_of_holds_what_was_given(sim):
 
 
 def test_wind_in_a_climb_is_over_the_ground(sim):
-    y = numbers(flightmech.trim(sim, {**CRUISE, "mode.earth": 0.0, "wind_n": -20.0, "wind_d": 3.0}, kind="climb", fixed={"gamma": 0.05}))
+    y = numbers(
+        flightmech.trim(
+            sim,
+            {**CRUISE, "mode.earth": 0.0, "wind_n": -20.0, "wind_d": 3.0},
+            kind="climb",
+            fixed={"gamma": 0.05},
+        )
+    )
     assert y["gamma"] == near(0.05)
     assert y["V"] == near(110.0)
 
@@ -387,9 +491,22 @@ def test_wind_in_a_climb_is_over_the_ground(sim):
             r"7 residuals \(.*ay\) against 6 unknowns \(.*\); free 1 more, fix fewer",
         ),
         ({"unknowns": ("alpha",)}, r"6 residuals \(.*\) against 1 unknowns \(alpha\); free 5 more"),
-        ({"unknowns": ("alpha", "alpha"), "residuals": ("w_dot",)}, "alpha is named twice among the unknowns"),
-        ({"unknowns": ("alpha", "throttle"), "residuals": ("w_dot",), "fixed": {"throttle": 1.0}}, "throttle is fixed and unknown at once"),
-        ({"unknowns": ("alpha", "theta", "gamma"), "residuals": ("w_dot",)}, "theta and gamma are both unknown"),
+        (
+            {"unknowns": ("alpha", "alpha"), "residuals": ("w_dot",)},
+            "alpha is named twice among the unknowns",
+        ),
+        (
+            {
+                "unknowns": ("alpha", "throttle"),
+                "residuals": ("w_dot",),
+                "fixed": {"throttle": 1.0},
+            },
+            "throttle is fixed and unknown at once",
+        ),
+        (
+            {"unknowns": ("alpha", "theta", "gamma"), "residuals": ("w_dot",)},
+            "theta and gamma are both unknown",
+        ),
         (
             {
                 "kind": "engine_out",
@@ -421,10 +538,16 @@ def test_a_mode_that_is_none_is_refused_by_the_kernel(sim):
     [
         ({"kind": "looping"}, "unknown kind of trim 'looping'"),
         ({"fixed": {"bank": 0.1}}, "unknown quantity 'bank'"),
-        ({"unknowns": ("nz",), "residuals": ("w_dot",)}, "unknown quantity to solve for 'nz'.*an output cannot be moved, it can be fixed"),
+        (
+            {"unknowns": ("nz",), "residuals": ("w_dot",)},
+            "unknown quantity to solve for 'nz'.*an output cannot be moved, it can be fixed",
+        ),
         ({"residuals": ("lift",)}, "unknown residual 'lift'"),
         ({"fixed": {"engine7.failed": 1.0}}, "unknown engine 'engine7.failed'"),
-        ({"kind": "level", "parameters": {"init.speed": 1.0}}, "unknown parameter or input 'init.speed'"),
+        (
+            {"kind": "level", "parameters": {"init.speed": 1.0}},
+            "unknown parameter or input 'init.speed'",
+        ),
     ],
 )
 def test_names_that_the_model_does_not_have(arguments, text, sim):

@@ -35,7 +35,17 @@ def write_case(tmp_path):
     return write
 
 
-PARAMETERS = ("init.V", "init.theta", "init.phi", "init.psi", "init.p", "init.q", "init.r", "init.h", "mass.mass")
+PARAMETERS = (
+    "init.V",
+    "init.theta",
+    "init.phi",
+    "init.psi",
+    "init.p",
+    "init.q",
+    "init.r",
+    "init.h",
+    "mass.mass",
+)
 VARIABLE = '<ScalarVariable name="{}" valueReference="{}" causality="{}" variability="{}"><{} {}/></ScalarVariable>'
 DESCRIPTION = """<?xml version="1.0" encoding="UTF-8"?>
 <fmiModelDescription fmiVersion="2.0" modelName="toy" guid="{kind}">
@@ -48,16 +58,31 @@ DESCRIPTION = """<?xml version="1.0" encoding="UTF-8"?>
 
 
 def describe(kind, interpolates, units, rename):
-    rows = [("delta_e", 0, "input", units.get("delta_e", "rad")), ("engine1.thrust_drive", 1, "input", "")]
-    rows += [("theta", 10, "output", units.get("theta", "rad")), ("q", 11, "output", "rad/s"), ("nz", 12, "output", "1")]
+    rows = [
+        ("delta_e", 0, "input", units.get("delta_e", "rad")),
+        ("engine1.thrust_drive", 1, "input", ""),
+    ]
+    rows += [
+        ("theta", 10, "output", units.get("theta", "rad")),
+        ("q", 11, "output", "rad/s"),
+        ("nz", 12, "output", "1"),
+    ]
     rows += [(name, 100 + i, "parameter", "") for i, name in enumerate(PARAMETERS)]
     variables = []
     for name, reference, causality, unit in rows:
         variability = "fixed" if causality == "parameter" else "continuous"
         kinds = (f'unit="{unit}" ' if unit else "") + ("" if causality == "output" else 'start="0"')
-        variables.append(VARIABLE.format(rename.get(name, name), reference, causality, variability, "Real", kinds))
-    variables.append(VARIABLE.format("mode.engine", 120, "parameter", "fixed", "Integer", 'start="0"'))
-    return DESCRIPTION.format(kind=kind, interpolates=str(interpolates).lower(), variables="\n".join(variables))
+        variables.append(
+            VARIABLE.format(
+                rename.get(name, name), reference, causality, variability, "Real", kinds
+            )
+        )
+    variables.append(
+        VARIABLE.format("mode.engine", 120, "parameter", "fixed", "Integer", 'start="0"')
+    )
+    return DESCRIPTION.format(
+        kind=kind, interpolates=str(interpolates).lower(), variables="\n".join(variables)
+    )
 
 
 def compiled(source, folder):
@@ -65,7 +90,19 @@ def compiled(source, folder):
     from fmpy import sharedLibraryExtension
 
     place = folder / f"toy{sharedLibraryExtension}"
-    command = [sys.executable, "-m", "ziglang", "cc", "-shared", "-fPIC", "-O1", "-w", "-fno-sanitize=undefined", "-o", str(place)]
+    command = [
+        sys.executable,
+        "-m",
+        "ziglang",
+        "cc",
+        "-shared",
+        "-fPIC",
+        "-O1",
+        "-w",
+        "-fno-sanitize=undefined",
+        "-o",
+        str(place),
+    ]
     subprocess.run([*command, str(Path(__file__).parent / source)], check=True, capture_output=True)
     return place
 
@@ -99,7 +136,9 @@ def once(factory, library):
 
     def write(name, description):
         if (name, description) not in written:
-            written[name, description] = write_fmu(factory.mktemp("fmu") / f"{name}.fmu", description, library)
+            written[name, description] = write_fmu(
+                factory.mktemp("fmu") / f"{name}.fmu", description, library
+            )
         return written[name, description]
 
     return write
@@ -110,7 +149,10 @@ def toy(toys):
     """Write a toy FMU: first-order lag, or ``crash``, ``hang``, ``error``, ``nan``."""
 
     def write(kind="lag", interpolates=True, units=None, rename=None):
-        return toys(f"{kind}{'' if interpolates else '_held'}", describe(kind, interpolates, units or {}, rename or {}))
+        return toys(
+            f"{kind}{'' if interpolates else '_held'}",
+            describe(kind, interpolates, units or {}, rename or {}),
+        )
 
     return write
 
@@ -120,7 +162,9 @@ def bad(tmp_path_factory):
     """Write an FMU of bad.c that does a kind of harm."""
     folder = tmp_path_factory.mktemp("bad")
     library = compiled("bad.c", folder)
-    return lambda kind: write_fmu(folder / f"{kind.replace(':', '_')}.fmu", describe(kind, True, {}, {}), library)
+    return lambda kind: write_fmu(
+        folder / f"{kind.replace(':', '_')}.fmu", describe(kind, True, {}, {}), library
+    )
 
 
 LAW_ROW = '<ScalarVariable name="{}" valueReference="{}" causality="{}" variability="continuous"><Real unit="{}" {}/></ScalarVariable>'
@@ -144,11 +188,19 @@ def law_library(tmp_path_factory):
 def law(law_library, tmp_path):
     """Write the FMU of the law next to the case."""
 
-    def write(guid="plain", any_step=True, names=("column", "q", "delta_e"), units=("m", "rad/s", "rad")):
+    def write(
+        guid="plain", any_step=True, names=("column", "q", "delta_e"), units=("m", "rad/s", "rad")
+    ):
         causes = ("input", "input", "output")
         starts = ('start="0"', 'start="0"', "")
-        rows = "".join(LAW_ROW.format(*row) for row in zip(names, range(3), causes, units, starts, strict=True))
-        return write_fmu(tmp_path / "law.fmu", LAW_ABOUT.format(guid=guid, any_step=str(any_step).lower(), rows=rows), law_library)
+        rows = "".join(
+            LAW_ROW.format(*row) for row in zip(names, range(3), causes, units, starts, strict=True)
+        )
+        return write_fmu(
+            tmp_path / "law.fmu",
+            LAW_ABOUT.format(guid=guid, any_step=str(any_step).lower(), rows=rows),
+            law_library,
+        )
 
     return write
 
@@ -162,18 +214,44 @@ def lag_states():
 def lag_flight(time, rate=0.02, start=2.0):
     delta_e = rate * np.maximum(time - start, 0.0)
     after = np.maximum(time - start, 0.0)
-    theta = 2.0 * rate * (after - 0.5 * (1.0 - np.exp(-after / 0.5)))  # theta' = (2 delta_e - theta) / 0.5
+    theta = (
+        2.0 * rate * (after - 0.5 * (1.0 - np.exp(-after / 0.5)))
+    )  # theta' = (2 delta_e - theta) / 0.5
     zero = np.zeros_like(time)
-    data = {name: zero for name in ("alpha", "beta", "phi", "psi", "p", "r", "delta_a", "delta_r", "delta_f", "gear")}
-    data |= {"V": zero + 80.0, "h": zero + 1000.0, "delta_e": delta_e, "theta": theta, "q": (2.0 * delta_e - theta) / 0.5}
+    data = {
+        name: zero
+        for name in (
+            "alpha",
+            "beta",
+            "phi",
+            "psi",
+            "p",
+            "r",
+            "delta_a",
+            "delta_r",
+            "delta_f",
+            "gear",
+        )
+    }
+    data |= {
+        "V": zero + 80.0,
+        "h": zero + 1000.0,
+        "delta_e": delta_e,
+        "theta": theta,
+        "q": (2.0 * delta_e - theta) / 0.5,
+    }
     data |= {"nz": 1.0 - 4.0 * delta_e, "engine1.thrust": zero + 3000.0, "mass": zero + 2900.0}
-    return xr.Dataset({name: ("time", values) for name, values in data.items()}, coords={"time": time})
+    return xr.Dataset(
+        {name: ("time", values) for name, values in data.items()}, coords={"time": time}
+    )
 
 
 @pytest.fixture(scope="session")
 def trainer():
     """The module ``trainer.py`` next to this file: an invented aeroplane and flights of it."""
-    spec = importlib.util.spec_from_file_location("pom_trainer", Path(__file__).with_name("trainer.py"))
+    spec = importlib.util.spec_from_file_location(
+        "pom_trainer", Path(__file__).with_name("trainer.py")
+    )
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
@@ -186,7 +264,17 @@ def judged():
     from pom.judging.verdict import judge, row, settled
     from pom.tolerances import rows as table
 
-    def judge_rows(id, time, flight, model, standard=table.STANDARD, edition=table.EDITION, drive=None, window=None, **more):
+    def judge_rows(
+        id,
+        time,
+        flight,
+        model,
+        standard=table.STANDARD,
+        edition=table.EDITION,
+        drive=None,
+        window=None,
+        **more,
+    ):
         events, features = more.get("events", {}), more.get("features", ())
         found = table.rows_of(id, standard, edition)
         criteria = []
@@ -195,10 +283,22 @@ def judged():
             ends = zip(("applies_from", "applies_to"), window or (time[0], time[-1]), strict=True)
             start, stop = (float(table.bound(item[key], marks, end)) for key, end in ends)
             inside = (max(start, time[0]), min(stop, time[-1]))
-            criteria.append(table.criterion(item, name, inside, features, engine_parameter="engine1.n1"))
+            criteria.append(
+                table.criterion(item, name, inside, features, engine_parameter="engine1.n1")
+            )
         drive = drive or Drive("cockpit", "throttle")
         case = PomCase(
-            "c", "C", id, standard, edition, "c.toml", "r.nc", (time[0], time[-1]), drive=drive, criteria=tuple(criteria), **more
+            "c",
+            "C",
+            id,
+            standard,
+            edition,
+            "c.toml",
+            "r.nc",
+            (time[0], time[-1]),
+            drive=drive,
+            criteria=tuple(criteria),
+            **more,
         )
         case = settled(case, time, flight)
         return {c.name: row("m", c, judge(case, c, time, flight, model)) for c in case.criteria}

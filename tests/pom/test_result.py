@@ -9,7 +9,9 @@ from pom.result import PomResult, verdict_table
 from pom.tolerances.bands import RowRemark
 from pom.tolerances.criteria import Band, Criterion, Limit
 
-BAND = Band((Limit("percent", 10.0, "%"), Limit("absolute", 2.0, "deg/s")), "greater_of", "ref_local")
+BAND = Band(
+    (Limit("percent", 10.0, "%"), Limit("absolute", 2.0, "deg/s")), "greater_of", "ref_local"
+)
 
 
 def criterion(name, group, applies=True):
@@ -18,40 +20,72 @@ def criterion(name, group, applies=True):
 
 def result(rows, criteria):
     time = np.array([1.0, 1.5, 2.0])
-    signals = xr.Dataset({"p": (("run", "time"), [[0.0, 0.1, 0.2], [0.0, 0.1, np.nan]])}, {"run": ["flight", "a"], "time": time})
+    signals = xr.Dataset(
+        {"p": (("run", "time"), [[0.0, 0.1, 0.2], [0.0, 0.1, np.nan]])},
+        {"run": ["flight", "a"], "time": time},
+    )
     return PomResult(
-        case=PomCase("c", "C", "2.d.2", "S", "E", "c.toml", "r.nc", (1.0, 2.0), criteria=tuple(criteria)),
+        case=PomCase(
+            "c", "C", "2.d.2", "S", "E", "c.toml", "r.nc", (1.0, 2.0), criteria=tuple(criteria)
+        ),
         conditions={"V": 80.0},
         signals=signals,
         tolerance=xr.Dataset({"p": ("time", [0.1, 0.1, 0.2])}, {"time": time}),
         inputs=xr.Dataset({"delta_a": ("time", [0.0, 0.0, 0.1])}, {"time": time}),
-        trim=pd.DataFrame({"flight": [0.1], "a": [0.11]}, index=pd.Index(["alpha"], name="quantity")),
-        verdict=verdict_table([{"run": "a", "criterion": c, "group": g, "verdict": v, "worst_ratio": x} for c, g, v, x in rows]),
+        trim=pd.DataFrame(
+            {"flight": [0.1], "a": [0.11]}, index=pd.Index(["alpha"], name="quantity")
+        ),
+        verdict=verdict_table(
+            [
+                {"run": "a", "criterion": c, "group": g, "verdict": v, "worst_ratio": x}
+                for c, g, v, x in rows
+            ]
+        ),
     )
 
 
 def test_one_passing_alternative_carries_its_group_and_all_groups_must_pass():
     criteria = [criterion("theta", "pitch"), criterion("q", "pitch"), criterion("nz", "g3")]
-    good = result([("theta", "pitch", "fail", 3.0), ("q", "pitch", "pass", 0.4), ("nz", "g3", "pass", 0.7)], criteria)
+    good = result(
+        [("theta", "pitch", "fail", 3.0), ("q", "pitch", "pass", 0.4), ("nz", "g3", "pass", 0.7)],
+        criteria,
+    )
     assert good.passed("a")
-    assert good.worst("a")["criterion"] == "nz"  # theta fails, but its alternative q carries the group
-    bad = result([("theta", "pitch", "pass", 0.3), ("q", "pitch", "pass", 0.4), ("nz", "g3", "fail", 1.7)], criteria)
+    assert (
+        good.worst("a")["criterion"] == "nz"
+    )  # theta fails, but its alternative q carries the group
+    bad = result(
+        [("theta", "pitch", "pass", 0.3), ("q", "pitch", "pass", 0.4), ("nz", "g3", "fail", 1.7)],
+        criteria,
+    )
     assert bad.status("a") == "fail"
 
 
-@pytest.mark.parametrize(("other", "status"), [("advisory", "pass"), ("not_tested", "not_tested"), ("invalid", "invalid")])
+@pytest.mark.parametrize(
+    ("other", "status"),
+    [("advisory", "pass"), ("not_tested", "not_tested"), ("invalid", "invalid")],
+)
 def test_only_advice_leaves_a_pass_standing(other, status):
-    got = result([("p", "g1", "pass", 0.5), ("x", "g2", other, np.nan)], [criterion("p", "g1"), criterion("x", "g2")])
+    got = result(
+        [("p", "g1", "pass", 0.5), ("x", "g2", other, np.nan)],
+        [criterion("p", "g1"), criterion("x", "g2")],
+    )
     assert got.status("a") == status
 
 
 def test_a_row_that_does_not_apply_does_not_block():
-    got = result([("p", "g1", "pass", 0.5), ("x", "g2", "not_tested", np.nan)], [criterion("p", "g1"), criterion("x", "g2", applies=False)])
+    got = result(
+        [("p", "g1", "pass", 0.5), ("x", "g2", "not_tested", np.nan)],
+        [criterion("p", "g1"), criterion("x", "g2", applies=False)],
+    )
     assert got.passed("a")
 
 
 def test_advice_alone_is_never_a_pass():
-    assert result([("p", "g1", "advisory", np.nan)], [criterion("p", "g1")]).status("a") == "not_tested"
+    assert (
+        result([("p", "g1", "advisory", np.nan)], [criterion("p", "g1")]).status("a")
+        == "not_tested"
+    )
 
 
 def test_json_there_and_back():
@@ -66,8 +100,20 @@ def test_json_there_and_back():
 
 def test_remarks_there_and_back_and_the_note_of_an_older_file():
     """Files written before 0.1.0 was released hold one text in a column `note`."""
-    remark = {"kind": "cycles", "text": "6.2 cycles", "quantity": "theta", "values": {"flight": 6.2}, "unit": "1"}
-    table = verdict_table([{"run": "a", "remarks": [remark]}, {"run": "a", "note": "the model: no oscillation"}, {"run": "a", "note": ""}])
+    remark = {
+        "kind": "cycles",
+        "text": "6.2 cycles",
+        "quantity": "theta",
+        "values": {"flight": 6.2},
+        "unit": "1",
+    }
+    table = verdict_table(
+        [
+            {"run": "a", "remarks": [remark]},
+            {"run": "a", "note": "the model: no oscillation"},
+            {"run": "a", "note": ""},
+        ]
+    )
     assert [item.as_dict() for item in table.loc[0, "remarks"]] == [remark]
     assert table.loc[1, "remarks"] == (RowRemark("note", "the model: no oscillation"),)
     assert table.loc[2, "remarks"] == ()

@@ -59,17 +59,30 @@ def test_a_recording_is_reconstructed_and_replayed(trainer, tmp_path):
     aircraft = flightmech.read_aircraft(case.aircraft)
     x, y, z = aircraft.reference
     db = trainer.database()
-    db.attrs |= {"S": aircraft.S, "cbar": aircraft.cbar, "b": aircraft.b, "x_ref": x, "y_ref": y, "z_ref": z}
+    db.attrs |= {
+        "S": aircraft.S,
+        "cbar": aircraft.cbar,
+        "b": aircraft.b,
+        "x_ref": x,
+        "y_ref": y,
+        "z_ref": z,
+    }
     sim = flightmech.compile(aircraft, db)
     flightmech.write_fmu(sim, tmp_path / "trainer.fmu")
     result = replay(case, {"trainer": tmp_path / "trainer.fmu"})
     assert result.failure == ""
     assert np.isfinite(result.signals["r"].values).all()
     assert result.conditions["delta_f"] == pytest.approx(np.radians(40.0), abs=0.01)
-    assert np.degrees(result.signals["r"].sel(run="flight").values).min() == pytest.approx(-3.9, abs=0.1)  # answer to the rudder
+    assert np.degrees(result.signals["r"].sel(run="flight").values).min() == pytest.approx(
+        -3.9, abs=0.1
+    )  # answer to the rudder
     # the wind of the reconstruction is an input, and the start of the model is that of the flight
     assert float(np.hypot(result.inputs["wind_n"], result.inputs["wind_e"]).mean()) > 1.0
-    assert result.trim.loc["V", "trainer"] == pytest.approx(result.trim.loc["V", "flight"], rel=1e-9)
-    assert result.trim.loc["h", "trainer"] == pytest.approx(result.trim.loc["h", "flight"], rel=1e-9)
+    assert result.trim.loc["V", "trainer"] == pytest.approx(
+        result.trim.loc["V", "flight"], rel=1e-9
+    )
+    assert result.trim.loc["h", "trainer"] == pytest.approx(
+        result.trim.loc["h", "flight"], rel=1e-9
+    )
     air = result.trim.loc["V_cas"]  # temperature and pressure of the day are met
     assert air["trainer"] == pytest.approx(air["flight"], rel=1e-5)

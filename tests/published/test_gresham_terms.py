@@ -1,8 +1,10 @@
-"""A printed term that is void: Gresham, Simmons, Hopwood, Woolsey, Spin Aerodynamic Modeling, Table 2, pitching moment.
+"""A printed term that is void: Gresham, Simmons, Hopwood, Woolsey, Spin Aerodynamic Modeling, Table
+2, pitching moment.
 
-The cubic in the pitch rate, -0.132 +- 0.000 with qhat as printed, changes Cm by less than 1e-5.  Eight records of the
-nominal glide are simulated with the printed values, joined as the paper does (median, scaled median absolute
-deviation), and the deletion rule must find that term and keep those that carry the moment.
+The cubic in the pitch rate, -0.132 +- 0.000 with qhat as printed, changes Cm by less than 1e-5.
+Eight records of the nominal glide are simulated with the printed values, joined as the paper does
+(median, scaled median absolute deviation), and the deletion rule must find that term and keep those
+that carry the moment.
 """
 
 import numpy as np
@@ -14,22 +16,47 @@ from flighttest.regression.equation_error.model import Model
 from flighttest.regression.equation_error.time_domain import regress
 from flighttest.regression.model_structure.selection import decide
 
-PRINTED = {"1": 0.012, "alpha": -0.584, "qhat": -9.137, "delta_e": -0.764, "alpha**2": -1.636, "alpha**3": -3.116, "qhat**3": -0.132}
+PRINTED = {
+    "1": 0.012,
+    "alpha": -0.584,
+    "qhat": -9.137,
+    "delta_e": -0.764,
+    "alpha**2": -1.636,
+    "alpha**3": -3.116,
+    "qhat**3": -0.132,
+}
 MODEL = Model("Cm", list(PRINTED))
 
 
 def glide(seed):
-    """Thirty seconds of multisines at 50 Hz: alpha 3 +- 4 deg, elevator +- 5 deg, pitch rate +- 40 deg/s at 50 ft/s and 1.049 ft."""
+    """Thirty seconds of multisines at 50 Hz: alpha 3 +- 4 deg, elevator +- 5 deg, pitch rate +- 40
+    deg/s at 50 ft/s and 1.049 ft.
+    """
     rng = np.random.default_rng(seed)
     t = 0.02 * np.arange(1500)
 
     def multisine(size):
         k = np.arange(3, 45)
-        return size * np.cos(2 * np.pi * np.outer(t, k) / 30 + rng.uniform(0, 2 * np.pi, len(k))).sum(axis=1) / np.sqrt(len(k))
+        return (
+            size
+            * np.cos(2 * np.pi * np.outer(t, k) / 30 + rng.uniform(0, 2 * np.pi, len(k))).sum(
+                axis=1
+            )
+            / np.sqrt(len(k))
+        )
 
-    columns = {"alpha": 0.05 + multisine(0.05), "qhat": multisine(0.005), "delta_e": -0.03 + multisine(0.06)}
+    columns = {
+        "alpha": 0.05 + multisine(0.05),
+        "qhat": multisine(0.005),
+        "delta_e": -0.03 + multisine(0.06),
+    }
     data = xr.Dataset({name: ("time", x) for name, x in columns.items()}, coords={"time": t})
-    return data.assign(Cm=("time", MODEL.design(data) @ np.array(list(PRINTED.values())) + 0.004 * rng.normal(size=1500)))
+    return data.assign(
+        Cm=(
+            "time",
+            MODEL.design(data) @ np.array(list(PRINTED.values())) + 0.004 * rng.normal(size=1500),
+        )
+    )
 
 
 @pytest.fixture(scope="module")

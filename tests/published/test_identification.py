@@ -1,8 +1,8 @@
 """Identification against printed numbers.
 
-Pooling: Grauer, Ulrich, Hubbard, Pines, Humbert, AIAA 2010-7632, Tables 1 to 3 (two estimates with standard errors and
-their published average).  Derivatives: gains of local polynomials at 50 samples per second, identification reference
-2.1 of the project, computed independently of this code.
+Pooling: Grauer, Ulrich, Hubbard, Pines, Humbert, AIAA 2010-7632, Tables 1 to 3 (two estimates with
+standard errors and their published average).  Derivatives: gains of local polynomials at 50 samples
+per second, identification reference 2.1 of the project, computed independently of this code.
 """
 
 import pytest
@@ -33,7 +33,14 @@ AVERAGED = {
     "wing CD theta_dot": ("-0.0072", "0.0009", "-0.0070", "0.0001", "-0.0070", "0.0001"),
     "wing CD theta^2": ("0.4455", "0.1488", "0.4410", "0.0146", "0.4414", "0.0188"),
 }
-SERVO_MA = ("0.0255", "0.0009", "0.0425", "0.0006", "0.0279", "0.0001")  # printed average not of these numbers
+SERVO_MA = (
+    "0.0255",
+    "0.0009",
+    "0.0425",
+    "0.0006",
+    "0.0279",
+    "0.0001",
+)  # printed average not of these numbers
 
 
 def both(row):
@@ -42,13 +49,18 @@ def both(row):
 
 
 def reach(row, index):
-    """How far the average can lie from the printed one when the four inputs are rounded to half a unit of the last digit."""
+    """How far the average can lie from the printed one when the four inputs are rounded to half a
+    unit of the last digit.
+    """
     values, errors = both(row)
     base = getattr(pool(values, errors, "inverse_sigma"), index)
     found = 0.0
     for k in range(2):
         for change in (0.5e-4, -0.5e-4):
-            moved = [v + change * (j == k) for j, v in enumerate(values)], [s + change * (j == k) for j, s in enumerate(errors)]
+            moved = (
+                [v + change * (j == k) for j, v in enumerate(values)],
+                [s + change * (j == k) for j, s in enumerate(errors)],
+            )
             found += 0.5 * (abs(getattr(pool(moved[0], errors, "inverse_sigma"), index) - base))
             found += 0.5 * (abs(getattr(pool(values, moved[1], "inverse_sigma"), index) - base))
     return found + 0.5e-4
@@ -77,7 +89,9 @@ def test_the_two_rows_of_the_servo_that_do_not_agree_are_seen():
 
 
 def test_methods_that_contradict_each_other_are_flagged():
-    """Differences in combined standard errors as worked out from the printed numbers: 55, 16, 13, 3.6, 3.4; servo B only 2.8."""
+    """Differences in combined standard errors as worked out from the printed numbers: 55, 16, 13,
+    3.6, 3.4; servo B only 2.8.
+    """
     apart = {"servo Ca": 55, "wing CL nu_x": 13, "tail CD0": 3.6, "tail CL0": 3.4, "servo B": 2.8}
     for name, expected in apart.items():
         joined = pool(*both(AVERAGED[name]))
@@ -99,6 +113,10 @@ def test_methods_that_contradict_each_other_are_flagged():
     ],
 )
 def test_gains_of_local_polynomials(window, order, gains, noise):
-    """To one unit of the last digit: the row (7, 2) prints 0.844 and 9.5 where 0.8435 and 9.449 are right."""
-    assert derivative_gain([0.5, 1, 2, 3, 4, 6], 0.02, window, order) == pytest.approx(gains, abs=6e-4)
+    """To one unit of the last digit: the row (7, 2) prints 0.844 and 9.5 where 0.8435 and 9.449 are
+    right.
+    """
+    assert derivative_gain([0.5, 1, 2, 3, 4, 6], 0.02, window, order) == pytest.approx(
+        gains, abs=6e-4
+    )
     assert derivative_noise(0.02, window, order) == pytest.approx(noise, abs=0.06)

@@ -1,8 +1,9 @@
 """NASA/NESC 6-DOF check cases 4, 5, 8 and 10: NASA/TM-2015-218675.
 
-Case 4: values of tool 4 at 30 s (ft, deg, ft/s, deg/s).  Cases 5, 8 and 10 have no published trajectory at hand: they are
-compared with a reference that shares nothing with the kernel, integrated in inertial space by a Runge-Kutta method of order 8 with
-a relative tolerance of 1e-13, and the attitude of a body without moments is known in closed form.  The reference repeats case 4,
+Case 4: values of tool 4 at 30 s (ft, deg, ft/s, deg/s).  Cases 5, 8 and 10 have no published
+trajectory at hand: they are compared with a reference that shares nothing with the kernel,
+integrated in inertial space by a Runge-Kutta method of order 8 with a relative tolerance of 1e-13,
+and the attitude of a body without moments is known in closed form.  The reference repeats case 4,
 and with it the printed values.
 """
 
@@ -22,9 +23,19 @@ from flightmech.terms import make
 FT, DEG = 0.3048, np.pi / 180.0
 SLUG, SLUG_FT2 = 14.593902937, 1.3558179483  # NASA/TM-2015-218675
 AREA = 0.1963495 * FT**2
-RATE, MU, A, F, J2, SPHERE = 7.292115e-5, 3.986004418e14, 6378137.0, 1.0 / 298.257223563, 0.00108262982, 6371007.1809
+RATE, MU, A, F, J2, SPHERE = (
+    7.292115e-5,
+    3.986004418e14,
+    6378137.0,
+    1.0 / 298.257223563,
+    0.00108262982,
+    6371007.1809,
+)
 HEIGHT, VELOCITY, ATTITUDE, RATES = 2e-3, 1e-4, 1e-6, 1e-7  # of acceptance: ft, ft/s, deg, deg/s
-EARTH_FIXED, INERTIAL = ([f"{group}.{name}" for name in ("x", "y", "z", "vx", "vy", "vz")] for group in ("earth", "inertial"))
+EARTH_FIXED, INERTIAL = (
+    [f"{group}.{name}" for name in ("x", "y", "z", "vx", "vy", "vz")]
+    for group in ("earth", "inertial")
+)
 TIMES = np.linspace(0.0, 30.0, 31)
 DROP = {"init.V": 0.0, "init.h": 30000.0 * FT}
 TUMBLE = {**DROP, "init.p": 10.0 * DEG, "init.q": 20.0 * DEG, "init.r": 30.0 * DEG}
@@ -33,7 +44,8 @@ ROOT2 = 1000.0 * np.sqrt(2.0) * FT
 CASES = {
     4: {**TUMBLE, "mode.earth": 2.0},
     5: {**TUMBLE, "mode.earth": 3.0},
-    # at rest over the ground at 30 000 ft in 70 ft/s from the west, nose to the north: the air comes from the left
+    # at rest over the ground at 30 000 ft in 70 ft/s from the west, nose to the north: the air
+    # comes from the left
     8: {**DROP, **SHEAR, "init.V": 70.0 * FT, "init.beta": -90.0 * DEG},
     10: {"init.V": ROOT2, "init.h": 0.0, "init.alpha": -45.0 * DEG, "init.p": 0.00417807 * DEG},
 }
@@ -42,7 +54,9 @@ CASES = {
 @cache
 def ball() -> flightmech.SimModel:
     inertia = 3.6 * SLUG_FT2
-    body = flightmech.Aircraft("sphere", AREA, FT, FT, SLUG, inertia, inertia, inertia, earth_outputs=True)
+    body = flightmech.Aircraft(
+        "sphere", AREA, FT, FT, SLUG, inertia, inertia, inertia, earth_outputs=True
+    )
     db = xr.DataTree.from_dict({"/CD/basic": make(0.1)})
     db.attrs["force_axes"] = "wind"
     return flightmech.compile(body, db)
@@ -54,7 +68,8 @@ def flown(case: int, step: float = 0.01, lon: float = 0.0) -> xr.Dataset:
     return flightmech.simulate(ball(), xr.Dataset(coords={"time": TIMES}), parameters, step=step)
 
 
-# ---- the reference implementation -------------------------------------------------------------------------------------------------------
+# ---- the reference implementation
+# -------------------------------------------------------------------------------------------------------
 
 
 def density(h: float) -> float:
@@ -71,7 +86,11 @@ def geodetic(r: np.ndarray, round_earth: bool) -> tuple[float, float, float]:
     for _ in range(30):
         N = a / np.sqrt(1.0 - e2 * np.sin(lat) ** 2)
         lat = np.arctan2(r[2] + e2 * N * np.sin(lat), P)
-    return lat, np.arctan2(r[1], r[0]), P * np.cos(lat) + r[2] * np.sin(lat) - a * np.sqrt(1.0 - e2 * np.sin(lat) ** 2)
+    return (
+        lat,
+        np.arctan2(r[1], r[0]),
+        P * np.cos(lat) + r[2] * np.sin(lat) - a * np.sqrt(1.0 - e2 * np.sin(lat) ** 2),
+    )
 
 
 def ned(lat: float, lon: float) -> np.ndarray:
@@ -94,7 +113,9 @@ def about_axis(angle: float) -> np.ndarray:
 
 @cache
 def expected(case: int) -> dict[str, np.ndarray]:
-    """Height, latitude, longitude, velocity over ground, attitude, motion in Earth-fixed and inertial axes of the reference; SI, rad."""
+    """Height, latitude, longitude, velocity over ground, attitude, motion in Earth-fixed and
+    inertial axes of the reference; SI, rad.
+    """
     given = CASES[case]
     earth = given.get("mode.earth", 1.0)
     round_earth, rate = earth in (2.0, 3.0), 0.0 if earth == 2.0 else RATE
@@ -113,7 +134,9 @@ def expected(case: int) -> dict[str, np.ndarray]:
     height = given["init.h"]
     r0 = np.array([(SPHERE if round_earth else A) + height, 0.0, 0.0])
     v0 = ned(0.0, 0.0).T @ start + np.cross(spin, r0)
-    path = solve_ivp(slope, (0.0, 30.0), np.concatenate([r0, v0]), "DOP853", TIMES, rtol=1e-13, atol=1e-9)
+    path = solve_ivp(
+        slope, (0.0, 30.0), np.concatenate([r0, v0]), "DOP853", TIMES, rtol=1e-13, atol=1e-9
+    )
     w = np.array([given.get(f"init.{name}", 0.0) for name in "pqr"])
     rows = []
     for t, y in zip(path.t, path.y.T, strict=True):
@@ -126,8 +149,35 @@ def expected(case: int) -> dict[str, np.ndarray]:
         body_to_space = ned(0.0, 0.0).T @ Rotation.from_rotvec(w * t).as_matrix()
         psi, theta, phi = Rotation.from_matrix(local @ turn.T @ body_to_space).as_euler("ZYX")
         moving = turn.T @ y[3:] - np.cross(spin, r)
-        rows.append([h, lat, lon, *v, phi, theta, psi, *r, *moving, *y, np.linalg.norm(attraction(r, round_earth))])
-    names = ("h", "lat", "lon", "vn", "ve", "vd", "phi", "theta", "psi", *EARTH_FIXED, *INERTIAL, "gravitation")
+        rows.append(
+            [
+                h,
+                lat,
+                lon,
+                *v,
+                phi,
+                theta,
+                psi,
+                *r,
+                *moving,
+                *y,
+                np.linalg.norm(attraction(r, round_earth)),
+            ]
+        )
+    names = (
+        "h",
+        "lat",
+        "lon",
+        "vn",
+        "ve",
+        "vd",
+        "phi",
+        "theta",
+        "psi",
+        *EARTH_FIXED,
+        *INERTIAL,
+        "gravitation",
+    )
     return dict(zip(names, np.array(rows).T, strict=True))
 
 
@@ -142,7 +192,8 @@ def largest(found: xr.Dataset, other: dict[str, np.ndarray], *names: str) -> flo
     return worst
 
 
-# ---- tests ----------------------------------------------------------------------------------------------------------
+# ---- tests
+# ----------------------------------------------------------------------------------------------------------
 
 
 def test_case_4_values_at_30_s():
@@ -170,7 +221,8 @@ def test_the_reference_repeats_the_printed_values_of_case_4():
 def test_trajectory_is_that_of_the_reference(case):
     """The same atmosphere on both sides: bounds a thousand times below those of acceptance.
 
-    The integration of the kernel at 10 ms turns 37 deg/s into 1.5e-9 deg after 30 s; all else is rounding.
+    The integration of the kernel at 10 ms turns 37 deg/s into 1.5e-9 deg after 30 s; all else is
+    rounding.
     """
     found, other = flown(case), expected(case)
     assert largest(found, other, "h") < 2e-6 * FT
@@ -182,11 +234,15 @@ def test_trajectory_is_that_of_the_reference(case):
         assert largest(found, other, *velocity) < 1e-7 * FT
     assert largest(found, other, "gravitation") < 1e-11
     for name in "pqr":
-        np.testing.assert_allclose(found[name], CASES[case].get(f"init.{name}", 0.0), rtol=0.0, atol=1e-15)
+        np.testing.assert_allclose(
+            found[name], CASES[case].get(f"init.{name}", 0.0), rtol=0.0, atol=1e-15
+        )
 
 
 def test_case_8_flies_in_the_shear():
-    """70 ft/s from the west at 30 000 ft, 0.003 ft/s less per foot below; carried further than by the 20 ft/s of case 7."""
+    """70 ft/s from the west at 30 000 ft, 0.003 ft/s less per foot below; carried further than by
+    the 20 ft/s of case 7.
+    """
     y = flown(8)
     assert float(y.ve[0]) == pytest.approx(0.0, abs=1e-12)
     np.testing.assert_allclose(y["air.wind_e"] / FT, 0.003 * y.h / FT - 20.0, rtol=1e-12)
@@ -197,7 +253,9 @@ def test_case_8_flies_in_the_shear():
 
 
 def test_case_10_goes_west_of_its_meridian_as_coriolis_demands():
-    """What climbs on the equator falls behind the ground: vE = -2 W h without air; the drag of the first second takes 2 % of it."""
+    """What climbs on the equator falls behind the ground: vE = -2 W h without air; the drag of the
+    first second takes 2 % of it.
+    """
     y = flown(10)
     assert float(y.ve[1]) == pytest.approx(-2.0 * RATE * float(y.h[1]), rel=0.05)
     assert float(y.lon[-1]) < 0.0
@@ -206,8 +264,19 @@ def test_case_10_goes_west_of_its_meridian_as_coriolis_demands():
 @pytest.mark.parametrize("case", [4, 5])
 def test_case_on_the_sphere_does_not_depend_on_longitude(case):
     here, there = flown(case), flown(case, lon=2.0)
-    assert np.abs(here.h.values - there.h.values).max() < 1e-7  # rounding of 6.4e6 m over 3000 steps
-    assert largest(there, {name: here[name].values for name in ("phi", "theta", "psi")}, "phi", "theta", "psi") < 1e-11
+    assert (
+        np.abs(here.h.values - there.h.values).max() < 1e-7
+    )  # rounding of 6.4e6 m over 3000 steps
+    assert (
+        largest(
+            there,
+            {name: here[name].values for name in ("phi", "theta", "psi")},
+            "phi",
+            "theta",
+            "psi",
+        )
+        < 1e-11
+    )
 
 
 def test_case_5_is_case_4_with_rotation_added():

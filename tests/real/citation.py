@@ -1,8 +1,10 @@
-"""The Citation II flights of ../shared as the stations need them: records with mass, c.g. and thrust; windows; a prior database.
+"""The Citation II flights of ../shared as the stations need them: records with mass, c.g. and
+thrust; windows; a prior database.
 
-What the recordings lack is computed from the data set's own sheets, by the plans of the evaluation (``maps/evaluate_*.toml``): mass and
-c.g. from the loading sheet, the fuel-moment table and the integral of the fuel flow; thrust from the fuel flow with the points of the
-engine deck.  Flaps were not recorded: up.
+What the recordings lack is computed from the data set's own sheets, by the plans of the evaluation
+(``maps/evaluate_*.toml``): mass and c.g. from the loading sheet, the fuel-moment table and the
+integral of the fuel flow; thrust from the fuel flow with the points of the engine deck.  Flaps were
+not recorded: up.
 """
 
 from functools import lru_cache
@@ -24,7 +26,9 @@ FLIGHTS = HERE.parents[1] / ".." / "shared" / "data" / "flight" / "citation_phla
 FILES = {2018: "20180312_1", 2019: "20190305_2", 2020: "20200310_2"}
 RECORDS = {2018: "flight_20180312_1", 2019: "flight_20190305_2_partial", 2020: "flight_20200310_2"}
 ABSENT = "the Citation II flights (../shared/data/flight/citation_phlab) are not here"
-THRUST_ERROR = {"thrust": 0.05}  # deck against the flown engines; the fit of the deck itself is good to 5 N
+THRUST_ERROR = {
+    "thrust": 0.05
+}  # deck against the flown engines; the fit of the deck itself is good to 5 N
 # In 150 s of recorded aileron and rudder every model rolls into a turn that the crew did not fly.
 WINGS_HELD = """
 [drive]
@@ -70,21 +74,30 @@ def start(year, motion):
 
 
 def plan(year):
-    """Return the plan by which `flight report` evaluates a flight; mass, c.g. and thrust follow from its sheets."""
+    """Return the plan by which `flight report` evaluates a flight; mass, c.g. and thrust follow
+    from its sheets.
+    """
     return read_plan(HERE / "maps" / f"evaluate_{year}.toml")
 
 
 @lru_cache
 def record(year):
     """Return a record with mass and c.g., and thrust where temperature was recorded."""
-    found = completed(flighttest.read(FLIGHTS / f"{RECORDS[year]}.csv.gz", names(year)), aircraft(), plan(year).loading, plan(year).thrust)
+    found = completed(
+        flighttest.read(FLIGHTS / f"{RECORDS[year]}.csv.gz", names(year)),
+        aircraft(),
+        plan(year).loading,
+        plan(year).thrust,
+    )
     data = found["computed"].to_dataset()
     up = xr.zeros_like(data["mass"]).assign_attrs(attrs("delta_f"))  # flaps up in all manoeuvres
     return found.assign({"computed": xr.DataTree(data.assign(delta_f=up))})
 
 
 def stationary_windows(year, *series):
-    """Return the 30 s before the stationary points of series (``clcd``, ``trim``); the crew changed power right after them."""
+    """Return the 30 s before the stationary points of series (``clcd``, ``trim``); the crew changed
+    power right after them.
+    """
     points = pd.read_csv(FLIGHTS / f"stationary_{FILES[year]}.csv")
     times = sorted(points.loc[points["series"].isin(series), "t_s"].unique())
     return [(time - 30.0, time - 1.0) for time in times]
@@ -93,14 +106,20 @@ def stationary_windows(year, *series):
 @lru_cache
 def stationary(year):
     """Return the path through all stationary points; its constants are the prior of the manoeuvres."""
-    return flighttest.reconstruct(record(year), aircraft(), windows=stationary_windows(year, "clcd", "trim"), rate=10.0)
+    return flighttest.reconstruct(
+        record(year), aircraft(), windows=stationary_windows(year, "clcd", "trim"), rate=10.0
+    )
 
 
 @lru_cache
 def path(year, motion, begin, end):
-    """Return the path from `begin` to `end` seconds of a motion, at 50 Hz: a recording of 10 Hz still has slopes between its samples."""
+    """Return the path from `begin` to `end` seconds of a motion, at 50 Hz: a recording of 10 Hz
+    still has slopes between its samples.
+    """
     t = start(year, motion)
-    return flighttest.reconstruct(record(year), aircraft(), windows=[(t + begin, t + end)], prior=stationary(year).biases)
+    return flighttest.reconstruct(
+        record(year), aircraft(), windows=[(t + begin, t + end)], prior=stationary(year).biases
+    )
 
 
 @lru_cache
@@ -111,7 +130,10 @@ def coefficients(year, motion, begin, end):
 @lru_cache
 def stationary_parts(year, *series):
     data = flighttest.coefficients(stationary(year), aircraft(), errors=THRUST_ERROR)
-    return [flighttest.between(data, *window) for window in stationary_windows(year, *(series or ("clcd", "trim")))]
+    return [
+        flighttest.between(data, *window)
+        for window in stationary_windows(year, *(series or ("clcd", "trim")))
+    ]
 
 
 def fit(model, data, name=""):
@@ -120,9 +142,14 @@ def fit(model, data, name=""):
 
 @lru_cache
 def fits_of(year):
-    """Return the local models of one flight: lift and drag from rest points and short period, the rest from its motions."""
+    """Return the local models of one flight: lift and drag from rest points and short period, the
+    rest from its motions.
+    """
     rest, pitch = stationary_parts(year), coefficients(year, "short_period", -3.0, 14.0)
-    lateral = [coefficients(year, "dutch_roll", -3.0, 16.0), coefficients(year, "aperiodic_roll", -3.0, 20.0)]
+    lateral = [
+        coefficients(year, "dutch_roll", -3.0, 16.0),
+        coefficients(year, "aperiodic_roll", -3.0, 20.0),
+    ]
     return [
         fit("CL = 1 + alpha + delta_e", [*rest, pitch], "rest points and short period"),
         fit("CD = 1 + CL**2", rest, "rest points"),
@@ -134,9 +161,18 @@ def fits_of(year):
 
 
 def similar(db):
-    """Return a database of the CE-500 for the larger Citation II: the same coefficients, other reference lengths; new terms opened."""
+    """Return a database of the CE-500 for the larger Citation II: the same coefficients, other
+    reference lengths; new terms opened.
+    """
     larger = db.copy()
-    larger.attrs.update(S=aircraft().S, cbar=aircraft().cbar, b=aircraft().b, aircraft=aircraft().name)
+    larger.attrs.update(
+        S=aircraft().S, cbar=aircraft().cbar, b=aircraft().b, aircraft=aircraft().name
+    )
     larger.attrs.update(zip(("x_ref", "y_ref", "z_ref"), aircraft().reference))
-    opened = {name: terms.make(0.0, {}, word.split(), stderr=stderr, source="judgement") for name, (word, stderr) in OPENED.items()}
-    return aerodb.replace_terms(larger, opened, note="geometrically similar; terms that DATCOM lacks opened")
+    opened = {
+        name: terms.make(0.0, {}, word.split(), stderr=stderr, source="judgement")
+        for name, (word, stderr) in OPENED.items()
+    }
+    return aerodb.replace_terms(
+        larger, opened, note="geometrically similar; terms that DATCOM lacks opened"
+    )

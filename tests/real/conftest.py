@@ -1,4 +1,6 @@
-"""The listings of the Citation-500-like aeroplane and the flights of the Citation II, from ../shared."""
+"""The listings of the Citation-500-like aeroplane and the flights of the Citation II, from
+../shared.
+"""
 
 import importlib.util
 from pathlib import Path
@@ -30,8 +32,13 @@ def listings():
 
 @pytest.fixture(scope="session")
 def ce500_db(ce500, listings):
-    """The a-priori database at sea level: slotted flaps (first case of two), ground pages without elevator (first case of two)."""
-    given = {role: listing[0] if role in ("flaps", "ground") else listing for role, listing in listings.items()}
+    """The a-priori database at sea level: slotted flaps (first case of two), ground pages without
+    elevator (first case of two).
+    """
+    given = {
+        role: listing[0] if role in ("flaps", "ground") else listing
+        for role, listing in listings.items()
+    }
     with pytest.warns(AeromatchWarning, match="D\\(CM\\) comes from a loop"):
         return aerodb.from_datcom(ce500, **given, altitude=0.0)
 

@@ -1,7 +1,8 @@
 """The listings of the Citation-500-like aeroplane: database, sanity of its derivatives, trim, FMU.
 
-Expected numbers: table "Sanity of the numbers" in the README of the corpus, Mach 0.15, sea level, alpha 8 deg.  Its lateral
-derivatives are printed in stability axes; here they are turned into body axes by hand.
+Expected numbers: table "Sanity of the numbers" in the README of the corpus, Mach 0.15, sea level,
+alpha 8 deg.  Its lateral derivatives are printed in stability axes; here they are turned into body
+axes by hand.
 """
 
 from pathlib import Path
@@ -54,27 +55,38 @@ def test_database_is_sound_and_states_what_datcom_lacks(ce500_db):
 
 @pytest.mark.parametrize("name", DERIVATIVES)
 def test_derivative(ce500_db, name):
-    # half a unit of the README's last digit: twice that for the doubled rates of pitch, up to three of them through the turn of axes
-    assert table(ce500_db, name) == pytest.approx(DERIVATIVES[name], abs=0.011 if name.startswith(("CL", "Cm")) else 0.0015)
+    # half a unit of the README's last digit: twice that for the doubled rates of pitch, up to three
+    # of them through the turn of axes
+    assert table(ce500_db, name) == pytest.approx(
+        DERIVATIVES[name], abs=0.011 if name.startswith(("CL", "Cm")) else 0.0015
+    )
 
 
 def test_slopes_of_lift_and_moment(ce500_db):
     def slope(name):
-        return (table(ce500_db, name, alpha=np.radians(10.0)) - table(ce500_db, name, alpha=np.radians(6.0))) / np.radians(4.0)
+        return (
+            table(ce500_db, name, alpha=np.radians(10.0))
+            - table(ce500_db, name, alpha=np.radians(6.0))
+        ) / np.radians(4.0)
 
-    # README: 6.28 and -0.55, the program's own slopes by its three-point rule; 2 % for the coarse alphas
+    # README: 6.28 and -0.55, the program's own slopes by its three-point rule; 2 % for the coarse
+    # alphas
     assert slope("CL/basic") == pytest.approx(6.28, rel=0.02)
     assert slope("Cm/basic") == pytest.approx(-0.55, rel=0.03)
 
 
 def test_elevator_power(ce500_db):
-    up, down = (table(ce500_db, "Cm/elevator", mach=0.2, delta_e=np.radians(angle)) for angle in (-5.0, 5.0))
+    up, down = (
+        table(ce500_db, "Cm/elevator", mach=0.2, delta_e=np.radians(angle)) for angle in (-5.0, 5.0)
+    )
     assert (down - up) / np.radians(10.0) == pytest.approx(-1.99, abs=0.005)
 
 
 def test_flap_lift(ce500_db):
     for degrees, lift in ((15.0, 0.272), (40.0, 0.579)):
-        assert table(ce500_db, "CL/flap", delta_f=np.radians(degrees)) == pytest.approx(lift, abs=5e-4)
+        assert table(ce500_db, "CL/flap", delta_f=np.radians(degrees)) == pytest.approx(
+            lift, abs=5e-4
+        )
 
 
 def test_cases_of_unlike_flaps_are_not_joined(ce500, listings):
@@ -95,7 +107,13 @@ def test_cruise_trim_and_fmu(ce500, ce500_db, tmp_path):
 
     file = flightmech.write_fmu(sim, Path(tmp_path) / "ce500.fmu")
     start = {**cruise, "mode.trim": 1.0}
-    flown = fmpy.simulate_fmu(str(file), stop_time=10.0, output_interval=0.1, start_values=start, output=["V", "theta", "h"])
+    flown = fmpy.simulate_fmu(
+        str(file),
+        stop_time=10.0,
+        output_interval=0.1,
+        start_values=start,
+        output=["V", "theta", "h"],
+    )
     np.testing.assert_allclose(flown["V"], 130.0, atol=0.01)
     np.testing.assert_allclose(flown["theta"], float(trimmed["theta"]), atol=1e-4)
     np.testing.assert_allclose(flown["h"], 6000.0, atol=0.05)

@@ -1,4 +1,6 @@
-"""The Citation 500 simulation (AE4320, noise free): its recorded surfaces are commands, about 0.075 s ahead of what acts (README)."""
+"""The Citation 500 simulation (AE4320, noise free): its recorded surfaces are commands, about 0.075
+s ahead of what acts (README).
+"""
 
 from pathlib import Path
 
@@ -11,7 +13,8 @@ import flighttest
 
 FILES = Path(__file__).parents[2] / ".." / "shared" / "data" / "flight" / "citation500_sim"
 pytestmark = pytest.mark.skipif(
-    not FILES.is_dir(), reason="the Citation 500 simulation (../shared/data/flight/citation500_sim) is not here"
+    not FILES.is_dir(),
+    reason="the Citation 500 simulation (../shared/data/flight/citation500_sim) is not here",
 )
 COLUMNS = {
     "p": "p", "q": "q", "r": "r", "phi": "phi", "theta": "theta", "psi": "psi", "ax_imu": "Ax", "ay_imu": "Ay", "az_imu": "Az",
@@ -21,9 +24,19 @@ COLUMNS = {
 
 
 def quality(name):
-    raw = {key: np.ravel(value) for key, value in loadmat(FILES / f"{name}.mat").items() if key[0] != "_" and key != "string"}
-    data = xr.Dataset({name: ("time", raw[theirs][:-1]) for name, theirs in COLUMNS.items()}, {"time": raw["t"][:-1]}, {"rate": 100.0})
-    return flighttest.assess(xr.DataTree.from_dict({"/": xr.Dataset(attrs={"title": name}), "/all": data}))
+    raw = {
+        key: np.ravel(value)
+        for key, value in loadmat(FILES / f"{name}.mat").items()
+        if key[0] != "_" and key != "string"
+    }
+    data = xr.Dataset(
+        {name: ("time", raw[theirs][:-1]) for name, theirs in COLUMNS.items()},
+        {"time": raw["t"][:-1]},
+        {"rate": 100.0},
+    )
+    return flighttest.assess(
+        xr.DataTree.from_dict({"/": xr.Dataset(attrs={"title": name}), "/all": data})
+    )
 
 
 @pytest.mark.parametrize(("name", "surface"), [("de3211_1", "delta_e"), ("da3211_2", "delta_a")])

@@ -1,4 +1,5 @@
-"""The diagnosis of Citation II motions stops early without changing what it states, and does not depend on rounding.
+"""The diagnosis of Citation II motions stops early without changing what it states, and does not
+depend on rounding.
 
 The final model is DATCOM's with the tables found from flight (`test_citation_match`).
 """
@@ -18,17 +19,23 @@ TINY = 1e-12  # relative
 @pytest.fixture(scope="module")
 def databases(citation, ce500_db):
     prior = citation.similar(ce500_db)
-    return prior, aerodb.replace_terms(prior, aerodb.tabulate(citation.fits_of(2018), prior, held=HELD))
+    return prior, aerodb.replace_terms(
+        prior, aerodb.tabulate(citation.fits_of(2018), prior, held=HELD)
+    )
 
 
 def kept(table):
-    """Return what a reader takes from a diagnosis: rows of the stages that do not depend on which terms were flown alone."""
+    """Return what a reader takes from a diagnosis: rows of the stages that do not depend on which
+    terms were flown alone.
+    """
     stages = ["prior", "final", "group", "sequence", "share"]
     return table[table["stage"].isin(stages)].set_index(["stage", "term"])
 
 
 def demand_same(one, other, atol):
-    """Demand the same rows in the same order, the same verdicts, and `explained` within `atol`; return the largest difference."""
+    """Demand the same rows in the same order, the same verdicts, and `explained` within `atol`;
+    return the largest difference.
+    """
     assert list(one.index) == list(other.index)
     assert list(one["verdict"]) == list(other["verdict"])
     worst = 0.0
@@ -54,7 +61,9 @@ def test_early_stop_and_rounding(citation, databases, motion, tmp_path, monkeypa
         if shaken[name].dtype == float:
             shaken[name] = shaken[name] * (1.0 + TINY * rng.standard_normal(shaken[name].shape))
     again = pom.diagnose(case, *databases, citation.aircraft(), shaken)
-    demand_same(kept(table), kept(pom.diagnose(case, *databases, citation.aircraft(), path.states)), 0.0)
+    demand_same(
+        kept(table), kept(pom.diagnose(case, *databases, citation.aircraft(), path.states)), 0.0
+    )
     rounding = demand_same(kept(table), kept(again), 1e-3)
     monkeypatch.setattr(screening, "LEAST_MOVED", 0.0)  # every term is flown
     every = pom.diagnose(case, *databases, citation.aircraft(), path)

@@ -1,7 +1,9 @@
-"""From the flights of the Citation II to derivatives and a database, by the stations of the product.
+"""From the flights of the Citation II to derivatives and a database, by the stations of the
+product.
 
-Reference values: README of the data set (stationary points, published linear derivatives about 25 % of the chord); the moment
-reference point here lies at 30 %, which changes Cm_alpha by 0.05 CL_alpha and Cm_delta_e by 0.05 CL_delta_e.
+Reference values: README of the data set (stationary points, published linear derivatives about 25 %
+of the chord); the moment reference point here lies at 30 %, which changes Cm_alpha by 0.05 CL_alpha
+and Cm_delta_e by 0.05 CL_delta_e.
 """
 
 import numpy as np
@@ -28,11 +30,15 @@ def vane_factor(citation, year):
 
 @pytest.mark.parametrize("year", [2018, 2019, 2020])
 def test_signs_of_the_surfaces_are_those_of_the_vocabulary(citation, year):
-    """Aileron positive rolls left, rudder positive yaws left, elevator positive pitches down; each recording has its own signs."""
+    """Aileron positive rolls left, rudder positive yaws left, elevator positive pitches down; each
+    recording has its own signs.
+    """
     record = citation.record(year)
 
     def answer(surface, rate, motion):
-        """Change of a rate in the 0.8 s after a surface has moved by half a degree, per sign of the surface."""
+        """Change of a rate in the 0.8 s after a surface has moved by half a degree, per sign of the
+        surface.
+        """
         t = citation.start(year, motion)
         data = flighttest.cut(record, t - 3.0, t + 10.0, rate=10.0)
         moved = data[surface].values - data[surface].values[0]
@@ -48,24 +54,34 @@ def test_signs_of_the_surfaces_are_those_of_the_vocabulary(citation, year):
 @pytest.mark.slow
 @pytest.mark.parametrize("year", YEARS)
 def test_stationary_points(citation, year):
-    """Thirteen windows of half a minute at 1330 ... 5600 m, reconstructed together: only so the vane factor is seen."""
+    """Thirteen windows of half a minute at 1330 ... 5600 m, reconstructed together: only so the
+    vane factor is seen.
+    """
     factor = citation.stationary(year).biases.sel(parameter="factor.alpha_vane")
     assert 1.08 < float(factor["estimate"]) < 1.13  # README
     assert float(factor["stderr"]) < 0.02
     parts = citation.stationary_parts(year)
     slope = value(citation.fit("CL = 1 + alpha", parts), "alpha")
-    # the reference is the slope over the vane reading without thrust, whose part of the lift grows to 1.2 % at the slowest
+    # the reference is the slope over the vane reading without thrust, whose part of the lift grows
+    # to 1.2 % at the slowest
     # point and lowers it by 1.5 %; 0.06 is the reference's standard error
-    assert slope / vane_factor(citation, year) == pytest.approx(0.985 * LIFT_SLOPE[year], abs=2 * 0.06)
+    assert slope / vane_factor(citation, year) == pytest.approx(
+        0.985 * LIFT_SLOPE[year], abs=2 * 0.06
+    )
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("year", YEARS)
 def test_elevator_trim_slope_of_the_recording(citation, year):
     parts = citation.stationary_parts(year, "trim")
-    delta_e, alpha = (np.array([float(part[name].mean()) for part in parts]) for name in ("delta_e", "alpha"))
-    # the sheets give 0.1 deg steps and the reference is theirs: standard error up to 0.016, three of them
-    assert np.polyfit(alpha, delta_e, 1)[0] / vane_factor(citation, year) == pytest.approx(TRIM_SLOPE[year], abs=0.048)
+    delta_e, alpha = (
+        np.array([float(part[name].mean()) for part in parts]) for name in ("delta_e", "alpha")
+    )
+    # the sheets give 0.1 deg steps and the reference is theirs: standard error up to 0.016, three
+    # of them
+    assert np.polyfit(alpha, delta_e, 1)[0] / vane_factor(citation, year) == pytest.approx(
+        TRIM_SLOPE[year], abs=0.048
+    )
 
 
 def test_drag_polar(citation):
@@ -77,10 +93,13 @@ def test_drag_polar(citation):
 
 
 def test_short_period(citation):
-    """Large steps of the elevator, 175 to 110 kt; without ground velocity the level of alpha is known to 0.5 deg only."""
+    """Large steps of the elevator, 175 to 110 kt; without ground velocity the level of alpha is
+    known to 0.5 deg only.
+    """
     data = citation.coefficients(2018, "short_period", -3.0, 14.0)
     lift = citation.fit("CL = 1 + alpha", [data])
-    # elevator free in flight, trimmed at rest: the stationary slope is lower by CL_delta_e times the trim slope (0.7 * 0.5)
+    # elevator free in flight, trimmed at rest: the stationary slope is lower by CL_delta_e times
+    # the trim slope (0.7 * 0.5)
     trimmed = value(citation.fit("CL = 1 + alpha", citation.stationary_parts(2018)), "alpha")
     assert value(lift, "alpha") == pytest.approx(trimmed + 0.35, abs=0.25)
     assert lift.estimates.attrs["R2"] > 0.99
@@ -88,7 +107,9 @@ def test_short_period(citation):
     assert value(moment, "alpha") == pytest.approx(-0.5626 + 0.05 * 5.7434, abs=0.05)
     # 15 %: inertia from radii of gyration, recorder of 10 Hz
     assert value(moment, "delta_e") == pytest.approx(-1.1642 + 0.05 * 0.6961, rel=0.15)
-    assert value(moment, "qhat") + value(moment, "alphadothat") == pytest.approx(2 * (-8.7942 + 0.178), rel=0.2)
+    assert value(moment, "qhat") + value(moment, "alphadothat") == pytest.approx(
+        2 * (-8.7942 + 0.178), rel=0.2
+    )
 
 
 @pytest.mark.slow
@@ -102,7 +123,10 @@ def test_phugoid_hardly_determines_the_lift_slope(citation):
 
 @pytest.mark.parametrize("year", YEARS)
 def test_roll(citation, year):
-    roll = citation.fit("Cl = 1 + beta + phat + rhat + delta_a", [citation.coefficients(year, "aperiodic_roll", -3.0, 20.0)])
+    roll = citation.fit(
+        "Cl = 1 + beta + phat + rhat + delta_a",
+        [citation.coefficients(year, "aperiodic_roll", -3.0, 20.0)],
+    )
     # published -0.7109 and -0.2309; 25 %: 10 Hz, one roll, inertia as published for 6000 kg
     assert value(roll, "phat") == pytest.approx(-0.7109, rel=0.25)
     assert value(roll, "delta_a") == pytest.approx(-0.2309, rel=0.25)
@@ -111,12 +135,15 @@ def test_roll(citation, year):
 def test_dutch_roll_derivatives(citation):
     data = [citation.coefficients(2018, "dutch_roll", -3.0, 16.0)]
     yaw = citation.fit("Cn = 1 + beta + rhat + delta_r", data)
-    # published 0.1348, -0.2061, -0.0939 without stating for which inertia; beta was not measured but integrated from the side force
+    # published 0.1348, -0.2061, -0.0939 without stating for which inertia; beta was not measured
+    # but integrated from the side force
     assert value(yaw, "beta") == pytest.approx(0.1348, rel=0.3)
     assert value(yaw, "delta_r") == pytest.approx(-0.0939, rel=0.3)
     assert -0.3 < value(yaw, "rhat") < -0.05
     side = citation.fit("CY = 1 + beta + delta_r", data)
-    assert value(side, "beta") == pytest.approx(-0.75, rel=0.4)  # by the place of the accelerometer: 0.18 per metre
+    assert value(side, "beta") == pytest.approx(
+        -0.75, rel=0.4
+    )  # by the place of the accelerometer: 0.18 per metre
 
 
 @pytest.fixture(scope="module")
@@ -125,7 +152,9 @@ def prior(citation, ce500_db):
 
 
 def lift_slope(db):
-    CL = terms.evaluate(db["CL/basic"].to_dataset(), {"alpha": ALPHAS, "mach": np.full(ALPHAS.size, 0.27)})
+    CL = terms.evaluate(
+        db["CL/basic"].to_dataset(), {"alpha": ALPHAS, "mach": np.full(ALPHAS.size, 0.27)}
+    )
     return np.polyfit(ALPHAS, CL, 1)[0]
 
 
@@ -145,19 +174,37 @@ def test_lift_table_moves_to_the_flight(citation, prior):
 
 @pytest.mark.slow
 def test_three_ways_to_tables_agree_on_the_flight(citation, prior):
-    """Flown nodes within two combined standard errors of each other, all from the same samples (0.91 measured)."""
-    lateral = [citation.coefficients(2018, "dutch_roll", -3.0, 16.0), citation.coefficients(2018, "aperiodic_roll", -3.0, 20.0)]
-    flown = {"CL": (0, citation.stationary_parts(2018)), "CY": (3, lateral), "Cl": (4, lateral), "Cn": (5, lateral)}
+    """Flown nodes within two combined standard errors of each other, all from the same samples
+    (0.91 measured).
+    """
+    lateral = [
+        citation.coefficients(2018, "dutch_roll", -3.0, 16.0),
+        citation.coefficients(2018, "aperiodic_roll", -3.0, 20.0),
+    ]
+    flown = {
+        "CL": (0, citation.stationary_parts(2018)),
+        "CY": (3, lateral),
+        "Cl": (4, lateral),
+        "Cn": (5, lateral),
+    }
     fits = [citation.fits_of(2018)[number] for number, _ in flown.values()]
     samples = [table_samples(name, prior, data, name) for name, (_, data) in flown.items()]
     found = {
         "tabulate": aerodb.tabulate(fits, prior, held=["CL/altitude"]),
-        "direct": aerodb.update.regress_tables(samples, prior, coloured_covariance, held=["CL/altitude"]),
+        "direct": aerodb.update.regress_tables(
+            samples, prior, coloured_covariance, held=["CL/altitude"]
+        ),
         "join": aerodb.update.join_submodels(fits, prior, held=["CL/altitude"]),
     }
     table = aerodb.update.compare_ways(found, prior)
     table = table[table["source direct"] == "flight"]
-    assert set(table.index.get_level_values("term")) >= {"CL/basic", "CY/beta", "Cl/beta", "Cn/beta", "Cn/rudder"}
+    assert set(table.index.get_level_values("term")) >= {
+        "CL/basic",
+        "CY/beta",
+        "Cl/beta",
+        "Cn/beta",
+        "Cn/rudder",
+    }
     for pair in ("tabulate - direct", "tabulate - join", "direct - join"):
         assert float(table[pair].abs().max()) < 2.0
 
@@ -168,16 +215,23 @@ def frequency(citation, model, data, band):
 
 @pytest.mark.parametrize("year", YEARS)
 def test_the_dutch_roll_in_frequency_is_that_in_time(citation, year):
-    model, data = "Cn = 1 + beta + rhat + delta_r", [citation.coefficients(year, "dutch_roll", -3.0, 16.0)]
+    model, data = (
+        "Cn = 1 + beta + rhat + delta_r",
+        [citation.coefficients(year, "dutch_roll", -3.0, 16.0)],
+    )
     band, time = frequency(citation, model, data, (0.08, 1.5)), citation.fit(model, data)
     assert band.estimates.attrs["R2"] > 0.995
     for term in ("beta", "rhat", "delta_r"):
         apart = abs(value(band, term) - value(time, term))
-        assert apart < 2 * float(time.estimates["stderr"].sel(term=term))  # the same record: one is hardly more certain than the other
+        assert apart < 2 * float(
+            time.estimates["stderr"].sel(term=term)
+        )  # the same record: one is hardly more certain than the other
 
 
 def test_the_band_of_the_short_period_brings_the_pitch_damping_that_noise_hides_in_time(citation):
-    """Published -17.2 for the sum with alphadot.  The rates of 10 Hz carry noise above the motion, which pulls the slope to zero."""
+    """Published -17.2 for the sum with alphadot.  The rates of 10 Hz carry noise above the motion,
+    which pulls the slope to zero.
+    """
     data = [citation.coefficients(2018, "short_period", -3.0, 14.0)]
     model = "Cm = 1 + alpha + qhat + delta_e"
     band, time = frequency(citation, model, data, (0.08, 1.5)), citation.fit(model, data)
@@ -188,12 +242,16 @@ def test_the_band_of_the_short_period_brings_the_pitch_damping_that_noise_hides_
 
 def test_selection_finds_the_linear_pitching_moment(citation):
     data = [citation.coefficients(2018, "short_period", -3.0, 14.0)]
-    found = flighttest.model_structure.select_orthogonal("Cm", flighttest.model_structure.monomials(["alpha", "qhat", "delta_e"], 2), data)
+    found = flighttest.model_structure.select_orthogonal(
+        "Cm", flighttest.model_structure.monomials(["alpha", "qhat", "delta_e"], 2), data
+    )
     assert set(found.model.terms) == {"1", "alpha", "qhat", "delta_e"}
 
 
 def test_standard_errors_of_a_weak_short_period_stay_finite(citation):
-    """2020: the climb of the likelihood of its disturbance is lost at the edge from where it starts, and must be tried again."""
+    """2020: the climb of the likelihood of its disturbance is lost at the edge from where it
+    starts, and must be tried again.
+    """
     data = [citation.coefficients(2020, "short_period", -3.0, 14.0)]
     moment = citation.fit("Cm = 1 + alpha + qhat + alphadothat + delta_e", data)
     assert value(moment, "alpha") == pytest.approx(-0.13, abs=0.03)

@@ -1,4 +1,6 @@
-"""Separable least squares on a real record: the roll rate of the Citation II as a first-order answer to the ailerons."""
+"""Separable least squares on a real record: the roll rate of the Citation II as a first-order
+answer to the ailerons.
+"""
 
 import numpy as np
 import pytest
@@ -18,5 +20,7 @@ def test_the_roll_rate_lags_behind_the_ailerons(citation, year):
     assert 0.15 < tau < 0.3
     assert 0.0 < error < 2.0 * tau
     noise = np.random.default_rng(0).normal(size=data.sizes["time"])
-    moved = flighttest.separable.regress_separable(model, data.map(lambda v: v * (1.0 + 1e-12 * noise)))
+    moved = flighttest.separable.regress_separable(
+        model, data.map(lambda v: v * (1.0 + 1e-12 * noise))
+    )
     assert moved.value("tau")[0] == pytest.approx(tau, rel=1e-10)

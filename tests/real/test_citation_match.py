@@ -1,6 +1,8 @@
-"""Motions of the Citation II of 2018-03-12 replayed by the DATCOM model and by the one corrected from flight; and the command line.
+"""Motions of the Citation II of 2018-03-12 replayed by the DATCOM model and by the one corrected
+from flight; and the command line.
 
-No pass is demanded: the a-priori model is that of another, smaller aeroplane.  Numbers must come out, and the flight must help.
+No pass is demanded: the a-priori model is that of another, smaller aeroplane.  Numbers must come
+out, and the flight must help.
 """
 
 import json
@@ -30,13 +32,20 @@ def models(citation, ce500_db, tmp_path_factory):
     final = aerodb.replace_terms(prior, aerodb.tabulate(citation.fits_of(2018), prior, held=HELD))
     folder = tmp_path_factory.mktemp("models")
     models = {"datcom": prior, "corrected": final}
-    return {name: flightmech.write_fmu(flightmech.compile(citation.aircraft(), db), folder / f"{name}.fmu") for name, db in models.items()}
+    return {
+        name: flightmech.write_fmu(
+            flightmech.compile(citation.aircraft(), db), folder / f"{name}.fmu"
+        )
+        for name, db in models.items()
+    }
 
 
 def case_file(citation, motion, folder):
     test, _, (begin, end), input_end = CASES[motion]
     start = citation.start(YEAR, motion)
-    citation.path(YEAR, motion, *CASES[motion][1]).states.to_netcdf(folder / "path.nc", engine="h5netcdf")
+    citation.path(YEAR, motion, *CASES[motion][1]).states.to_netcdf(
+        folder / "path.nc", engine="h5netcdf"
+    )
     events = f"[events]\ninput_end = {start + input_end}\n" if input_end else ""
     words = f'id = "{test}"\nname = "{motion}"\ntitle = "{motion}"\nrecord = "path.nc"\nwindow = [{start + begin}, {start + end}]'
     (folder / "case.toml").write_text(f"[case]\n{words}\n{events}")
@@ -54,16 +63,21 @@ def test_replay_gives_verdicts(citation, models, motion, tmp_path):
     rows = result.verdict.set_index(["run", "criterion"])
     ratio = rows["worst_ratio"].unstack("run")
     assert np.isfinite(ratio["corrected"]).all()
-    # the a-priori model has no rudder and does not oscillate at all: its ratios of the Dutch roll are not numbers
+    # the a-priori model has no rudder and does not oscillate at all: its ratios of the Dutch roll
+    # are not numbers
     assert motion == "dutch_roll" or np.isfinite(ratio["datcom"]).all()
-    if motion == "phugoid":  # the period of the a-priori model depends on the speed alone, and its damping on how far it rolls away
+    if (
+        motion == "phugoid"
+    ):  # the period of the a-priori model depends on the speed alone, and its damping on how far it rolls away
         assert set(result.groups("corrected").values()) == {"pass"}
     else:
         assert ratio["corrected"].max() < ratio["datcom"].fillna(np.inf).max()
     biases = result.trim.loc[["trim.delta_e", "trim.thrust"]]
     assert np.isfinite(biases[["datcom", "corrected"]].to_numpy()).all()
     if motion != "dutch_roll":
-        assert abs(biases.loc["trim.delta_e", "corrected"]) < abs(biases.loc["trim.delta_e", "datcom"])
+        assert abs(biases.loc["trim.delta_e", "corrected"]) < abs(
+            biases.loc["trim.delta_e", "datcom"]
+        )
 
 
 def run(*words):
@@ -85,10 +99,14 @@ def test_command_line(citation, tmp_path):
     start = citation.start(YEAR, "aperiodic_roll")
     window = ("--window", start - 3.0, start + 20.0)
     path = tmp_path / "path.nc"
-    (found,) = run("flight", "reconstruct", whole, "--aircraft", aircraft, *window, "-o", path, "--json")
+    (found,) = run(
+        "flight", "reconstruct", whole, "--aircraft", aircraft, *window, "-o", path, "--json"
+    )
     assert found["samples"] == 1151
 
     model = "Cl = 1 + beta + phat + rhat + delta_a"
     fit = run("flight", "identify", path, "--aircraft", aircraft, "--model", model, "--json")
-    assert fit["terms"]["phat"]["estimate"] == pytest.approx(-0.7109, rel=0.3)  # published; this window alone, without the rest points
+    assert fit["terms"]["phat"]["estimate"] == pytest.approx(
+        -0.7109, rel=0.3
+    )  # published; this window alone, without the rest points
     assert fit["terms"]["delta_a"]["estimate"] == pytest.approx(-0.2309, rel=0.3)

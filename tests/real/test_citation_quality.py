@@ -1,6 +1,8 @@
-"""Data quality of the real flights of the Citation II: every trap that the README of the data set lists is caught by name.
+"""Data quality of the real flights of the Citation II: every trap that the README of the data set
+lists is caught by name.
 
-The recorder's channels are read twice: as the name maps in ``maps`` have them, and as recorded, without sign and offset.
+The recorder's channels are read twice: as the name maps in ``maps`` have them, and as recorded,
+without sign and offset.
 """
 
 from pathlib import Path
@@ -14,7 +16,10 @@ HERE = Path(__file__).parent
 FLIGHTS = HERE.parents[1] / ".." / "shared" / "data" / "flight" / "citation_phlab"
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.skipif(not FLIGHTS.is_dir(), reason="the Citation II flights (../shared/data/flight/citation_phlab) are not here"),
+    pytest.mark.skipif(
+        not FLIGHTS.is_dir(),
+        reason="the Citation II flights (../shared/data/flight/citation_phlab) are not here",
+    ),
 ]
 FILES = {2018: "flight_20180312_1", 2019: "flight_20190305_2_partial", 2020: "flight_20200310_2"}
 MORE = {
@@ -35,7 +40,12 @@ def as_recorded(tmp_path_factory):
     """The flights with the recorder's own signs and definitions."""
     found = {}
     for year in FILES:
-        text = (HERE / "maps" / f"citation_{year}.toml").read_text().replace("sign = -1", "sign = 1").replace(', offset = "-1 g"', "")
+        text = (
+            (HERE / "maps" / f"citation_{year}.toml")
+            .read_text()
+            .replace("sign = -1", "sign = 1")
+            .replace(', offset = "-1 g"', "")
+        )
         found[year] = assessed(year, text, tmp_path_factory.mktemp(str(year)))
     return found
 
@@ -43,7 +53,12 @@ def as_recorded(tmp_path_factory):
 @pytest.fixture(scope="module")
 def as_mapped(tmp_path_factory):
     return {
-        year: assessed(year, (HERE / "maps" / f"citation_{year}.toml").read_text(), tmp_path_factory.mktemp(str(year))) for year in FILES
+        year: assessed(
+            year,
+            (HERE / "maps" / f"citation_{year}.toml").read_text(),
+            tmp_path_factory.mktemp(str(year)),
+        )
+        for year in FILES
     }
 
 
@@ -56,24 +71,43 @@ def finding(quality, name):
 
 
 def test_signs_and_definitions_as_recorded(as_recorded):
-    """delta_a differs from flight to flight, delta_r is nose right in every one, NormAcc is load factor minus one, pull is negative."""
+    """delta_a differs from flight to flight, delta_r is nose right in every one, NormAcc is load
+    factor minus one, pull is negative.
+    """
     assert named(as_recorded[2018], "error") == {"sign:delta_r", "definition:az_imu"}
-    assert named(as_recorded[2019], "error") == {"sign:delta_r", "sign:delta_a"}  # no accelerations in this file
-    assert named(as_recorded[2020], "error") == {"sign:delta_r", "sign:delta_a", "definition:az_imu", "sign:F_column"}
+    assert named(as_recorded[2019], "error") == {
+        "sign:delta_r",
+        "sign:delta_a",
+    }  # no accelerations in this file
+    assert named(as_recorded[2020], "error") == {
+        "sign:delta_r",
+        "sign:delta_a",
+        "definition:az_imu",
+        "sign:F_column",
+    }
     text = finding(as_recorded[2018], "definition:az_imu").text
     assert "load factor minus one, positive up, not the specific force" in text
-    assert 'az_imu = { column = "Ahrs1_bNormAcc", sign = -1, offset = "-1 g" }' in finding(as_recorded[2020], "definition:az_imu").remedy
+    assert (
+        'az_imu = { column = "Ahrs1_bNormAcc", sign = -1, offset = "-1 g" }'
+        in finding(as_recorded[2020], "definition:az_imu").remedy
+    )
 
 
 def test_mapped_flights_are_sound(as_mapped):
     assert named(as_mapped[2018], "error", "warning") == set()
     assert named(as_mapped[2019], "error", "warning") == set()
-    assert named(as_mapped[2020], "error", "warning") == {"sign:F_column", "stuck:column"}  # added here, without sign
+    assert named(as_mapped[2020], "error", "warning") == {
+        "sign:F_column",
+        "stuck:column",
+    }  # added here, without sign
 
 
 def test_column_position_is_dead(as_mapped):
     """README: column_Se looks unreliable (nearly constant)."""
-    assert "delta_e moves and column does not go with it" in finding(as_mapped[2020], "stuck:column").text
+    assert (
+        "delta_e moves and column does not go with it"
+        in finding(as_mapped[2020], "stuck:column").text
+    )
 
 
 @pytest.mark.parametrize("year", FILES)
@@ -98,7 +132,9 @@ def test_climb_rate(as_mapped, year):
 
 
 def test_upwash_and_offset_of_the_vane(as_mapped):
-    """README: in level flight vane = 1.08 ... 1.13 (theta - gamma) + 0.4 ... 0.9 deg; whole flights give a little less slope."""
+    """README: in level flight vane = 1.08 ... 1.13 (theta - gamma) + 0.4 ... 0.9 deg; whole flights
+    give a little less slope.
+    """
     for year in FILES:
         row = as_mapped[year].kinematics.set_index("relation").loc["vane"]
         assert 1.0 < row["slope"] < 1.15
@@ -113,10 +149,16 @@ def test_vane_at_low_speed(as_mapped):
 
 
 def test_slow_temperature_and_rudder_bias(as_mapped):
-    """README: slow channels have less bandwidth than 10 Hz; the rudder has a bias of -1 to -1.6 deg, in the recorder's sign."""
+    """README: slow channels have less bandwidth than 10 Hz; the rudder has a bias of -1 to -1.6
+    deg, in the recorder's sign.
+    """
     assert "coarse:temperature" in named(as_mapped[2018], "note") & named(as_mapped[2020], "note")
     for year in (2018, 2019):
-        assert 1.0 * DEGREE < finding(as_mapped[year], "offset:delta_r").evidence["offset"] < 1.6 * DEGREE
+        assert (
+            1.0 * DEGREE
+            < finding(as_mapped[year], "offset:delta_r").evidence["offset"]
+            < 1.6 * DEGREE
+        )
 
 
 def test_what_was_not_recorded(as_mapped):

@@ -1,4 +1,6 @@
-"""Running estimates on the short periods of the Citation II, against the regression in frequency of the whole manoeuvre."""
+"""Running estimates on the short periods of the Citation II, against the regression in frequency of
+the whole manoeuvre.
+"""
 
 import numpy as np
 import pytest
@@ -16,8 +18,11 @@ def test_short_period(citation, year, end):
     data = citation.coefficients(year, "short_period", -3.0, 14.0)
     running = running_estimate(MODEL, data, BAND)
     whole = regress_frequency(MODEL, data, BAND).estimates.sel(term=running["term"].values)
-    assert (np.abs(running["estimate"].isel(time=-1) - whole["estimate"]) < 1.5 * whole["stderr"]).all()  # 0.93 measured
-    # white inside the band: 0.4 to 0.7 of the standard error that follows the spectrum of the residual
+    assert (
+        np.abs(running["estimate"].isel(time=-1) - whole["estimate"]) < 1.5 * whole["stderr"]
+    ).all()  # 0.93 measured
+    # white inside the band: 0.4 to 0.7 of the standard error that follows the spectrum of the
+    # residual
     ratio = (running["stderr"].isel(time=-1) / whole["stderr"]).values
     assert (ratio > 0.3).all()
     assert (ratio < 1.0).all()

@@ -1,4 +1,6 @@
-"""The whole corpus of own decks and program outputs in ../shared/data/datcom: nothing raises, nothing is lost."""
+"""The whole corpus of own decks and program outputs in ../shared/data/datcom: nothing raises,
+nothing is lost.
+"""
 
 from pathlib import Path
 
@@ -19,7 +21,9 @@ def test_every_listing_is_read_whole(path):
     lines = path.read_text(encoding="latin-1").count("\n")
     assert listing.line_count in (lines, lines + 1)
     tree = listing.to_datatree()
-    assert set(tree.children) == {case.name for case in listing if any(page.printed for page in case.pages)}
+    assert set(tree.children) == {
+        case.name for case in listing if any(page.printed for page in case.pages)
+    }
 
 
 def test_the_same_aircraft_in_four_systems_of_units():
@@ -28,7 +32,12 @@ def test_the_same_aircraft_in_four_systems_of_units():
     assert [tree.attrs["dim"] for tree in trees] == ["FT", "IN", "M", "CM"]
     metre = trees[2]
     for tree in trees:
-        for name, tolerance in (("S", 2e-6), ("cbar", 2e-5), ("b", 2e-5), ("x_cg", 4e-5)):  # three decimals of a foot
+        for name, tolerance in (
+            ("S", 2e-6),
+            ("cbar", 2e-5),
+            ("b", 2e-5),
+            ("x_cg", 4e-5),
+        ):  # three decimals of a foot
             assert tree.attrs[name] == pytest.approx(metre.attrs[name], rel=tolerance)
         for name in ("h", "V", "p_static", "temperature", "reynolds_per_m"):
             # half a unit of the last printed digit of either system, relative to the value
@@ -41,7 +50,10 @@ def test_repeated_conditions_stay_apart():
     listing = datcom_io.read(CORPUS / "loop_modes" / "loop_modes.out")
     assert [case.deck.loop for case in listing] == [1, 2, 3]
     assert [case.to_datatree()["static"].sizes["condition"] for case in listing] == [3, 6, 6]
-    pairs = [list(zip(tree["static"]["mach"].values, tree["static"]["h"].values)) for tree in (case.to_datatree() for case in listing)]
+    pairs = [
+        list(zip(tree["static"]["mach"].values, tree["static"]["h"].values))
+        for tree in (case.to_datatree() for case in listing)
+    ]
     for case, found in zip(listing, pairs):
         np.testing.assert_allclose(found, case.deck.conditions())
     assert sorted(pairs[1]) == sorted(pairs[2])
@@ -49,7 +61,9 @@ def test_repeated_conditions_stay_apart():
 
 
 def test_nothing_printed_for_altitude():
-    case = datcom_io.read(CORPUS / "speed_input" / "speed_input.out")["REYNOLDS NUMBER ONLY, NO ALTITUDE"]
+    case = datcom_io.read(CORPUS / "speed_input" / "speed_input.out")[
+        "REYNOLDS NUMBER ONLY, NO ALTITUDE"
+    ]
     static = case.to_datatree()["static"]
     assert static["h"].isnull().all()
     assert static["p_static"].isnull().all()
@@ -57,7 +71,9 @@ def test_nothing_printed_for_altitude():
 
 
 def test_transonic_first_row_is_not_spread():
-    static = datcom_io.read(CORPUS / "ce500_transonic" / "ce500_transonic.out")[0].to_datatree(fill_transonic=True)["static"]
+    static = datcom_io.read(CORPUS / "ce500_transonic" / "ce500_transonic.out")[0].to_datatree(
+        fill_transonic=True
+    )["static"]
     flags = static["CD_flag"][1]  # Mach number of the second condition lies above STMACH: line 624
     assert int(flags[0]) == 0
     assert (flags[1:] == datcom_io.FLAGS.index("blank")).all()
@@ -93,7 +109,9 @@ def test_saved_cases_keep_their_cards():
     assert [case.deck.deriv for case in listing] == ["RAD"] * 4 + ["DEG"] * 2
     assert all(case.deck.value("OPTINS", "SREF") == 24.2 for case in listing)
     assert listing[4].deck.schedule("FLTCON", "ALSCHD", "NALPHA") == [0.0, 2.0, 4.0, 6.0]
-    assert [name for name in ("SYMFLP", "ASYFLP") if name in listing[2].deck.namelists] == ["ASYFLP"]
+    assert [name for name in ("SYMFLP", "ASYFLP") if name in listing[2].deck.namelists] == [
+        "ASYFLP"
+    ]
     assert listing[4].to_datatree()["symflp"].attrs["surface"] == "tail"
 
 
@@ -108,12 +126,21 @@ def test_bad_cases_have_messages_and_good_ones_between_them_tables():
     assert "static" in listing["GOOD CASE AFTER AN ABORTED ONE"].to_datatree()
     stopped = datcom_io.read(CORPUS / "errors" / "errors.out")
     assert stopped.messages[-1].text.startswith("*** EXECUTION TERMINATING")
-    assert any("** ILLEGAL CONTROL CARD: * THIS LINE IS A DATCOM PLUS STYLE COMMENT" in message.text for message in stopped.messages)
+    assert any(
+        "** ILLEGAL CONTROL CARD: * THIS LINE IS A DATCOM PLUS STYLE COMMENT" in message.text
+        for message in stopped.messages
+    )
 
 
 def test_faults_of_the_program_are_reported():
-    texts = " ".join(message.text for message in datcom_io.read(CORPUS / "ce500_clean" / "ce500_clean.out").messages)
+    texts = " ".join(
+        message.text
+        for message in datcom_io.read(CORPUS / "ce500_clean" / "ce500_clean.out").messages
+    )
     assert "divides the weight by 0.2248 again" in texts
     control = datcom_io.read(CORPUS / "ce500_elevator" / "ce500_elevator.out")
-    assert any("pressure 44.198 on a control page, 101330 on the static page" in message.text for message in control.messages)
+    assert any(
+        "pressure 44.198 on a control page, 101330 on the static page" in message.text
+        for message in control.messages
+    )
     np.testing.assert_allclose(control[0].to_datatree()["symflp"]["p_static"][0], 101330.0)

@@ -1,8 +1,11 @@
-"""Standard errors of the regressions of two flights of the Citation II are the same whatever the machine rounds.
+"""Standard errors of the regressions of two flights of the Citation II are the same whatever the
+machine rounds.
 
-The list: on the flights of 2018 and 2020 the short period (-3 to 14 s, eight models of forces and pitching moment), the Dutch roll (-3 to
-16 s, four) and the aperiodic roll (-3 to 20 s, five), each whole, 0.5 s and 1 s shorter at the start and 1 s shorter at the end: 17 models
-x 4 windows x 2 flights = 136; and three models of the stationary points and three of Dutch roll and roll together, whole: 12 more.
+The list: on the flights of 2018 and 2020 the short period (-3 to 14 s, eight models of forces and
+pitching moment), the Dutch roll (-3 to 16 s, four) and the aperiodic roll (-3 to 20 s, five), each
+whole, 0.5 s and 1 s shorter at the start and 1 s shorter at the end: 17 models x 4 windows x 2
+flights = 136; and three models of the stationary points and three of Dutch roll and roll together,
+whole: 12 more.
 """
 
 import json
@@ -69,7 +72,10 @@ def cases(citation):
                 for model in models:
                     yield f"{year} {motion} {late} {early} {model}", data, model
         rest = citation.stationary_parts(year)
-        joint = [citation.coefficients(year, motion, *MOTIONS[motion][0]) for motion in ("dutch_roll", "aperiodic_roll")]
+        joint = [
+            citation.coefficients(year, motion, *MOTIONS[motion][0])
+            for motion in ("dutch_roll", "aperiodic_roll")
+        ]
         for data, models in ((rest, STATIONARY), (joint, JOINT)):
             for model in models:
                 yield f"{year} {len(data)} pieces {model}", data, model
@@ -78,19 +84,28 @@ def cases(citation):
 def perturbed(data, model, rng):
     """Return the data with every number that the model reads changed by 1e-12 of itself."""
     names = [model.coefficient, *model.variables]
-    return [part.assign({name: part[name] * (1.0 + 1e-12 * rng.normal(size=part[name].shape)) for name in names}) for part in data]
+    return [
+        part.assign(
+            {name: part[name] * (1.0 + 1e-12 * rng.normal(size=part[name].shape)) for name in names}
+        )
+        for part in data
+    ]
 
 
 @pytest.mark.slow
 @pytest.mark.nightly
 def test_a_perturbation_of_1e_12_stays_one(citation):
-    """148 fits, three draws each: measured 1e-8 at most, on records whose regressors are collinear to a condition of 100."""
+    """148 fits, three draws each: measured 1e-8 at most, on records whose regressors are collinear
+    to a condition of 100.
+    """
     spread, number = 0.0, 0
     for number, (_, data, text) in enumerate(cases(citation), 1):
         model = flighttest.Model.parse(text)
         stderr = flighttest.regress(model, data).estimates["stderr"].values
         for seed in range(3):
-            again = flighttest.regress(model, perturbed(data, model, np.random.default_rng([number, seed])))
+            again = flighttest.regress(
+                model, perturbed(data, model, np.random.default_rng([number, seed]))
+            )
             spread = max(spread, np.abs(again.estimates["stderr"].values / stderr - 1.0).max())
     assert number == 148
     assert spread < 1e-6
@@ -98,7 +113,9 @@ def test_a_perturbation_of_1e_12_stays_one(citation):
 
 @pytest.mark.slow
 def test_standard_errors_of_real_fits_are_those_of_common_sense(citation):
-    """Without the fits that a lag window itself cannot judge, the slopes: 0.45 to 2.6 of those of a lag window."""
+    """Without the fits that a lag window itself cannot judge, the slopes: 0.45 to 2.6 of those of a
+    lag window.
+    """
     ratios = []
     for _, data, text in cases(citation):
         e = flighttest.regress(flighttest.Model.parse(text), data).estimates
@@ -110,7 +127,9 @@ def test_standard_errors_of_real_fits_are_those_of_common_sense(citation):
 
 
 def child(kernel):
-    """Return estimates and standard errors of all fits, from records on, under one kernel of the linear algebra."""
+    """Return estimates and standard errors of all fits, from records on, under one kernel of the
+    linear algebra.
+    """
     script = """
 import importlib.util, json, sys
 import flighttest

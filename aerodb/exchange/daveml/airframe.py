@@ -1,4 +1,6 @@
-"""The aircraft around a DAVE-ML aerodynamic model: mass properties and static thrust from the files in the same folder."""
+"""The aircraft around a DAVE-ML aerodynamic model: mass properties and static thrust from the files
+in the same folder.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,13 @@ _NAMES = {  # of S-119, in addition to those of the vocabulary
 }
 _NEEDED = ("mass", "Ixx", "Iyy", "Izz")
 _MASS = (*_NEEDED, "Ixy", "Ixz", "Iyz", "x_cg_b", "y_cg_b", "z_cg_b")
-_ASIDE = ("thrustBodyForce_Y", "thrustBodyForce_Z", "thrustBodyMoment_Roll", "thrustBodyMoment_Pitch", "thrustBodyMoment_Yaw")
+_ASIDE = (
+    "thrustBodyForce_Y",
+    "thrustBodyForce_Z",
+    "thrustBodyMoment_Roll",
+    "thrustBodyMoment_Pitch",
+    "thrustBodyMoment_Yaw",
+)
 _PROOFS = 500  # states at which the table is compared with the model
 _ROUNDING = 1e-9  # of the largest thrust
 
@@ -49,17 +57,21 @@ def import_daveml_aircraft(
     db : DataTree
         From `import_daveml`: reference area and lengths.
     inertia : path
-        Gives mass, moments of inertia and the centre of gravity from the moment reference point under names of S-119
-        (``totalMass``, ``bodyMomentOfInertia_Roll``, ``bodyPositionOfCmWrtMrc_X``).
+        Gives mass, moments of inertia and the centre of gravity from the moment reference point
+        under names of S-119 (``totalMass``, ``bodyMomentOfInertia_Roll``,
+        ``bodyPositionOfCmWrtMrc_X``).
     propulsion : path, optional
-        Gives ``thrustBodyForce_X``, static, over ``powerLeverAngle`` in parts or per cent of its travel, Mach number and height: it
-        becomes a table, one engine at the moment reference point.  Without it the aircraft has no engine.
+        Gives ``thrustBodyForce_X``, static, over ``powerLeverAngle`` in parts or per cent of its
+        travel, Mach number and height: it becomes a table, one engine at the moment reference
+        point.  Without it the aircraft has no engine.
     inputs : mapping of str to float, optional
-        Inputs of the inertia file by varID or name, in its units: ``{"CG_PCT_MAC": 25.0}``; else their initial values.
+        Inputs of the inertia file by varID or name, in its units: ``{"CG_PCT_MAC": 25.0}``; else
+        their initial values.
     name : str
         Of the aircraft; the title of the database unless given.
     x_ref_mac : float
-        Moment reference point behind the leading edge of the mean chord, which DAVE-ML does not state. [chords]
+        Moment reference point behind the leading edge of the mean chord, which DAVE-ML does not
+        state. [chords]
 
     Returns
     -------
@@ -68,8 +80,8 @@ def import_daveml_aircraft(
     Raises
     ------
     ParseError, SchemaError
-        As `read`; SchemaError also for a mass property that is not there, and for thrust not along body x or not a table over
-        lever, Mach number and height.
+        As `read`; SchemaError also for a mass property that is not there, and for thrust not along
+        body x or not a table over lever, Mach number and height.
     UnknownName
         An input that the inertia file does not have.
 
@@ -96,7 +108,9 @@ def import_daveml_aircraft(
         reference=(x, y, z),
         x_ref_mac=x_ref_mac,
         cg=(found["x_cg_b"], found["y_cg_b"], found["z_cg_b"]),
-        engines=() if propulsion is None else (Engine((0.0, 0.0, 0.0), thrust=_thrust(read(propulsion))),),
+        engines=()
+        if propulsion is None
+        else (Engine((0.0, 0.0, 0.0), thrust=_thrust(read(propulsion))),),
     )
 
 
@@ -105,12 +119,18 @@ def _quantity(variable: Variable) -> str:
 
 
 def _mass_properties(model: DaveModel, inputs: Mapping[str, float]) -> dict[str, float]:
-    """Return what `_MASS` names, SI; zero for products of inertia and offsets that the file does not give."""
+    """Return what `_MASS` names, SI; zero for products of inertia and offsets that the file does
+    not give.
+    """
     given = {varID: model.variables[varID].initial for varID in model.inputs}
     given |= {model.find(key).varID: float(value) for key, value in inputs.items()}
     problems = [f"the input {varID} ({model.variables[varID].name}) has no initial value; pass inputs={{'{varID}': ...}}"
                 for varID, value in given.items() if value is None]  # fmt: skip
-    places = {quantity: varID for varID in model.outputs if (quantity := _quantity(model.variables[varID])) in _MASS}
+    places = {
+        quantity: varID
+        for varID in model.outputs
+        if (quantity := _quantity(model.variables[varID])) in _MASS
+    }
     problems += [f"no output is {quantity}" for quantity in _NEEDED if quantity not in places]
     if problems:
         raise SchemaError(model.file, problems)
@@ -136,19 +156,34 @@ def _thrust(model: DaveModel) -> xr.Dataset:
         problems.append(f"{len(outputs)} outputs are thrustBodyForce_X; one is needed")
     if problems:
         raise SchemaError(model.file, problems)
-    scales = {quantity: (varID, *conversion(model.variables[varID], quantity)) for varID, quantity in mine.items()}
-    sums, reasons = expand(model, {varID: polynomials.variable(name, f, o) for name, (varID, f, o) in scales.items()}, {})
+    scales = {
+        quantity: (varID, *conversion(model.variables[varID], quantity))
+        for varID, quantity in mine.items()
+    }
+    sums, reasons = expand(
+        model,
+        {varID: polynomials.variable(name, f, o) for name, (varID, f, o) in scales.items()},
+        {},
+    )
     if outputs[0] not in sums:
         raise SchemaError(model.file, [f"{outputs[0]} is no table: {reasons[outputs[0]]}"])
     axes = {name: points for name in THRUST_AXES if len(points := _points(sums[outputs[0]], name))}
-    leaf = make(_forces(model, scales, outputs[0], _meshed(axes)), axes, references=Path(model.file).name)
+    leaf = make(
+        _forces(model, scales, outputs[0], _meshed(axes)), axes, references=Path(model.file).name
+    )
     _prove(model, scales, outputs[0], leaf, axes)
     return leaf
 
 
 def _points(one: polynomials.Sum, name: str) -> np.ndarray:
     """Return the breakpoints of all tables of a sum along a variable; of the lever also its ends."""
-    tables = [axis.points for grids, _ in one.products for grid in grids for axis in grid.axes if axis.variable == name]
+    tables = [
+        axis.points
+        for grids, _ in one.products
+        for grid in grids
+        for axis in grid.axes
+        if axis.variable == name
+    ]
     points = np.unique(np.concatenate([*tables, [0.0, 1.0] if name == "throttle" else []]))
     return points[(points >= 0.0) & (points <= 1.0)] if name == "throttle" else points
 
@@ -157,13 +192,25 @@ def _meshed(axes: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     return dict(zip(axes, np.meshgrid(*axes.values(), indexing="ij"), strict=True))
 
 
-def _forces(model: DaveModel, scales: Mapping[str, tuple[str, float, float]], varID: str, at: Mapping[str, np.ndarray]) -> np.ndarray:
+def _forces(
+    model: DaveModel,
+    scales: Mapping[str, tuple[str, float, float]],
+    varID: str,
+    at: Mapping[str, np.ndarray],
+) -> np.ndarray:
     """Return the thrust of the file at states [SI]; all of it along body x. [N]"""
     first = next(iter(at.values()))
-    values = model.evaluate({item: f * at.get(name, 0.0 * first) + o for name, (item, f, o) in scales.items()})
+    values = model.evaluate(
+        {item: f * at.get(name, 0.0 * first) + o for name, (item, f, o) in scales.items()}
+    )
     aside = [key for key in _aside(model) if np.abs(values[key]).max() > 0.0]
     if aside:
-        raise SchemaError(model.file, [f"{' '.join(aside)} are not zero; give position and direction of the engines in the aircraft file"])
+        raise SchemaError(
+            model.file,
+            [
+                f"{' '.join(aside)} are not zero; give position and direction of the engines in the aircraft file"
+            ],
+        )
     factor, offset = conversion(model.variables[varID], "thrust")
     return (np.broadcast_to(values[varID], first.shape) - offset) / factor
 
@@ -172,7 +219,9 @@ def _aside(model: DaveModel) -> Iterator[str]:
     return (varID for varID in model.outputs if model.variables[varID].name in _ASIDE)
 
 
-def _prove(model: DaveModel, scales: Mapping, varID: str, leaf: xr.Dataset, axes: Mapping[str, np.ndarray]) -> None:
+def _prove(
+    model: DaveModel, scales: Mapping, varID: str, leaf: xr.Dataset, axes: Mapping[str, np.ndarray]
+) -> None:
     """Compare the table with the model inside its breakpoints."""
     draw = np.random.default_rng(0)
     at = {name: draw.uniform(points[0], points[-1], _PROOFS) for name, points in axes.items()}
@@ -180,5 +229,8 @@ def _prove(model: DaveModel, scales: Mapping, varID: str, leaf: xr.Dataset, axes
     apart = np.abs(evaluate(leaf, at) - expected).max()
     if apart > _ROUNDING * np.abs(expected).max():
         raise SchemaError(
-            model.file, [f"{varID} is not linear in {', '.join(axes)} between breakpoints: a table is up to {apart:.3g} N off"]
+            model.file,
+            [
+                f"{varID} is not linear in {', '.join(axes)} between breakpoints: a table is up to {apart:.3g} N off"
+            ],
         )

@@ -1,4 +1,6 @@
-"""The variables of a DAVE-ML model as sums of products over the quantities of the vocabulary, as far as that is exact."""
+"""The variables of a DAVE-ML model as sums of products over the quantities of the vocabulary, as
+far as that is exact.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,9 @@ from aerodb.exchange.daveml.vocabulary import REDUCED, VALUE
 _TURNED = {"lt": "gt", "gt": "lt", "leq": "geq", "geq": "leq"}
 
 
-def expand(model: DaveModel, inputs: Mapping[str, Sum], lengths: Mapping[str, float]) -> tuple[dict[str, Sum], dict[str, str]]:
+def expand(
+    model: DaveModel, inputs: Mapping[str, Sum], lengths: Mapping[str, float]
+) -> tuple[dict[str, Sum], dict[str, str]]:
     """Expand every variable of a model.
 
     Parameters
@@ -27,7 +31,8 @@ def expand(model: DaveModel, inputs: Mapping[str, Sum], lengths: Mapping[str, fl
     model : DaveModel
         The model.
     inputs : mapping of str to Sum
-        Its inputs by varID, in the units of the file, as sums over quantities of the vocabulary [SI].
+        Its inputs by varID, in the units of the file, as sums over quantities of the vocabulary
+        [SI].
     lengths : mapping of str to float
         ``b`` and ``cbar``, where they are known. [m]
 
@@ -43,7 +48,9 @@ def expand(model: DaveModel, inputs: Mapping[str, Sum], lengths: Mapping[str, fl
     for varID in model.order:
         try:
             one = _variable(model, varID, inputs, sums, reasons)
-            if one is not inputs.get(varID) or one.variables != {"V"}:  # the reduced rates have no limit of airspeed
+            if one is not inputs.get(varID) or one.variables != {
+                "V"
+            }:  # the reduced rates have no limit of airspeed
                 one = _limited(one, model.variables[varID])
             sums[varID] = _reduced(one, lengths)
         except Inexact as error:
@@ -51,8 +58,15 @@ def expand(model: DaveModel, inputs: Mapping[str, Sum], lengths: Mapping[str, fl
     return sums, reasons
 
 
-def approximated(sampler: Sampler, varID: str, reasons: Mapping[str, str], lengths: Mapping[str, float], weight: float = 1.0) -> Sum:
-    """Return a variable that is no exact sum as one: its summands and factors are exact where they can be, the others are sampled.
+def approximated(
+    sampler: Sampler,
+    varID: str,
+    reasons: Mapping[str, str],
+    lengths: Mapping[str, float],
+    weight: float = 1.0,
+) -> Sum:
+    """Return a variable that is no exact sum as one: its summands and factors are exact where they
+    can be, the others are sampled.
 
     Parameters
     ----------
@@ -75,7 +89,9 @@ def approximated(sampler: Sampler, varID: str, reasons: Mapping[str, str], lengt
         if variable.calculation is None or np.isfinite((variable.low, variable.high)).any():
             found = sampler.variable(varID, weight)
         else:
-            found = _approximated(variable.calculation, _Approximation(sampler, varID, reasons, lengths), weight)
+            found = _approximated(
+                variable.calculation, _Approximation(sampler, varID, reasons, lengths), weight
+            )
         sampler.sums[varID] = _reduced(found, lengths)
     return sampler.sums[varID]
 
@@ -98,7 +114,9 @@ def _approximated(expression: mathml.Expression, of: _Approximation, weight: flo
         return exact
     operator = expression.operator if isinstance(expression, mathml.Apply) else ""
     if isinstance(expression, mathml.Apply) and operator in ("plus", "minus"):
-        return _operation(operator, [_approximated(argument, of, weight) for argument in expression.arguments])
+        return _operation(
+            operator, [_approximated(argument, of, weight) for argument in expression.arguments]
+        )
     if isinstance(expression, mathml.Apply) and operator in ("times", "divide", "quotient"):
         return _product(list(_factors(expression)), of, weight)
     return of.sampler.expression(expression, of.varID, weight)
@@ -112,7 +130,9 @@ def _product(factors: list[mathml.Expression], of: _Approximation, weight: float
         product = product if one is None else polynomials.multiply(product, one)
     for factor, one in zip(factors, found, strict=True):
         if one is None:
-            product = polynomials.multiply(product, _approximated(factor, of, weight * of.sampler.magnitude(product)))
+            product = polynomials.multiply(
+                product, _approximated(factor, of, weight * of.sampler.magnitude(product))
+            )
     return product
 
 
@@ -132,10 +152,11 @@ def _exact(expression: mathml.Expression, of: _Approximation) -> Sum | None:
 
 
 def spread(uncertainty: Uncertainty | None, values: np.ndarray) -> np.ndarray | None:
-    """Return the standard errors (shape of the values) that an uncertainty states, or None when it states none.
+    """Return the standard errors (shape of the values) that an uncertainty states, or None when it
+    states none.
 
-    A normal distribution gives bound / numSigmas, a uniform one of half width w gives w / sqrt(3); bounds in per cent or as a factor count
-    from the values.
+    A normal distribution gives bound / numSigmas, a uniform one of half width w gives w / sqrt(3);
+    bounds in per cent or as a factor count from the values.
     """
     if uncertainty is None or any(isinstance(bound, str) for bound in uncertainty.bounds):
         return None
@@ -143,16 +164,26 @@ def spread(uncertainty: Uncertainty | None, values: np.ndarray) -> np.ndarray | 
     if any(bound.size not in (1, values.size) for bound in bounds):
         return None
     sizes = [
-        bound.reshape(values.shape) if bound.size == values.size else np.broadcast_to(bound.ravel()[0], values.shape) for bound in bounds
+        bound.reshape(values.shape)
+        if bound.size == values.size
+        else np.broadcast_to(bound.ravel()[0], values.shape)
+        for bound in bounds
     ]
     if uncertainty.effect == "absolute":
         return None if len(sizes) < 2 else np.abs(sizes[1] - sizes[0]) / np.sqrt(12.0)
     width = sizes[0] if len(sizes) == 1 else (np.abs(sizes[0]) + np.abs(sizes[1])) / 2.0
     sigma = np.abs(width) / (uncertainty.sigmas or np.sqrt(3.0))
-    return sigma * {"additive": 1.0, "percentage": np.abs(values) / 100.0, "multiplicative": np.abs(values)}[uncertainty.effect]
+    return (
+        sigma
+        * {"additive": 1.0, "percentage": np.abs(values) / 100.0, "multiplicative": np.abs(values)}[
+            uncertainty.effect
+        ]
+    )
 
 
-def _variable(model: DaveModel, varID: str, inputs: Mapping, sums: Mapping, reasons: Mapping) -> Sum:
+def _variable(
+    model: DaveModel, varID: str, inputs: Mapping, sums: Mapping, reasons: Mapping
+) -> Sum:
     variable = model.variables[varID]
     if varID in inputs:
         return inputs[varID]
@@ -178,9 +209,13 @@ def _limited(one: Sum, variable: Variable) -> Sum:
     if value is not None:
         return polynomials.constant(float(np.clip(value, variable.low, variable.high)))
     try:
-        return polynomials.applied(piecewise_linear.limiter(variable.low, variable.high), one, variable.varID)
+        return polynomials.applied(
+            piecewise_linear.limiter(variable.low, variable.high), one, variable.varID
+        )
     except Inexact as error:
-        raise Inexact(f"it is limited to {variable.low:g} ... {variable.high:g}, and {error}") from None
+        raise Inexact(
+            f"it is limited to {variable.low:g} ... {variable.high:g}, and {error}"
+        ) from None
 
 
 def _reduced(one: Sum, lengths: Mapping[str, float]) -> Sum:
@@ -193,11 +228,15 @@ def _reduced(one: Sum, lengths: Mapping[str, float]) -> Sum:
             if count <= 0:
                 continue
             if length not in lengths:
-                raise Inexact(f"it holds {rate}/V, and the file does not state {length}; pass {length}=")
+                raise Inexact(
+                    f"it holds {rate}/V, and the file does not state {length}; pass {length}="
+                )
             counts[rate], counts["V"] = counts[rate] - count, counts["V"] + count
             counts[name] = counts.get(name, 0) + count
             coefficient *= (2.0 / lengths[length]) ** count
-            coefficient = round(coefficient) if abs(coefficient - round(coefficient)) < 1e-14 else coefficient  # units there and back
+            coefficient = (
+                round(coefficient) if abs(coefficient - round(coefficient)) < 1e-14 else coefficient
+            )  # units there and back
         left = tuple(sorted((name, power) for name, power in counts.items() if power))
         products[(grids, left)] = products.get((grids, left), 0.0) + coefficient
     return Sum(products)
@@ -226,7 +265,11 @@ def _expression(expression: mathml.Expression, known: _Lookup) -> Sum:
     numbers = [argument.constant for argument in arguments]
     if all(number is not None for number in numbers):
         with np.errstate(all="ignore"):
-            value = float(mathml.OPERATORS[expression.operator][0](*(np.asarray(number) for number in numbers)))
+            value = float(
+                mathml.OPERATORS[expression.operator][0](
+                    *(np.asarray(number) for number in numbers)
+                )
+            )
         if not np.isfinite(value):
             raise Inexact(f"{expression.operator} of numbers gives {value}")
         return polynomials.constant(value)
@@ -238,7 +281,11 @@ def _operation(operator: str, arguments: list[Sum]) -> Sum:
     if operator == "plus":
         return polynomials.add(arguments)
     if operator == "minus":
-        return polynomials.add([first, *(polynomials.scale(one, -1.0) for one in rest)]) if rest else polynomials.scale(first, -1.0)
+        return (
+            polynomials.add([first, *(polynomials.scale(one, -1.0) for one in rest)])
+            if rest
+            else polynomials.scale(first, -1.0)
+        )
     if operator == "times":
         for one in rest:
             first = polynomials.multiply(first, one)
@@ -253,7 +300,12 @@ def _operation(operator: str, arguments: list[Sum]) -> Sum:
         sign = 1.0 if operator == "max" else -1.0
         for one in rest:  # max(a, b) = a + max(b - a, 0), min(a, b) = a - max(a - b, 0)
             gap = polynomials.scale(polynomials.add([one, polynomials.scale(first, -1.0)]), sign)
-            first = polynomials.add([first, polynomials.scale(polynomials.applied(piecewise_linear.POSITIVE, gap), sign)])
+            first = polynomials.add(
+                [
+                    first,
+                    polynomials.scale(polynomials.applied(piecewise_linear.POSITIVE, gap), sign),
+                ]
+            )
         return first
     raise Inexact(f"{operator} of {_listed(*arguments)} is no sum of products")
 
@@ -263,7 +315,9 @@ def _listed(*sums: Sum) -> str:
 
 
 def _choice(choice: mathml.Choice, known: _Lookup) -> Sum:
-    """Return a piecewise expression whose conditions compare one variable with a number, and which does not jump there."""
+    """Return a piecewise expression whose conditions compare one variable with a number, and which
+    does not jump there.
+    """
     if choice.otherwise is None:
         raise Inexact("a piecewise without otherwise has no value everywhere")
     result = _expression(choice.otherwise, known)
@@ -274,13 +328,21 @@ def _choice(choice: mathml.Choice, known: _Lookup) -> Sum:
         elif held is not False:
             name, at, below = held
             gap = polynomials.add([_expression(value, known), polynomials.scale(result, -1.0)])
-            result = polynomials.joined(polynomials.add([result, polynomials.side(gap, name, at, below)]))
+            result = polynomials.joined(
+                polynomials.add([result, polynomials.side(gap, name, at, below)])
+            )
     return result
 
 
 def _condition(condition: mathml.Expression, known: _Lookup) -> bool | tuple[str, float, bool]:
-    """Return whether a condition always or never holds, or (variable, place, whether it holds below)."""
-    if not isinstance(condition, mathml.Apply) or condition.operator not in _TURNED or len(condition.arguments) != 2:
+    """Return whether a condition always or never holds, or (variable, place, whether it holds
+    below).
+    """
+    if (
+        not isinstance(condition, mathml.Apply)
+        or condition.operator not in _TURNED
+        or len(condition.arguments) != 2
+    ):
         value = _expression(condition, known).constant
         if value is None:
             raise Inexact("a condition that is no comparison by lt, gt, leq or geq")
@@ -289,7 +351,11 @@ def _condition(condition: mathml.Expression, known: _Lookup) -> bool | tuple[str
     gap = polynomials.add([one, polynomials.scale(other, -1.0)])
     name, function = polynomials.as_piecewise_linear(gap)
     if not name:
-        return bool(float(mathml.OPERATORS[condition.operator][0](np.asarray(gap.constant), np.asarray(0.0))))
+        return bool(
+            float(
+                mathml.OPERATORS[condition.operator][0](np.asarray(gap.constant), np.asarray(0.0))
+            )
+        )
     if not function.is_line:
         raise Inexact(f"a condition that is no plain comparison of {name} with a number")
     slope = float(function.left)
@@ -298,7 +364,9 @@ def _condition(condition: mathml.Expression, known: _Lookup) -> bool | tuple[str
 
 
 def _function(function: Function, known: _Lookup) -> Sum:
-    """Return a table look-up whose inputs are each a piecewise-linear function of one variable, as a table over these variables."""
+    """Return a table look-up whose inputs are each a piecewise-linear function of one variable, as
+    a table over these variables.
+    """
     if not isinstance(function.table, Gridded):
         raise Inexact("its table is ungridded")
     values = function.table.values
@@ -307,11 +375,15 @@ def _function(function: Function, known: _Lookup) -> Sum:
     for index in reversed(range(len(function.axes))):
         axis, argument = function.axes[index], known[function.inputs[index]]
         if axis.interpolate != "linear" and len(axis.points) > 1:
-            raise Inexact(f"its table is not linear in {function.inputs[index]} but {axis.interpolate}")
+            raise Inexact(
+                f"its table is not linear in {function.inputs[index]} but {axis.interpolate}"
+            )
         try:
             name, inner = polynomials.as_piecewise_linear(argument)
         except Inexact as error:
-            raise Inexact(f"its input {function.inputs[index]} cannot be an axis: {error}") from None
+            raise Inexact(
+                f"its input {function.inputs[index]} cannot be an axis: {error}"
+            ) from None
         if any(name == other.variable for other in axes):
             raise Inexact(f"two of its inputs depend on {name}")
         made, values, stderr = _axis(axis, name, inner, values, stderr, index)
@@ -319,26 +391,48 @@ def _function(function: Function, known: _Lookup) -> Sum:
     return polynomials.table(Grid(tuple(axes), values, stderr, function.output, function.place))
 
 
-def _axis(axis: Axis, name: str, inner: PiecewiseLinear, values: np.ndarray, stderr: np.ndarray | None, index: int):
-    """Return the axis (none for a number) over a variable, and values and standard errors seen over it."""
+def _axis(
+    axis: Axis,
+    name: str,
+    inner: PiecewiseLinear,
+    values: np.ndarray,
+    stderr: np.ndarray | None,
+    index: int,
+):
+    """Return the axis (none for a number) over a variable, and values and standard errors seen over
+    it.
+    """
     if name and inner.is_line and not _limits(axis):
         return _straight(axis, name, inner, values, stderr, index)
     limiter = piecewise_linear.limiter(axis.low, axis.high)
     argument = piecewise_linear.compose(limiter, inner) if _limits(axis) else inner
     plain = (GridAxis("", axis.points, axis.open_low, axis.open_high),)
     front = [None if item is None else np.moveaxis(item, index, 0) for item in (values, stderr)]
-    along = [None if item is None else Grid((*plain, *_nameless(item)), item).along("") for item in front]
+    along = [
+        None if item is None else Grid((*plain, *_nameless(item)), item).along("") for item in front
+    ]
     assert along[0] is not None
     if not name:
         at = np.array([float(argument.values[0])])
         picked = [None if one is None else one(at)[0] for one in along]
         return (), picked[0], None if picked[1] is None else np.abs(picked[1])
-    points, table, low, high = piecewise_linear.as_axis(piecewise_linear.compose(along[0], argument))
-    spread_there = None if along[1] is None else np.moveaxis(np.abs(along[1](argument(points))), 0, index)
+    points, table, low, high = piecewise_linear.as_axis(
+        piecewise_linear.compose(along[0], argument)
+    )
+    spread_there = (
+        None if along[1] is None else np.moveaxis(np.abs(along[1](argument(points))), 0, index)
+    )
     return (GridAxis(name, points, low, high),), np.moveaxis(table, 0, index), spread_there
 
 
-def _straight(axis: Axis, name: str, inner: PiecewiseLinear, values: np.ndarray, stderr: np.ndarray | None, index: int):
+def _straight(
+    axis: Axis,
+    name: str,
+    inner: PiecewiseLinear,
+    values: np.ndarray,
+    stderr: np.ndarray | None,
+    index: int,
+):
     """Return an axis in other units, the nodes kept as they are."""
     slope, offset = float(inner.left), float(inner(np.zeros(1))[0])
     points, ends = (axis.points - offset) / slope, (axis.open_low, axis.open_high)
@@ -351,8 +445,12 @@ def _straight(axis: Axis, name: str, inner: PiecewiseLinear, values: np.ndarray,
 def _limits(axis: Axis) -> bool:
     """Whether the limits of an input change what the table gives."""
     low, high = axis.points[0], axis.points[-1]
-    return (axis.low > low or (axis.open_low and axis.low > -np.inf)) or (axis.high < high or (axis.open_high and axis.high < np.inf))
+    return (axis.low > low or (axis.open_low and axis.low > -np.inf)) or (
+        axis.high < high or (axis.open_high and axis.high < np.inf)
+    )
 
 
 def _nameless(item: np.ndarray) -> tuple[GridAxis, ...]:
-    return tuple(GridAxis(f"axis {i}", np.arange(size, dtype=float)) for i, size in enumerate(item.shape[1:]))
+    return tuple(
+        GridAxis(f"axis {i}", np.arange(size, dtype=float)) for i, size in enumerate(item.shape[1:])
+    )

@@ -21,9 +21,13 @@ _STEP = "  "
 _ROW = 8  # numbers in a line
 
 
-def element(tag: str, attributes: Mapping[str, str] | None = None, inside: Sequence[str] | str | None = None) -> list[str]:
+def element(
+    tag: str, attributes: Mapping[str, str] | None = None, inside: Sequence[str] | str | None = None
+) -> list[str]:
     """Return an element as lines; `inside` is its text, or the lines of its children."""
-    head = tag + "".join(f" {key}={quoteattr(legal(text))}" for key, text in (attributes or {}).items() if text != "")
+    head = tag + "".join(
+        f" {key}={quoteattr(legal(text))}" for key, text in (attributes or {}).items() if text != ""
+    )
     if inside is None or len(inside) == 0:
         return [f"<{head}/>"]
     if isinstance(inside, str):
@@ -37,10 +41,15 @@ def text(tag: str, content: str) -> list[str]:
 
 
 def numbers(values: np.ndarray) -> list[str]:
-    """Return an array as lines of comma-separated numbers in C order, a new line for each row; every number is exact."""
+    """Return an array as lines of comma-separated numbers in C order, a new line for each row;
+    every number is exact.
+    """
     rows = values.reshape(-1, values.shape[-1] if values.ndim else 1).tolist()
     lines = [row[i : i + _ROW] for row in rows for i in range(0, len(row), _ROW)]
-    return [", ".join(map(repr, line)) + ("," if i + 1 < len(lines) else "") for i, line in enumerate(lines)]
+    return [
+        ", ".join(map(repr, line)) + ("," if i + 1 < len(lines) else "")
+        for i, line in enumerate(lines)
+    ]
 
 
 Limits = Mapping[str, tuple[float, float]]
@@ -61,21 +70,31 @@ def needed_inputs(leaves: Iterable[xr.Dataset]) -> list[str]:
 
 
 def ranges(leaves: Iterable[xr.Dataset], limits: Limits) -> dict[str, tuple[float, float]]:
-    """Return the range (low, high) of each variable: of the control, of the tables that have it as an axis, or a usual one. [SI]"""
+    """Return the range (low, high) of each variable: of the control, of the tables that have it as
+    an axis, or a usual one. [SI]
+    """
     leaves = list(leaves)
     found: dict[str, tuple[float, float]] = {}
     for name in needed_inputs(leaves):
-        tables = [leaf[name].values for leaf in leaves if name in leaf.dims and leaf.sizes[name] > 1]
+        tables = [
+            leaf[name].values for leaf in leaves if name in leaf.dims and leaf.sizes[name] > 1
+        ]
         row = lookup(name)
         if name in limits:
             found[name] = limits[name]
         elif tables:
-            found[name] = float(max(points[0] for points in tables)), float(min(points[-1] for points in tables))
+            found[name] = (
+                float(max(points[0] for points in tables)),
+                float(min(points[-1] for points in tables)),
+            )
         else:
             found[name] = _RANGES.get(row.name, _RANGES.get(row.units, (-1.0, 1.0)))
         low, high = found[name]
         if low >= high and tables:  # tables that do not overlap: over all of them
-            found[name] = float(min(points[0] for points in tables)), float(max(points[-1] for points in tables))
+            found[name] = (
+                float(min(points[0] for points in tables)),
+                float(max(points[-1] for points in tables)),
+            )
     return found
 
 
@@ -85,8 +104,12 @@ def size(name: str) -> float:
     return max(map(abs, _RANGES.get(row.name, _RANGES.get(row.units, (-1.0, 1.0)))))
 
 
-def draw(leaves: Iterable[xr.Dataset], count: int, beyond: float, limits: Limits | None = None) -> dict[str, np.ndarray]:
-    """Return states (count,) by variable, a Latin hypercube over the ranges extended by a share of them. [SI]"""
+def draw(
+    leaves: Iterable[xr.Dataset], count: int, beyond: float, limits: Limits | None = None
+) -> dict[str, np.ndarray]:
+    """Return states (count,) by variable, a Latin hypercube over the ranges extended by a share of
+    them. [SI]
+    """
     random = np.random.default_rng(SEED)
     states = {}
     for name, (low, high) in ranges(leaves, limits or {}).items():
@@ -96,7 +119,9 @@ def draw(leaves: Iterable[xr.Dataset], count: int, beyond: float, limits: Limits
     return states
 
 
-def with_rates(states: Mapping[str, np.ndarray], lengths: Mapping[str, float]) -> dict[str, np.ndarray]:
+def with_rates(
+    states: Mapping[str, np.ndarray], lengths: Mapping[str, float]
+) -> dict[str, np.ndarray]:
     """Return the states with true airspeed and the rates that the reduced rates stand for."""
     count = len(next(iter(states.values()), np.zeros(1)))
     random = np.random.default_rng(SEED + 1)
@@ -108,7 +133,9 @@ def with_rates(states: Mapping[str, np.ndarray], lengths: Mapping[str, float]) -
     return found
 
 
-def with_reduced(states: Mapping[str, np.ndarray], lengths: Mapping[str, float]) -> dict[str, np.ndarray]:
+def with_reduced(
+    states: Mapping[str, np.ndarray], lengths: Mapping[str, float]
+) -> dict[str, np.ndarray]:
     """Return the states with the reduced rates that rates and true airspeed make."""
     made = {
         name: states[rate] * lengths[length] / (2.0 * states["V"])
@@ -118,14 +145,17 @@ def with_reduced(states: Mapping[str, np.ndarray], lengths: Mapping[str, float])
     return {**states, **made}
 
 
-_TOLERANCE = 1e-9  # of the largest contribution: a wrong digit of a table shows, another order of summation does not
+# of the largest contribution: a wrong digit of a table shows, another order of summation does not
+_TOLERANCE = 1e-9
 _LEAST = 1e-12
 SIZES = ("S", "cbar", "b")
 
 
 @dataclass(frozen=True)
 class Case:
-    """One check case: inputs and coefficients in SI, contributions by term, tolerance by coefficient."""
+    """One check case: inputs and coefficients in SI, contributions by term, tolerance by
+    coefficient.
+    """
 
     name: str
     inputs: Mapping[str, float]
@@ -134,22 +164,33 @@ class Case:
 
 
 def totals(db: xr.DataTree) -> list[str]:
-    """Return the coefficients of an exported file: those of the database, in its order, then those of its force axes that it has not."""
-    return list(dict.fromkeys([*(name.split("/")[0] for name in terms(db)), *FORCE_AXES[str(db.attrs["force_axes"])]]))
+    """Return the coefficients of an exported file: those of the database, in its order, then those
+    of its force axes that it has not.
+    """
+    return list(
+        dict.fromkeys(
+            [*(name.split("/")[0] for name in terms(db)), *FORCE_AXES[str(db.attrs["force_axes"])]]
+        )
+    )
 
 
-def drawn_cases(db: xr.DataTree, count: int, limits: Mapping[str, tuple[float, float]]) -> list[Case]:
+def drawn_cases(
+    db: xr.DataTree, count: int, limits: Mapping[str, tuple[float, float]]
+) -> list[Case]:
     """Return check cases spread over the tables, every second one to 15 % beyond them."""
     leaves = list(terms(db).values())
     inside = draw(leaves, count, 0.0, limits)
     beyond = draw(leaves, count, BEYOND, limits)
     states = {name: np.where(np.arange(count) % 2, beyond[name], inside[name]) for name in inside}
-    names = [f"{i + 1:02d} {'inside or beyond' if i % 2 else 'inside'} the tables" for i in range(count)]
+    names = [
+        f"{i + 1:02d} {'inside or beyond' if i % 2 else 'inside'} the tables" for i in range(count)
+    ]
     return _cases(db, names, with_rates(states, _lengths(db)))
 
 
 def stored_cases(db: xr.DataTree) -> list[Case]:
-    """Return the cases in ``/checks`` that hold all inputs, with the expected values and tolerances that stand there.
+    """Return the cases in ``/checks`` that hold all inputs, with the expected values and tolerances
+    that stand there.
 
     A case that the database does not meet (any more) is left out.
     """
@@ -157,9 +198,15 @@ def stored_cases(db: xr.DataTree) -> list[Case]:
         return []
     table = db.children[CHECKS].to_dataset(inherit=False)
     needed = needed_inputs(terms(db).values())
-    if "case" not in table.dims or not all(name in table and table[name].dims == ("case",) for name in needed):
+    if "case" not in table.dims or not all(
+        name in table and table[name].dims == ("case",) for name in needed
+    ):
         return []
-    states = {str(name): table[name].values.astype(float) for name in table.data_vars if table[name].dims == ("case",)}
+    states = {
+        str(name): table[name].values.astype(float)
+        for name in table.data_vars
+        if table[name].dims == ("case",)
+    }
     if any(name in REDUCED and not {"V", REDUCED[name][0]} <= set(states) for name in needed):
         return []
     names = str(table.attrs.get("names", "")).split("\n")
@@ -172,10 +219,23 @@ def stored_cases(db: xr.DataTree) -> list[Case]:
 def shot_lines(case: Case, term_ids: Mapping[str, str], inputs: Sequence[str]) -> list[str]:
     """Return a staticShot element as lines."""
     given = [line for name in inputs for line in _signal(_labels(name), case.inputs[name])]
-    internal = [line for name, value in case.internal.items() for line in _signal({"varID": term_ids[name]}, value)]
-    found = [line for name, (value, tolerance) in case.outputs.items() for line in _signal(_labels(name), value, tolerance)]
-    inside = [*(element("checkInputs", {}, given) if given else []), *element("internalValues", {}, internal)]
-    return element("staticShot", {"name": case.name}, [*inside, *element("checkOutputs", {}, found)])
+    internal = [
+        line
+        for name, value in case.internal.items()
+        for line in _signal({"varID": term_ids[name]}, value)
+    ]
+    found = [
+        line
+        for name, (value, tolerance) in case.outputs.items()
+        for line in _signal(_labels(name), value, tolerance)
+    ]
+    inside = [
+        *(element("checkInputs", {}, given) if given else []),
+        *element("internalValues", {}, internal),
+    ]
+    return element(
+        "staticShot", {"name": case.name}, [*inside, *element("checkOutputs", {}, found)]
+    )
 
 
 def _lengths(db: xr.DataTree) -> dict[str, float]:
@@ -183,15 +243,32 @@ def _lengths(db: xr.DataTree) -> dict[str, float]:
 
 
 def _cases(db: xr.DataTree, names: Sequence[str], states: Mapping[str, np.ndarray]) -> list[Case]:
-    parts = {c: contributions(db, c, with_reduced(states, _lengths(db)), outside="clamp") for c in totals(db)}
+    parts = {
+        c: contributions(db, c, with_reduced(states, _lengths(db)), outside="clamp")
+        for c in totals(db)
+    }
     sizes = {name: (float(db.attrs[name]), _tolerance([float(db.attrs[name])])) for name in SIZES}
     whole = np.zeros(len(names))
     cases = []
     for i, name in enumerate(names):
-        each = {c: {term: float((whole + value)[i]) for term, value in found.items()} for c, found in parts.items()}
-        internal = {f"{c}/{term}": value for c, found in each.items() for term, value in found.items()}
-        outputs = sizes | {c: (sum(found.values()), _tolerance(found.values())) for c, found in each.items()}
-        cases.append(Case(name, {key: float((whole + value)[i]) for key, value in states.items()}, internal, outputs))
+        each = {
+            c: {term: float((whole + value)[i]) for term, value in found.items()}
+            for c, found in parts.items()
+        }
+        internal = {
+            f"{c}/{term}": value for c, found in each.items() for term, value in found.items()
+        }
+        outputs = sizes | {
+            c: (sum(found.values()), _tolerance(found.values())) for c, found in each.items()
+        }
+        cases.append(
+            Case(
+                name,
+                {key: float((whole + value)[i]) for key, value in states.items()},
+                internal,
+                outputs,
+            )
+        )
     return cases
 
 
@@ -200,7 +277,9 @@ def _tolerance(parts: Iterable[float]) -> float:
 
 
 def _as_stored(case: Case, table: xr.Dataset, index: int) -> Case | None:
-    """Return a case with the values of ``/checks``, or None when an input is missing or a value is not met."""
+    """Return a case with the values of ``/checks``, or None when an input is missing or a value is
+    not met.
+    """
     if not np.isfinite(list(case.inputs.values())).all():
         return None
     outputs = dict(case.outputs)
@@ -208,7 +287,11 @@ def _as_stored(case: Case, table: xr.Dataset, index: int) -> Case | None:
         if name not in table:
             continue
         expected = float(table[name].values[index])
-        allowed = float(table[f"{name}_tolerance"].values[index]) if f"{name}_tolerance" in table else tolerance
+        allowed = (
+            float(table[f"{name}_tolerance"].values[index])
+            if f"{name}_tolerance" in table
+            else tolerance
+        )
         if not abs(value - expected) <= allowed:
             return None
         outputs[name] = expected, allowed
@@ -222,7 +305,10 @@ def standard_name(quantity: str) -> str:
 
 
 def _labels(quantity: str) -> dict[str, str]:
-    return {"signalName": standard_name(quantity) or quantity, "signalUnits": code_of(lookup(quantity).units)}
+    return {
+        "signalName": standard_name(quantity) or quantity,
+        "signalUnits": code_of(lookup(quantity).units),
+    }
 
 
 def _signal(labels: Mapping[str, str], value: float, tolerance: float | None = None) -> list[str]:

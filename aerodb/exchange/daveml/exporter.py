@@ -1,4 +1,6 @@
-"""A database as a DAVE-ML 2.0.2 file: variables, tables, functions, build-up equations, check cases."""
+"""A database as a DAVE-ML 2.0.2 file: variables, tables, functions, build-up equations, check
+cases.
+"""
 
 from __future__ import annotations
 
@@ -49,14 +51,18 @@ _AGREE = 1e-6
 _TABLES = ("value", "K1", "K2")
 
 
-def export_daveml(db: xr.DataTree, path: str | os.PathLike, aircraft: Aircraft | None = None, shots: int = 20) -> None:
+def export_daveml(
+    db: xr.DataTree, path: str | os.PathLike, aircraft: Aircraft | None = None, shots: int = 20
+) -> None:
     """Write a database as a DAVE-ML 2.0.2 file (ANSI/AIAA S-119).
 
-    Every term is a function (one more for each factor table) and a variable ``CL_flap``; the coefficients are sums of these.  Inputs are
-    SI and radians under their S-119 names where they have one; reduced rates are computed from airspeed and rates.  Equal tables
-    are written once.  ``outside`` is the attribute ``extrapolate`` (``neither`` or ``both``), standard errors are the additive normal
-    uncertainty of the tables with one sigma, the history is the modification record, and what the format has no element for stands in
-    the descriptions, from where `import_daveml` takes it back.
+    Every term is a function (one more for each factor table) and a variable ``CL_flap``; the
+    coefficients are sums of these.  Inputs are SI and radians under their S-119 names where they
+    have one; reduced rates are computed from airspeed and rates.  Equal tables are written once.
+    ``outside`` is the attribute ``extrapolate`` (``neither`` or ``both``), standard errors are the
+    additive normal uncertainty of the tables with one sigma, the history is the modification
+    record, and what the format has no element for stands in the descriptions, from where
+    `import_daveml` takes it back.
 
     Parameters
     ----------
@@ -67,13 +73,15 @@ def export_daveml(db: xr.DataTree, path: str | os.PathLike, aircraft: Aircraft |
     aircraft : Aircraft, optional
         Its control limits bound the check cases; its geometry must be the database's.
     shots : int
-        Number of check cases, spread over the tables, half of them to 15 % beyond; always the same for the same database.  The
-        cases in ``/checks`` whose expected values the database meets come on top.
+        Number of check cases, spread over the tables, half of them to 15 % beyond; always the same
+        for the same database.  The cases in ``/checks`` whose expected values the database meets
+        come on top.
 
     Raises
     ------
     SchemaError
-        A database with faults, one of another aircraft, or a term with a power factor or one that depends on a coefficient, such as ``CL``.
+        A database with faults, one of another aircraft, or a term with a power factor or one that
+        depends on a coefficient, such as ``CL``.
     """
     require(db)
     if shots < 1:
@@ -97,7 +105,9 @@ def _demand_tables(db: xr.DataTree) -> None:
                 "make it one first (aerodb.transform.with_height_table)"
             )
         for word in sorted(used(leaf)):
-            problems.append(f"{name}: {word} is an output of the file and no input; leave the term out (aerodb.delete_terms)")
+            problems.append(
+                f"{name}: {word} is an output of the file and no input; leave the term out (aerodb.delete_terms)"
+            )
     if problems:
         raise SchemaError("DAVE-ML file", problems)
 
@@ -132,12 +142,21 @@ class _Writer:
         head = self._header()
         given = [line for name in self._inputs() for line in self._input(name)]
         fixed = [line for name in _GEOMETRY for line in self._constant(name)]
-        rates = [line for name in REDUCED if name in sample_states.needed_inputs(self.leaves.values()) for line in self._reduced(name)]
+        rates = [
+            line
+            for name in REDUCED
+            if name in sample_states.needed_inputs(self.leaves.values())
+            for line in self._reduced(name)
+        ]
         for name, leaf in self.leaves.items():
             self.term_ids[name] = self._id(name.replace("/", "_"))
             self._term(name, leaf)
         sums = [line for name in totals(self.db) for line in self._total(name)]
-        checks = element("checkData", {}, [line for case in cases for line in shot_lines(case, self.term_ids, self._inputs())])
+        checks = element(
+            "checkData",
+            {},
+            [line for case in cases for line in shot_lines(case, self.term_ids, self._inputs())],
+        )
         return [
             *head, *given, *fixed, *rates, *self.term_lines, *sums,
             *self.breakpoint_lines, *self.table_lines, *self.function_lines, *checks,
@@ -145,7 +164,11 @@ class _Writer:
 
     def _id(self, wanted: str) -> str:
         """Return an identifier not used so far."""
-        found = wanted if wanted not in self.ids else next(new for i in range(2, 10**6) if (new := f"{wanted}__{i}") not in self.ids)
+        found = (
+            wanted
+            if wanted not in self.ids
+            else next(new for i in range(2, 10**6) if (new := f"{wanted}__{i}") not in self.ids)
+        )
         self.ids.add(found)
         return found
 
@@ -154,7 +177,11 @@ class _Writer:
 
     def _header(self) -> list[str]:
         attributes = {str(key): item for key, item in self.db.attrs.items()}
-        texts = {key: item for key, item in attributes.items() if key not in (*_GEOMETRY, "history", "force_axes")}
+        texts = {
+            key: item
+            for key, item in attributes.items()
+            if key not in (*_GEOMETRY, "history", "force_axes")
+        }
         documents = [item for item in str(attributes.get("references", "")).split("; ") if item]
         history = [line for line in str(attributes.get("history", "")).split("\n") if line]
         inside = [
@@ -162,23 +189,40 @@ class _Writer:
             *element("creationDate", {"date": self.today}),
             *element("fileVersion", {}, f"{WRITER} {version('aeromatch')}"),
             *text("description", packed(texts)),
-            *(line for i, title in enumerate(documents, 1) for line in self._reference(f"REF{i}", title)),
-            *(line for i, entry in enumerate(history) for line in self._modification(_letters(i), entry)),
+            *(
+                line
+                for i, title in enumerate(documents, 1)
+                for line in self._reference(f"REF{i}", title)
+            ),
+            *(
+                line
+                for i, entry in enumerate(history)
+                for line in self._modification(_letters(i), entry)
+            ),
         ]
         return element("fileHeader", {"name": str(attributes["title"])}, inside)
 
     def _provenance(self) -> list[str]:
-        """Return who made a function and when, which the standard demands; in full, since not every reader follows a reference."""
-        return element("provenance", {}, [*self._author(), *element("creationDate", {"date": self.today})])
+        """Return who made a function and when, which the standard demands; in full, since not every
+        reader follows a reference.
+        """
+        return element(
+            "provenance", {}, [*self._author(), *element("creationDate", {"date": self.today})]
+        )
 
     def _reference(self, key: str, title: str) -> list[str]:
         dates = re.findall(r"(?:19|20)\d\d(?:-\d\d(?:-\d\d)?)?", title)
-        return element("reference", {"refID": key, "author": "-", "title": title, "date": dates[-1] if dates else "-"})
+        return element(
+            "reference",
+            {"refID": key, "author": "-", "title": title, "date": dates[-1] if dates else "-"},
+        )
 
     def _modification(self, key: str, entry: str) -> list[str]:
         found = re.search(r"\d{4}-\d\d-\d\d", entry)
         inside = [*self._author(), *text("description", entry)]
-        return element("modificationRecord", {"modID": key, "date": found[0] if found else self.today}, inside)
+        return element(
+            "modificationRecord", {"modID": key, "date": found[0] if found else self.today}, inside
+        )
 
     def _inputs(self) -> list[str]:
         """Return the variables a user of the file must give, in SI."""
@@ -199,26 +243,52 @@ class _Writer:
             return self._variable(name, name, value, ["<isOutput/>"])
         properties = {"name": name, "varID": name, "units": "m", **value}
         return element(
-            "variableDef", properties, element("description", {}, f"moment reference point from the drawing datum, body {name[0]}")
+            "variableDef",
+            properties,
+            element(
+                "description", {}, f"moment reference point from the drawing datum, body {name[0]}"
+            ),
         )
 
     def _reduced(self, name: str) -> list[str]:
         rate, length = REDUCED[name]
         self.ids.add(name)
-        made = Apply("divide", (Apply("times", (Name(rate), Name(length))), Apply("times", (Number(2.0), Name("V")))))
+        made = Apply(
+            "divide",
+            (Apply("times", (Name(rate), Name(length))), Apply("times", (Number(2.0), Name("V")))),
+        )
         return self._variable(name, name, {}, _calculation(made))
 
-    def _variable(self, varID: str, quantity: str, more: Mapping[str, str], inside: list[str]) -> list[str]:
+    def _variable(
+        self, varID: str, quantity: str, more: Mapping[str, str], inside: list[str]
+    ) -> list[str]:
         row, name = lookup(quantity), standard_name(quantity)
-        properties = {"name": name or quantity, "varID": varID, "units": code_of(row.units), "sign": row.sign, **more}
+        properties = {
+            "name": name or quantity,
+            "varID": varID,
+            "units": code_of(row.units),
+            "sign": row.sign,
+            **more,
+        }
         flags = ["<isStdAIAA/>"] if name else []
-        return element("variableDef", properties, [*element("description", {}, row.long_name), *inside, *flags])
+        return element(
+            "variableDef", properties, [*element("description", {}, row.long_name), *inside, *flags]
+        )
 
     def _total(self, coefficient: str) -> list[str]:
-        parts = [Name(self.term_ids[name]) for name in self.leaves if name.split("/")[0] == coefficient]
-        forces = ("CL", "CD", "CY") if self.db.attrs["force_axes"] == "wind" else ("CL", "CD", "CX", "CZ")
+        parts = [
+            Name(self.term_ids[name]) for name in self.leaves if name.split("/")[0] == coefficient
+        ]
+        forces = (
+            ("CL", "CD", "CY")
+            if self.db.attrs["force_axes"] == "wind"
+            else ("CL", "CD", "CX", "CZ")
+        )
         axes = self.db.attrs["force_axes"] if coefficient in forces else "body"
-        more = {"axisSystem": "" if coefficient.startswith("Ch_") else f"{axes} axes", "initialValue": "" if parts else "0.0"}
+        more = {
+            "axisSystem": "" if coefficient.startswith("Ch_") else f"{axes} axes",
+            "initialValue": "" if parts else "0.0",
+        }
         inside = _calculation(Apply("plus", tuple(parts))) if parts else []
         return self._variable(self._id(coefficient), coefficient, more, [*inside, "<isOutput/>"])
 
@@ -229,11 +299,17 @@ class _Writer:
             factors.append(Name(self._table_variable(name, key, leaf)))
         factors += [Name(word) for word in regressors(leaf)]
         product = _calculation(Apply("times", tuple(factors)))
-        texts = {str(key): item for key, item in leaf.attrs.items() if key not in ("regressors", "outside")}
+        texts = {
+            str(key): item
+            for key, item in leaf.attrs.items()
+            if key not in ("regressors", "outside")
+        }
         if "source" in leaf:
             texts["source"] = runs(leaf["source"].values)
         properties = {"name": name, "varID": self.term_ids[name], "units": "nd"}
-        self.term_lines += element("variableDef", properties, [*text("description", packed(texts)), *product])
+        self.term_lines += element(
+            "variableDef", properties, [*text("description", packed(texts)), *product]
+        )
 
     def _table_variable(self, name: str, key: str, leaf: xr.Dataset) -> str:
         """Write a table of a term and return the variable that holds what it gives."""
@@ -244,20 +320,43 @@ class _Writer:
         properties = {"name": label, "varID": varID, "units": "nd"}
         if table.ndim == 0:
             spread = [] if stderr is None else _uncertainty([repr(float(stderr))])
-            self.term_lines += element("variableDef", {**properties, "initialValue": repr(float(table))}, spread)
+            self.term_lines += element(
+                "variableDef", {**properties, "initialValue": repr(float(table))}, spread
+            )
             return varID
         self.term_lines += element("variableDef", properties)
-        self._function(label, varID, table, stderr, "both" if leaf.attrs.get("outside", "hold") == "linear" else "neither")
+        self._function(
+            label,
+            varID,
+            table,
+            stderr,
+            "both" if leaf.attrs.get("outside", "hold") == "linear" else "neither",
+        )
         return varID
 
-    def _function(self, name: str, varID: str, table: xr.DataArray, stderr: xr.DataArray | None, extrapolate: str) -> None:
+    def _function(
+        self,
+        name: str,
+        varID: str,
+        table: xr.DataArray,
+        stderr: xr.DataArray | None,
+        extrapolate: str,
+    ) -> None:
         rules = {"extrapolate": extrapolate, "interpolate": "linear"}
-        references = [line for axis in table.dims for line in element("independentVarRef", {"varID": str(axis), **rules})]
+        references = [
+            line
+            for axis in table.dims
+            for line in element("independentVarRef", {"varID": str(axis), **rules})
+        ]
         inside = [
             *self._provenance(),
             *references,
             *element("dependentVarRef", {"varID": varID}),
-            *element("functionDefn", {"name": f"{varID}_fn"}, element("griddedTableRef", {"gtID": self._table(name, table, stderr)})),
+            *element(
+                "functionDefn",
+                {"name": f"{varID}_fn"},
+                element("griddedTableRef", {"gtID": self._table(name, table, stderr)}),
+            ),
         ]
         self.function_lines += element("function", {"name": name}, inside)
 
@@ -269,22 +368,37 @@ class _Writer:
         key = (*points, values.tobytes(), spread)
         if key not in self.tables:
             self.tables[key] = self._id(f"T{len(self.tables) + 1}")
-            uncertainty = [] if stderr is None else _uncertainty(element("dataTable", {}, numbers(stderr.values.astype(float))))
+            uncertainty = (
+                []
+                if stderr is None
+                else _uncertainty(element("dataTable", {}, numbers(stderr.values.astype(float))))
+            )
             inside = [
-                *element("breakpointRefs", {}, [line for point in points for line in element("bpRef", {"bpID": point})]),
+                *element(
+                    "breakpointRefs",
+                    {},
+                    [line for point in points for line in element("bpRef", {"bpID": point})],
+                ),
                 *uncertainty,
                 *element("dataTable", {}, numbers(values)),
             ]
-            self.table_lines += element("griddedTableDef", {"name": name, "gtID": self.tables[key], "units": "nd"}, inside)
+            self.table_lines += element(
+                "griddedTableDef", {"name": name, "gtID": self.tables[key], "units": "nd"}, inside
+            )
         return self.tables[key]
 
     def _points(self, axis: str, points: np.ndarray) -> str:
         points = points.astype(float)
         key = (axis, points.tobytes())
         if key not in self.breakpoints:
-            self.breakpoints[key] = self._id(f"B{len(self.breakpoints) + 1}_{axis.replace('.', '_')}")
+            self.breakpoints[key] = self._id(
+                f"B{len(self.breakpoints) + 1}_{axis.replace('.', '_')}"
+            )
             row = lookup(axis)
-            inside = [*element("description", {}, row.long_name), *element("bpVals", {}, numbers(points))]
+            inside = [
+                *element("description", {}, row.long_name),
+                *element("bpVals", {}, numbers(points)),
+            ]
             properties = {"name": axis, "bpID": self.breakpoints[key], "units": code_of(row.units)}
             self.breakpoint_lines += element("breakpointDef", properties, inside)
         return self.breakpoints[key]
@@ -292,12 +406,18 @@ class _Writer:
 
 def _calculation(expression: Expression) -> list[str]:
     """Return a calculation element."""
-    return element("calculation", {}, element("math", {"xmlns": _MATH}, mathml.written(expression, "")))
+    return element(
+        "calculation", {}, element("math", {"xmlns": _MATH}, mathml.written(expression, ""))
+    )
 
 
 def _uncertainty(bounds: list[str]) -> list[str]:
     """Return standard errors: an additive normal uncertainty of one sigma."""
-    return element("uncertainty", {"effect": "additive"}, element("normalPDF", {"numSigmas": "1"}, element("bounds", {}, bounds)))
+    return element(
+        "uncertainty",
+        {"effect": "additive"},
+        element("normalPDF", {"numSigmas": "1"}, element("bounds", {}, bounds)),
+    )
 
 
 def _letters(index: int) -> str:

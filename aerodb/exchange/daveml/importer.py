@@ -1,4 +1,6 @@
-"""A DAVE-ML aerodynamic model as a database: its build-up equations multiplied out into terms, exactly, or refused."""
+"""A DAVE-ML aerodynamic model as a database: its build-up equations multiplied out into terms,
+exactly, or refused.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,15 @@ from aerodb.exchange.daveml.expansion import approximated, expand
 from aerodb.exchange.daveml.polynomials import Sum
 from aerodb.exchange.daveml.sampler import Sampler
 from aerodb.exchange.daveml.terms import Part, leaves_of, parts_of
-from aerodb.exchange.daveml.vocabulary import COEFFICIENTS, STORED, WRITER, conversion, device_of, quantity_of, unpacked
+from aerodb.exchange.daveml.vocabulary import (
+    COEFFICIENTS,
+    STORED,
+    WRITER,
+    conversion,
+    device_of,
+    quantity_of,
+    unpacked,
+)
 from aerodb.store.evaluation import contributions
 from aerodb.store.schema import FORCE_AXES, database, terms
 from flightmech.errors import AeromatchWarning, SchemaError, UnitError, UnknownName
@@ -50,48 +60,53 @@ def import_daveml(
 ) -> xr.DataTree:
     """Read the aerodynamic model of a DAVE-ML file as a database.
 
-    Tables become tables and calculations are multiplied out into *table x table x variables*; angles become radians, lengths metres,
-    ``p b / 2V`` the reduced rate ``phat``.  Look-ups over the absolute value or a limited value of a variable, and tables whose sign
-    follows that of an axis, become tables over the variable.  The result equals the model but for rounding; this is tried at 500
-    states, inside the tables and beyond, before it is returned.
+    Tables become tables and calculations are multiplied out into *table x table x variables*;
+    angles become radians, lengths metres, ``p b / 2V`` the reduced rate ``phat``.  Look-ups over
+    the absolute value or a limited value of a variable, and tables whose sign follows that of an
+    axis, become tables over the variable.  The result equals the model but for rounding; this is
+    tried at 500 states, inside the tables and beyond, before it is returned.
 
     Parameters
     ----------
     path : path
         The file.
     names : mapping of str to str, optional
-        Quantity of the vocabulary by varID or name, for variables that do not carry a name of S-119: ``{"DEFL": "delta_e"}``.  An S-119
-        unit in brackets counts instead of the file's: ``{"ALPHA_TOT_D": "alpha [deg]"}``.  An angle or pure number without a quantity is
-        an input of the model by its varID, ``device.DBFLL.deflection`` or ``device.SPIKE.setting``.
+        Quantity of the vocabulary by varID or name, for variables that do not carry a name of
+        S-119: ``{"DEFL": "delta_e"}``.  An S-119 unit in brackets counts instead of the file's:
+        ``{"ALPHA_TOT_D": "alpha [deg]"}``.  An angle or pure number without a quantity is an input
+        of the model by its varID, ``device.DBFLL.deflection`` or ``device.SPIKE.setting``.
     S, cbar, b : float, optional
         Reference area [m2], chord and span [m] of a file that does not state them.
     force_axes : {"stability", "wind", "body"}, optional
-        Axes of the forces; by default those of the coefficients found, lift and drag counting as stability axes unless the file states
-        wind axes.
+        Axes of the forces; by default those of the coefficients found, lift and drag counting as
+        stability axes unless the file states wind axes.
     without : collection of str
         Coefficients to leave out, because they cannot be taken over exactly: ``("CD",)``.
     checks : {"raise", "ignore"}
         What a check case of the file that fails does.
     sample : float, optional
-        Largest difference of a coefficient with which functions that are no product of tables may be put onto tables; without it such
-        coefficients are refused.  [1]
+        Largest difference of a coefficient with which functions that are no product of tables may
+        be put onto tables; without it such coefficients are refused.  [1]
     grid : mapping of str to sequence of float, optional
-        Where they are sampled, by quantity: two numbers, the range, or more, the breakpoints.  Without an entry the range is that of
-        the tables over the quantity, inside the limits of the input, and breakpoints are added until `sample` is kept. [SI]
+        Where they are sampled, by quantity: two numbers, the range, or more, the breakpoints.
+        Without an entry the range is that of the tables over the quantity, inside the limits of the
+        input, and breakpoints are added until `sample` is kept. [SI]
 
     Returns
     -------
     DataTree
-        Moments about the reference point of the file.  Its check cases stand in ``/checks``, in SI.  A term with a sampled table states
-        how well in its attribute ``sampled``; the difference of each coefficient, measured at 5000 states, stands in the history.
+        Moments about the reference point of the file.  Its check cases stand in ``/checks``, in SI.
+        A term with a sampled table states how well in its attribute ``sampled``; the difference of
+        each coefficient, measured at 5000 states, stands in the history.
 
     Raises
     ------
     ParseError, SchemaError
-        As `read`; SchemaError also with every variable that cannot be taken over and the reason, and when reference quantities are
-        missing or differ.
+        As `read`; SchemaError also with every variable that cannot be taken over and the reason,
+        and when reference quantities are missing or differ.
     UnknownName
-        A variable of `names` that the file does not have, or a quantity that the vocabulary does not have.
+        A variable of `names` that the file does not have, or a quantity that the vocabulary does
+        not have.
 
     Warns
     -----
@@ -101,17 +116,26 @@ def import_daveml(
     model, names = _named(read(path, checks), names or {})
     mine = _quantities(model, names)
     geometry = _geometry(model, {"S": S, "cbar": cbar, "b": b})
-    inputs = {varID: _substitute(model.variables[varID], quantity) for varID, quantity in mine.items()}
+    inputs = {
+        varID: _substitute(model.variables[varID], quantity) for varID, quantity in mine.items()
+    }
     sums, reasons = expand(model, inputs, geometry)
     outputs, axes = _coefficients(model, names, force_axes, without)
     source = _Source(model, mine, outputs, geometry, sums, reasons)
     if sample is None and grid:
-        raise ValueError("grid= states where functions are sampled; give sample=, the largest difference allowed, with it")
+        raise ValueError(
+            "grid= states where functions are sampled; give sample=, the largest difference allowed, with it"
+        )
     if sample is None:
         leaves, lines = _terms(source, None), list[str]()
         _prove(database(leaves, **_root(source, Path(path), axes)), source, {}, 0.0)
     else:
-        leaves, lines = _sampled_terms(source, lambda found: database(found, **_root(source, Path(path), axes)), sample, grid or {})
+        leaves, lines = _sampled_terms(
+            source,
+            lambda found: database(found, **_root(source, Path(path), axes)),
+            sample,
+            grid or {},
+        )
     root = _root(source, Path(path), axes, _named_inputs(model, mine, names, leaves), lines)
     db, cases = database(leaves, **root), _checks(model, mine, outputs, geometry)
     return db if cases is None else xr.DataTree.from_dict({**db.to_dict(), f"/{CHECKS}": cases})
@@ -119,7 +143,9 @@ def import_daveml(
 
 @dataclass(frozen=True)
 class _Source:
-    """A model as it is taken over: quantities of inputs and varIDs of coefficients, lengths, exact sums and why others are not exact."""
+    """A model as it is taken over: quantities of inputs and varIDs of coefficients, lengths, exact
+    sums and why others are not exact.
+    """
 
     model: DaveModel
     mine: Mapping[str, str]
@@ -143,27 +169,45 @@ def _terms(source: _Source, sampler: Sampler | None) -> dict[str, xr.Dataset]:
         try:
             leaves |= _leaves(source, coefficient, varID, sampler)
         except polynomials.Inexact as error:
-            problems.append(f"{coefficient}: {varID} ({source.model.variables[varID].name}): {error}")
+            problems.append(
+                f"{coefficient}: {varID} ({source.model.variables[varID].name}): {error}"
+            )
     if problems:
         ways = (
-            ["put them onto tables with sample=", "leave them out with without="] if sampler is None else ["leave them out with without="]
+            ["put them onto tables with sample=", "leave them out with without="]
+            if sampler is None
+            else ["leave them out with without="]
         )
         way = f"{', '.join(ways)}, or evaluate the model itself with aerodb.exchange.daveml.read(path).evaluate"
-        raise SchemaError(f"{Path(source.model.file).name} holds coefficients that are no exact sum of terms; {way}", problems)
+        raise SchemaError(
+            f"{Path(source.model.file).name} holds coefficients that are no exact sum of terms; {way}",
+            problems,
+        )
     return leaves
 
 
 def _sampled_terms(
-    source: _Source, put: Callable[[dict[str, xr.Dataset]], xr.DataTree], sample: float, grid: Mapping[str, Sequence[float]]
+    source: _Source,
+    put: Callable[[dict[str, xr.Dataset]], xr.DataTree],
+    sample: float,
+    grid: Mapping[str, Sequence[float]],
 ) -> tuple[dict[str, xr.Dataset], list[str]]:
-    """Return the terms, sampled more finely until every coefficient keeps the bound, and a line on each coefficient that was sampled."""
+    """Return the terms, sampled more finely until every coefficient keeps the bound, and a line on
+    each coefficient that was sampled.
+    """
     if not sample > 0.0:
-        raise ValueError(f"sample is {sample!r}; give the largest difference of a coefficient, such as 1e-4")
-    bound = 2.0 * sample  # of one function along all axes; what a coefficient makes of it is measured
+        raise ValueError(
+            f"sample is {sample!r}; give the largest difference of a coefficient, such as 1e-4"
+        )
+    bound = (
+        2.0 * sample
+    )  # of one function along all axes; what a coefficient makes of it is measured
     for attempt in range(_ATTEMPTS):
         sampler = Sampler(source.model, source.mine, source.sums, bound, grid)
         leaves = _terms(source, sampler)
-        gaps = _prove(put(leaves), source, sampler.ranges(), np.inf if attempt + 1 < _ATTEMPTS else sample)
+        gaps = _prove(
+            put(leaves), source, sampler.ranges(), np.inf if attempt + 1 < _ATTEMPTS else sample
+        )
         worst = max(gaps.values(), default=0.0)
         if worst <= sample:
             break
@@ -194,7 +238,10 @@ def _quantities(model: DaveModel, names: Mapping[str, str]) -> dict[str, str]:
         quantity = names.get(varID) or quantity_of(variable) or device_of(variable)
         if quantity and quantity in found.values():
             other = next(key for key, item in found.items() if item == quantity)
-            raise SchemaError(model.file, [f"the inputs {other} and {varID} are both {quantity}; state which with names="])
+            raise SchemaError(
+                model.file,
+                [f"the inputs {other} and {varID} are both {quantity}; state which with names="],
+            )
         if quantity:
             found[varID] = quantity
     return found
@@ -206,26 +253,44 @@ def _substitute(variable: Variable, quantity: str) -> Sum:
 
 
 def _geometry(model: DaveModel, given: Mapping[str, float | None]) -> dict[str, float]:
-    """Return S, cbar, b in SI, from the constants of the file or the caller; they must not contradict each other."""
+    """Return S, cbar, b in SI, from the constants of the file or the caller; they must not
+    contradict each other.
+    """
     found: dict[str, float] = {}
     for variable in model.variables.values():
         quantity = variable.name if variable.name in _PLACE else quantity_of(variable)
-        if quantity in (*_REFERENCE, *_PLACE) and variable.initial is not None and variable.varID not in model.functions:
+        if (
+            quantity in (*_REFERENCE, *_PLACE)
+            and variable.initial is not None
+            and variable.varID not in model.functions
+        ):
             factor, offset = conversion(variable, "cbar" if quantity in _PLACE else quantity)
             found[quantity] = (variable.initial - offset) / factor
     problems = []
     for quantity, value in given.items():
-        if value is not None and quantity in found and not np.isclose(value, found[quantity], rtol=1e-6):
-            problems.append(f"{quantity} is {found[quantity]:.9g} in the file and {value:.9g} in the call; leave it out")
+        if (
+            value is not None
+            and quantity in found
+            and not np.isclose(value, found[quantity], rtol=1e-6)
+        ):
+            problems.append(
+                f"{quantity} is {found[quantity]:.9g} in the file and {value:.9g} in the call; leave it out"
+            )
         if value is not None:
             found.setdefault(quantity, value)
-    problems += [f"the file does not state {quantity}; pass {quantity}=" for quantity in _REFERENCE if quantity not in found]
+    problems += [
+        f"the file does not state {quantity}; pass {quantity}="
+        for quantity in _REFERENCE
+        if quantity not in found
+    ]
     if problems:
         raise SchemaError(f"reference quantities of {model.file}", problems)
     return found
 
 
-def _coefficients(model: DaveModel, names: Mapping[str, str], axes: str | None, without: Collection[str]) -> tuple[dict[str, str], str]:
+def _coefficients(
+    model: DaveModel, names: Mapping[str, str], axes: str | None, without: Collection[str]
+) -> tuple[dict[str, str], str]:
     """Return the varID of each coefficient that the file gives, and the axes of its forces."""
     found: dict[str, str] = {}
     for varID in model.outputs:
@@ -233,7 +298,12 @@ def _coefficients(model: DaveModel, names: Mapping[str, str], axes: str | None, 
         if quantity not in COEFFICIENTS:
             continue
         if quantity in found:
-            raise SchemaError(model.file, [f"the outputs {found[quantity]} and {varID} are both {quantity}; state which with names="])
+            raise SchemaError(
+                model.file,
+                [
+                    f"the outputs {found[quantity]} and {varID} are both {quantity}; state which with names="
+                ],
+            )
         found[quantity] = varID
     if axes is None:
         axes = _axes_of(model, found)
@@ -243,26 +313,49 @@ def _coefficients(model: DaveModel, names: Mapping[str, str], axes: str | None, 
         if name not in COEFFICIENTS:
             raise UnknownName(name, COEFFICIENTS, "coefficient")
     kept = {name: varID for name, varID in found.items() if name not in without}
-    kept = {name: varID for name, varID in kept.items() if name in FORCE_AXES[axes] or name.startswith("Ch_")}
-    if model.header.version.startswith(WRITER):  # we write all totals, also of coefficients that have no term
-        kept = {name: varID for name, varID in kept.items() if model.variables[varID].calculation is not None}
+    kept = {
+        name: varID
+        for name, varID in kept.items()
+        if name in FORCE_AXES[axes] or name.startswith("Ch_")
+    }
+    if model.header.version.startswith(
+        WRITER
+    ):  # we write all totals, also of coefficients that have no term
+        kept = {
+            name: varID
+            for name, varID in kept.items()
+            if model.variables[varID].calculation is not None
+        }
     if not kept:
         given = ", ".join(f"{varID} ({model.variables[varID].name})" for varID in model.outputs)
-        raise SchemaError(model.file, [f"no output is a coefficient: {given}; state which with names={{'{model.outputs[0]}': 'CL'}}, say"])
+        raise SchemaError(
+            model.file,
+            [
+                f"no output is a coefficient: {given}; state which with names={{'{model.outputs[0]}': 'CL'}}, say"
+            ],
+        )
     return kept, axes
 
 
 def _axes_of(model: DaveModel, found: Mapping[str, str]) -> str:
-    body, other = [name for name in ("CX", "CZ") if name in found], [name for name in ("CL", "CD") if name in found]
+    body, other = (
+        [name for name in ("CX", "CZ") if name in found],
+        [name for name in ("CL", "CD") if name in found],
+    )
     if body and other:
-        raise SchemaError(model.file, [f"gives both {' '.join(body)} and {' '.join(other)}; choose with force_axes="])
+        raise SchemaError(
+            model.file,
+            [f"gives both {' '.join(body)} and {' '.join(other)}; choose with force_axes="],
+        )
     if body:
         return "body"
     axis_systems = " ".join(model.variables[found[name]].axis_system.lower() for name in other)
     return "wind" if "wind" in axis_systems else "stability"
 
 
-def _leaves(source: _Source, coefficient: str, varID: str, sampler: Sampler | None) -> dict[str, xr.Dataset]:
+def _leaves(
+    source: _Source, coefficient: str, varID: str, sampler: Sampler | None
+) -> dict[str, xr.Dataset]:
     """Return the terms of one coefficient by name."""
     model, sums = source.model, source.sums if sampler is None else sampler.sums
     factor, offset = conversion(model.variables[varID], coefficient)
@@ -272,23 +365,43 @@ def _leaves(source: _Source, coefficient: str, varID: str, sampler: Sampler | No
         raise polynomials.Inexact(source.reasons[varID])
     parts = parts_of(model, coefficient, varID, sums)
     if factor != 1.0 or offset != 0.0:
-        parts = [Part(part.name, polynomials.scale(part.sum, 1.0 / factor), part.order, part.texts) for part in parts]
+        parts = [
+            Part(part.name, polynomials.scale(part.sum, 1.0 / factor), part.order, part.texts)
+            for part in parts
+        ]
     return leaves_of(model, coefficient, parts, None if sampler is None else sampler.joined)
 
 
-def _named_inputs(model: DaveModel, mine: Mapping[str, str], names: Mapping[str, str], leaves: Mapping[str, xr.Dataset]) -> str:
-    """Return which inputs the terms use under a name that nobody gave them, as a remark; empty when there are none."""
+def _named_inputs(
+    model: DaveModel,
+    mine: Mapping[str, str],
+    names: Mapping[str, str],
+    leaves: Mapping[str, xr.Dataset],
+) -> str:
+    """Return which inputs the terms use under a name that nobody gave them, as a remark; empty when
+    there are none.
+    """
     used = set().union(*(variables(leaf) for leaf in leaves.values()))
-    unnamed = {v: name for v, name in mine.items() if name in used and v not in names and not quantity_of(model.variables[v])}
+    unnamed = {
+        v: name
+        for v, name in mine.items()
+        if name in used and v not in names and not quantity_of(model.variables[v])
+    }
     found = [f"{varID} is {name}" for varID, name in unnamed.items()]
     if not found:
         return ""
     text = f"inputs that are no quantity of the vocabulary: {', '.join(found)}"
-    warnings.warn(f"{text}; give a quantity with names= if one of them is meant", AeromatchWarning, stacklevel=3)
+    warnings.warn(
+        f"{text}; give a quantity with names= if one of them is meant",
+        AeromatchWarning,
+        stacklevel=3,
+    )
     return text
 
 
-def _root(source: _Source, path: Path, axes: str, remark: str = "", lines: Sequence[str] = ()) -> dict[str, str | float]:
+def _root(
+    source: _Source, path: Path, axes: str, remark: str = "", lines: Sequence[str] = ()
+) -> dict[str, str | float]:
     model, header = source.model, source.model.header
     missing = [name for name in FORCE_AXES[axes] if name not in source.outputs]
     attributes: dict[str, str | float] = {
@@ -304,7 +417,11 @@ def _root(source: _Source, path: Path, axes: str, remark: str = "", lines: Seque
     values = model.check()
     line = f"import_daveml: {path.name}, version {header.version or 'unnamed'}, {len(model.shots)} check cases with {len(values)} values, "
     line += "all met" if values["passed"].all() else f"{int((~values['passed']).sum())} NOT met"
-    history = [m.description for m in header.modifications] if header.version.startswith(WRITER) else _modifications(model)
+    history = (
+        [m.description for m in header.modifications]
+        if header.version.startswith(WRITER)
+        else _modifications(model)
+    )
     attributes["history"] = "\n".join(filter(None, [*history, line, *lines]))
     return {**attributes, **dict.fromkeys(_PLACE, 0.0), **source.geometry, "force_axes": axes}
 
@@ -315,7 +432,10 @@ def _cited(reference: Reference) -> str:
 
 
 def _modifications(model: DaveModel) -> list[str]:
-    return [" ".join(f"{m.date} modification {m.modID}: {m.description}".split()) for m in model.header.modifications]
+    return [
+        " ".join(f"{m.date} modification {m.modID}: {m.description}".split())
+        for m in model.header.modifications
+    ]
 
 
 def _remarks(model: DaveModel) -> list[str]:
@@ -328,7 +448,9 @@ def _remarks(model: DaveModel) -> list[str]:
     return [*limited, *model.notes]
 
 
-def _file_inputs(model: DaveModel, mine: Mapping[str, str], states: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+def _file_inputs(
+    model: DaveModel, mine: Mapping[str, str], states: Mapping[str, np.ndarray]
+) -> dict[str, np.ndarray]:
     """Return states in the variables and units of the file."""
     found = {}
     for varID, quantity in mine.items():
@@ -338,8 +460,11 @@ def _file_inputs(model: DaveModel, mine: Mapping[str, str], states: Mapping[str,
     return found
 
 
-def _prove(db: xr.DataTree, source: _Source, box: Mapping[str, tuple[float, float]], sample: float) -> dict[str, float]:
-    """Compare the database with the model at states inside and beyond its tables; where functions were sampled, inside their range.
+def _prove(
+    db: xr.DataTree, source: _Source, box: Mapping[str, tuple[float, float]], sample: float
+) -> dict[str, float]:
+    """Compare the database with the model at states inside and beyond its tables; where functions
+    were sampled, inside their range.
 
     Returns
     -------
@@ -349,7 +474,8 @@ def _prove(db: xr.DataTree, source: _Source, box: Mapping[str, tuple[float, floa
     Raises
     ------
     SchemaError
-        A coefficient that differs by more than rounding, or by more than `sample` where it has sampled tables.
+        A coefficient that differs by more than rounding, or by more than `sample` where it has
+        sampled tables.
     """
     model, mine = source.model, source.mine
     count = _SAMPLES if box else _PROOFS
@@ -357,13 +483,18 @@ def _prove(db: xr.DataTree, source: _Source, box: Mapping[str, tuple[float, floa
     states = sample_states.with_rates(drawn, source.geometry)
     for quantity in mine.values():
         states.setdefault(quantity, np.zeros(count))
-    found = model.evaluate(_file_inputs(model, mine, states) | {v: 0.0 for v in model.inputs if v not in mine})
+    found = model.evaluate(
+        _file_inputs(model, mine, states) | {v: 0.0 for v in model.inputs if v not in mine}
+    )
     sampled = {name.split("/")[0] for name, leaf in terms(db).items() if "sampled" in leaf.attrs}
     problems, gaps = [], {}
     for coefficient, varID in source.outputs.items():
         factor, offset = conversion(model.variables[varID], coefficient)
         parts = contributions(db, coefficient, states, outside="clamp")
-        total, size = sum(parts.values(), np.zeros(count)), sum(map(np.abs, parts.values()), np.zeros(count))
+        total, size = (
+            sum(parts.values(), np.zeros(count)),
+            sum(map(np.abs, parts.values()), np.zeros(count)),
+        )
         gap = np.abs(total - (found[varID] - offset) / factor)
         allowed = _ROUNDING * np.maximum(size, 1e-3)
         if coefficient in sampled:
@@ -374,20 +505,35 @@ def _prove(db: xr.DataTree, source: _Source, box: Mapping[str, tuple[float, floa
             place = ", ".join(f"{name} {states[name][at]:.6g}" for name in sorted(drawn))
             problems.append(f"{coefficient} differs from {varID} by {gap[at]:.3g} at {place}")
     if problems and sampled:
-        raise SchemaError(f"{model.file}: sample={sample:g} is not kept; give more breakpoints with grid=, or a larger sample", problems)
+        raise SchemaError(
+            f"{model.file}: sample={sample:g} is not kept; give more breakpoints with grid=, or a larger sample",
+            problems,
+        )
     if problems:
         raise SchemaError(f"{model.file}: the terms do not give the model back", problems)
     return gaps
 
 
-def _checks(model: DaveModel, mine: Mapping[str, str], outputs: Mapping[str, str], geometry: Mapping[str, float]) -> xr.Dataset | None:
-    """Return the check cases as a Dataset over ``case``: inputs and expected coefficients in SI, with their tolerances.
+def _checks(
+    model: DaveModel,
+    mine: Mapping[str, str],
+    outputs: Mapping[str, str],
+    geometry: Mapping[str, float],
+) -> xr.Dataset | None:
+    """Return the check cases as a Dataset over ``case``: inputs and expected coefficients in SI,
+    with their tolerances.
 
     Their names are the lines of the attribute ``names``.
     """
     shots = [shot for shot in model.shots if _is_known(model, shot)]
-    if model.header.version.startswith(WRITER):  # the other ones of our files were drawn, and are drawn again
-        shots = [replace(shot, name=shot.name.removeprefix(STORED)) for shot in shots if shot.name.startswith(STORED)]
+    if model.header.version.startswith(
+        WRITER
+    ):  # the other ones of our files were drawn, and are drawn again
+        shots = [
+            replace(shot, name=shot.name.removeprefix(STORED))
+            for shot in shots
+            if shot.name.startswith(STORED)
+        ]
     if not shots:
         return None
     back = {varID: quantity for quantity, varID in outputs.items()}
@@ -395,24 +541,33 @@ def _checks(model: DaveModel, mine: Mapping[str, str], outputs: Mapping[str, str
     keys = dict.fromkeys(key for row in rows for key in row)
     columns = {key: np.array([row.get(key, np.nan) for row in rows]) for key in keys}
     columns = sample_states.with_reduced(columns, geometry)
-    cases = xr.Dataset({key: ("case", column) for key, column in columns.items()}, {"case": np.arange(1, len(shots) + 1)})
+    cases = xr.Dataset(
+        {key: ("case", column) for key, column in columns.items()},
+        {"case": np.arange(1, len(shots) + 1)},
+    )
     for key in columns:
         if ITEM.sub("", key) in VOCABULARY:
             cases[key].attrs.update(attrs(key))
-    names = "\n".join(" ".join(shot.name.split()) for shot in shots)  # arrays of a database file are numbers
+    names = "\n".join(
+        " ".join(shot.name.split()) for shot in shots
+    )  # arrays of a database file are numbers
     cases.attrs = {"source": f"check data of {Path(model.file).name}", "names": names}
     return cases
 
 
 def _is_known(model: DaveModel, shot: Shot) -> bool:
-    """Whether the file has the variables of a check case, in units that can be converted; one that has not was ignored on demand."""
+    """Whether the file has the variables of a check case, in units that can be converted; one that
+    has not was ignored on demand.
+    """
     try:
         return all(model.converted(signal) for signal in (*shot.inputs, *shot.outputs))
     except (UnknownName, UnitError):
         return False
 
 
-def _case(model: DaveModel, shot: Shot, mine: Mapping[str, str], back: Mapping[str, str]) -> dict[str, float]:
+def _case(
+    model: DaveModel, shot: Shot, mine: Mapping[str, str], back: Mapping[str, str]
+) -> dict[str, float]:
     row: dict[str, float] = {}
     initial = {v: model.variables[v].initial for v in mine}
     given = {model.signal(signal).varID: model.converted(signal).value for signal in shot.inputs}

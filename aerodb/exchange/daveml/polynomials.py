@@ -1,7 +1,8 @@
-"""Sums of products of tables and powers of model variables: what a database can hold, and the algebra that stays inside it.
+"""Sums of products of tables and powers of model variables: what a database can hold, and the
+algebra that stays inside it.
 
-Everything here is exact but for rounding.  What would leave the class, such as a product of two tables of one variable, raises `Inexact`
-with the reason.
+Everything here is exact but for rounding.  What would leave the class, such as a product of two
+tables of one variable, raises `Inexact` with the reason.
 """
 
 from __future__ import annotations
@@ -22,7 +23,9 @@ _ROUNDING = 1e-15
 
 
 class Inexact(Exception):
-    """An expression that is no sum of products of multilinear tables and variables; the text states why."""
+    """An expression that is no sum of products of multilinear tables and variables; the text states
+    why.
+    """
 
 
 _serial = itertools.count(10**6)  # tables that are made; those of a file count from 0, in its order
@@ -30,7 +33,9 @@ _serial = itertools.count(10**6)  # tables that are made; those of a file count 
 
 @dataclass(frozen=True, eq=False)
 class GridAxis:
-    """An axis of a `Grid`: model variable, rising points [SI], and whether the table goes on with its end slope below and above."""
+    """An axis of a `Grid`: model variable, rising points [SI], and whether the table goes on with
+    its end slope below and above.
+    """
 
     variable: str
     points: np.ndarray
@@ -40,7 +45,8 @@ class GridAxis:
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """A multilinear table over model variables, with the standard error of its nodes where the file states it.
+    """A multilinear table over model variables, with the standard error of its nodes where the file
+    states it.
 
     ``note`` states how well a table stands for what it was sampled from; empty for an exact one.
     """
@@ -68,17 +74,26 @@ class Grid:
             (values[1] - values[0]) / (axis.points[1] - axis.points[0]),
             (values[-1] - values[-2]) / (axis.points[-1] - axis.points[-2]),
         )
-        return PiecewiseLinear(axis.points, values, slopes[0] if axis.open_low else flat, slopes[1] if axis.open_high else flat)
+        return PiecewiseLinear(
+            axis.points,
+            values,
+            slopes[0] if axis.open_low else flat,
+            slopes[1] if axis.open_high else flat,
+        )
 
     def replaced(self, variable: str, along: PiecewiseLinear) -> Grid:
-        """Return the table with another function along one of its variables, without standard errors."""
+        """Return the table with another function along one of its variables, without standard
+        errors.
+        """
         index = self.variables.index(variable)
         points, values, low, high = piecewise_linear.as_axis(along)
         axes = (*self.axes[:index], GridAxis(variable, points, low, high), *self.axes[index + 1 :])
         return Grid(axes, np.moveaxis(values, 0, index), None, self.label)
 
     def opened(self, index: int) -> Grid:
-        """Return the same table with an axis that goes on with its end slope on both sides: held ends get a flat piece."""
+        """Return the same table with an axis that goes on with its end slope on both sides: held
+        ends get a flat piece.
+        """
         axis, values = self.axes[index], np.moveaxis(self.values, index, 0)
         stderr = None if self.stderr is None else np.moveaxis(self.stderr, index, 0)
         step = float(np.ptp(axis.points)) / max(len(axis.points) - 1, 1) or 1.0
@@ -87,8 +102,15 @@ class Grid:
             points, order = [points[0] - step, *points], [0, *order]
         if not axis.open_high or len(points) == 1:
             points, order = [*points, points[-1] + step], [*order, order[-1]]
-        axes = (*self.axes[:index], GridAxis(axis.variable, np.array(points), True, True), *self.axes[index + 1 :])
-        put = [None if item is None else np.moveaxis(item[order], 0, index) for item in (values, stderr)]
+        axes = (
+            *self.axes[:index],
+            GridAxis(axis.variable, np.array(points), True, True),
+            *self.axes[index + 1 :],
+        )
+        put = [
+            None if item is None else np.moveaxis(item[order], 0, index)
+            for item in (values, stderr)
+        ]
         assert put[0] is not None
         return Grid(axes, put[0], put[1], self.label)
 
@@ -100,7 +122,9 @@ ONE: Product = ((), ())
 
 @dataclass(frozen=True, eq=False)
 class Sum:
-    """A sum of products: coefficient by product of grids, in the order of their making, and powers of variables, by name."""
+    """A sum of products: coefficient by product of grids, in the order of their making, and powers
+    of variables, by name.
+    """
 
     products: Mapping[Product, float]
 
@@ -114,7 +138,11 @@ class Sum:
     @property
     def variables(self) -> set[str]:
         """All model variables of the sum."""
-        return {name for grids, powers in self.products for name in (*(v for grid in grids for v in grid.variables), *dict(powers))}
+        return {
+            name
+            for grids, powers in self.products
+            for name in (*(v for grid in grids for v in grid.variables), *dict(powers))
+        }
 
 
 def constant(value: float) -> Sum:
@@ -133,7 +161,9 @@ def table(grid: Grid) -> Sum:
 
 
 def add(sums: Iterable[Sum]) -> Sum:
-    """Return the sum of sums; like products are joined, and those that cancel but for rounding are gone."""
+    """Return the sum of sums; like products are joined, and those that cancel but for rounding are
+    gone.
+    """
     total: dict[Product, float] = {}
     size: dict[Product, float] = {}
     for one in sums:
@@ -142,19 +172,33 @@ def add(sums: Iterable[Sum]) -> Sum:
             size[product] = size.get(product, 0.0) + abs(coefficient)
     if len(total) > MAX_PRODUCTS:
         raise Inexact(f"more than {MAX_PRODUCTS} products")
-    return Sum({product: coefficient for product, coefficient in total.items() if abs(coefficient) > _ROUNDING * size[product]})
+    return Sum(
+        {
+            product: coefficient
+            for product, coefficient in total.items()
+            if abs(coefficient) > _ROUNDING * size[product]
+        }
+    )
 
 
 def scale(one: Sum, factor: float) -> Sum:
     """Return a sum times a number."""
-    return Sum({product: coefficient * factor for product, coefficient in one.products.items()} if factor != 0.0 else {})
+    return Sum(
+        {product: coefficient * factor for product, coefficient in one.products.items()}
+        if factor != 0.0
+        else {}
+    )
 
 
 def multiply(one: Sum, other: Sum) -> Sum:
     """Return the product of two sums."""
     if len(one.products) * len(other.products) > MAX_PRODUCTS:
         raise Inexact(f"more than {MAX_PRODUCTS} products")
-    return add(Sum({_joined(a, b): x * y}) for a, x in one.products.items() for b, y in other.products.items())
+    return add(
+        Sum({_joined(a, b): x * y})
+        for a, x in one.products.items()
+        for b, y in other.products.items()
+    )
 
 
 def _joined(a: Product, b: Product) -> Product:
@@ -180,7 +224,9 @@ def inverse(one: Sum) -> Sum:
 def power(one: Sum, exponent: float) -> Sum:
     """Return a sum to a whole power."""
     if exponent != round(exponent) or abs(exponent) > MAX_POWER:
-        raise Inexact(f"the power {exponent:g} of {', '.join(sorted(one.variables))} is no sum of products")
+        raise Inexact(
+            f"the power {exponent:g} of {', '.join(sorted(one.variables))} is no sum of products"
+        )
     if exponent < 0:
         return power(inverse(one), -exponent)
     result = constant(1.0)
@@ -190,7 +236,9 @@ def power(one: Sum, exponent: float) -> Sum:
 
 
 def as_piecewise_linear(one: Sum) -> tuple[str, PiecewiseLinear]:
-    """Return a sum that is a piecewise-linear function of one variable as that variable and function; a number has no variable, ``""``."""
+    """Return a sum that is a piecewise-linear function of one variable as that variable and
+    function; a number has no variable, ``""``.
+    """
     names = one.variables
     if len(names) > 1:
         raise Inexact(f"it depends on {', '.join(sorted(names))} together")
@@ -217,7 +265,11 @@ def from_piecewise_linear(name: str, function: PiecewiseLinear, label: str = "")
     """Return a piecewise-linear function of one variable as a sum: a line, or a table."""
     if function.is_line:
         offset = float(function(np.zeros(1))[0])
-        return add([scale(variable(name), float(function.left)), constant(offset)]) if name else constant(offset)
+        return (
+            add([scale(variable(name), float(function.left)), constant(offset)])
+            if name
+            else constant(offset)
+        )
     points, values, low, high = piecewise_linear.as_axis(function)
     return table(Grid((GridAxis(name, points, low, high),), values, None, label))
 
@@ -229,7 +281,8 @@ def applied(outer: PiecewiseLinear, one: Sum, label: str = "") -> Sum:
 
 
 def side(one: Sum, name: str, at: float, below: bool) -> Sum:
-    """Return a sum where a variable is on one side of a place, and zero on the other; it must vanish at the place.
+    """Return a sum where a variable is on one side of a place, and zero on the other; it must
+    vanish at the place.
 
     The products are gathered by what else they hold; each gathering must vanish by itself.
     """
@@ -239,14 +292,28 @@ def side(one: Sum, name: str, at: float, below: bool) -> Sum:
         degree = dict(powers).get(name, 0)
         if len(own) + abs(degree) > 1 or degree < 0:
             raise Inexact(f"a condition on {name} meets a product that is not linear in it")
-        rest = tuple(grid for grid in grids if name not in grid.variables), tuple(p for p in powers if p[0] != name)
+        rest = (
+            tuple(grid for grid in grids if name not in grid.variables),
+            tuple(p for p in powers if p[0] != name),
+        )
         shape = own[0] if own else None if degree else Grid((), np.ones(()))
         gathered.setdefault(rest, []).append((shape, coefficient))
-    return add(multiply(Sum({rest: 1.0}), _side(parts, name, at, below)) for rest, parts in gathered.items())
+    return add(
+        multiply(Sum({rest: 1.0}), _side(parts, name, at, below))
+        for rest, parts in gathered.items()
+    )
 
 
 def _side(parts: list[tuple[Grid | None, float]], name: str, at: float, below: bool) -> Sum:
-    flat = Sum({((grid,) if grid is not None and grid.axes else (), () if grid is not None else ((name, 1),)): c for grid, c in parts})
+    flat = Sum(
+        {
+            (
+                (grid,) if grid is not None and grid.axes else (),
+                () if grid is not None else ((name, 1),),
+            ): c
+            for grid, c in parts
+        }
+    )
     if all(grid is None or len(grid.axes) < 2 for grid, _ in parts):
         _, function = as_piecewise_linear(flat)
         cut = piecewise_linear.part(function, at, below)
@@ -296,5 +363,9 @@ def _refined(grid: Grid, index: int, points: np.ndarray) -> Grid:
     """Return the same table on more breakpoints."""
     axis = grid.axes[index]
     values = np.moveaxis(grid.along(axis.variable)(points), 0, index)
-    axes = (*grid.axes[:index], GridAxis(axis.variable, points, axis.open_low, axis.open_high), *grid.axes[index + 1 :])
+    axes = (
+        *grid.axes[:index],
+        GridAxis(axis.variable, points, axis.open_low, axis.open_high),
+        *grid.axes[index + 1 :],
+    )
     return Grid(axes, values, None, grid.label)

@@ -25,13 +25,20 @@ _WORDS = {
     "delta_tr": "tab_rudder", "delta_s": "spoiler", "delta_d": "differential_tail", "dnz": "load_factor", "CT": "power", "h_agl": "ground",
 }  # fmt: skip
 _FLOW = {"alpha", "beta", "mach", "h"}
-_SPAN = {"rad": math.pi, "m s-1": 1000.0, "m": 1e5, "Pa": 1e6}  # half width of a table that stands for its variable
+_SPAN = {
+    "rad": math.pi,
+    "m s-1": 1000.0,
+    "m": 1e5,
+    "Pa": 1e6,
+}  # half width of a table that stands for its variable
 _TABLES = 1 + 2  # value, K1, K2
 
 
 @dataclass(frozen=True)
 class Part:
-    """A part of a coefficient: its sum, the name the file gives it or ``""``, the order of its factors, and what is noted about it."""
+    """A part of a coefficient: its sum, the name the file gives it or ``""``, the order of its
+    factors, and what is noted about it.
+    """
 
     name: str
     sum: Sum
@@ -40,7 +47,9 @@ class Part:
 
 
 def parts_of(model: DaveModel, coefficient: str, varID: str, sums: Mapping[str, Sum]) -> list[Part]:
-    """Return a coefficient as its parts: the summands that the file names ``CL/flap`` each by itself, or one part without a name."""
+    """Return a coefficient as its parts: the summands that the file names ``CL/flap`` each by
+    itself, or one part without a name.
+    """
     calculation = model.variables[varID].calculation
     summands = _summands(calculation)
     pattern = re.compile(rf"{coefficient}/([A-Za-z][A-Za-z0-9_]*)")
@@ -48,7 +57,12 @@ def parts_of(model: DaveModel, coefficient: str, varID: str, sums: Mapping[str, 
     if not summands or not all(found):
         return [Part("", sums[varID])]
     return [
-        Part(match[1], sums[name], _factors(model, name, sums), unpacked(model.variables[name].description))
+        Part(
+            match[1],
+            sums[name],
+            _factors(model, name, sums),
+            unpacked(model.variables[name].description),
+        )
         for match, name in zip(found, summands, strict=True)
         if match is not None
     ]
@@ -58,7 +72,11 @@ def _summands(calculation: mathml.Expression | None) -> list[str]:
     if isinstance(calculation, mathml.Name):
         return [calculation.varID]
     if isinstance(calculation, mathml.Apply) and calculation.operator == "plus":
-        names = [argument.varID for argument in calculation.arguments if isinstance(argument, mathml.Name)]
+        names = [
+            argument.varID
+            for argument in calculation.arguments
+            if isinstance(argument, mathml.Name)
+        ]
         return names if len(names) == len(calculation.arguments) else []
     return []
 
@@ -68,7 +86,11 @@ def _factors(model: DaveModel, varID: str, sums: Mapping[str, Sum]) -> tuple[str
     calculation = model.variables[varID].calculation
     if not isinstance(calculation, mathml.Apply) or calculation.operator != "times":
         return ()
-    factors = [sums[argument.varID] for argument in calculation.arguments if isinstance(argument, mathml.Name)]
+    factors = [
+        sums[argument.varID]
+        for argument in calculation.arguments
+        if isinstance(argument, mathml.Name)
+    ]
     powers = [next(iter(factor.products), ((), ()))[1] for factor in factors]
     return tuple(power[0][0] for power in powers if len(power) == 1)
 
@@ -80,32 +102,44 @@ Factors = tuple[list[Grid], dict[str, int]]
 Join = Callable[[list[Grid], Mapping[str, int], float], Iterator[Factors]]
 
 
-def leaves_of(model: DaveModel, coefficient: str, parts: Sequence[Part], join: Join | None = None) -> dict[str, xr.Dataset]:
+def leaves_of(
+    model: DaveModel, coefficient: str, parts: Sequence[Part], join: Join | None = None
+) -> dict[str, xr.Dataset]:
     """Return the terms of a coefficient by name.
 
     Parameters
     ----------
     join : callable, optional
-        Yields a product that is no term with some of its factors on one table, in the order in which to try; without it such a product
-        is refused.
+        Yields a product that is no term with some of its factors on one table, in the order in
+        which to try; without it such a product is refused.
 
     Raises
     ------
     Inexact
-        A product that is no term: more factors than a term has, two tables of one variable, a division by a variable.
+        A product that is no term: more factors than a term has, two tables of one variable, a
+        division by a variable.
     """
     leaves: dict[str, xr.Dataset] = {}
     for part in parts:
-        products = part.sum.products or {((), ()): 0.0}  # a coefficient that is zero is a statement too
+        products = part.sum.products or {
+            ((), ()): 0.0
+        }  # a coefficient that is zero is a statement too
         for (grids, powers), factor in products.items():
             leaf = _leaf_or_joined(model, list(grids), dict(powers), factor, part, join)
-            name = _unused(part.name or _name(leaf), [grid.label for grid in grids], leaves, coefficient)
+            name = _unused(
+                part.name or _name(leaf), [grid.label for grid in grids], leaves, coefficient
+            )
             leaves[f"{coefficient}/{name}"] = leaf
     return leaves
 
 
 def _leaf_or_joined(
-    model: DaveModel, grids: list[Grid], powers: dict[str, int], factor: float, part: Part, join: Join | None
+    model: DaveModel,
+    grids: list[Grid],
+    powers: dict[str, int],
+    factor: float,
+    part: Part,
+    join: Join | None,
 ) -> xr.Dataset:
     try:
         return _leaf(model, grids, powers, factor, part)
@@ -119,7 +153,9 @@ def _leaf_or_joined(
     raise reason
 
 
-def _leaf(model: DaveModel, grids: list[Grid], powers: Mapping[str, int], factor: float, part: Part) -> xr.Dataset:
+def _leaf(
+    model: DaveModel, grids: list[Grid], powers: Mapping[str, int], factor: float, part: Part
+) -> xr.Dataset:
     labels = [grid.label for grid in grids if grid.label in model.functions]
     notes = [grid.note for grid in grids if grid.note]
     words = _regressors(powers, part.order)
@@ -139,7 +175,11 @@ def _leaf(model: DaveModel, grids: list[Grid], powers: Mapping[str, int], factor
     )
     flags = codes(source, value.values.shape) if source else None
     if flags is not None:
-        leaf["source"] = leaf["value"].dims, flags, {"flag_values": "0 1 2", "flag_meanings": " ".join(SOURCES)}
+        leaf["source"] = (
+            leaf["value"].dims,
+            flags,
+            {"flag_values": "0 1 2", "flag_meanings": " ".join(SOURCES)},
+        )
     leaf.attrs |= texts
     if notes:
         leaf.attrs["sampled"] = "; ".join(notes)
@@ -156,7 +196,9 @@ def _regressors(powers: Mapping[str, int], order: Sequence[str]) -> list[str]:
 
 
 def _tables(grids: list[Grid], words: list[str], named: bool) -> tuple[list[Grid], list[str]]:
-    """Return at most three tables and two regressors for a product: what is too much becomes tables, or one table of several."""
+    """Return at most three tables and two regressors for a product: what is too much becomes
+    tables, or one table of several.
+    """
     if not named:
         grids = _without_scalars(grids)
     taken = {name for grid in grids for name in grid.variables}
@@ -165,22 +207,34 @@ def _tables(grids: list[Grid], words: list[str], named: bool) -> tuple[list[Grid
             words.remove(word)
             grids = [*grids, _identity(word)]
     if len(words) > MAX_REGRESSORS:
-        raise Inexact(f"it is a product of {' '.join(words)}; a term has at most {MAX_REGRESSORS} such factors")
+        raise Inexact(
+            f"it is a product of {' '.join(words)}; a term has at most {MAX_REGRESSORS} such factors"
+        )
     _demand_disjoint(grids)
     while len(grids) > _TABLES:
         a, b, *rest = sorted(grids, key=lambda grid: len(grid.axes))
         if len(a.axes) + len(b.axes) > MAX_AXES:
             raise Inexact(f"it multiplies {len(grids)} tables; a term has at most {_TABLES}")
-        grids = [*rest, Grid((*a.axes, *b.axes), np.multiply.outer(a.values, b.values), None, a.label)]
+        grids = [
+            *rest,
+            Grid((*a.axes, *b.axes), np.multiply.outer(a.values, b.values), None, a.label),
+        ]
     for grid in grids:
         if len(grid.axes) > MAX_AXES:
-            raise Inexact(f"the table {grid.label} has {len(grid.axes)} axes; a term has at most {MAX_AXES}")
+            raise Inexact(
+                f"the table {grid.label} has {len(grid.axes)} axes; a term has at most {MAX_AXES}"
+            )
     return grids, words
 
 
 def _without_scalars(grids: list[Grid]) -> list[Grid]:
-    """Multiply uncertain constants into the first table, or into the first of themselves; standard errors to first order."""
-    tables, scalars = [grid for grid in grids if grid.axes], [grid for grid in grids if not grid.axes]
+    """Multiply uncertain constants into the first table, or into the first of themselves; standard
+    errors to first order.
+    """
+    tables, scalars = (
+        [grid for grid in grids if grid.axes],
+        [grid for grid in grids if not grid.axes],
+    )
     if not tables:
         tables, scalars = scalars[:1], scalars[1:]
     for scalar in scalars:
@@ -203,13 +257,23 @@ def _demand_disjoint(grids: Sequence[Grid]) -> None:
     for grid in grids:
         for name in grid.variables:
             if name in seen:
-                raise Inexact(f"it multiplies two tables of {name}, {seen[name].label} and {grid.label}")
+                raise Inexact(
+                    f"it multiplies two tables of {name}, {seen[name].label} and {grid.label}"
+                )
             seen[name] = grid
 
 
 def closed(tables: Sequence[Grid]) -> tuple[str, list[Grid]]:
-    """Return the rule of the leaf, and its tables so that it holds for all axes: where some go on, held ends get a flat piece."""
-    ends = {end for grid in tables for axis in grid.axes if len(axis.points) > 1 for end in (axis.open_low, axis.open_high)}
+    """Return the rule of the leaf, and its tables so that it holds for all axes: where some go on,
+    held ends get a flat piece.
+    """
+    ends = {
+        end
+        for grid in tables
+        for axis in grid.axes
+        if len(axis.points) > 1
+        for end in (axis.open_low, axis.open_high)
+    }
     if True not in ends:
         return "hold", list(tables)
     if False in ends:
@@ -222,7 +286,9 @@ def closed(tables: Sequence[Grid]) -> tuple[str, list[Grid]]:
 
 
 def _array(grid: Grid) -> xr.DataArray:
-    array = xr.DataArray(grid.values, {axis.variable: axis.points for axis in grid.axes}, grid.variables)
+    array = xr.DataArray(
+        grid.values, {axis.variable: axis.points for axis in grid.axes}, grid.variables
+    )
     for name in grid.variables:
         array[name].attrs.update(attrs(name))
     return array
@@ -232,7 +298,11 @@ def _texts(model: DaveModel, labels: Sequence[str]) -> dict[str, str | float]:
     """Return references and comment of a term made from functions of a foreign file."""
     functions = [model.functions[label] for label in labels]
     file = Path(model.file).name
-    references = [f"{file}, line {f.line}: function {f.name}" + _cited(f.provenance.references if f.provenance else ()) for f in functions]
+    references = [
+        f"{file}, line {f.line}: function {f.name}"
+        + _cited(f.provenance.references if f.provenance else ())
+        for f in functions
+    ]
     comments = [" ".join(f.description.split()) for f in functions if f.description]
     return {"references": "; ".join(references) or file, "comment": "; ".join(comments)}
 
@@ -242,7 +312,9 @@ def _cited(references: Sequence[str]) -> str:
 
 
 def _name(leaf: xr.Dataset) -> str:
-    """Return the contribution that a term without a name is, after its regressors, or else its axes."""
+    """Return the contribution that a term without a name is, after its regressors, or else its
+    axes.
+    """
     words = str(leaf.attrs["regressors"]).split()
     if words:
         return "_".join(_word(word) for word in words)
@@ -254,11 +326,19 @@ def _name(leaf: xr.Dataset) -> str:
 
 
 def _word(variable: str) -> str:
-    """Return what a variable calls a contribution: the word of the field, the name of a device, else its own."""
+    """Return what a variable calls a contribution: the word of the field, the name of a device,
+    else its own.
+    """
     return _WORDS.get(variable, variable.split(".")[1] if variable.startswith(DEVICE) else variable)
 
 
-def _unused(name: str, labels: Sequence[str], leaves: Mapping[str, xr.Dataset], coefficient: str) -> str:
+def _unused(
+    name: str, labels: Sequence[str], leaves: Mapping[str, xr.Dataset], coefficient: str
+) -> str:
     """Return the name, or the name with the varID of a table or a number behind it."""
-    tails = ["", *("_" + re.sub("[^A-Za-z0-9_]", "_", label) for label in labels if label), *(f"_{i}" for i in range(2, len(leaves) + 3))]
+    tails = [
+        "",
+        *("_" + re.sub("[^A-Za-z0-9_]", "_", label) for label in labels if label),
+        *(f"_{i}" for i in range(2, len(leaves) + 3)),
+    ]
     return next(name + tail for tail in tails if f"{coefficient}/{name}{tail}" not in leaves)

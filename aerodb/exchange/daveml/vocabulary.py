@@ -1,4 +1,6 @@
-"""Which quantity of the vocabulary a variable of a DAVE-ML file is, in which unit and with which sign."""
+"""Which quantity of the vocabulary a variable of a DAVE-ML file is, in which unit and with which
+sign.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,9 @@ REDUCED = {
     "alphadothat": ("alpha_dot", "cbar"),
     "betadothat": ("beta_dot", "b"),
 }
-VALUE = " value"  # how the name of a constant ends that is the table of a term; it stays one, with or without standard error
+# how the name of a constant ends that is the table of a term; it stays one, with or without
+# standard error
+VALUE = " value"
 
 
 WRITER = "aeromatch"  # how the fileVersion of our files begins
@@ -36,13 +40,19 @@ _KEY = re.compile(r"([A-Za-z_][A-Za-z0-9_]*)(:=|:) ?(.*)", re.DOTALL)
 
 
 def packed(attributes: Mapping[str, str | float]) -> str:
-    """Return attributes as lines; numbers stand behind ``:=``.  Characters that XML does not allow become question marks."""
+    """Return attributes as lines; numbers stand behind ``:=``.  Characters that XML does not allow
+    become question marks.
+    """
     lines = []
     for key, item in attributes.items():
         if isinstance(item, str):
             lines += f"{key}: {item}".replace("\r", "").replace("\n", f"\n{_MORE}").split("\n")
         else:
-            lines.append(f"{key}:= {item}" if isinstance(item, int | np.integer) else f"{key}:= {float(item)!r}")
+            lines.append(
+                f"{key}:= {item}"
+                if isinstance(item, int | np.integer)
+                else f"{key}:= {float(item)!r}"
+            )
     return legal("\n".join(lines))
 
 
@@ -52,7 +62,9 @@ def unpacked(text: str) -> dict[str, str | float]:
     for line in text.replace(f"\n{_MORE}", "\0").replace("\n|", "\0").split("\n"):
         match = _KEY.fullmatch(line)
         if match:
-            found[match[1]] = _number(match[3]) if match[2] == ":=" else match[3].replace("\0", "\n")
+            found[match[1]] = (
+                _number(match[3]) if match[2] == ":=" else match[3].replace("\0", "\n")
+            )
     return found
 
 
@@ -67,7 +79,9 @@ def legal(text: str) -> str:
 
 def runs(source: np.ndarray) -> str:
     """Return the source codes of nodes as runs in C order: ``12 datcom, 3 judgement``."""
-    return ", ".join(f"{len(list(group))} {SOURCES[code]}" for code, group in groupby(source.ravel().tolist()))
+    return ", ".join(
+        f"{len(list(group))} {SOURCES[code]}" for code, group in groupby(source.ravel().tolist())
+    )
 
 
 def codes(text: str, shape: tuple[int, ...]) -> np.ndarray | None:
@@ -78,11 +92,16 @@ def codes(text: str, shape: tuple[int, ...]) -> np.ndarray | None:
     counts = [int(pair[0]) for pair in pairs]
     if sum(counts) != int(np.prod(shape)):
         return None
-    return np.repeat([SOURCES.index(pair[1]) for pair in pairs], counts).astype(np.uint8).reshape(shape)
+    return (
+        np.repeat([SOURCES.index(pair[1]) for pair in pairs], counts)
+        .astype(np.uint8)
+        .reshape(shape)
+    )
 
 
 COEFFICIENTS = ("CL", "CD", "CX", "CY", "CZ", "Cl", "Cm", "Cn", "Ch_e", "Ch_a", "Ch_r")
-# names found in published files in addition to those of S-119 that `flightmech.names` lists; letters only, lower case
+# names found in published files in addition to those of S-119 that `flightmech.names` lists;
+# letters only, lower case
 _ALIASES = {
     "totalcoefficientoflift": "CL",
     "totalcoefficientofdrag": "CD",
@@ -98,7 +117,10 @@ _ALIASES = {
 _OPPOSITES = [  # words and abbreviations of S-119 for the two senses
     ({"ted", "trailingedgedown"}, {"teu", "trailingedgeup"}),
     ({"tel", "trailingedgeleft"}, {"ter", "trailingedgeright"}),
-    ({"rwd", "rightwingdown", "rightroll"}, {"lwd", "leftwingdown", "leftroll", "righttedleftroll"}),
+    (
+        {"rwd", "rightwingdown", "rightroll"},
+        {"lwd", "leftwingdown", "leftroll", "righttedleftroll"},
+    ),
     ({"anu", "noseup", "aircraftnoseup"}, {"and", "nosedown", "aircraftnosedown"}),
     ({"anr", "noseright", "aircraftnoseright"}, {"anl", "noseleft", "aircraftnoseleft"}),
     ({"fwd", "forward"}, {"aft", "rearward"}),
@@ -118,7 +140,8 @@ _S119 = {_letters(row.s119): row.name for row in VOCABULARY.values() if row.s119
 def quantity_of(variable: Variable) -> str:
     """Return the quantity of the vocabulary that a variable is by its name or varID, or ``""``.
 
-    Names of S-119 come first, in any case and with or without a unit at their end (``angleOfAttack_d``); then the names of the vocabulary.
+    Names of S-119 come first, in any case and with or without a unit at their end
+    (``angleOfAttack_d``); then the names of the vocabulary.
     """
     for text in (variable.name, variable.varID):
         for known in (_letters(text), _letters(re.sub("_(d|deg|rad|r)$", "", text))):
@@ -131,21 +154,27 @@ def quantity_of(variable: Variable) -> str:
 
 
 def device_of(variable: Variable) -> str:
-    """Return the name of an input that is no quantity of the vocabulary, ``device.DBFLL.deflection``; ``""`` for other units.
+    """Return the name of an input that is no quantity of the vocabulary,
+    ``device.DBFLL.deflection``; ``""`` for other units.
 
-    An angle is a deflection, a pure number a setting; other units have no place in the tables of a database.
+    An angle is a deflection, a pure number a setting; other units have no place in the tables of a
+    database.
     """
     try:
         unit = unit_of_code(variable.units)
         dimension = parse(unit)[0]
     except UnitError:
         return ""
-    kind = {parse("rad")[0]: "deflection" if "rad" in unit or "deg" in unit else "setting"}.get(dimension, "")
+    kind = {parse("rad")[0]: "deflection" if "rad" in unit or "deg" in unit else "setting"}.get(
+        dimension, ""
+    )
     return f"{DEVICE}{re.sub('[^A-Za-z0-9_]', '_', variable.varID)}.{kind}" if kind else ""
 
 
 def _is_quantity(text: str) -> bool:
-    """Whether a text names a quantity of the vocabulary; those of one engine, ``engine1.thrust``, are in the vocabulary without prefix."""
+    """Whether a text names a quantity of the vocabulary; those of one engine, ``engine1.thrust``,
+    are in the vocabulary without prefix.
+    """
     try:
         lookup(text)
     except UnknownName:
@@ -165,9 +194,13 @@ def conversion(variable: Variable, quantity: str) -> tuple[float, float]:
     try:
         unit = unit_of_code(variable.units)
         dimension, to_si, offset = parse(unit)
-        if dimension != parse(expected)[0] or ("rad" in expected and "rad" not in unit and "deg" not in unit):
+        if dimension != parse(expected)[0] or (
+            "rad" in expected and "rad" not in unit and "deg" not in unit
+        ):
             problem = f"unit {variable.units!r}, where {quantity} needs one such as {expected}"
-            raise UnitError(f"{problem}; name it with names={{'{variable.varID}': '{quantity} [deg]'}}, say")
+            raise UnitError(
+                f"{problem}; name it with names={{'{variable.varID}': '{quantity} [deg]'}}, say"
+            )
     except UnitError as error:
         raise SchemaError(f"variable {variable.varID} ({variable.name})", [str(error)]) from None
     sense = -1.0 if turned(variable.sign, lookup(quantity).sign) else 1.0
@@ -175,6 +208,8 @@ def conversion(variable: Variable, quantity: str) -> tuple[float, float]:
 
 
 def turned(sign: str, own: str) -> bool:
-    """Whether a sign convention is the opposite of that of the vocabulary; what is not known counts as the same."""
+    """Whether a sign convention is the opposite of that of the vocabulary; what is not known counts
+    as the same.
+    """
     theirs, ours = _letters(sign), _letters(own)
     return any((theirs in a and ours in b) or (theirs in b and ours in a) for a, b in _OPPOSITES)

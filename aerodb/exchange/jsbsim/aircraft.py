@@ -1,4 +1,6 @@
-"""The aircraft of a JSBSim file: geometry, mass, centre of gravity and inertia with its point masses and the fuel on board."""
+"""The aircraft of a JSBSim file: geometry, mass, centre of gravity and inertia with its point
+masses and the fuel on board.
+"""
 
 from __future__ import annotations
 
@@ -19,14 +21,18 @@ _INERTIA = {"SLUG*FT2": SLUG * FOOT**2, "KG*M2": 1.0}
 
 
 class _Point(NamedTuple):
-    """A mass [kg], its place from the drawing datum along body axes [m], and its inertia about itself, alike about all axes [kg m2]."""
+    """A mass [kg], its place from the drawing datum along body axes [m], and its inertia about
+    itself, alike about all axes [kg m2].
+    """
 
     mass: float
     place: np.ndarray
     own: float = 0.0
 
 
-def import_jsbsim_aircraft(path: str | os.PathLike, *, name: str = "", x_ref_mac: float = 0.25) -> Aircraft:
+def import_jsbsim_aircraft(
+    path: str | os.PathLike, *, name: str = "", x_ref_mac: float = 0.25
+) -> Aircraft:
     """Read the aircraft that belongs to the aerodynamics of a JSBSim file.
 
     Parameters
@@ -41,28 +47,35 @@ def import_jsbsim_aircraft(path: str | os.PathLike, *, name: str = "", x_ref_mac
     Returns
     -------
     Aircraft
-        Reference quantities, moment reference ``AERORP``, mass, c.g. and inertia of the empty aircraft with its point masses and the
-        contents of its tanks, as JSBSim starts.  Engines, landing gear and travel of the controls are not read: they stand in other
-        files and other forms there; the history states so.
+        Reference quantities, moment reference ``AERORP``, mass, c.g. and inertia of the empty
+        aircraft with its point masses and the contents of its tanks, as JSBSim starts.  Engines,
+        landing gear and travel of the controls are not read: they stand in other files and other
+        forms there; the history states so.
 
     Raises
     ------
     ParseError
-        Not an aircraft file, no mass or inertia, an unknown unit, point masses with an extent, gas cells; with the line.
+        Not an aircraft file, no mass or inertia, an unknown unit, point masses with an extent, gas
+        cells; with the line.
     """
     root = parse(Path(path))
     if root.tag != "fdm_config":
         raise root.error(f"<{root.tag}>", "an aircraft file of JSBSim, <fdm_config>")
     gas = root.first("buoyant_forces")
     if gas is not None:
-        raise gas.error("<buoyant_forces>", "an aircraft without gas cells; the mass and inertia of the gas are not read")
+        raise gas.error(
+            "<buoyant_forces>",
+            "an aircraft without gas cells; the mass and inertia of the gas are not read",
+        )
     metrics, balance = _section(root, "metrics"), _section(root, "mass_balance")
     sizes, reference = _sizes(metrics), _reference(metrics)
     datum = np.array([reference[f"{axis}_ref"] for axis in "xyz"])
     empty = _Point(_number(balance.need("emptywt"), _MASS, "LBS"), _place(_cg(balance)))
     points = [*_point_masses(balance), *_tanks(root)]
     mass = empty.mass + sum(point.mass for point in points)
-    cg = (empty.mass * empty.place + sum((point.mass * point.place for point in points), np.zeros(3))) / mass
+    cg = (
+        empty.mass * empty.place + sum((point.mass * point.place for point in points), np.zeros(3))
+    ) / mass
     J = _inertia(balance) + sum((_about(point, cg) for point in (empty, *points)), np.zeros((3, 3)))
     left_out = "engines, landing gear and limits of the controls are not read"
     return Aircraft(
@@ -87,9 +100,13 @@ def import_jsbsim_aircraft(path: str | os.PathLike, *, name: str = "", x_ref_mac
 def _inertia(balance: Element) -> np.ndarray:
     """Return the inertia tensor (3, 3) of the empty aircraft about its c.g., body axes. [kg m2]
 
-    x and z of structural axes are turned round, which changes the sign of the products with one of them.
+    x and z of structural axes are turned round, which changes the sign of the products with one of
+    them.
     """
-    read = {key: 0.0 if (e := balance.first(key)) is None else _number(e, _INERTIA, "SLUG*FT2") for key in ("ixy", "ixz", "iyz")}
+    read = {
+        key: 0.0 if (e := balance.first(key)) is None else _number(e, _INERTIA, "SLUG*FT2")
+        for key in ("ixy", "ixz", "iyz")
+    }
     xx, yy, zz = (_number(balance.need(key), _INERTIA, "SLUG*FT2") for key in ("ixx", "iyy", "izz"))
     sign = -1.0 if balance.attributes.get("negated_crossproduct_inertia", "true") == "true" else 1.0
     xy, xz, yz = sign * read["ixy"], -sign * read["ixz"], sign * read["iyz"]
@@ -100,15 +117,22 @@ def _cg(balance: Element) -> Element:
     for location in balance.all("location"):
         if location.attributes.get("name") == "CG":
             return location
-    raise balance.error("no location CG", "the centre of gravity of the empty aircraft, <location name='CG'>")
+    raise balance.error(
+        "no location CG", "the centre of gravity of the empty aircraft, <location name='CG'>"
+    )
 
 
 def _point_masses(balance: Element) -> Iterator[_Point]:
     for element in balance.all("pointmass"):
         form = element.first("form")
         if form is not None:
-            raise form.error("<form> of a point mass", "point masses without an extent of their own; its inertia is not read")
-        yield _Point(_number(element.need("weight"), _MASS, "LBS"), _place(element.need("location")))
+            raise form.error(
+                "<form> of a point mass",
+                "point masses without an extent of their own; its inertia is not read",
+            )
+        yield _Point(
+            _number(element.need("weight"), _MASS, "LBS"), _place(element.need("location"))
+        )
 
 
 def _tanks(root: Element) -> Iterator[_Point]:
@@ -119,19 +143,27 @@ def _tanks(root: Element) -> Iterator[_Point]:
         contents, location = element.first("contents"), element.first("location")
         if contents is not None and location is not None:
             mass = _number(contents, _MASS, "LBS")
-            yield _Point(mass, _place(location), 0.4 * mass * _radius(element) ** 2)  # JSBSim takes it for a sphere
+            yield _Point(
+                mass, _place(location), 0.4 * mass * _radius(element) ** 2
+            )  # JSBSim takes it for a sphere
 
 
 def _radius(tank: Element) -> float:
     """Return the radius of a sphere with the inertia of a tank. [m]"""
     radius, factor = tank.first("radius"), tank.first("inertia_factor")
-    return 0.0 if radius is None else _number(radius, _LENGTH, "IN") * (1.0 if factor is None else factor.number) ** 0.5
+    return (
+        0.0
+        if radius is None
+        else _number(radius, _LENGTH, "IN") * (1.0 if factor is None else factor.number) ** 0.5
+    )
 
 
 def _place(location: Element) -> np.ndarray:
     """Return a place of structural axes, x aft and z up, along body axes. [m]"""
     scale = _unit(location, "IN", _LENGTH)
-    return np.array([sign * location.need(axis).number * scale for axis, sign in zip("xyz", (-1.0, 1.0, -1.0))])
+    return np.array(
+        [sign * location.need(axis).number * scale for axis, sign in zip("xyz", (-1.0, 1.0, -1.0))]
+    )
 
 
 def _number(element: Element, units: dict[str, float], default: str) -> float:

@@ -22,7 +22,15 @@ from aerodb.exchange.jsbsim.products import (
     magnitude,
     times,
 )
-from aerodb.exchange.jsbsim.properties import MAGNITUDE, NORMALISED, PROPERTY, Power, throttle, thrust, unit
+from aerodb.exchange.jsbsim.properties import (
+    MAGNITUDE,
+    NORMALISED,
+    PROPERTY,
+    Power,
+    throttle,
+    thrust,
+    unit,
+)
 from aerodb.exchange.jsbsim.terms import read_table
 from aerodb.exchange.sampling import Unsampled, difference, tabulated
 from aerodb.exchange.xml_reader import MAX_DEPTH, Element
@@ -32,7 +40,10 @@ _MOST_ENGINES = 8
 _ENGINES = {
     **{throttle(i): f"engine{i}.throttle" for i in range(1, _MOST_ENGINES + 1)},
     **{thrust(i): f"engine{i}.thrust" for i in range(1, _MOST_ENGINES + 1)},
-    **{f"propulsion/engine[{i - 1}]/thrust-lbs": f"engine{i}.thrust" for i in range(1, _MOST_ENGINES + 1)},
+    **{
+        f"propulsion/engine[{i - 1}]/thrust-lbs": f"engine{i}.thrust"
+        for i in range(1, _MOST_ENGINES + 1)
+    },
     "propulsion/engine/thrust-lbs": "engine1.thrust",
 }
 _DEEPEST = 20
@@ -55,7 +66,11 @@ class Functions:
     """
 
     def __init__(
-        self, named: Mapping[str, Element], sizes: Mapping[str, float], travel: Mapping[str, float], constants: Mapping[str, float]
+        self,
+        named: Mapping[str, Element],
+        sizes: Mapping[str, float],
+        travel: Mapping[str, float],
+        constants: Mapping[str, float],
     ):
         self.named, self.sizes, self.travel, self.constants = named, sizes, travel, constants
         self.known: dict[str, Sum] = {}
@@ -74,13 +89,21 @@ class Functions:
         """
         parts = _operands(function)
         if len(parts) != 1:
-            raise function.error(f"a function of {len(parts)} values", "one value, table or operation; put them into a <product> or <sum>")
+            raise function.error(
+                f"a function of {len(parts)} values",
+                "one value, table or operation; put them into a <product> or <sum>",
+            )
         return self._expand(parts[0])
 
     def _expand(self, element: Element) -> Sum:
-        """Return the value of an element; nested elements and functions used by their names count together against the limit."""
+        """Return the value of an element; nested elements and functions used by their names count
+        together against the limit.
+        """
         if self.depth >= MAX_DEPTH:
-            raise element.error(f"operations nested more than {MAX_DEPTH} deep", "a flatter function; divide it, or use tables")
+            raise element.error(
+                f"operations nested more than {MAX_DEPTH} deep",
+                "a flatter function; divide it, or use tables",
+            )
         self.depth += 1
         try:
             return self._value(element)
@@ -99,7 +122,10 @@ class Functions:
             return [Product(math.pi)]
         parts = _operands(element)
         if tag not in (*KNOWN, "interpolate1d"):
-            raise element.error(f"<{tag}> in a function", "an operation of JSBSim, such as <product>, <sum> or <table>")
+            raise element.error(
+                f"<{tag}> in a function",
+                "an operation of JSBSim, such as <product>, <sum> or <table>",
+            )
         if tag == "interpolate1d":
             return self._interpolated(element, parts)
         if not parts and tag not in NOT_COMPUTED:
@@ -129,7 +155,9 @@ class Functions:
         if name in _ENGINES:
             return Power(1.0, {_ENGINES[name]: 1})
         variable, sense = NORMALISED.get(name, ("", 1.0))
-        return Power(sense / self.travel[variable], {variable: 1}) if variable in self.travel else None
+        return (
+            Power(sense / self.travel[variable], {variable: 1}) if variable in self.travel else None
+        )
 
     def _unknown(self, name: str) -> str:
         if name in NORMALISED:
@@ -141,15 +169,22 @@ class Functions:
         """Return a function that is used by its name, its tables marked as shared."""
         if name not in self.known:
             if len(self.entered) > _DEEPEST:
-                raise self.named[name].error("functions that use each other", f"at most {_DEEPEST} of them in a row")
+                raise self.named[name].error(
+                    "functions that use each other", f"at most {_DEEPEST} of them in a row"
+                )
             if name in self.entered:
-                raise self.named[name].error(f"the function {name}, which uses itself", "functions that do not go round in a circle")
+                raise self.named[name].error(
+                    f"the function {name}, which uses itself",
+                    "functions that do not go round in a circle",
+                )
             self.entered.append(name)
             try:
                 found = self.products(self.named[name])
             finally:
                 self.entered.pop()
-            self.known[name] = [replace(part, tables=(), shared=part.shared + part.tables) for part in found]
+            self.known[name] = [
+                replace(part, tables=(), shared=part.shared + part.tables) for part in found
+            ]
         return self.known[name]
 
     def _axis(self, name: str) -> tuple[str, float]:
@@ -157,11 +192,15 @@ class Functions:
         power = self._power(name.lstrip("-"))
         if power is None:
             raise Unfit(f"a table over {name}: {self._unknown(name.lstrip('-'))}")
-        variables = {symbol: exponent for symbol, exponent in power.symbols.items() if symbol not in LENGTHS}
+        variables = {
+            symbol: exponent for symbol, exponent in power.symbols.items() if symbol not in LENGTHS
+        }
         if len(variables) != 1 or set(variables.values()) != {1}:
             raise Unfit(f"a table over {name}, which is no single variable of the model")
         (variable,) = variables
-        return variable, (-1.0 if name.startswith("-") else 1.0) * unit(variable) / (power.factor * length(power.symbols, self.sizes))
+        return variable, (-1.0 if name.startswith("-") else 1.0) * unit(variable) / (
+            power.factor * length(power.symbols, self.sizes)
+        )
 
     def _table(self, element: Element) -> xr.DataArray:
         """Return a table, axes from the outermost to the columns, in SI."""
@@ -182,12 +221,21 @@ class Functions:
     def _interpolated(self, element: Element, parts: Sequence[Element]) -> Sum:
         """Return ``<interpolate1d>`` over tables of the same axes as one table with an axis more."""
         if len(parts) < 5 or len(parts) % 2 == 0 or parts[0].tag not in ("property", "p"):
-            raise element.error(f"<interpolate1d> of {len(parts)} values", "a property, then at least two pairs of a number and a value")
+            raise element.error(
+                f"<interpolate1d> of {len(parts)} values",
+                "a property, then at least two pairs of a number and a value",
+            )
         points = np.array([part.number for part in parts[1::2]])
         if (np.diff(points) <= 0).any():
-            raise element.error("points of <interpolate1d> that do not rise", "points in rising order")
+            raise element.error(
+                "points of <interpolate1d> that do not rise", "points in rising order"
+            )
         tables = [_tabulated(self._expand(part)) for part in parts[2::2]]
-        if any(table.dims != tables[0].dims or not all(table[d].equals(tables[0][d]) for d in table.dims) for table in tables[1:]):
+        if any(
+            table.dims != tables[0].dims
+            or not all(table[d].equals(tables[0][d]) for d in table.dims)
+            for table in tables[1:]
+        ):
             raise Unfit("<interpolate1d> between tables of different axes")
         variable, scale = self._axis(parts[0].text)
         if variable in tables[0].dims:
@@ -222,7 +270,10 @@ _FIRST = 5  # breakpoints of an axis that no table has
 
 
 def sampled(
-    opaque: Sequence[OpaqueFactor], tables: Sequence[xr.DataArray], bound: float | None, box: Mapping[str, tuple[float, float]]
+    opaque: Sequence[OpaqueFactor],
+    tables: Sequence[xr.DataArray],
+    bound: float | None,
+    box: Mapping[str, tuple[float, float]],
 ) -> tuple[xr.DataArray, str]:
     """Return a product of functions and tables as one table, and a text that states how well.
 
@@ -240,12 +291,23 @@ def sampled(
     Unfit
         With what to do: no bound, no range of a variable, too many axes or nodes, or not finite.
     """
-    what = " x ".join([*(one.what for one in opaque), *(f"table({', '.join(map(str, table.dims))})" for table in tables)])
+    what = " x ".join(
+        [
+            *(one.what for one in opaque),
+            *(f"table({', '.join(map(str, table.dims))})" for table in tables),
+        ]
+    )
     if bound is None:
-        raise Unfit(f"{what} is no product of tables without common axes; give sample = largest difference to put it onto one table")
-    variables = sorted({str(d) for table in tables for d in table.dims}.union(*(one.variables for one in opaque)))
+        raise Unfit(
+            f"{what} is no product of tables without common axes; give sample = largest difference to put it onto one table"
+        )
+    variables = sorted(
+        {str(d) for table in tables for d in table.dims}.union(*(one.variables for one in opaque))
+    )
     if len(variables) > MAX_AXES:
-        raise Unfit(f"{what} depends on {', '.join(variables)}; a table has at most {MAX_AXES} axes")
+        raise Unfit(
+            f"{what} depends on {', '.join(variables)}; a table has at most {MAX_AXES} axes"
+        )
     leaves = [make(table.values, {str(d): table[d].values for d in table.dims}) for table in tables]
 
     def function(at: Mapping[str, np.ndarray]) -> np.ndarray:
@@ -255,7 +317,9 @@ def sampled(
         for one in opaque:
             found = found * one.value(at)
         if not np.isfinite(found).all():
-            raise Unfit(f"{what} is not finite inside its box; give box = {{variable: (low, high)}} to narrow it")
+            raise Unfit(
+                f"{what} is not finite inside its box; give box = {{variable: (low, high)}} to narrow it"
+            )
         return found
 
     try:
@@ -264,13 +328,21 @@ def sampled(
         raise Unfit(f"{what}: {error}") from None
     worst = difference(function, table)
     if worst > bound:
-        raise Unfit(f"{what} on {table.size} nodes differs by {worst:.2g}, more than {bound:.2g}; give a wider bound or a narrower box")
+        raise Unfit(
+            f"{what} on {table.size} nodes differs by {worst:.2g}, more than {bound:.2g}; give a wider bound or a narrower box"
+        )
     return table, f"{what} sampled on {table.size} nodes: largest difference seen {worst:.2g}"
 
 
-def _start(name: str, tables: Sequence[xr.DataArray], box: Mapping[str, tuple[float, float]]) -> np.ndarray:
+def _start(
+    name: str, tables: Sequence[xr.DataArray], box: Mapping[str, tuple[float, float]]
+) -> np.ndarray:
     """Return the breakpoints of all tables over an axis inside its range."""
-    points = np.unique(np.concatenate([table[name].values for table in tables if name in table.dims] or [np.array([])]))
+    points = np.unique(
+        np.concatenate(
+            [table[name].values for table in tables if name in table.dims] or [np.array([])]
+        )
+    )
     if name in box:
         low, high = box[name]
         points = np.union1d(points[(points > low) & (points < high)], [low, high])

@@ -1,7 +1,8 @@
-"""Sums of products of numbers, variables and tables: what functions of a JSBSim file are resolved into.
+"""Sums of products of numbers, variables and tables: what functions of a JSBSim file are resolved
+into.
 
-What is no product - a sine, a quotient of tables, a limiter - is kept as an `OpaqueFactor`, a factor that knows its variables and
-its value.
+What is no product - a sine, a quotient of tables, a limiter - is kept as an `OpaqueFactor`, a
+factor that knows its variables and its value.
 """
 
 from __future__ import annotations
@@ -40,7 +41,9 @@ class OpaqueFactor:
 
 @dataclass(frozen=True)
 class Product:
-    """A number times powers of symbols times tables times opaque; `shared` are tables of functions that are used by name."""
+    """A number times powers of symbols times tables times opaque; `shared` are tables of functions
+    that are used by name.
+    """
 
     factor: float = 1.0
     symbols: Mapping[str, int] = field(default_factory=dict)
@@ -73,7 +76,9 @@ class Product:
     def variables(self) -> frozenset[str]:
         """The model variables in it."""
         axes = {str(axis) for table in (*self.tables, *self.shared) for axis in table.dims}
-        return frozenset(axes | (set(self.symbols) - set(LENGTHS))).union(*(one.variables for one in self.opaque))
+        return frozenset(axes | (set(self.symbols) - set(LENGTHS))).union(
+            *(one.variables for one in self.opaque)
+        )
 
 
 Sum = list[Product]
@@ -111,7 +116,9 @@ def times(factor: float, parts: Sum) -> Sum:
 
 
 def magnitude(parts: Sum) -> Sum | None:
-    """Return the magnitude of a multiple of one variable as a table over all values it can take; None for anything else."""
+    """Return the magnitude of a multiple of one variable as a table over all values it can take;
+    None for anything else.
+    """
     if len(parts) != 1 or not parts[0].monomial:
         return None
     part = parts[0]
@@ -121,7 +128,12 @@ def magnitude(parts: Sum) -> Sum | None:
     if more or power != 1 or variable not in RANGE:
         return None
     points = np.unique([0.0, *RANGE[variable]])
-    return [Product(abs(part.factor), tables=(xr.DataArray(np.abs(points), {variable: points}, (variable,)),))]
+    return [
+        Product(
+            abs(part.factor),
+            tables=(xr.DataArray(np.abs(points), {variable: points}, (variable,)),),
+        )
+    ]
 
 
 def length(symbols: Mapping[str, int], sizes: Mapping[str, float]) -> float:
@@ -140,7 +152,9 @@ def _value(part: Product, at: Values, sizes: Mapping[str, float]) -> np.ndarray:
         if symbol not in LENGTHS:
             found = found * (np.asarray(at[symbol], float) / unit(symbol)) ** power
     for table in (*part.tables, *part.shared):
-        found = found * evaluate(make(table.values, {str(d): table[d].values for d in table.dims}), at, "clamp")
+        found = found * evaluate(
+            make(table.values, {str(d): table[d].values for d in table.dims}), at, "clamp"
+        )
     for one in part.opaque:
         found = found * one.value(at)
     return found
@@ -154,7 +168,11 @@ def _opaque(tag: str, sums: Sequence[Sum], sizes: Mapping[str, float]) -> Sum:
             return np.asarray(_CURVED[tag](*(value(parts, at, sizes) for parts in sums)), float)
 
     variables = frozenset().union(*(part.variables for parts in sums for part in parts))
-    return [Product(opaque=(OpaqueFactor(f"<{tag}>", variables, compute),))] if variables else [Product(float(compute({})))]
+    return (
+        [Product(opaque=(OpaqueFactor(f"<{tag}>", variables, compute),))]
+        if variables
+        else [Product(float(compute({})))]
+    )
 
 
 def _sum(sums: Sequence[Sum]) -> Sum:
@@ -175,13 +193,20 @@ def _quotient(sums: Sequence[Sum]) -> Sum | None:
     """Return a quotient by numbers and powers as a product."""
     if len(sums) != 2 or len(sums[1]) != 1 or not sums[1][0].monomial or sums[1][0].factor == 0.0:
         return None
-    below = Product(1.0 / sums[1][0].factor, {symbol: -power for symbol, power in sums[1][0].symbols.items()})
+    below = Product(
+        1.0 / sums[1][0].factor, {symbol: -power for symbol, power in sums[1][0].symbols.items()}
+    )
     return [part * below for part in sums[0]]
 
 
 def _power(sums: Sequence[Sum]) -> Sum | None:
     """Return a small whole power as a product."""
-    if len(sums) != 2 or len(sums[1]) != 1 or not sums[1][0].constant or sums[1][0].factor not in (1.0, 2.0, 3.0, 4.0):
+    if (
+        len(sums) != 2
+        or len(sums[1]) != 1
+        or not sums[1][0].constant
+        or sums[1][0].factor not in (1.0, 2.0, 3.0, 4.0)
+    ):
         return None
     return _product([sums[0]] * int(sums[1][0].factor))
 
@@ -239,6 +264,12 @@ _CURVED: dict[str, Callable] = {
 }
 NOT_COMPUTED = (
     *("random", "urandom", "mod", "fmod", "floor", "ceil", "switch"),
-    *("rotation_alpha_local", "rotation_beta_local", "rotation_gamma_local", "rotation_bf_to_wf", "rotation_wf_to_bf"),
+    *(
+        "rotation_alpha_local",
+        "rotation_beta_local",
+        "rotation_gamma_local",
+        "rotation_bf_to_wf",
+        "rotation_wf_to_bf",
+    ),
 )
 KNOWN = frozenset((*_EXACT, *_CURVED, *NOT_COMPUTED))

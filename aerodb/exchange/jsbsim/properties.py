@@ -1,11 +1,13 @@
-"""What JSBSim calls the model variables, and in which units: the tables that export and import share.
+"""What JSBSim calls the model variables, and in which units: the tables that export and import
+share.
 
-A property of JSBSim carries its unit in its name.  Here it is a number times powers of *symbols*: model variables and the
-reference quantities ``S``, ``cbar``, ``b``, each in the unit JSBSim computes with (`UNIT`; 1 where that is SI).  So the
-dynamic pressure and the reference quantities of a force cancel without a rounding.
+A property of JSBSim carries its unit in its name.  Here it is a number times powers of *symbols*:
+model variables and the reference quantities ``S``, ``cbar``, ``b``, each in the unit JSBSim
+computes with (`UNIT`; 1 where that is SI).  So the dynamic pressure and the reference quantities of
+a force cancel without a rounding.
 
-Where JSBSim has no property for a variable, an exported file defines a function ``aero/aeromatch/<variable>`` in SI, and
-the import knows it again.
+Where JSBSim has no property for a variable, an exported file defines a function
+``aero/aeromatch/<variable>`` in SI, and the import knows it again.
 """
 
 from __future__ import annotations
@@ -29,7 +31,12 @@ OWN = "aero/aeromatch/"
 COEFFICIENT = "aero/coefficient/"
 LIFT_SQUARED = "aero/cl-squared"  # of the lift of the step before and the present dynamic pressure
 ENGINE = re.compile(r"engine([1-9]\d*)\.(throttle|thrust)$")
-UNIT = {"V": FOOT, "h": FOOT, "qbar": PSF, "thrust": POUND_FORCE}  # SI per unit in which JSBSim computes, where they differ
+UNIT = {
+    "V": FOOT,
+    "h": FOOT,
+    "qbar": PSF,
+    "thrust": POUND_FORCE,
+}  # SI per unit in which JSBSim computes, where they differ
 RATES = {
     "phat": ("p", "b"),
     "qhat": ("q", "cbar"),
@@ -94,7 +101,9 @@ FUNCTION = {
 
 
 def unit(variable: str) -> float:
-    """Return the unit of JSBSim in which a variable stands, in SI; that of ``engine2.thrust`` is the one of ``thrust``."""
+    """Return the unit of JSBSim in which a variable stands, in SI; that of ``engine2.thrust`` is
+    the one of ``thrust``.
+    """
     return UNIT.get(variable.rsplit(".", 1)[-1], 1.0)
 
 
@@ -174,7 +183,10 @@ NORMALISED = {
 # all values a variable can take: within them a line or a magnitude is a table without any loss
 RANGE = {
     "beta": (-math.pi / 2, math.pi / 2),
-    **{name: (-math.pi, math.pi) for name in ("alpha", "phi", "delta_e", "delta_a", "delta_r", "delta_f")},
+    **{
+        name: (-math.pi, math.pi)
+        for name in ("alpha", "phi", "delta_e", "delta_a", "delta_r", "delta_f")
+    },
     "gear": (0.0, 1.0),
     "speedbrake": (0.0, 1.0),
 }
@@ -184,7 +196,9 @@ _LOOKUP = ("column", "row", "table", "axis4")  # from the last dimension backwar
 
 
 def factors(leaf: xr.Dataset, native: bool) -> list[ET.Element]:
-    """Return the factors of a term: its regressors and tables as elements of a product; `native` as in `table`."""
+    """Return the factors of a term: its regressors and tables as elements of a product; `native` as
+    in `table`.
+    """
     words = regressors(leaf)
     found = [_text("property", LIFT_SQUARED)] if words == ("CL", "CL") else []
     for word in () if found else words:
@@ -210,7 +224,8 @@ def table(values: xr.DataArray, native: bool) -> ET.Element:
     values : DataArray
         The nodes; coordinates in SI.
     native : bool
-        Four axes as a table of JSBSim 1.3.1; else as tables of three, interpolated over the first axis.
+        Four axes as a table of JSBSim 1.3.1; else as tables of three, interpolated over the first
+        axis.
     """
     if values.ndim == 0:
         return _text("value", repr(float(values)))
@@ -230,7 +245,9 @@ def table(values: xr.DataArray, native: bool) -> ET.Element:
 
 
 def reaching(leaf: xr.Dataset, reach: Mapping[str, tuple[float, float]]) -> xr.Dataset:
-    """Return a term that goes on linearly beyond its tables as one that holds, its tables continued to `reach`."""
+    """Return a term that goes on linearly beyond its tables as one that holds, its tables continued
+    to `reach`.
+    """
     if leaf.attrs.get("outside", "hold") == "hold":
         return leaf
     tables = {name: leaf[name] for name in ("value", "K1", "K2") if name in leaf}
@@ -243,13 +260,20 @@ def reaching(leaf: xr.Dataset, reach: Mapping[str, tuple[float, float]]) -> xr.D
 def _continued(values: xr.DataArray, axis: str, low: float, high: float) -> xr.DataArray:
     points = values[axis].values
     ends = [end for end in (low, high) if end < points[0] or end > points[-1]]
-    return values.interp({axis: np.union1d(points, ends)}, kwargs={"fill_value": "extrapolate"}) if ends else values
+    return (
+        values.interp({axis: np.union1d(points, ends)}, kwargs={"fill_value": "extrapolate"})
+        if ends
+        else values
+    )
 
 
 def _points(values: xr.DataArray, axis: str) -> np.ndarray:
     points = values[axis].values / unit(axis)
     if (np.diff(points) <= 0).any():
-        raise SchemaError("JSBSim table", [f"breakpoints of {axis} fall together in the unit of JSBSim; regrid the term"])
+        raise SchemaError(
+            "JSBSim table",
+            [f"breakpoints of {axis} fall together in the unit of JSBSim; regrid the term"],
+        )
     return points
 
 
@@ -263,7 +287,9 @@ def _blocks(parent: ET.Element, values: np.ndarray, points: list[np.ndarray]) ->
         if part.ndim > 2:
             _blocks(inner, part, points[1:])
         else:
-            inner.text = _lines([" ".join(repr(float(x)) for x in points[2]), *_rows(points[1], part)])
+            inner.text = _lines(
+                [" ".join(repr(float(x)) for x in points[2]), *_rows(points[1], part)]
+            )
 
 
 def _slices(values: xr.DataArray, points: np.ndarray) -> ET.Element:
@@ -298,7 +324,9 @@ _SAME = 1e-6  # relative: limits written with seven digits
 
 
 def stated_travel(control: Element) -> dict[str, float]:
-    """Return the angle at which a position counts 1, by variable, from the elements of a ``<flight_control>``. [rad]"""
+    """Return the angle at which a position counts 1, by variable, from the elements of a
+    ``<flight_control>``. [rad]
+    """
     found: dict[str, float] = {}
     for element in control.walk():
         if element.tag == "aerosurface_scale" and (angle := _angle(element)) is not None:
@@ -308,17 +336,30 @@ def stated_travel(control: Element) -> dict[str, float]:
 
 
 def _angle(scale: Element) -> tuple[str, float] | None:
-    """Return the variable that a scaling turns into a fraction, and its angle at 1; None for any other scaling."""
+    """Return the variable that a scaling turns into a fraction, and its angle at 1; None for any
+    other scaling.
+    """
     output, given, centred = (scale.first(tag) for tag in ("output", "input", "zero_centered"))
-    if output is None or given is None or output.text not in NORMALISED or given.text not in PROPERTY:
+    if (
+        output is None
+        or given is None
+        or output.text not in NORMALISED
+        or given.text not in PROPERTY
+    ):
         return None
     variable, _ = NORMALISED[output.text]
     symbols = PROPERTY[given.text].symbols
-    if symbols != {variable: 1} or (centred is not None and centred.text not in ("true", "1") and not _through_zero(scale)):
+    if symbols != {variable: 1} or (
+        centred is not None and centred.text not in ("true", "1") and not _through_zero(scale)
+    ):
         return None
     gain = scale.first("gain")
     domain, reach = _ends(scale, "domain"), _ends(scale, "range")
-    sides = [x / (y * (1.0 if gain is None else gain.number)) for x, y in zip(domain, reach) if x != 0.0 and y != 0.0]
+    sides = [
+        x / (y * (1.0 if gain is None else gain.number))
+        for x, y in zip(domain, reach)
+        if x != 0.0 and y != 0.0
+    ]
     if not sides or max(sides) - min(sides) > _SAME * abs(sides[0]) or sides[0] <= 0.0:
         return None
     return variable, sides[0] / abs(PROPERTY[given.text].factor)

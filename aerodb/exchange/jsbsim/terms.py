@@ -1,7 +1,8 @@
-"""Products to terms: what remains when dynamic pressure and reference quantities are taken off a force or moment.
+"""Products to terms: what remains when dynamic pressure and reference quantities are taken off a
+force or moment.
 
-A rate over the airspeed becomes the reduced rate, p b/2V; a rate alone stays one, except those of the flow
-angles, which exist reduced only: alpha_dot = alphadothat * 2V/cbar.
+A rate over the airspeed becomes the reduced rate, p b/2V; a rate alone stays one, except those of
+the flow angles, which exist reduced only: alpha_dot = alphadothat * 2V/cbar.
 """
 
 from __future__ import annotations
@@ -14,7 +15,14 @@ from functools import partial
 import numpy as np
 import xarray as xr
 
-from aerodb.exchange.jsbsim.products import LENGTHS, MOST_NODES, OpaqueFactor, Product, Unfit, length
+from aerodb.exchange.jsbsim.products import (
+    LENGTHS,
+    MOST_NODES,
+    OpaqueFactor,
+    Product,
+    Unfit,
+    length,
+)
 from aerodb.exchange.jsbsim.properties import AXIS, ENGINE, FUNCTION, RANGE, RATES, unit
 from aerodb.exchange.xml_reader import Element
 from flightmech.terms import MAX_AXES, MAX_REGRESSORS, make
@@ -23,18 +31,25 @@ _PLACES = ("axis4", "table", "row", "column")
 
 
 def read_table(element: Element) -> tuple[list[str], list[np.ndarray], np.ndarray]:
-    """Return the properties, breakpoints and nodes of a ``<table>``, axes from the outermost to the columns."""
+    """Return the properties, breakpoints and nodes of a ``<table>``, axes from the outermost to the
+    columns.
+    """
     axes = element.all("independentVar")
     data = element.all("tableData")
     if not axes or not data:
-        raise element.error("a table without independentVar or tableData", "a table over at least one property")
+        raise element.error(
+            "a table without independentVar or tableData", "a table over at least one property"
+        )
     if len(axes) == 1:
         points, values = _columns(data[0])
         return [axes[0].text], [points], values
     places = [axis.attributes.get("lookup", "") for axis in axes]
     order = list(_PLACES[-len(axes) :])
     if sorted(places) != sorted(order):
-        raise axes[0].error(f"lookup {' '.join(places)!r} for {len(axes)} axes", f"lookup {' '.join(order)!r}, each once")
+        raise axes[0].error(
+            f"lookup {' '.join(places)!r} for {len(axes)} axes",
+            f"lookup {' '.join(order)!r}, each once",
+        )
     names = {place: axis.text for place, axis in zip(places, axes)}
     grid, values = _block(element, len(axes))
     return [names[place] for place in order], grid, values
@@ -57,15 +72,24 @@ def _stack(data: list[Element], axes: int, parent: Element) -> tuple[list[np.nda
     for item, low, high in zip(data[1:], points, points[1:]):
         if high <= low:
             raise item.error(f"breakPoint {high:g} after {low:g}", "breakpoints in rising order")
-    blocks = [_rows(item) if axes == 3 else _stack(item.all("tableData"), axes - 1, item) for item in data]
+    blocks = [
+        _rows(item) if axes == 3 else _stack(item.all("tableData"), axes - 1, item) for item in data
+    ]
     grid = [np.unique(np.concatenate(points)) for points in zip(*(own for own, _ in blocks))]
     if len(blocks) * math.prod(map(len, grid)) > MOST_NODES:
-        raise parent.error("blocks with breakpoints of their own, all together too many", f"a table of up to {MOST_NODES} nodes")
-    return [np.array(points), *grid], np.stack([_regridded(values, own, grid) for own, values in blocks])
+        raise parent.error(
+            "blocks with breakpoints of their own, all together too many",
+            f"a table of up to {MOST_NODES} nodes",
+        )
+    return [np.array(points), *grid], np.stack(
+        [_regridded(values, own, grid) for own, values in blocks]
+    )
 
 
 def _regridded(values: np.ndarray, own: list[np.ndarray], grid: list[np.ndarray]) -> np.ndarray:
-    """Return a block on the breakpoints of all blocks: the same function, for it is linear between its own and held beyond."""
+    """Return a block on the breakpoints of all blocks: the same function, for it is linear between
+    its own and held beyond.
+    """
     for position, (points, wanted) in enumerate(zip(own, grid)):
         if len(points) != len(wanted):
             values = np.apply_along_axis(partial(np.interp, wanted, points), position, values)
@@ -88,7 +112,11 @@ def _columns(data: Element) -> tuple[np.ndarray, np.ndarray]:
     lines = data.numbers()
     for line, numbers in lines:
         if len(numbers) != 2:
-            raise data.error(f"{len(numbers)} numbers", "a breakpoint and a value in each line of a table of one axis", line)
+            raise data.error(
+                f"{len(numbers)} numbers",
+                "a breakpoint and a value in each line of a table of one axis",
+                line,
+            )
     if len(lines) < 2:
         raise data.error(f"a table of {len(lines)} breakpoints", "at least two")
     pairs = np.array([numbers for _, numbers in lines])
@@ -100,12 +128,19 @@ def _rows(data: Element) -> tuple[list[np.ndarray], np.ndarray]:
     """Return breakpoints of rows and columns, and nodes, of a table of two axes."""
     lines = data.numbers()
     if len(lines) < 3 or len(lines[0][1]) < 2:
-        raise data.error(f"a table of {max(len(lines) - 1, 0)} rows", "a line of column breakpoints, then at least two rows")
+        raise data.error(
+            f"a table of {max(len(lines) - 1, 0)} rows",
+            "a line of column breakpoints, then at least two rows",
+        )
     head = lines[0][1]
     _rising(data, head, [lines[0][0]] * len(head))
     for line, numbers in lines[1:]:
         if len(numbers) != len(head) + 1:
-            raise data.error(f"{len(numbers)} numbers", f"a row breakpoint and {len(head)} values, one to a column", line)
+            raise data.error(
+                f"{len(numbers)} numbers",
+                f"a row breakpoint and {len(head)} values, one to a column",
+                line,
+            )
     rows = np.array([numbers for _, numbers in lines[1:]])
     _rising(data, rows[:, 0], [line for line, _ in lines[1:]])
     return [rows[:, 0], head], rows[:, 1:]
@@ -113,16 +148,28 @@ def _rows(data: Element) -> tuple[list[np.ndarray], np.ndarray]:
 
 def _rising(data: Element, points: np.ndarray, lines: Sequence[int]) -> None:
     for at in np.flatnonzero(np.diff(points) <= 0).tolist():
-        raise data.error(f"breakpoint {points[at + 1]:g} after {points[at]:g}", "breakpoints in rising order", lines[at + 1])
+        raise data.error(
+            f"breakpoint {points[at + 1]:g} after {points[at]:g}",
+            "breakpoints in rising order",
+            lines[at + 1],
+        )
 
 
 _MOST_TABLES = 3
-_HIGHEST = 2 * MAX_REGRESSORS  # power of a symbol; dynamic pressure and lengths may stand next to regressors
+_HIGHEST = (
+    2 * MAX_REGRESSORS
+)  # power of a symbol; dynamic pressure and lengths may stand next to regressors
 _KNOWN = {*AXIS, *FUNCTION, "CL"}
 Sampler = Callable[[list[OpaqueFactor], list[xr.DataArray]], tuple[xr.DataArray, str]]
 
 
-def leaf(product: Product, per: Mapping[str, int], sizes: Mapping[str, float], sampler: Sampler, **text: str) -> xr.Dataset:
+def leaf(
+    product: Product,
+    per: Mapping[str, int],
+    sizes: Mapping[str, float],
+    sampler: Sampler,
+    **text: str,
+) -> xr.Dataset:
     """Return a product of a force, a moment or a coefficient as a term.
 
     Parameters
@@ -130,11 +177,13 @@ def leaf(product: Product, per: Mapping[str, int], sizes: Mapping[str, float], s
     product : Product
         One product of a function of the file.
     per : mapping of str to int
-        Powers by which a coefficient is multiplied there: ``{"qbar": 1, "S": 1, "b": 1}`` for a rolling moment.
+        Powers by which a coefficient is multiplied there: ``{"qbar": 1, "S": 1, "b": 1}`` for a
+        rolling moment.
     sizes : mapping of str to float
         ``S``, ``cbar``, ``b`` in square feet and feet.
     sampler : callable
-        Makes one table of what is none and of the tables that share axes with it, or with each other; or raises `Unfit`.
+        Makes one table of what is none and of the tables that share axes with it, or with each
+        other; or raises `Unfit`.
     **text : str
         Attributes of the leaf.
 
@@ -147,7 +196,9 @@ def leaf(product: Product, per: Mapping[str, int], sizes: Mapping[str, float], s
     tables, note = _tables(product, sampler)
     tables += _lines(words, tables)
     if len(words) > MAX_REGRESSORS:
-        raise Unfit(f"{' x '.join(words)}: more than {MAX_REGRESSORS} regressors, and none of them bounded so that it could be an axis")
+        raise Unfit(
+            f"{' x '.join(words)}: more than {MAX_REGRESSORS} regressors, and none of them bounded so that it could be an axis"
+        )
     tables = _merged(tables)
     for axis in sorted(str(axis) for table in tables for axis in table.dims):
         _demand_known(axis)
@@ -159,8 +210,12 @@ def leaf(product: Product, per: Mapping[str, int], sizes: Mapping[str, float], s
     return found.assign_attrs(text)
 
 
-def _regressors(product: Product, per: Mapping[str, int], sizes: Mapping[str, float]) -> tuple[float, list[str]]:
-    """Return the number and the regressors that are left when the reference quantities are taken off."""
+def _regressors(
+    product: Product, per: Mapping[str, int], sizes: Mapping[str, float]
+) -> tuple[float, list[str]]:
+    """Return the number and the regressors that are left when the reference quantities are taken
+    off.
+    """
     symbols = Counter(product.symbols)
     symbols.subtract(per)
     if symbols["qbar"] < 0:
@@ -205,8 +260,13 @@ def _tables(product: Product, sampler: Sampler) -> tuple[list[xr.DataArray], str
     """Return tables without common axes, and what was sampled."""
     tables = [*product.tables, *product.shared]
     counts = Counter(str(axis) for table in tables for axis in table.dims)
-    clash = {axis for axis, count in counts.items() if count > 1}.union(*(one.variables for one in product.opaque))
-    while more := {str(axis) for table in tables if clash & set(table.dims) for axis in table.dims} - clash:
+    clash = {axis for axis, count in counts.items() if count > 1}.union(
+        *(one.variables for one in product.opaque)
+    )
+    while (
+        more := {str(axis) for table in tables if clash & set(table.dims) for axis in table.dims}
+        - clash
+    ):
         clash |= more
     inside = [table for table in tables if clash & set(table.dims)]
     if not inside and not product.opaque:
@@ -216,10 +276,15 @@ def _tables(product: Product, sampler: Sampler) -> tuple[list[xr.DataArray], str
 
 
 def _lines(words: list[str], tables: list[xr.DataArray]) -> list[xr.DataArray]:
-    """Take regressors too many off `words` and return them as tables: lines over all values the variable can take."""
+    """Take regressors too many off `words` and return them as tables: lines over all values the
+    variable can take.
+    """
     found = []
     taken = {str(axis) for table in tables for axis in table.dims}
-    for name in sorted(set(words) & set(RANGE), key=lambda name: (name not in ("gear", "speedbrake", "delta_f"), name)):
+    for name in sorted(
+        set(words) & set(RANGE),
+        key=lambda name: (name not in ("gear", "speedbrake", "delta_f"), name),
+    ):
         if len(words) > MAX_REGRESSORS and words.count(name) == 1 and name not in taken:
             words.remove(name)
             ends = list(RANGE[name])
@@ -228,12 +293,17 @@ def _lines(words: list[str], tables: list[xr.DataArray]) -> list[xr.DataArray]:
 
 
 def _merged(tables: list[xr.DataArray]) -> list[xr.DataArray]:
-    """Return at most three tables: the smallest ones multiplied out, which is exact because they have no axis in common."""
+    """Return at most three tables: the smallest ones multiplied out, which is exact because they
+    have no axis in common.
+    """
     tables = list(tables)
     while len(tables) > _MOST_TABLES:
         small = sorted(range(len(tables)), key=lambda i: (tables[i].ndim, tables[i].size))[:2]
         first, second = sorted(small)
-        if tables[first].ndim + tables[second].ndim > MAX_AXES or tables[first].size * tables[second].size > MOST_NODES:
+        if (
+            tables[first].ndim + tables[second].ndim > MAX_AXES
+            or tables[first].size * tables[second].size > MOST_NODES
+        ):
             raise Unfit(f"a product of {len(tables)} tables")
         tables[first] = tables[first] * tables.pop(second)
     return tables

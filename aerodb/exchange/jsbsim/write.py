@@ -1,7 +1,7 @@
 """A database and its aircraft as a flight model of JSBSim: one XML file that it loads and flies.
 
-Every term is a function ``aero/coefficient/CL/gear`` below its axis: dynamic pressure times area (times chord or span)
-times regressors times tables.  Force axes:
+Every term is a function ``aero/coefficient/CL/gear`` below its axis: dynamic pressure times area
+(times chord or span) times regressors times tables.  Force axes:
 
 ==========  ==================================================================================================
 stability   ``X``, ``Y``, ``Z`` with ``frame="STABILITY"``, in which JSBSim takes +CD as X and +CL as Z
@@ -9,8 +9,8 @@ wind        ``DRAG``, ``SIDE``, ``LIFT``
 body        ``X``, ``Y``, ``Z`` with ``frame="BODY"``, as they are
 ==========  ==================================================================================================
 
-Moments are body axes about ``AERORP``, the moment reference point.  JSBSim holds tables beyond their ends, as terms with
-``outside`` = ``hold`` do.
+Moments are body axes about ``AERORP``, the moment reference point.  JSBSim holds tables beyond
+their ends, as terms with ``outside`` = ``hold`` do.
 """
 
 from __future__ import annotations
@@ -23,7 +23,17 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import xarray as xr
 
-from aerodb.exchange.jsbsim.properties import AXIS, COEFFICIENT, FUNCTION, OWN, REGRESSOR, factors, reaching, throttle, thrust
+from aerodb.exchange.jsbsim.properties import (
+    AXIS,
+    COEFFICIENT,
+    FUNCTION,
+    OWN,
+    REGRESSOR,
+    factors,
+    reaching,
+    throttle,
+    thrust,
+)
 from aerodb.store.schema import HINGE, require, terms
 from flightmech.aircraft.aircraft import Aircraft, reference_in
 from flightmech.aircraft.engine import Engine
@@ -34,7 +44,8 @@ from flightmech.units import FOOT, INCH, POUND, POUND_FORCE, SLUG
 
 _SLUGFT2 = SLUG * FOOT**2
 
-# control: command and position; a positive aileron command rolls right, delta_a, delta_d and delta_s roll left
+# control: command and position; a positive aileron command rolls right, delta_a, delta_d and
+# delta_s roll left
 _SURFACES = {
     "delta_e": ("fcs/elevator-cmd-norm", AXIS["delta_e"]),
     "delta_r": ("fcs/rudder-cmd-norm", AXIS["delta_r"]),
@@ -55,15 +66,24 @@ _DEFAULT = {"gear": (0.0, 1.0), "speedbrake": (0.0, 1.0)}
 def header(root: ET.Element, attributes: Mapping) -> None:
     """Write title, source and history of the database."""
     head = ET.SubElement(root, "fileheader")
-    for tag, key in (("author", "source"), ("description", "title"), ("note", "comment"), ("note", "history")):
+    for tag, key in (
+        ("author", "source"),
+        ("description", "title"),
+        ("note", "comment"),
+        ("note", "history"),
+    ):
         if attributes.get(key):
             ET.SubElement(head, tag).text = str(attributes[key])
     if attributes.get("references"):
-        ET.SubElement(head, "reference", author="", date="", title=str(attributes["references"]), refID="1")
+        ET.SubElement(
+            head, "reference", author="", date="", title=str(attributes["references"]), refID="1"
+        )
 
 
 def body(root: ET.Element, aircraft: Aircraft) -> None:
-    """Write geometry and mass; products of inertia change sign with x and z, which point the other way in structural axes."""
+    """Write geometry and mass; products of inertia change sign with x and z, which point the other
+    way in structural axes.
+    """
     metrics = ET.SubElement(root, "metrics")
     _number(metrics, "wingarea", aircraft.S / FOOT**2, "FT2")
     _number(metrics, "wingspan", aircraft.b / FOOT, "FT")
@@ -93,7 +113,13 @@ def propulsion(root: ET.Element, aircraft: Aircraft) -> None:
             ET.SubElement(direction, name).text = repr(float(component))
 
 
-def flight_control(root: ET.Element, aircraft: Aircraft, used: Collection[str], thrusts: Mapping[str, xr.Dataset], native: bool) -> None:
+def flight_control(
+    root: ET.Element,
+    aircraft: Aircraft,
+    used: Collection[str],
+    thrusts: Mapping[str, xr.Dataset],
+    native: bool,
+) -> None:
     """Write how commands move the surfaces that the model uses, and the `thrusts` of the engines."""
     control = ET.SubElement(root, "flight_control", name=aircraft.name)
     for number, engine in enumerate(aircraft.engines, 1):
@@ -114,11 +140,19 @@ def flight_control(root: ET.Element, aircraft: Aircraft, used: Collection[str], 
     for number, engine in enumerate(aircraft.engines, 1):
         name = f"engine{number}"
         if engine.thrust is not None:
-            _engine(ET.SubElement(control, "channel", name=name), name, thrusts[f"{name}/thrust"], engine, native)
+            _engine(
+                ET.SubElement(control, "channel", name=name),
+                name,
+                thrusts[f"{name}/thrust"],
+                engine,
+                native,
+            )
 
 
 def missing_limits(aircraft: Aircraft, used: Collection[str]) -> list[str]:
-    """Return a problem for every control that the model uses and whose travel is not known; a tab needs none."""
+    """Return a problem for every control that the model uses and whose travel is not known; a tab
+    needs none.
+    """
     controls = [name for name in (*_SURFACES, "delta_a") if name in used]
     return [
         f"{name} has no limits in the aircraft file, which scale its command; add [limits] {name} = [low, high]"
@@ -128,7 +162,9 @@ def missing_limits(aircraft: Aircraft, used: Collection[str]) -> list[str]:
 
 
 def engine_terms(aircraft: Aircraft) -> dict[str, xr.Dataset]:
-    """Return the static thrust of the engines as terms, ``engine1/thrust``, their lever called ``engine1.throttle``."""
+    """Return the static thrust of the engines as terms, ``engine1/thrust``, their lever called
+    ``engine1.throttle``.
+    """
     found = {}
     for number, engine in enumerate(aircraft.engines, 1):
         if engine.thrust is not None:
@@ -141,17 +177,33 @@ def engine_terms(aircraft: Aircraft) -> dict[str, xr.Dataset]:
 
 def function_fields(aircraft: Aircraft) -> dict[str, object]:
     """Return what the functions for variables that JSBSim has not take from the aircraft."""
-    thrusts = "".join(f"<property>{thrust(number)}</property>" for number in range(1, len(aircraft.engines) + 1))
-    return {"x_ref_mac": aircraft.x_ref_mac, "chords_per_inch": INCH / aircraft.cbar, "thrusts": thrusts}
+    thrusts = "".join(
+        f"<property>{thrust(number)}</property>" for number in range(1, len(aircraft.engines) + 1)
+    )
+    return {
+        "x_ref_mac": aircraft.x_ref_mac,
+        "chords_per_inch": INCH / aircraft.cbar,
+        "thrusts": thrusts,
+    }
 
 
 def _limits(aircraft: Aircraft, name: str) -> tuple[float, float]:
     return aircraft.limits.get(name) or _DEFAULT[name]
 
 
-def _surface(channel: ET.Element, command: str, position: str, limits: tuple[float, float], one_sided: bool = False) -> None:
-    """Write the scaling of a command: 0 ... 1 from the low to the high limit, or -1 ... 1 with zero at zero."""
-    scale = ET.SubElement(channel, "aerosurface_scale", name=f"{position.split('/')[1].split('-pos')[0]}-travel")
+def _surface(
+    channel: ET.Element,
+    command: str,
+    position: str,
+    limits: tuple[float, float],
+    one_sided: bool = False,
+) -> None:
+    """Write the scaling of a command: 0 ... 1 from the low to the high limit, or -1 ... 1 with zero
+    at zero.
+    """
+    scale = ET.SubElement(
+        channel, "aerosurface_scale", name=f"{position.split('/')[1].split('-pos')[0]}-travel"
+    )
     ET.SubElement(scale, "input").text = command
     if one_sided:
         _pair(scale, "domain", (0.0, 1.0))
@@ -168,7 +220,9 @@ def _pair(parent: ET.Element, tag: str, pair: tuple[float, float]) -> None:
 
 def _engine(channel: ET.Element, name: str, leaf: xr.Dataset, engine: Engine, native: bool) -> None:
     """Write the static thrust of an engine and its lag."""
-    function = ET.SubElement(ET.SubElement(channel, "fcs_function", name=f"fcs/{name}-static-thrust-lbs"), "function")
+    function = ET.SubElement(
+        ET.SubElement(channel, "fcs_function", name=f"fcs/{name}-static-thrust-lbs"), "function"
+    )
     product = ET.SubElement(function, "product")
     _child(product, "value", repr(1.0 / POUND_FORCE))
     product.extend(factors(leaf, native))
@@ -179,10 +233,16 @@ def _engine(channel: ET.Element, name: str, leaf: xr.Dataset, engine: Engine, na
     _child(follower, "output", f"fcs/{name}-thrust-lbs")
 
 
-def _location(parent: ET.Element, aircraft: Aircraft, position: tuple[float, float, float], name: str = "") -> None:
-    """Write a point that is `position` from the moment reference point, body axes, in structural axes."""
+def _location(
+    parent: ET.Element, aircraft: Aircraft, position: tuple[float, float, float], name: str = ""
+) -> None:
+    """Write a point that is `position` from the moment reference point, body axes, in structural
+    axes.
+    """
     location = ET.SubElement(parent, "location", {**({"name": name} if name else {}), "unit": "IN"})
-    for axis, sign, origin, offset in zip("xyz", (-1.0, 1.0, -1.0), reference_in(aircraft, {}), position):
+    for axis, sign, origin, offset in zip(
+        "xyz", (-1.0, 1.0, -1.0), reference_in(aircraft, {}), position
+    ):
         _child(location, axis, repr(sign * (origin + offset) / INCH))
 
 
@@ -200,7 +260,11 @@ AXES = {
     "wind": {"CD": ("DRAG", ""), "CY": ("SIDE", ""), "CL": ("LIFT", "")},
     "body": {"CX": ("X", "BODY"), "CY": ("Y", "BODY"), "CZ": ("Z", "BODY")},
 }
-MOMENTS = {"Cl": ("ROLL", "metrics/bw-ft"), "Cm": ("PITCH", "metrics/cbarw-ft"), "Cn": ("YAW", "metrics/bw-ft")}
+MOMENTS = {
+    "Cl": ("ROLL", "metrics/bw-ft"),
+    "Cm": ("PITCH", "metrics/cbarw-ft"),
+    "Cn": ("YAW", "metrics/bw-ft"),
+}
 _AGREE = 1e-6  # relative: what a unit conversion and a netCDF round trip may change
 _NEAR = 1e-4  # of the chord: two places of the moment reference that count as one
 
@@ -222,19 +286,22 @@ def export_jsbsim(
     path : path
         The XML file, such as ``aircraft/t37/t37.xml``.
     aircraft : Aircraft
-        Geometry, mass and engines; the ``limits`` scale the commands of -1 ... 1 (flaps 0 ... 1) to deflections.  A tab without
-        limits has no command: its position, ``fcs/elevator-tab-pos-rad`` and the like, is set directly.
+        Geometry, mass and engines; the ``limits`` scale the commands of -1 ... 1 (flaps 0 ... 1) to
+        deflections.  A tab without limits has no command: its position,
+        ``fcs/elevator-tab-pos-rad`` and the like, is set directly.
     jsbsim_min : str
-        Oldest JSBSim that shall load the file; below 1.3.1 a table of four axes is written as interpolated tables of three.
+        Oldest JSBSim that shall load the file; below 1.3.1 a table of four axes is written as
+        interpolated tables of three.
     reach : mapping of str to (low, high), optional
-        Range per axis to which terms with ``outside`` = ``linear`` are continued by added breakpoints; without it they are
-        refused, because JSBSim holds tables beyond their ends. [SI]
+        Range per axis to which terms with ``outside`` = ``linear`` are continued by added
+        breakpoints; without it they are refused, because JSBSim holds tables beyond their ends.
+        [SI]
 
     Raises
     ------
     SchemaError
-        With all problems: faults of the database, a geometry that is not the aircraft's, terms that JSBSim cannot compute, a
-        control without limits.
+        With all problems: faults of the database, a geometry that is not the aircraft's, terms that
+        JSBSim cannot compute, a control without limits.
 
     Notes
     -----
@@ -256,7 +323,10 @@ def export_jsbsim(
     problems += missing_limits(aircraft, used)
     if problems:
         raise SchemaError(f"JSBSim model of {aircraft.name}", problems)
-    leaves, thrusts = ({name: reaching(leaf, reach or {}) for name, leaf in found.items()} for found in (leaves, thrusts))
+    leaves, thrusts = (
+        {name: reaching(leaf, reach or {}) for name, leaf in found.items()}
+        for found in (leaves, thrusts)
+    )
 
     root = ET.Element("fdm_config", name=aircraft.name, version="2.0", release="BETA")
     header(root, db.attrs)
@@ -275,10 +345,18 @@ def export_jsbsim(
         ET.ElementTree(root).write(part, encoding="utf-8", xml_declaration=True)
 
 
-def _leaf_problems(leaf: xr.Dataset, aircraft: Aircraft, reach: Mapping[str, tuple[float, float]]) -> list[str]:
-    engines = [f"engine{number}.{kind}" for number in range(1, len(aircraft.engines) + 1) for kind in ("throttle", "thrust")]
+def _leaf_problems(
+    leaf: xr.Dataset, aircraft: Aircraft, reach: Mapping[str, tuple[float, float]]
+) -> list[str]:
+    engines = [
+        f"engine{number}.{kind}"
+        for number in range(1, len(aircraft.engines) + 1)
+        for kind in ("throttle", "thrust")
+    ]
     known = {*AXIS, *REGRESSOR, *FUNCTION, *engines} - ({"CT"} if not engines else set())
-    if regressors(leaf) == ("CL", "CL") and "CL" not in leaf.dims:  # the one way in which JSBSim knows the lift
+    if (
+        regressors(leaf) == ("CL", "CL") and "CL" not in leaf.dims
+    ):  # the one way in which JSBSim knows the lift
         known.add("CL")
     problems = [
         f"{variable} is nothing that JSBSim knows or that can be computed from what it knows; leave the term out (aerodb.delete_terms)"
@@ -307,12 +385,16 @@ def _disagreements(db: xr.DataTree, aircraft: Aircraft) -> list[str]:
     ]
     for name, own in zip(("x_ref", "y_ref", "z_ref"), reference_in(aircraft, db.attrs)):
         if not np.isclose(db.attrs[name], own, rtol=_AGREE, atol=_NEAR * aircraft.cbar):
-            problems.append(f"{name} is {db.attrs[name]:.6g} m in the database and {own:.6g} m in the aircraft; move the moment reference")
+            problems.append(
+                f"{name} is {db.attrs[name]:.6g} m in the database and {own:.6g} m in the aircraft; move the moment reference"
+            )
     return problems
 
 
 def _needs_function(variable: str, leaf: xr.Dataset) -> bool:
-    """Return whether a term looks up, or multiplies by, a variable that JSBSim has not as a property."""
+    """Return whether a term looks up, or multiplies by, a variable that JSBSim has not as a
+    property.
+    """
     return variable in leaf.dims or (variable in regressors(leaf) and variable not in REGRESSOR)
 
 
@@ -323,29 +405,49 @@ def _own_function(variable: str, aircraft: Aircraft) -> ET.Element:
     return function
 
 
-def _axes(aerodynamics: ET.Element, leaves: Mapping[str, xr.Dataset], force_axes: str, native: bool) -> None:
+def _axes(
+    aerodynamics: ET.Element, leaves: Mapping[str, xr.Dataset], force_axes: str, native: bool
+) -> None:
     for coefficient, (name, frame) in AXES[force_axes].items():
-        axis = ET.SubElement(aerodynamics, "axis", {"name": name, **({"frame": frame} if frame else {})})
+        axis = ET.SubElement(
+            aerodynamics, "axis", {"name": name, **({"frame": frame} if frame else {})}
+        )
         _functions(axis, coefficient, leaves, [], native)
     for coefficient, (name, length) in MOMENTS.items():
-        _functions(ET.SubElement(aerodynamics, "axis", name=name), coefficient, leaves, [length], native)
+        _functions(
+            ET.SubElement(aerodynamics, "axis", name=name), coefficient, leaves, [length], native
+        )
 
 
-def _functions(axis: ET.Element, coefficient: str, leaves: Mapping[str, xr.Dataset], lengths: list[str], native: bool) -> None:
+def _functions(
+    axis: ET.Element,
+    coefficient: str,
+    leaves: Mapping[str, xr.Dataset],
+    lengths: list[str],
+    native: bool,
+) -> None:
     for name, leaf in leaves.items():
         if name.split("/")[0] == coefficient:
-            scale = [_text("property", word) for word in ("aero/qbar-psf", "metrics/Sw-sqft", *lengths)]
+            scale = [
+                _text("property", word) for word in ("aero/qbar-psf", "metrics/Sw-sqft", *lengths)
+            ]
             _function(axis, name, leaf, [*scale, *factors(leaf, native)])
 
 
-def _hinge_moments(aerodynamics: ET.Element, leaves: Mapping[str, xr.Dataset], native: bool) -> None:
-    """Write hinge-moment coefficients: functions that JSBSim evaluates after the forces and that act on nothing."""
+def _hinge_moments(
+    aerodynamics: ET.Element, leaves: Mapping[str, xr.Dataset], native: bool
+) -> None:
+    """Write hinge-moment coefficients: functions that JSBSim evaluates after the forces and that
+    act on nothing.
+    """
     for name, leaf in leaves.items():
         if name.split("/")[0] in HINGE:
             _function(aerodynamics, name, leaf, factors(leaf, native), type="post")
 
 
-def _function(parent: ET.Element, name: str, leaf: xr.Dataset, parts: list[ET.Element], **attributes: str) -> None:
+def _function(
+    parent: ET.Element, name: str, leaf: xr.Dataset, parts: list[ET.Element], **attributes: str
+) -> None:
     parent.append(ET.Comment(f" {_remark(leaf).replace('--', '- -')} "))
     function = ET.SubElement(parent, "function", {"name": COEFFICIENT + name, **attributes})
     if leaf.attrs.get("comment"):
@@ -354,13 +456,19 @@ def _function(parent: ET.Element, name: str, leaf: xr.Dataset, parts: list[ET.El
 
 
 def _remark(leaf: xr.Dataset) -> str:
-    """Return in one line what the term is, where its nodes come from and how far they can be trusted."""
+    """Return in one line what the term is, where its nodes come from and how far they can be
+    trusted.
+    """
     words = [" x ".join((*regressors(leaf), f"table({', '.join(map(str, leaf['value'].dims))})"))]
     if "source" in leaf:
         flags, counts = np.unique(leaf["source"].values, return_counts=True)
-        words.append("nodes: " + ", ".join(f"{SOURCES[flag]} {count}" for flag, count in zip(flags, counts)))
+        words.append(
+            "nodes: " + ", ".join(f"{SOURCES[flag]} {count}" for flag, count in zip(flags, counts))
+        )
     if "stderr" in leaf:
-        words.append(f"standard error {leaf['stderr'].values.min():.3g} ... {leaf['stderr'].values.max():.3g}")
+        words.append(
+            f"standard error {leaf['stderr'].values.min():.3g} ... {leaf['stderr'].values.max():.3g}"
+        )
     words += [str(leaf.attrs[key]) for key in ("references", "history") if leaf.attrs.get(key)]
     return _line("; ".join(words))
 

@@ -1,7 +1,9 @@
-"""CSV files with facts in comment lines: ``# key: text`` and ``# key = number`` before a header row with units in brackets.
+"""CSV files with facts in comment lines: ``# key: text`` and ``# key = number`` before a header row
+with units in brackets.
 
-A text of several lines takes several comment lines with the same key; a backslash or a control character is written ``\\\\uXXXX``.
-Numbers are written with all their digits, so that reading gives the same ones.
+A text of several lines takes several comment lines with the same key; a backslash or a control
+character is written ``\\\\uXXXX``. Numbers are written with all their digits, so that reading gives
+the same ones.
 """
 
 from __future__ import annotations
@@ -26,12 +28,18 @@ _WITHOUT = "_without"  # words: usual attributes that a variable lacks
 
 
 def flat(leaf: xr.Dataset) -> dict[str, str | int | float]:
-    """Return the attributes of a leaf, and as ``variable.key`` those of its variables that the vocabulary does not give."""
+    """Return the attributes of a leaf, and as ``variable.key`` those of its variables that the
+    vocabulary does not give.
+    """
     found = {str(key): item for key, item in leaf.attrs.items()}
     missing = []
     for name, variable in leaf.variables.items():
         usual = _usual(str(name))
-        found |= {f"{name}.{key}": item for key, item in variable.attrs.items() if usual.get(str(key)) != item}
+        found |= {
+            f"{name}.{key}": item
+            for key, item in variable.attrs.items()
+            if usual.get(str(key)) != item
+        }
         missing += [f"{name}.{key}" for key in usual if key not in variable.attrs]
     return {**found, _WITHOUT: " ".join(missing)} if missing else found
 
@@ -42,7 +50,11 @@ def dressed(leaf: xr.Dataset, facts: Facts) -> xr.Dataset:
     missing = str(facts.get(_WITHOUT, "")).split()
     found.attrs = {key: item for key, item in facts.items() if "." not in key and key != _WITHOUT}
     for name in map(str, leaf.variables):
-        own = {key.removeprefix(f"{name}."): item for key, item in facts.items() if key.startswith(f"{name}.")}
+        own = {
+            key.removeprefix(f"{name}."): item
+            for key, item in facts.items()
+            if key.startswith(f"{name}.")
+        }
         usual = {key: item for key, item in _usual(name).items() if f"{name}.{key}" not in missing}
         found[name].attrs = {**usual, **own}
     return found
@@ -63,7 +75,9 @@ _WRITTEN = re.compile(r"\\u([0-9a-f]{4})")
 
 
 class Table(NamedTuple):
-    """A CSV file as read: its first comment line, facts, units of the columns (empty without brackets), cells, lines of the rows."""
+    """A CSV file as read: its first comment line, facts, units of the columns (empty without
+    brackets), cells, lines of the rows.
+    """
 
     name: str
     title: str
@@ -73,12 +87,17 @@ class Table(NamedTuple):
     lines: list[int]
 
 
-def written_csv(title: str, facts: Mapping[str, Fact], header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+def written_csv(
+    title: str, facts: Mapping[str, Fact], header: Sequence[str], rows: Sequence[Sequence[str]]
+) -> str:
     """Return the text of a CSV file; cells must hold no comma, quote or line end."""
     lines = [f"# {title}"]
     for key, item in facts.items():
         if isinstance(item, str):
-            lines += [f"# {key}: {_SPECIAL.sub(lambda match: f'{chr(92)}u{ord(match[0]):04x}', line)}" for line in item.split("\n")]
+            lines += [
+                f"# {key}: {_SPECIAL.sub(lambda match: f'{chr(92)}u{ord(match[0]):04x}', line)}"
+                for line in item.split("\n")
+            ]
         else:
             lines.append(f"# {key} = {item.item() if isinstance(item, np.generic) else item!r}")
     return "\n".join([*lines, ",".join(header), *(",".join(row) for row in rows), ""])
@@ -86,7 +105,11 @@ def written_csv(title: str, facts: Mapping[str, Fact], header: Sequence[str], ro
 
 def unwritable(facts: Mapping[str, Fact]) -> list[str]:
     """Return the faults of facts whose keys cannot stand in a comment line."""
-    return [f"attribute {key!r} is not a word of letters, digits and underscores; rename it" for key in facts if not _KEY.fullmatch(key)]
+    return [
+        f"attribute {key!r} is not a word of letters, digits and underscores; rename it"
+        for key in facts
+        if not _KEY.fullmatch(key)
+    ]
 
 
 def read_csv(path: Path) -> tuple[Table, list[str]]:
@@ -95,7 +118,8 @@ def read_csv(path: Path) -> tuple[Table, list[str]]:
     Raises
     ------
     ParseError
-        The file is no text in UTF-8 or UTF-16, has no header row, or a cell or a row of a size that no table has.
+        The file is no text in UTF-8 or UTF-16, has no header row, or a cell or a row of a size that
+        no table has.
     """
     text = read_text(path, "a CSV file")
     problems: list[str] = []
@@ -103,21 +127,29 @@ def read_csv(path: Path) -> tuple[Table, list[str]]:
     comments = [(number, line) for number, line in lines if line.startswith("#")]
     body = [(number, line) for number, line in lines if line.strip() and not line.startswith("#")]
     if not body:
-        raise ParseError(str(path), len(lines), "no header row", "a row of column names after the comment lines")
+        raise ParseError(
+            str(path), len(lines), "no header row", "a row of column names after the comment lines"
+        )
     facts: dict[str, Fact] = {}
     for number, line in comments[1:]:
         _take_fact(line, facts, problems, f"{path.name}, line {number}")
-    head = [_HEAD.fullmatch(cell.strip()) for cell in csv_rows(body[0][1], path, first=body[0][0])[0]]
+    head = [
+        _HEAD.fullmatch(cell.strip()) for cell in csv_rows(body[0][1], path, first=body[0][0])[0]
+    ]
     names = [match[1] for match in head if match]
     columns: dict[str, list[str]] = {name: [] for name in names}
     if len(columns) < len(names):
         twice = sorted(name for name, count in Counter(names).items() if count > 1)
-        problems.append(f"{path.name}, line {body[0][0]}: the columns {', '.join(twice)} stand twice")
+        problems.append(
+            f"{path.name}, line {body[0][0]}: the columns {', '.join(twice)} stand twice"
+        )
     kept = []
     for number, line in body[1:]:
         cells = csv_rows(line, path, first=number)[0]
         if len(cells) != len(names):
-            problems.append(f"{path.name}, line {number}: {len(cells)} cells, the header has {len(names)}")
+            problems.append(
+                f"{path.name}, line {number}: {len(cells)} cells, the header has {len(names)}"
+            )
             continue
         kept.append(number)
         for name, cell in zip(names, cells):
@@ -130,14 +162,18 @@ def read_csv(path: Path) -> tuple[Table, list[str]]:
 def _take_fact(line: str, facts: dict[str, Fact], problems: list[str], place: str) -> None:
     match = _FACT.fullmatch(line)
     if match is None:
-        problems.append(f"{place}: found {line[:60]!r}; a comment line is '# key: text' or '# key = number'")
+        problems.append(
+            f"{place}: found {line[:60]!r}; a comment line is '# key: text' or '# key = number'"
+        )
         return
     key, text, number = match.groups()
     if number is not None:
         try:
             facts[key] = int(number) if re.fullmatch(r"[-+]?\d+", number) else float(number)
         except ValueError:
-            problems.append(f"{place}: {number!r} is no number; a text takes a colon: '# {key}: {number}'")
+            problems.append(
+                f"{place}: {number!r} is no number; a text takes a colon: '# {key}: {number}'"
+            )
         return
     decoded = _WRITTEN.sub(lambda match: chr(int(match[1], 16)), text)
     facts[key] = f"{facts[key]}\n{decoded}" if key in facts else decoded
@@ -150,12 +186,16 @@ def numbers(table: Table, name: str, problems: list[str]) -> np.ndarray:
         try:
             found[place] = float(cell)
         except ValueError:
-            problems.append(f"{table.name}, line {line}: {name} is {cell!r}; a number is needed, with a point and no thousands marks")
+            problems.append(
+                f"{table.name}, line {line}: {name} is {cell!r}; a number is needed, with a point and no thousands marks"
+            )
     return found
 
 
 def si_column(table: Table, name: str, problems: list[str]) -> np.ndarray:
-    """Return a column converted from the unit in its brackets to SI; without brackets it is taken as it is."""
+    """Return a column converted from the unit in its brackets to SI; without brackets it is taken
+    as it is.
+    """
     found, unit = numbers(table, name, problems), table.units[name]
     try:
         return to_si(found, unit, lookup(name).units) if unit else found

@@ -1,10 +1,12 @@
 """Terms in a MAT file of version 5, for MATLAB, Simulink n-D look-up tables and GNU Octave.
 
-Variable ``terms`` is a structure array, one element per term; ``database`` a structure of the root attributes; ``conventions`` a
-text.  Tables are in MATLAB's order: ``values(i,j,k)`` belongs to breakpoint i of the first axis, j of the second, k of the third,
-and the first index runs fastest in memory.  Check cases and the undo history stay in the database.
+Variable ``terms`` is a structure array, one element per term; ``database`` a structure of the root
+attributes; ``conventions`` a text.  Tables are in MATLAB's order: ``values(i,j,k)`` belongs to
+breakpoint i of the first axis, j of the second, k of the third, and the first index runs fastest in
+memory.  Check cases and the undo history stay in the database.
 
-A damaged file of this format, which has no checksum, may be read with other numbers, so ours carry one in the text of the header.
+A damaged file of this format, which has no checksum, may be read with other numbers, so ours carry
+one in the text of the header.
 """
 
 from __future__ import annotations
@@ -32,10 +34,23 @@ from flightmech.support.mat_files import load_mat
 
 _TABLE = ("axes", "breakpoints", "values")
 _TEXTS = ("outside", "references", "comment", "history")
-_FIELDS = ("name", "coefficient", "contribution", "regressors", *_TABLE, "stderr", "source", "K1", "K2", *_TEXTS, "attributes")
+_FIELDS = (
+    "name",
+    "coefficient",
+    "contribution",
+    "regressors",
+    *_TABLE,
+    "stderr",
+    "source",
+    "K1",
+    "K2",
+    *_TEXTS,
+    "attributes",
+)
 _FIELD = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,62}")  # what MATLAB takes as the name of a field
 _NONE = np.zeros((0, 0))
-_SEAL = b"MATLAB 5.0 aeromatch sha256 %s"  # MATLAB requires the first word only; it writes a text of its own when it saves
+# MATLAB requires the first word only; it writes a text of its own when it saves
+_SEAL = b"MATLAB 5.0 aeromatch sha256 %s"
 _TEXT = 116  # bytes of the text in the header
 _CONVENTIONS = """\
 coefficient = sum of its terms; term = K1 * K2 * table(axes) * product of regressors; SI units and radians.
@@ -60,11 +75,14 @@ def export_matlab(db: xr.DataTree, path: str | os.PathLike) -> None:
     Raises
     ------
     SchemaError
-        The database is faulty, or an attribute of its root has a name that no MATLAB structure takes.
+        The database is faulty, or an attribute of its root has a name that no MATLAB structure
+        takes.
     """
     require(db)
     problems = [
-        f"root attribute {key!r} is no name of a MATLAB field; rename it" for key in map(str, db.attrs) if not _FIELD.fullmatch(key)
+        f"root attribute {key!r} is no name of a MATLAB field; rename it"
+        for key in map(str, db.attrs)
+        if not _FIELD.fullmatch(key)
     ]
     if problems:
         raise SchemaError("MAT file", problems)
@@ -82,7 +100,9 @@ def export_matlab(db: xr.DataTree, path: str | os.PathLike) -> None:
 
 def _sealed(content: bytes) -> bytes:
     """Return a MAT file with the SHA-256 of what follows in the text of its header."""
-    return (_SEAL % hashlib.sha256(content[_TEXT:]).hexdigest().encode()).ljust(_TEXT) + content[_TEXT:]
+    return (_SEAL % hashlib.sha256(content[_TEXT:]).hexdigest().encode()).ljust(_TEXT) + content[
+        _TEXT:
+    ]
 
 
 def _element(name: str, leaf: xr.Dataset) -> dict[str, Any]:
@@ -103,7 +123,10 @@ def _element(name: str, leaf: xr.Dataset) -> dict[str, Any]:
         **_table(leaf, "value"),
         "stderr": _matlab_order(leaf["stderr"]) if "stderr" in leaf else _NONE,
         "source": _matlab_order(leaf["source"]) if "source" in leaf else _NONE,
-        **{key: _structures(_TABLE, [_table(leaf, key)]) if key in leaf else _NONE for key in ("K1", "K2")},
+        **{
+            key: _structures(_TABLE, [_table(leaf, key)]) if key in leaf else _NONE
+            for key in ("K1", "K2")
+        },
         **{key: text if key not in absent else _NONE for key, text in named.items()},
         "attributes": others,
     }
@@ -112,7 +135,9 @@ def _element(name: str, leaf: xr.Dataset) -> dict[str, Any]:
 def _table(leaf: xr.Dataset, name: str) -> dict[str, Any]:
     axes = [str(axis) for axis in leaf[name].dims]
     return {
-        "axes": _structures(("name", "units"), [{"name": axis, "units": lookup(axis).units} for axis in axes]),
+        "axes": _structures(
+            ("name", "units"), [{"name": axis, "units": lookup(axis).units} for axis in axes]
+        ),
         "breakpoints": _cell([leaf[axis].values.astype(float) for axis in axes]),
         "values": _matlab_order(leaf[name]),
     }
@@ -150,7 +175,8 @@ def import_matlab(path: str | os.PathLike) -> xr.DataTree:
     Parameters
     ----------
     path : path
-        File as `export_matlab` writes it; MATLAB or Octave may have changed and saved it (``save -v7``).
+        File as `export_matlab` writes it; MATLAB or Octave may have changed and saved it (``save
+        -v7``).
 
     Raises
     ------
@@ -165,20 +191,35 @@ def import_matlab(path: str | os.PathLike) -> xr.DataTree:
     expected = "a MAT file of version 5 to 7"
     file = read_bytes(path, expected)
     if any(word in file[:_TEXT] for word in _SEAL.split()[2:4]) and file != _sealed(file):
-        raise ParseError(str(path), 0, "a damaged file (its SHA-256 is not that in its header)", "a MAT file; export or copy it again")
+        raise ParseError(
+            str(path),
+            0,
+            "a damaged file (its SHA-256 is not that in its header)",
+            "a MAT file; export or copy it again",
+        )
     try:
         content = load_mat(file, path, expected, variable_names=["database", "terms"])
     except NotImplementedError:
-        raise ParseError(str(path), 0, "a MAT file of version 7.3", "version 5 to 7; save it with save -v7") from None
+        raise ParseError(
+            str(path), 0, "a MAT file of version 7.3", "version 5 to 7; save it with save -v7"
+        ) from None
     elements, root = content.get("terms"), content.get("database")
-    if elements is None or root is None or elements.dtype.names is None or root.dtype.names is None or root.size != 1:
+    if (
+        elements is None
+        or root is None
+        or elements.dtype.names is None
+        or root.dtype.names is None
+        or root.size != 1
+    ):
         raise ParseError(
             str(path),
             0,
             f"the variables {sorted(content)}",
             "structures 'terms' and 'database' as aerodb.exchange.export_matlab writes them",
         )
-    problems = [f"terms has no field {field!r}" for field in _FIELDS if field not in elements.dtype.names]
+    problems = [
+        f"terms has no field {field!r}" for field in _FIELDS if field not in elements.dtype.names
+    ]
     leaves: dict[str, xr.Dataset] = {}
     for number, element in enumerate(elements.ravel() if not problems else (), 1):
         try:
@@ -189,9 +230,18 @@ def import_matlab(path: str | os.PathLike) -> xr.DataTree:
         problems += [f"terms({number}): {name} stands twice"] if name in leaves else []
         leaves[name] = leaf
     attributes = {key: _fact(root[key].item()) for key in root.dtype.names}
-    problems += [f"database.{key} is neither a text nor a number" for key, item in attributes.items() if item is None]
+    problems += [
+        f"database.{key} is neither a text nor a number"
+        for key, item in attributes.items()
+        if item is None
+    ]
     if not problems:
-        db = xr.DataTree.from_dict({"/": xr.Dataset(attrs=attributes), **{f"/{name}": leaf for name, leaf in leaves.items()}})
+        db = xr.DataTree.from_dict(
+            {
+                "/": xr.Dataset(attrs=attributes),
+                **{f"/{name}": leaf for name, leaf in leaves.items()},
+            }
+        )
         problems = check(db)
     if problems:
         raise SchemaError(str(path), problems)
@@ -201,7 +251,10 @@ def import_matlab(path: str | os.PathLike) -> xr.DataTree:
 def _leaf(element: Any) -> tuple[str, xr.Dataset]:
     """Return name and leaf of one element of ``terms``; ValueError states what is wrong with it."""
     name = _text(element["name"], "name")
-    if name != f"{_text(element['coefficient'], 'coefficient')}/{_text(element['contribution'], 'contribution')}":
+    if (
+        name
+        != f"{_text(element['coefficient'], 'coefficient')}/{_text(element['contribution'], 'contribution')}"
+    ):
         raise ValueError(f"name is {name!r}, coefficient and contribution are others")
     dims, coords, values = _read_table(element, f"{name} values")
     variables: dict[str, tuple] = {"value": (dims, values)}
@@ -213,21 +266,33 @@ def _leaf(element: Any) -> tuple[str, xr.Dataset]:
             others, points, factor = _read_table(element[key].ravel()[0], f"{name} {key}")
             coords |= points
             variables[key] = others, factor
-    facts = {"regressors": " ".join(_text(word, "regressors") for word in element["regressors"].ravel())}
+    facts = {
+        "regressors": " ".join(_text(word, "regressors") for word in element["regressors"].ravel())
+    }
     facts |= {key: _fact(element[key]) for key in _TEXTS if element[key].dtype.kind == "U"}
-    facts |= {_text(key, "attributes"): _fact(item) for key, item in element["attributes"].reshape(-1, 2)}
+    facts |= {
+        _text(key, "attributes"): _fact(item) for key, item in element["attributes"].reshape(-1, 2)
+    }
     return name, dressed(xr.Dataset(variables, coords), facts)
 
 
-def _read_table(element: Any, what: str) -> tuple[tuple[str, ...], dict[str, np.ndarray], np.ndarray]:
+def _read_table(
+    element: Any, what: str
+) -> tuple[tuple[str, ...], dict[str, np.ndarray], np.ndarray]:
     axes = [_text(axis, "axes") for axis in _names(element["axes"])]
     for axis, units in zip(axes, _units(element["axes"])):
         if units != lookup(axis).units:
-            raise ValueError(f"{what}: axis {axis} is given in {units!r}; convert its breakpoints to {lookup(axis).units!r}")
+            raise ValueError(
+                f"{what}: axis {axis} is given in {units!r}; convert its breakpoints to {lookup(axis).units!r}"
+            )
     points = [np.asarray(p, float).ravel() for p in element["breakpoints"].ravel()]
     if len(points) != len(axes):
         raise ValueError(f"{what}: {len(axes)} axes and breakpoints of {len(points)}")
-    return tuple(axes), dict(zip(axes, points)), _shaped(element["values"], tuple(map(len, points)), what).astype(float)
+    return (
+        tuple(axes),
+        dict(zip(axes, points)),
+        _shaped(element["values"], tuple(map(len, points)), what).astype(float),
+    )
 
 
 def _names(axes: np.ndarray) -> Iterator[Any]:
@@ -239,12 +304,16 @@ def _units(axes: np.ndarray) -> Iterator[str]:
 
 
 def _shaped(array: np.ndarray, shape: tuple[int, ...], what: str) -> np.ndarray:
-    """Return a MATLAB array with the axes of its breakpoints: MATLAB drops last axes of length one and adds a second one."""
+    """Return a MATLAB array with the axes of its breakpoints: MATLAB drops last axes of length one
+    and adds a second one.
+    """
     if array.dtype.kind not in "iuf":
         raise ValueError(f"{what} holds no numbers")
     core = tuple(array.shape)
     if _trimmed(core) != _trimmed(shape):
-        raise ValueError(f"{what} is {' x '.join(map(str, core))}, its breakpoints require {' x '.join(map(str, shape)) or 'a scalar'}")
+        raise ValueError(
+            f"{what} is {' x '.join(map(str, core))}, its breakpoints require {' x '.join(map(str, shape)) or 'a scalar'}"
+        )
     return np.array(array.reshape(shape), order="C")
 
 

@@ -1,4 +1,6 @@
-"""Figures 1 to 4 and 12 to 17 of LR-743: lift and rolling moment from the terms of a database, with local estimates."""
+"""Figures 1 to 4 and 12 to 17 of LR-743: lift and rolling moment from the terms of a database, with
+local estimates.
+"""
 
 from __future__ import annotations
 
@@ -22,11 +24,19 @@ Databases = Mapping[str, xr.DataTree]
 Curves = Callable[[xr.DataTree], tuple[list[Line], str]]
 """The lines of one database, and where its other variables are held, in words."""
 
-_SLOPE = 8.0 * DEGREE  # the lift slope is the chord from zero to this angle of attack, where lift is linear
-_CONTROL = 5.0 * DEGREE  # a control derivative is a chord over this much either side of zero deflection
+_SLOPE = (
+    8.0 * DEGREE
+)  # the lift slope is the chord from zero to this angle of attack, where lift is linear
+_CONTROL = (
+    5.0 * DEGREE
+)  # a control derivative is a chord over this much either side of zero deflection
 _RATE = 1e-3  # a rate derivative is a chord over this much either side of zero [1]
 _MOST = 7  # curves of a family
-_SPANS = (0.15, 0.25, 0.6)  # heights of Figs. 16 and 17 without flights, over the span; LR-743 has 2, 3 and 8.5 m of 14.4 m
+_SPANS = (
+    0.15,
+    0.25,
+    0.6,
+)  # heights of Figs. 16 and 17 without flights, over the span; LR-743 has 2, 3 and 8.5 m of 14.4 m
 _STEADY = 0.3  # spread of the height over its mean: below it a record near the ground is a low pass
 _AROUND = 4.0 * DEGREE  # beyond the angles of attack of low passes that Fig. 16 shows
 _NEAR = 2.0 * DEGREE  # of a flap setting: whose estimates belong to it
@@ -39,7 +49,16 @@ def intercept(databases: Databases, flown: Flown | None) -> Chart:
         return combined(db, "CL", (1.0, {"alpha": 0.0, "mach": mach}))
 
     title = "lift coefficient at zero angle of attack, clean"
-    return _over_mach("figure-01", "Fig. 1", title, "$C_{L_0}$ [1]", databases, curve, _estimates(flown, "1", "mach"), ())
+    return _over_mach(
+        "figure-01",
+        "Fig. 1",
+        title,
+        "$C_{L_0}$ [1]",
+        databases,
+        curve,
+        _estimates(flown, "1", "mach"),
+        (),
+    )
 
 
 def slope(databases: Databases, flown: Flown | None) -> Chart:
@@ -47,12 +66,24 @@ def slope(databases: Databases, flown: Flown | None) -> Chart:
 
     def curve(db: xr.DataTree, mach: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         end = min(_SLOPE, span_of(db, "CL", "alpha")[1])
-        return combined(db, "CL", (1.0 / end, {"alpha": end, "mach": mach}), (-1.0 / end, {"alpha": 0.0, "mach": mach}))
+        return combined(
+            db,
+            "CL",
+            (1.0 / end, {"alpha": end, "mach": mach}),
+            (-1.0 / end, {"alpha": 0.0, "mach": mach}),
+        )
 
     title = "lift slope, clean"
     note = f"Slope: chord from 0 to {_SLOPE / DEGREE:g} deg of angle of attack; estimates at that of their manoeuvres."
     return _over_mach(
-        "figure-02", "Fig. 2", title, r"$C_{L_\alpha}$ [1/rad]", databases, curve, _estimates(flown, "alpha", "mach"), (note,)
+        "figure-02",
+        "Fig. 2",
+        title,
+        r"$C_{L_\alpha}$ [1/rad]",
+        databases,
+        curve,
+        _estimates(flown, "alpha", "mach"),
+        (note,),
     )
 
 
@@ -65,7 +96,15 @@ def flap_increment(databases: Databases, flown: Flown | None, stem: str, figure:
         lines = []
         for i, flap in enumerate(_flaps(db)[1:]):
             place = {"alpha": alpha, **mach}
-            lines.append(_line("delta_f", flap, alpha, combined(db, "CL", (1.0, {**place, "delta_f": flap}), (-1.0, place)), i))
+            lines.append(
+                _line(
+                    "delta_f",
+                    flap,
+                    alpha,
+                    combined(db, "CL", (1.0, {**place, "delta_f": flap}), (-1.0, place)),
+                    i,
+                )
+            )
         return lines, _held(mach)
 
     title = "increment of the lift coefficient by the flaps"
@@ -81,9 +120,21 @@ def elevator(databases: Databases, flown: Flown | None, stem: str, figure: str) 
         return _by_flap(db, "delta_e", span, mach), _held(mach)
 
     points = _by_flap_estimates(flown, "delta_e", databases)
-    note = f"Derivative: chord from {-_CONTROL / DEGREE:g} to {_CONTROL / DEGREE:g} deg of elevator."
+    note = (
+        f"Derivative: chord from {-_CONTROL / DEGREE:g} to {_CONTROL / DEGREE:g} deg of elevator."
+    )
     title = "lift coefficient by the elevator"
-    return _over_alpha(stem, figure, title, r"$C_{L_{\delta_e}}$ [1/rad]", "delta_f", databases, curves, points, (note, *_own(points)))
+    return _over_alpha(
+        stem,
+        figure,
+        title,
+        r"$C_{L_{\delta_e}}$ [1/rad]",
+        "delta_f",
+        databases,
+        curves,
+        points,
+        (note, *_own(points)),
+    )
 
 
 def pitch_rate(databases: Databases, flown: Flown | None) -> Chart:
@@ -99,7 +150,17 @@ def pitch_rate(databases: Databases, flown: Flown | None) -> Chart:
         "rates go together, and LR-743 4.5 has it in this term too."
     )
     title = "lift coefficient by pitch rate"
-    return _over_alpha("figure-15", "Fig. 15", title, r"$C_{L_{\hat{q}}}$ [1]", "delta_f", databases, curves, points, (note, *_own(points)))
+    return _over_alpha(
+        "figure-15",
+        "Fig. 15",
+        title,
+        r"$C_{L_{\hat{q}}}$ [1]",
+        "delta_f",
+        databases,
+        curves,
+        points,
+        (note, *_own(points)),
+    )
 
 
 def lift_by_mach(databases: Databases, flown: Flown | None) -> Chart:
@@ -109,10 +170,13 @@ def lift_by_mach(databases: Databases, flown: Flown | None) -> Chart:
         alpha = _alpha(db)
         members = thinned(points_of(db, "CL", "mach"), _MOST)
         return [
-            _line("mach", mach, alpha, combined(db, "CL", (1.0, {"alpha": alpha, "mach": mach})), i) for i, mach in enumerate(members)
+            _line("mach", mach, alpha, combined(db, "CL", (1.0, {"alpha": alpha, "mach": mach})), i)
+            for i, mach in enumerate(members)
         ], ""
 
-    return _over_alpha("figure-12", "Fig. 12", "lift coefficient, clean", "$C_L$ [1]", "mach", databases, curves)
+    return _over_alpha(
+        "figure-12", "Fig. 12", "lift coefficient, clean", "$C_L$ [1]", "mach", databases, curves
+    )
 
 
 def near_the_ground(databases: Databases, flown: Flown | None) -> Chart:
@@ -122,22 +186,36 @@ def near_the_ground(databases: Databases, flown: Flown | None) -> Chart:
     low = _low_passes(flown)
     flap = _largest_flap(list(databases.values())[-1], low)
 
-    points = [] if flown is None else [_sampled(flown, row, i, "alpha", "CL") for i, row in enumerate(low)]
+    points = (
+        []
+        if flown is None
+        else [_sampled(flown, row, i, "alpha", "CL") for i, row in enumerate(low)]
+    )
 
     def curves(db: xr.DataTree) -> tuple[list[Line], str]:
         alpha = _alpha(db)
         if points:
             ends = [np.radians(end(one.x)) for one in points for end in (np.min, np.max)]
-            alpha = np.linspace(max(min(ends) - _AROUND, alpha[0]), min(max(ends) + _AROUND, alpha[-1]), 41)
+            alpha = np.linspace(
+                max(min(ends) - _AROUND, alpha[0]), min(max(ends) + _AROUND, alpha[-1]), 41
+            )
         lines = []
         for i, (h, place) in enumerate(_heights(db, "CL", low, flap)):
             y, stderr = combined(db, "CL", (1.0, {**place, "alpha": alpha, "h_agl": h}))
             lines.append(Line(_height(h), shown("alpha", alpha), y, stderr, i))
         return lines, _held({"delta_f": flap})
 
-    notes = ("Curves by height at the mean Mach number and elevator of the samples; free air at those of the lowest pass.",) if low else ()
+    notes = (
+        (
+            "Curves by height at the mean Mach number and elevator of the samples; free air at those of the lowest pass.",
+        )
+        if low
+        else ()
+    )
     title = "lift coefficient near the ground"
-    return _over_alpha("figure-16", "Fig. 16", title, "$C_L$ [1]", "h_agl", databases, curves, points, notes)
+    return _over_alpha(
+        "figure-16", "Fig. 16", title, "$C_L$ [1]", "h_agl", databases, curves, points, notes
+    )
 
 
 def bank_near_the_ground(databases: Databases, flown: Flown | None) -> Chart:
@@ -168,7 +246,9 @@ def bank_near_the_ground(databases: Databases, flown: Flown | None) -> Chart:
         r"$C_L\,\phi$ [rad]",
         "$C_l$ [1]",
         _panels(last, curves, points, "h_agl")[0],
-        ("A negative slope lowers the upper wing. Points: rolling moment of the flight less all other terms of the database.",)
+        (
+            "A negative slope lowers the upper wing. Points: rolling moment of the flight less all other terms of the database.",
+        )
         if points
         else ("A negative slope lowers the upper wing.",),
     )
@@ -190,7 +270,17 @@ def _over_mach(
         lines.append(Line(name, mach, *curve(db, mach), i))
     held = _held({k: v for k, v in at_rest(db, "CL").items() if k == "h"})
     line = f"{y_label.split(' [')[0]} over ${symbol('mach')}${held}"
-    return Chart(stem, figure, title, line, axis_label("mach"), y_label, [Panel("", lines, points=points)], notes, is_by_database=True)
+    return Chart(
+        stem,
+        figure,
+        title,
+        line,
+        axis_label("mach"),
+        y_label,
+        [Panel("", lines, points=points)],
+        notes,
+        is_by_database=True,
+    )
 
 
 def _over_alpha(
@@ -206,31 +296,53 @@ def _over_alpha(
 ) -> Chart:
     panels, held = _panels(databases, curves, points, by)
     unit = " [deg]" if lookup(by).units == "rad" else ""
-    line = f"{y_label.split(' [')[0]} over ${symbol('alpha')}$, curves by ${symbol(by)}${unit}{held}"
+    line = (
+        f"{y_label.split(' [')[0]} over ${symbol('alpha')}$, curves by ${symbol(by)}${unit}{held}"
+    )
     return Chart(stem, figure, title, line, axis_label("alpha"), y_label, panels, notes)
 
 
-def _panels(databases: Databases, curves: Curves, points: Sequence[Points], by: str) -> tuple[list[Panel], str]:
+def _panels(
+    databases: Databases, curves: Curves, points: Sequence[Points], by: str
+) -> tuple[list[Panel], str]:
     found = {name: curves(db) for name, db in databases.items()}
     last = list(found)[-1]
-    panels = [Panel(name, lines, points=points if name == last else (), by=f"${symbol(by)}$") for name, (lines, _) in found.items()]
+    panels = [
+        Panel(name, lines, points=points if name == last else (), by=f"${symbol(by)}$")
+        for name, (lines, _) in found.items()
+    ]
     return panels, next(iter(found.values()))[1]
 
 
-def _line(by: str, member: float, x: np.ndarray, values: tuple[np.ndarray, np.ndarray], i: int) -> Line:
+def _line(
+    by: str, member: float, x: np.ndarray, values: tuple[np.ndarray, np.ndarray], i: int
+) -> Line:
     return Line(equals(by, member), shown("alpha", x), *values, i)
 
 
-def _by_flap(db: xr.DataTree, name: str, span: float, place: Mapping[str, float], along: Sequence[str] = ()) -> list[Line]:
-    """Return a derivative of lift over angle of attack, a line per flap setting; one line where the flaps change nothing."""
+def _by_flap(
+    db: xr.DataTree, name: str, span: float, place: Mapping[str, float], along: Sequence[str] = ()
+) -> list[Line]:
+    """Return a derivative of lift over angle of attack, a line per flap setting; one line where the
+    flaps change nothing.
+    """
     alpha, weight = _alpha(db), 0.5 / span
-    up, down = ({"alpha": alpha, **place, **dict.fromkeys((name, *along), sign * span)} for sign in (1.0, -1.0))
+    up, down = (
+        {"alpha": alpha, **place, **dict.fromkeys((name, *along), sign * span)}
+        for sign in (1.0, -1.0)
+    )
     lines = []
     for i, flap in enumerate(_flaps(db)):
-        values = combined(db, "CL", (weight, {**up, "delta_f": flap}), (-weight, {**down, "delta_f": flap}))
+        values = combined(
+            db, "CL", (weight, {**up, "delta_f": flap}), (-weight, {**down, "delta_f": flap})
+        )
         lines.append(_line("delta_f", flap, alpha, values, i))
     same = all(np.allclose(line.y, lines[0].y, rtol=1e-9, atol=1e-12) for line in lines)
-    return [Line("all", lines[0].x, lines[0].y, lines[0].stderr, -1)] if same and len(lines) > 1 else lines
+    return (
+        [Line("all", lines[0].x, lines[0].y, lines[0].stderr, -1)]
+        if same and len(lines) > 1
+        else lines
+    )
 
 
 def _flaps(db: xr.DataTree) -> tuple[float, ...]:
@@ -244,7 +356,9 @@ def _alpha(db: xr.DataTree) -> np.ndarray:
 
 
 def _reach(db: xr.DataTree, name: str, wanted: float) -> float:
-    """Return half the chord of a derivative: `wanted`, or what the tables of the variable allow on both sides."""
+    """Return half the chord of a derivative: `wanted`, or what the tables of the variable allow on
+    both sides.
+    """
     if not any(name in _terms.variables(leaf) for leaf in leaves_of(db, "CL")):
         raise NotDrawn(f"no term of CL depends on {name}")
     try:
@@ -255,7 +369,9 @@ def _reach(db: xr.DataTree, name: str, wanted: float) -> float:
 
 
 def _middle_mach(db: xr.DataTree, among: str) -> dict[str, float]:
-    """Return the middle Mach number of the tables that depend on a variable; nothing where Mach number is no axis."""
+    """Return the middle Mach number of the tables that depend on a variable; nothing where Mach
+    number is no axis.
+    """
     if not any(among in _terms.variables(leaf) for leaf in leaves_of(db, "CL")):
         raise NotDrawn(f"no term of CL depends on {among}")
     try:
@@ -271,7 +387,9 @@ def _height(h: float) -> str:
 
 def _demand_height(db: xr.DataTree, coefficient: str) -> None:
     if not any("h_agl" in _terms.variables(leaf) for leaf in leaves_of(db, coefficient)):
-        raise NotDrawn(f"no term of {coefficient} depends on h_agl; it needs DATCOM cases with GRNDEF, or flights near the ground")
+        raise NotDrawn(
+            f"no term of {coefficient} depends on h_agl; it needs DATCOM cases with GRNDEF, or flights near the ground"
+        )
 
 
 def _rolls(db: xr.DataTree) -> bool:
@@ -285,7 +403,9 @@ def _cl(db: xr.DataTree) -> dict[str, xr.Dataset]:
 
 
 def _low_passes(flown: Flown | None) -> list[pd.Series]:
-    """Return the manoeuvres at a steady height in ground effect, one per record, rising; means over their samples. [SI]"""
+    """Return the manoeuvres at a steady height in ground effect, one per record, rising; means over
+    their samples. [SI]
+    """
     if flown is None:
         return []
     rows = []
@@ -307,29 +427,47 @@ def _largest_flap(db: xr.DataTree, low: Sequence[pd.Series]) -> float:
         return 0.0
 
 
-def _heights(db: xr.DataTree, coefficient: str, low: Sequence[pd.Series], flap: float) -> list[tuple[float, dict[str, float]]]:
-    """Return the heights of the curves, the lowest first and free air last, and the condition of each. [SI]"""
+def _heights(
+    db: xr.DataTree, coefficient: str, low: Sequence[pd.Series], flap: float
+) -> list[tuple[float, dict[str, float]]]:
+    """Return the heights of the curves, the lowest first and free air last, and the condition of
+    each. [SI]
+    """
     own = at_rest(db, coefficient)
     if low:
-        places = [{name: float(row[name]) for name in own if name in row and np.isfinite(row[name])} for row in low]
+        places = [
+            {name: float(row[name]) for name in own if name in row and np.isfinite(row[name])}
+            for row in low
+        ]
         found = [(float(np.round(row["h_agl"], 1)), place) for row, place in zip(low, places)]
         return [*found, (FREE_AIR, places[0])]
     rest = {"delta_f": flap, "gear": 1.0} if coefficient == "CL" else {}
     place = {name: value for name, value in rest.items() if name in own}
-    return [(float(np.round(part * db.attrs["b"], 1)), place) for part in _SPANS] + [(FREE_AIR, place)]
+    return [(float(np.round(part * db.attrs["b"], 1)), place) for part in _SPANS] + [
+        (FREE_AIR, place)
+    ]
 
 
 def _sampled(flown: Flown, row: pd.Series, member: int, x: str, y: str) -> Points:
     manoeuvres = flown.manoeuvres.index[flown.manoeuvres["record"] == row.name]
     part = flown.samples[flown.samples["manoeuvre"].isin(manoeuvres)]
     return Points(
-        f"samples at {_height(round(row['h_agl'], 1))}", shown(x, part[x]), part[y].to_numpy(), np.zeros(len(part)), "sample", member
+        f"samples at {_height(round(row['h_agl'], 1))}",
+        shown(x, part[x]),
+        part[y].to_numpy(),
+        np.zeros(len(part)),
+        "sample",
+        member,
     )
 
 
 def _banked(flown: Flown, databases: Databases, row: pd.Series, member: int) -> Points:
     db = list(databases.values())[-1]
-    part = flown.samples[flown.samples["manoeuvre"].isin(flown.manoeuvres.index[flown.manoeuvres["record"] == row.name])]
+    part = flown.samples[
+        flown.samples["manoeuvre"].isin(
+            flown.manoeuvres.index[flown.manoeuvres["record"] == row.name]
+        )
+    ]
     own = {name: part[name].to_numpy(float) for name in {*at_rest(db, "Cl"), "CL"} if name in part}
     others, _ = combined(db, "Cl", (1.0, {**own, "phi": 0.0}))
     y = part["Cl"].to_numpy(float) - others
@@ -347,7 +485,11 @@ def _estimates(flown: Flown | None, term: str, over: str) -> list[Points]:
     """Return the local estimates of a term of lift, clean."""
     if flown is None:
         return []
-    table = flown.estimates[(flown.estimates["coefficient"] == "CL") & (flown.estimates["term"] == term) & is_clean(flown.estimates)]
+    table = flown.estimates[
+        (flown.estimates["coefficient"] == "CL")
+        & (flown.estimates["term"] == term)
+        & is_clean(flown.estimates)
+    ]
     if table.empty:
         return []
     x, y, stderr = (table[name].to_numpy(float) for name in (over, "estimate", "stderr"))
@@ -355,11 +497,15 @@ def _estimates(flown: Flown | None, term: str, over: str) -> list[Points]:
 
 
 def _by_flap_estimates(flown: Flown | None, term: str, databases: Databases) -> list[Points]:
-    """Return the local estimates of a term of lift in free air over angle of attack, by the flap setting nearest to theirs."""
+    """Return the local estimates of a term of lift in free air over angle of attack, by the flap
+    setting nearest to theirs.
+    """
     if flown is None:
         return []
     flaps = np.array(_flaps(list(databases.values())[-1]))
-    all_of_it = flown.estimates[(flown.estimates["coefficient"] == "CL") & (flown.estimates["term"] == term)]
+    all_of_it = flown.estimates[
+        (flown.estimates["coefficient"] == "CL") & (flown.estimates["term"] == term)
+    ]
     table = all_of_it[is_free(all_of_it)]
     found = []
     for i, flap in enumerate(flaps):

@@ -1,4 +1,6 @@
-"""Sums and differences of a coefficient at several conditions, with their standard errors: slopes and increments of a database."""
+"""Sums and differences of a coefficient at several conditions, with their standard errors: slopes
+and increments of a database.
+"""
 
 from __future__ import annotations
 
@@ -34,14 +36,17 @@ def leaves_of(db: xr.DataTree, coefficient: str) -> list[xr.Dataset]:
 
 
 def points_of(db: xr.DataTree, coefficient: str, axis: str, among: str = "") -> np.ndarray:
-    """Return the breakpoints of an axis over all terms of a coefficient, or over those that depend on the variable `among`. [SI]
+    """Return the breakpoints of an axis over all terms of a coefficient, or over those that depend
+    on the variable `among`. [SI]
 
     Raises
     ------
     NotDrawn
         No term has the axis.
     """
-    leaves = [leaf for leaf in leaves_of(db, coefficient) if not among or among in _terms.variables(leaf)]
+    leaves = [
+        leaf for leaf in leaves_of(db, coefficient) if not among or among in _terms.variables(leaf)
+    ]
     points = breakpoints(leaves)
     if axis not in points:
         raise NotDrawn(f"no term of {coefficient} is a table over {axis}")
@@ -50,19 +55,30 @@ def points_of(db: xr.DataTree, coefficient: str, axis: str, among: str = "") -> 
 
 def span_of(db: xr.DataTree, coefficient: str, axis: str) -> tuple[float, float]:
     """Return the range of an axis that all tables of a coefficient share. [SI]"""
-    ends = [(points[0], points[-1]) for leaf in leaves_of(db, coefficient) for name, points in axes_of(leaf).items() if name == axis]
+    ends = [
+        (points[0], points[-1])
+        for leaf in leaves_of(db, coefficient)
+        for name, points in axes_of(leaf).items()
+        if name == axis
+    ]
     if not ends:
         raise NotDrawn(f"no term of {coefficient} is a table over {axis}")
     return float(max(low for low, _ in ends)), float(min(high for _, high in ends))
 
 
 def at_rest(db: xr.DataTree, coefficient: str) -> dict[str, float]:
-    """Return the variables of a coefficient at rest, in free air and at the lowest height; coefficients that it depends on are left out."""
+    """Return the variables of a coefficient at rest, in free air and at the lowest height;
+    coefficients that it depends on are left out.
+    """
     points = coefficient_points(leaves_of(db, coefficient), [])
-    return {name: neutral(name, values) for name, values in points.items() if name not in COEFFICIENTS}
+    return {
+        name: neutral(name, values) for name, values in points.items() if name not in COEFFICIENTS
+    }
 
 
-def combined(db: xr.DataTree, coefficient: str, *parts: tuple[float, Condition]) -> tuple[np.ndarray, np.ndarray]:
+def combined(
+    db: xr.DataTree, coefficient: str, *parts: tuple[float, Condition]
+) -> tuple[np.ndarray, np.ndarray]:
     """Return sum_i w_i C(x_i) of a coefficient C with its standard error.
 
     Parameters
@@ -75,23 +91,37 @@ def combined(db: xr.DataTree, coefficient: str, *parts: tuple[float, Condition])
     Returns
     -------
     value, stderr : array (points,)
-        The map from the nodes to the sum is linear, sum_i w_i B_i, so that its standard error is that of any other one
-        (`aerodb.update.standard_errors`).
+        The map from the nodes to the sum is linear, sum_i w_i B_i, so that its standard error is
+        that of any other one (`aerodb.update.standard_errors`).
     """
     leaves = leaves_of(db, coefficient)
     rest = at_rest(db, coefficient)
-    count = np.broadcast_shapes(*(np.shape(value) for _, given in parts for value in given.values()), (1,))
+    count = np.broadcast_shapes(
+        *(np.shape(value) for _, given in parts for value in given.values()), (1,)
+    )
     whole = [(weight, _complete(db, leaves, {**rest, **given}, count)) for weight, given in parts]
     maps: list[Any] = []
     for leaf in leaves:
-        maps.append(sum(weight * repeated(_terms.basis(leaf, conditions, "clamp"), count[0]) for weight, conditions in whole))
+        maps.append(
+            sum(
+                weight * repeated(_terms.basis(leaf, conditions, "clamp"), count[0])
+                for weight, conditions in whole
+            )
+        )
     value = np.sum([B @ leaf["value"].values.ravel() for B, leaf in zip(maps, leaves)], axis=0)
     return value, spread_of_sum(list(zip(maps, leaves)))
 
 
-def _complete(db: xr.DataTree, leaves: list[xr.Dataset], given: Condition, count: tuple[int, ...]) -> dict[str, np.ndarray]:
+def _complete(
+    db: xr.DataTree, leaves: list[xr.Dataset], given: Condition, count: tuple[int, ...]
+) -> dict[str, np.ndarray]:
     """Return conditions (points,) with the coefficients on which the terms depend."""
     needed = {name for leaf in leaves for name in _terms.variables(leaf)}
-    found = {name: np.broadcast_to(np.asarray(value, float), count) for name, value in given.items()}
+    found = {
+        name: np.broadcast_to(np.asarray(value, float), count) for name, value in given.items()
+    }
     summed = [name for name in needed if name in COEFFICIENTS and name not in found]
-    return found | {name: np.broadcast_to(evaluate(db, name, "clamp", **{**at_rest(db, name), **found}), count) for name in summed}
+    return found | {
+        name: np.broadcast_to(evaluate(db, name, "clamp", **{**at_rest(db, name), **found}), count)
+        for name in summed
+    }

@@ -1,4 +1,6 @@
-"""Figures 9 to 11 of LR-743 and drag polars: the flight envelope and trimmed polars of an aircraft, with test points."""
+"""Figures 9 to 11 of LR-743 and drag polars: the flight envelope and trimmed polars of an aircraft,
+with test points.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,14 @@ from aerodb.figures.drawing import axis_label, equals, number, shown, symbol
 from aerodb.figures.lr743_set.build_up import Databases
 from aerodb.figures.lr743_set.chart import Chart, Line, NotDrawn, Panel, Points
 from aerodb.figures.lr743_set.combinations import at_rest, combined, points_of
-from aerodb.figures.lr743_set.flown import Flown, configuration, height_text, heights, is_clean, is_free
+from aerodb.figures.lr743_set.flown import (
+    Flown,
+    configuration,
+    height_text,
+    heights,
+    is_clean,
+    is_free,
+)
 from flightmech.air import GAMMA, atmosphere
 from flightmech.errors import AeromatchError, SimulationError
 from flightmech.flying_qualities.performance import one_g, polar, stall
@@ -33,21 +42,25 @@ _BEYOND = (0.8, 1.15)  # of the Mach numbers flown: how far a line reaches
 _LEAST_MACH = 0.02
 
 
-def one_g_lines(db: xr.DataTree, aircraft: Aircraft, points: pd.DataFrame) -> tuple[dict[str, xr.Dataset], list[str]]:
-    """Return the 1 g lines of test points ([LR743] Fig. 9): one for each height and configuration that was flown, at the mean mass there.
+def one_g_lines(
+    db: xr.DataTree, aircraft: Aircraft, points: pd.DataFrame
+) -> tuple[dict[str, xr.Dataset], list[str]]:
+    """Return the 1 g lines of test points ([LR743] Fig. 9): one for each height and configuration
+    that was flown, at the mean mass there.
 
     Parameters
     ----------
     db : DataTree
     aircraft : Aircraft
     points : DataFrame
-        A row per test point: ``h mach mass delta_f gear speedbrake``; a mass of NaN counts as that of the aircraft, another setting of NaN
-        as zero. [SI]
+        A row per test point: ``h mach mass delta_f gear speedbrake``; a mass of NaN counts as that
+        of the aircraft, another setting of NaN as zero. [SI]
 
     Returns
     -------
     dict of str to Dataset (mach,)
-        `flightmech.performance.one_g` by height, mass and configuration in words; attributes ``h`` [m], ``mass`` [kg], ``configuration``.
+        `flightmech.performance.one_g` by height, mass and configuration in words; attributes ``h``
+        [m], ``mass`` [kg], ``configuration``.
     list of str
         For each line that cannot be made, why.
     """
@@ -55,31 +68,49 @@ def one_g_lines(db: xr.DataTree, aircraft: Aircraft, points: pd.DataFrame) -> tu
     points = points.fillna({name: 0.0 for name in _SETTINGS} | {"mass": aircraft.mass})
     if not len(points):
         return {}, []
-    machs = np.linspace(max(_BEYOND[0] * points["mach"].min(), _LEAST_MACH), _BEYOND[1] * points["mach"].max(), _POINTS)
+    machs = np.linspace(
+        max(_BEYOND[0] * points["mach"].min(), _LEAST_MACH),
+        _BEYOND[1] * points["mach"].max(),
+        _POINTS,
+    )
     found, remarks = dict[str, xr.Dataset](), []
-    for _, alike in points.groupby([(points[name] / step).round() for name, step in _SETTINGS.items()]):
+    for _, alike in points.groupby(
+        [(points[name] / step).round() for name, step in _SETTINGS.items()]
+    ):
         at = heights(alike)
         for h in map(float, np.unique(at)):
             part = alike[at == h]
             means = part.mean(numeric_only=True)
             label = f"{height_text(h)}, {number(float(np.round(means['mass'], -1)))} kg, {configuration(means)}"
-            flight = {name: float(means[name]) for name in ("mass", *_SETTINGS)} | {"h": h, "mach": float(part["mach"].max())}
+            flight = {name: float(means[name]) for name in ("mass", *_SETTINGS)} | {
+                "h": h,
+                "mach": float(part["mach"].max()),
+            }
             try:
-                line = one_g(trimmed_at(aircraft, db, flight | ({"mode.engine": 2.0} if aircraft.engines else {})), machs)
+                line = one_g(
+                    trimmed_at(
+                        aircraft, db, flight | ({"mode.engine": 2.0} if aircraft.engines else {})
+                    ),
+                    machs,
+                )
             except SimulationError:
                 remarks.append(f"{label}: no steady flight up to Mach {flight['mach']:.2g}")
                 continue
-            found[label] = line.assign_attrs(h=h, mass=float(means["mass"]), configuration=configuration(means))
+            found[label] = line.assign_attrs(
+                h=h, mass=float(means["mass"]), configuration=configuration(means)
+            )
     return found, remarks
 
 
 Aircrafts = Mapping[str, "Aircraft"]
 _HEIGHTS = (0.0, 10e3 * FOOT, 20e3 * FOOT, 30e3 * FOOT)  # of the 1 g lines without flights [m]
-_AT = 0.5  # lift coefficient at which a flight is trimmed to begin with, of the largest where that is less
+# lift coefficient at which a flight is trimmed to begin with, of the largest where that is less
+_AT = 0.5
 _MOST = 4  # Mach numbers of the polars
 _STEEP = 0.3  # of the largest lift slope: below it drag over lift is steep and the band ends
 _TOP = 1.15  # of the largest stall or flown lift coefficient: where Fig. 9 ends
-_SMOOTH = 13  # points over which slopes of the piecewise linear tables are averaged: 2.5 deg of angle of attack
+# points over which slopes of the piecewise linear tables are averaged: 2.5 deg of angle of attack
+_SMOOTH = 13
 _BAND = "Bands: one standard error of the drag at that lift: that of the drag and, through the slope of the polar, that of the lift."
 _MOVED = 0.05  # lift coefficient: excursions of less are no sweeps
 _STEP = 0.02  # Mach numbers of sweeps that count as one
@@ -96,14 +127,22 @@ class _Polar(NamedTuple):
     alpha: np.ndarray
 
 
-def envelope(databases: Databases, aircraft: Aircrafts, flown: Flown | None, buffet: pd.DataFrame | None) -> Chart:
-    """Fig. 9: test points of the clean aeroplane over Mach number, 1 g lines, stall, buffet, excursions of lift."""
+def envelope(
+    databases: Databases, aircraft: Aircrafts, flown: Flown | None, buffet: pd.DataFrame | None
+) -> Chart:
+    """Fig. 9: test points of the clean aeroplane over Mach number, 1 g lines, stall, buffet,
+    excursions of lift.
+    """
     name, db = list(databases.items())[-1]
     craft = _aircraft_of(aircraft, name)
     point, machs = _flight(craft, db, {}), points_of(db, "CL", "mach")
     machs = np.linspace(max(machs[0], 0.05), machs[-1], 24)
     stalls = [float(polar(point, float(mach))["CL"].max()) for mach in machs]
-    lines = [Line(f"stall, trimmed, power off ({name})", machs, np.array(stalls), np.zeros(len(machs)), -1)]
+    lines = [
+        Line(
+            f"stall, trimmed, power off ({name})", machs, np.array(stalls), np.zeros(len(machs)), -1
+        )
+    ]
     points = list[Points]()
     levels = [(h, craft.mass) for h in _HEIGHTS]
     if flown is not None:
@@ -111,10 +150,19 @@ def envelope(databases: Databases, aircraft: Aircrafts, flown: Flown | None, buf
         at = heights(clean)
         levels = [(h, float(clean["mass"][at == h].mean())) for h in np.unique(at)]
         points += [
-            Points(f"test point, {height_text(h)}", clean["mach"][at == h].to_numpy(), clean["CL"][at == h].to_numpy(), *_zero(at == h), i)
+            Points(
+                f"test point, {height_text(h)}",
+                clean["mach"][at == h].to_numpy(),
+                clean["CL"][at == h].to_numpy(),
+                *_zero(at == h),
+                i,
+            )
             for i, h in enumerate(np.unique(at))
         ]
-        points += [_trace(part, "mach", "CL") for _, part in _by_manoeuvre(flown, clean[clean["label"].str.contains("elevator")])]
+        points += [
+            _trace(part, "mach", "CL")
+            for _, part in _by_manoeuvre(flown, clean[clean["label"].str.contains("elevator")])
+        ]
     top = _TOP * max([*stalls, *(p.y.max() for p in points if len(p.y))])
     for i, (h, mass) in enumerate(levels):
         per_square = 2.0 * mass * G0 / (GAMMA * float(atmosphere(h).p_static) * craft.S)
@@ -126,9 +174,19 @@ def envelope(databases: Databases, aircraft: Aircrafts, flown: Flown | None, buf
         "1 g: CL = 2 W/(gamma p S M^2) at the mean mass of the test points of that height.",
     ]
     if buffet is not None:
-        lines.append(Line("buffet", buffet["mach"].to_numpy(float), buffet["CL"].to_numpy(float), np.zeros(len(buffet)), 99))
+        lines.append(
+            Line(
+                "buffet",
+                buffet["mach"].to_numpy(float),
+                buffet["CL"].to_numpy(float),
+                np.zeros(len(buffet)),
+                99,
+            )
+        )
     else:
-        notes.append("No buffet boundary: databases hold none; give one with --buffet (columns mach, CL).")
+        notes.append(
+            "No buffet boundary: databases hold none; give one with --buffet (columns mach, CL)."
+        )
     return Chart(
         "figure-09",
         "Fig. 9",
@@ -146,9 +204,13 @@ def envelope(databases: Databases, aircraft: Aircrafts, flown: Flown | None, buf
 
 
 def sweeps(databases: Databases, flown: Flown | None) -> Chart:
-    """Fig. 10: lift over angle of attack in the sweeps of the elevator, by configuration and Mach number, and the database there."""
+    """Fig. 10: lift over angle of attack in the sweeps of the elevator, by configuration and Mach
+    number, and the database there.
+    """
     if flown is None:
-        raise NotDrawn("no sweeps of flown manoeuvres; they are in flown.nc of the folder that `aeromatch match` wrote")
+        raise NotDrawn(
+            "no sweeps of flown manoeuvres; they are in flown.nc of the folder that `aeromatch match` wrote"
+        )
     name, db = list(databases.items())[-1]
     rows = flown.manoeuvres[is_free(flown.manoeuvres)]
     rows = rows.assign(height=heights(rows))
@@ -156,9 +218,13 @@ def sweeps(databases: Databases, flown: Flown | None) -> Chart:
     for i, part in _by_manoeuvre(flown, rows[rows["label"].str.contains("elevator")]):
         if np.ptp(part["CL"]) >= _MOVED and np.ptp(part["mach"]) <= _FORWARD:
             row = rows.loc[[i]].iloc[0]
-            found.setdefault(f"{configuration(row)}, {height_text(row['height'])}", []).append(_swept(db, row, part))
+            found.setdefault(f"{configuration(row)}, {height_text(row['height'])}", []).append(
+                _swept(db, row, part)
+            )
     if not found:
-        raise NotDrawn(f"no manoeuvre of the elevator in free air changed the lift coefficient by {_MOVED} at one Mach number")
+        raise NotDrawn(
+            f"no manoeuvre of the elevator in free air changed the lift coefficient by {_MOVED} at one Mach number"
+        )
     panels = [_of_sweeps(title, found[title]) for title in found]
     return Chart(
         "figure-10",
@@ -168,19 +234,25 @@ def sweeps(databases: Databases, flown: Flown | None) -> Chart:
         axis_label("alpha"),
         "$C_L$ [1]",
         panels,
-        ("Thin lines: samples of flight; loops come from pitch rate and elevator, which the curves hold.",),
+        (
+            "Thin lines: samples of flight; loops come from pitch rate and elevator, which the curves hold.",
+        ),
     )
 
 
 def _of_sweeps(title: str, swept: Sequence[tuple[float, Line, Points]]) -> Panel:
-    """Return the sweeps of one configuration and height: a curve per Mach number, over the widest sweep there."""
+    """Return the sweeps of one configuration and height: a curve per Mach number, over the widest
+    sweep there.
+    """
     members = {mach: i for i, mach in enumerate(sorted({mach for mach, _, _ in swept}))}
     lines = {}
     for mach, line, _ in sorted(swept, key=lambda one: np.ptp(one[1].x)):
         lines[mach] = replace(line, member=members[mach])
     points = []
     for mach, _, trace in swept:
-        start = Points("test point", trace.x[:1], trace.y[:1], np.zeros(1), "test point", members[mach])
+        start = Points(
+            "test point", trace.x[:1], trace.y[:1], np.zeros(1), "test point", members[mach]
+        )
         points += [replace(trace, member=members[mach]), start]
     return Panel(title, [lines[mach] for mach in members], points=points, by=f"${symbol('mach')}$")
 
@@ -192,7 +264,9 @@ def polars_clean(databases: Databases, aircraft: Aircrafts, flown: Flown | None)
         point = _flight(_aircraft_of(aircraft, name), db, {})
         lines = []
         for i, one in enumerate(_polars(point, db)):
-            lines.append(Line(equals("mach", one.mach), one.CD, one.CL, one.stderr, i, is_across=True))
+            lines.append(
+                Line(equals("mach", one.mach), one.CD, one.CL, one.stderr, i, is_across=True)
+            )
         panels.append(Panel(name, lines, by=f"${symbol('mach')}$"))
     points = []
     if flown is not None:
@@ -200,7 +274,15 @@ def polars_clean(databases: Databases, aircraft: Aircrafts, flown: Flown | None)
         at = heights(clean)
         for i, h in enumerate(np.unique(at)):
             on = at == h
-            points.append(Points(f"test point, {height_text(h)}", clean["CD"][on].to_numpy(), clean["CL"][on].to_numpy(), *_zero(on), i))
+            points.append(
+                Points(
+                    f"test point, {height_text(h)}",
+                    clean["CD"][on].to_numpy(),
+                    clean["CL"][on].to_numpy(),
+                    *_zero(on),
+                    i,
+                )
+            )
         panels[-1] = Panel(panels[-1].title, panels[-1].lines, points=points, by=panels[-1].by)
     return Chart(
         "figure-11",
@@ -226,8 +308,18 @@ def drag_polars(databases: Databases, aircraft: Aircrafts, flown: Flown | None) 
     panels = []
     for flap in flaps:
         point = _flight(craft, db, {"delta_f": float(flap)} if flap else {})
-        lines = [Line(equals("mach", p.mach), p.CL, p.CD, p.stderr, i) for i, p in enumerate(_polars(point, db, float(flap)))]
-        panels.append(Panel(equals("delta_f", float(flap)), lines, points=_test_points(flown, float(flap)), by=f"${symbol('mach')}$"))
+        lines = [
+            Line(equals("mach", p.mach), p.CL, p.CD, p.stderr, i)
+            for i, p in enumerate(_polars(point, db, float(flap)))
+        ]
+        panels.append(
+            Panel(
+                equals("delta_f", float(flap)),
+                lines,
+                points=_test_points(flown, float(flap)),
+                by=f"${symbol('mach')}$",
+            )
+        )
     return Chart(
         "drag-polars",
         "",
@@ -248,24 +340,44 @@ def _test_points(flown: Flown | None, flap: float) -> list[Points]:
     rows = flown.manoeuvres[is_free(flown.manoeuvres) & (flown.manoeuvres["speedbrake"] < 0.5)]
     rows = rows[(rows["delta_f"] - flap).abs() < np.radians(2.0)]
     found = []
-    for i, (words, part) in enumerate((("gear up", rows[rows["gear"] < 0.5]), ("gear down", rows[rows["gear"] >= 0.5]))):
+    for i, (words, part) in enumerate(
+        (("gear up", rows[rows["gear"] < 0.5]), ("gear down", rows[rows["gear"] >= 0.5]))
+    ):
         if len(part):
             on = np.ones(len(part), bool)
-            found.append(Points(f"test point, {words}", part["CL"].to_numpy(), part["CD"].to_numpy(), *_zero(on), i))
+            found.append(
+                Points(
+                    f"test point, {words}",
+                    part["CL"].to_numpy(),
+                    part["CD"].to_numpy(),
+                    *_zero(on),
+                    i,
+                )
+            )
     return found
 
 
 def _aircraft_of(aircraft: Aircrafts, name: str) -> Aircraft:
     if name not in aircraft:
-        raise NotDrawn(f"it needs the aircraft of {name}: give --aircraft, or the folder that `aeromatch match` wrote")
+        raise NotDrawn(
+            f"it needs the aircraft of {name}: give --aircraft, or the folder that `aeromatch match` wrote"
+        )
     return aircraft[name]
 
 
 def _flight(aircraft: Aircraft, db: xr.DataTree, condition: Mapping[str, float]) -> Point:
-    """Return a trimmed flight of a configuration, from which the polars leave. The speed matters not: polars are trimmed by themselves."""
-    speed = float(np.sqrt(2.0 * aircraft.mass * G0 / (float(atmosphere(0.0).rho) * aircraft.S * _AT)))
+    """Return a trimmed flight of a configuration, from which the polars leave. The speed matters
+    not: polars are trimmed by themselves.
+    """
+    speed = float(
+        np.sqrt(2.0 * aircraft.mass * G0 / (float(atmosphere(0.0).rho) * aircraft.S * _AT))
+    )
     try:
-        return trimmed_at(aircraft, db, {"V": speed, **({"mode.engine": 2.0} if aircraft.engines else {}), **condition})
+        return trimmed_at(
+            aircraft,
+            db,
+            {"V": speed, **({"mode.engine": 2.0} if aircraft.engines else {}), **condition},
+        )
     except AeromatchError as error:
         raise NotDrawn(f"no steady flight to begin with: {error}") from error
 
@@ -275,38 +387,68 @@ def _polars(point: Point, db: xr.DataTree, flap: float = 0.0) -> list[_Polar]:
     machs = points_of(db, "CL", "mach")
     machs = machs[machs > 0.0]
     kept = thinned(machs, _MOST)
-    return [_polar(point, db, mach) for mach in (kept[: (len(kept) + 1) // 2 + 1] if flap else kept)]
+    return [
+        _polar(point, db, mach) for mach in (kept[: (len(kept) + 1) // 2 + 1] if flap else kept)
+    ]
 
 
 def _polar(point: Point, db: xr.DataTree, mach: float) -> _Polar:
     curve = polar(point, mach)
     last = int(np.argmax(curve["CL"].values)) + 1
-    CL, CD, alpha, delta_e = (curve[name].values[:last] for name in ("CL", "CD", "alpha", "delta_e"))
+    CL, CD, alpha, delta_e = (
+        curve[name].values[:last] for name in ("CL", "CD", "alpha", "delta_e")
+    )
     own = point.variables | {"mach": mach, "qhat": 0.0, "dnz": 0.0}
-    place = {name: own[name] for name in {*at_rest(db, "CL"), *at_rest(db, "CD")} if name in own} | {"alpha": alpha, "delta_e": delta_e}
+    place = {
+        name: own[name] for name in {*at_rest(db, "CL"), *at_rest(db, "CD")} if name in own
+    } | {"alpha": alpha, "delta_e": delta_e}
     lift, drag = (combined(db, name, (1.0, place))[1] for name in ("CL", "CD"))
-    slope, rise = (scipy.ndimage.uniform_filter1d(np.gradient(values, alpha), _SMOOTH, mode="nearest") for values in (CL, CD))
+    slope, rise = (
+        scipy.ndimage.uniform_filter1d(np.gradient(values, alpha), _SMOOTH, mode="nearest")
+        for values in (CL, CD)
+    )
     drag_slope = rise / np.where(slope > _STEEP * slope.max(), slope, np.nan)
     return _Polar(mach, CL, CD, np.hypot(drag, drag_slope * lift), alpha)
 
 
 def _swept(db: xr.DataTree, row: pd.Series, part: pd.DataFrame) -> tuple[float, Line, Points]:
-    """Return the Mach number of one sweep to the nearest 0.02, the database over its angles of attack, and its samples."""
+    """Return the Mach number of one sweep to the nearest 0.02, the database over its angles of
+    attack, and its samples.
+    """
     mach = float(np.round(np.round(row["mach"] / _STEP) * _STEP, 2))
     means = part.mean(numeric_only=True)
-    place = {name: float(means[name]) for name in at_rest(db, "CL") if name in means and np.isfinite(means[name])}
+    place = {
+        name: float(means[name])
+        for name in at_rest(db, "CL")
+        if name in means and np.isfinite(means[name])
+    }
     alpha = np.linspace(part["alpha"].min(), part["alpha"].max(), 25)
-    y, stderr = combined(db, "CL", (1.0, {**place, "qhat": 0.0, "alphadothat": 0.0, "dnz": 0.0, "alpha": alpha}))
-    return mach, Line(equals("mach", mach), shown("alpha", alpha), y, stderr), _trace(part, "alpha", "CL")
+    y, stderr = combined(
+        db, "CL", (1.0, {**place, "qhat": 0.0, "alphadothat": 0.0, "dnz": 0.0, "alpha": alpha})
+    )
+    return (
+        mach,
+        Line(equals("mach", mach), shown("alpha", alpha), y, stderr),
+        _trace(part, "alpha", "CL"),
+    )
 
 
 def _trace(part: pd.DataFrame, x: str, y: str) -> Points:
-    return Points("samples of flight", shown(x, part[x]), part[y].to_numpy(float), np.zeros(len(part)), "trace")
+    return Points(
+        "samples of flight",
+        shown(x, part[x]),
+        part[y].to_numpy(float),
+        np.zeros(len(part)),
+        "trace",
+    )
 
 
 def _by_manoeuvre(flown: Flown, rows: pd.DataFrame) -> list[tuple[int, pd.DataFrame]]:
     samples = flown.samples[flown.samples["manoeuvre"].isin(rows.index)]
-    return [(int(part["manoeuvre"].iloc[0]), part) for _, part in samples.groupby("manoeuvre", sort=True)]
+    return [
+        (int(part["manoeuvre"].iloc[0]), part)
+        for _, part in samples.groupby("manoeuvre", sort=True)
+    ]
 
 
 def _zero(on: Sequence[bool] | np.ndarray) -> tuple[np.ndarray, str]:

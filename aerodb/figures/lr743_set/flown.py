@@ -1,4 +1,6 @@
-"""What was flown, as ``aeromatch match`` writes it next to its databases: samples, manoeuvres, local estimates, submodels."""
+"""What was flown, as ``aeromatch match`` writes it next to its databases: samples, manoeuvres,
+local estimates, submodels.
+"""
 
 from __future__ import annotations
 
@@ -22,13 +24,39 @@ FLOWN = "flown.nc"
 
 _COLUMNS = {
     "samples": ("manoeuvre", "alpha", "mach", "CL"),
-    "manoeuvres": ("record", "label", "h", "mach", "CL", "alpha", "mass", "delta_f", "gear", "speedbrake", "h_agl"),
-    "estimates": ("fit", "coefficient", "term", "estimate", "stderr", "alpha", "mach", "delta_f", "gear", "speedbrake", "h_agl"),
+    "manoeuvres": (
+        "record",
+        "label",
+        "h",
+        "mach",
+        "CL",
+        "alpha",
+        "mass",
+        "delta_f",
+        "gear",
+        "speedbrake",
+        "h_agl",
+    ),
+    "estimates": (
+        "fit",
+        "coefficient",
+        "term",
+        "estimate",
+        "stderr",
+        "alpha",
+        "mach",
+        "delta_f",
+        "gear",
+        "speedbrake",
+        "h_agl",
+    ),
     "submodels": ("submodel", "part", "technique", "residual"),
 }
 _GROUND = ("coefficient", "term", "y_inf", "k", "k_stderr", "s", "s_stderr", "correlation", "note")
 _AT_REST = 0.01  # of an extension or a flap angle [1, rad]
-_FREE = 100.0  # height above the ground from which there is no ground effect, more than one span of any aeroplane [m]
+# height above the ground from which there is no ground effect, more than one span of any aeroplane
+# [m]
+_FREE = 100.0
 _APART = 300.0  # between two heights that were flown [m]
 
 
@@ -43,9 +71,11 @@ class Flown:
     samples : DataFrame
         ``manoeuvre`` (row of `manoeuvres`) and variables and coefficients along it. [SI]
     manoeuvres : DataFrame
-        ``record label start end`` and the means over the first half second: the steady condition from which it begins. [SI]
+        ``record label start end`` and the means over the first half second: the steady condition
+        from which it begins. [SI]
     estimates : DataFrame
-        One row per local estimate: ``fit coefficient term estimate stderr`` and the means of its samples. [SI]
+        One row per local estimate: ``fit coefficient term estimate stderr`` and the means of its
+        samples. [SI]
     submodels : DataFrame
         [LR743] table 1: ``submodel part technique residual``.
     ground : DataFrame
@@ -71,24 +101,48 @@ def read_flown(path: str | os.PathLike) -> Flown:
         It is not there.
     """
     if not Path(path).exists():
-        raise FileNotFoundError(f"{path}: no such file; `aeromatch match` writes {FLOWN} next to its databases")
+        raise FileNotFoundError(
+            f"{path}: no such file; `aeromatch match` writes {FLOWN} next to its databases"
+        )
     try:
         with xr.open_datatree(path, engine="h5netcdf") as tree:
             held = tree.load()
-    except Exception as error:  # a damaged file makes HDF5 raise OSError, KeyError, RuntimeError, ValueError ...
-        raise ParseError(str(path), 0, f"no netCDF-4 file ({type(error).__name__}: {error})", f"{FLOWN} of `aeromatch match`") from error
-    tables = {name: held[name].to_dataset().to_dataframe() if name in held.children else pd.DataFrame() for name in (*_COLUMNS, "ground")}
-    lacking = [f"{name}/{column}" for name, columns in _COLUMNS.items() for column in columns if column not in tables[name]]
+    except (
+        Exception
+    ) as error:  # a damaged file makes HDF5 raise OSError, KeyError, RuntimeError, ValueError ...
+        raise ParseError(
+            str(path),
+            0,
+            f"no netCDF-4 file ({type(error).__name__}: {error})",
+            f"{FLOWN} of `aeromatch match`",
+        ) from error
+    tables = {
+        name: held[name].to_dataset().to_dataframe() if name in held.children else pd.DataFrame()
+        for name in (*_COLUMNS, "ground")
+    }
+    lacking = [
+        f"{name}/{column}"
+        for name, columns in _COLUMNS.items()
+        for column in columns
+        if column not in tables[name]
+    ]
     if len(tables["ground"]):
         lacking += [f"ground/{column}" for column in _GROUND if column not in tables["ground"]]
     if lacking:
-        raise ParseError(str(path), 0, f"a file without {', '.join(lacking)}", f"{FLOWN} of `aeromatch match`")
+        raise ParseError(
+            str(path), 0, f"a file without {', '.join(lacking)}", f"{FLOWN} of `aeromatch match`"
+        )
     return Flown(str(held.attrs.get("title", Path(path).name)), **tables)
 
 
 def is_clean(table: pd.DataFrame) -> pd.Series:
     """Whether rows are of the clean aeroplane in free air."""
-    return is_free(table) & (table["delta_f"].abs() < _AT_REST) & (table["gear"] < _AT_REST) & (table["speedbrake"] < _AT_REST)
+    return (
+        is_free(table)
+        & (table["delta_f"].abs() < _AT_REST)
+        & (table["gear"] < _AT_REST)
+        & (table["speedbrake"] < _AT_REST)
+    )
 
 
 def is_free(table: pd.DataFrame) -> pd.Series:
@@ -98,13 +152,21 @@ def is_free(table: pd.DataFrame) -> pd.Series:
 
 def configuration(row: pd.Series) -> str:
     """Return the configuration in words: ``clean``, ``flaps 40 deg, gear``."""
-    words = [f"flaps {number(float(np.round(shown('delta_f', row['delta_f']))))} deg"] if abs(row["delta_f"]) >= _AT_REST else []
-    words += [word for word, name in (("gear", "gear"), ("speed brake", "speedbrake")) if row[name] >= 0.5]
+    words = (
+        [f"flaps {number(float(np.round(shown('delta_f', row['delta_f']))))} deg"]
+        if abs(row["delta_f"]) >= _AT_REST
+        else []
+    )
+    words += [
+        word for word, name in (("gear", "gear"), ("speed brake", "speedbrake")) if row[name] >= 0.5
+    ]
     return ", ".join(words) or "clean"
 
 
 def heights(table: pd.DataFrame) -> np.ndarray:
-    """Return the height at which each row was flown, those within 300 m of each other as their mean. [m]"""
+    """Return the height at which each row was flown, those within 300 m of each other as their
+    mean. [m]
+    """
     h = table["h"].to_numpy(float)
     order = np.argsort(h, kind="stable")
     group = np.empty(len(h), int)
@@ -118,7 +180,9 @@ def height_text(h: float) -> str:
 
 
 _LEAST = 8  # samples of a manoeuvre
-_EXCITED = 0.1  # of the largest rms excitation of the term: a manoeuvre with less shows nothing of it
+_EXCITED = (
+    0.1  # of the largest rms excitation of the term: a manoeuvre with less shows nothing of it
+)
 _MOST_RHO = 0.95  # of the correlation of neighbours, which short manoeuvres estimate poorly
 
 
@@ -137,8 +201,9 @@ def partial_residuals(db: xr.DataTree, flown: Flown, name: str) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        A row per manoeuvre: ``record label``, ``estimate`` and ``stderr``, and the means of the samples weighted by the square of the
-        excitation: where in the table the manoeuvre counts. [SI] Empty where the samples lack the coefficient or a variable.
+        A row per manoeuvre: ``record label``, ``estimate`` and ``stderr``, and the means of the
+        samples weighted by the square of the excitation: where in the table the manoeuvre counts.
+        [SI] Empty where the samples lack the coefficient or a variable.
 
     Notes
     -----
@@ -153,13 +218,20 @@ def partial_residuals(db: xr.DataTree, flown: Flown, name: str) -> pd.DataFrame:
     if coefficient not in samples:
         return pd.DataFrame()
     conditions = _conditions(db, samples)
-    needed = {word for one, part in terms(db).items() if one.startswith(f"{coefficient}/") for word in _terms.variables(part)}
+    needed = {
+        word
+        for one, part in terms(db).items()
+        if one.startswith(f"{coefficient}/")
+        for word in _terms.variables(part)
+    }
     if needed - set(conditions):
         return pd.DataFrame()
     unit = leaf.assign(value=xr.ones_like(leaf["value"]))
     x = np.broadcast_to(_terms.evaluate(unit, conditions, "clamp"), len(samples))
     parts = contributions(db, coefficient, conditions, "clamp")
-    rest = samples[coefficient].to_numpy(float) - sum(value for part, value in parts.items() if part != own)
+    rest = samples[coefficient].to_numpy(float) - sum(
+        value for part, value in parts.items() if part != own
+    )
     rows = []
     good = np.isfinite(x) & np.isfinite(rest)
     excitation = pd.Series(x[good] ** 2).groupby(samples["manoeuvre"].to_numpy()[good]).mean()
@@ -168,14 +240,28 @@ def partial_residuals(db: xr.DataTree, flown: Flown, name: str) -> pd.DataFrame:
         if on.sum() < _LEAST or not size > _EXCITED**2 * excitation.max():
             continue
         estimate, stderr = _slope(x[on], rest[on])
-        at = {key: float(np.average(samples[key][on], weights=x[on] ** 2)) for key in samples if key not in ("manoeuvre", "time")}
+        at = {
+            key: float(np.average(samples[key][on], weights=x[on] ** 2))
+            for key in samples
+            if key not in ("manoeuvre", "time")
+        }
         about = flown.manoeuvres.loc[[manoeuvre]].iloc[0]
-        rows.append({**at, "record": about["record"], "label": about["label"], "estimate": estimate, "stderr": stderr})
+        rows.append(
+            {
+                **at,
+                "record": about["record"],
+                "label": about["label"],
+                "estimate": estimate,
+                "stderr": stderr,
+            }
+        )
     return pd.DataFrame(rows)
 
 
 def _conditions(db: xr.DataTree, samples: pd.DataFrame) -> dict[str, np.ndarray]:
-    """Return the samples as conditions of `contributions`, with the rate of the angle of attack per cbar/2V."""
+    """Return the samples as conditions of `contributions`, with the rate of the angle of attack per
+    cbar/2V.
+    """
     found = {str(key): samples[key].to_numpy(float) for key in samples if key != "manoeuvre"}
     if {"alpha", "time", "mach", "h"} <= found.keys():
         rate = np.zeros(len(samples))

@@ -35,7 +35,9 @@ _NO_FLIGHTS = "it needs what was flown: flown.nc of the folder that `aeromatch m
 
 
 class Written(NamedTuple):
-    """One figure or table of the set: its number in LR-743, title, file (None where it cannot be made) and why not."""
+    """One figure or table of the set: its number in LR-743, title, file (None where it cannot be
+    made) and why not.
+    """
 
     number: str
     title: str
@@ -49,9 +51,11 @@ def lr743_charts(
     flown: Flown | None = None,
     buffet: pd.DataFrame | None = None,
 ) -> Iterator[tuple[str, str, Callable[[], Chart]]]:
-    """Yield number, title and maker of every figure; a maker raises `NotDrawn` with what is missing.
+    """Yield number, title and maker of every figure; a maker raises `NotDrawn` with what is
+    missing.
 
-    Figs. 1 and 2 set the databases over each other, Figs. 3 and 4 show the first (a priori), Figs. 13 to 15 the last (final).
+    Figs. 1 and 2 set the databases over each other, Figs. 3 and 4 show the first (a priori), Figs.
+    13 to 15 the last (final).
     """
     names = list(databases)
     first, last = names[0], names[-1]
@@ -59,13 +63,29 @@ def lr743_charts(
     crafts = aircraft or {}
     yield "Fig. 1", "lift coefficient at zero angle of attack", partial(intercept, databases, flown)
     yield "Fig. 2", "lift slope", partial(slope, databases, flown)
-    yield "Fig. 3", "lift by the flaps, a priori", partial(flap_increment, prior, flown, "figure-03", "Fig. 3")
-    yield "Fig. 4", "lift by the elevator, a priori", partial(elevator, prior, None, "figure-04", "Fig. 4")
-    yield "Fig. 9", "flight envelope and test points", partial(envelope, databases, crafts, flown, buffet)
+    yield (
+        "Fig. 3",
+        "lift by the flaps, a priori",
+        partial(flap_increment, prior, flown, "figure-03", "Fig. 3"),
+    )
+    yield (
+        "Fig. 4",
+        "lift by the elevator, a priori",
+        partial(elevator, prior, None, "figure-04", "Fig. 4"),
+    )
+    yield (
+        "Fig. 9",
+        "flight envelope and test points",
+        partial(envelope, databases, crafts, flown, buffet),
+    )
     yield "Fig. 10", "sweeps of angle of attack", partial(sweeps, databases, flown)
     yield "Fig. 11", "lift over drag", partial(polars_clean, databases, crafts, flown)
     yield "Fig. 12", "lift by Mach number", partial(lift_by_mach, databases, flown)
-    yield "Fig. 13", "lift by the flaps", partial(flap_increment, final, flown, "figure-13", "Fig. 13")
+    yield (
+        "Fig. 13",
+        "lift by the flaps",
+        partial(flap_increment, final, flown, "figure-13", "Fig. 13"),
+    )
     yield "Fig. 14", "lift by the elevator", partial(elevator, final, flown, "figure-14", "Fig. 14")
     yield "Fig. 15", "lift by pitch rate", partial(pitch_rate, final, flown)
     yield "Fig. 16", "lift near the ground", partial(near_the_ground, final, flown)
@@ -118,12 +138,17 @@ def write_lr743(
     .. [LR743] Report LR-743, 1993, Figs. 1 to 4 and 9 to 17, tables 1 and 2.
     """
     if not databases:
-        raise SchemaError("figures", ["no database came; give one, or the a-priori and the final one"])
+        raise SchemaError(
+            "figures", ["no database came; give one, or the a-priori and the final one"]
+        )
     if format not in FORMATS:
         raise SchemaError("figures", [f"the format is {format!r}; allowed: {', '.join(FORMATS)}"])
     folder = Path(folder)
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise SchemaError(str(folder), ["is there and not empty; name a new folder for the figures, or remove the old one"])
+        raise SchemaError(
+            str(folder),
+            ["is there and not empty; name a new folder for the figures, or remove the old one"],
+        )
     name = str(list(databases.values())[-1].attrs["aircraft"])
     notes = (*([f"Data: {sources}."] if sources else []), *reference_notes(databases))
     made = []
@@ -137,14 +162,32 @@ def write_lr743(
             file = f"{chart.stem}.{format}"
             save_figure(draw(chart, name, notes), part / file)
             made.append(Written(number, chart.title, folder / file, ""))
-        made += [*_table(part, folder, "Table 1", "table-1.csv", "technique by submodel", None if flown is None else flown.submodels)]
         made += [
-            *_table(part, folder, "Table 2", "table-2.csv", "parameters of the ground effect", None if flown is None else flown.ground)
+            *_table(
+                part,
+                folder,
+                "Table 1",
+                "table-1.csv",
+                "technique by submodel",
+                None if flown is None else flown.submodels,
+            )
+        ]
+        made += [
+            *_table(
+                part,
+                folder,
+                "Table 2",
+                "table-2.csv",
+                "parameters of the ground effect",
+                None if flown is None else flown.ground,
+            )
         ]
     return made
 
 
-def _table(part: Path, folder: Path, number: str, file: str, title: str, table: pd.DataFrame | None) -> Iterator[Written]:
+def _table(
+    part: Path, folder: Path, number: str, file: str, title: str, table: pd.DataFrame | None
+) -> Iterator[Written]:
     if table is None:
         yield Written(number, title, None, _NO_FLIGHTS)
     elif table.empty:

@@ -1,1 +1,3 @@
-"""Warnings on fits that a database cannot take as they are: terms without a place, and fits that contradict each other."""
+"""Warnings on fits that a database cannot take as they are: terms without a place, and fits that
+contradict each other.
+"""

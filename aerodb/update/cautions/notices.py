@@ -19,7 +19,9 @@ def notices_of(attributes: Mapping) -> list[str]:
 
 
 def with_notices(attributes: Mapping, more: Iterable[str]) -> dict[str, str]:
-    """Return the root attribute `NOTICES` with more warnings, empty if there are none; a repeated one is kept once."""
+    """Return the root attribute `NOTICES` with more warnings, empty if there are none; a repeated
+    one is kept once.
+    """
     lines = [*notices_of(attributes), *(" ".join(text.split()) for text in more)]
     return {NOTICES: "\n".join(dict.fromkeys(lines))} if lines else {}
 

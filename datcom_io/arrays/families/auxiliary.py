@@ -1,4 +1,6 @@
-"""Leaves of the pages of card PART: ``auxiliary planform interference vortex increments canard_downwash``."""
+"""Leaves of the pages of card PART: ``auxiliary planform interference vortex increments
+canard_downwash``.
+"""
 
 from __future__ import annotations
 
@@ -80,8 +82,16 @@ def auxiliary(stacker: Stacker) -> Leaf | None:
     if not bodies and not places:
         return None
     sheet = Sheet(stacker, {"condition": None})
-    sheet.add(BODY.columns, _ALONG, (((spot.condition,), page, row(table)) for spot, page, table in bodies))
-    sheet.add(MAC.numbers, _ALONG, (((spot.condition,), page, labelled(group)) for spot, page, group in places))
+    sheet.add(
+        BODY.columns,
+        _ALONG,
+        (((spot.condition,), page, row(table)) for spot, page, table in bodies),
+    )
+    sheet.add(
+        MAC.numbers,
+        _ALONG,
+        (((spot.condition,), page, labelled(group)) for spot, page, group in places),
+    )
     return sheet.finished(_BODY_NAMES, configuration=(bodies or places)[0][1].configuration)
 
 
@@ -92,9 +102,13 @@ def planform(stacker: Stacker) -> Leaf | None:
         return None
     labels = {label for _, _, group in groups for label in group.labels}
     surfaces = [name for name in SURFACES if any(label.startswith(f"{name} ") for label in labels)]
-    panels = [name for name in PANELS if any(f"{surface} {name} AREA" in labels for surface in surfaces)]
+    panels = [
+        name for name in PANELS if any(f"{surface} {name} AREA" in labels for surface in surfaces)
+    ]
     names = [panel.lower().replace("theoritical", "theoretical") for panel in panels]
-    sheet = Sheet(stacker, {"condition": None, "surface": [name.lower() for name in surfaces], "panel": names})
+    sheet = Sheet(
+        stacker, {"condition": None, "surface": [name.lower() for name in surfaces], "panel": names}
+    )
     items: list[Item] = [
         ((spot.condition, i, k), page, numbers)
         for spot, page, group in groups
@@ -119,13 +133,23 @@ def interference(stacker: Stacker) -> Leaf | None:
     for spot, page, group in groups:
         numbers = labelled(group)
         for k, name in enumerate(surfaces):
-            own = {column.name: number for column, other in zip(wing, INTERFERENCE[name].numbers) if (number := numbers.get(other.name))}
+            own = {
+                column.name: number
+                for column, other in zip(wing, INTERFERENCE[name].numbers)
+                if (number := numbers.get(other.name))
+            }
             items.append(((spot.condition, k), page, own))
     sheet.add(wing, ("condition", "surface"), items)
-    sheet.add(SIDEWASH.numbers, _ALONG, (((spot.condition,), page, labelled(group)) for spot, page, group in groups))
+    sheet.add(
+        SIDEWASH.numbers,
+        _ALONG,
+        (((spot.condition,), page, labelled(group)) for spot, page, group in groups),
+    )
     found = sheet.finished(_INTERFERENCE_NAMES)
     for column in wing:
-        found[column.quantity].attrs["printed_as"] = f"{column.name} of the wing, {column.name.replace('W', 'H')} of the horizontal tail"
+        found[column.quantity].attrs["printed_as"] = (
+            f"{column.name} of the wing, {column.name.replace('W', 'H')} of the horizontal tail"
+        )
     return found
 
 
@@ -136,7 +160,11 @@ def increments(stacker: Stacker) -> Leaf | None:
         return None
     sheet = Sheet(stacker, {"condition": None})
     columns = [column for form in INCREMENTS for column in form.numbers] + list(DIHEDRAL_AND_TWIST)
-    sheet.add(columns, _ALONG, (((spot.condition,), page, labelled(group)) for spot, page, group in groups))
+    sheet.add(
+        columns,
+        _ALONG,
+        (((spot.condition,), page, labelled(group)) for spot, page, group in groups),
+    )
     return sheet.finished(_INCREMENT_NAMES)
 
 

@@ -18,7 +18,9 @@ def _over_alpha(stacker: Stacker, name: str) -> Leaf | None:
         axes.append(Axis("power", list(dict.fromkeys(page.power for _, page, _ in placed))))
     axes.append(stacker.condition_axis())
     if name != "dynamic":
-        axes.append(Axis("ground_height", sorted({spot.ground_height for spot, _, _ in placed}), "m"))
+        axes.append(
+            Axis("ground_height", sorted({spot.ground_height for spot, _, _ in placed}), "m")
+        )
         axes.append(Axis(device, sorted({spot.delta for spot, _, _ in placed}), "deg"))
     kept = [axis for axis in axes if axis.name == "condition" or len(axis.values) > 1]
     items = []
@@ -31,8 +33,12 @@ def _over_alpha(stacker: Stacker, name: str) -> Leaf | None:
             device: spot.delta,
         }
         items.append(([list(axis.values).index(key[axis.name]) for axis in kept], page, table))
-    found = stacker.stack(BY_NAME[name].columns[1:], kept, stacker.axis(placed, "alpha", stacker.alphas()), items)
-    found.coords |= {axis.name: stacker.coordinate(axis).squeeze() for axis in axes if axis not in kept}
+    found = stacker.stack(
+        BY_NAME[name].columns[1:], kept, stacker.axis(placed, "alpha", stacker.alphas()), items
+    )
+    found.coords |= {
+        axis.name: stacker.coordinate(axis).squeeze() for axis in axes if axis not in kept
+    }
     if not stacker.case.deck.values("SYMFLP", "DELTA"):
         found.coords.pop(device, None)
     return found

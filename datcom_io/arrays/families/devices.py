@@ -63,7 +63,9 @@ def symflp(stacker: Stacker) -> Leaf | None:
 
 
 def _device(configuration: str, deck: Deck) -> tuple[str, str]:
-    """Return surface and device by the heading, or by the cards where the heading does not name them."""
+    """Return surface and device by the heading, or by the cards where the heading does not name
+    them.
+    """
     surface, _, device = configuration.lower().partition(" ")
     if surface in ("wing", "tail") and device in _DEVICES:
         return surface, device
@@ -87,26 +89,42 @@ def asyflp(stacker: Stacker) -> Leaf | None:
         found = _rolling(stacker, roll, pairs)
         if yaw := stacker.placed("asyflp_cn"):
             stacker.with_two_way(found, yaw, pairs, difference, _HALF_UNIT_OF_DIFFERENCE)
-    sides = {"delta_left": left, "delta_right": right} if left and right else {"delta_difference": difference}
+    sides = (
+        {"delta_left": left, "delta_right": right}
+        if left and right
+        else {"delta_difference": difference}
+    )
     for name, side in sides.items():
         degrees = np.array(side[: len(difference)])
-        found.coords[name] = xr.Variable("delta_pair", degrees * DEGREE, {"units": "rad", "sign": "TED"})
+        found.coords[name] = xr.Variable(
+            "delta_pair", degrees * DEGREE, {"units": "rad", "sign": "TED"}
+        )
     return found.described(LONG_NAMES, surface=surface, device=words.removeprefix("WING ").lower())
 
 
-def _differential_tail(stacker: Stacker, roll: _Placed, tail: _Placed, pairs: Axis, difference: list[float]) -> Leaf:
-    """Return the rolling moment by alpha, and the transonic one, which the program prints without alpha."""
+def _differential_tail(
+    stacker: Stacker, roll: _Placed, tail: _Placed, pairs: Axis, difference: list[float]
+) -> Leaf:
+    """Return the rolling moment by alpha, and the transonic one, which the program prints without
+    alpha.
+    """
     found = Leaf(stacker.coords([stacker.condition_axis(), pairs]))
     if tail:
         stacker.with_two_way(found, tail, pairs, difference, _HALF_UNIT_OF_DIFFERENCE)
     if roll:
-        names = {"Cl": "Cl_transonic", "Cl_flag": "Cl_transonic_flag", "lines": "lines_Cl_transonic"}
+        names = {
+            "Cl": "Cl_transonic",
+            "Cl_flag": "Cl_transonic_flag",
+            "lines": "lines_Cl_transonic",
+        }
         found.add_renamed(_rolling(stacker, roll, pairs), names)
     return found
 
 
 def _sides(stacker: Stacker, roll: _Placed) -> tuple[list[float], list[float]]:
-    """Return the deflections of left and right by the cards, checked against the printed pairs, or those. [deg]"""
+    """Return the deflections of left and right by the cards, checked against the printed pairs, or
+    those. [deg]
+    """
     sides = []
     for k, (name, variable) in enumerate((("delta_left", "DELTAL"), ("delta_right", "DELTAR"))):
         exact = stacker.case.deck.schedule("ASYFLP", variable, "NDELTA")
@@ -122,7 +140,9 @@ def _printed_difference(tail: _Placed) -> list[float]:
 
 def _rolling(stacker: Stacker, roll: _Placed, pairs: Axis) -> Leaf:
     items = [([spot.condition], page, table) for spot, page, table in roll]
-    return stacker.stack(BY_NAME["asyflp_roll"].columns[2:], [stacker.condition_axis()], pairs, items)
+    return stacker.stack(
+        BY_NAME["asyflp_roll"].columns[2:], [stacker.condition_axis()], pairs, items
+    )
 
 
 def spoiler(stacker: Stacker) -> Leaf | None:
@@ -135,31 +155,51 @@ def spoiler(stacker: Stacker) -> Leaf | None:
     axes = [stacker.condition_axis(), deflections]
     found = Leaf(stacker.coords(axes))
     for column in BY_NAME["spoiler"].columns[3:]:
-        value, flag = np.full((len(stacker.conditions), count), np.nan), np.full((len(stacker.conditions), count), ABSENT, np.uint8)
+        value, flag = (
+            np.full((len(stacker.conditions), count), np.nan),
+            np.full((len(stacker.conditions), count), ABSENT, np.uint8),
+        )
         for spot, page, table in placed:
             own = next(other for other in table.columns if other.quantity == column.quantity)
             rows = len(table.rows)
-            value[spot.condition, :rows], flag[spot.condition, :rows] = stacker.column(own, page, table)
+            value[spot.condition, :rows], flag[spot.condition, :rows] = stacker.column(
+                own, page, table
+            )
         found.add(column, ("condition", "deflection"), value, flag)
     found.coords["lines"] = stacker.lines_of_conditions(placed)
     found.coords |= _heights(stacker, [table for _, _, table in placed], count)
     words = placed[0][1].configuration
-    return found.described(LONG_NAMES, surface="wing", device=words.removeprefix("WING WITH ").lower())
+    return found.described(
+        LONG_NAMES, surface="wing", device=words.removeprefix("WING WITH ").lower()
+    )
 
 
 def _heights(stacker: Stacker, tables: list[Table], count: int) -> dict[str, xr.Variable]:
-    """Return what names a deflection, by the cards, checked against every table that prints it; or as printed."""
+    """Return what names a deflection, by the cards, checked against every table that prints it; or
+    as printed.
+    """
     found: dict[str, xr.Variable] = {}
     for quantity, variable in _SPOILER_CARDS.items():
         exact = stacker.case.deck.schedule("ASYFLP", variable, "NDELTA")
         for table in tables:
-            at = next((k for k, column in enumerate(table.columns) if column.quantity == quantity), None)
+            at = next(
+                (k for k, column in enumerate(table.columns) if column.quantity == quantity), None
+            )
             if at is None:
                 continue
             exact = exact or [float(x) for x in table.values[:, at]]
-            stacker.demand(table.columns[at].name, table.values[:, at], exact, table.lines, _HALF_UNIT_OF_CHORD, "1")
+            stacker.demand(
+                table.columns[at].name,
+                table.values[:, at],
+                exact,
+                table.lines,
+                _HALF_UNIT_OF_CHORD,
+                "1",
+            )
             values = [*exact, *[np.nan] * count][:count]
-            found[quantity] = xr.Variable("deflection", np.array(values), {"units": "1", "printed_as": table.columns[at].name})
+            found[quantity] = xr.Variable(
+                "deflection", np.array(values), {"units": "1", "printed_as": table.columns[at].name}
+            )
     return found
 
 

@@ -4,7 +4,14 @@ from __future__ import annotations
 
 from datcom_io.arrays.families.single_numbers import Item, Sheet, labelled, row
 from datcom_io.arrays.stacking import Leaf, Stacker
-from datcom_io.printout.layouts.fairing import DIVERGENCE, DRAG, SLOPES, SUBJECTS, SURFACE, WITH_BODY
+from datcom_io.printout.layouts.fairing import (
+    DIVERGENCE,
+    DRAG,
+    SLOPES,
+    SUBJECTS,
+    SURFACE,
+    WITH_BODY,
+)
 
 _NAMES = {
     "CDL_CL2": "drag due to lift over the square of the lift coefficient",
@@ -34,13 +41,26 @@ def fairing(stacker: Stacker) -> Leaf | None:
         return None
     present = {label for _, _, group in groups for label in group.labels}
     subjects = [name for name in SUBJECTS if f"{name} CLB/CL" in present]
-    tables = {subject: stacker.placed(layout.name) for subject, layout in SLOPES.items() if subject in subjects}
-    nodes = max((len(table.rows) for placed in tables.values() for _, _, table in placed), default=0)
+    tables = {
+        subject: stacker.placed(layout.name)
+        for subject, layout in SLOPES.items()
+        if subject in subjects
+    }
+    nodes = max(
+        (len(table.rows) for placed in tables.values() for _, _, table in placed), default=0
+    )
     drag = stacker.placed(DRAG.name)
     drag_nodes = max((len(table.rows) for _, _, table in drag), default=0)
-    axes = {"condition": None, "configuration": [name.lower() for name in subjects], "node": range(nodes), "drag_node": range(drag_nodes)}
+    axes = {
+        "condition": None,
+        "configuration": [name.lower() for name in subjects],
+        "node": range(nodes),
+        "drag_node": range(drag_nodes),
+    }
     sheet = Sheet(stacker, axes)
-    columns = {column.quantity: column for form in (*SURFACE, *WITH_BODY) for column in form.numbers}
+    columns = {
+        column.quantity: column for form in (*SURFACE, *WITH_BODY) for column in form.numbers
+    }
     items: list[Item] = [
         ((spot.condition, k), page, numbers)
         for spot, page, group in groups
@@ -55,12 +75,20 @@ def fairing(stacker: Stacker) -> Leaf | None:
         for k in range(len(table.rows))
     ]
     mach, slope = SLOPES["WING"].columns
-    sheet.add((mach._replace(quantity="CL_alpha_mach"), slope), ("condition", "configuration", "node"), points)
+    sheet.add(
+        (mach._replace(quantity="CL_alpha_mach"), slope),
+        ("condition", "configuration", "node"),
+        points,
+    )
     whole = "BODY-WING-HORIZONTAL TAIL"
     divergence = (((spot.condition,), page, labelled(group, whole)) for spot, page, group in groups)
     sheet.add(DIVERGENCE[0].numbers, ("condition",), divergence)
     mach, cd0 = DRAG.columns
-    rise = (((spot.condition, k), page, row(table, k)) for spot, page, table in drag for k in range(len(table.rows)))
+    rise = (
+        ((spot.condition, k), page, row(table, k))
+        for spot, page, table in drag
+        for k in range(len(table.rows))
+    )
     sheet.add((mach._replace(quantity="CD0_mach"), cd0), ("condition", "drag_node"), rise)
     return sheet.finished(_NAMES)
 

@@ -1,4 +1,6 @@
-"""Leaves of the airfoil sections, once per case: ``section`` over surface and Mach number, ``coordinates`` over surface and point."""
+"""Leaves of the airfoil sections, once per case: ``section`` over surface and Mach number,
+``coordinates`` over surface and point.
+"""
 
 from __future__ import annotations
 
@@ -67,21 +69,32 @@ def section(stacker: Stacker) -> Leaf | None:
     machs = machs or max((table.values[:, 0].tolist() for _, table in slopes), key=len, default=[])
     sheet = Sheet(stacker, {"surface": [name.lower() for name in surfaces], "mach": machs})
     single = [column for form in SUMMARY for column in form.numbers]
-    sheet.add(single, ("surface",), (((surfaces.index(_surface(page)),), page, labelled(group)) for page, group in summaries))
+    sheet.add(
+        single,
+        ("surface",),
+        (((surfaces.index(_surface(page)),), page, labelled(group)) for page, group in summaries),
+    )
     items: list[Item] = []
     for page, table in slopes:
         places = _places(stacker, table, machs)
-        items += [((surfaces.index(_surface(page)), place), page, row(table, k)) for k, place in enumerate(places)]
+        items += [
+            ((surfaces.index(_surface(page)), place), page, row(table, k))
+            for k, place in enumerate(places)
+        ]
     sheet.add(SLOPE.columns[1:], ("surface", "mach"), items)
     found = sheet.finished(_NAMES)
-    found.coords["lines"] = xr.Variable(("surface", "mach"), np.repeat(found["lines"].values[:, None], len(machs), axis=1))
+    found.coords["lines"] = xr.Variable(
+        ("surface", "mach"), np.repeat(found["lines"].values[:, None], len(machs), axis=1)
+    )
     for name, text in (("case", case.name), ("file", case.file)):
         found.coords[name] = xr.Variable("mach", [text] * len(machs))
     return found
 
 
 def _places(stacker: Stacker, table: Table, machs: Sequence[float]) -> list[int]:
-    """Return the index of each printed Mach number in the schedule; some are not printed, but none out of turn."""
+    """Return the index of each printed Mach number in the schedule; some are not printed, but none
+    out of turn.
+    """
     places, at = [], 0
     for line, mach in zip(table.lines, table.values[:, 0].tolist()):
         at = next((k for k in range(at, len(machs)) if abs(machs[k] - mach) <= _HALF_UNIT), -1) + 1
@@ -94,15 +107,23 @@ def _places(stacker: Stacker, table: Table, machs: Sequence[float]) -> list[int]
 
 def coordinates(stacker: Stacker) -> Leaf | None:
     """Stack the coordinates of the sections."""
-    tables = [(page, table) for page, table in stacker.case.tables(COORDINATES.name) if _surface(page)]
+    tables = [
+        (page, table) for page, table in stacker.case.tables(COORDINATES.name) if _surface(page)
+    ]
     if not tables:
         return None
     surfaces = _surfaces([page for page, _ in tables])
     points = range(max(len(table.rows) for _, table in tables))
     sheet = Sheet(stacker, {"surface": [name.lower() for name in surfaces], "point": points})
-    items = (((surfaces.index(_surface(page)), k), page, row(table, k)) for page, table in tables for k in range(len(table.rows)))
+    items = (
+        ((surfaces.index(_surface(page)), k), page, row(table, k))
+        for page, table in tables
+        for k in range(len(table.rows))
+    )
     sheet.add(COORDINATES.columns, ("surface", "point"), items)
-    names = {_surface(page): " ".join(group.texts) for page, group in stacker.case.values("designation")}
+    names = {
+        _surface(page): " ".join(group.texts) for page, group in stacker.case.values("designation")
+    }
     designations = [names.get(surface, "") for surface in surfaces]
     sheet.leaf.coords["designation"] = xr.Variable("surface", designations)
     return sheet.finished(_COORDINATE_NAMES, file=stacker.case.file)

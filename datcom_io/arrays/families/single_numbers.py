@@ -1,4 +1,6 @@
-"""Stacking numbers that are printed one by one, with a label or in a row of their own, into arrays: SI, a flag for every value."""
+"""Stacking numbers that are printed one by one, with a label or in a row of their own, into arrays:
+SI, a flag for every value.
+"""
 
 from __future__ import annotations
 
@@ -34,10 +36,16 @@ Item = tuple[tuple[int, ...], Page, Numbers]
 
 
 def labelled(group: Values, subject: str = "") -> dict[str, Number]:
-    """Return the numbers of a group; with a subject only those whose labels begin with it, without it."""
+    """Return the numbers of a group; with a subject only those whose labels begin with it, without
+    it.
+    """
     start = f"{subject} " if subject else ""
     cells = zip(group.labels, group.lines, group.values.tolist(), group.flags.tolist())
-    return {label.removeprefix(start): Number(*cell) for label, *cell in cells if label.startswith(start)}
+    return {
+        label.removeprefix(start): Number(*cell)
+        for label, *cell in cells
+        if label.startswith(start)
+    }
 
 
 def row(table: Table, k: int = 0) -> dict[str, Number]:
@@ -49,21 +57,29 @@ def row(table: Table, k: int = 0) -> dict[str, Number]:
 class Sheet:
     """A leaf in the making.
 
-    `axes` maps dimensions to coordinate values, None for the dimension ``condition``; the coordinate ``lines`` goes over the first one.
+    `axes` maps dimensions to coordinate values, None for the dimension ``condition``; the
+    coordinate ``lines`` goes over the first one.
     """
 
     def __init__(self, stacker: Stacker, axes: Mapping[str, Sequence | None]):
         self.stacker, self.axes = stacker, axes
         self.first = next(iter(axes))
         self.leaf = Leaf(stacker.coords([stacker.condition_axis()]) if "condition" in axes else {})
-        self.sizes = {name: len(stacker.conditions if values is None else values) for name, values in axes.items()}
+        self.sizes = {
+            name: len(stacker.conditions if values is None else values)
+            for name, values in axes.items()
+        }
         for name, values in axes.items():
             if values is not None:
-                self.leaf.coords[name] = xr.Variable(name, np.array(values), attrs(name) if name in VOCABULARY else {})
+                self.leaf.coords[name] = xr.Variable(
+                    name, np.array(values), attrs(name) if name in VOCABULARY else {}
+                )
         self.seen: dict[int, list[int]] = {}
 
     def add(self, columns: Iterable[Column], dims: Sequence[str], items: Iterable[Item]) -> None:
-        """Add a variable over `dims` for each column, filled where an item has a number of that name."""
+        """Add a variable over `dims` for each column, filled where an item has a number of that
+        name.
+        """
         shape = tuple(self.sizes[dim] for dim in dims)
         items = list(items)
         for column in columns:
@@ -74,7 +90,12 @@ class Sheet:
                     continue
                 if flag[where] != ABSENT:
                     found = f"a second {column.name} for the place of an earlier one"
-                    raise ParseError(self.stacker.case.file, number.line, found, f"one for each {' and '.join(dims)}")
+                    raise ParseError(
+                        self.stacker.case.file,
+                        number.line,
+                        found,
+                        f"one for each {' and '.join(dims)}",
+                    )
                 if number.flag in (OK, SUSPECT):
                     value[where] = number.value * self.stacker.factor(column, page)
                 flag[where] = number.flag

@@ -1,7 +1,7 @@
 """Leaves of the special pages and of the weight lines: ``hypersonic jet weight``.
 
-The hypersonic and the jet pages print no line of flight conditions.  They come once per condition in the order of the run, so the
-input cards give Mach number and altitude where their number agrees.
+The hypersonic and the jet pages print no line of flight conditions.  They come once per condition
+in the order of the run, so the input cards give Mach number and altitude where their number agrees.
 """
 
 from __future__ import annotations
@@ -37,22 +37,60 @@ _INCREMENT_NAMES = {
 _JET = (
     ("CONTROL FORCE (LB)", "F_control", "lbf", "control force wanted"),
     ("LOCAL MACH NO.", "mach_local", "1", "Mach number of the surface flow ahead of the jet"),
-    ("REYNOLDS NO.", "reynolds_local", "1", "Reynolds number of the surface flow on the length of the plate ahead of the jet"),
-    ("LOCAL PRESSURE (LB/IN2)", "p_local", "pressure", "pressure of the surface flow ahead of the jet"),
-    ("DYNAMIC PRESSURE (LB/IN2)", "qbar_local", "pressure", "dynamic pressure of the surface flow ahead of the jet"),
+    (
+        "REYNOLDS NO.",
+        "reynolds_local",
+        "1",
+        "Reynolds number of the surface flow on the length of the plate ahead of the jet",
+    ),
+    (
+        "LOCAL PRESSURE (LB/IN2)",
+        "p_local",
+        "pressure",
+        "pressure of the surface flow ahead of the jet",
+    ),
+    (
+        "DYNAMIC PRESSURE (LB/IN2)",
+        "qbar_local",
+        "pressure",
+        "dynamic pressure of the surface flow ahead of the jet",
+    ),
     ("CONTROL-FORCE COEFF.", "C_control", "1", "coefficient of the control force"),
-    ("CORRECTED FORCE COEFF.", "C_control_corrected", "1", "coefficient of the control force, corrected for the gas of the jet"),
-    ("SONIC AMPLIFICATION FACTOR", "amplification_sonic", "1", "control force over vacuum thrust, sonic nozzle"),
+    (
+        "CORRECTED FORCE COEFF.",
+        "C_control_corrected",
+        "1",
+        "coefficient of the control force, corrected for the gas of the jet",
+    ),
+    (
+        "SONIC AMPLIFICATION FACTOR",
+        "amplification_sonic",
+        "1",
+        "control force over vacuum thrust, sonic nozzle",
+    ),
     ("AMPLIFICATION FACTOR", "amplification", "1", "control force over vacuum thrust"),
     ("VACUUM THRUST (LB)", "F_vacuum", "lbf", "vacuum thrust of the jet"),
-    ("MIN. PRESSURE RATIO", "p_jet_ratio_min", "1", "smallest ratio of jet stagnation pressure to local pressure"),
-    ("MIN. JET PRESSURE (LB/IN2)", "p_jet_min", "pressure", "smallest stagnation pressure of the jet"),
+    (
+        "MIN. PRESSURE RATIO",
+        "p_jet_ratio_min",
+        "1",
+        "smallest ratio of jet stagnation pressure to local pressure",
+    ),
+    (
+        "MIN. JET PRESSURE (LB/IN2)",
+        "p_jet_min",
+        "pressure",
+        "smallest stagnation pressure of the jet",
+    ),
     ("JET PRESSURE (LB/IN2)", "p_jet", "pressure", "stagnation pressure of the jet"),
     ("MASS-FLOW RATE (LB/SEC)", "mass_flow", "lb/s", "mass flow of the jet"),
     ("PROPELLANT WEIGHT (LB)", "propellant_mass", "lb", "propellant used since the first time"),
 )
 _SI = {"1/ft": "m-1", "lbf": "N", "psi": "Pa", "psf": "Pa", "lb/s": "kg s-1", "lb": "kg"}
-_WEIGHT_NAMES = {"weight": "weight as printed", "CL_level_flight": "lift coefficient of level flight as printed"}
+_WEIGHT_NAMES = {
+    "weight": "weight as printed",
+    "CL_level_flight": "lift coefficient of level flight as printed",
+}
 
 
 def hypersonic(stacker: Stacker) -> Leaf | None:
@@ -64,7 +102,13 @@ def hypersonic(stacker: Stacker) -> Leaf | None:
     placed = [item for items in tables.values() for item in items]
     schedule = [pair for pair in stacker.case.deck.conditions() if pair[0] >= HYPERSONIC_FROM]
     headers = [_header(page) for page, _ in max(tables.values(), key=len)]
-    local = _local(stacker, [_condition(stacker, header, pair) for header, pair in zip(headers, _matched(schedule, count))])
+    local = _local(
+        stacker,
+        [
+            _condition(stacker, header, pair)
+            for header, pair in zip(headers, _matched(schedule, count))
+        ],
+    )
     deltas = _axis(local, placed, "delta", stacker.case.deck.schedule("HYPEFF", "HDELTA", "HNDLTA"))
     alphas = _axis(local, placed, "alpha", stacker.alphas())
     found = Leaf(local.coords([local.condition_axis(), alphas, deltas]))
@@ -76,11 +120,15 @@ def hypersonic(stacker: Stacker) -> Leaf | None:
         for k, (page, table) in enumerate(tables[layout.name]):
             rows, fields = table.values[:, 1:].shape
             flag[k, :rows, :fields] = table.flags[:, 1:]
-            value[k, :rows, :fields] = stacker.si(column, page, table.values[:, 1:], table.flags[:, 1:])
+            value[k, :rows, :fields] = stacker.si(
+                column, page, table.values[:, 1:], table.flags[:, 1:]
+            )
             lines[k] = f"{lines[k].partition('-')[0] or table.lines[0]}-{table.lines[-1]}"
         _add(found, column, ["condition", "alpha", "delta"], value, flag)
     found.coords["lines"] = xr.Variable("condition", lines.astype(str))
-    return found.described(_INCREMENT_NAMES, **_reference(stacker, headers[0]), moments="about the hinge line")
+    return found.described(
+        _INCREMENT_NAMES, **_reference(stacker, headers[0]), moments="about the hinge line"
+    )
 
 
 def jet(stacker: Stacker) -> Leaf | None:
@@ -94,8 +142,13 @@ def jet(stacker: Stacker) -> Leaf | None:
     times = _times(stacker, [group for _, group in placed])
     found = Leaf(local.coords([local.condition_axis(), Axis("time", times, "s")]))
     for label, quantity, units, meaning in _JET:
-        column = Column(label, 0, 0, quantity, _pressure_unit(stacker) if units == "pressure" else units)
-        value, flag = np.full((len(placed), len(times)), np.nan), np.full((len(placed), len(times)), ABSENT, np.uint8)
+        column = Column(
+            label, 0, 0, quantity, _pressure_unit(stacker) if units == "pressure" else units
+        )
+        value, flag = (
+            np.full((len(placed), len(times)), np.nan),
+            np.full((len(placed), len(times)), ABSENT, np.uint8),
+        )
         for k, (page, group) in enumerate(placed):
             at = _places(stacker, group, label)
             value[k, : len(at)] = stacker.si(column, page, group.values[at], group.flags[at])
@@ -110,12 +163,16 @@ def jet(stacker: Stacker) -> Leaf | None:
     angles = deck.schedule("TRNJET", "ALPHA", "NT")
     if len(angles) == len(times):
         found.coords["alpha"] = xr.Variable("time", np.radians(angles), {"units": "rad"})
-    found.coords["lines"] = xr.Variable("condition", np.array([f"{group.lines[0]}-{group.lines[-1]}" for _, group in placed]))
+    found.coords["lines"] = xr.Variable(
+        "condition", np.array([f"{group.lines[0]}-{group.lines[-1]}" for _, group in placed])
+    )
     return found
 
 
 def weight(stacker: Stacker) -> Leaf | None:
-    """Stack weight and lift coefficient of level flight, of the first page of each condition that has them."""
+    """Stack weight and lift coefficient of level flight, of the first page of each condition that
+    has them.
+    """
     first: dict[int, Page] = {}
     for spot, page, _ in stacker.placed_values("weight"):
         first.setdefault(spot.condition, page)
@@ -125,11 +182,25 @@ def weight(stacker: Stacker) -> Leaf | None:
     items: list[Item] = []
     units = "lbf"
     for condition, page in first.items():
-        groups = [group for group in page.printed if isinstance(group, Values) and group.name == "weight"]
-        items.append(((condition,), page, {label: number for group in groups[:2] for label, number in labelled(group).items()}))
+        groups = [
+            group for group in page.printed if isinstance(group, Values) and group.name == "weight"
+        ]
+        items.append(
+            (
+                (condition,),
+                page,
+                {
+                    label: number
+                    for group in groups[:2]
+                    for label, number in labelled(group).items()
+                },
+            )
+        )
         units = next((unit for group in groups for unit in group.units if unit), units)
     sheet.add([Column("VEHICLE WEIGHT", 0, 0, "weight", units)], ["condition"], items)
-    sheet.add([Column("LEVEL FLIGHT LIFT COEFFICIENT", 0, 0, "CL_level_flight")], ["condition"], items)
+    sheet.add(
+        [Column("LEVEL FLIGHT LIFT COEFFICIENT", 0, 0, "CL_level_flight")], ["condition"], items
+    )
     found = sheet.finished(_WEIGHT_NAMES)
     found["weight"].attrs["units"] = "N"
     return found
@@ -141,7 +212,9 @@ def _local(stacker: Stacker, conditions: list[Condition]) -> Stacker:
 
 
 def _matched(schedule: Sequence[tuple[float, float]], count: int) -> list[tuple[float, float]]:
-    """Return Mach number and altitude of the cards when there are as many as pages, else NaN. [1, deck unit]"""
+    """Return Mach number and altitude of the cards when there are as many as pages, else NaN. [1,
+    deck unit]
+    """
     return list(schedule) if len(schedule) == count else [(math.nan, math.nan)] * count
 
 
@@ -150,23 +223,31 @@ def _unprinted(stacker: Stacker, pair: tuple[float, float]) -> Condition:
 
 
 def _condition(stacker: Stacker, header: dict[str, float], pair: tuple[float, float]) -> Condition:
-    """Return the condition of a hypersonic page: printed Mach and Reynolds number, altitude of the cards."""
+    """Return the condition of a hypersonic page: printed Mach and Reynolds number, altitude of the
+    cards.
+    """
     mach = header.get("MACH NUMBER", math.nan)
     if abs(mach - pair[0]) > _HALF_UNIT_MACH * 1.001:
         pair = (math.nan, math.nan)  # the cards are those of another condition
     condition = _unprinted(stacker, pair)
     reynolds = header.get("REYNOLDS NO./FT", math.nan) / FOOT
-    return condition._replace(mach=nearest(mach, [pair[0]], _HALF_UNIT_MACH), reynolds_per_m=reynolds)
+    return condition._replace(
+        mach=nearest(mach, [pair[0]], _HALF_UNIT_MACH), reynolds_per_m=reynolds
+    )
 
 
 def _header(page: Page) -> dict[str, float]:
     """Return the numbers of the heading of a hypersonic page. [as printed]"""
-    groups = [group for group in page.printed if isinstance(group, Values) and group.name == "hypersonic"]
+    groups = [
+        group for group in page.printed if isinstance(group, Values) and group.name == "hypersonic"
+    ]
     return {label: number.value for group in groups for label, number in labelled(group).items()}
 
 
 def _reference(stacker: Stacker, header: dict[str, float]) -> dict[str, float]:
-    """Return reference area and length: the printed ones, with the digits of the cards where they print so. [m2, m]"""
+    """Return reference area and length: the printed ones, with the digits of the cards where they
+    print so. [m2, m]
+    """
     deck = stacker.case.deck
     found = {}
     for name, label, variable, units, foot in (
@@ -175,15 +256,27 @@ def _reference(stacker: Stacker, header: dict[str, float]) -> dict[str, float]:
     ):
         exact = deck.value("OPTINS", variable)
         given = [] if exact is None else [exact * si_factor(units, deck.dim)]
-        found[name] = nearest(header.get(label, math.nan) * foot, given, _HALF_UNIT_REFERENCE * foot)
+        found[name] = nearest(
+            header.get(label, math.nan) * foot, given, _HALF_UNIT_REFERENCE * foot
+        )
     return found
 
 
-def _axis(stacker: Stacker, placed: list[tuple[Page, Table]], name: str, exact: Sequence[float]) -> Axis:
-    """Return alpha or deflection: the deck's values, or the printed ones without a deck; all tables must agree. [deg]"""
-    printed: list[tuple[np.ndarray, Sequence[int]]] = [(table.values[:, 0], table.lines) for _, table in placed]
+def _axis(
+    stacker: Stacker, placed: list[tuple[Page, Table]], name: str, exact: Sequence[float]
+) -> Axis:
+    """Return alpha or deflection: the deck's values, or the printed ones without a deck; all tables
+    must agree. [deg]
+    """
+    printed: list[tuple[np.ndarray, Sequence[int]]] = [
+        (table.values[:, 0], table.lines) for _, table in placed
+    ]
     if name == "delta":
-        printed = [(table.across, [table.across_line] * len(table.across)) for _, table in placed if table.across is not None]
+        printed = [
+            (table.across, [table.across_line] * len(table.across))
+            for _, table in placed
+            if table.across is not None
+        ]
     values = list(exact) or max((shown for shown, _ in printed), key=len).tolist()
     for shown, lines in printed:
         stacker.demand(name.upper(), shown, values, lines)
@@ -194,14 +287,28 @@ def _places(stacker: Stacker, group: Values, label: str) -> list[int]:
     """Return where the columns of a row of the jet page stand in its group."""
     at = [k for k, other in enumerate(group.labels) if other == label]
     if at and group.lines[at[-1]] != group.lines[at[0]]:
-        raise ParseError(stacker.case.file, group.lines[at[-1]], f"a second row {label}", "one row for each quantity of the jet")
+        raise ParseError(
+            stacker.case.file,
+            group.lines[at[-1]],
+            f"a second row {label}",
+            "one row for each quantity of the jet",
+        )
     return at
 
 
 def _times(stacker: Stacker, groups: list[Values]) -> list[float]:
-    """Return the deck's times, or the printed ones without a deck; all pages must agree with them. [s]"""
-    rows = [(group.values[at], [group.lines[k] for k in at]) for group in groups if (at := _places(stacker, group, "TIME (SEC)"))]
-    times = stacker.case.deck.schedule("TRNJET", "TIME", "NT") or max((shown for shown, _ in rows), key=len).tolist()
+    """Return the deck's times, or the printed ones without a deck; all pages must agree with them.
+    [s]
+    """
+    rows = [
+        (group.values[at], [group.lines[k] for k in at])
+        for group in groups
+        if (at := _places(stacker, group, "TIME (SEC)"))
+    ]
+    times = (
+        stacker.case.deck.schedule("TRNJET", "TIME", "NT")
+        or max((shown for shown, _ in rows), key=len).tolist()
+    )
     for shown, lines in rows:
         stacker.demand("TIME", shown, times, lines, HALF_UNIT, "s")
     return times
@@ -210,13 +317,15 @@ def _times(stacker: Stacker, groups: list[Values]) -> list[float]:
 def _pressure_unit(stacker: Stacker) -> str:
     """Return the unit of the pressures of the jet page.
 
-    The method multiplies the free-stream pressure by factors.  From an altitude the program has it in pounds per square foot, in
-    spite of the label; a pressure of the cards is taken as labelled.
+    The method multiplies the free-stream pressure by factors.  From an altitude the program has it
+    in pounds per square foot, in spite of the label; a pressure of the cards is taken as labelled.
     """
     return "psi" if stacker.case.deck.values("FLTCON", "PINF") else "psf"
 
 
-def _add(leaf: Leaf, column: Column, dims: Sequence[str], value: np.ndarray, flag: np.ndarray) -> None:
+def _add(
+    leaf: Leaf, column: Column, dims: Sequence[str], value: np.ndarray, flag: np.ndarray
+) -> None:
     leaf.add(column, dims, value, flag)
     leaf[column.quantity].attrs["units"] = _SI.get(column.units, "1")
 

@@ -23,18 +23,29 @@ _LONG_NAMES = {
 
 
 def tabs(stacker: Stacker) -> Leaf | None:
-    """Stack the value streams of control tabs as (condition, alpha, delta), alpha and delta taken from the input cards."""
+    """Stack the value streams of control tabs as (condition, alpha, delta), alpha and delta taken
+    from the input cards.
+    """
     alphas, deltas = stacker.alphas(), stacker.case.deck.schedule("SYMFLP", "DELTA", "NDELTA")
     layouts = [layout for layout in streams.LAYOUTS if stacker.placed(layout.name)]
     if not layouts or not alphas or not deltas:
         return None
-    found = Leaf(stacker.coords([stacker.condition_axis(), Axis("alpha", alphas, "deg"), Axis("delta", deltas, "deg")]))
+    found = Leaf(
+        stacker.coords(
+            [stacker.condition_axis(), Axis("alpha", alphas, "deg"), Axis("delta", deltas, "deg")]
+        )
+    )
     for layout in layouts:
         for _, group in stacker.case.values(layout.name):
             stacker.demand(group.labels[0], group.values, deltas, group.lines)
         _add_stream(stacker, found, layout, (len(stacker.conditions), len(alphas), len(deltas)))
-    first_of_line = np.arange(len(alphas) * len(deltas)).reshape(len(alphas), len(deltas)) % streams.PER_LINE == 0
-    found.variables["one_decimal"] = xr.Variable(("alpha", "delta"), first_of_line.astype(np.uint8), {"units": "1"})
+    first_of_line = (
+        np.arange(len(alphas) * len(deltas)).reshape(len(alphas), len(deltas)) % streams.PER_LINE
+        == 0
+    )
+    found.variables["one_decimal"] = xr.Variable(
+        ("alpha", "delta"), first_of_line.astype(np.uint8), {"units": "1"}
+    )
     return found.described(_LONG_NAMES)
 
 
@@ -48,9 +59,19 @@ def _add_stream(stacker: Stacker, found: Leaf, layout: Layout, shape: tuple[int,
         printed = table.flags.ravel() != BLANK
         if printed.sum() != wanted or not printed[:count].all():
             text = f"{printed.sum()} values in the {layout.name} table"
-            raise ParseError(stacker.case.file, table.lines[-1], text, f"{wanted} values, alphas x deflections of the input cards")
-        numbers, codes = (array.ravel()[:count].reshape(shape[1:]) for array in (table.values, table.flags))
-        value[spot.condition], flag[spot.condition] = stacker.si(column, page, numbers, codes), codes
+            raise ParseError(
+                stacker.case.file,
+                table.lines[-1],
+                text,
+                f"{wanted} values, alphas x deflections of the input cards",
+            )
+        numbers, codes = (
+            array.ravel()[:count].reshape(shape[1:]) for array in (table.values, table.flags)
+        )
+        value[spot.condition], flag[spot.condition] = (
+            stacker.si(column, page, numbers, codes),
+            codes,
+        )
     found.add(column, ("condition", "alpha", "delta"), value, flag)
     found.coords[f"lines_{column.quantity}"] = stacker.lines_of_conditions(placed)
 

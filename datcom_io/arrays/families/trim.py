@@ -1,4 +1,6 @@
-"""Leaves of trim: ``trim`` with a control device, ``trim_stabilizer`` with an all-movable stabilizer."""
+"""Leaves of trim: ``trim`` with a control device, ``trim_stabilizer`` with an all-movable
+stabilizer.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,11 @@ from datcom_io.cells import ABSENT, NA, OK, SENTINEL
 from datcom_io.printout.layouts import BY_NAME
 
 _AT_TRIM = ("delta_trim", "dCL", "dCLmax", "dCDi", "dCDmin", "Ch_delta")
-_UNDEFINED_IN_LEVEL_FLIGHT = ("dCDi", "Ch_alpha", "Ch_delta")  # the program writes variables there that it never sets
+_UNDEFINED_IN_LEVEL_FLIGHT = (
+    "dCDi",
+    "Ch_alpha",
+    "Ch_delta",
+)  # the program writes variables there that it never sets
 _TRIM_NAMES = LONG_NAMES | {
     "CL": "lift coefficient, untrimmed",
     "CD": "drag coefficient, untrimmed",
@@ -38,7 +44,9 @@ _STABILIZER_NAMES = {
 
 
 def trim(stacker: Stacker) -> Leaf | None:
-    """Stack trim with a control device; a row whose CM is NA is no solution, whatever stands behind it."""
+    """Stack trim with a control device; a row whose CM is NA is no solution, whatever stands behind
+    it.
+    """
     placed = stacker.placed("trim")
     if not placed:
         return None
@@ -59,19 +67,27 @@ def trim_stabilizer(stacker: Stacker) -> Leaf | None:
         return None
     alphas = stacker.axis([*placed, *aircraft], "alpha", stacker.alphas())
     found = stacker.over_alpha(placed, alphas)
-    leaked = (found["Cm_tail_flag"].values == OK) & (found["Cm_tail"].values == 0.0) & (found["CL_tail"].values != 0.0)
+    leaked = (
+        (found["Cm_tail_flag"].values == OK)
+        & (found["Cm_tail"].values == 0.0)
+        & (found["CL_tail"].values != 0.0)
+    )
     found["Cm_tail"].values[leaked] = np.nan
     found["Cm_tail_flag"].values[leaked] = SENTINEL
     found["Cm_tail"].attrs["comment"] = (
         "sentinel where 0.0000 is printed for a tail with lift: the code of a missing number in four decimals"
     )
     if aircraft:
-        found.add_renamed(stacker.over_alpha(aircraft, alphas), {"lines": "lines_aircraft"})  # notes of the same pages
+        found.add_renamed(
+            stacker.over_alpha(aircraft, alphas), {"lines": "lines_aircraft"}
+        )  # notes of the same pages
     _add_level_flight(stacker, found, "trim_stabilizer_level")
     return found.described(_level_names(_STABILIZER_NAMES), surface="tail")
 
 
-def _add_level_flight(stacker: Stacker, found: Leaf, name: str, left_out: tuple[str, ...] = ()) -> None:
+def _add_level_flight(
+    stacker: Stacker, found: Leaf, name: str, left_out: tuple[str, ...] = ()
+) -> None:
     """Add the row of level flight as variables (condition) called ``<name>_level``."""
     placed = stacker.placed(name)
     if not placed:
@@ -79,7 +95,10 @@ def _add_level_flight(stacker: Stacker, found: Leaf, name: str, left_out: tuple[
     for column in BY_NAME[name].columns:
         if column.quantity in left_out:
             continue
-        value, flag = np.full(len(stacker.conditions), np.nan), np.full(len(stacker.conditions), ABSENT, np.uint8)
+        value, flag = (
+            np.full(len(stacker.conditions), np.nan),
+            np.full(len(stacker.conditions), ABSENT, np.uint8),
+        )
         for spot, page, table in placed:
             row_value, row_flag = stacker.column(column, page, table)
             value[spot.condition], flag[spot.condition] = row_value[0], row_flag[0]

@@ -1,6 +1,8 @@
-"""Pages of card PART: body and planform properties, interference factors, vortices, increments of dynamic derivatives.
+"""Pages of card PART: body and planform properties, interference factors, vortices, increments of
+dynamic derivatives.
 
-Nothing on them depends on card DERIV: lift slopes are per degree, derivatives with a rate per radian of it.
+Nothing on them depends on card DERIV: lift slopes are per degree, derivatives with a rate per
+radian of it.
 """
 
 from __future__ import annotations
@@ -13,7 +15,13 @@ from datcom_io.printout.tables import Block, Layout, Printed, heading_words, mak
 
 _PAGES = ("auxiliary",)
 SURFACES = ("WING", "HORIZONTAL TAIL", "VERTICAL TAIL", "VENTRAL FIN")
-PANELS = ("THEORITICAL INBOARD", "EXPOSED INBOARD", "OUTBOARD", "TOTAL THEORITICAL", "TOTAL EXPOSED")
+PANELS = (
+    "THEORITICAL INBOARD",
+    "EXPOSED INBOARD",
+    "OUTBOARD",
+    "TOTAL THEORITICAL",
+    "TOTAL EXPOSED",
+)
 _LABEL_END = 20  # last column of a panel's name
 
 BODY = Layout(
@@ -92,7 +100,10 @@ INCREMENTS = (
     ),
     Labelled(
         "CYP/GAMMA = CYP/CL (CL=0) =",
-        (Column("CYP/GAMMA", 42, 52, "dCY_phat_dihedral"), Column("CYP/CL (CL=0)", 88, 98, "CY_phat_CL")),
+        (
+            Column("CYP/GAMMA", 42, 52, "dCY_phat_dihedral"),
+            Column("CYP/CL (CL=0)", 88, 98, "CY_phat_CL"),
+        ),
     ),
 )
 DIHEDRAL_AND_TWIST = (
@@ -114,7 +125,9 @@ CANARD = Layout(
 
 
 def _read_surface(lines: list[Line], at: int) -> tuple[list[Printed], int] | None:
-    """Read the panels of a surface: a line with the panel's name, and the numbers printed over it (``+``)."""
+    """Read the panels of a surface: a line with the panel's name, and the numbers printed over it
+    (``+``).
+    """
     surface, items = heading_words(lines[at][1]), []
     after = at + 1
     for k in range(at + 1, len(lines)):
@@ -123,7 +136,9 @@ def _read_surface(lines: list[Line], at: int) -> tuple[list[Printed], int] | Non
             break
         if not name:
             continue
-        over = k if lines[k][1][_LABEL_END:].strip() else k + 1  # a printer filter has put both lines into one
+        over = (
+            k if lines[k][1][_LABEL_END:].strip() else k + 1
+        )  # a printer filter has put both lines into one
         found = _panel(f"{surface} {name}", lines[over]) if over < len(lines) else []
         if not found:
             break
@@ -137,7 +152,10 @@ def _panel(subject: str, line: Line) -> list[Item]:
     row = " " * _LABEL_END + text[_LABEL_END:]
     if not windows(PLANFORM, 0).hold(row):
         return []
-    return [(number, f"{subject} {column.name}", row[column.first - 1 : column.last], "") for column in PLANFORM]
+    return [
+        (number, f"{subject} {column.name}", row[column.first - 1 : column.last], "")
+        for column in PLANFORM
+    ]
 
 
 def _read_vortex(lines: list[Line], at: int) -> tuple[list[Printed], int] | None:
@@ -155,7 +173,10 @@ def _read_row(lines: list[Line], at: int) -> tuple[list[Printed], int] | None:
     number, row = lines[below]
     if below == at or not windows(DIHEDRAL_AND_TWIST, 0).hold(row):
         return None
-    items = [(number, column.name, row[column.first - 1 : column.last], "") for column in DIHEDRAL_AND_TWIST]
+    items = [
+        (number, column.name, row[column.first - 1 : column.last], "")
+        for column in DIHEDRAL_AND_TWIST
+    ]
     return [make_values("increments", items)], below + 1
 
 
@@ -173,7 +194,14 @@ BLOCKS = (
     labelled_block("mac", _PAGES, (MAC,)),
     Block(("planform",), _PAGES, re.compile(f"^(?:{'|'.join(SURFACES)})$"), _read_surface),
     labelled_block("interference", _PAGES, (*INTERFERENCE.values(), SIDEWASH)),
-    Block(("vortex",), _PAGES, re.compile(r"^ALPHA IV-B\(W\) IV-W\(H\) IV-B\(H\) GAMMA/ GAMMA/$"), _read_vortex),
+    Block(
+        ("vortex",),
+        _PAGES,
+        re.compile(r"^ALPHA IV-B\(W\) IV-W\(H\) IV-B\(H\) GAMMA/ GAMMA/$"),
+        _read_vortex,
+    ),
     labelled_block("increments", _PAGES, INCREMENTS),
-    Block(("increments",), _PAGES, re.compile(r"^CLB/GAMMA \(CMO/THETA\)W \(CMO/THETA\)H$"), _read_row),
+    Block(
+        ("increments",), _PAGES, re.compile(r"^CLB/GAMMA \(CMO/THETA\)W \(CMO/THETA\)H$"), _read_row
+    ),
 )

@@ -118,14 +118,25 @@ def heading_values(name: str, across: Across, line: Line) -> Values | None:
 
 
 def _read_without_method(lines: list[Line], at: int) -> tuple[list[Printed], int] | None:
-    """Read the headings of an aileron table that stays empty, because there is no method at this Mach number."""
+    """Read the headings of an aileron table that stays empty, because there is no method at this
+    Mach number.
+    """
     below = [i for i in range(at + 1, len(lines)) if lines[i][1][1:].strip()][:3]
-    if len(below) < 3 or heading_words(lines[below[1]][1]) != "ALPHA" or not lines[below[2]][1][1:].lstrip().startswith(_NO_OUTPUT):
+    if (
+        len(below) < 3
+        or heading_words(lines[below[1]][1]) != "ALPHA"
+        or not lines[below[2]][1][1:].lstrip().startswith(_NO_OUTPUT)
+    ):
         return None
     group = heading_values("asyflp_cn", _DIFFERENCE, lines[below[0]])
     return None if group is None else ([group], below[2])
 
 
 BLOCKS = (
-    Block(("asyflp_cn",), ("high-lift",), re.compile("^YAWING MOMENT COEFFICIENT,CN,DUE TO CONTROL DEFLECTION$"), _read_without_method),
+    Block(
+        ("asyflp_cn",),
+        ("high-lift",),
+        re.compile("^YAWING MOMENT COEFFICIENT,CN,DUE TO CONTROL DEFLECTION$"),
+        _read_without_method,
+    ),
 )

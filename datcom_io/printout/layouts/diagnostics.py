@@ -1,4 +1,6 @@
-"""What the cards NAMELIST, DUMP and PRINT EXTRAP print: variables, arrays, and look-ups beyond the limits of a chart."""
+"""What the cards NAMELIST, DUMP and PRINT EXTRAP print: variables, arrays, and look-ups beyond the
+limits of a chart.
+"""
 
 from __future__ import annotations
 
@@ -22,12 +24,21 @@ Item = tuple[int, str, str]  # line number, label, text
 
 def _fields(text: str) -> list[str] | None:
     """Return the values of a line of the namelist echo; None when they do not end in commas."""
-    found = [text[at : at + _FIELD_STEP].strip() for at in range(_FIELD_FIRST, len(text.rstrip()), _FIELD_STEP)]
-    return [part[:-1].strip() for part in found] if found and all(part.endswith(",") for part in found) else None
+    found = [
+        text[at : at + _FIELD_STEP].strip()
+        for at in range(_FIELD_FIRST, len(text.rstrip()), _FIELD_STEP)
+    ]
+    return (
+        [part[:-1].strip() for part in found]
+        if found and all(part.endswith(",") for part in found)
+        else None
+    )
 
 
 def _read_namelist(lines: list[Line], at: int) -> tuple[list[Printed], int] | None:
-    """Read one namelist, from ``$NAME`` to ``$END``; an array has an index in its labels, a scalar has none."""
+    """Read one namelist, from ``$NAME`` to ``$END``; an array has an index in its labels, a scalar
+    has none.
+    """
     name = lines[at][1][1:].strip().removeprefix("$")
     variables: list[tuple[str, list[tuple[int, str]]]] = []
     at += 1
@@ -37,7 +48,9 @@ def _read_namelist(lines: list[Line], at: int) -> tuple[list[Printed], int] | No
         if text[1:].strip() == "$END":
             at += 1
             break
-        if fields is None or (text[_EQUALS : _EQUALS + 1] != "=" and (text[:_FIELD_FIRST].strip() or not variables)):
+        if fields is None or (
+            text[_EQUALS : _EQUALS + 1] != "=" and (text[:_FIELD_FIRST].strip() or not variables)
+        ):
             if text[1:].strip():
                 break
         elif text[_EQUALS] == "=":
@@ -67,7 +80,9 @@ def _read_dump(lines: list[Line], at: int) -> tuple[list[Printed], int] | None:
 
 
 def _read_extrapolation(lines: list[Line], at: int) -> tuple[list[Printed], int] | None:
-    """Read the look-ups: figure with types of extrapolation, routines with limits, then a result and its variables per look-up."""
+    """Read the look-ups: figure with types of extrapolation, routines with limits, then a result
+    and its variables per look-up.
+    """
     items: list[Item] = []
     at += 1
     while at < len(lines) and lines[at][1].lstrip().startswith(("SUBROUTINES", "FINAL RESULT")):
@@ -86,10 +101,16 @@ def _look_up(number: int, text: str) -> Iterator[Item]:
     """Yield the cells of one line of the summary; nothing for a line that is none."""
     if text[0] == "0" and not text[1:].lstrip().startswith("*"):
         cells = [("OVERLAY", text[3:5]), ("FIGURE NUMBER", text[10:30])]
-        cells += [(f"TYPE OF EXTRAPOLATION {side}", text[38 + 10 * k : 46 + 10 * k]) for k, side in enumerate(_sides())]
+        cells += [
+            (f"TYPE OF EXTRAPOLATION {side}", text[38 + 10 * k : 46 + 10 * k])
+            for k, side in enumerate(_sides())
+        ]
     elif text[0] == " " and text[10:26].strip() and not text[1:10].strip():
         cells = [("SUBROUTINES 1", text[10:18]), ("SUBROUTINES 2", text[18:26])]
-        cells += [(f"FIGURE LIMITS {side}", text[36 + 10 * k : 46 + 10 * k]) for k, side in enumerate(_sides())]
+        cells += [
+            (f"FIGURE LIMITS {side}", text[36 + 10 * k : 46 + 10 * k])
+            for k, side in enumerate(_sides())
+        ]
     elif text[0] == " " and not text[1:24].strip():
         cells = [("FINAL RESULT", text[24:37])]
         for k in range(_MOST_VARIABLES):
@@ -105,15 +126,33 @@ def _sides() -> list[str]:
 
 
 def _with_words(name: str, items: list[Item]) -> Values:
-    """Return a group in which only limits, results and variables are numbers; a figure's name or a code is a text."""
+    """Return a group in which only limits, results and variables are numbers; a figure's name or a
+    code is a text.
+    """
     found = make_values(name, [(number, label, text, "") for number, label, text in items])
-    words = np.array([not label.startswith(("OVERLAY", "FIGURE LIMITS", "FINAL", "INDEPENDENT")) for label in found.labels])
-    return replace(found, given=(np.where(words, np.nan, found.values), np.where(words, OK, found.flags).astype(np.uint8)))
+    words = np.array(
+        [
+            not label.startswith(("OVERLAY", "FIGURE LIMITS", "FINAL", "INDEPENDENT"))
+            for label in found.labels
+        ]
+    )
+    return replace(
+        found,
+        given=(
+            np.where(words, np.nan, found.values),
+            np.where(words, OK, found.flags).astype(np.uint8),
+        ),
+    )
 
 
 BLOCKS = (
     Block(("namelist",), ("final inputs",), re.compile(r"^\$[A-Z]+$"), _read_namelist),
     Block(("dump",), ("dump",), re.compile(r"^[A-Z][A-Z0-9]* ?\( ?\d+\)="), _read_dump),
-    Block(("extrapolation",), ("extrapolation",), re.compile("^OVERLAY FIGURE NUMBER"), _read_extrapolation),
+    Block(
+        ("extrapolation",),
+        ("extrapolation",),
+        re.compile("^OVERLAY FIGURE NUMBER"),
+        _read_extrapolation,
+    ),
 )
 LAYOUTS = ()

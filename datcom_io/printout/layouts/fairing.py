@@ -1,4 +1,5 @@
-"""Transonic data fairing (card PART): how the second-level methods join the subsonic to the supersonic derivatives.
+"""Transonic data fairing (card PART): how the second-level methods join the subsonic to the
+supersonic derivatives.
 
 Lift slopes, ``CLB/CL`` and ``CNA`` are per degree whatever card DERIV states.
 """
@@ -15,7 +16,10 @@ _PAGES = ("auxiliary",)
 SUBJECTS = ("WING", "WING-BODY", "HORIZONTAL TAIL", "HORIZONTAL TAIL-BODY")
 
 SURFACE = (
-    Labelled("CDL/CL**2 = CLB/CL =", (Column("CDL/CL**2", 51, 61, "CDL_CL2"), Column("CLB/CL", 75, 85, "Cl_beta_CL", "1/deg"))),
+    Labelled(
+        "CDL/CL**2 = CLB/CL =",
+        (Column("CDL/CL**2", 51, 61, "CDL_CL2"), Column("CLB/CL", 75, 85, "Cl_beta_CL", "1/deg")),
+    ),
     Labelled(
         "FORCE BREAK MACH NUMBER (ZERO SWEEP) = FORCE BREAK MACH NUMBER (WITH SWEEP) =",
         (
@@ -51,7 +55,12 @@ WITH_BODY = (
         ),
     ),
 )
-DIVERGENCE = (Labelled("DRAG DIVERGENCE MACH NUMBER =", (Column("DRAG DIVERGENCE MACH NUMBER", 78, 83, "mach_divergence"),)),)
+DIVERGENCE = (
+    Labelled(
+        "DRAG DIVERGENCE MACH NUMBER =",
+        (Column("DRAG DIVERGENCE MACH NUMBER", 78, 83, "mach_divergence"),),
+    ),
+)
 FORMS = (*SURFACE, *WITH_BODY, *DIVERGENCE)
 
 
@@ -61,7 +70,10 @@ def _over_mach(name: str, column: Column) -> Layout:
 
 
 SLOPES = {
-    subject: _over_mach(f"slope_{subject.lower().replace(' ', '_')}", Column("CL-ALPHA", 70, 86, "CL_alpha", "1/deg"))
+    subject: _over_mach(
+        f"slope_{subject.lower().replace(' ', '_')}",
+        Column("CL-ALPHA", 70, 86, "CL_alpha", "1/deg"),
+    )
     for subject in ("WING", "HORIZONTAL TAIL")
 }
 DRAG = _over_mach("drag_rise", Column("CDO", 70, 86, "CD0"))
@@ -70,7 +82,9 @@ _SLOPE_TABLE = "LIFT-CURVE-SLOPE INTERPOLATION TABLE"
 
 
 def _read_subject(lines: list[Line], at: int) -> tuple[list[Printed], int] | None:
-    """Read what stands below the title of one subject: lines of ``label = value``, then a table over Mach numbers."""
+    """Read what stands below the title of one subject: lines of ``label = value``, then a table
+    over Mach numbers.
+    """
     title = _TITLE.search(heading_words(lines[at][1]))
     if title is None:
         return None
@@ -79,7 +93,11 @@ def _read_subject(lines: list[Line], at: int) -> tuple[list[Printed], int] | Non
     found: list[Printed] = [make_values("fairing", items)] if items else []
     while at < len(lines) and (not (words := heading_words(lines[at][1])) or words == _SLOPE_TABLE):
         at += 1
-    layout = {"MACH CL-ALPHA": SLOPES.get(subject), "MACH CDO": DRAG}.get(heading_words(lines[at][1])) if at < len(lines) else None
+    layout = (
+        {"MACH CL-ALPHA": SLOPES.get(subject), "MACH CDO": DRAG}.get(heading_words(lines[at][1]))
+        if at < len(lines)
+        else None
+    )
     if layout:
         table, after = read_table(layout, lines, at + 1)
         if table:
@@ -89,6 +107,11 @@ def _read_subject(lines: list[Line], at: int) -> tuple[list[Printed], int] | Non
 
 LAYOUTS = ()
 BLOCKS = (
-    Block(("fairing", *(layout.name for layout in SLOPES.values()), DRAG.name), _PAGES, _TITLE, _read_subject),
+    Block(
+        ("fairing", *(layout.name for layout in SLOPES.values()), DRAG.name),
+        _PAGES,
+        _TITLE,
+        _read_subject,
+    ),
     title_block(_PAGES, _SLOPE_TABLE),
 )

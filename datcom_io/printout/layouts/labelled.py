@@ -1,6 +1,8 @@
-"""Lines of ``label = value``: every number stands in its own columns behind its label, so they are cut like the rows of a table.
+"""Lines of ``label = value``: every number stands in its own columns behind its label, so they are
+cut like the rows of a table.
 
-A label may itself hold signs of equality, ``(CLB/CL)M=1.4``, and a number may touch the one before it; only columns separate them.
+A label may itself hold signs of equality, ``(CLB/CL)M=1.4``, and a number may touch the one before
+it; only columns separate them.
 """
 
 from __future__ import annotations
@@ -18,14 +20,18 @@ Item = tuple[int, str, str, str]
 
 
 class Labelled(NamedTuple):
-    """One form of line: its words without the numbers, with single blanks, and the columns of the numbers, named by their labels."""
+    """One form of line: its words without the numbers, with single blanks, and the columns of the
+    numbers, named by their labels.
+    """
 
     words: str
     numbers: tuple[Column, ...]
 
 
 def read_line(form: Labelled, line: Line, subject: str = "") -> list[Item]:
-    """Return the numbers of a line, none when it has another form; `subject` is put before the labels."""
+    """Return the numbers of a line, none when it has another form; `subject` is put before the
+    labels.
+    """
     number, text = line
     if "_" in text or not text.isascii():  # float() would take 1_0, and digits of other scripts
         return []
@@ -41,14 +47,26 @@ def read_line(form: Labelled, line: Line, subject: str = "") -> list[Item]:
     return items if heading_words(words + text[edge:]) == form.words else []
 
 
-def read_lines(forms: Sequence[Labelled], lines: list[Line], at: int, subject: str = "") -> tuple[list[Item], int]:
-    """Return the numbers of the lines from index `at` on that have one of the forms, and the index after the last of them."""
+def read_lines(
+    forms: Sequence[Labelled], lines: list[Line], at: int, subject: str = ""
+) -> tuple[list[Item], int]:
+    """Return the numbers of the lines from index `at` on that have one of the forms, and the index
+    after the last of them.
+    """
     items: list[Item] = []
     after = at
     while at < len(lines):
         if lines[at][1][1:].strip():
             first = lines[at][1][1:].split(None, 1)[0].partition("=")[0]
-            found = next((found for form in forms if form.words.startswith(first) and (found := read_line(form, lines[at], subject))), None)
+            found = next(
+                (
+                    found
+                    for form in forms
+                    if form.words.startswith(first)
+                    and (found := read_line(form, lines[at], subject))
+                ),
+                None,
+            )
             if found is None:
                 break
             items += found
@@ -58,7 +76,9 @@ def read_lines(forms: Sequence[Labelled], lines: list[Line], at: int, subject: s
 
 
 def labelled_block(name: str, pages: tuple[str, ...], forms: Sequence[Labelled]) -> Block:
-    """Return the block of lines that have one of the forms, in any order; it gives one group of values."""
+    """Return the block of lines that have one of the forms, in any order; it gives one group of
+    values.
+    """
 
     def read(lines: list[Line], at: int) -> tuple[list[Printed], int] | None:
         items, after = read_lines(forms, lines, at)

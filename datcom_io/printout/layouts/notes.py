@@ -1,7 +1,8 @@
 """Footnotes, messages of the program, and the numbers that stand in them.
 
-A footnote belongs to the tables of its page: some of them change what a table means.  A message states what the program did or refused
-to do; it may stand between pages or between the tables of one.  Both may go on over several lines.
+A footnote belongs to the tables of its page: some of them change what a table means.  A message
+states what the program did or refused to do; it may stand between pages or between the tables of
+one.  Both may go on over several lines.
 """
 
 from __future__ import annotations
@@ -105,9 +106,17 @@ _WORDS_OF = {
 # kind of group, label, and where the number stands
 _NUMBERS = (
     ("weight", "VEHICLE WEIGHT", re.compile(r"VEHICLE WEIGHT = *(\S+) *(LB|N)?\b")),
-    ("weight", "LEVEL FLIGHT LIFT COEFFICIENT", re.compile(r"LEVEL FLIGHT LIFT COEFFICIENT = *(\S+)()")),
+    (
+        "weight",
+        "LEVEL FLIGHT LIFT COEFFICIENT",
+        re.compile(r"LEVEL FLIGHT LIFT COEFFICIENT = *(\S+)()"),
+    ),
     ("note", "CD0", re.compile(r"\*\*  CD0= *(\S+)()")),
-    ("note", "ANALYSIS TERMINATED AT ALPHA", re.compile(r"ANALYSIS TERMINATED AT ALPHA= *([-+.\d*]+)()")),
+    (
+        "note",
+        "ANALYSIS TERMINATED AT ALPHA",
+        re.compile(r"ANALYSIS TERMINATED AT ALPHA= *([-+.\d*]+)()"),
+    ),
     ("note", "SCALE FACTOR", re.compile(r"SCALE FACTOR IS *(\S+)()")),
 )
 _UNITS = {"LB": "lbf", "N": "N", "ANALYSIS TERMINATED AT ALPHA": "deg"}
@@ -126,7 +135,9 @@ def continues(words: str) -> bool:
 
 
 def sort_of(words: str) -> str:
-    """Return ``message`` or ``note`` for the first line of one, and an empty text for any other line."""
+    """Return ``message`` or ``note`` for the first line of one, and an empty text for any other
+    line.
+    """
     if words.startswith(_MESSAGES) or _BLOWN in words:
         return "message"
     return "note" if _FOOTNOTES.match(words) and words.strip("*") else ""

@@ -1,4 +1,5 @@
-"""Airfoil sections: coordinates, and what the section module computes from them; once per case and surface.
+"""Airfoil sections: coordinates, and what the section module computes from them; once per case and
+surface.
 
 Lift slopes are per degree whatever card DERIV states.
 """
@@ -61,14 +62,18 @@ _SLOPE_LABELS = re.compile(r"[0 ] {25}MACH=.{7} LIFT-CURVE-SLOPE =.{10} /DEG\. {
 
 
 def _read_slopes(lines: list[Line], at: int) -> tuple[list[Printed], int] | None:
-    """Read the lines of lift slope and aerodynamic centre, one per Mach number, as the rows of a table."""
+    """Read the lines of lift slope and aerodynamic centre, one per Mach number, as the rows of a
+    table.
+    """
     numbers, rows, after = [], [], at
     for k in range(at, len(lines)):
         number, text = lines[k]
         if not text[1:].strip():
             continue
         # the labels stand between the windows, where a row must be blank
-        if not _SLOPE_LABELS.match(text) or not windows(SLOPE.columns, SLOPE.keys).hold(_numbers_only(text)):
+        if not _SLOPE_LABELS.match(text) or not windows(SLOPE.columns, SLOPE.keys).hold(
+            _numbers_only(text)
+        ):
             break
         numbers.append(number)
         rows.append(text)
@@ -84,7 +89,9 @@ def _numbers_only(text: str) -> str:
 
 
 def _read_designation(lines: list[Line], at: int) -> tuple[list[Printed], int] | None:
-    """Read the name of a NACA section; that of a 6-series section may go on with its mean line, ``A=0.5``."""
+    """Read the name of a NACA section; that of a 6-series section may go on with its mean line,
+    ``A=0.5``.
+    """
     number, text = lines[at]
     items = [(number, "DESIGNATION", text[1:], "")]
     if at + 1 < len(lines) and (mean_line := _MEAN_LINE.match(lines[at + 1][1])):

@@ -1,8 +1,8 @@
 """Controls at hypersonic speeds (HYPEFF) and the transverse jet (TRNJET).
 
-A hypersonic page prints one of two forms: that of the original program, which one build has switched off, and that of the single-file
-edition, which prints ten fields of nine columns without a gap whatever the number of deflections is.  Both are in feet whatever
-card DIM states.
+A hypersonic page prints one of two forms: that of the original program, which one build has
+switched off, and that of the single-file edition, which prints ten fields of nine columns without a
+gap whatever the number of deflections is.  Both are in feet whatever card DIM states.
 """
 
 from __future__ import annotations
@@ -14,7 +14,15 @@ import numpy as np
 
 from datcom_io.cells import BLANK, NOT_A_NUMBER, OK, read_cell
 from datcom_io.printout.rows import Across, Column, Line
-from datcom_io.printout.tables import Block, Layout, Printed, heading_words, make_table, make_values, pairs
+from datcom_io.printout.tables import (
+    Block,
+    Layout,
+    Printed,
+    heading_words,
+    make_table,
+    make_values,
+    pairs,
+)
 
 HYPERSONIC_FROM = 5.0
 """Mach number from which the program computes a hypersonic flap."""
@@ -23,7 +31,9 @@ _INFINITE = 3.39e38  # the largest single-precision number prints as 3.40E+38: f
 
 
 class _Form(NamedTuple):
-    """Columns of one edition of the page: ends of the first heading value, of alpha and of the first cell; steps between values."""
+    """Columns of one edition of the page: ends of the first heading value, of alpha and of the
+    first cell; steps between values.
+    """
 
     delta: tuple[int, int]
     alpha: tuple[int, int]
@@ -38,8 +48,18 @@ _SINGLE_FILE = _Form((11, 19), (1, 9), (10, 18), 9)
 _QUANTITIES = (
     ("hypersonic_cn", "INCREMENT IN NORMAL FORCE PER SPANWISE FOOT OF CONTROL", "dCN", "1/ft"),
     ("hypersonic_ca", "INCREMENT IN AXIAL FORCE PER SPANWISE FOOT OF CONTROL", "dCA", "1/ft"),
-    ("hypersonic_cm_cn", "INCREMENT IN PITCHING MOMENT DUE TO NORMAL FORCE INCREMENT PER SPANWISE FOOT OF CONTROL", "dCm_CN", "1/ft"),
-    ("hypersonic_cm_ca", "INCREMENT IN PITCHING MOMENT DUE TO AXIAL FORCE INCREMENT PER SPANWISE FOOT OF CONTROL", "dCm_CA", "1/ft"),
+    (
+        "hypersonic_cm_cn",
+        "INCREMENT IN PITCHING MOMENT DUE TO NORMAL FORCE INCREMENT PER SPANWISE FOOT OF CONTROL",
+        "dCm_CN",
+        "1/ft",
+    ),
+    (
+        "hypersonic_cm_ca",
+        "INCREMENT IN PITCHING MOMENT DUE TO AXIAL FORCE INCREMENT PER SPANWISE FOOT OF CONTROL",
+        "dCm_CA",
+        "1/ft",
+    ),
     ("hypersonic_cp_cn", "CENTER-OF-PRESSURE LOCATION OF NORMAL FORCE", "xcp_CN", "1"),
     ("hypersonic_cp_ca", "CENTER-OF-PRESSURE LOCATION OF AXIAL FORCE", "zcp_CA", "1"),
 )
@@ -53,11 +73,17 @@ def _layout(name: str, heading: str, quantity: str, units: str, form: _Form) -> 
         (Column("ALPHA", *form.alpha, "alpha", "deg"),),
         keys=1,
         rows=("FLTCON", "NALPHA"),
-        across=Across("DELTA", "delta", *form.delta, Column(heading, *form.cell, quantity, units), form.step),
+        across=Across(
+            "DELTA", "delta", *form.delta, Column(heading, *form.cell, quantity, units), form.step
+        ),
     )
 
 
-_LAYOUTS = {(quantity[0], form): _layout(*quantity, form) for form in (_ORIGINAL, _SINGLE_FILE) for quantity in _QUANTITIES}
+_LAYOUTS = {
+    (quantity[0], form): _layout(*quantity, form)
+    for form in (_ORIGINAL, _SINGLE_FILE)
+    for quantity in _QUANTITIES
+}
 HYPERSONIC = tuple(_LAYOUTS[quantity[0], _ORIGINAL] for quantity in _QUANTITIES)
 
 JET_ROWS = (
@@ -91,11 +117,17 @@ def _next_text(lines: list[Line], at: int) -> int:
 
 
 def _read_header(lines: list[Line], at: int) -> tuple[list[Printed], int] | None:
-    """Read Mach number, Reynolds number and reference quantities, which stand on the opening line and the next one."""
+    """Read Mach number, Reynolds number and reference quantities, which stand on the opening line
+    and the next one.
+    """
     units = {"REYNOLDS NO./FT": "1/ft", "REF. AREA (FT2)": "ft2", "LONG. REF. LENGTH(FT)": "ft"}
     second = _next_text(lines, at + 1)
     used = [at, second] if second < len(lines) and "REF. AREA" in lines[second][1] else [at]
-    items = [(lines[i][0], label, text, units.get(label, "")) for i in used for label, text in pairs(lines[i][1][1:])]
+    items = [
+        (lines[i][0], label, text, units.get(label, ""))
+        for i in used
+        for label, text in pairs(lines[i][1][1:])
+    ]
     return [make_values("hypersonic", items)], used[-1] + 1
 
 
@@ -142,12 +174,17 @@ def _read_deltas(text: str, form: _Form) -> np.ndarray | None:
 
 
 def _read_cells(text: str, form: _Form, count: int) -> tuple[list[float], list[int]] | None:
-    """Return values and flags of a row, alpha first; None when the line is none.  Fields touch, so only their columns separate them."""
+    """Return values and flags of a row, alpha first; None when the line is none.  Fields touch, so
+    only their columns separate them.
+    """
     first, last = form.cell
     shown = max(count, -(-(len(text.rstrip()) - first + 1) // form.step))
     if shown > _MOST_DELTAS or "_" in text:
         return None
-    spans = [slice(form.alpha[0] - 1, form.alpha[1]), *(slice(first - 1 + k * form.step, last + k * form.step) for k in range(shown))]
+    spans = [
+        slice(form.alpha[0] - 1, form.alpha[1]),
+        *(slice(first - 1 + k * form.step, last + k * form.step) for k in range(shown)),
+    ]
     values: list[float] = []
     flags: list[int] = []
     for k, span in enumerate(spans):
@@ -160,22 +197,44 @@ def _read_cells(text: str, form: _Form, count: int) -> tuple[list[float], list[i
     return values, flags
 
 
-def _increments(layout: Layout, deltas: np.ndarray, rows: list, number: int, text: str) -> list[Printed]:
+def _increments(
+    layout: Layout, deltas: np.ndarray, rows: list, number: int, text: str
+) -> list[Printed]:
     """Return the table, and the fields behind its last deflection as a group of their own."""
     across, count = layout.across, len(deltas)
     assert across is not None
-    cells = [across.cell._replace(first=across.cell.first + k * across.step, last=across.cell.last + k * across.step) for k in range(10)]
-    within = [(line, row, (values[: count + 1], flags[: count + 1])) for line, row, (values, flags) in rows]
-    printed: list[Printed] = [make_table(layout, within, (*layout.columns, *cells[:count]), deltas, number, text)]
+    cells = [
+        across.cell._replace(
+            first=across.cell.first + k * across.step, last=across.cell.last + k * across.step
+        )
+        for k in range(10)
+    ]
+    within = [
+        (line, row, (values[: count + 1], flags[: count + 1]))
+        for line, row, (values, flags) in rows
+    ]
+    printed: list[Printed] = [
+        make_table(layout, within, (*layout.columns, *cells[:count]), deltas, number, text)
+    ]
     beyond = [
-        (line, values[0], k, row[cells[k].first - 1 : cells[k].last].strip(), values[k + 1], flags[k + 1])
+        (
+            line,
+            values[0],
+            k,
+            row[cells[k].first - 1 : cells[k].last].strip(),
+            values[k + 1],
+            flags[k + 1],
+        )
         for line, row, (values, flags) in rows
         for k in range(count, len(values) - 1)
         if flags[k + 1] != BLANK
     ]
     if beyond:
         lines, alphas, places, texts, numbers, flags = zip(*beyond)
-        items = [(line, f"{across.cell.name} DELTA({k + 1})", shown, "") for line, k, shown in zip(lines, places, texts)]
+        items = [
+            (line, f"{across.cell.name} DELTA({k + 1})", shown, "")
+            for line, k, shown in zip(lines, places, texts)
+        ]
         given = (np.array(numbers), np.array(flags, dtype=np.uint8))
         printed.append(make_values("hypersonic_unused", items, {"alpha": np.array(alphas)}, given))
     return printed
@@ -184,7 +243,10 @@ def _increments(layout: Layout, deltas: np.ndarray, rows: list, number: int, tex
 def _read_jet(lines: list[Line], at: int) -> tuple[list[Printed], int] | None:
     """Read the rows of the jet page: a label and up to ten columns of time."""
     count = -(-(len(lines[at][1].rstrip()) - _JET_FIRST + 1) // _JET_STEP)
-    spans = [slice(_JET_FIRST - 1 + k * _JET_STEP, _JET_FIRST - 1 + (k + 1) * _JET_STEP) for k in range(min(count, 10))]
+    spans = [
+        slice(_JET_FIRST - 1 + k * _JET_STEP, _JET_FIRST - 1 + (k + 1) * _JET_STEP)
+        for k in range(min(count, 10))
+    ]
     times = [read_cell(lines[at][1][span]) for span in spans]
     if not times or None in times:
         return None

@@ -1,7 +1,8 @@
-"""Control tabs: five tables whose heading promises alpha x delta, while the values run on as one stream.
+"""Control tabs: five tables whose heading promises alpha x delta, while the values run on as one
+stream.
 
-The stream has alpha outside and delta inside, eleven values to a line.  The first value of a line stands in the place of alpha
-and has one decimal only; no alpha is printed anywhere.
+The stream has alpha outside and delta inside, eleven values to a line.  The first value of a line
+stands in the place of alpha and has one decimal only; no alpha is printed anywhere.
 """
 
 from __future__ import annotations
@@ -36,14 +37,19 @@ _TABLES = (
 
 
 def stream_axes(deck: Deck, table: Table) -> Mapping[str, np.ndarray]:
-    """Return alpha and delta (row, column) of a stream by the input cards, NaN behind its end; nothing without cards. [deg]"""
+    """Return alpha and delta (row, column) of a stream by the input cards, NaN behind its end;
+    nothing without cards. [deg]
+    """
     alphas = deck.schedule("FLTCON", "ALSCHD", "NALPHA")
     deltas = deck.schedule("SYMFLP", "DELTA", "NDELTA")
     count, shape = len(alphas) * len(deltas), (len(table.rows), len(table.columns))
     if not 0 < count <= shape[0] * shape[1]:
         return {}
     axes = {}
-    for name, values in (("alpha", np.repeat(alphas, len(deltas))), ("delta", np.tile(deltas, len(alphas)))):
+    for name, values in (
+        ("alpha", np.repeat(alphas, len(deltas))),
+        ("delta", np.tile(deltas, len(alphas))),
+    ):
         axes[name] = np.full(shape, np.nan)
         axes[name].flat[:count] = values
     return axes
@@ -75,6 +81,11 @@ def _read_stream(layout: Layout, lines: list[Line], at: int) -> tuple[list[Print
 
 
 BLOCKS = tuple(
-    Block((layout.name,), ("high-lift",), re.compile("^" + re.escape(layout.columns[0].name)), partial(_read_stream, layout))
+    Block(
+        (layout.name,),
+        ("high-lift",),
+        re.compile("^" + re.escape(layout.columns[0].name)),
+        partial(_read_stream, layout),
+    )
     for layout in LAYOUTS
 )

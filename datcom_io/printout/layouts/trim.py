@@ -1,7 +1,7 @@
 """Trim pages: with a control device on wing or tail, and with an all-movable stabilizer.
 
-The columns have group headings above them.  A trim table may stop early, with a note.  With a weight on the cards, one more row
-follows after an empty line: the equilibrium in level flight.
+The columns have group headings above them.  A trim table may stop early, with a note.  With a
+weight on the cards, one more row follows after an empty line: the equilibrium in level flight.
 """
 
 from __future__ import annotations
@@ -39,9 +39,17 @@ _STABILIZER = (
     Column("AT TRIM INCIDENCE CM", 106, 115, "Cm_tail_trim"),
     Column("AT TRIM INCIDENCE HM", 116, 128, "Ch_tail_trim"),
 )
-_AIRCRAFT = (Column("ALPHA", 51, 59, "alpha", "deg"), Column("CD", 60, 68, "CD"), Column("CL", 69, 78, "CL"))
+_AIRCRAFT = (
+    Column("ALPHA", 51, 59, "alpha", "deg"),
+    Column("CD", 60, 68, "CD"),
+    Column("CL", 69, 78, "CL"),
+)
 # the program's WRITE names CL first, so that it stands below the heading CD
-_AIRCRAFT_LEVEL = (_AIRCRAFT[0], _AIRCRAFT[1]._replace(name="CL", quantity="CL"), _AIRCRAFT[2]._replace(name="CD", quantity="CD"))
+_AIRCRAFT_LEVEL = (
+    _AIRCRAFT[0],
+    _AIRCRAFT[1]._replace(name="CL", quantity="CL"),
+    _AIRCRAFT[2]._replace(name="CD", quantity="CD"),
+)
 _ROWS = ("FLTCON", "NALPHA")
 
 TRIM = Layout("trim", "", _CONTROL, keys=1, rows=_ROWS, stops=_STOPS)
@@ -52,8 +60,12 @@ AIRCRAFT_LEVEL = Layout("trim_stabilizer_level", "", _AIRCRAFT_LEVEL, keys=1)
 LAYOUTS = (TRIM, TRIM_LEVEL, STABILIZER, AIRCRAFT, AIRCRAFT_LEVEL)
 
 
-def _read(layout: Layout, columns: str, level: Layout | None, lines: list[Line], at: int) -> tuple[list[Printed], int] | None:
-    """Read a table with a group heading, the line of `columns` and the rows up to a gap, and a row of level flight behind it."""
+def _read(
+    layout: Layout, columns: str, level: Layout | None, lines: list[Line], at: int
+) -> tuple[list[Printed], int] | None:
+    """Read a table with a group heading, the line of `columns` and the rows up to a gap, and a row
+    of level flight behind it.
+    """
     filled = [i for i in range(at + 1, len(lines)) if lines[i][1][1:].strip()]
     if not filled or heading_words(lines[filled[0]][1]) != columns:
         return None
@@ -70,13 +82,21 @@ def _read(layout: Layout, columns: str, level: Layout | None, lines: list[Line],
 
 
 def _level_row(level: Layout, lines: list[Line]) -> Table | None:
-    """Return the first of two lines as the row of level flight; None when it is no row, or one of several."""
-    rows = [read_table(level, [(number, " " + text[1:])], 0)[0] for number, text in lines]  # a stabilizer's has a 0 in front
+    """Return the first of two lines as the row of level flight; None when it is no row, or one of
+    several.
+    """
+    rows = [
+        read_table(level, [(number, " " + text[1:])], 0)[0] for number, text in lines
+    ]  # a stabilizer's has a 0 in front
     return None if any(rows[1:]) else rows[0]
 
 
-def _block(names: tuple[str, ...], opens: str, layout: Layout, columns: str, level: Layout | None = None) -> Block:
-    return Block(names, ("high-lift",), re.compile(f"^{opens}$"), partial(_read, layout, columns, level))
+def _block(
+    names: tuple[str, ...], opens: str, layout: Layout, columns: str, level: Layout | None = None
+) -> Block:
+    return Block(
+        names, ("high-lift",), re.compile(f"^{opens}$"), partial(_read, layout, columns, level)
+    )
 
 
 BLOCKS = (

@@ -1,6 +1,8 @@
-"""The submodels other than the aerodynamics: each module defines what its groups of names mean for an aircraft.
+"""The submodels other than the aerodynamics: each module defines what its groups of names mean for
+an aircraft.
 
-A module has ``items(aircraft)``, the items of its groups, ``row(kind, group, item, name, aircraft)``, the catalogue row of a
+A module has ``items(aircraft)``, the items of its groups, ``row(kind, group, item, name,
+aircraft)``, the catalogue row of a
 name, and ``terms(aircraft)``, its tables as (target, name of the term, leaf)."""
 
 from __future__ import annotations
@@ -8,7 +10,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from flightmech.simulation.submodels import controls, devices, earth_axes, engine, fuel, landing_gear, weather
+from flightmech.simulation.submodels import (
+    controls,
+    devices,
+    earth_axes,
+    engine,
+    fuel,
+    landing_gear,
+    weather,
+)
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -31,7 +41,9 @@ _OWNER = {
 
 
 def items(aircraft: Aircraft) -> dict[str, tuple[str, ...]]:
-    """Return the names of the items of every group; the core and groups of one item have the empty name."""
+    """Return the names of the items of every group; the core and groups of one item have the empty
+    name.
+    """
     found: dict[str, tuple[str, ...]] = {"": ("",)}
     for module in MODULES:
         found |= module.items(aircraft)

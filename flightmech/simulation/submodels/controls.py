@@ -5,7 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from flightmech.aircraft.controls import _CONSTANTS, MOST, MOVES, RIGHT_ANGLE, Circuit, _units, check
+from flightmech.aircraft.controls import (
+    _CONSTANTS,
+    MOST,
+    MOVES,
+    RIGHT_ANGLE,
+    Circuit,
+    _units,
+    check,
+)
 from flightmech.errors import SchemaError
 from flightmech.names import lookup
 from flightmech.simulation.kernel import FIXED, INPUT, INTEGER, PARAMETER, Entry
@@ -17,11 +25,15 @@ if TYPE_CHECKING:
 
 _DISPLAY = {"m": "cm", "rad": "deg"}
 _SURFACE = {"column": "elevator", "wheel": "ailerons", "pedal": "rudder"}
-# output behind the item: like the force (F), the travel (T) or a rate (R) of the item, deflection (D) or moment (H); description
+# output behind the item: like the force (F), the travel (T) or a rate (R) of the item, deflection
+# (D) or moment (H); description
 _OUTPUTS = {
     "rate": ("R", "rate of the travel"),
     "deflection": ("D", "deflection that the linkage gives"),
-    "symmetric": ("D", "deflection that both ailerons have in common, trailing edge down; zero for other surfaces"),
+    "symmetric": (
+        "D",
+        "deflection that both ailerons have in common, trailing edge down; zero for other surfaces",
+    ),
     "hinge_moment": ("H", "hinge moment of the air, positive as the deflection"),
     "F_aer": ("F", "force against the hinge moments"),
     "F_coul": ("F", "force against the Coulomb friction of all bodies"),
@@ -39,10 +51,17 @@ def items(aircraft: Aircraft) -> dict[str, tuple[str, ...]]:
     SchemaError
         A circuit does not fit its control, or is none of column, wheel and pedal.
     """
-    problems = [f"circuit.{item}: unknown; allowed: {', '.join(MOVES)}" for item in aircraft.circuits if item not in MOVES]
+    problems = [
+        f"circuit.{item}: unknown; allowed: {', '.join(MOVES)}"
+        for item in aircraft.circuits
+        if item not in MOVES
+    ]
     found = tuple(item for item in MOVES if item in aircraft.circuits)
     for item in found:
-        problems += [f"circuit.{item}: {text}" for text in check(item, aircraft.circuits[item], aircraft.controls.get(MOVES[item]))]
+        problems += [
+            f"circuit.{item}: {text}"
+            for text in check(item, aircraft.circuits[item], aircraft.controls.get(MOVES[item]))
+        ]
     if problems:
         raise SchemaError(aircraft.name, problems)
     return {"circuit": found}
@@ -72,10 +91,18 @@ def _input(name: str, item: str, circuit: Circuit) -> Entry:
 def _output(name: str, item: str) -> Entry:
     group, _, word = name.rpartition(".")
     if group == "trim":
-        return _like(name, word, f"{lookup(word).long_name}, added at the start to hold the trimmed deflection")
+        return _like(
+            name,
+            word,
+            f"{lookup(word).long_name}, added at the start to hold the trimmed deflection",
+        )
     if group == "applied":
         text = f"{lookup(word).long_name}, positive {lookup(word).sign}"
-        return _like(name, word, text if word == item else f"{text}: with biases, or what holds the recorded motion")
+        return _like(
+            name,
+            word,
+            text if word == item else f"{text}: with biases, or what holds the recorded motion",
+        )
     kind, text = _OUTPUTS[word]
     text = f"{_SURFACE[item]}: {text}" if kind in "DH" else f"{item}: {text}"
     if kind == "R":
@@ -95,22 +122,53 @@ def _parameter(name: str, item: str, aircraft: Aircraft) -> Entry:
         constant = _CONSTANTS[word]
         units = _units(item, constant)
         high = 1.0 if word == "restitution" else MOST
-        return Entry(name, units, _DISPLAY.get(units, units), f"{item}: {constant.text}", getattr(circuit, word), constant.least, high, 0)
+        return Entry(
+            name,
+            units,
+            _DISPLAY.get(units, units),
+            f"{item}: {constant.text}",
+            getattr(circuit, word),
+            constant.least,
+            high,
+            0,
+        )
     if name.startswith("bias."):
         return _like(name, word, f"added to the {lookup(word).long_name}")
     travel = ("m", "cm") if linear else ("rad", "deg")
     low, high = aircraft.limits.get(MOVES[item], (-RIGHT_ANGLE, RIGHT_ANGLE))
     surface = _SURFACE[item]
     others: dict[str, tuple[str, str, str, float, float, int]] = {
-        "order": ("1", "1", f"{item}: 2 one mass, 4 cockpit and surface, 6 cockpit and each aileron", circuit.order, 2.0, FIXED | INTEGER),
+        "order": (
+            "1",
+            "1",
+            f"{item}: 2 one mass, 4 cockpit and surface, 6 cockpit and each aileron",
+            circuit.order,
+            2.0,
+            FIXED | INTEGER,
+        ),
         "step": ("s", "ms", f"{item}: sub-step", circuit.sub_step(control.gearing), 1e-6, 0),
         "S_hinge": ("m2", "m2", f"{surface}: area behind the hinge", control.S_hinge, 0.0, 0),
         "c_hinge": ("m", "cm", f"{surface}: mean chord behind the hinge", control.c_hinge, 0.0, 0),
-        "gearing": ("m-1" if linear else "1",) * 2 + (f"{surface}: deflection per travel at zero travel", control.gearing, -MOST, 0),
+        "gearing": ("m-1" if linear else "1",) * 2
+        + (f"{surface}: deflection per travel at zero travel", control.gearing, -MOST, 0),
         "stop_low": (*travel, f"{item}: lower stop of the travel", circuit.stops[0], -MOST, 0),
         "stop_high": (*travel, f"{item}: upper stop of the travel", circuit.stops[1], -MOST, 0),
-        "delta_low": ("rad", "deg", f"{surface}: lower stop of the surface, of each aileron", low, -MOST, 0),
-        "delta_high": ("rad", "deg", f"{surface}: upper stop of the surface, of each aileron", high, -MOST, 0),
+        "delta_low": (
+            "rad",
+            "deg",
+            f"{surface}: lower stop of the surface, of each aileron",
+            low,
+            -MOST,
+            0,
+        ),
+        "delta_high": (
+            "rad",
+            "deg",
+            f"{surface}: upper stop of the surface, of each aileron",
+            high,
+            -MOST,
+            0,
+        ),
     }
     units, display, text, value, least, flags = others[word]
     return Entry(name, units, display, text, float(value), least, MOST, flags)

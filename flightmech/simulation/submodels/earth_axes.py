@@ -1,4 +1,6 @@
-"""Catalogue rows of place and motion in Earth-fixed and inertial axes, which a model has on request."""
+"""Catalogue rows of place and motion in Earth-fixed and inertial axes, which a model has on
+request.
+"""
 
 from __future__ import annotations
 
@@ -17,9 +19,24 @@ _FIXED = "Earth-fixed axes: z towards the North Pole, x towards the equator at l
 _INERTIAL = "inertial axes, which are the Earth-fixed ones at the time zero"
 _OUTPUTS = {
     **{f"earth.{axis}": ("m", f"position of the c.g. along {axis} of {_FIXED}") for axis in "xyz"},
-    **{f"earth.v{axis}": ("m s-1", f"velocity over the turning Earth along {axis} of the Earth-fixed axes") for axis in "xyz"},
-    **{f"inertial.{axis}": ("m", f"position of the c.g. along {axis} of {_INERTIAL}") for axis in "xyz"},
-    **{f"inertial.v{axis}": ("m s-1", f"velocity along {axis} of the inertial axes, turn of the Earth included") for axis in "xyz"},
+    **{
+        f"earth.v{axis}": (
+            "m s-1",
+            f"velocity over the turning Earth along {axis} of the Earth-fixed axes",
+        )
+        for axis in "xyz"
+    },
+    **{
+        f"inertial.{axis}": ("m", f"position of the c.g. along {axis} of {_INERTIAL}")
+        for axis in "xyz"
+    },
+    **{
+        f"inertial.v{axis}": (
+            "m s-1",
+            f"velocity along {axis} of the inertial axes, turn of the Earth included",
+        )
+        for axis in "xyz"
+    },
     "gravitation": ("m s-2", "size of the mass attraction, without the centrifugal part"),
 }
 

@@ -19,7 +19,12 @@ if TYPE_CHECKING:
 # quantity: unit, unit for people, description, least value
 _CONSTANTS: dict[str, tuple[str, str, str, float]] = {
     "time_constant": ("s", "s", "first-order lag of the thrust", 0.0),
-    "angular_momentum": ("kg m2 s-1", "kg m2 s-1", "angular momentum of the rotors along the thrust", -MOST),
+    "angular_momentum": (
+        "kg m2 s-1",
+        "kg m2 s-1",
+        "angular momentum of the rotors along the thrust",
+        -MOST,
+    ),
     "lever_delay": ("s", "s", "transport delay of the power lever", 0.0),
     "pla_idle": ("rad", "deg", "lever angle at throttle 0", -MOST),
     "pla_full": ("rad", "deg", "lever angle at throttle 1", -MOST),
@@ -52,9 +57,18 @@ def items(aircraft: Aircraft) -> dict[str, tuple[str, ...]]:
         Some engines have a deck and some have none.
     """
     numbers = tuple(str(number) for number in range(1, len(aircraft.engines) + 1))
-    without = [number for number, engine in zip(numbers, aircraft.engines, strict=True) if engine.deck is None]
+    without = [
+        number
+        for number, engine in zip(numbers, aircraft.engines, strict=True)
+        if engine.deck is None
+    ]
     if without and len(without) < len(numbers):
-        raise SchemaError(aircraft.name, [f"engine {', '.join(without)} has no deck and others have one; give every engine one or none"])
+        raise SchemaError(
+            aircraft.name,
+            [
+                f"engine {', '.join(without)} has no deck and others have one; give every engine one or none"
+            ],
+        )
     return {"engine": numbers, "spool": () if without else numbers}
 
 
@@ -66,19 +80,41 @@ def row(kind: int, group: str, item: str, name: str, aircraft: Aircraft) -> Entr
         like, text = _DRIVES[word]
         return _like(name, like)._replace(description=text)
     if kind == INPUT:
-        return _like(name, word, *((0.0, 1.0) if word in _SWITCHES else aircraft.limits.get(word, (0.0, 1.0))))
+        return _like(
+            name,
+            word,
+            *((0.0, 1.0) if word in _SWITCHES else aircraft.limits.get(word, (0.0, 1.0))),
+        )
     if kind in (OUTPUT, STATE, VARIABLE):
         return _like(name, word)
     if word in _CONSTANTS:
         units, display, text, low = _CONSTANTS[word]
-        return Entry(name, units, display, text, getattr(engine if hasattr(engine, word) else engine.deck, word), low, MOST, 0)
+        return Entry(
+            name,
+            units,
+            display,
+            text,
+            getattr(engine if hasattr(engine, word) else engine.deck, word),
+            low,
+            MOST,
+            0,
+        )
     return _geometry(name, word, engine)
 
 
 def _geometry(name: str, word: str, engine: Engine) -> Entry:
     axis = word.removesuffix("_inlet")[-1]
     if word.startswith("direction"):
-        return Entry(name, "1", "1", f"direction of the thrust, body {axis}", engine.direction["xyz".index(axis)], -1.0, 1.0, 0)
+        return Entry(
+            name,
+            "1",
+            "1",
+            f"direction of the thrust, body {axis}",
+            engine.direction["xyz".index(axis)],
+            -1.0,
+            1.0,
+            0,
+        )
     at_inlet = word.endswith("_inlet") and engine.deck is not None and engine.deck.inlet is not None
     at = engine.deck.inlet if at_inlet else engine.position  # type: ignore[union-attr]
     what = "ram drag" if word.endswith("_inlet") else "thrust"
@@ -91,7 +127,11 @@ def terms(aircraft: Aircraft) -> Iterator[tuple[str, str, xr.Dataset]]:
     for number, engine in enumerate(aircraft.engines, 1):
         tables = {} if engine.thrust is None else {"thrust": engine.thrust}
         for target, leaf in (tables if engine.deck is None else engine.deck.tables).items():
-            yield f"engine{number}.{target}", f"engine{number}/{target}", _renamed(leaf, {name: f"engine{number}.{name}" for name in OWN})
+            yield (
+                f"engine{number}.{target}",
+                f"engine{number}/{target}",
+                _renamed(leaf, {name: f"engine{number}.{name}" for name in OWN}),
+            )
 
 
 def _like(name: str, quantity_: str, low: float = -MOST, high: float = MOST) -> Entry:
@@ -102,4 +142,6 @@ def _like(name: str, quantity_: str, low: float = -MOST, high: float = MOST) -> 
 
 def _renamed(leaf: xr.Dataset, own: Mapping[str, str]) -> xr.Dataset:
     renamed = leaf.rename({name: new for name, new in own.items() if name in leaf.dims})
-    return renamed.assign_attrs(regressors=" ".join(own.get(word, word) for word in regressors(leaf)))
+    return renamed.assign_attrs(
+        regressors=" ".join(own.get(word, word) for word in regressors(leaf))
+    )

@@ -25,13 +25,29 @@ def row(kind: int, group: str, item: str, name: str, aircraft: Aircraft) -> Entr
     fuel, word = aircraft.fuel, name.rsplit(".", 1)[-1]
     assert fuel is not None, "names of the group fuel are requested only where there is fuel"
     if kind == PARAMETER and name == "init.fuel":
-        return Entry(name, "kg", "lb", "fuel on board at the start, part of mass.mass", fuel.mass, 0.0, MOST, FIXED)
+        return Entry(
+            name,
+            "kg",
+            "lb",
+            "fuel on board at the start, part of mass.mass",
+            fuel.mass,
+            0.0,
+            MOST,
+            FIXED,
+        )
     if kind == PARAMETER:
         text = f"place of the fuel as a mass point from the moment reference point, body {word}"
         return Entry(name, "m", "m", text, fuel.position["xyz".index(word)], -MOST, MOST, 0)
     found = lookup(word)
     return Entry(
-        name, found.units, found.display_units, f"{found.long_name}{' of the moment' if word != 'fuel' else ''}", 0.0, -MOST, MOST, 0
+        name,
+        found.units,
+        found.display_units,
+        f"{found.long_name}{' of the moment' if word != 'fuel' else ''}",
+        0.0,
+        -MOST,
+        MOST,
+        0,
     )
 
 

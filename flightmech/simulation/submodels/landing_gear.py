@@ -23,10 +23,20 @@ _INPUTS = {
     "brake_right": ("1", "1", "right brake pedal, 0 free, 1 full"),
 }
 _GEAR_OUTPUTS = {
-    **{f"gear.F{axis}": ("N", "N", f"force of the ground on the aircraft along body {axis}") for axis in "xyz"},
-    **{f"gear.M{axis}": ("N m", "N m", f"moment of the ground about the c.g., body {axis}") for axis in "xyz"},
+    **{
+        f"gear.F{axis}": ("N", "N", f"force of the ground on the aircraft along body {axis}")
+        for axis in "xyz"
+    },
+    **{
+        f"gear.M{axis}": ("N m", "N m", f"moment of the ground about the c.g., body {axis}")
+        for axis in "xyz"
+    },
     "gear.steering": ("rad", "deg", "steering angle of the nose wheel, positive to the right"),
-    "gear.steering_moment": ("N m", "N m", "moment of the steering spring on the nose wheel, positive to the right"),
+    "gear.steering_moment": (
+        "N m",
+        "N m",
+        "moment of the steering spring on the nose wheel, positive to the right",
+    ),
 }
 _CONTACT_OUTPUTS = {
     "compression": ("m", "cm", "compression of the strut"),
@@ -34,7 +44,11 @@ _CONTACT_OUTPUTS = {
     "Fx": ("N", "N", "force of the ground along the wheel, positive forward"),
     "Fy": ("N", "N", "force of the ground across the wheel, positive to the right"),
     "Fz": ("N", "N", "load, positive when the ground pushes up"),
-    "slip_angle": ("rad", "deg", "angle from the wheel to its motion over the ground, positive when it moves to the right"),
+    "slip_angle": (
+        "rad",
+        "deg",
+        "angle from the wheel to its motion over the ground, positive when it moves to the right",
+    ),
     "brake_force": ("N", "N", "force at the ground that the brake can hold"),
 }
 _GEAR_STATES = {
@@ -58,21 +72,47 @@ _RUNWAY = {
     "mu_icy": ("1", "greatest friction of a tyre over load, icy runway"),
     "skid_ratio": ("1", "friction of a locked wheel over the greatest friction"),
 }
-_SIGNED = ("mu_wet_0", "mu_wet_1", "mu_wet_2", "mu_wet_3", "trail", "rudder", "steering", "x", "y", "z")
+_SIGNED = (
+    "mu_wet_0",
+    "mu_wet_1",
+    "mu_wet_2",
+    "mu_wet_3",
+    "trail",
+    "rudder",
+    "steering",
+    "x",
+    "y",
+    "z",
+)
 _STEERING = {
     "limit": ("rad", "deg", "greatest steering angle to either side"),
-    "stiffness": ("N m rad-1", "N m/deg", "moment of the steering spring; 0 with order 0: a castor"),
+    "stiffness": (
+        "N m rad-1",
+        "N m/deg",
+        "moment of the steering spring; 0 with order 0: a castor",
+    ),
     "damping": ("N m s rad-1", "N m s rad-1", "damping of the wheel about its pivot"),
     "inertia": ("kg m2", "kg m2", "moment of inertia of the wheel about its pivot"),
     "trail": ("m", "cm", "side force behind the pivot"),
     "scrub": ("m", "cm", "moment over friction force of a wheel turned at rest"),
     "rudder": ("1", "1", "steering command per rudder deflection, both to the right"),
-    "arm_stiffness": ("N m rad-1", "N m/deg", "moment of the spring between command and arm, order 4"),
+    "arm_stiffness": (
+        "N m rad-1",
+        "N m/deg",
+        "moment of the spring between command and arm, order 4",
+    ),
     "arm_damping": ("N m s rad-1", "N m s rad-1", "damping of the arm, order 4"),
     "arm_inertia": ("kg m2", "kg m2", "moment of inertia of the arm, order 4"),
 }
 _CONTACT = {
-    **{axis: ("m", "m", f"lowest point of the unloaded leg from the moment reference point, body {axis}") for axis in "xyz"},
+    **{
+        axis: (
+            "m",
+            "m",
+            f"lowest point of the unloaded leg from the moment reference point, body {axis}",
+        )
+        for axis in "xyz"
+    },
     "radius": ("m", "m", "radius of the unloaded tyre"),
     "stiffness": ("N m-1", "N m-1", "strut force over compression"),
     "preload": ("N", "N", "strut force at no compression"),
@@ -100,12 +140,26 @@ def row(kind: int, group: str, item: str, name: str, aircraft: Aircraft) -> Entr
     assert aircraft.gear is not None
     word = name.rsplit(".", 1)[-1]
     if kind == PARAMETER:
-        contact = next((contact for contact in aircraft.gear.contacts if contact.name == item), None)
-        return _gear_parameter(name, word, aircraft.gear) if contact is None else _contact_parameter(name, word, contact)
+        contact = next(
+            (contact for contact in aircraft.gear.contacts if contact.name == item), None
+        )
+        return (
+            _gear_parameter(name, word, aircraft.gear)
+            if contact is None
+            else _contact_parameter(name, word, contact)
+        )
     if kind == INPUT:
         units, display, text = _INPUTS[name]
         limit = aircraft.gear.steering.limit
-        return Entry(name, units, display, text, 0.0, *((-limit, limit) if name == "delta_nw" else (0.0, 1.0)), 0)
+        return Entry(
+            name,
+            units,
+            display,
+            text,
+            0.0,
+            *((-limit, limit) if name == "delta_nw" else (0.0, 1.0)),
+            0,
+        )
     if name == f"wow_{item}":
         return Entry(name, "1", "1", f"{item} on the ground, 1 yes", 0.0, 0.0, 1.0, 0)
     if kind == STATE:
@@ -114,16 +168,38 @@ def row(kind: int, group: str, item: str, name: str, aircraft: Aircraft) -> Entr
         units, display, text = _GEAR_OUTPUTS[name]
     else:
         units, display, text = _CONTACT_OUTPUTS[word]
-    return Entry(name, units, display, text if group == "gear" else f"{item}: {text}", 0.0, -MOST, MOST, 0)
+    return Entry(
+        name, units, display, text if group == "gear" else f"{item}: {text}", 0.0, -MOST, MOST, 0
+    )
 
 
 def _gear_parameter(name: str, word: str, gear: LandingGear) -> Entry:
     if name == "runway.condition":
-        return Entry(name, "1", "1", "0 dry, 1 wet, 2 icy", float(gear.condition), 0.0, 2.0, INTEGER)
+        return Entry(
+            name, "1", "1", "0 dry, 1 wet, 2 icy", float(gear.condition), 0.0, 2.0, INTEGER
+        )
     if name == "gear.antiskid":
-        return Entry(name, "1", "1", "part of the friction that the anti-skid system uses; 0 none", gear.antiskid, 0.0, 1.0, 0)
+        return Entry(
+            name,
+            "1",
+            "1",
+            "part of the friction that the anti-skid system uses; 0 none",
+            gear.antiskid,
+            0.0,
+            1.0,
+            0,
+        )
     if name == "steering.order":
-        return Entry(name, "1", "1", "0 quasi-static, 2 one mass, 4 two masses", float(gear.steering.order), 0.0, 4.0, INTEGER | FIXED)
+        return Entry(
+            name,
+            "1",
+            "1",
+            "0 quasi-static, 2 one mass, 4 two masses",
+            float(gear.steering.order),
+            0.0,
+            4.0,
+            INTEGER | FIXED,
+        )
     low = -MOST if word in _SIGNED else 0.0
     if name.startswith("steering."):
         return Entry(name, *_STEERING[word], getattr(gear.steering, word), low, MOST, 0)

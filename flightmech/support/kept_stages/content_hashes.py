@@ -1,4 +1,6 @@
-"""The hash of plain data, arrays, labelled data and dataclasses by what they hold: the same in every process."""
+"""The hash of plain data, arrays, labelled data and dataclasses by what they hold: the same in
+every process.
+"""
 
 from __future__ import annotations
 
@@ -20,8 +22,8 @@ def content_hash(*items: Any) -> str:
     Parameters
     ----------
     *items : numbers, texts, None, arrays, labelled data, dataclasses, pydantic models, and mappings, sequences and sets of them
-        What carries a hash of its own as ``content_digest`` counts by it; anything else by its pickle, never by a text that may be
-        shortened.
+        What carries a hash of its own as ``content_digest`` counts by it; anything else by its
+        pickle, never by a text that may be shortened.
 
     Examples
     --------
@@ -71,13 +73,30 @@ def _add(digest: Any, item: Any) -> None:
         digest.update(f"digest {own}".encode())
     elif isinstance(item, np.ndarray):
         digest.update(f"array {item.dtype} {item.shape}".encode())
-        digest.update(repr(item.tolist()).encode() if item.dtype == object else np.ascontiguousarray(item).tobytes())
+        digest.update(
+            repr(item.tolist()).encode()
+            if item.dtype == object
+            else np.ascontiguousarray(item).tobytes()
+        )
     elif isinstance(item, xr.Dataset):
-        _add(digest, {"attrs": dict(item.attrs), **{name: (v.dims, v.values, dict(v.attrs)) for name, v in item.variables.items()}})
+        _add(
+            digest,
+            {
+                "attrs": dict(item.attrs),
+                **{name: (v.dims, v.values, dict(v.attrs)) for name, v in item.variables.items()},
+            },
+        )
     elif isinstance(item, xr.DataTree):
         _add(digest, {node.path: node.to_dataset(inherit=False) for node in item.subtree})
     elif isinstance(item, pd.DataFrame):
-        _add(digest, ("table", item.index.to_numpy(), {str(name): column.to_numpy() for name, column in item.items()}))
+        _add(
+            digest,
+            (
+                "table",
+                item.index.to_numpy(),
+                {str(name): column.to_numpy() for name, column in item.items()},
+            ),
+        )
     elif is_dataclass(item) and not isinstance(item, type):
         _add(digest, {f.name: getattr(item, f.name) for f in fields(item)})
     elif isinstance(item, Mapping):
@@ -102,5 +121,7 @@ def _other(item: Any) -> bytes:
         return f"set {sorted(content_hash(value) for value in item)}".encode()
     kind = type(item)
     if hasattr(kind, "model_fields"):  # of pydantic, which need not be imported here
-        return content_hash(kind.__name__, {name: getattr(item, name) for name in kind.model_fields}).encode()
+        return content_hash(
+            kind.__name__, {name: getattr(item, name) for name in kind.model_fields}
+        ).encode()
     return pickle.dumps(item, protocol=5)

@@ -10,9 +10,11 @@ from pathlib import Path
 
 
 class StageTrace:
-    """The inputs of every stage of the last job of a folder, by hash, one line each as the stages are reached.
+    """The inputs of every stage of the last job of a folder, by hash, one line each as the stages
+    are reached.
 
-    A job that is killed leaves the lines of what it reached; of several lines of one stage the last counts.
+    A job that is killed leaves the lines of what it reached; of several lines of one stage the last
+    counts.
 
     Parameters
     ----------
@@ -24,7 +26,9 @@ class StageTrace:
         self._before: dict[str, dict[str, str]] = {}
         with suppress(OSError):
             for line in file.read_text(encoding="utf-8").splitlines():
-                with suppress(ValueError, TypeError):  # a line that was being written when the job was killed
+                with suppress(
+                    ValueError, TypeError
+                ):  # a line that was being written when the job was killed
                     name, inputs = json.loads(line)
                     self._before[name] = dict(inputs)
         self._now: dict[str, dict[str, str]] = {}
@@ -32,7 +36,11 @@ class StageTrace:
     @classmethod
     def of(cls, store: Path, output: Path) -> StageTrace:
         """Return the trace of an output folder, which lies in the folder of the store."""
-        return cls(store / "traces" / f"{hashlib.sha256(str(output.resolve()).encode()).hexdigest()[:32]}.jsonl")
+        return cls(
+            store
+            / "traces"
+            / f"{hashlib.sha256(str(output.resolve()).encode()).hexdigest()[:32]}.jsonl"
+        )
 
     def reason(self, name: str, inputs: Mapping[str, str]) -> str:
         """Return why a stage has to run although a store is there, in words."""
@@ -43,7 +51,10 @@ class StageTrace:
         gone = [key for key in before if key not in inputs]
         if changed or gone:
             return "; ".join(
-                [*([f"changed: {', '.join(changed)}"] if changed else []), *([f"left out: {', '.join(gone)}"] if gone else [])]
+                [
+                    *([f"changed: {', '.join(changed)}"] if changed else []),
+                    *([f"left out: {', '.join(gone)}"] if gone else []),
+                ]
             )
         return "nothing changed, but no intact result is kept"
 
@@ -64,4 +75,6 @@ class StageTrace:
         with suppress(OSError):
             self._file.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
             with written_atomically(self._file, durable=False) as part:
-                part.write_text("".join(json.dumps(item) + "\n" for item in self._now.items()), encoding="utf-8")
+                part.write_text(
+                    "".join(json.dumps(item) + "\n" for item in self._now.items()), encoding="utf-8"
+                )

@@ -14,15 +14,23 @@ LARGE = 10_000
 
 
 class _Pickler(pickle.Pickler):
-    """Pickles the read-only view of a mapping, which pickle does not, and leaves rows of zeros out of large tables.
+    """Pickles the read-only view of a mapping, which pickle does not, and leaves rows of zeros out
+    of large tables.
 
-    A third of the errors along a record are zero, and coefficients with their errors are 100 MB a record.
+    A third of the errors along a record are zero, and coefficients with their errors are 100 MB a
+    record.
     """
 
     def reducer_override(self, item: Any) -> Any:
         if isinstance(item, MappingProxyType):
             return _view, (dict(item),)
-        if type(item) is np.ndarray and item.dtype == np.float64 and item.ndim == 2 and item.size >= LARGE and item.flags.c_contiguous:
+        if (
+            type(item) is np.ndarray
+            and item.dtype == np.float64
+            and item.ndim == 2
+            and item.size >= LARGE
+            and item.flags.c_contiguous
+        ):
             bits = item.view(np.int64)  # a negative zero is kept
             full = bits.any(axis=1)
             if not full.all():

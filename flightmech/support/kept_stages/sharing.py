@@ -1,4 +1,6 @@
-"""Calls shared out to the cores of this machine, or to the workers of a dask.distributed cluster: the same results either way."""
+"""Calls shared out to the cores of this machine, or to the workers of a dask.distributed cluster:
+the same results either way.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,11 @@ class Cores:
     """The cores of this machine."""
 
     def unordered(
-        self, function: Callable[..., Any], calls: Iterable[tuple[Any, ...]], jobs: int, threads: bool
+        self,
+        function: Callable[..., Any],
+        calls: Iterable[tuple[Any, ...]],
+        jobs: int,
+        threads: bool,
     ) -> Iterator[tuple[int, Any]]:
         """Give place and result of every call as soon as it is there.
 
@@ -37,7 +43,8 @@ class Cores:
         jobs : int
             Processes or threads at the same time; -1 for one per core.
         threads : bool
-            Threads instead of processes: where numbers are crunched by libraries that let others run.
+            Threads instead of processes: where numbers are crunched by libraries that let others
+            run.
         """
         if jobs == 1:  # one after the other, without what shares them out
             for place, call in enumerate(calls):
@@ -46,7 +53,9 @@ class Cores:
         from joblib import Parallel, delayed
 
         work = (delayed(_placed)(place, function, *call) for place, call in enumerate(calls))
-        yield from Parallel(n_jobs=jobs, backend="threading" if threads else None, return_as="generator_unordered")(work)
+        yield from Parallel(
+            n_jobs=jobs, backend="threading" if threads else None, return_as="generator_unordered"
+        )(work)
 
 
 class Cluster:
@@ -55,8 +64,12 @@ class Cluster:
     def __init__(self, client: Any) -> None:
         self._client = client
 
-    def in_order(self, function: Callable[..., Any], calls: Iterable[tuple[Any, ...]]) -> Iterator[Any]:
-        """Give the results of calls in their order, with few calls ahead of the one that is waited for."""
+    def in_order(
+        self, function: Callable[..., Any], calls: Iterable[tuple[Any, ...]]
+    ) -> Iterator[Any]:
+        """Give the results of calls in their order, with few calls ahead of the one that is waited
+        for.
+        """
         waiting = deque[Any]()
         for call in calls:
             if len(waiting) >= self._window:
@@ -66,13 +79,22 @@ class Cluster:
             yield waiting.popleft().result()
 
     def unordered(
-        self, function: Callable[..., Any], calls: Iterable[tuple[Any, ...]], jobs: int, threads: bool
+        self,
+        function: Callable[..., Any],
+        calls: Iterable[tuple[Any, ...]],
+        jobs: int,
+        threads: bool,
     ) -> Iterator[tuple[int, Any]]:
-        """Give place and result of every call as soon as it is there; the workers take the place of `jobs` and `threads`."""
+        """Give place and result of every call as soon as it is there; the workers take the place of
+        `jobs` and `threads`.
+        """
         from distributed import as_completed
 
         left = iter(enumerate(calls))
-        first = [self._submit(_placed, place, function, *call) for (place, call), _ in zip(left, range(self._window), strict=False)]
+        first = [
+            self._submit(_placed, place, function, *call)
+            for (place, call), _ in zip(left, range(self._window), strict=False)
+        ]
         running = as_completed(first)
         for future in running:
             yield future.result()
@@ -86,7 +108,9 @@ class Cluster:
 
     def _submit(self, function: Callable[..., Any], *call: Any) -> Any:
         with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", "Sending large graph", UserWarning)  # a record is as large as it is
+            warnings.filterwarnings(
+                "ignore", "Sending large graph", UserWarning
+            )  # a record is as large as it is
             return self._client.submit(function, *call, pure=False)
 
 
@@ -105,7 +129,9 @@ def demand_scheduler(address: str) -> None:
         Nothing answers at the address.
     """
     if find_spec("distributed") is None:
-        raise SchemaError("scheduler", ["dask.distributed is not installed; pip install 'aeromatch[cluster]'"])
+        raise SchemaError(
+            "scheduler", ["dask.distributed is not installed; pip install 'aeromatch[cluster]'"]
+        )
     place = urlsplit(address)
     try:
         host, port = place.hostname, place.port
@@ -139,27 +165,38 @@ def cluster(scheduler: str) -> Iterator[Cluster]:
     SchemaError
         dask.distributed is not installed.
     SimulationError
-        No scheduler or no worker answers, workers have another program, those of one call died again and again, or the scheduler ended.
+        No scheduler or no worker answers, workers have another program, those of one call died
+        again and again, or the scheduler ended.
     """
     try:
         from distributed import CancelledError, Client, KilledWorker
         from distributed.comm import CommClosedError
     except ImportError as error:
-        raise SchemaError("scheduler", ["dask.distributed is not installed; pip install 'aeromatch[cluster]'"]) from error
-    with _quiet("distributed", "distributed.client", "distributed.comm"):  # what they report comes as one error below
+        raise SchemaError(
+            "scheduler", ["dask.distributed is not installed; pip install 'aeromatch[cluster]'"]
+        ) from error
+    with _quiet(
+        "distributed", "distributed.client", "distributed.comm"
+    ):  # what they report comes as one error below
         try:
             client = Client(scheduler, timeout=WAIT)
         except (OSError, ValueError) as error:
-            raise SimulationError(f"no cluster at {scheduler}: {error}; start a scheduler and workers, or leave --scheduler out") from error
+            raise SimulationError(
+                f"no cluster at {scheduler}: {error}; start a scheduler and workers, or leave --scheduler out"
+            ) from error
         with client:
             _check_workers(client, scheduler)
             try:
                 yield Cluster(client)
             except KilledWorker as error:
-                raise SimulationError(f"the cluster lost its workers on one case again and again: {error}") from error
+                raise SimulationError(
+                    f"the cluster lost its workers on one case again and again: {error}"
+                ) from error
             except (CancelledError, CommClosedError) as error:
                 advice = "start one and run the batch again; with --resume what was flown is not flown again"
-                raise SimulationError(f"the scheduler at {scheduler} ended while the batch ran; {advice}") from error
+                raise SimulationError(
+                    f"the scheduler at {scheduler} ended while the batch ran; {advice}"
+                ) from error
 
 
 @contextmanager
@@ -181,8 +218,12 @@ def _check_workers(client: Any, scheduler: str) -> None:
     try:
         client.wait_for_workers(1, timeout=WAIT)
     except TimeoutError as error:
-        raise SimulationError(f"the scheduler at {scheduler} has no worker after {WAIT:g} s; start some") from error
-    others = [worker for worker, found in client.run(installation).items() if found != installation()]
+        raise SimulationError(
+            f"the scheduler at {scheduler} has no worker after {WAIT:g} s; start some"
+        ) from error
+    others = [
+        worker for worker, found in client.run(installation).items() if found != installation()
+    ]
     if others:
         raise SimulationError(
             f"{', '.join(sorted(others))}: another version of aeromatch (any file of it) or of a library that it counts with (FMPy, NumPy, "

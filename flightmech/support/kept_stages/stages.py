@@ -1,7 +1,8 @@
 """Stages of a job: each is a function of its inputs, whose hashes name what is kept of it.
 
-There is no graph and no engine: a job calls its stages one after the other, and a stage that is kept under its inputs is not computed.
-What a stage gives counts as an input of the next by the hash of what is kept, so that a change without effect ends there.
+There is no graph and no engine: a job calls its stages one after the other, and a stage that is
+kept under its inputs is not computed. What a stage gives counts as an input of the next by the hash
+of what is kept, so that a change without effect ends there.
 """
 
 from __future__ import annotations
@@ -34,12 +35,19 @@ class Kept(Generic[_Value]):
         Gives that tuple elsewhere.
     """
 
-    def __init__(self, digest: str = "", made: tuple[_Value, ...] = (), make: Callable[[], tuple[_Value, ...]] | None = None) -> None:
+    def __init__(
+        self,
+        digest: str = "",
+        made: tuple[_Value, ...] = (),
+        make: Callable[[], tuple[_Value, ...]] | None = None,
+    ) -> None:
         self._digest, self._made, self._make = digest, made, make
 
     @property
     def value(self) -> _Value:
-        """What it holds: read from the store when it is first needed, computed again where the file turns out to be damaged."""
+        """What it holds: read from the store when it is first needed, computed again where the file
+        turns out to be damaged.
+        """
         if not self._made:
             assert self._make is not None
             self._made = self._make()
@@ -54,7 +62,9 @@ class Kept(Generic[_Value]):
 
     def part(self, name: str, pick: Callable[[_Value], Any]) -> Kept[Any]:
         """Return a part of the result, which counts by the whole; nothing is read for it."""
-        return Kept(f"{self._digest} {name}" if self._digest else "", make=lambda: (pick(self.value),))
+        return Kept(
+            f"{self._digest} {name}" if self._digest else "", make=lambda: (pick(self.value),)
+        )
 
 
 class Values(Mapping[str, Any]):
@@ -112,14 +122,17 @@ class Stages:
         self._trace, self._explain = trace, explain
         self._done: dict[str, Kept[Any]] = {}  # by key
 
-    def one(self, stage: str, inputs: Mapping[str, Any], make: Callable[[], _Value], item: str = "") -> Kept[_Value]:
+    def one(
+        self, stage: str, inputs: Mapping[str, Any], make: Callable[[], _Value], item: str = ""
+    ) -> Kept[_Value]:
         """Return what `make` gives, or what is kept of it.
 
         Parameters
         ----------
         stage : str
         inputs : mapping of str to object
-            All that the result depends on besides the program: `Kept`, `FileContent`, or what `content_hash` takes.
+            All that the result depends on besides the program: `Kept`, `FileContent`, or what
+            `content_hash` takes.
         make : callable
         item : str
             Of several results of the stage.
@@ -136,7 +149,8 @@ class Stages:
         jobs: int = 1,
         threads: bool = False,
     ) -> dict[str, Kept[_Value]]:
-        """Return what a function gives for every item; what is not kept is shared out to cores or workers, and kept as it comes.
+        """Return what a function gives for every item; what is not kept is shared out to cores or
+        workers, and kept as it comes.
 
         Parameters
         ----------
@@ -154,20 +168,31 @@ class Stages:
         def again(item: str) -> Callable[[], tuple[_Value, list[str]]]:
             return lambda: recorded(function, *arguments(item))
 
-        known = {item: self._known(stage, item, given, again(item)) for item, given in inputs.items()}
+        known = {
+            item: self._known(stage, item, given, again(item)) for item, given in inputs.items()
+        }
         found = {item: kept for item, (_, kept) in known.items() if kept is not None}
         missing = [item for item in inputs if item not in found]
         # threads share what catches warnings: theirs are shown as they come
         work = _without_record if threads else recorded
         calls = ((function, *arguments(item)) for item in missing)
-        shared = self.workers.unordered(work, calls, min(jobs, len(missing)) if jobs > 0 else jobs, threads) if missing else ()
+        shared = (
+            self.workers.unordered(
+                work, calls, min(jobs, len(missing)) if jobs > 0 else jobs, threads
+            )
+            if missing
+            else ()
+        )
         for place, result in shared:
             item = missing[place]
             found[item] = self._keep(stage, known[item][0], result)
         return {item: found[item] for item in inputs}
 
     def batch(
-        self, stage: str, inputs: Mapping[str, Mapping[str, Any]], compute: Callable[[list[str], Callable[..., None]], None]
+        self,
+        stage: str,
+        inputs: Mapping[str, Mapping[str, Any]],
+        compute: Callable[[list[str], Callable[..., None]], None],
     ) -> dict[str, Kept[Any]]:
         """Return the results of a call that makes several of them, as far as they are not kept.
 
@@ -176,13 +201,15 @@ class Stages:
         stage, inputs
             As `each`.
         compute : callable
-            Called with the items to compute, unless there are none, and with ``put(item, value, keep=True)``, which it calls for each
-            of them as soon as it is there.
+            Called with the items to compute, unless there are none, and with ``put(item, value,
+            keep=True)``, which it calls for each of them as soon as it is there.
         """
         found: dict[str, Kept[Any]] = {}
 
         def put(item: str, value: Any, keep: bool = True) -> None:
-            found[item] = self._keep(stage, known[item][0], (value, [])) if keep else self.given(value)
+            found[item] = (
+                self._keep(stage, known[item][0], (value, [])) if keep else self.given(value)
+            )
 
         def again(item: str) -> Callable[[], tuple[Any, list[str]]]:
             def make() -> tuple[Any, list[str]]:
@@ -192,7 +219,9 @@ class Stages:
 
             return make
 
-        known = {item: self._known(stage, item, given, again(item)) for item, given in inputs.items()}
+        known = {
+            item: self._known(stage, item, given, again(item)) for item, given in inputs.items()
+        }
         found |= {item: kept for item, (_, kept) in known.items() if kept is not None}
         missing = [item for item in inputs if item not in found]
         if missing:
@@ -211,7 +240,8 @@ class Stages:
     def recall(self, stage: str, inputs: Mapping[str, Any], nothing: _Value) -> _Value:
         """Return what `remember` kept under these inputs, else `nothing`.
 
-        It may have become more with every job, and saves work only: the results of stages do not depend on how much there is.
+        It may have become more with every job, and saves work only: the results of stages do not
+        depend on how much there is.
         """
         if self.store is None or self.fresh:
             return nothing
@@ -229,9 +259,15 @@ class Stages:
             self._trace.close()
 
     def _known(
-        self, stage: str, item: str, inputs: Mapping[str, Any], make: Callable[[], tuple[Any, list[str]]]
+        self,
+        stage: str,
+        item: str,
+        inputs: Mapping[str, Any],
+        make: Callable[[], tuple[Any, list[str]]],
     ) -> tuple[str, Kept[Any] | None]:
-        """Return the key of a result, and the result; None when it has to be computed. `make` computes what turns out to be damaged."""
+        """Return the key of a result, and the result; None when it has to be computed. `make`
+        computes what turns out to be damaged.
+        """
         if self.store is None:
             self.computed[stage] += 1
             return "", None
@@ -245,7 +281,13 @@ class Stages:
         else:
             self.computed[stage] += 1
             if self._explain is not None:
-                why = "--fresh" if self.fresh else self._trace.reason(name, hashes) if self._trace is not None else "not kept"
+                why = (
+                    "--fresh"
+                    if self.fresh
+                    else self._trace.reason(name, hashes)
+                    if self._trace is not None
+                    else "not kept"
+                )
                 self._explain(f"{name}: {why}")
         if self._trace is not None:
             self._trace.note(name, hashes)
@@ -256,10 +298,15 @@ class Stages:
     @staticmethod
     def _key(stage: str, inputs: Mapping[str, Any]) -> tuple[str, dict[str, str]]:
         """Return the key of a result, and the hashes it is made of."""
-        hashes = {"program": content_hash(installation(), arithmetic()), **{name: content_hash(one) for name, one in inputs.items()}}
+        hashes = {
+            "program": content_hash(installation(), arithmetic()),
+            **{name: content_hash(one) for name, one in inputs.items()},
+        }
         return content_hash(stage, hashes), hashes
 
-    def _lazily(self, stage: str, key: str, digest: str, make: Callable[[], tuple[Any, list[str]]]) -> Kept[Any]:
+    def _lazily(
+        self, stage: str, key: str, digest: str, make: Callable[[], tuple[Any, list[str]]]
+    ) -> Kept[Any]:
         assert self.store is not None
         store = self.store
 
@@ -290,14 +337,20 @@ class Stages:
 
 
 def recorded(function: Callable[..., _Value], *arguments: Any) -> tuple[_Value, list[str]]:
-    """Return the result of a call, and the texts of the warnings of this package; others are given on as they are."""
+    """Return the result of a call, and the texts of the warnings of this package; others are given
+    on as they are.
+    """
     caught: list[warnings.WarningMessage] = []
     own: list[str] = []
     try:
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", AeromatchWarning)
             value = function(*arguments)
-        own = list(dict.fromkeys(str(one.message) for one in caught if issubclass(one.category, AeromatchWarning)))
+        own = list(
+            dict.fromkeys(
+                str(one.message) for one in caught if issubclass(one.category, AeromatchWarning)
+            )
+        )
     finally:
         for one in caught:
             if str(one.message) not in own:

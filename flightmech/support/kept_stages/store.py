@@ -1,8 +1,10 @@
-"""The folder that keeps the results of stages: of its user alone, checked when it is read, bounded in size.
+"""The folder that keeps the results of stages: of its user alone, checked when it is read, bounded
+in size.
 
-Entries lie as those of `joblib.Memory` do, so that joblib clears them and removes what was not used for the longest time.  They are
-pickles, and whoever can write a pickle can run a program: a folder that another user owns or may write to is refused, and the place is
-the cache of the user, never a folder of a project, which may come from elsewhere.
+Entries lie as those of `joblib.Memory` do, so that joblib clears them and removes what was not used
+for the longest time.  They are pickles, and whoever can write a pickle can run a program: a folder
+that another user owns or may write to is refused, and the place is the cache of the user, never a
+folder of a project, which may come from elsewhere.
 """
 
 from __future__ import annotations
@@ -37,8 +39,8 @@ _SIZE = re.compile(r"\s*(\d+(?:\.\d+)?)\s*([kmgt]?)i?b?\s*", re.IGNORECASE)
 class StageStore:
     """Results by stage and key, one file each, written atomically, after the SHA-256 of its bytes.
 
-    Two jobs may share it: who comes second writes the same.  What cannot be kept, since the disk is full or another job clears the
-    store, is computed again next time.
+    Two jobs may share it: who comes second writes the same.  What cannot be kept, since the disk is
+    full or another job clears the store, is computed again next time.
 
     Attributes
     ----------
@@ -58,7 +60,9 @@ class StageStore:
         _demand_own(self.folder)
 
     def head(self, stage: str, key: str) -> tuple[str, list[str]] | None:
-        """Return the hash of what is kept under a key, and the remarks kept with it; None when nothing is."""
+        """Return the hash of what is kept under a key, and the remarks kept with it; None when
+        nothing is.
+        """
         try:
             with self._file(stage, key).open("rb") as file:
                 digest, remarks = file.read(_DIGEST), json.loads(file.readline())
@@ -67,7 +71,9 @@ class StageStore:
         return digest.hex(), [str(text) for text in remarks]
 
     def read(self, stage: str, key: str) -> tuple[Any, ...]:
-        """Return what is kept under a key as a tuple of one; empty when nothing is, or a damaged file."""
+        """Return what is kept under a key as a tuple of one; empty when nothing is, or a damaged
+        file.
+        """
         file = self._file(stage, key)
         try:
             content = memoryview(file.read_bytes())
@@ -84,11 +90,17 @@ class StageStore:
     def write(self, stage: str, key: str, value: Any, remarks: Sequence[str] = ()) -> str:
         """Keep a value and remarks on it under a key, and return the hash of what is kept."""
         head = json.dumps(list(remarks)).encode() + b"\n"
-        from flightmech.support.kept_stages.pickles import pickled  # NumPy is not needed to find that nothing changed
+        from flightmech.support.kept_stages.pickles import (
+            pickled,
+        )  # NumPy is not needed to find that nothing changed
 
         try:
             body = pickled(value)
-        except (pickle.PicklingError, TypeError, AttributeError):  # it cannot be kept: known by what it was made of
+        except (
+            pickle.PicklingError,
+            TypeError,
+            AttributeError,
+        ):  # it cannot be kept: known by what it was made of
             return f"of {key}"
         digest = hashlib.sha256(head)
         digest.update(body)
@@ -139,7 +151,9 @@ class StageStore:
 
 
 def store_folder() -> Path | None:
-    """Return the folder of the store: as `PLACE` states, else in the cache of the user; None where it is switched off."""
+    """Return the folder of the store: as `PLACE` states, else in the cache of the user; None where
+    it is switched off.
+    """
     given = os.environ.get(PLACE, "")
     if given.lower() == "off":
         return None
@@ -175,7 +189,12 @@ def bytes_of(text: str) -> float:
     """
     found = _SIZE.fullmatch(text)
     if found is None:
-        raise SchemaError(LIMIT, [f"{text!r} is not a size; write a number with kB, MB, GB or TB, such as {USUAL_LIMIT!r}"])
+        raise SchemaError(
+            LIMIT,
+            [
+                f"{text!r} is not a size; write a number with kB, MB, GB or TB, such as {USUAL_LIMIT!r}"
+            ],
+        )
     return float(found[1]) * _UNITS[found[2].lower()]
 
 
@@ -185,6 +204,14 @@ def _demand_own(folder: Path) -> None:
         return
     state = folder.stat()
     if state.st_uid != os.geteuid():
-        raise SchemaError(str(folder), [f"the store belongs to another user ({state.st_uid}); name one of your own in {PLACE}, or 'off'"])
+        raise SchemaError(
+            str(folder),
+            [
+                f"the store belongs to another user ({state.st_uid}); name one of your own in {PLACE}, or 'off'"
+            ],
+        )
     if state.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
-        raise SchemaError(str(folder), [f"others may write to the store; chmod 700 it, or name another folder in {PLACE}"])
+        raise SchemaError(
+            str(folder),
+            [f"others may write to the store; chmod 700 it, or name another folder in {PLACE}"],
+        )

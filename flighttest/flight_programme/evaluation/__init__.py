@@ -1,4 +1,6 @@
-"""A whole flight against what is known of the aeroplane: consistency, stationary points, coefficients, eigenmotions, bounds."""
+"""A whole flight against what is known of the aeroplane: consistency, stationary points,
+coefficients, eigenmotions, bounds.
+"""
 
 from flightmech.support.imports import attach_stub
 

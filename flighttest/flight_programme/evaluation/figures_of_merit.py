@@ -11,7 +11,13 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from flightmech.errors import AeromatchError, IdentificationError, OutOfRange, SchemaError, UnknownName
+from flightmech.errors import (
+    AeromatchError,
+    IdentificationError,
+    OutOfRange,
+    SchemaError,
+    UnknownName,
+)
 from flightmech.names import lookup
 from flightmech.support.arrays import rms
 from flightmech.units import G0, from_si, quantity
@@ -27,7 +33,9 @@ if TYPE_CHECKING:
     from flighttest.regression.equation_error.fit import Fit
     from flighttest.submodels.aircraft_properties.eigenmotion import Motion
 
-LEAST = 4  # points of a line: two are drawn from any error, three give no information on their scatter
+LEAST = (
+    4  # points of a line: two are drawn from any error, three give no information on their scatter
+)
 _MOVES = 1e-6  # relative spread of x below which the points do not determine a slope
 
 
@@ -56,9 +64,15 @@ class Fitted:
 
 
 def times_of(points: Points) -> pd.DataFrame:
-    """Return the noted times and series of a sheet of stationary points: ``time series``, sorted; one row per time and series."""
+    """Return the noted times and series of a sheet of stationary points: ``time series``, sorted;
+    one row per time and series.
+    """
     sheet = Sheet(points.file)
-    series = [sheet.text(row, points.series) for row in range(len(sheet.rows))] if points.series else [""] * len(sheet.rows)
+    series = (
+        [sheet.text(row, points.series) for row in range(len(sheet.rows))]
+        if points.series
+        else [""] * len(sheet.rows)
+    )
     found = pd.DataFrame({"time": points.time.of(sheet, "s"), "series": series})
     return found.dropna().drop_duplicates().sort_values("time", ignore_index=True)
 
@@ -76,10 +90,18 @@ def windows_of(points: Points, series: Sequence[str] = ()) -> list[tuple[float, 
         if name not in set(table["series"]):
             raise UnknownName(name, set(table["series"]), "series", f"sheet {points.file}")
     kept = table[table["series"].isin(series)] if series else table
-    return [(float(t) + points.window[0], float(t) + points.window[1]) for t in sorted(set(kept["time"]))]
+    return [
+        (float(t) + points.window[0], float(t) + points.window[1])
+        for t in sorted(set(kept["time"]))
+    ]
 
 
-def means(record: xr.DataTree, aircraft: Aircraft, windows: Sequence[tuple[float, float]], data: xr.Dataset | None = None) -> pd.DataFrame:
+def means(
+    record: xr.DataTree,
+    aircraft: Aircraft,
+    windows: Sequence[tuple[float, float]],
+    data: xr.Dataset | None = None,
+) -> pd.DataFrame:
     """Return the means of all channels over windows.
 
     Parameters
@@ -95,8 +117,9 @@ def means(record: xr.DataTree, aircraft: Aircraft, windows: Sequence[tuple[float
     Returns
     -------
     DataFrame
-        One row per window, ``start stop`` and channels. [SI]  Computed: ``CL_weight``, weight over dynamic pressure and wing area, which is
-        the lift of level flight without a part of thrust; ``attitude_less_climb``, pitch attitude less the angle of climb.
+        One row per window, ``start stop`` and channels. [SI]  Computed: ``CL_weight``, weight over
+        dynamic pressure and wing area, which is the lift of level flight without a part of thrust;
+        ``attitude_less_climb``, pitch attitude less the angle of climb.
 
     Raises
     ------
@@ -106,7 +129,9 @@ def means(record: xr.DataTree, aircraft: Aircraft, windows: Sequence[tuple[float
     return pd.DataFrame([_row(record, aircraft, window, data) for window in windows])
 
 
-def _row(record: xr.DataTree, aircraft: Aircraft, window: tuple[float, float], data: xr.Dataset | None) -> dict[str, float]:
+def _row(
+    record: xr.DataTree, aircraft: Aircraft, window: tuple[float, float], data: xr.Dataset | None
+) -> dict[str, float]:
     start, stop = window
     row = {"start": start, "stop": stop}
     climb = np.nan
@@ -115,22 +140,35 @@ def _row(record: xr.DataTree, aircraft: Aircraft, window: tuple[float, float], d
         time = leaf["time"].values
         inside = (time >= start) & (time <= stop)
         if inside.sum() < 2:
-            raise OutOfRange(f"stationary point {start:g} ... {stop:g} s is not inside the record, {time[0]:g} ... {time[-1]:g} s")
-        row |= {str(name): float(np.nanmean(x.values[inside])) for name, x in leaf.data_vars.items()}
+            raise OutOfRange(
+                f"stationary point {start:g} ... {stop:g} s is not inside the record, {time[0]:g} ... {time[-1]:g} s"
+            )
+        row |= {
+            str(name): float(np.nanmean(x.values[inside])) for name, x in leaf.data_vars.items()
+        }
         if "h_baro" in leaf:
             climb = float(np.polyfit(time[inside] - start, leaf["h_baro"].values[inside], 1)[0])
     if {"h_baro", "mach", "mass"} <= set(row):
-        row["CL_weight"] = row["mass"] * G0 / (0.7 * float(pressure(np.array(row["h_baro"]))) * row["mach"] ** 2 * aircraft.S)
+        row["CL_weight"] = (
+            row["mass"]
+            * G0
+            / (0.7 * float(pressure(np.array(row["h_baro"]))) * row["mach"] ** 2 * aircraft.S)
+        )
     if {"theta", "V", "h_baro"} <= set(row):
         row["attitude_less_climb"] = row["theta"] - float(np.arcsin(climb / row["V"]))
     if data is not None:
         part = data.sel(time=slice(start, stop))
-        row |= {str(name): float(x.mean()) for name, x in part.data_vars.items() if x.dims == ("time",) and x.dtype.kind == "f"}
+        row |= {
+            str(name): float(x.mean())
+            for name, x in part.data_vars.items()
+            if x.dims == ("time",) and x.dtype.kind == "f"
+        }
     return row
 
 
 def line_through(line: Line, points: pd.DataFrame) -> Fitted:
-    """Return a straight line through points by least squares; standard errors from the scatter of the points.
+    """Return a straight line through points by least squares; standard errors from the scatter of
+    the points.
 
     Raises
     ------
@@ -146,9 +184,13 @@ def line_through(line: Line, points: pd.DataFrame) -> Fitted:
     if line.kind == "polar":
         x = x**2
     if len(x) < LEAST:
-        raise IdentificationError(f"line {line.name}: {len(x)} points; {LEAST} or more are needed to see their scatter")
+        raise IdentificationError(
+            f"line {line.name}: {len(x)} points; {LEAST} or more are needed to see their scatter"
+        )
     if np.ptp(x) <= _MOVES * np.abs(x).max():
-        raise IdentificationError(f"line {line.name}: no excitation, {line.x} is {x[0]:.4g} at all points; fly points at several of it")
+        raise IdentificationError(
+            f"line {line.name}: no excitation, {line.x} is {x[0]:.4g} at all points; fly points at several of it"
+        )
     X = np.stack([np.ones_like(x), x], axis=1)
     (b, m), *_ = np.linalg.lstsq(X, y)
     rest = y - b - m * x
@@ -177,7 +219,11 @@ def limits_shown(low: float, high: float, unit: str) -> str:
     """Return the bounds as text."""
     if math.isinf(high):
         return f"at least {number(low, unit)}"
-    return f"at most {number(high, unit)}" if math.isinf(low) else f"{number(low, unit)} ... {number(high, unit)}"
+    return (
+        f"at most {number(high, unit)}"
+        if math.isinf(low)
+        else f"{number(low, unit)} ... {number(high, unit)}"
+    )
 
 
 INSIDE, OUTSIDE, OPEN = "inside", "outside", "not determined"
@@ -200,17 +246,26 @@ class Figure(NamedTuple):
 def units_of(plan: Plan) -> dict[str, str]:
     """Return name and SI unit of every figure that an evaluation can give.
 
-    ``kinematics.theta_rate.slope``, ``delay.theta``, ``answer.delta_e``; of a line ``trim.slope trim.offset trim.root``; of a polar
-    ``polar.CD0 polar.oswald``; of a fit ``pitching.alpha`` and its other terms; of a mode ``phugoid.period`` ...
+    ``kinematics.theta_rate.slope``, ``delay.theta``, ``answer.delta_e``; of a line ``trim.slope
+    trim.offset trim.root``; of a polar ``polar.CD0 polar.oswald``; of a fit ``pitching.alpha`` and
+    its other terms; of a mode ``phugoid.period`` ...
     """
-    found = {f"kinematics.{r.name}.{what}": r.units if what == "offset" else "1" for r in RELATIONS for what in _KINEMATIC}
+    found = {
+        f"kinematics.{r.name}.{what}": r.units if what == "offset" else "1"
+        for r in RELATIONS
+        for what in _KINEMATIC
+    }
     found |= {f"delay.{channel}": "s" for r in RELATIONS for channel in r.needs}
     found |= {f"answer.{equation.surface}": "s-2" for equation in EQUATIONS}
     for line in plan.line:
         if line.kind == "polar":
             found |= {f"{line.name}.CD0": "1", f"{line.name}.oswald": "1"}
         else:
-            found |= {f"{line.name}.slope": "1", f"{line.name}.offset": _unit(line.y), f"{line.name}.root": _unit(line.x)}
+            found |= {
+                f"{line.name}.slope": "1",
+                f"{line.name}.offset": _unit(line.y),
+                f"{line.name}.root": _unit(line.x),
+            }
     for fit in plan.fit:
         found |= {f"{fit.name}.{term}": "1" for term in Model.parse(fit.model).terms}
     for mode in plan.mode:
@@ -251,7 +306,9 @@ def limits_of(plan: Plan) -> list[tuple[float, float]]:
 
 def _limits(bound: Bound, unit: str) -> tuple[float, float]:
     if bound.value is None:
-        low, high = (None if edge is None else quantity(edge, unit) for edge in (bound.low, bound.high))
+        low, high = (
+            None if edge is None else quantity(edge, unit) for edge in (bound.low, bound.high)
+        )
         return (-math.inf if low is None else low), (math.inf if high is None else high)
     value, within = quantity(bound.value, unit), bound.within or 0.0
     relative = isinstance(within, str) and within.strip().endswith("%")
@@ -260,7 +317,11 @@ def _limits(bound: Bound, unit: str) -> tuple[float, float]:
 
 
 def collect(
-    quality: Quality, lines: Sequence[Fitted], fits: Sequence[Fit], motions: Mapping[str, Motion], aircraft: Aircraft
+    quality: Quality,
+    lines: Sequence[Fitted],
+    fits: Sequence[Fit],
+    motions: Mapping[str, Motion],
+    aircraft: Aircraft,
 ) -> dict[str, Figure]:
     """Return the figures of an evaluation by name."""
     nan = math.nan
@@ -268,7 +329,10 @@ def collect(
     for row in quality.kinematics.to_dict("records"):
         head = f"kinematics.{row['relation']}"
         found[f"{head}.slope"] = Figure(row["slope"], row["slope_stderr"], "1")
-        found |= {f"{head}.{what}": Figure(row[what], nan, row["units"] if what == "offset" else "1") for what in _KINEMATIC[1:]}
+        found |= {
+            f"{head}.{what}": Figure(row[what], nan, row["units"] if what == "offset" else "1")
+            for what in _KINEMATIC[1:]
+        }
     for row in quality.delays.to_dict("records"):
         found[f"delay.{row['channel']}"] = Figure(row["delay"], row["stderr"], "s")
     for row in quality.answers.to_dict("records"):
@@ -278,7 +342,9 @@ def collect(
     for fit in fits:
         e = fit.estimates
         for k, term in enumerate(e["term"].values):
-            found[f"{fit.name}.{term}"] = Figure(float(e["estimate"].values[k]), float(e["stderr"].values[k]), "1")
+            found[f"{fit.name}.{term}"] = Figure(
+                float(e["estimate"].values[k]), float(e["stderr"].values[k]), "1"
+            )
     for name, motion in motions.items():
         found |= {f"{name}.{what}": Figure(*values) for what, values in motion.values.items()}
     return found
@@ -289,7 +355,10 @@ def _of_line(fitted: Fitted, aircraft: Aircraft) -> dict[str, Figure]:
     if line.kind == "polar":
         slope, error = fitted.slope
         e = aircraft.S / (math.pi * aircraft.b**2 * slope)  # CD = CD0 + CL^2 / (pi A e)
-        return {f"{line.name}.CD0": Figure(*fitted.offset, "1"), f"{line.name}.oswald": Figure(e, abs(e * error / slope), "1")}
+        return {
+            f"{line.name}.CD0": Figure(*fitted.offset, "1"),
+            f"{line.name}.oswald": Figure(e, abs(e * error / slope), "1"),
+        }
     return {
         f"{line.name}.slope": Figure(*fitted.slope, "1"),
         f"{line.name}.offset": Figure(*fitted.offset, _unit(line.y)),
@@ -303,7 +372,19 @@ def judge(plan: Plan, figures: Mapping[str, Figure]) -> pd.DataFrame:
     for bound, (low, high) in zip(plan.bound, limits_of(plan)):
         figure = figures.get(bound.of)
         if figure is None:
-            rows.append((bound.of, math.nan, math.nan, units_of(plan)[bound.of], low, high, OPEN, bound.source, bound.reason))
+            rows.append(
+                (
+                    bound.of,
+                    math.nan,
+                    math.nan,
+                    units_of(plan)[bound.of],
+                    low,
+                    high,
+                    OPEN,
+                    bound.source,
+                    bound.reason,
+                )
+            )
             continue
         verdict = INSIDE if low <= figure.value <= high else OUTSIDE
         rows.append((bound.of, *figure, low, high, verdict, bound.source, bound.reason))

@@ -1,4 +1,6 @@
-"""The evaluation of a flight: every part of its plan in order, each part refused by name when the record does not carry it."""
+"""The evaluation of a flight: every part of its plan in order, each part refused by name when the
+record does not carry it.
+"""
 
 from __future__ import annotations
 
@@ -14,10 +16,32 @@ import xarray as xr
 
 from flightmech.air import P_SEA, T_SEA, atmosphere
 from flightmech.aircraft.aircraft import read_aircraft
-from flightmech.errors import AeromatchError, IdentificationError, OutOfRange, SchemaError, UnknownName
+from flightmech.errors import (
+    AeromatchError,
+    IdentificationError,
+    OutOfRange,
+    SchemaError,
+    UnknownName,
+)
 from flightmech.names import attrs
-from flighttest.flight_programme.evaluation.figures_of_merit import Fitted, collect, judge, limits_of, line_through, means, windows_of
-from flighttest.flight_programme.evaluation.plan import Deck, FitTable, Loading, Mode, Plan, Sheet, read_plan
+from flighttest.flight_programme.evaluation.figures_of_merit import (
+    Fitted,
+    collect,
+    judge,
+    limits_of,
+    line_through,
+    means,
+    windows_of,
+)
+from flighttest.flight_programme.evaluation.plan import (
+    Deck,
+    FitTable,
+    Loading,
+    Mode,
+    Plan,
+    Sheet,
+    read_plan,
+)
 from flighttest.flight_programme.evaluation.result import Evaluation
 from flighttest.reconstruction.dynamics.force_coefficients import between, coefficients
 from flighttest.reconstruction.quality.assessment import assess
@@ -33,7 +57,9 @@ from flighttest.submodels.aircraft_properties.eigenmotion import Motion, fit_mot
 if TYPE_CHECKING:
     from flightmech.aircraft.aircraft import Aircraft
 
-_RESIDUAL = 0.05  # of the largest thrust: a deck that corrected fuel flow and Mach do not reproduce better is another engine
+# of the largest thrust: a deck that corrected fuel flow and Mach do not reproduce better is another
+# engine
+_RESIDUAL = 0.05
 _AIR = ("h_baro", "mach", "temperature")
 
 
@@ -61,25 +87,35 @@ def weigh(sheet: Loading, aircraft: Aircraft, burnt: np.ndarray) -> tuple[np.nda
     items, table = Sheet(sheet.file), Sheet(sheet.fuel_table.file)
     names = [items.text(row, sheet.item) for row in range(len(items.rows))]
     if sheet.fuel not in names:
-        raise SchemaError(f"sheet {sheet.file}", [f"no item {sheet.fuel}; there are: {', '.join(names)}"])
+        raise SchemaError(
+            f"sheet {sheet.file}", [f"no item {sheet.fuel}; there are: {', '.join(names)}"]
+        )
     dry = [row for row, name in enumerate(names) if name != sheet.fuel]
     masses = sheet.mass.of(items, "kg")
     items.rows = [items.rows[row] for row in dry]
     moment = float((masses[dry] * sheet.station.of(items, "m")).sum())
     left = masses[names.index(sheet.fuel)] - burnt
-    fuel, fuel_moment = (np.append(0.0, x) for x in (sheet.fuel_table.mass.of(table, "kg"), sheet.fuel_table.moment.of(table, "kg m")))
+    fuel, fuel_moment = (
+        np.append(0.0, x)
+        for x in (sheet.fuel_table.mass.of(table, "kg"), sheet.fuel_table.moment.of(table, "kg m"))
+    )
     if left.min() < 0.0 or left.max() > fuel[-1]:
         text = f"fuel left is {left.min():.4g} ... {left.max():.4g} kg; the fuel table goes from 0 to {fuel[-1]:.4g} kg"
-        raise SchemaError(f"sheet {sheet.file}", [f"{text}; check the unit of the fuel flow and the fuel taken"])
+        raise SchemaError(
+            f"sheet {sheet.file}", [f"{text}; check the unit of the fuel flow and the fuel taken"]
+        )
     mass = masses[dry].sum() + left
     station = (moment + np.interp(left, fuel, fuel_moment)) / mass
     return mass, sheet.leading_edge + aircraft.x_ref_mac * aircraft.cbar - station
 
 
-def deck_thrust(deck: Deck, h: np.ndarray, mach: np.ndarray, temperature: np.ndarray, fuel_flow: np.ndarray) -> np.ndarray:
+def deck_thrust(
+    deck: Deck, h: np.ndarray, mach: np.ndarray, temperature: np.ndarray, fuel_flow: np.ndarray
+) -> np.ndarray:
     """Return the net thrust of one engine [N] from points of its deck.
 
-    Thrust over pressure ratio is a second-order polynomial of corrected fuel flow and Mach number, fitted to the points.
+    Thrust over pressure ratio is a second-order polynomial of corrected fuel flow and Mach number,
+    fitted to the points.
 
     Raises
     ------
@@ -88,10 +124,16 @@ def deck_thrust(deck: Deck, h: np.ndarray, mach: np.ndarray, temperature: np.nda
     """
     points = Sheet(deck.file)
     units = {"h": "m", "mach": "1", "delta_T": "K", "fuel_flow": "kg s-1", "thrust": "N"}
-    deck_h, deck_mach, warmer, flow, thrust = (getattr(deck, name).of(points, unit) for name, unit in units.items())
-    X, delta = _corrected(deck_h, deck_mach, np.asarray(atmosphere(deck_h).temperature) + warmer, flow)
+    deck_h, deck_mach, warmer, flow, thrust = (
+        getattr(deck, name).of(points, unit) for name, unit in units.items()
+    )
+    X, delta = _corrected(
+        deck_h, deck_mach, np.asarray(atmosphere(deck_h).temperature) + warmer, flow
+    )
     if len(X) <= X.shape[1]:
-        raise IdentificationError(f"{deck.file}: {len(X)} points for {X.shape[1]} coefficients of the thrust; give more points")
+        raise IdentificationError(
+            f"{deck.file}: {len(X)} points for {X.shape[1]} coefficients of the thrust; give more points"
+        )
     theta, _, rank, _ = np.linalg.lstsq(X, thrust / delta)
     rest = float(np.abs(delta * (X @ theta) - thrust).max())
     if rank < X.shape[1] or rest > _RESIDUAL * np.abs(thrust).max():
@@ -101,8 +143,11 @@ def deck_thrust(deck: Deck, h: np.ndarray, mach: np.ndarray, temperature: np.nda
     return np.maximum(delta * (X @ theta), 0.0)
 
 
-def completed(record: xr.DataTree, aircraft: Aircraft, loading: Loading | None, deck: Deck | None) -> xr.DataTree:
-    """Return the record with a leaf ``computed``: mass, c.g. and thrust over the clock of the fuel flow.
+def completed(
+    record: xr.DataTree, aircraft: Aircraft, loading: Loading | None, deck: Deck | None
+) -> xr.DataTree:
+    """Return the record with a leaf ``computed``: mass, c.g. and thrust over the clock of the fuel
+    flow.
 
     Raises
     ------
@@ -117,7 +162,12 @@ def completed(record: xr.DataTree, aircraft: Aircraft, loading: Loading | None, 
     flows = [f"engine{k + 1}.fuel_flow" for k in range(len(aircraft.engines))]
     for name in (*flows, *(_AIR if deck else ())):
         if name not in home:
-            raise UnknownName(name, home, "channel", "mass and thrust are computed from it; map it, or leave out [loading] and [thrust]")
+            raise UnknownName(
+                name,
+                home,
+                "channel",
+                "mass and thrust are computed from it; map it, or leave out [loading] and [thrust]",
+            )
     clock = record[home[flows[0]]].to_dataset()
     time = clock["time"].values.astype(float)
 
@@ -132,8 +182,13 @@ def completed(record: xr.DataTree, aircraft: Aircraft, loading: Loading | None, 
         found["mass"], found["x_cg_b"] = weigh(loading, aircraft, burnt)
     if deck is not None:
         h, mach, temperature = (channel(name) for name in _AIR)
-        found |= {f"engine{k + 1}.thrust": deck_thrust(deck, h, mach, temperature, row) for k, row in enumerate(flow)}
-    data = xr.Dataset({name: ("time", x, attrs(name)) for name, x in found.items()}, {"time": clock["time"]})
+        found |= {
+            f"engine{k + 1}.thrust": deck_thrust(deck, h, mach, temperature, row)
+            for k, row in enumerate(flow)
+        }
+    data = xr.Dataset(
+        {name: ("time", x, attrs(name)) for name, x in found.items()}, {"time": clock["time"]}
+    )
     return record.assign({"computed": xr.DataTree(data.assign_attrs(clock.attrs))})
 
 
@@ -149,7 +204,8 @@ _POINT_RATE = 10.0  # Hz: nothing moves
 
 
 def evaluate(plan: Plan | str | Path) -> Evaluation:
-    """Evaluate a flight: consistency, stationary points, coefficients, eigenmotions, each against its bounds.
+    """Evaluate a flight: consistency, stationary points, coefficients, eigenmotions, each against
+    its bounds.
 
     Parameters
     ----------
@@ -159,12 +215,14 @@ def evaluate(plan: Plan | str | Path) -> Evaluation:
     Returns
     -------
     Evaluation
-        A record with errors (`Quality.usable`) is not evaluated any further: numbers from it would be wrong without looking so.
+        A record with errors (`Quality.usable`) is not evaluated any further: numbers from it would
+        be wrong without looking so.
 
     Raises
     ------
     ParseError, SchemaError, UnknownName
-        Plan, sheets, name map, aircraft or record are faulty.  A part that the record does not carry is no exception but in `refused`.
+        Plan, sheets, name map, aircraft or record are faulty.  A part that the record does not
+        carry is no exception but in `refused`.
     """
     plan = plan if isinstance(plan, Plan) else read_plan(plan)
     limits_of(plan)
@@ -190,13 +248,36 @@ class _Work:
         if quality.usable:
             self.record = completed(self.record, self.aircraft, self.plan.loading, self.plan.thrust)
             points = self._points()
-            lines = [fitted for line in self.plan.line if (fitted := self._tried(line.name, self._line, line, points)) is not None]
-            fits = [fit for table in self.plan.fit if (fit := self._tried(table.name, self._fit, table)) is not None]
-            motions = {mode.name: m for mode in self.plan.mode if (m := self._tried(mode.name, self._motion, mode)) is not None}
+            lines = [
+                fitted
+                for line in self.plan.line
+                if (fitted := self._tried(line.name, self._line, line, points)) is not None
+            ]
+            fits = [
+                fit
+                for table in self.plan.fit
+                if (fit := self._tried(table.name, self._fit, table)) is not None
+            ]
+            motions = {
+                mode.name: m
+                for mode in self.plan.mode
+                if (m := self._tried(mode.name, self._motion, mode)) is not None
+            }
         figures = collect(quality, lines, fits, motions, self.aircraft)
         judged = judge(self.plan, figures)
         return Evaluation(
-            self.plan, self.aircraft, self.record, quality, self.paths, points, lines, fits, motions, figures, judged, self.refused
+            self.plan,
+            self.aircraft,
+            self.record,
+            quality,
+            self.paths,
+            points,
+            lines,
+            fits,
+            motions,
+            figures,
+            judged,
+            self.refused,
         )
 
     def _tried(self, name: str, act: Callable[..., T], *items: Any) -> T | None:
@@ -213,7 +294,9 @@ class _Work:
         if table is None:
             return {}
         sheet = Sheet(table.file)
-        return {sheet.text(row, table.name): float(t) for row, t in enumerate(table.time.of(sheet, "s"))}
+        return {
+            sheet.text(row, table.name): float(t) for row, t in enumerate(table.time.of(sheet, "s"))
+        }
 
     def start(self, name: str) -> float:
         if name not in self.starts:
@@ -227,10 +310,17 @@ class _Work:
 
     @cached_property
     def at_points(self) -> xr.Dataset | None:
-        """Coefficients along the stationary points, reconstructed together: their speeds determine the vane's factor and offset."""
+        """Coefficients along the stationary points, reconstructed together: their speeds determine
+        the vane's factor and offset.
+        """
         if self.plan.points is None or not self.reconstructs:
             return None
-        path = reconstruct(self.record, self.aircraft, windows_of(self.plan.points), rate=min(_POINT_RATE, self.plan.rate))
+        path = reconstruct(
+            self.record,
+            self.aircraft,
+            windows_of(self.plan.points),
+            rate=min(_POINT_RATE, self.plan.rate),
+        )
         self.paths["points"] = path
         return coefficients(path, self.aircraft, errors=self.errors)
 
@@ -238,7 +328,9 @@ class _Work:
         if self.plan.points is None:
             return pd.DataFrame()
         data = self._tried("points", lambda: self.at_points)
-        found = self._tried("points", means, self.record, self.aircraft, windows_of(self.plan.points), data)
+        found = self._tried(
+            "points", means, self.record, self.aircraft, windows_of(self.plan.points), data
+        )
         return pd.DataFrame() if found is None else found
 
     def _line(self, line, points: pd.DataFrame) -> Fitted:
@@ -248,11 +340,15 @@ class _Work:
         return line_through(line, points[points["start"].isin(wanted)])
 
     def _manoeuvre(self, name: str, window: tuple[float, float]) -> xr.Dataset:
-        """Return coefficients along a manoeuvre; the constants of the stationary points are the prior of its instruments."""
+        """Return coefficients along a manoeuvre; the constants of the stationary points are the
+        prior of its instruments.
+        """
         t = self.start(name)
         points = self.at_points
         prior = self.paths["points"].biases if points is not None else None
-        path = reconstruct(self.record, self.aircraft, [(t + window[0], t + window[1])], prior, self.plan.rate)
+        path = reconstruct(
+            self.record, self.aircraft, [(t + window[0], t + window[1])], prior, self.plan.rate
+        )
         key = name if name not in self.paths else f"{name}_{window[0]:g}_{window[1]:g}"
         self.paths[key] = path
         return coefficients(path, self.aircraft, errors=self.errors)
@@ -263,12 +359,19 @@ class _Work:
 
     def _fit(self, table: FitTable) -> Fit:
         if not self.reconstructs:
-            raise SchemaError(f"fit {table.name}", ["no accelerations (ax_imu ay_imu az_imu) in the record; it gives no forces"])
+            raise SchemaError(
+                f"fit {table.name}",
+                ["no accelerations (ax_imu ay_imu az_imu) in the record; it gives no forces"],
+            )
         parts: list[xr.Dataset] = []
         for name in table.on:
             if name == "points":
                 data = self.at_points
-                parts += [] if data is None else [between(data, *w) for w in windows_of(self.plan.points, table.series)]  # type: ignore[arg-type]
+                parts += (
+                    []
+                    if data is None
+                    else [between(data, *w) for w in windows_of(self.plan.points, table.series)]  # type: ignore[arg-type]
+                )
             else:
                 key = name, table.window or (0.0, 0.0)
                 if key not in self._flown:
@@ -282,7 +385,10 @@ class _Work:
         for name in (*mode.channels, *mode.inputs):
             if name not in home:
                 raise UnknownName(name, home, "channel", f"mode {mode.name}")
-        rate = min(self.plan.rate, min(float(home[n].attrs["rate"]) for n in (*mode.channels, *mode.inputs)))
+        rate = min(
+            self.plan.rate,
+            min(float(home[n].attrs["rate"]) for n in (*mode.channels, *mode.inputs)),
+        )
         try:
             data = cut(self.record, t + mode.window[0], t + mode.window[1], rate=rate)
         except OutOfRange as error:

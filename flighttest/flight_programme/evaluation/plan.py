@@ -71,7 +71,9 @@ from flightmech.units import to_si
 
 
 class Column(Strict):
-    """One column: its name, its unit, and a factor for what the unit cannot express (``scale = 100`` with ``unit = "in lb"``)."""
+    """One column: its name, its unit, and a factor for what the unit cannot express (``scale =
+    100`` with ``unit = "in lb"``).
+    """
 
     column: str
     unit: str = ""
@@ -115,13 +117,29 @@ class Sheet:
 
     def __init__(self, path: Path):
         self.path = path
-        lines = [line for line in csv_rows(read_text(path, "a sheet in CSV with a line of names", WESTERN), path) if line]
+        lines = [
+            line
+            for line in csv_rows(
+                read_text(path, "a sheet in CSV with a line of names", WESTERN), path
+            )
+            if line
+        ]
         if len(lines) < 2:
-            raise ParseError(str(path), 1, f"{len(lines)} lines", "a line of column names and a line for each row")
+            raise ParseError(
+                str(path),
+                1,
+                f"{len(lines)} lines",
+                "a line of column names and a line for each row",
+            )
         self.names, self.rows = lines[0], lines[1:]
         for number, row in enumerate(self.rows, start=2):
             if len(row) != len(self.names):
-                raise ParseError(str(path), number, f"{len(row)} cells", f"{len(self.names)}, as the line of names has")
+                raise ParseError(
+                    str(path),
+                    number,
+                    f"{len(row)} cells",
+                    f"{len(self.names)}, as the line of names has",
+                )
 
     def text(self, row: int, column: str) -> str:
         """Return one cell."""
@@ -135,7 +153,9 @@ class Sheet:
         try:
             return float(text) if text else float("nan")
         except ValueError:
-            raise ParseError(str(self.path), row + 2, f"{text!r} in column {column}", "a number") from None
+            raise ParseError(
+                str(self.path), row + 2, f"{text!r} in column {column}", "a number"
+            ) from None
 
 
 _Length = si("m")
@@ -225,7 +245,9 @@ class Mode(Strict):
 
 
 class Bound(Strict):
-    """What one figure must lie within: ``value`` and ``within``, or ``low`` and ``high``; numbers are SI, texts carry their unit."""
+    """What one figure must lie within: ``value`` and ``within``, or ``low`` and ``high``; numbers
+    are SI, texts carry their unit.
+    """
 
     of: str
     value: float | str | None = None
@@ -237,7 +259,9 @@ class Bound(Strict):
 
     @model_validator(mode="after")
     def _one_form(self) -> Bound:
-        if (self.value is None) != (self.within is None) or (self.value is None) == (self.low is None and self.high is None):
+        if (self.value is None) != (self.within is None) or (self.value is None) == (
+            self.low is None and self.high is None
+        ):
             raise ValueError("give value and within, or low and high")
         return self
 
@@ -261,15 +285,28 @@ class Plan(Strict):
 
     @model_validator(mode="after")
     def _whole(self) -> Plan:
-        given = [*(x.name for x in self.line), *(x.name for x in self.fit), *(x.name for x in self.mode)]
+        given = [
+            *(x.name for x in self.line),
+            *(x.name for x in self.fit),
+            *(x.name for x in self.mode),
+        ]
         names = [name.lower() for name in given]  # they become names of files
         twice = sorted({name for name in names if names.count(name) > 1})
-        problems = [f"the name {name} is given twice (capitals do not count); lines, fits and modes share one list" for name in twice]
+        problems = [
+            f"the name {name} is given twice (capitals do not count); lines, fits and modes share one list"
+            for name in twice
+        ]
         if self.points is None and (self.line or any("points" in item.on for item in self.fit)):
             problems.append("lines, and fits on points, need [points]")
-        if self.manoeuvres is None and (self.mode or any(set(item.on) - {"points"} for item in self.fit)):
+        if self.manoeuvres is None and (
+            self.mode or any(set(item.on) - {"points"} for item in self.fit)
+        ):
             problems.append("modes, and fits on manoeuvres, need [manoeuvres]")
-        problems += [f"fit {item.name} needs a window" for item in self.fit if item.window is None and set(item.on) - {"points"}]
+        problems += [
+            f"fit {item.name} needs a window"
+            for item in self.fit
+            if item.window is None and set(item.on) - {"points"}
+        ]
         if problems:
             raise ValueError("; ".join(problems))
         return self
@@ -289,7 +326,10 @@ def read_plan(path: str | Path) -> Plan:
     plan = validate(Plan, _placed(load(path), path.parent), f"evaluation {path}")
     absent = [str(file) for file in files_of(plan) if not file.is_file()]
     if absent:
-        raise SchemaError(f"evaluation {path}", [f"no file {file}; names are relative to the plan" for file in absent])
+        raise SchemaError(
+            f"evaluation {path}",
+            [f"no file {file}; names are relative to the plan" for file in absent],
+        )
     return plan
 
 
@@ -302,11 +342,22 @@ def _placed(item: Any, folder: Path) -> Any:
         return [_placed(part, folder) for part in item]
     if not isinstance(item, dict):
         return item
-    return {key: folder / part if key in _FILE_KEYS and isinstance(part, str) else _placed(part, folder) for key, part in item.items()}
+    return {
+        key: folder / part if key in _FILE_KEYS and isinstance(part, str) else _placed(part, folder)
+        for key, part in item.items()
+    }
 
 
 def files_of(plan: Plan) -> list[Path]:
     """Return the files that a plan names."""
     found = [plan.record, plan.names, plan.aircraft]
-    found += [part.file for part in (plan.loading, plan.thrust, plan.points, plan.manoeuvres) if part is not None]
-    return [file for file in (*found, plan.loading.fuel_table.file if plan.loading else None) if file is not None]
+    found += [
+        part.file
+        for part in (plan.loading, plan.thrust, plan.points, plan.manoeuvres)
+        if part is not None
+    ]
+    return [
+        file
+        for file in (*found, plan.loading.fuel_table.file if plan.loading else None)
+        if file is not None
+    ]

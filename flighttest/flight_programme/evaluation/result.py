@@ -18,7 +18,14 @@ from flightmech.errors import UnknownName
 from flightmech.names import lookup
 from flightmech.support.console import command_line, plain
 from flightmech.units import from_si
-from flighttest.flight_programme.evaluation.figures_of_merit import INSIDE, Figure, Fitted, limits_shown, number, unit_shown
+from flighttest.flight_programme.evaluation.figures_of_merit import (
+    INSIDE,
+    Figure,
+    Fitted,
+    limits_shown,
+    number,
+    unit_shown,
+)
 from flighttest.flight_programme.evaluation.plan import Plan, files_of
 from flighttest.reconstruction.flight_programme import save_path
 from flighttest.reconstruction.quality.page import chart, scatter, style, template_of
@@ -76,13 +83,22 @@ class Evaluation:
 
     @property
     def passed(self) -> bool:
-        """Whether the record is sound, everything was determined, no remark bars a figure, and every bound holds."""
-        return self.quality.usable and not self.refused and not self.barred and bool((self.judged["verdict"] == INSIDE).all())
+        """Whether the record is sound, everything was determined, no remark bars a figure, and
+        every bound holds.
+        """
+        return (
+            self.quality.usable
+            and not self.refused
+            and not self.barred
+            and bool((self.judged["verdict"] == INSIDE).all())
+        )
 
     @property
     def remarks(self) -> dict[str, list[Remark]]:
         """Remarks on each fit and motion by name."""
-        return {fit.name: fit.remarks for fit in self.fits} | {name: motion.remarks for name, motion in self.motions.items()}
+        return {fit.name: fit.remarks for fit in self.fits} | {
+            name: motion.remarks for name, motion in self.motions.items()
+        }
 
     @property
     def barred(self) -> dict[str, list[Remark]]:
@@ -106,9 +122,17 @@ class Evaluation:
     def as_dict(self) -> dict[str, Any]:
         """Return everything but the time histories, made of types that JSON knows."""
         figures = {name: figure._asdict() for name, figure in self.figures.items()}
-        parts = {"title": self.plan.title, "verdict": self.verdict, "figures": figures, "bounds": self.judged, "refused": self.refused}
+        parts = {
+            "title": self.plan.title,
+            "verdict": self.verdict,
+            "figures": figures,
+            "bounds": self.judged,
+            "refused": self.refused,
+        }
         remarks = {name: documents(found) for name, found in self.remarks.items()}
-        return plain({**parts, "remarks": remarks, "points": self.points, "quality": self.quality.as_dict()})
+        return plain(
+            {**parts, "remarks": remarks, "points": self.points, "quality": self.quality.as_dict()}
+        )
 
     def save(self, folder: str | Path) -> list[Path]:
         """Write record, paths and fits as netCDF files, for the other verbs; return their names."""
@@ -143,7 +167,9 @@ def report(evaluation: Evaluation) -> str:
         symbol = " " if row["verdict"] == "inside" else "!"
         value = f"{number(row['value'], row['unit'])} ({number(row['stderr'], row['unit'], 2)}) {unit_shown(row['unit'])}".rstrip()
         limits = limits_shown(row["low"], row["high"], row["unit"])
-        lines.append(f"{symbol} {row['of']:34s} {value:28s} {limits:24s} {row['verdict']:15s} {row['source']}")
+        lines.append(
+            f"{symbol} {row['of']:34s} {value:28s} {limits:24s} {row['verdict']:15s} {row['source']}"
+        )
     return "\n".join(lines)
 
 
@@ -216,12 +242,25 @@ def _kinematic(row) -> dict[str, Any]:
 
 def _bound(row) -> dict[str, Any]:
     unit = row["unit"]
-    texts = {"value_text": number(row["value"], unit), "stderr_text": number(row["stderr"], unit, 2), "unit_text": unit_shown(unit)}
-    return {**row, **texts, "limits": limits_shown(row["low"], row["high"], unit), "inside": row["verdict"] == INSIDE}
+    texts = {
+        "value_text": number(row["value"], unit),
+        "stderr_text": number(row["stderr"], unit, 2),
+        "unit_text": unit_shown(unit),
+    }
+    return {
+        **row,
+        **texts,
+        "limits": limits_shown(row["low"], row["high"], unit),
+        "inside": row["verdict"] == INSIDE,
+    }
 
 
 def _point(e: Evaluation, row) -> dict[str, Any]:
-    cells = [f"{from_si(row[name], _units(name)):.4g}" if math.isfinite(row[name]) else "" for name in _SHOWN if name in e.points]
+    cells = [
+        f"{from_si(row[name], _units(name)):.4g}" if math.isfinite(row[name]) else ""
+        for name in _SHOWN
+        if name in e.points
+    ]
     return {"start": row["start"], "stop": row["stop"], "cells": cells}
 
 
@@ -233,14 +272,30 @@ def _line(e: Evaluation, fitted: Fitted) -> dict[str, Any]:
     ends = np.array([fitted.x.min(), fitted.x.max()])
     a, b = from_si(ends, x_units), from_si(fitted.offset[0] + fitted.slope[0] * ends, y_units)
     slope = float((b[1] - b[0]) / (a[1] - a[0]))
-    figures = _draw_figures({key.rpartition(".")[2]: f for key, f in e.figures.items() if key.rpartition(".")[0] == line.name})
+    figures = _draw_figures(
+        {
+            key.rpartition(".")[2]: f
+            for key, f in e.figures.items()
+            if key.rpartition(".")[0] == line.name
+        }
+    )
     svg = scatter(x, y, (float(b[0] - slope * a[0]), slope), names, f"{line.y} over {line.x}")
-    return {"name": line.name, "title": f"{line.y} over {names[0]}, {len(x)} points", "svg": svg, "figures": figures}
+    return {
+        "name": line.name,
+        "title": f"{line.y} over {names[0]}, {len(x)} points",
+        "svg": svg,
+        "figures": figures,
+    }
 
 
 def _draw_figures(figures: dict[str, Any]) -> list[dict[str, str]]:
     return [
-        {"name": name, "value": number(value, unit), "stderr": number(stderr, unit, 2), "unit": unit_shown(unit)}
+        {
+            "name": name,
+            "value": number(value, unit),
+            "stderr": number(stderr, unit, 2),
+            "unit": unit_shown(unit),
+        }
         for name, (value, stderr, unit) in figures.items()
     ]
 
@@ -248,10 +303,18 @@ def _draw_figures(figures: dict[str, Any]) -> list[dict[str, str]]:
 def _fit(fit: Fit) -> dict[str, Any]:
     e, a = fit.estimates, fit.estimates.attrs
     columns = ("estimate", "stderr", "stderr_systematic", "vif")
-    rows = [{"term": str(term), **{name: float(e[name].sel(term=term)) for name in columns}} for term in e["term"].values]
+    rows = [
+        {"term": str(term), **{name: float(e[name].sel(term=term)) for name in columns}}
+        for term in e["term"].values
+    ]
     measured, picture = fit.data[fit.model.coefficient].values, None
     if a["manoeuvres"] == 1:
-        picture = chart(fit.data["time"].values, [measured, measured - fit.residual], "measured and fitted", label=str(fit.model))
+        picture = chart(
+            fit.data["time"].values,
+            [measured, measured - fit.residual],
+            "measured and fitted",
+            label=str(fit.model),
+        )
     about = f"{a['samples']} samples, {a['manoeuvres']} windows, R² {a['R2']:.4f}, residual rms {a['residual_rms']:.3g}"
     return {
         "name": fit.name,
@@ -268,7 +331,12 @@ def _motion(name: str, motion: Motion) -> dict[str, Any]:
     for channel in motion.channels:
         units = _units(channel)
         lines = [from_si(part[channel], units) for part in (motion.measured, motion.fitted)]
-        charts.append({"title": _name(channel), "svg": chart(motion.time, lines, units, label=f"{channel}, measured and fitted")})
+        charts.append(
+            {
+                "title": _name(channel),
+                "svg": chart(motion.time, lines, units, label=f"{channel}, measured and fitted"),
+            }
+        )
     return {
         "name": name,
         "kind": motion.kind,

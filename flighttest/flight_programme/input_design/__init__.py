@@ -1,4 +1,6 @@
-"""Design of test inputs: multisines, multisteps, sweeps; predicted response, expected accuracy, files to play."""
+"""Design of test inputs: multisines, multisteps, sweeps; predicted response, expected accuracy,
+files to play.
+"""
 
 from flightmech.support.imports import attach_stub
 

@@ -1,9 +1,11 @@
-"""How well a test input will determine the terms of a model: expected standard errors before the flight.
+"""How well a test input will determine the terms of a model: expected standard errors before the
+flight.
 
-Equation error: the regressors X of the predicted motion and the noise of the coefficient give the covariance of least squares.
-Output error: the Cramer-Rao bound, the inverse of Fisher's information M = sum S' R^-1 S with the sensitivities S of the outputs.
-Errors that last (gusts, model structure) count less often than their samples: with a memory tau their autocorrelation
-exp(-|t|/tau) stands in the middle of the covariance, as in the corrected bounds of a real fit [Morelli1997].
+Equation error: the regressors X of the predicted motion and the noise of the coefficient give the
+covariance of least squares. Output error: the Cramer-Rao bound, the inverse of Fisher's information
+M = sum S' R^-1 S with the sensitivities S of the outputs. Errors that last (gusts, model structure)
+count less often than their samples: with a memory tau their autocorrelation exp(-|t|/tau) stands in
+the middle of the covariance, as in the corrected bounds of a real fit [Morelli1997].
 
 References
 ----------
@@ -46,8 +48,9 @@ class Expected:
     name : str
         The model, or the kind of estimation.
     estimates : Dataset (term, term_)
-        ``estimate`` (a-priori value), ``stderr`` (with the memory of the disturbance), ``stderr_white``, ``covariance``,
-        ``correlation``, ``vif``.  Attributes ``samples``, ``memory`` [s].
+        ``estimate`` (a-priori value), ``stderr`` (with the memory of the disturbance),
+        ``stderr_white``, ``covariance``, ``correlation``, ``vif``.  Attributes ``samples``,
+        ``memory`` [s].
     """
 
     name: str
@@ -55,27 +58,40 @@ class Expected:
 
     @property
     def determinant(self) -> float:
-        """Return the logarithm of the determinant of the covariance: smaller is better (D-optimality)."""
+        """Return the logarithm of the determinant of the covariance: smaller is better
+        (D-optimality).
+        """
         return float(np.linalg.slogdet(self.estimates["covariance"].values)[1])
 
     def report(self) -> str:
         """Return the table of expected standard errors as text."""
         e = self.estimates
-        lines = [f"{self.name}: {e.attrs['samples']} samples, disturbance with a memory of {e.attrs['memory']:g} s"]
-        lines.append(f"{'term':<20}{'a priori':>11}{'std error':>11}{'if white':>11}{'in %':>8}{'VIF':>8}")
+        lines = [
+            f"{self.name}: {e.attrs['samples']} samples, disturbance with a memory of {e.attrs['memory']:g} s"
+        ]
+        lines.append(
+            f"{'term':<20}{'a priori':>11}{'std error':>11}{'if white':>11}{'in %':>8}{'VIF':>8}"
+        )
         for term in e["term"].values:
-            value, error, white, vif = (float(e[key].sel(term=term)) for key in ("estimate", "stderr", "stderr_white", "vif"))
+            value, error, white, vif = (
+                float(e[key].sel(term=term))
+                for key in ("estimate", "stderr", "stderr_white", "vif")
+            )
             part = f"{100.0 * error / abs(value):.1f}" if value else "-"
-            lines.append(f"{term!s:<20}{value:>11.4g}{error:>11.2g}{white:>11.2g}{part:>8}{'-' if np.isnan(vif) else f'{vif:.1f}':>8}")
+            lines.append(
+                f"{term!s:<20}{value:>11.4g}{error:>11.2g}{white:>11.2g}{part:>8}{'-' if np.isnan(vif) else f'{vif:.1f}':>8}"
+            )
         names, rho = [str(term) for term in e["term"].values], e["correlation"].values
         pairs = [
-            f"! {names[i]} and {names[j]} will be correlated by {rho[i, j]:.2f}" for i, j in zip(*np.nonzero(np.triu(np.abs(rho) > 0.9, 1)))
+            f"! {names[i]} and {names[j]} will be correlated by {rho[i, j]:.2f}"
+            for i, j in zip(*np.nonzero(np.triu(np.abs(rho) > 0.9, 1)))
         ]
         return "\n".join([*lines, *pairs])
 
 
 def coefficient_noise(aircraft: Aircraft, response: xr.Dataset) -> dict[str, float]:
-    """Return the white noise that the inertial unit of an aircraft leaves in the coefficients, per sample. [1]
+    """Return the white noise that the inertial unit of an aircraft leaves in the coefficients, per
+    sample. [1]
 
     Parameters
     ----------
@@ -92,14 +108,25 @@ def coefficient_noise(aircraft: Aircraft, response: xr.Dataset) -> dict[str, flo
     specification = instruments(aircraft.instruments, f"instruments of {aircraft.name}")
     force = float(response["qbar"].mean()) * aircraft.S
     gain = derivative_noise(float(np.median(np.diff(response["time"].values))))
-    found = {name: aircraft.mass * specification.noise(channel) / force for name, channel in _IMU.items()}
+    found = {
+        name: aircraft.mass * specification.noise(channel) / force for name, channel in _IMU.items()
+    }
     for name, (channel, inertia, length) in _GYRO.items():
-        found[name] = getattr(aircraft, inertia) * specification.noise(channel) * gain / (force * getattr(aircraft, length))
+        found[name] = (
+            getattr(aircraft, inertia)
+            * specification.noise(channel)
+            * gain
+            / (force * getattr(aircraft, length))
+        )
     return found
 
 
 def expected_errors(
-    model: Model, response: xr.Dataset, aircraft: Aircraft, noise: Mapping[str, float] | None = None, memory: float = 0.0
+    model: Model,
+    response: xr.Dataset,
+    aircraft: Aircraft,
+    noise: Mapping[str, float] | None = None,
+    memory: float = 0.0,
 ) -> Expected:
     """Return the standard errors that `regress` will have with a test input.
 
@@ -112,7 +139,8 @@ def expected_errors(
     aircraft : Aircraft
         For the reduced rates, and the noise.
     noise : mapping of str to float, optional
-        Standard deviation of the disturbance of each coefficient; `coefficient_noise` without it. [1]
+        Standard deviation of the disturbance of each coefficient; `coefficient_noise` without it.
+        [1]
     memory : float
         Time constant of the disturbance; 0 is white. [s]
 
@@ -129,9 +157,17 @@ def expected_errors(
         The motion does not determine the terms; the text names the combination.
     """
     data = reduced_rates(response, aircraft)
-    data = data.assign({str(n).removeprefix("applied."): data[n] for n in data.data_vars if str(n).startswith("applied.")})
+    data = data.assign(
+        {
+            str(n).removeprefix("applied."): data[n]
+            for n in data.data_vars
+            if str(n).startswith("applied.")
+        }
+    )
     data = data.assign(_body_forces(data))
-    sigma = (coefficient_noise(aircraft, response) if noise is None else noise).get(model.coefficient)
+    sigma = (coefficient_noise(aircraft, response) if noise is None else noise).get(
+        model.coefficient
+    )
     if sigma is None or model.coefficient not in data:
         raise UnknownName(model.coefficient, noise or _IMU, "coefficient", "give its noise")
     X, terms = model.design(data), list(model.terms)
@@ -165,7 +201,8 @@ def cramer_rao(
     noise : mapping of str to float
         Output to the standard deviation of its noise; these are the outputs that are compared. [SI]
     nuisance : sequence of str
-        Parameters that the fit frees as well and nobody requests: ``bias.Cm``, ``init.alpha``, ``init.q`` ...
+        Parameters that the fit frees as well and nobody requests: ``bias.Cm``, ``init.alpha``,
+        ``init.q`` ...
     memory : float
         Time constant of the noise of the outputs; 0 is white. [s]
 
@@ -193,18 +230,27 @@ def cramer_rao(
     step = float(np.median(np.diff(signal["time"].values)))
     found = _estimates(names, values, blocks, step, memory)
     count = len(parameters)
-    return Expected(f"output error ({' '.join(noise)})", found.isel(term=slice(count), term_=slice(count)))
+    return Expected(
+        f"output error ({' '.join(noise)})", found.isel(term=slice(count), term_=slice(count))
+    )
 
 
 def _sensitivities(sim, signal, start, names, values, steps, outputs, scale) -> np.ndarray:
     """Central differences of the outputs, (time, parameter, output), all runs in one batch."""
     import flightmech
 
-    table = np.vstack([values + sign * np.diag(steps)[k] for k in range(len(names)) for sign in (1.0, -1.0)])
+    table = np.vstack(
+        [values + sign * np.diag(steps)[k] for k in range(len(names)) for sign in (1.0, -1.0)]
+    )
     inputs = model_inputs(sim, signal, start, scale)
     fixed = {name: value for name, value in start.items() if name not in names}
     y = flightmech.simulate_batch(
-        sim, inputs, {name: table[:, k] for k, name in enumerate(names)}, {**fixed, "mode.trim": 0.0}, outputs=outputs, step=STEP
+        sim,
+        inputs,
+        {name: table[:, k] for k, name in enumerate(names)},
+        {**fixed, "mode.trim": 0.0},
+        outputs=outputs,
+        step=STEP,
     )
     runs = np.stack([y[name].values for name in outputs], axis=-1)
     return np.moveaxis((runs[0::2] - runs[1::2]) / (2.0 * steps[:, None, None]), 0, 1)
@@ -214,7 +260,11 @@ def _value(sim: SimModel, start: Mapping[str, float], name: str) -> float:
     from flightmech.simulation.kernel import Simulation
     from flightmech.simulation.run import index_of_parameter
 
-    return float(start[name]) if name in start else float(Simulation(sim.model).parameter(index_of_parameter(sim, name)))
+    return (
+        float(start[name])
+        if name in start
+        else float(Simulation(sim.model).parameter(index_of_parameter(sim, name)))
+    )
 
 
 def _body_forces(data: xr.Dataset) -> dict[str, xr.DataArray]:
@@ -224,13 +274,21 @@ def _body_forces(data: xr.Dataset) -> dict[str, xr.DataArray]:
     return {"CX": data["CL"] * s - data["CD"] * c, "CZ": -data["CL"] * c - data["CD"] * s}
 
 
-def _estimates(terms: list[str], theta: np.ndarray, blocks: list[np.ndarray], step: float, memory: float) -> xr.Dataset:
-    """The covariance of least squares on blocks of regressors in units of their noise, white and with a memory."""
+def _estimates(
+    terms: list[str], theta: np.ndarray, blocks: list[np.ndarray], step: float, memory: float
+) -> xr.Dataset:
+    """The covariance of least squares on blocks of regressors in units of their noise, white and
+    with a memory.
+    """
     X = np.vstack(blocks)
     _, R = np.linalg.qr(X)
     inverse = np.linalg.solve(R, np.eye(len(terms)))
     white = inverse @ inverse.T
-    covariance = white if memory == 0.0 else white @ sum(_coloured_information(x, step, memory) for x in blocks) @ white
+    covariance = (
+        white
+        if memory == 0.0
+        else white @ sum(_coloured_information(x, step, memory) for x in blocks) @ white
+    )
     stderr = np.sqrt(np.diag(covariance))
     constants = np.array([term == "1" for term in terms])
     vif = collinearity.inflation(collinearity.correlations(X, constants))

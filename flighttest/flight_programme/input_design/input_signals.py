@@ -1,8 +1,9 @@
 """Phases of a sum of cosines that keep it low: as much power as possible between given deflections.
 
-The relative peak factor (max - min)/(2 sqrt(2) rms) is 1 for a single sine, and 1.04 to 1.2 for ten or more lines with good phases.
-It is minimised through p-norms of the signal, whose slopes with respect to all phases come from one Fourier transform; p rises
-from 6 to 100, so that the minimum of one norm is the start for the next, sharper one.
+The relative peak factor (max - min)/(2 sqrt(2) rms) is 1 for a single sine, and 1.04 to 1.2 for ten
+or more lines with good phases. It is minimised through p-norms of the signal, whose slopes with
+respect to all phases come from one Fourier transform; p rises from 6 to 100, so that the minimum of
+one norm is the start for the next, sharper one.
 
 References
 ----------
@@ -28,14 +29,16 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _NORMS = (6, 24, 100)
-_SAMPLES_PER_CYCLE = 16  # of the highest harmonic: between samples the peak is then at most 2 % higher for that line alone
+# of the highest harmonic: between samples the peak is then at most 2 % higher for that line alone
+_SAMPLES_PER_CYCLE = 16
 _STARTS = 12
 _PATIENCE = 4  # starts without a better peak after which the search ends
 _BETTER = 0.995
 
 
 def schroeder_phases(power) -> np.ndarray:
-    """Return phi_n = -2 pi sum over m < n of (n - m) P_m, which gives a low peak in closed form [Schroeder].
+    """Return phi_n = -2 pi sum over m < n of (n - m) P_m, which gives a low peak in closed form
+    [Schroeder].
 
     Parameters
     ----------
@@ -65,7 +68,8 @@ def relative_peak_factor(u) -> float:
 
 
 def synthesise(harmonics, power, phases, samples: int) -> np.ndarray:
-    """Return one period of sum sqrt(2 P_k) cos(2 pi k t/T + phi_k), so that the mean square is the sum of the powers.
+    """Return one period of sum sqrt(2 P_k) cos(2 pi k t/T + phi_k), so that the mean square is the
+    sum of the powers.
 
     Parameters
     ----------
@@ -81,7 +85,9 @@ def synthesise(harmonics, power, phases, samples: int) -> np.ndarray:
     array (samples,)
     """
     spectrum = np.zeros(samples // 2 + 1, complex)
-    spectrum[np.asarray(harmonics)] = np.sqrt(2.0 * np.asarray(power, float)) * np.exp(1j * np.asarray(phases, float)) / 2.0
+    spectrum[np.asarray(harmonics)] = (
+        np.sqrt(2.0 * np.asarray(power, float)) * np.exp(1j * np.asarray(phases, float)) / 2.0
+    )
     return np.fft.irfft(spectrum, samples) * samples
 
 
@@ -102,7 +108,8 @@ def optimise_phases(harmonics, power, seed: int = 0, target: float = 1.1) -> np.
     seed : int
         Of the random starts that follow Schroeder's; the same seed gives the same phases.
     target : float
-        Peak factor that is good enough; without it up to 12 starts are tried, until four in a row bring nothing.
+        Peak factor that is good enough; without it up to 12 starts are tried, until four in a row
+        bring nothing.
 
     Returns
     -------
@@ -125,7 +132,9 @@ def optimise_phases(harmonics, power, seed: int = 0, target: float = 1.1) -> np.
     return _from_zero(harmonics, power, best, samples)
 
 
-def _lowered(harmonics: np.ndarray, power: np.ndarray, phases: np.ndarray, samples: int) -> np.ndarray:
+def _lowered(
+    harmonics: np.ndarray, power: np.ndarray, phases: np.ndarray, samples: int
+) -> np.ndarray:
     """The phases at a local minimum of the peak, by norms of rising order."""
     from scipy.optimize import minimize
 
@@ -134,18 +143,29 @@ def _lowered(harmonics: np.ndarray, power: np.ndarray, phases: np.ndarray, sampl
         top = np.abs(u).max()
         v = u / top
         total = np.mean(v**p)
-        # d(mean v^p)/d(phi_k) = p mean(v^(p-1) dv/dphi_k), dv/dphi_k = -amplitude sin(...): the imaginary part of a transform
+        # d(mean v^p)/d(phi_k) = p mean(v^(p-1) dv/dphi_k), dv/dphi_k = -amplitude sin(...): the
+        # imaginary part of a transform
         transform = np.fft.rfft(v ** (p - 1))[harmonics] / samples
-        slope = np.sqrt(2.0 * power) / top * (transform.imag * np.cos(phi) - transform.real * np.sin(phi))
+        slope = (
+            np.sqrt(2.0 * power)
+            / top
+            * (transform.imag * np.cos(phi) - transform.real * np.sin(phi))
+        )
         return float(np.log(top) + np.log(total) / p), slope / total
 
     for p in _NORMS:
-        phases = minimize(norm, phases, args=(p,), jac=True, method="L-BFGS-B", options={"maxiter": 60}).x
+        phases = minimize(
+            norm, phases, args=(p,), jac=True, method="L-BFGS-B", options={"maxiter": 60}
+        ).x
     return phases
 
 
-def _from_zero(harmonics: np.ndarray, power: np.ndarray, phases: np.ndarray, samples: int) -> np.ndarray:
-    """The phases of the same signal, started at its flattest passage through zero: it leaves the trim gently and returns to it."""
+def _from_zero(
+    harmonics: np.ndarray, power: np.ndarray, phases: np.ndarray, samples: int
+) -> np.ndarray:
+    """The phases of the same signal, started at its flattest passage through zero: it leaves the
+    trim gently and returns to it.
+    """
     from scipy.optimize import brentq
 
     u = synthesise(harmonics, power, phases, samples)
@@ -164,12 +184,25 @@ LEAD_IN = 1.0  # [s]
 CHANNEL_SETS = {  # programmed test inputs of [DAS], Table 3
     "glide": ("delta_a", "delta_e", "delta_r"),
     "aeropropulsive": ("delta_a", "delta_e", "delta_r", "throttle"),
-    "full": ("delta_a_left", "delta_a_right", "delta_f_left", "delta_f_right", "delta_e", "delta_r", "throttle"),
+    "full": (
+        "delta_a_left",
+        "delta_a_right",
+        "delta_f_left",
+        "delta_f_right",
+        "delta_e",
+        "delta_r",
+        "throttle",
+    ),
 }
 
 
 def assembled(
-    active: Mapping[str, np.ndarray], rate: float, lead_in: float = LEAD_IN, repeats: int = 1, pause: float = 0.0, kind: str = ""
+    active: Mapping[str, np.ndarray],
+    rate: float,
+    lead_in: float = LEAD_IN,
+    repeats: int = 1,
+    pause: float = 0.0,
+    kind: str = "",
 ) -> xr.Dataset:
     """Return a test input from the moving stretch of each axis.
 
@@ -191,11 +224,15 @@ def assembled(
     Returns
     -------
     Dataset (time,)
-        One variable per axis; attributes ``kind rate lead_in repeats active_start active_stop`` [s], of the first stretch.
+        One variable per axis; attributes ``kind rate lead_in repeats active_start active_stop``
+        [s], of the first stretch.
     """
     if repeats < 1 or lead_in < 0.0 or pause < 0.0:
         raise SchemaError(
-            "test input", [f"repeats {repeats}, lead-in {lead_in:g} s, pause {pause:g} s; at least one stretch and no negative time"]
+            "test input",
+            [
+                f"repeats {repeats}, lead-in {lead_in:g} s, pause {pause:g} s; at least one stretch and no negative time"
+            ],
         )
     quiet, gap = np.zeros(round(lead_in * rate)), np.zeros(round(pause * rate))
     columns = {}
@@ -205,7 +242,14 @@ def assembled(
     length = len(next(iter(columns.values()))[1])
     start = len(quiet) / rate
     stop = start + len(next(iter(active.values()))) / rate
-    about = {"kind": kind, "rate": rate, "lead_in": lead_in, "repeats": repeats, "active_start": start, "active_stop": stop}
+    about = {
+        "kind": kind,
+        "rate": rate,
+        "lead_in": lead_in,
+        "repeats": repeats,
+        "active_start": start,
+        "active_stop": stop,
+    }
     return xr.Dataset(columns, {"time": ("time", np.arange(length) / rate, attrs("time"))}, about)
 
 
@@ -216,7 +260,9 @@ def axes_of(signal: xr.Dataset) -> list[str]:
 
 def active_part(signal: xr.Dataset) -> xr.Dataset:
     """Return the first moving stretch of a test input: one period of a multisine."""
-    first, last = (round(signal.attrs[name] * signal.attrs["rate"]) for name in ("active_start", "active_stop"))
+    first, last = (
+        round(signal.attrs[name] * signal.attrs["rate"]) for name in ("active_start", "active_stop")
+    )
     return signal.isel(time=slice(first, last))
 
 
@@ -226,15 +272,19 @@ def measures(signal: xr.Dataset) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        Index ``axis``: ``peak rms`` [SI], ``peak_factor`` (`relative_peak_factor`), ``rate`` (largest, [SI per second]), ``low`` and
-        ``high`` (band that holds 90 % of the power about the mean, [Hz]), ``correlation`` (largest with another axis), ``with``.
+        Index ``axis``: ``peak rms`` [SI], ``peak_factor`` (`relative_peak_factor`), ``rate``
+        (largest, [SI per second]), ``low`` and ``high`` (band that holds 90 % of the power about
+        the mean, [Hz]), ``correlation`` (largest with another axis), ``with``.
     """
     import pandas as pd
 
     part = active_part(signal)
     names, rate = axes_of(part), float(signal.attrs["rate"])
     columns = {name: part[name].values for name in names}
-    related = {frozenset(pair): _correlation(columns[pair[0]], columns[pair[1]]) for pair in combinations(names, 2)}
+    related = {
+        frozenset(pair): _correlation(columns[pair[0]], columns[pair[1]])
+        for pair in combinations(names, 2)
+    }
     rows = {}
     for name, u in columns.items():
         others = {other: related[frozenset((name, other))] for other in names if other != name}
@@ -270,4 +320,6 @@ def _band(u: np.ndarray, rate: float) -> tuple[float, float]:
     power = np.abs(np.fft.rfft(u - u.mean(), 8 * len(u))) ** 2
     share = np.cumsum(power) / power.sum()
     frequency = np.fft.rfftfreq(8 * len(u), 1.0 / rate)
-    return float(frequency[np.searchsorted(share, 0.05)]), float(frequency[np.searchsorted(share, 0.95)])
+    return float(frequency[np.searchsorted(share, 0.05)]), float(
+        frequency[np.searchsorted(share, 0.95)]
+    )

@@ -1,6 +1,8 @@
-"""The response to a test input that an a-priori model predicts, and the amplitude that keeps it inside limits.
+"""The response to a test input that an a-priori model predicts, and the amplitude that keeps it
+inside limits.
 
-The nonlinear model flies, on the compiled kernel: the limits that matter (stall, load factor, bank) are where a linear model ends.
+The nonlinear model flies, on the compiled kernel: the limits that matter (stall, load factor, bank)
+are where a linear model ends.
 """
 
 from __future__ import annotations
@@ -22,7 +24,8 @@ if TYPE_CHECKING:
 
 STEP = 0.01  # of the simulation [s]
 _BISECTIONS = 10  # the amplitude is then known to a thousandth of the largest one
-_LEFT_RIGHT = {  # what the model takes for a pair of surfaces: difference for ailerons, mean for flaps
+# what the model takes for a pair of surfaces: difference for ailerons, mean for flaps
+_LEFT_RIGHT = {
     "delta_a": (("delta_a_right", 0.5), ("delta_a_left", -0.5)),
     "delta_f": (("delta_f_right", 0.5), ("delta_f_left", 0.5)),
 }
@@ -50,13 +53,23 @@ def trimmed_start(
     """
     import flightmech
 
-    steady = flightmech.trim(sim, {"mode.earth": 0.0, **parameters}, kind=kind, fixed=dict(fixed or {}), unknowns=unknowns)
+    steady = flightmech.trim(
+        sim,
+        {"mode.earth": 0.0, **parameters},
+        kind=kind,
+        fixed=dict(fixed or {}),
+        unknowns=unknowns,
+    )
     if not steady.attrs["converged"]:
-        raise IdentificationError(f"no steady flight to start the test input from: {steady.attrs['verdict']}")
+        raise IdentificationError(
+            f"no steady flight to start the test input from: {steady.attrs['verdict']}"
+        )
     return flightmech.start_of(steady)
 
 
-def model_inputs(sim: SimModel, signal: xr.Dataset, start: Mapping[str, float], scale: float = 1.0) -> xr.Dataset:
+def model_inputs(
+    sim: SimModel, signal: xr.Dataset, start: Mapping[str, float], scale: float = 1.0
+) -> xr.Dataset:
     """Return the inputs of a model under a test input: trim plus scaled deflections.
 
     Parameters
@@ -72,8 +85,9 @@ def model_inputs(sim: SimModel, signal: xr.Dataset, start: Mapping[str, float], 
     Returns
     -------
     Dataset (time,)
-        ``throttle`` moves the levers of all engines, ``delta_a_left`` and ``delta_a_right`` make ``delta_a`` (half their
-        difference), ``delta_f_left`` and ``delta_f_right`` make ``delta_f`` (their mean).
+        ``throttle`` moves the levers of all engines, ``delta_a_left`` and ``delta_a_right`` make
+        ``delta_a`` (half their difference), ``delta_f_left`` and ``delta_f_right`` make ``delta_f``
+        (their mean).
 
     Raises
     ------
@@ -84,11 +98,18 @@ def model_inputs(sim: SimModel, signal: xr.Dataset, start: Mapping[str, float], 
     for axis in axes_of(signal):
         for name, share in _model_axes(sim, axis):
             moved[name] = moved.get(name, 0.0) + share * scale * signal[axis].values
-    return xr.Dataset({name: ("time", start.get(name, 0.0) + u) for name, u in moved.items()}, {"time": signal["time"].values})
+    return xr.Dataset(
+        {name: ("time", start.get(name, 0.0) + u) for name, u in moved.items()},
+        {"time": signal["time"].values},
+    )
 
 
 def predict_response(
-    sim: SimModel, signal: xr.Dataset, start: Mapping[str, float], scale: float = 1.0, outputs: Sequence[str] | None = None
+    sim: SimModel,
+    signal: xr.Dataset,
+    start: Mapping[str, float],
+    scale: float = 1.0,
+    outputs: Sequence[str] | None = None,
 ) -> xr.Dataset:
     """Return the simulated response to a test input.
 
@@ -111,7 +132,13 @@ def predict_response(
     """
     import flightmech
 
-    return flightmech.simulate(sim, model_inputs(sim, signal, start, scale), {**start, "mode.trim": 0.0}, step=STEP, outputs=outputs)
+    return flightmech.simulate(
+        sim,
+        model_inputs(sim, signal, start, scale),
+        {**start, "mode.trim": 0.0},
+        step=STEP,
+        outputs=outputs,
+    )
 
 
 @dataclass(frozen=True)
@@ -125,7 +152,8 @@ class Amplitude:
     binding : str
         The limit that a larger input would break, in words; empty when none is near.
     extremes : DataFrame
-        Index ``quantity``: ``trim``, ``lowest``, ``highest`` of the response at this scale, ``low``, ``high`` as allowed. [SI]
+        Index ``quantity``: ``trim``, ``lowest``, ``highest`` of the response at this scale,
+        ``low``, ``high`` as allowed. [SI]
     response : Dataset (time,)
         At this scale.
     """
@@ -151,12 +179,13 @@ def amplitude_within(
     sim, signal, start
         As in `model_inputs`.
     limits : mapping of str to (float, float)
-        Output of the model to its lowest and highest value: ``alpha``, ``nz``, ``phi``, ``V``, ``applied.delta_e`` ... [SI]
+        Output of the model to its lowest and highest value: ``alpha``, ``nz``, ``phi``, ``V``,
+        ``applied.delta_e`` ... [SI]
     largest : float
         The input is not made larger than this.
     margin : float
-        Part of the way from trim to each limit that the prediction may use: an a-priori model whose damping may be wrong by
-        a third deserves 0.7.
+        Part of the way from trim to each limit that the prediction may use: an a-priori model whose
+        damping may be wrong by a third deserves 0.7.
 
     Returns
     -------
@@ -178,10 +207,17 @@ def amplitude_within(
             raise UnknownName(name, sim.outputs, "limit", "limits are set on outputs of the model")
     rest = predict_response(sim, signal.isel(time=slice(0, 2)), start, 0.0)
     trim = {name: float(rest[name][0]) for name in limits}
-    outside = [_words(name, trim[name], *limits[name]) for name in limits if not limits[name][0] <= trim[name] <= limits[name][1]]
+    outside = [
+        _words(name, trim[name], *limits[name])
+        for name in limits
+        if not limits[name][0] <= trim[name] <= limits[name][1]
+    ]
     if outside:
         raise OutOfRange(f"the steady flight is outside its limits already: {'; '.join(outside)}")
-    narrow = {name: tuple(trim[name] + margin * (bound - trim[name]) for bound in limits[name]) for name in limits}
+    narrow = {
+        name: tuple(trim[name] + margin * (bound - trim[name]) for bound in limits[name])
+        for name in limits
+    }
 
     def broken(scale: float) -> str:
         try:
@@ -204,15 +240,22 @@ def amplitude_within(
 
 
 def each_within(
-    sim: SimModel, signal: xr.Dataset, start: Mapping[str, float], limits: Mapping[str, tuple[float, float]], margin: float = 1.0
+    sim: SimModel,
+    signal: xr.Dataset,
+    start: Mapping[str, float],
+    limits: Mapping[str, tuple[float, float]],
+    margin: float = 1.0,
 ) -> dict[str, float]:
-    """Return a factor per axis that keeps the response to that axis alone inside limits, so that a strong one does not starve the others.
+    """Return a factor per axis that keeps the response to that axis alone inside limits, so that a
+    strong one does not starve the others.
 
     Parameters, errors
         As in `amplitude_within`.
     """
     return {
-        name: amplitude_within(sim, signal[[name]].assign_attrs(signal.attrs), start, limits, margin=margin).scale
+        name: amplitude_within(
+            sim, signal[[name]].assign_attrs(signal.attrs), start, limits, margin=margin
+        ).scale
         for name in axes_of(signal)
     }
 
@@ -222,7 +265,9 @@ def scaled(signal: xr.Dataset, factors: Mapping[str, float]) -> xr.Dataset:
     found = signal.assign({name: signal[name] * factor for name, factor in factors.items()})
     if "power" in signal:
         square = xr.DataArray(
-            [factors.get(str(name), 1.0) ** 2 for name in signal["axis"].values], {"axis": signal["axis"].values}, ("axis",)
+            [factors.get(str(name), 1.0) ** 2 for name in signal["axis"].values],
+            {"axis": signal["axis"].values},
+            ("axis",),
         )
         found["power"] = signal["power"] * square
     return found
@@ -232,8 +277,17 @@ def _model_axes(sim: SimModel, axis: str) -> list[tuple[str, float]]:
     """The inputs of the model that an axis moves, each with its share."""
     if axis in sim.inputs:
         return [(axis, 1.0)]
-    shares = [(name, share) for name, parts in _LEFT_RIGHT.items() for part, share in parts if part == axis]
-    shares = shares or [(name, 1.0) for name in sim.inputs if name.startswith("engine") and name.endswith(f".{axis}")]
+    shares = [
+        (name, share)
+        for name, parts in _LEFT_RIGHT.items()
+        for part, share in parts
+        if part == axis
+    ]
+    shares = shares or [
+        (name, 1.0)
+        for name in sim.inputs
+        if name.startswith("engine") and name.endswith(f".{axis}")
+    ]
     if not shares:
         raise UnknownName(axis, sim.inputs, "axis", "the model has no input for it")
     return shares
@@ -257,7 +311,9 @@ def _words(name: str, value: float, low: float, high: float) -> str:
     return f"{name} {value:.4g} outside {low:.4g} ... {high:.4g}{'' if row.display_units == '1' else ' ' + row.display_units}"
 
 
-def _extremes(response: xr.Dataset, trim: Mapping[str, float], limits: Mapping[str, tuple[float, float]]):
+def _extremes(
+    response: xr.Dataset, trim: Mapping[str, float], limits: Mapping[str, tuple[float, float]]
+):
     import pandas as pd
 
     rows = {

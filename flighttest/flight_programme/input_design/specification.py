@@ -1,4 +1,5 @@
-"""The design of a test input as a TOML file: what moves, in which flight, inside which limits, for which model.
+"""The design of a test input as a TOML file: what moves, in which flight, inside which limits, for
+which model.
 
     title = "Three axes, clean, 175 kt"
     kind = "multisine"                  # or "multistep", "sweep"
@@ -26,8 +27,9 @@
     models = ["CL = 1 + alpha + qhat + delta_e"]
     memory = "0.3 s"
 
-A multistep names per axis ``pattern`` (or ``widths``) and ``step`` (or ``omega``, the natural frequency of the mode), ``rise``, ``free``;
-a sweep ``band``, ``duration``, ``law``.  Multisteps and sweeps of several axes follow each other, ``pause`` apart.
+A multistep names per axis ``pattern`` (or ``widths``) and ``step`` (or ``omega``, the natural
+frequency of the mode), ``rise``, ``free``; a sweep ``band``, ``duration``, ``law``.  Multisteps and
+sweeps of several axes follow each other, ``pause`` apart.
 """
 
 from __future__ import annotations
@@ -42,7 +44,15 @@ from flightmech.names import lookup
 from flightmech.support.input_files import load
 from flightmech.support.toml_models import Strict, si, validate
 from flightmech.units import quantity
-from flighttest.flight_programme.input_design.input_shapes import PATTERNS, InputAxis, in_sequence, multisine, multistep, sweep, unit_step
+from flighttest.flight_programme.input_design.input_shapes import (
+    PATTERNS,
+    InputAxis,
+    in_sequence,
+    multisine,
+    multistep,
+    sweep,
+    unit_step,
+)
 from flighttest.flight_programme.input_design.input_signals import LEAD_IN, RATE, measures
 from flighttest.flight_programme.input_design.predicted_response import scaled
 
@@ -86,7 +96,11 @@ class ConditionTable(Strict):
     @field_validator("fixed", mode="before")
     @classmethod
     def _fixed_in_si(cls, table: Any) -> Any:
-        return {name: _si(name, item) for name, item in table.items()} if isinstance(table, dict) else table
+        return (
+            {name: _si(name, item) for name, item in table.items()}
+            if isinstance(table, dict)
+            else table
+        )
 
     @field_validator("limits", mode="before")
     @classmethod
@@ -112,12 +126,18 @@ class AccuracyTable(Strict):
     @field_validator("outputs", mode="before")
     @classmethod
     def _outputs_in_si(cls, table: Any) -> Any:
-        return {name: _si(name, item) for name, item in table.items()} if isinstance(table, dict) else table
+        return (
+            {name: _si(name, item) for name, item in table.items()}
+            if isinstance(table, dict)
+            else table
+        )
 
     @model_validator(mode="after")
     def _whole(self) -> AccuracyTable:
         if bool(self.parameters) != bool(self.outputs):
-            raise ValueError("parameters and outputs belong together: what is estimated, and the noise of what is compared")
+            raise ValueError(
+                "parameters and outputs belong together: what is estimated, and the noise of what is compared"
+            )
         return self
 
 
@@ -147,7 +167,11 @@ class Design(Strict):
         for name, table in axes.items():
             units = {"amplitude": "", "rate_limit": " s-1"}
             known = units.keys() & table.keys() if isinstance(table, dict) else set()
-            changed[name] = {**table, **{key: _si(name, table[key], units[key]) for key in known}} if known else table
+            changed[name] = (
+                {**table, **{key: _si(name, table[key], units[key]) for key in known}}
+                if known
+                else table
+            )
         return changed
 
     def signal(self) -> xr.Dataset:
@@ -156,24 +180,47 @@ class Design(Strict):
         Raises
         ------
         SchemaError
-            Keys that the kind needs and that are missing, or a fault that `multisine`, `multistep` or `sweep` finds.
+            Keys that the kind needs and that are missing, or a fault that `multisine`, `multistep`
+            or `sweep` finds.
         """
         if problems := self._missing():
             raise SchemaError(f"design of a {self.kind}", problems)
         if self.kind == "multisine":
             axes = {name: self._multisine_axis(table) for name, table in self.axis.items()}
-            return self._slow_enough(multisine(axes, float(self.period or 0.0), self.rate, self.lead_in, self.repeats, self.seed))
+            return self._slow_enough(
+                multisine(
+                    axes,
+                    float(self.period or 0.0),
+                    self.rate,
+                    self.lead_in,
+                    self.repeats,
+                    self.seed,
+                )
+            )
         make = self._multistep if self.kind == "multistep" else self._sweep
-        return self._slow_enough(in_sequence([make(name, table) for name, table in self.axis.items()] * self.repeats, self.pause))
+        return self._slow_enough(
+            in_sequence(
+                [make(name, table) for name, table in self.axis.items()] * self.repeats, self.pause
+            )
+        )
 
     def _slow_enough(self, signal: xr.Dataset) -> xr.Dataset:
-        """The input with axes made smaller where they would outrun their actuator; edges of steps are made longer by hand."""
+        """The input with axes made smaller where they would outrun their actuator; edges of steps
+        are made longer by hand.
+        """
         rates = measures(signal)["rate"]
-        limits = {name: table.rate_limit for name, table in self.axis.items() if table.rate_limit is not None}
-        factors = {name: limit / rates[name] for name, limit in limits.items() if rates[name] > limit}
+        limits = {
+            name: table.rate_limit
+            for name, table in self.axis.items()
+            if table.rate_limit is not None
+        }
+        factors = {
+            name: limit / rates[name] for name, limit in limits.items() if rates[name] > limit
+        }
         if factors and self.kind == "multistep":
             lines = [
-                f"axis.{name}: edges of {rates[name]:.3g} per second, rate_limit {limits[name]:.3g}; lengthen rise" for name in factors
+                f"axis.{name}: edges of {rates[name]:.3g} per second, rate_limit {limits[name]:.3g}; lengthen rise"
+                for name in factors
             ]
             raise SchemaError("design of a multistep", lines)
         return scaled(signal, factors)
@@ -189,7 +236,9 @@ class Design(Strict):
                 if (table.step is None) == (table.omega is None):
                     problems.append(f"axis.{name}: give step or omega, one of them")
                 if table.omega is not None and not table.pattern:
-                    problems.append(f"axis.{name}: omega goes with a pattern; give step with widths")
+                    problems.append(
+                        f"axis.{name}: omega goes with a pattern; give step with widths"
+                    )
             elif not table.harmonics and table.band is None and self.band is None:
                 problems.append(f"axis.{name}.band: missing; give it here or for all axes")
             if self.kind == "sweep" and table.duration is None:
@@ -202,13 +251,27 @@ class Design(Strict):
         return InputAxis(table.amplitude, band, exclude, dict(table.spectrum), table.harmonics)
 
     def _multistep(self, name: str, table: AxisTable) -> xr.Dataset:
-        step = float(table.step) if table.step is not None else unit_step(str(table.pattern), float(table.omega or 0.0))
+        step = (
+            float(table.step)
+            if table.step is not None
+            else unit_step(str(table.pattern), float(table.omega or 0.0))
+        )
         widths = PATTERNS[table.pattern] if table.pattern else table.widths
-        return multistep(name, table.amplitude, step, widths, self.rate, self.lead_in, table.rise, table.free)
+        return multistep(
+            name, table.amplitude, step, widths, self.rate, self.lead_in, table.rise, table.free
+        )
 
     def _sweep(self, name: str, table: AxisTable) -> xr.Dataset:
         band = table.band or self.band or (0.0, 0.0)
-        return sweep(name, table.amplitude, band, float(table.duration or 0.0), self.rate, self.lead_in, table.law)
+        return sweep(
+            name,
+            table.amplitude,
+            band,
+            float(table.duration or 0.0),
+            self.rate,
+            self.lead_in,
+            table.law,
+        )
 
 
 def read_design(path: str | os.PathLike) -> Design:
@@ -225,12 +288,16 @@ def read_design(path: str | os.PathLike) -> Design:
 
 
 def design_of(content: Mapping[str, Any], what: str = "design") -> Design:
-    """Return the design of a test input from the content of such a file; errors as in `read_design`."""
+    """Return the design of a test input from the content of such a file; errors as in
+    `read_design`.
+    """
     return validate(Design, dict(content), what)
 
 
 def _si(name: str, item: Any, per: str = "") -> float:
-    """Return a quantity by name in SI, or its rate; ``applied.delta_e`` and ``engine1.failed`` are known as well."""
+    """Return a quantity by name in SI, or its rate; ``applied.delta_e`` and ``engine1.failed`` are
+    known as well.
+    """
     try:
         units = lookup(name.removeprefix("applied.")).units
     except UnknownName:

@@ -1,4 +1,6 @@
-"""A control reduced to its excursions, from one extreme to the next, and the test inputs that sequences of excursions are."""
+"""A control reduced to its excursions, from one extreme to the next, and the test inputs that
+sequences of excursions are.
+"""
 
 from __future__ import annotations
 
@@ -8,12 +10,17 @@ from itertools import pairwise
 
 import numpy as np
 
-FAST = 0.8  # s from 15 to 85 % of an excursion; a pilot moves a stick between the stops of a test input in 0.2 to 0.5 s
+# s from 15 to 85 % of an excursion; a pilot moves a stick between the stops of a test input in 0.2
+# to 0.5 s
+FAST = 0.8
 ISOLATED = 1.5  # s without another excursion before and after a test input
-_PAUSE = 3.5  # s between excursions of one oscillation: half a period of the lowest frequency, 0.15 Hz
+_PAUSE = (
+    3.5  # s between excursions of one oscillation: half a period of the lowest frequency, 0.15 Hz
+)
 _FEWEST = 9  # excursions of an oscillation
 _ALIKE = 0.4  # an excursion smaller than this share of the largest does not disturb a test input
-TEMPLATES = {  # amplitudes of the excursions, durations of the steps between them: [Jategaonkar2015] chapter 2
+# amplitudes of the excursions, durations of the steps between them: [Jategaonkar2015] chapter 2
+TEMPLATES = {
     "3211": ((1.0, -2.0, 2.0, -2.0, 1.0), (3.0, 2.0, 1.0, 1.0)),
     "doublet": ((1.0, -2.0, 1.0), (1.0, 1.0)),
     "pulse": ((1.0, -1.0), (1.0,)),
@@ -76,12 +83,16 @@ def excursions(time: np.ndarray, x: np.ndarray, least: float) -> list[Excursion]
 
 
 def movements(time: np.ndarray, x: np.ndarray, least: float) -> list[Excursion]:
-    """Return the excursions of a control without the plateaus in them: a step and a drift that follows it are two movements.
+    """Return the excursions of a control without the plateaus in them: a step and a drift that
+    follows it are two movements.
 
     Parameters as in `excursions`; a control moves where half of `least` is covered in 0.5 s.
     """
     half = max(round(0.25 * (len(time) - 1) / (time[-1] - time[0])), 1)
-    ahead, behind = np.append(x[half:], np.full(half, x[-1])), np.insert(x[:-half], 0, np.full(half, x[0]))
+    ahead, behind = (
+        np.append(x[half:], np.full(half, x[-1])),
+        np.insert(x[:-half], 0, np.full(half, x[0])),
+    )
     turns = _turning_points(x, least)
     found = []
     for a, b in pairwise(turns):
@@ -119,7 +130,9 @@ def stretches(mask: np.ndarray) -> list[tuple[int, int]]:
 
 def _excursion(time: np.ndarray, x: np.ndarray) -> Excursion:
     way = (x - x[0]) / (x[-1] - x[0])
-    first = int(np.argmax(way > 0.5 + _TIE))  # the first crossing of the middle; noise on a long plateau is on neither side of it
+    first = int(
+        np.argmax(way > 0.5 + _TIE)
+    )  # the first crossing of the middle; noise on a long plateau is on neither side of it
     before = np.flatnonzero(way[: first + 1] < 0.15 - _TIE)
     after = np.flatnonzero(way[first:] > 0.85 + _TIE)
     start, end = before[-1] if len(before) else 0, first + after[0]
@@ -127,14 +140,20 @@ def _excursion(time: np.ndarray, x: np.ndarray) -> Excursion:
 
 
 def step_inputs(control: str, found: Sequence[Excursion]) -> list[Found]:
-    """Return 3-2-1-1, doublets and pulses: fast excursions in the proportions of a template, nothing else close by."""
+    """Return 3-2-1-1, doublets and pulses: fast excursions in the proportions of a template,
+    nothing else close by.
+    """
     inputs: list[Found] = []
     taken = np.zeros(len(found), bool)
     for kind, (sizes, steps) in TEMPLATES.items():
         count = len(sizes)
         for k in range(len(found) - count + 1):
             part = found[k : k + count]
-            if taken[k : k + count].any() or not all(one.fast for one in part) or _disturbed(found, k, count):
+            if (
+                taken[k : k + count].any()
+                or not all(one.fast for one in part)
+                or _disturbed(found, k, count)
+            ):
                 continue
             likeness = _likeness(part, sizes, steps)
             if likeness > 0.0:
@@ -144,7 +163,9 @@ def step_inputs(control: str, found: Sequence[Excursion]) -> list[Found]:
 
 
 def _likeness(part: Sequence[Excursion], sizes: Sequence[float], steps: Sequence[float]) -> float:
-    """Return 1 for excursions exactly in the proportions of a template, 0 for those that are too far from it."""
+    """Return 1 for excursions exactly in the proportions of a template, 0 for those that are too
+    far from it.
+    """
     size, step = np.array([one.size for one in part]), np.diff([one.middle for one in part])
     model, lengths = np.array(sizes), np.array(steps)
     scale = (size @ model) / (model @ model)
@@ -153,7 +174,9 @@ def _likeness(part: Sequence[Excursion], sizes: Sequence[float], steps: Sequence
         return 0.0
     ramp = max(one.end - one.start for one in part) / unit
     worst = max(
-        np.abs(size / scale - model).max() / (_SIZE * np.abs(model).max()), np.abs(step / unit - lengths).max() / _LENGTH, ramp / _RAMP
+        np.abs(size / scale - model).max() / (_SIZE * np.abs(model).max()),
+        np.abs(step / unit - lengths).max() / _LENGTH,
+        ramp / _RAMP,
     )
     return max(0.0, 1.0 - worst**2)
 
@@ -161,13 +184,24 @@ def _likeness(part: Sequence[Excursion], sizes: Sequence[float], steps: Sequence
 def _disturbed(found: Sequence[Excursion], k: int, count: int) -> bool:
     """Return whether another excursion that is not small stands next to a test input."""
     largest = max(abs(one.size) for one in found[k : k + count])
-    before = [found[k].start - one.end for one in found[max(k - 1, 0) : k] if abs(one.size) > _ALIKE * largest]
-    after = [one.start - found[k + count - 1].end for one in found[k + count : k + count + 1] if abs(one.size) > _ALIKE * largest]
+    before = [
+        found[k].start - one.end
+        for one in found[max(k - 1, 0) : k]
+        if abs(one.size) > _ALIKE * largest
+    ]
+    after = [
+        one.start - found[k + count - 1].end
+        for one in found[k + count : k + count + 1]
+        if abs(one.size) > _ALIKE * largest
+    ]
     return any(pause < ISOLATED for pause in (*before, *after))
 
 
-def oscillations(control: str, found: Sequence[Excursion], most: float) -> list[tuple[Found, float]]:
-    """Return long alternating movements, and the trend of their half periods, -1 for a sweep upwards, 1 for one downwards.
+def oscillations(
+    control: str, found: Sequence[Excursion], most: float
+) -> list[tuple[Found, float]]:
+    """Return long alternating movements, and the trend of their half periods, -1 for a sweep
+    upwards, 1 for one downwards.
 
     Parameters
     ----------
@@ -185,22 +219,32 @@ def oscillations(control: str, found: Sequence[Excursion], most: float) -> list[
     waves = []
     for chain in chains:
         if len(chain) >= _FEWEST and np.median([abs(one.size) for one in chain]) > most:
-            waves.append((Found("unknown", control, chain[0].start, chain[-1].end, 0.0), _trend(chain)))
+            waves.append(
+                (Found("unknown", control, chain[0].start, chain[-1].end, 0.0), _trend(chain))
+            )
     return waves
 
 
 def _trend(chain: Sequence[Excursion]) -> float:
-    """Return the rank correlation of half periods with time; 0 when the frequency changes by less than a factor of 1.8."""
+    """Return the rank correlation of half periods with time; 0 when the frequency changes by less
+    than a factor of 1.8.
+    """
     from scipy.stats import spearmanr
 
     half = np.diff([one.middle for one in chain])
     quarter = max(len(half) // 4, 2)
     change = half[:quarter].mean() / half[-quarter:].mean()
-    return float(spearmanr(np.arange(len(half)), half).statistic) if max(change, 1.0 / change) > 1.8 else 0.0
+    return (
+        float(spearmanr(np.arange(len(half)), half).statistic)
+        if max(change, 1.0 / change) > 1.8
+        else 0.0
+    )
 
 
 def named_oscillations(waves: Sequence[tuple[Found, float]]) -> list[Found]:
-    """Return oscillations as multisine (several controls over the same time), sweep (a trend of frequency), or unknown."""
+    """Return oscillations as multisine (several controls over the same time), sweep (a trend of
+    frequency), or unknown.
+    """
     named: list[Found] = []
     left = list(waves)
     while left:
@@ -223,4 +267,8 @@ def _shared(one: Found, other: Found) -> float:
     """Return the time that two movements share, of the time that they cover together."""
     if one.control == other.control:
         return 0.0
-    return max(0.0, (min(one.end, other.end) - max(one.start, other.start)) / (max(one.end, other.end) - min(one.start, other.start)))
+    return max(
+        0.0,
+        (min(one.end, other.end) - max(one.start, other.start))
+        / (max(one.end, other.end) - min(one.start, other.start)),
+    )

@@ -1,4 +1,6 @@
-"""A flight-test programme before it is flown: what manoeuvres would add to a database, and the smallest choice that is enough."""
+"""A flight-test programme before it is flown: what manoeuvres would add to a database, and the
+smallest choice that is enough.
+"""
 
 from flightmech.support.imports import attach_stub
 

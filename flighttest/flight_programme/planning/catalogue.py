@@ -1,4 +1,5 @@
-"""The catalogue of a flight-test programme as TOML: conditions, manoeuvres with their limits and time, fits, and what is wanted.
+"""The catalogue of a flight-test programme as TOML: conditions, manoeuvres with their limits and
+time, fits, and what is wanted.
 
     title = "T-37, free air"
     margin = 0.8                        # part of the way from trim to each limit that a prediction may use
@@ -45,9 +46,9 @@
     within = { alpha = ["0 deg", "8 deg"], mach = [0.2, 0.4] }
     stderr = 0.02                       # or ratio = 0.5, of the standard error before the flight
 
-Kinds besides ``multisine``, ``multistep`` and ``sweep``: ``sideslip``, ``pull_up_push_down`` (a sine of pitch attitude), ``level_speed``
-(idle until the airspeed is `amplitude` lower, full power until it is as much higher), ``device`` (`device` goes to `amplitude`, in
-`duration`, and back).
+Kinds besides ``multisine``, ``multistep`` and ``sweep``: ``sideslip``, ``pull_up_push_down`` (a
+sine of pitch attitude), ``level_speed`` (idle until the airspeed is `amplitude` lower, full power
+until it is as much higher), ``device`` (`device` goes to `amplitude`, in `duration`, and back).
 """
 
 from __future__ import annotations
@@ -73,11 +74,17 @@ INPUTS = ("multisine", "multistep", "sweep")
 STEADY = ("sideslip", "pull_up_push_down", "level_speed", "device")
 RATE = 50.0  # of an instrument whose rate is not given [Hz]
 _Time, _Frequency = si("s"), si("Hz")
-_OF_KIND = {"sideslip": "delta_r", "pull_up_push_down": "theta", "level_speed": "V"}  # what the amplitude is of
+_OF_KIND = {
+    "sideslip": "delta_r",
+    "pull_up_push_down": "theta",
+    "level_speed": "V",
+}  # what the amplitude is of
 
 
 class Condition(ConditionTable):
-    """A steady flight in which manoeuvres are flown; `fixed`, `kind`, `unknowns` as in `flightmech.trim`."""
+    """A steady flight in which manoeuvres are flown; `fixed`, `kind`, `unknowns` as in
+    `flightmech.trim`.
+    """
 
     name: str
     setup: _Time = Field(ge=0.0)  # type: ignore[valid-type]
@@ -88,7 +95,9 @@ class Manoeuvre(Strict):
     """A manoeuvre that may be flown at the conditions named, at all of them without a name."""
 
     name: str
-    kind: Literal["multisine", "multistep", "sweep", "sideslip", "pull_up_push_down", "level_speed", "device"]
+    kind: Literal[
+        "multisine", "multistep", "sweep", "sideslip", "pull_up_push_down", "level_speed", "device"
+    ]
     setup: _Time = Field(default=0.0, ge=0.0)  # type: ignore[valid-type]
     conditions: tuple[str, ...] = ()
     marks: tuple[str, ...] = ()
@@ -104,11 +113,14 @@ class Manoeuvre(Strict):
         if self.kind in STEADY and not (self.amplitude and self.duration > 0.0):
             raise ValueError(f"a {self.kind} needs amplitude and duration; give both")
         if (self.kind == "device") != bool(self.device):
-            raise ValueError("device belongs to the kind 'device'; name the input that moves, such as gear")
+            raise ValueError(
+                "device belongs to the kind 'device'; name the input that moves, such as gear"
+            )
         return self
 
     def marked(self, table: pd.DataFrame) -> pd.DataFrame:
-        """Return the rows of a table of manoeuvres that are this one: by its name, or by one of its marks.
+        """Return the rows of a table of manoeuvres that are this one: by its name, or by one of its
+        marks.
 
         A mark is the kind of a manoeuvre, or kind and control, as in the fits of a project.
         """
@@ -123,7 +135,9 @@ class Manoeuvre(Strict):
 
 
 class PlannedFit(Strict):
-    """Local models that are fitted at every condition to the manoeuvres named, as far as they are flown there."""
+    """Local models that are fitted at every condition to the manoeuvres named, as far as they are
+    flown there.
+    """
 
     name: str
     manoeuvres: tuple[str, ...] = Field(min_length=1)
@@ -182,30 +196,58 @@ class Catalogue(Strict):
     @field_validator("manoeuvre", mode="before")
     @classmethod
     def _with_designs(cls, items: Any) -> Any:
-        return [_with_design(item) if isinstance(item, dict) else item for item in items] if isinstance(items, list) else items
+        return (
+            [_with_design(item) if isinstance(item, dict) else item for item in items]
+            if isinstance(items, list)
+            else items
+        )
 
     @model_validator(mode="after")
     def _names_that_exist(self) -> Catalogue:
-        problems = [*_twice("condition", self.condition), *_twice("manoeuvre", self.manoeuvre), *_twice("fit", self.fit)]
+        problems = [
+            *_twice("condition", self.condition),
+            *_twice("manoeuvre", self.manoeuvre),
+            *_twice("fit", self.fit),
+        ]
         conditions, manoeuvres = [c.name for c in self.condition], [m.name for m in self.manoeuvre]
-        users: list[tuple[str, Manoeuvre | PlannedFit]] = [*(("manoeuvre", m) for m in self.manoeuvre), *(("fit", f) for f in self.fit)]
+        users: list[tuple[str, Manoeuvre | PlannedFit]] = [
+            *(("manoeuvre", m) for m in self.manoeuvre),
+            *(("fit", f) for f in self.fit),
+        ]
         for what, item in users:
-            problems += [f"{what} {item.name!r}: {UnknownName(c, conditions, 'condition')}" for c in item.conditions if c not in conditions]
+            problems += [
+                f"{what} {item.name!r}: {UnknownName(c, conditions, 'condition')}"
+                for c in item.conditions
+                if c not in conditions
+            ]
         for fit in self.fit:
-            problems += [f"fit {fit.name!r}: {UnknownName(m, manoeuvres, 'manoeuvre')}" for m in fit.manoeuvres if m not in manoeuvres]
+            problems += [
+                f"fit {fit.name!r}: {UnknownName(m, manoeuvres, 'manoeuvre')}"
+                for m in fit.manoeuvres
+                if m not in manoeuvres
+            ]
             for text in fit.models:
                 try:
                     Model.parse(text)
                 except AeromatchError as error:
                     problems.append(f"fit {fit.name!r}: {error}")
-        problems += [f"errors: {UnknownName(name, ERRORS, 'source of error')}" for name in self.errors if name not in ERRORS]
+        problems += [
+            f"errors: {UnknownName(name, ERRORS, 'source of error')}"
+            for name in self.errors
+            if name not in ERRORS
+        ]
         if problems:
             raise ValueError("; ".join(problems))
         return self
 
     def flyable(self) -> list[tuple[Condition, Manoeuvre]]:
         """Return every condition with every manoeuvre that is allowed there."""
-        return [(c, m) for c in self.condition for m in self.manoeuvre if not m.conditions or c.name in m.conditions]
+        return [
+            (c, m)
+            for c in self.condition
+            for m in self.manoeuvre
+            if not m.conditions or c.name in m.conditions
+        ]
 
 
 def read_catalogue(path: str | os.PathLike) -> Catalogue:
@@ -216,17 +258,26 @@ def read_catalogue(path: str | os.PathLike) -> Catalogue:
     ParseError
         Not TOML.
     SchemaError
-        Every unknown key, missing value, wrong unit, and name of a condition or manoeuvre that the file does not have.
+        Every unknown key, missing value, wrong unit, and name of a condition or manoeuvre that the
+        file does not have.
     """
     return validate(Catalogue, dict(load(os.fspath(path))), os.fspath(path))
 
 
 def _with_design(item: dict[str, Any]) -> dict[str, Any]:
-    """Move the keys of a test input into a `Design`, and bring the amplitude of the other kinds to SI."""
+    """Move the keys of a test input into a `Design`, and bring the amplitude of the other kinds to
+    SI.
+    """
     own = {"name", "kind", "setup", "conditions", "marks", "abort", "hold"}
     if item.get("kind") in INPUTS:
         try:
-            design = design_of({"kind": item["kind"], **{key: value for key, value in item.items() if key not in own}}, "test input")
+            design = design_of(
+                {
+                    "kind": item["kind"],
+                    **{key: value for key, value in item.items() if key not in own},
+                },
+                "test input",
+            )
             design.signal()
         except SchemaError as error:
             raise ValueError("; ".join(error.problems)) from error
@@ -238,7 +289,9 @@ def _with_design(item: dict[str, Any]) -> dict[str, Any]:
 def _twice(what: str, items: Any) -> list[str]:
     names = [item.name for item in items]
     return [
-        f"{what} {name!r} is there twice; give every {what} a name of its own" for name in dict.fromkeys(names) if names.count(name) > 1
+        f"{what} {name!r} is there twice; give every {what} a name of its own"
+        for name in dict.fromkeys(names)
+        if names.count(name) > 1
     ]
 
 

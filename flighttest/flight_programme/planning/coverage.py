@@ -1,9 +1,11 @@
-"""A flight-test programme while it is flown: what the records so far determine, and what of the plan is still needed.
+"""A flight-test programme while it is flown: what the records so far determine, and what of the
+plan is still needed.
 
-The records go through the same reconstruction and fits as the prediction.  A record belongs to the condition of the catalogue that is
-nearest to its median flight; manoeuvres are found by the marks of the record.  What is still to be flown is predicted with the database
-as these flights have identified it, and with the weights of its prior covariance that they have taught `aerodb.tabulate`: how much of
-a standard error a flight removes depends on both.
+The records go through the same reconstruction and fits as the prediction.  A record belongs to the
+condition of the catalogue that is nearest to its median flight; manoeuvres are found by the marks
+of the record.  What is still to be flown is predicted with the database as these flights have
+identified it, and with the weights of its prior covariance that they have taught `aerodb.tabulate`:
+how much of a standard error a flight removes depends on both.
 """
 
 from __future__ import annotations
@@ -20,14 +22,28 @@ from aerodb.update.tabulation import Tabulation, tabulate
 from flightmech.errors import SchemaError
 from flightmech.units import DEGREE
 from flighttest.flight_programme.planning.catalogue import Catalogue, Condition
-from flighttest.flight_programme.planning.plan import Goal, choose, clock_text, nodes_of, order_of, time_of
-from flighttest.flight_programme.planning.prediction import Item, Prediction, predict, regressed, with_assumed
+from flighttest.flight_programme.planning.plan import (
+    Goal,
+    choose,
+    clock_text,
+    nodes_of,
+    order_of,
+    time_of,
+)
+from flighttest.flight_programme.planning.prediction import (
+    Item,
+    Prediction,
+    predict,
+    regressed,
+    with_assumed,
+)
 from flighttest.reconstruction.dynamics.force_coefficients import between, coefficients
 
 if TYPE_CHECKING:
     from flightmech.aircraft.aircraft import Aircraft
 
-# how far the mean of a record may be from a condition: a part of the value, and an absolute distance [SI]
+# how far the mean of a record may be from a condition: a part of the value, and an absolute
+# distance [SI]
 _NEAR = {
     "V": (0.08, 0.0),
     "h": (0.0, 400.0),
@@ -65,8 +81,9 @@ class Coverage:
     ----------
     flights : Flights
     nodes : DataFrame
-        Wanted nodes: ``term``, axes, ``before`` the flights, ``achieved`` by the records, ``expected`` with what is still needed,
-        ``bound``, ``state``: achieved, open, or unreachable with all manoeuvres of the plan.
+        Wanted nodes: ``term``, axes, ``before`` the flights, ``achieved`` by the records,
+        ``expected`` with what is still needed, ``bound``, ``state``: achieved, open, or unreachable
+        with all manoeuvres of the plan.
     needed : DataFrame
         Cards of the plan that are still needed, as `Plan.order`.
     superfluous : list of (str, str)
@@ -97,7 +114,12 @@ class Coverage:
         return _report(self)
 
 
-def flights_of(catalogue: Catalogue, records: Mapping[str, xr.DataTree], paths: Mapping[str, Any], aircraft: Aircraft) -> Flights:
+def flights_of(
+    catalogue: Catalogue,
+    records: Mapping[str, xr.DataTree],
+    paths: Mapping[str, Any],
+    aircraft: Aircraft,
+) -> Flights:
     """Return the fits of the catalogue that some flight records allow.
 
     Parameters
@@ -131,26 +153,41 @@ def flights_of(catalogue: Catalogue, records: Mapping[str, xr.DataTree], paths: 
             if not rows or (fit.conditions and conditions[name] not in fit.conditions):
                 continue
             spans = pd.concat(rows).sort_values("start")
-            parts = [between(data, *span) for span in zip(spans["start"].astype(float), spans["end"].astype(float), strict=True)]
-            fits += [one for text in fit.models if (one := regressed(text, parts, f"{name}: {fit.name}")) is not None]
+            parts = [
+                between(data, *span)
+                for span in zip(
+                    spans["start"].astype(float), spans["end"].astype(float), strict=True
+                )
+            ]
+            fits += [
+                one
+                for text in fit.models
+                if (one := regressed(text, parts, f"{name}: {fit.name}")) is not None
+            ]
     if not fits:
         names = ", ".join(m.name for m in catalogue.manoeuvre)
         raise SchemaError(
             "flight coverage",
-            [f"no record holds a manoeuvre that a fit of the catalogue uses: {names}; give `marks` where records call them otherwise"],
+            [
+                f"no record holds a manoeuvre that a fit of the catalogue uses: {names}; give `marks` where records call them otherwise"
+            ],
         )
     return Flights(fits, conditions, list(dict.fromkeys(done)))
 
 
 def nearest_condition(conditions: Sequence[Condition], data: xr.Dataset) -> str:
-    """Return the name of the condition next to the median of a flight; empty when none is near in speed, height and configuration."""
+    """Return the name of the condition next to the median of a flight; empty when none is near in
+    speed, height and configuration.
+    """
     best, distance = "", 1.0
     for condition in conditions:
         apart = []
         for name, wanted in condition.fixed.items():
             if name in _NEAR and name in data:
                 relative, absolute = _NEAR[name]
-                apart.append(abs(float(data[name].median()) - wanted) / (relative * abs(wanted) + absolute))
+                apart.append(
+                    abs(float(data[name].median()) - wanted) / (relative * abs(wanted) + absolute)
+                )
         if apart and max(apart) <= distance:
             best, distance = condition.name, max(apart)
     return best
@@ -193,13 +230,20 @@ def coverage_of(
     now, then = nodes_of(goal, [], database), nodes_of(goal, items, database)
     nodes = now.rename(columns={"expected": "achieved"}).drop(columns=["bound", "state"])
     nodes["expected"], nodes["bound"] = then["expected"], now["bound"]
-    nodes["state"] = np.where(now["expected"] <= now["bound"], "achieved", np.where(then["state"] == "unreachable", "unreachable", "open"))
+    nodes["state"] = np.where(
+        now["expected"] <= now["bound"],
+        "achieved",
+        np.where(then["state"] == "unreachable", "unreachable", "open"),
+    )
     superfluous = [item for item in rest if item not in items and item in prediction.candidates]
-    return Coverage(flights, nodes, order_of(prediction, items), superfluous, time_of(prediction, items))
+    return Coverage(
+        flights, nodes, order_of(prediction, items), superfluous, time_of(prediction, items)
+    )
 
 
 def identified(learnt: Tabulation, database: xr.DataTree, catalogue: Catalogue) -> xr.DataTree:
-    """Return the database as some flights have identified it; a term that they do not inform keeps the value that the catalogue assumes.
+    """Return the database as some flights have identified it; a term that they do not inform keeps
+    the value that the catalogue assumes.
 
     Parameters
     ----------
@@ -212,11 +256,17 @@ def identified(learnt: Tabulation, database: xr.DataTree, catalogue: Catalogue) 
     from aerodb.edit.table_edits import replace_terms
 
     informed = learnt.report.index[learnt.report["corrected"] > 0]
-    found = {name: leaf for name, leaf in learnt.items() if name not in catalogue.assumed or name in informed}
+    found = {
+        name: leaf
+        for name, leaf in learnt.items()
+        if name not in catalogue.assumed or name in informed
+    }
     return replace_terms(with_assumed(database, catalogue), found)
 
 
-def _rest(catalogue: Catalogue, rest: Sequence[Item], aircraft: Aircraft, database: xr.DataTree, jobs: int) -> Prediction:
+def _rest(
+    catalogue: Catalogue, rest: Sequence[Item], aircraft: Aircraft, database: xr.DataTree, jobs: int
+) -> Prediction:
     """Return the predicted flights of the cards that are still to be flown, of no other."""
     import flightmech
 
@@ -227,17 +277,31 @@ def _rest(catalogue: Catalogue, rest: Sequence[Item], aircraft: Aircraft, databa
 
 def _report(found: Coverage) -> str:
     flights = found.flights
-    lines = [f"{name}: {condition or 'no condition of the catalogue near it'}" for name, condition in flights.conditions.items()]
-    lines.append(f"{len(flights.done)} manoeuvres done, {len(found.needed)} still needed, {len(found.superfluous)} superfluous")
+    lines = [
+        f"{name}: {condition or 'no condition of the catalogue near it'}"
+        for name, condition in flights.conditions.items()
+    ]
+    lines.append(
+        f"{len(flights.done)} manoeuvres done, {len(found.needed)} still needed, {len(found.superfluous)} superfluous"
+    )
     lines.append("")
-    lines.append(f"{'term':<18}{'wanted':>8}{'achieved':>10}{'open':>7}{'unreachable':>13}{'largest achieved/bound':>24}{'then':>7}")
+    lines.append(
+        f"{'term':<18}{'wanted':>8}{'achieved':>10}{'open':>7}{'unreachable':>13}{'largest achieved/bound':>24}{'then':>7}"
+    )
     for name, part in found.nodes.groupby("term", sort=False):
         counts = part["state"].value_counts()
         numbers = [int(counts.get(state, 0)) for state in ("achieved", "open", "unreachable")]
         ratio = [float((part[key] / part["bound"]).max()) for key in ("achieved", "expected")]
-        lines.append(f"{name!s:<18}{len(part):>8}{numbers[0]:>10}{numbers[1]:>7}{numbers[2]:>13}{ratio[0]:>24.2f}{ratio[1]:>7.2f}")
+        lines.append(
+            f"{name!s:<18}{len(part):>8}{numbers[0]:>10}{numbers[1]:>7}{numbers[2]:>13}{ratio[0]:>24.2f}{ratio[1]:>7.2f}"
+        )
     lines.append("")
-    lines += [f"to fly: {row['condition']}, {row['manoeuvre']} ({clock_text(row['time'])})" for _, row in found.needed.iterrows()]
-    lines += [f"superfluous: {condition}, {manoeuvre}" for condition, manoeuvre in found.superfluous]
+    lines += [
+        f"to fly: {row['condition']}, {row['manoeuvre']} ({clock_text(row['time'])})"
+        for _, row in found.needed.iterrows()
+    ]
+    lines += [
+        f"superfluous: {condition}, {manoeuvre}" for condition, manoeuvre in found.superfluous
+    ]
     lines.append(f"time {clock_text(found.time)} with setups")
     return "\n".join(lines)

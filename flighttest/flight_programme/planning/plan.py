@@ -1,4 +1,6 @@
-"""The plan of a flight-test programme: which manoeuvres in which order, and what they will determine."""
+"""The plan of a flight-test programme: which manoeuvres in which order, and what they will
+determine.
+"""
 
 from __future__ import annotations
 
@@ -45,7 +47,8 @@ class Goal:
     bounds : dict of str to array
         In the shape of the table, NaN at nodes that are not wanted.
     unreachable : dict of str to array
-        Wanted nodes that all manoeuvres together leave above their bound: standard error then, NaN elsewhere.  They are not counted.
+        Wanted nodes that all manoeuvres together leave above their bound: standard error then, NaN
+        elsewhere.  They are not counted.
 
     Raises
     ------
@@ -53,7 +56,13 @@ class Goal:
         A wanted term or axis that the database does not have, or bounds without a node.
     """
 
-    def __init__(self, prediction: Prediction, database: xr.DataTree, flown: Sequence[Any] = (), learnt: Tabulation | None = None):
+    def __init__(
+        self,
+        prediction: Prediction,
+        database: xr.DataTree,
+        flown: Sequence[Any] = (),
+        learnt: Tabulation | None = None,
+    ):
         self.prediction, self.flown = prediction, list(flown)
         self.expectation = Expectation(database, prediction.catalogue.held, learnt=learnt)
         self.bounds = bounds_of(prediction.catalogue, database)
@@ -65,18 +74,27 @@ class Goal:
             if beyond.any():
                 self.unreachable[name] = np.where(beyond, best[name], np.nan)
         self._counted = {
-            name: np.where(np.isnan(self.unreachable.get(name, np.full(b.shape, np.nan))), b, np.nan) for name, b in self.bounds.items()
+            name: np.where(
+                np.isnan(self.unreachable.get(name, np.full(b.shape, np.nan))), b, np.nan
+            )
+            for name, b in self.bounds.items()
         }
 
     def stderr(self, items: Sequence[Item]) -> dict[str, np.ndarray]:
-        """Return the standard errors of the wanted nodes after a choice of manoeuvres, NaN elsewhere."""
+        """Return the standard errors of the wanted nodes after a choice of manoeuvres, NaN
+        elsewhere.
+        """
         fits = [*self.flown, *self.prediction.fits(items)]
         found = {}
         for coefficient in dict.fromkeys(name.split("/")[0] for name in self.bounds):
             local = [fit for fit in fits if coefficient_of(fit) == coefficient]
             key = coefficient, tuple(sorted(map(id, local)))
             if key not in self._known:
-                wanted = {name: np.isfinite(b) for name, b in self.bounds.items() if name.startswith(f"{coefficient}/")}
+                wanted = {
+                    name: np.isfinite(b)
+                    for name, b in self.bounds.items()
+                    if name.startswith(f"{coefficient}/")
+                }
                 self._known[key] = self.expectation.stderr(local, wanted)
             found.update(self._known[key])
         return found
@@ -84,13 +102,18 @@ class Goal:
     def missing(self, items: Sequence[Item]) -> float:
         """Return F of a choice."""
         stderr = self.stderr(items)
-        parts = [np.log(stderr[name] / bound)[np.isfinite(bound)] for name, bound in self._counted.items()]
+        parts = [
+            np.log(stderr[name] / bound)[np.isfinite(bound)]
+            for name, bound in self._counted.items()
+        ]
         values = np.concatenate(parts) if parts else np.zeros(0)
         return float(np.maximum(values, 0.0).mean()) if len(values) else 0.0
 
 
 def bounds_of(catalogue: Catalogue, database: xr.DataTree) -> dict[str, np.ndarray]:
-    """Return the bound of every node that a catalogue wants, by term, NaN at the others; the least where several hold."""
+    """Return the bound of every node that a catalogue wants, by term, NaN at the others; the least
+    where several hold.
+    """
     from aerodb.store.schema import terms
 
     leaves, problems = terms(database), []
@@ -105,13 +128,19 @@ def bounds_of(catalogue: Catalogue, database: xr.DataTree) -> dict[str, np.ndarr
         inside = leaf["stderr"] > 0
         for axis, (low, high) in wanted.within.items():
             if axis not in leaf["value"].dims:
-                problems.append(f"wanted.{number}: {UnknownName(axis, map(str, leaf['value'].dims), f'axis of {wanted.term}')}")
+                problems.append(
+                    f"wanted.{number}: {UnknownName(axis, map(str, leaf['value'].dims), f'axis of {wanted.term}')}"
+                )
                 continue
             inside = inside & (leaf[axis] >= low - 1e-9) & (leaf[axis] <= high + 1e-9)
         nodes = inside.transpose(*leaf["value"].dims).values
         if not nodes.any():
-            problems.append(f"wanted.{number}: no node of {wanted.term} with a standard error lies within; widen the ranges")
-        bound = np.where(nodes, wanted.stderr or float(wanted.ratio or 0.0) * leaf["stderr"].values, np.nan)
+            problems.append(
+                f"wanted.{number}: no node of {wanted.term} with a standard error lies within; widen the ranges"
+            )
+        bound = np.where(
+            nodes, wanted.stderr or float(wanted.ratio or 0.0) * leaf["stderr"].values, np.nan
+        )
         found[wanted.term] = np.fmin(found.get(wanted.term, np.full(bound.shape, np.nan)), bound)
     if problems:
         raise SchemaError("catalogue", problems)
@@ -132,9 +161,13 @@ def choose(goal: Goal, done: Callable[[int, float], None] | None = None) -> list
 
 
 def time_of(prediction: Prediction, items: Sequence[Item]) -> float:
-    """Return the time of a programme: manoeuvres with recovery, and the setup of every condition once. [s]"""
+    """Return the time of a programme: manoeuvres with recovery, and the setup of every condition
+    once. [s]
+    """
     setups: Mapping[str, float] = {c.name: float(c.setup) for c in prediction.catalogue.condition}
-    return sum(prediction.candidates[item].time for item in items) + sum(setups[name] for name in dict.fromkeys(c for c, _ in items))
+    return sum(prediction.candidates[item].time for item in items) + sum(
+        setups[name] for name in dict.fromkeys(c for c, _ in items)
+    )
 
 
 def _greedy(goal: Goal, done: Callable[[int, float], None] | None) -> list[Item]:
@@ -145,7 +178,10 @@ def _greedy(goal: Goal, done: Callable[[int, float], None] | None) -> list[Item]
     while missing > _LEAST and bound:
         total, fresh = time_of(prediction, chosen), set()
         while True:
-            worth = {item: gain / (time_of(prediction, [*chosen, item]) - total) for item, gain in bound.items()}
+            worth = {
+                item: gain / (time_of(prediction, [*chosen, item]) - total)
+                for item, gain in bound.items()
+            }
             best = max(worth, key=lambda item: worth[item])
             if best in fresh:
                 break
@@ -155,7 +191,9 @@ def _greedy(goal: Goal, done: Callable[[int, float], None] | None) -> list[Item]
             break
         chosen.append(best)
         del bound[best]
-        first = len(chosen) == 1  # of the first fit of a term the whole table learns that its level may be wrong
+        first = (
+            len(chosen) == 1
+        )  # of the first fit of a term the whole table learns that its level may be wrong
         bound |= {item: np.inf for item in bound if first or item[0] == best[0]}
         missing = goal.missing(chosen)
         if done:
@@ -174,7 +212,9 @@ def _pruned(goal: Goal, chosen: list[Item]) -> list[Item]:
 
 
 def _exchanged(goal: Goal, chosen: list[Item]) -> list[Item]:
-    """Replace manoeuvres by others that take less time as long as that can be done, and prune again."""
+    """Replace manoeuvres by others that take less time as long as that can be done, and prune
+    again.
+    """
     prediction = goal.prediction
     reached = max(goal.missing(chosen), _LEAST)
     empty = goal.missing([])
@@ -183,7 +223,11 @@ def _exchanged(goal: Goal, chosen: list[Item]) -> list[Item]:
         rest = [other for other in chosen if other != item]
         needed = goal.missing(rest) - reached
         now = time_of(prediction, chosen)
-        shorter = {other: t for other in prediction.candidates if other not in chosen and (t := time_of(prediction, [*rest, other])) < now}
+        shorter = {
+            other: t
+            for other in prediction.candidates
+            if other not in chosen and (t := time_of(prediction, [*rest, other])) < now
+        }
         for other in sorted(shorter, key=lambda one: shorter[one]):
             if other not in alone:
                 alone[other] = empty - goal.missing([other])
@@ -204,13 +248,15 @@ class Plan:
     items : list of (str, str)
         Condition and manoeuvre, in the order of the flight: conditions as the catalogue lists them.
     order : DataFrame
-        Index ``card`` from 1: ``condition manoeuvre setup time fuel clock fuel_total`` [s, kg]; `setup` of the condition at its first card,
-        `clock` and `fuel_total` at the end of the card.
+        Index ``card`` from 1: ``condition manoeuvre setup time fuel clock fuel_total`` [s, kg];
+        `setup` of the condition at its first card, `clock` and `fuel_total` at the end of the card.
     nodes : DataFrame
-        Wanted nodes: ``term``, one column per axis [SI], ``before`` and ``expected`` standard errors, ``bound``, ``state``: reached,
-        missed, or unreachable when all manoeuvres of the catalogue together leave it above its bound.
+        Wanted nodes: ``term``, one column per axis [SI], ``before`` and ``expected`` standard
+        errors, ``bound``, ``state``: reached, missed, or unreachable when all manoeuvres of the
+        catalogue together leave it above its bound.
     expected : dict of str to array
-        Expected standard errors of all nodes of the terms that the programme informs, in the shape of the table.
+        Expected standard errors of all nodes of the terms that the programme informs, in the shape
+        of the table.
     undetermined : list of str
         Fits of the catalogue that the chosen manoeuvres do not determine.
     """
@@ -253,7 +299,8 @@ def plan_programme(
     jobs: int = 1,
     done: Callable[[int, float], None] | None = None,
 ) -> Plan:
-    """Return the smallest programme of a catalogue that brings every wanted node below its bound, as far as it can.
+    """Return the smallest programme of a catalogue that brings every wanted node below its bound,
+    as far as it can.
 
     Parameters
     ----------
@@ -280,7 +327,10 @@ def plan_programme(
 
 
 def plan_of(
-    prediction: Prediction, database: xr.DataTree, flown: Sequence[Any] = (), done: Callable[[int, float], None] | None = None
+    prediction: Prediction,
+    database: xr.DataTree,
+    flown: Sequence[Any] = (),
+    done: Callable[[int, float], None] | None = None,
 ) -> Plan:
     """Return the smallest programme of predicted flights; parameters as in `plan_programme`."""
     goal = Goal(prediction, database, flown)
@@ -289,26 +339,49 @@ def plan_of(
     fits = [*flown, *prediction.fits(items)]
     undetermined = [f"{c}: {fit.name}" for c, fit in _undetermined(prediction, items)]
     return Plan(
-        prediction, items, order_of(prediction, items), nodes_of(goal, items, database), goal.expectation.stderr(fits), undetermined
+        prediction,
+        items,
+        order_of(prediction, items),
+        nodes_of(goal, items, database),
+        goal.expectation.stderr(fits),
+        undetermined,
     )
 
 
 def nodes_of(goal: Goal, items: Sequence[Item], database: xr.DataTree) -> pd.DataFrame:
-    """Return the wanted nodes with standard errors before and after a choice of manoeuvres, as in `Plan.nodes`."""
+    """Return the wanted nodes with standard errors before and after a choice of manoeuvres, as in
+    `Plan.nodes`.
+    """
     leaves, after, rows = terms(database), goal.stderr(items), []
     for name, bound in goal.bounds.items():
         leaf = leaves[name]
         beyond = goal.unreachable.get(name)
         for place in map(tuple, np.argwhere(np.isfinite(bound))):
-            axes = {str(axis): float(leaf[axis].values[k]) for axis, k in zip(leaf["value"].dims, place, strict=True)}
+            axes = {
+                str(axis): float(leaf[axis].values[k])
+                for axis, k in zip(leaf["value"].dims, place, strict=True)
+            }
             expected = float(after[name][place])
             state = "reached" if expected <= bound[place] * (1.0 + 1e-9) else "missed"
             if beyond is not None and np.isfinite(beyond[place]):
                 state = "unreachable"
-            row = {"before": float(leaf["stderr"].values[place]), "expected": expected, "bound": float(bound[place]), "state": state}
+            row = {
+                "before": float(leaf["stderr"].values[place]),
+                "expected": expected,
+                "bound": float(bound[place]),
+                "state": state,
+            }
             rows.append({"term": name, **axes, **row})
     first = ["term"]
-    columns = [*first, *dict.fromkeys(key for row in rows for key in row if key not in (*first, "before", "expected", "bound", "state"))]
+    columns = [
+        *first,
+        *dict.fromkeys(
+            key
+            for row in rows
+            for key in row
+            if key not in (*first, "before", "expected", "bound", "state")
+        ),
+    ]
     return pd.DataFrame(rows)[[*columns, "before", "expected", "bound", "state"]]
 
 
@@ -322,20 +395,34 @@ def order_of(prediction: Prediction, items: Sequence[Item]) -> pd.DataFrame:
         seen.add(condition)
         burnt = one.fuel * (1.0 + setup / one.time)
         clock, fuel = clock + setup + one.time, fuel + burnt
-        row = {"condition": condition, "manoeuvre": manoeuvre, "setup": setup, "time": one.time, "fuel": burnt}
+        row = {
+            "condition": condition,
+            "manoeuvre": manoeuvre,
+            "setup": setup,
+            "time": one.time,
+            "fuel": burnt,
+        }
         rows.append({**row, "clock": clock, "fuel_total": fuel})
     columns = ["condition", "manoeuvre", "setup", "time", "fuel", "clock", "fuel_total"]
     return pd.DataFrame(rows, columns=columns, index=pd.RangeIndex(1, len(rows) + 1, name="card"))
 
 
 def _undetermined(prediction: Prediction, items: Sequence[Item]) -> list[tuple[str, Any]]:
-    """Fits of the catalogue that use chosen manoeuvres and that these do not determine, by condition."""
+    """Fits of the catalogue that use chosen manoeuvres and that these do not determine, by
+    condition.
+    """
     made = {(str(fit.name), fit.model.coefficient) for fit in prediction.fits(items)}
     found = []
     for condition in dict.fromkeys(c for c, _ in items):
         for fit in prediction.catalogue.fit:
-            used = any((condition, name) in items for name in fit.manoeuvres) and (not fit.conditions or condition in fit.conditions)
-            lacking = [text for text in fit.models if (f"{condition}: {fit.name}", text.split("=")[0].strip()) not in made]
+            used = any((condition, name) in items for name in fit.manoeuvres) and (
+                not fit.conditions or condition in fit.conditions
+            )
+            lacking = [
+                text
+                for text in fit.models
+                if (f"{condition}: {fit.name}", text.split("=")[0].strip()) not in made
+            ]
             if used and lacking:
                 found.append((condition, fit))
     return found
@@ -357,22 +444,35 @@ def clock_text(seconds: float) -> str:
 
 def _report(plan: Plan) -> str:
     prediction = plan.prediction
-    lines = [f"{prediction.catalogue.title or 'flight-test programme'}: {len(plan.items)} of {len(prediction.candidates)} manoeuvres"]
-    lines.append(f"{'card':>4}  {'condition':<32}{'manoeuvre':<32}{'setup':>7}{'time':>7}{'fuel kg':>9}{'clock':>9}")
+    lines = [
+        f"{prediction.catalogue.title or 'flight-test programme'}: {len(plan.items)} of {len(prediction.candidates)} manoeuvres"
+    ]
+    lines.append(
+        f"{'card':>4}  {'condition':<32}{'manoeuvre':<32}{'setup':>7}{'time':>7}{'fuel kg':>9}{'clock':>9}"
+    )
     for card, row in plan.order.iterrows():
         setup = clock_text(row["setup"]) if row["setup"] else ""
         fuel = f"{row['fuel_total']:.1f}" if np.isfinite(row["fuel_total"]) else "-"
         times = f"{setup:>7}{clock_text(row['time']):>7}{fuel:>9}{clock_text(row['clock']):>9}"
         lines.append(f"{card:>4}  {row['condition']:<32}{row['manoeuvre']:<32}{times}")
     whole = time_of(prediction, list(prediction.candidates))
-    lines.append(f"time {clock_text(plan.time)} with setups; the whole catalogue takes {clock_text(whole)}")
+    lines.append(
+        f"time {clock_text(plan.time)} with setups; the whole catalogue takes {clock_text(whole)}"
+    )
     lines.append("")
-    lines.append(f"{'term':<18}{'wanted':>8}{'reached':>9}{'missed':>8}{'unreachable':>13}{'largest expected/bound':>24}")
+    lines.append(
+        f"{'term':<18}{'wanted':>8}{'reached':>9}{'missed':>8}{'unreachable':>13}{'largest expected/bound':>24}"
+    )
     for name, part in plan.nodes.groupby("term", sort=False):
         counts = part["state"].value_counts()
         numbers = [int(counts.get(state, 0)) for state in ("reached", "missed", "unreachable")]
         worst = float((part["expected"] / part["bound"]).max())
-        lines.append(f"{name!s:<18}{len(part):>8}{numbers[0]:>9}{numbers[1]:>8}{numbers[2]:>13}{worst:>24.2f}")
+        lines.append(
+            f"{name!s:<18}{len(part):>8}{numbers[0]:>9}{numbers[1]:>8}{numbers[2]:>13}{worst:>24.2f}"
+        )
     lines += [f"! not determined: {text}" for text in plan.undetermined]
-    lines += [f"! cannot be flown: {condition}, {manoeuvre}: {why}" for (condition, manoeuvre), why in prediction.refused.items()]
+    lines += [
+        f"! cannot be flown: {condition}, {manoeuvre}: {why}"
+        for (condition, manoeuvre), why in prediction.refused.items()
+    ]
     return "\n".join(lines)

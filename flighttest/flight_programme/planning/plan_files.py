@@ -1,4 +1,6 @@
-"""Test cards: one A5 page for every manoeuvre, as PDF, with condition, input, limits, abort criteria, time and fuel."""
+"""Test cards: one A5 page for every manoeuvre, as PDF, with condition, input, limits, abort
+criteria, time and fuel.
+"""
 
 from __future__ import annotations
 
@@ -24,9 +26,17 @@ from flighttest.flight_programme.planning.plan import Plan, clock_text, shown
 from flighttest.flight_programme.planning.prediction import Item
 
 _TEMPLATE = Path(__file__).with_name("cards.typ")
-_UNDATED = datetime.datetime(1970, 1, 1, tzinfo=datetime.UTC)  # no clock is read: equal plans give equal bytes
+_UNDATED = datetime.datetime(
+    1970, 1, 1, tzinfo=datetime.UTC
+)  # no clock is read: equal plans give equal bytes
 _WIDE, _HIGH, _LEFT = 720.0, 74.0, 90.0  # of the drawing of one axis
-_TRIM = {"init.alpha": "alpha", "init.theta": "theta", "delta_e": "delta_e", "delta_a": "delta_a", "delta_r": "delta_r"}
+_TRIM = {
+    "init.alpha": "alpha",
+    "init.theta": "theta",
+    "delta_e": "delta_e",
+    "delta_a": "delta_a",
+    "delta_r": "delta_r",
+}
 _WORDS = {
     "sideslip": "From trim: rudder slowly to +{a}, hold, back; then to -{a}; {t:g} s each. Heading held with bank, height with elevator.",
     "pull_up_push_down": "From trim: the pitch attitude follows one sine of +-{a} in {t:g} s. Power fixed, wings level.",
@@ -64,7 +74,13 @@ def _page(content: dict[str, Any], place: Path) -> bytes:
     (place / "card.json").write_text(json.dumps(content, ensure_ascii=False), encoding="utf-8")
     (place / "card.typ").write_bytes(_TEMPLATE.read_bytes())
     try:
-        return typst.compile(str(place / "card.typ"), root=str(place), format="pdf", ignore_system_fonts=True, timestamp=_UNDATED)
+        return typst.compile(
+            str(place / "card.typ"),
+            root=str(place),
+            format="pdf",
+            ignore_system_fonts=True,
+            timestamp=_UNDATED,
+        )
     except typst.TypstError as error:
         raise SchemaError("test cards", [f"typst: {error.message}"]) from error
 
@@ -73,7 +89,10 @@ def _content(plan: Plan, number: int, name: str, place: Path) -> dict[str, Any]:
     prediction, item = plan.prediction, plan.items[number - 1]
     candidate, catalogue = prediction.candidates[item], prediction.catalogue
     condition: Condition = next(c for c in catalogue.condition if c.name == item[0])
-    start, row = prediction.trims[condition.name], {str(name): x for name, x in plan.order.to_dict("index")[number].items()}
+    start, row = (
+        prediction.trims[condition.name],
+        {str(name): x for name, x in plan.order.to_dict("index")[number].items()},
+    )
     limits = {**catalogue.limits, **condition.limits}
     signal = candidate.signal
     drawing = ""
@@ -81,8 +100,14 @@ def _content(plan: Plan, number: int, name: str, place: Path) -> dict[str, Any]:
         drawing = "input.svg"
         (place / drawing).write_text(_drawing(signal), encoding="utf-8")
     fuel = [f"{x:.1f} kg" if np.isfinite(x) else "-" for x in (row["fuel"], row["fuel_total"])]
-    levers = [f"{100.0 * start[key]:.0f} %" for key in start if key.endswith(".throttle") and key.startswith("engine")]
-    trim = [[key, shown(key, float(start[source]))] for source, key in _TRIM.items() if source in start]
+    levers = [
+        f"{100.0 * start[key]:.0f} %"
+        for key in start
+        if key.endswith(".throttle") and key.startswith("engine")
+    ]
+    trim = [
+        [key, shown(key, float(start[source]))] for source, key in _TRIM.items() if source in start
+    ]
     return {
         "title": f"Test card {number}: {item[1]}, {item[0]}",
         "programme": catalogue.title,
@@ -95,9 +120,15 @@ def _content(plan: Plan, number: int, name: str, place: Path) -> dict[str, Any]:
         "instruction": _instruction(candidate.manoeuvre, signal),
         "axes": _axes(signal, name) if signal is not None else [],
         "drawing": drawing,
-        "alt": f"Deflections from trim over time of {', '.join(axes_of(signal))}" if signal is not None else "",
+        "alt": f"Deflections from trim over time of {', '.join(axes_of(signal))}"
+        if signal is not None
+        else "",
         "limits": [
-            [key, f"{shown(key, low)} ... {shown(key, high)}", " ... ".join(shown(key, x) for x in candidate.extremes.get(key, ()))]
+            [
+                key,
+                f"{shown(key, low)} ... {shown(key, high)}",
+                " ... ".join(shown(key, x) for x in candidate.extremes.get(key, ())),
+            ]
             for key, (low, high) in limits.items()
         ],
         "binding": candidate.binding,
@@ -111,15 +142,27 @@ def _content(plan: Plan, number: int, name: str, place: Path) -> dict[str, Any]:
 
 def _instruction(manoeuvre: Manoeuvre, signal: xr.Dataset | None) -> str:
     if signal is None:
-        of = {"sideslip": "delta_r", "pull_up_push_down": "theta", "level_speed": "V"}.get(manoeuvre.kind, manoeuvre.device)
-        text = _WORDS[manoeuvre.kind].format(a=shown(of, manoeuvre.amplitude), t=manoeuvre.duration, d=manoeuvre.device)
+        of = {"sideslip": "delta_r", "pull_up_push_down": "theta", "level_speed": "V"}.get(
+            manoeuvre.kind, manoeuvre.device
+        )
+        text = _WORDS[manoeuvre.kind].format(
+            a=shown(of, manoeuvre.amplitude), t=manoeuvre.duration, d=manoeuvre.device
+        )
     else:
         steps = (
-            ", ".join(f"{axis} {table.pattern}" for axis, table in manoeuvre.design.axis.items() if table.pattern)
+            ", ".join(
+                f"{axis} {table.pattern}"
+                for axis, table in manoeuvre.design.axis.items()
+                if table.pattern
+            )
             if manoeuvre.design
             else ""
         )
-        held = "all other controls fixed" if not manoeuvre.feedback else "a light hand keeps pitch attitude and bank"
+        held = (
+            "all other controls fixed"
+            if not manoeuvre.feedback
+            else "a light hand keeps pitch attitude and bank"
+        )
         length = float(signal["time"][-1])
         text = f"From trim: {manoeuvre.kind}{f' ({steps})' if steps else ''} of {length:.0f} s, deflections from trim; {held}."
     return f"{text} Then recover and trim for {max(manoeuvre.setup, BEHIND):.0f} s."
@@ -130,7 +173,9 @@ def _axes(signal: xr.Dataset, name: str) -> list[list[str]]:
     for axis in axes_of(signal):
         u = signal[axis].values
         rate = float(np.abs(np.diff(u)).max()) * float(signal.attrs["rate"])
-        rows.append([axis, shown(axis, float(np.abs(u).max())), f"{shown(axis, rate)}/s", f"{name}.csv"])
+        rows.append(
+            [axis, shown(axis, float(np.abs(u).max())), f"{shown(axis, rate)}/s", f"{name}.csv"]
+        )
     return rows
 
 
@@ -138,22 +183,34 @@ def _drawing(signal: xr.Dataset) -> str:
     """Return the input over time, one panel per axis, as SVG."""
     names, time = axes_of(signal), signal["time"].values
     span = float(time[-1])
-    tick = next(step for step in (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 500.0) if span / step <= 12.0)
+    tick = next(
+        step for step in (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 500.0) if span / step <= 12.0
+    )
     height = _HIGH * len(names) + 26.0
     x = _LEFT + (time / span) * (_WIDE - _LEFT - 8.0)
     body = []
     for at in np.arange(0.0, span + 1e-9, tick):
         place = _LEFT + at / span * (_WIDE - _LEFT - 8.0)
-        body.append(f'<line x1="{place:.1f}" x2="{place:.1f}" y1="4" y2="{height - 22:.1f}" stroke="#d0d0d0" stroke-width="0.7"/>')
-        body.append(f'<text x="{place:.1f}" y="{height - 8:.1f}" text-anchor="middle">{at:g}{" s" if at == 0.0 else ""}</text>')
+        body.append(
+            f'<line x1="{place:.1f}" x2="{place:.1f}" y1="4" y2="{height - 22:.1f}" stroke="#d0d0d0" stroke-width="0.7"/>'
+        )
+        body.append(
+            f'<text x="{place:.1f}" y="{height - 8:.1f}" text-anchor="middle">{at:g}{" s" if at == 0.0 else ""}</text>'
+        )
     for k, name in enumerate(names):
         u = signal[name].values
         peak, middle = float(np.abs(u).max()) or 1.0, _HIGH * (k + 0.5) + 2.0
         y = middle - u / peak * (0.5 * _HIGH - 7.0)
         points = " ".join(f"{a:.1f},{b:.2f}" for a, b in zip(x, y, strict=True))
-        body.append(f'<line x1="{_LEFT}" x2="{_WIDE - 8.0}" y1="{middle:.1f}" y2="{middle:.1f}" stroke="#999999" stroke-width="0.7"/>')
-        body.append(f'<polyline points="{points}" fill="none" stroke="#000000" stroke-width="1.6"/>')
-        body.append(f'<text x="4" y="{middle - 3:.1f}">{name}</text><text x="4" y="{middle + 15:.1f}">+-{shown(name, peak)}</text>')
+        body.append(
+            f'<line x1="{_LEFT}" x2="{_WIDE - 8.0}" y1="{middle:.1f}" y2="{middle:.1f}" stroke="#999999" stroke-width="0.7"/>'
+        )
+        body.append(
+            f'<polyline points="{points}" fill="none" stroke="#000000" stroke-width="1.6"/>'
+        )
+        body.append(
+            f'<text x="4" y="{middle - 3:.1f}">{name}</text><text x="4" y="{middle + 15:.1f}">+-{shown(name, peak)}</text>'
+        )
     style = 'font-family="Libertinus Serif" font-size="15"'
     return f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_WIDE:g} {height:g}" {style}>{"".join(body)}</svg>'
 
@@ -168,8 +225,9 @@ def save_plan(plan: Plan, folder: str | os.PathLike) -> list[Path]:
     ----------
     plan : Plan
     folder : path
-        Gets ``order.csv``, ``nodes.csv`` (the wanted ones), ``expected.csv`` (all nodes), ``plan.txt``, ``inputs/`` with a CSV file and a
-        time table for every test input, and ``cards/`` with a PDF page for every manoeuvre.
+        Gets ``order.csv``, ``nodes.csv`` (the wanted ones), ``expected.csv`` (all nodes),
+        ``plan.txt``, ``inputs/`` with a CSV file and a time table for every test input, and
+        ``cards/`` with a PDF page for every manoeuvre.
 
     Returns
     -------
@@ -191,8 +249,16 @@ def save_plan(plan: Plan, folder: str | os.PathLike) -> list[Path]:
             signal = plan.prediction.candidates[item].signal
             if signal is not None:
                 save_csv(signal, part / "inputs" / f"{card_name(number, item)}.csv")
-                moving = signal.drop_vars([name for name in signal.data_vars if signal[name].dims == ("time",) and not signal[name].any()])
-                save_timetable(moving, part / "inputs" / f"{card_name(number, item)}.table", ", ".join(item))
+                moving = signal.drop_vars(
+                    [
+                        name
+                        for name in signal.data_vars
+                        if signal[name].dims == ("time",) and not signal[name].any()
+                    ]
+                )
+                save_timetable(
+                    moving, part / "inputs" / f"{card_name(number, item)}.table", ", ".join(item)
+                )
         (part / "cards").mkdir()
         for number, item in enumerate(plan.items, 1):
             name = card_name(number, item)
@@ -213,12 +279,19 @@ def read_order(folder: str | os.PathLike) -> list[Item]:
         table = pd.read_csv(file, dtype=str)
         return list(zip(table["condition"], table["manoeuvre"], strict=True))
     except (OSError, ValueError, KeyError) as error:
-        raise ParseError(str(file), 0, str(error), "the order of a plan as `aeromatch flight plan` writes it") from error
+        raise ParseError(
+            str(file), 0, str(error), "the order of a plan as `aeromatch flight plan` writes it"
+        ) from error
 
 
 def card_name(number: int, item: Item) -> str:
     """Return the name of the files of a card, such as ``03_clean-cruise_multisine``."""
-    return "_".join([f"{number:02d}", *(re.sub(r"[^0-9A-Za-z]+", "-", part).strip("-").lower() for part in item)])
+    return "_".join(
+        [
+            f"{number:02d}",
+            *(re.sub(r"[^0-9A-Za-z]+", "-", part).strip("-").lower() for part in item),
+        ]
+    )
 
 
 def expected_table(plan: Plan) -> pd.DataFrame:

@@ -1,8 +1,10 @@
-"""What the manoeuvres of a catalogue would determine: flown on the a-priori model, recorded, reconstructed and fitted as real ones.
+"""What the manoeuvres of a catalogue would determine: flown on the a-priori model, recorded,
+reconstructed and fitted as real ones.
 
-Every condition becomes one predicted flight record with all its manoeuvres.  The records go through the reconstruction of a
-programme, so that the fits carry what the instruments leave open, and a local fit of any choice of manoeuvres is the observation
-theta = H g + D s + e that the identification will form.
+Every condition becomes one predicted flight record with all its manoeuvres.  The records go through
+the reconstruction of a programme, so that the fits carry what the instruments leave open, and a
+local fit of any choice of manoeuvres is the observation theta = H g + D s + e that the
+identification will form.
 """
 
 from __future__ import annotations
@@ -15,10 +17,27 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from flightmech.errors import AeromatchError, IdentificationError, OutOfRange, SchemaError, UnknownName
+from flightmech.errors import (
+    AeromatchError,
+    IdentificationError,
+    OutOfRange,
+    SchemaError,
+    UnknownName,
+)
 from flighttest.flight_programme.input_design.design import surface_limits
-from flighttest.flight_programme.input_design.predicted_response import amplitude_within, each_within, first_broken, scaled, trimmed_start
-from flighttest.flight_programme.planning.catalogue import Catalogue, Condition, Manoeuvre, PlannedFit
+from flighttest.flight_programme.input_design.predicted_response import (
+    amplitude_within,
+    each_within,
+    first_broken,
+    scaled,
+    trimmed_start,
+)
+from flighttest.flight_programme.planning.catalogue import (
+    Catalogue,
+    Condition,
+    Manoeuvre,
+    PlannedFit,
+)
 from flighttest.flight_programme.planning.pilot import BEHIND, Flown, fly, predicted_record
 from flighttest.reconstruction.dynamics.force_coefficients import between, coefficients
 from flighttest.regression.equation_error.model import Model
@@ -28,7 +47,13 @@ if TYPE_CHECKING:
     from flightmech.aircraft.aircraft import Aircraft
     from flightmech.simulation.compiler import SimModel
 
-_PARTS = (1.0, 0.85, 0.7, 0.55, 0.4)  # of the amplitude of a manoeuvre without test input that are tried
+_PARTS = (
+    1.0,
+    0.85,
+    0.7,
+    0.55,
+    0.4,
+)  # of the amplitude of a manoeuvre without test input that are tried
 
 Item = tuple[str, str]
 """Condition and manoeuvre, by name."""
@@ -93,7 +118,8 @@ class Prediction:
     _fits: dict[Any, list[Any]] = field(default_factory=dict, repr=False)
 
     def fits(self, items: Sequence[Item]) -> list[Any]:
-        """Return the fits that a choice of manoeuvres allows; a model that they do not determine is left out.
+        """Return the fits that a choice of manoeuvres allows; a model that they do not determine is
+        left out.
 
         Parameters
         ----------
@@ -102,7 +128,8 @@ class Prediction:
         Returns
         -------
         list of Fit
-            One per condition, fit of the catalogue and model, worked out once for every combination.
+            One per condition, fit of the catalogue and model, worked out once for every
+            combination.
         """
         found: list[Any] = []
         for condition in self.data:
@@ -120,7 +147,11 @@ class Prediction:
             chosen = marks[marks["manoeuvre"].isin(used)]
             spans = zip(chosen["start"].astype(float), chosen["end"].astype(float), strict=True)
             parts = [between(self.data[condition], *span) for span in spans]
-            self._fits[key] = [one for text in fit.models if (one := regressed(text, parts, f"{condition}: {fit.name}")) is not None]
+            self._fits[key] = [
+                one
+                for text in fit.models
+                if (one := regressed(text, parts, f"{condition}: {fit.name}")) is not None
+            ]
         return self._fits[key]
 
 
@@ -133,9 +164,11 @@ def regressed(text: str, parts: list[xr.Dataset], name: str) -> Any:
 
 
 def with_assumed(database: xr.DataTree, catalogue: Catalogue) -> xr.DataTree:
-    """Return the database whose terms have the values that a catalogue assumes for the prediction, at all nodes.
+    """Return the database whose terms have the values that a catalogue assumes for the prediction,
+    at all nodes.
 
-    A term that the flights shall find starts from zero; a rudder without effect would fly no sideslip.
+    A term that the flights shall find starts from zero; a rudder without effect would fly no
+    sideslip.
 
     Raises
     ------
@@ -146,21 +179,36 @@ def with_assumed(database: xr.DataTree, catalogue: Catalogue) -> xr.DataTree:
     from aerodb.store.schema import terms
 
     leaves = terms(database)
-    if unknown := [f"assumed: {UnknownName(name, leaves, 'term')}" for name in catalogue.assumed if name not in leaves]:
+    if unknown := [
+        f"assumed: {UnknownName(name, leaves, 'term')}"
+        for name in catalogue.assumed
+        if name not in leaves
+    ]:
         raise SchemaError("catalogue", unknown)
     return replace_terms(
-        database, {name: leaves[name].assign(value=xr.full_like(leaves[name]["value"], x)) for name, x in catalogue.assumed.items()}
+        database,
+        {
+            name: leaves[name].assign(value=xr.full_like(leaves[name]["value"], x))
+            for name, x in catalogue.assumed.items()
+        },
     )
 
 
-def predict(catalogue: Catalogue, sim: SimModel, aircraft: Aircraft, jobs: int = 1, only: Sequence[Item] | None = None) -> Prediction:
+def predict(
+    catalogue: Catalogue,
+    sim: SimModel,
+    aircraft: Aircraft,
+    jobs: int = 1,
+    only: Sequence[Item] | None = None,
+) -> Prediction:
     """Return the predicted flights of all manoeuvres of a catalogue, each condition one record.
 
     Parameters
     ----------
     catalogue : Catalogue
     sim : SimModel
-        The a-priori model: aircraft and prior database, with the terms that the catalogue assumes (`with_assumed`).
+        The a-priori model: aircraft and prior database, with the terms that the catalogue assumes
+        (`with_assumed`).
     aircraft : Aircraft
         For instruments, limits of surfaces, mass and lengths.
     jobs : int
@@ -175,7 +223,8 @@ def predict(catalogue: Catalogue, sim: SimModel, aircraft: Aircraft, jobs: int =
     Raises
     ------
     SchemaError
-        No manoeuvre can be flown, with the reason for each; instruments that a reconstruction cannot work with.
+        No manoeuvre can be flown, with the reason for each; instruments that a reconstruction
+        cannot work with.
     """
     from flighttest.reconstruction.flight_programme import reconstruct_programme
 
@@ -184,18 +233,27 @@ def predict(catalogue: Catalogue, sim: SimModel, aircraft: Aircraft, jobs: int =
     records, marks = {}, {}
     trims: dict[str, dict[str, float]] = {}
     for number, condition in enumerate(catalogue.condition):
-        wanted = [m for c, m in catalogue.flyable() if c.name == condition.name and (only is None or (c.name, m.name) in only)]
+        wanted = [
+            m
+            for c, m in catalogue.flyable()
+            if c.name == condition.name and (only is None or (c.name, m.name) in only)
+        ]
         if not wanted:
             continue
         flown = _condition(catalogue, condition, wanted, sim, aircraft, candidates, refused, trims)
         if flown is not None:
             marks[condition.name] = pd.DataFrame(flown.marks)
-            records[condition.name] = predicted_record(flown, aircraft, condition.name, catalogue.rates, catalogue.seed + number)
+            records[condition.name] = predicted_record(
+                flown, aircraft, condition.name, catalogue.rates, catalogue.seed + number
+            )
     if not records:
-        raise SchemaError("flight programme", [f"{c}, {m}: {why}" for (c, m), why in refused.items()])
+        raise SchemaError(
+            "flight programme", [f"{c}, {m}: {why}" for (c, m), why in refused.items()]
+        )
     paths = reconstruct_programme(list(records.values()), aircraft, jobs=jobs)
     data = {
-        name: coefficients(path, aircraft, catalogue.errors or None, catalogue.cutoff) for name, path in zip(records, paths, strict=True)
+        name: coefficients(path, aircraft, catalogue.errors or None, catalogue.cutoff)
+        for name, path in zip(records, paths, strict=True)
     }
     return Prediction(catalogue, candidates, refused, data, marks, trims)
 
@@ -212,7 +270,9 @@ def _condition(
 ) -> Flown | None:
     """Fly all manoeuvres of a condition that can be flown, one after the other; None for none."""
     try:
-        start = trimmed_start(sim, condition.parameters, condition.kind, condition.fixed, condition.unknowns)
+        start = trimmed_start(
+            sim, condition.parameters, condition.kind, condition.fixed, condition.unknowns
+        )
     except AeromatchError as error:
         refused.update({(condition.name, m.name): str(error) for m in wanted})
         return None
@@ -233,14 +293,22 @@ def _condition(
 
 
 def _within(
-    sim: SimModel, start: Mapping[str, float], manoeuvre: Manoeuvre, signal: xr.Dataset | None, limits: Mapping[str, Any]
+    sim: SimModel,
+    start: Mapping[str, float],
+    manoeuvre: Manoeuvre,
+    signal: xr.Dataset | None,
+    limits: Mapping[str, Any],
 ) -> tuple[Manoeuvre, Flown, str]:
-    """Return a manoeuvre as large as the limits allow, its flight, and the limit that a larger one breaks."""
+    """Return a manoeuvre as large as the limits allow, its flight, and the limit that a larger one
+    breaks.
+    """
     stopped = ""
     for part in _PARTS if signal is None and manoeuvre.kind != "device" else (1.0,):
         smaller = manoeuvre.model_copy(update={"amplitude": part * manoeuvre.amplitude})
         flown = fly(sim, start, [(smaller, signal)])
-        broken = first_broken(flown.motion, {name: pair for name, pair in limits.items() if name in flown.motion})
+        broken = first_broken(
+            flown.motion, {name: pair for name, pair in limits.items() if name in flown.motion}
+        )
         if not broken:
             return smaller, flown, stopped
         stopped = broken
@@ -248,7 +316,12 @@ def _within(
 
 
 def _fitted_signal(
-    catalogue: Catalogue, manoeuvre: Manoeuvre, sim: SimModel, aircraft: Aircraft, start: Mapping[str, float], limits: Mapping[str, Any]
+    catalogue: Catalogue,
+    manoeuvre: Manoeuvre,
+    sim: SimModel,
+    aircraft: Aircraft,
+    start: Mapping[str, float],
+    limits: Mapping[str, Any],
 ) -> tuple[xr.Dataset | None, str]:
     """Return a test input, as large as the limits allow, and the limit that stopped it."""
     if manoeuvre.design is None:
@@ -260,12 +333,16 @@ def _fitted_signal(
     return scaled(signal, dict.fromkeys(manoeuvre.design.axis, amplitude.scale)), amplitude.binding
 
 
-def _candidate(item: Item, manoeuvre: Manoeuvre, signal: xr.Dataset | None, binding: str, alone: Flown, limits) -> Candidate:
+def _candidate(
+    item: Item, manoeuvre: Manoeuvre, signal: xr.Dataset | None, binding: str, alone: Flown, limits
+) -> Candidate:
     mark, motion = alone.marks[0], alone.motion
     part = motion.sel(time=slice(mark["start"], mark["end"]))
     length = float(mark["end"] - mark["start"])
     time = length + max(manoeuvre.setup, BEHIND)
     flow = [motion[name].values for name in motion.data_vars if str(name).endswith(".fuel_flow")]
     fuel = time * float(np.sum(flow, axis=0).mean()) if flow else np.nan
-    extremes = {name: (float(part[name].min()), float(part[name].max())) for name in limits if name in part}
+    extremes = {
+        name: (float(part[name].min()), float(part[name].max())) for name in limits if name in part
+    }
     return Candidate(item, manoeuvre, time, fuel, signal, extremes, binding)

@@ -1,11 +1,13 @@
-"""Estimates while a manoeuvre is flown: equation error on recursive Fourier transforms, with a standard error over time.
+"""Estimates while a manoeuvre is flown: equation error on recursive Fourier transforms, with a
+standard error over time.
 
 The transform of every signal at fixed frequencies grows by one term per sample,
 
     F_k(f) = F_k-1(f) + x_k exp(-2 pi j f t_k) dt,
 
-so that the work per sample does not grow with the record.  At any time the real parameters follow from the transforms inside the band.
-Mean and drift of the signals are transformed along as a constant and a ramp and solved for, where [Morelli2000] filters them out.
+so that the work per sample does not grow with the record.  At any time the real parameters follow
+from the transforms inside the band. Mean and drift of the signals are transformed along as a
+constant and a ramp and solved for, where [Morelli2000] filters them out.
 
 References
 ----------
@@ -48,13 +50,17 @@ class RunningEstimate:
 
     def __init__(self, model: Model, band: tuple[float, float], spacing: float = SPACING):
         if not 0.0 < band[0] < band[1] or not spacing > 0.0:
-            raise IdentificationError(f"band {band[0]:g} ... {band[1]:g} Hz, spacing {spacing:g} Hz; expected 0 < low < high, as 0.1 ... 2")
+            raise IdentificationError(
+                f"band {band[0]:g} ... {band[1]:g} Hz, spacing {spacing:g} Hz; expected 0 < low < high, as 0.1 ... 2"
+            )
         self.model, self.spacing = model, spacing
         self.terms = [term for term in model.terms if term != "1"]
         self.frequencies = np.arange(band[0], band[1] + 1e-9, spacing)
         unknowns = len(self.terms) + _NUISANCE
         if 2 * len(self.frequencies) <= unknowns:
-            raise IdentificationError(f"{len(self.frequencies)} frequencies for {unknowns} unknowns; widen the band or space closer")
+            raise IdentificationError(
+                f"{len(self.frequencies)} frequencies for {unknowns} unknowns; widen the band or space closer"
+            )
         self._transforms = np.zeros((len(self.frequencies), 1 + unknowns), complex)
         self._start: float | None = None
         self.duration = 0.0
@@ -65,7 +71,8 @@ class RunningEstimate:
         Parameters
         ----------
         data : Dataset (time,)
-            Two samples at least, uniform in time: the coefficient and the variables of the model; samples with NaN are left out.
+            Two samples at least, uniform in time: the coefficient and the variables of the model;
+            samples with NaN are left out.
 
         Raises
         ------
@@ -75,7 +82,9 @@ class RunningEstimate:
         coefficient = self.model.coefficient
         for name in (coefficient, *self.model.variables):
             if name not in data:
-                raise UnknownName(name, map(str, data.data_vars), "variable", f"{self.model} needs it")
+                raise UnknownName(
+                    name, map(str, data.data_vars), "variable", f"{self.model} needs it"
+                )
         data = data[[coefficient, *self.model.variables]]
         time = data["time"].values
         step = float(np.median(np.diff(time)))
@@ -85,11 +94,14 @@ class RunningEstimate:
         X = self.model.design(data)[:, [term != "1" for term in self.model.terms]]
         columns = np.column_stack([data[coefficient].values, X, np.ones_like(since), since])
         known = np.isfinite(columns).all(axis=1)
-        self._transforms += np.exp(-2j * np.pi * np.outer(self.frequencies, since[known])) @ columns[known] * step
+        self._transforms += (
+            np.exp(-2j * np.pi * np.outer(self.frequencies, since[known])) @ columns[known] * step
+        )
         self.duration += step * float(known.sum())
 
     def estimate(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return estimates and standard errors of the terms, (terms,) each; NaN while the samples do not determine them.
+        """Return estimates and standard errors of the terms, (terms,) each; NaN while the samples
+        do not determine them.
 
         Notes
         -----
@@ -111,11 +123,20 @@ class RunningEstimate:
         v = z - X @ theta
         s2 = float(v @ v) / (2.0 * len(self.frequencies) * freedom)
         inverse = np.linalg.inv(R)
-        spread = np.sqrt(s2 * (inverse**2).sum(axis=1) * max(1.0, 1.0 / (self.duration * self.spacing))) / scale
+        spread = (
+            np.sqrt(s2 * (inverse**2).sum(axis=1) * max(1.0, 1.0 / (self.duration * self.spacing)))
+            / scale
+        )
         return theta[: len(self.terms)], spread[: len(self.terms)]
 
 
-def running_estimate(model: Model, data: xr.Dataset, band: tuple[float, float], every: float = 0.5, spacing: float = SPACING) -> xr.Dataset:
+def running_estimate(
+    model: Model,
+    data: xr.Dataset,
+    band: tuple[float, float],
+    every: float = 0.5,
+    spacing: float = SPACING,
+) -> xr.Dataset:
     """Return the estimates of a model along a manoeuvre.
 
     Parameters
@@ -133,7 +154,8 @@ def running_estimate(model: Model, data: xr.Dataset, band: tuple[float, float], 
     Returns
     -------
     Dataset (time, term)
-        ``estimate`` and ``stderr`` at the end of each interval, NaN as long as the samples do not determine them.
+        ``estimate`` and ``stderr`` at the end of each interval, NaN as long as the samples do not
+        determine them.
 
     Raises
     ------
@@ -151,13 +173,17 @@ def running_estimate(model: Model, data: xr.Dataset, band: tuple[float, float], 
         found.append(running.estimate())
         at.append(float(time[last - 1]))
         first = last
-    columns = {name: (("time", "term"), np.array([pair[k] for pair in found])) for k, name in enumerate(("estimate", "stderr"))}
+    columns = {
+        name: (("time", "term"), np.array([pair[k] for pair in found]))
+        for k, name in enumerate(("estimate", "stderr"))
+    }
     about = {"model": str(model), "band": f"{band[0]:g} ... {band[1]:g}", "spacing": spacing}
     return xr.Dataset(columns, {"time": at, "term": running.terms}, about)
 
 
 def may_end(running: xr.Dataset, bounds: Mapping[str, float], settled: float = 2.0) -> float:
-    """Return the time at which a manoeuvre may end: all standard errors have been below their bounds for a while.
+    """Return the time at which a manoeuvre may end: all standard errors have been below their
+    bounds for a while.
 
     Parameters
     ----------

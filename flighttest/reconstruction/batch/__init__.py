@@ -1,1 +1,3 @@
-"""State reconstruction by batch output error: the inertial unit drives exact kinematics, start and constants are the unknowns."""
+"""State reconstruction by batch output error: the inertial unit drives exact kinematics, start and
+constants are the unknowns.
+"""

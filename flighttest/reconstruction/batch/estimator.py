@@ -18,7 +18,9 @@ from flighttest.reconstruction.problem.trajectory import moving, shown
 
 @dataclass(frozen=True)
 class Unknowns:
-    """Values of the unknowns: constants (nc,), starts of the segments per record (segments, n), and paths that led there."""
+    """Values of the unknowns: constants (nc,), starts of the segments per record (segments, n), and
+    paths that led there.
+    """
 
     c: np.ndarray
     starts: list[np.ndarray]
@@ -61,7 +63,8 @@ class Sums:
     places : array (u,)
         Of the unknowns of the segment among all.
     products : array (channels, u + 1, u + 1)
-        Products of the derivatives of each channel by these unknowns, and of its residual, over the readings.
+        Products of the derivatives of each channel by these unknowns, and of its residual, over the
+        readings.
     count : int
         Number of readings of each channel.
     """
@@ -97,13 +100,17 @@ class Equations:
         self.normal, self.gradient, self.cost = self._assembled()
 
     def swept(self, run: int) -> tuple[Sweep, list[np.ndarray]]:
-        """Return the path of a record with its sensitivities, and for each segment the places of its unknowns among all.
+        """Return the path of a record with its sensitivities, and for each segment the places of
+        its unknowns among all.
 
-        The unknowns of a segment are its start, the free constants that drive the path, and the other free constants.
+        The unknowns of a segment are its start, the free constants that drive the path, and the
+        other free constants.
         """
         layout, problem = self.layout, self.layout.setups[run].problem
         at = layout.places[run]
-        swept = sweep(problem, self.at.starts[run], self.at.c[at], self.at.paths[run], layout.free[at])
+        swept = sweep(
+            problem, self.at.starts[run], self.at.c[at], self.at.paths[run], layout.free[at]
+        )
         own = at[_order(swept.columns, layout.free[at])]
         return swept, [np.append(start, own) for start in layout.start_places(run)]
 
@@ -119,7 +126,14 @@ class Equations:
             for i, samples in enumerate(segments(problem)):
                 rows = slice(*np.searchsorted(k, [samples.start, samples.stop]))
                 if rows.stop > rows.start:
-                    readings = Readings(r[rows], k[rows] - samples.start, f[rows], J if len(J) == 1 else J[rows], place[columns], Jc[rows])
+                    readings = Readings(
+                        r[rows],
+                        k[rows] - samples.start,
+                        f[rows],
+                        J if len(J) == 1 else J[rows],
+                        place[columns],
+                        Jc[rows],
+                    )
                     yield Part(sensor.names, i, samples, readings)
 
     def weighed(self, sigma: dict[str, float]) -> Equations:
@@ -143,7 +157,9 @@ class Equations:
         normal[:nc, :nc] += information
         gradient[:nc] += information @ off
         cost += float(off @ information @ off)
-        for run, setup in enumerate(self.layout.setups):  # wide, against drift where nothing holds a start
+        for run, setup in enumerate(
+            self.layout.setups
+        ):  # wide, against drift where nothing holds a start
             weight = 1.0 / setup.problem.start_sigma**2
             off = self.at.starts[run] - setup.x[setup.problem.starts]
             places = self.layout.start_places(run)
@@ -165,10 +181,14 @@ class Equations:
             for name, products in zip(item.names, item.products, strict=True):
                 squares[name] = squares.get(name, 0.0) + float(products[-1, -1])
                 count[name] = count.get(name, 0) + item.count
-        return {name: (float(np.sqrt(squares[name] / count[name])), count[name]) for name in squares}
+        return {
+            name: (float(np.sqrt(squares[name] / count[name])), count[name]) for name in squares
+        }
 
     def step(self, damping: float, held: np.ndarray) -> tuple[np.ndarray, float]:
-        """Return the step of the unknowns (size,) and what it promises to take off the cost; `held` (nc,) stay too."""
+        """Return the step of the unknowns (size,) and what it promises to take off the cost; `held`
+        (nc,) stay too.
+        """
         move = self.layout.moving
         move = move[~np.isin(move, np.flatnonzero(held))]
         M = self.normal[np.ix_(move, move)]
@@ -204,7 +224,9 @@ class Fitted:
 
 
 def first_equations(layout: Layout) -> Equations:
-    """Return the equations at the start: paths from the readings, constants at their first values, noise as specified."""
+    """Return the equations at the start: paths from the readings, constants at their first values,
+    noise as specified.
+    """
     c = layout.mean.copy()
     for setup, places in zip(layout.setups, layout.places, strict=True):
         c[places] = setup.c
@@ -239,7 +261,10 @@ def fit(equations: Equations) -> Fitted:
     for _ in range(ROUNDS):
         equations, used = _settle(equations)
         count += used
-        sigma = {name: rms if n >= FEW else equations.sigma[name] for name, (rms, n) in equations.rms().items()}
+        sigma = {
+            name: rms if n >= FEW else equations.sigma[name]
+            for name, (rms, n) in equations.rms().items()
+        }
         sigma = {name: max(value, 1e-3 * equations.sigma[name]) for name, value in sigma.items()}
         change = max(abs(sigma[name] / equations.sigma[name] - 1.0) for name in sigma)
         if change < SAME:
@@ -254,7 +279,9 @@ def _settle(equations: Equations) -> tuple[Equations, int]:
     for count in range(1, ITERATIONS + 1):
         far = equations.cost > FAR * equations.readings
         step, gain = equations.step(damping, multiply & far)
-        enough = GAIN * max(1.0, equations.cost / equations.readings)  # in terms of the noise that the residuals will show
+        enough = GAIN * max(
+            1.0, equations.cost / equations.readings
+        )  # in terms of the noise that the residuals will show
         trial = _moved(equations, step)
         if trial is not None and trial.cost <= equations.cost + enough:
             equations, fresh = trial, False

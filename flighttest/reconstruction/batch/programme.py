@@ -11,7 +11,12 @@ import xarray as xr
 
 from flightmech.errors import IdentificationError, SchemaError
 from flighttest.reconstruction.batch.estimator import Equations, Fitted, first_equations, fit
-from flighttest.reconstruction.batch.standard_errors import Visibility, covariances, demand_sight, visibility
+from flighttest.reconstruction.batch.standard_errors import (
+    Visibility,
+    covariances,
+    demand_sight,
+    visibility,
+)
 from flighttest.reconstruction.batch.unknowns import Layout, layout
 from flighttest.reconstruction.problem.assembly import assemble
 from flighttest.reconstruction.problem.problem import identifiability
@@ -35,10 +40,12 @@ class Batch:
     paths : list of Path
         One per record; their constants are the common ones.
     estimates : Dataset (parameter,)
-        ``estimate stderr stderr_white prior prior_stderr unit free``, ``correlation (parameter, parameter_)``.  ``stderr``
-        holds the colour of the residuals and the noise of the inertial unit, ``stderr_white`` is the Cramer-Rao bound.
+        ``estimate stderr stderr_white prior prior_stderr unit free``, ``correlation (parameter,
+        parameter_)``.  ``stderr`` holds the colour of the residuals and the noise of the inertial
+        unit, ``stderr_white`` is the Cramer-Rao bound.
     starts : Dataset (segment, state)
-        ``estimate stderr stderr_white``, ``record`` and ``time`` of each start: angles, ground velocity, height, lagged vane angles.
+        ``estimate stderr stderr_white``, ``record`` and ``time`` of each start: angles, ground
+        velocity, height, lagged vane angles.
     noise : DataFrame
         Per channel: noise of the specification and as estimated.
     visibility : Visibility
@@ -56,7 +63,11 @@ class Batch:
     def report(self) -> str:
         """Return estimates, noise and what could not be seen as text."""
         names = ", ".join(path.states.attrs["record"] or "record" for path in self.paths)
-        lines = [f"Batch reconstruction: {names}", f"{self.starts.sizes['segment']} segments, {self.iterations} iterations", ""]
+        lines = [
+            f"Batch reconstruction: {names}",
+            f"{self.starts.sizes['segment']} segments, {self.iterations} iterations",
+            "",
+        ]
         lines += [
             self.visibility.report(),
             "",
@@ -65,17 +76,31 @@ class Batch:
         for i, name in enumerate(self.estimates["parameter"].values):
             row = self.estimates.isel(parameter=i, parameter_=i)
             if not bool(row["free"]):
-                lines.append(f"{name:22s}{float(row['estimate']):13.5g}{'held':>13s}{'':26s}  {row['unit'].item()}")
+                lines.append(
+                    f"{name:22s}{float(row['estimate']):13.5g}{'held':>13s}{'':26s}  {row['unit'].item()}"
+                )
                 continue
-            numbers = "".join(f"{float(row[key]):13.5g}" for key in ("estimate", "stderr", "stderr_white", "prior_stderr"))
+            numbers = "".join(
+                f"{float(row[key]):13.5g}"
+                for key in ("estimate", "stderr", "stderr_white", "prior_stderr")
+            )
             lines.append(f"{name:22s}{numbers}  {row['unit'].item()}")
         lines += ["", f"{'channel':14s}{'noise given':>13s}{'estimated':>13s}"]
         for name, row in self.noise.iterrows():
             word = "  ! residual exceeds the noise" if row.estimated > ACCEPT * row.given else ""
             lines.append(f"{name:14s}{row.given:13.4g}{row.estimated:13.4g}{word}")
-        free = self.estimates.isel(parameter=self.estimates["free"].values, parameter_=self.estimates["free"].values)
+        free = self.estimates.isel(
+            parameter=self.estimates["free"].values, parameter_=self.estimates["free"].values
+        )
         words = identifiability(free)
-        return "\n".join([*lines, "", "After the fit:", *(f"  - {word}" for word in words or ["every constant is identifiable"])])
+        return "\n".join(
+            [
+                *lines,
+                "",
+                "After the fit:",
+                *(f"  - {word}" for word in words or ["every constant is identifiable"]),
+            ]
+        )
 
 
 def reconstruct_batch(
@@ -86,19 +111,21 @@ def reconstruct_batch(
     prior: xr.Dataset | None = None,
     rate: float = 50.0,
 ) -> Batch:
-    """Reconstruct paths by batch output error, with instrument constants common to all records ([LR743] 4.3, type 1).
+    """Reconstruct paths by batch output error, with instrument constants common to all records
+    ([LR743] 4.3, type 1).
 
     Parameters
     ----------
     records : sequence of DataTree
         Flight records, see `reconstruct`.
     aircraft : Aircraft
-        For its instruments; the noise of the readings is a first value and estimated, that of the inertial unit is taken as given.
+        For its instruments; the noise of the readings is a first value and estimated, that of the
+        inertial unit is taken as given.
     windows : sequence, optional
         Per record the windows (start, stop), or None for all of it. [s]
     free : sequence of str, optional
-        Constants to estimate from the readings alone; all others stay at their prior mean.  Without it all constants are
-        estimated, with their prior.
+        Constants to estimate from the readings alone; all others stay at their prior mean.  Without
+        it all constants are estimated, with their prior.
     prior : Dataset, optional
         `biases` of other runs (`combine_biases`).
     rate : float
@@ -111,7 +138,8 @@ def reconstruct_batch(
     Raises
     ------
     IdentificationError
-        Constants of `free` that the readings do not show, by name; or the iteration does not settle.
+        Constants of `free` that the readings do not show, by name; or the iteration does not
+        settle.
     OutOfRange, SchemaError, UnknownName
         As `reconstruct`; a name of `free` that is no constant.
 
@@ -141,7 +169,9 @@ def visible(
     free: Sequence[str] | None = None,
     rate: float = 50.0,
 ) -> Visibility:
-    """Return what the readings of records can determine of the instruments, without a fit; arguments as `reconstruct_batch`."""
+    """Return what the readings of records can determine of the instruments, without a fit;
+    arguments as `reconstruct_batch`.
+    """
     return visibility(_start(records, aircraft, windows, free, None, rate))
 
 
@@ -150,9 +180,15 @@ def _start(records, aircraft, windows, free, prior, rate) -> Equations:
         raise SchemaError("batch reconstruction", ["no record; give one at least"])
     chosen = windows if windows is not None else [None] * len(records)
     if len(chosen) != len(records):
-        raise SchemaError("batch reconstruction", [f"{len(chosen)} sets of windows for {len(records)} records; give one per record"])
+        raise SchemaError(
+            "batch reconstruction",
+            [f"{len(chosen)} sets of windows for {len(records)} records; give one per record"],
+        )
     specification = instruments_of(aircraft, records[0].attrs)
-    setups = [assemble(record, aircraft, specification, windows_of(record, own), rate, prior) for record, own in zip(records, chosen)]
+    setups = [
+        assemble(record, aircraft, specification, windows_of(record, own), rate, prior)
+        for record, own in zip(records, chosen)
+    ]
     return first_equations(layout(setups, free))
 
 
@@ -168,7 +204,10 @@ def _batch(records, aircraft, fitted: Fitted, seen: Visibility) -> Batch:
         for sensor in setup.problem.sensors:
             given.update(zip(sensor.names, map(float, sensor.sigma)))
     rms = equations.rms()
-    rows = [{"channel": name, "given": given[name], "estimated": value, "readings": n} for name, (value, n) in rms.items()]
+    rows = [
+        {"channel": name, "given": given[name], "estimated": value, "readings": n}
+        for name, (value, n) in rms.items()
+    ]
     return Batch(
         paths=paths,
         estimates=_estimates(plan, equations.at.c, covariance, white),
@@ -180,19 +219,25 @@ def _batch(records, aircraft, fitted: Fitted, seen: Visibility) -> Batch:
 
 
 def _path(record, aircraft, i: int, fitted: Fitted, covariance: np.ndarray) -> Path:
-    """Return the path of one record with the common constants; those held keep the covariance of their prior."""
+    """Return the path of one record with the common constants; those held keep the covariance of
+    their prior.
+    """
     equations = fitted.equations
     plan, setup = equations.layout, equations.layout.setups[i]
     at = plan.places[i]
     own = np.where(np.outer(plan.free[at], plan.free[at]), covariance[np.ix_(at, at)], 0.0)
     held = ~plan.free[at]
     own[np.ix_(held, held)] = setup.problem.constants.covariance[np.ix_(held, held)]
-    solution = Solution(equations.paths[i], equations.at.c[at], own, equations.cost, fitted.iterations, True)
+    solution = Solution(
+        equations.paths[i], equations.at.c[at], own, equations.cost, fitted.iterations, True
+    )
     names = tuple(name for name, stays in zip(setup.problem.constants.names, held) if stays)
     return finish(record, aircraft, replace(setup, held=names), solution)
 
 
-def _estimates(plan: Layout, c: np.ndarray, covariance: np.ndarray, white: np.ndarray) -> xr.Dataset:
+def _estimates(
+    plan: Layout, c: np.ndarray, covariance: np.ndarray, white: np.ndarray
+) -> xr.Dataset:
     nc, names = len(plan.names), list(plan.names)
     variance = np.diag(covariance)[:nc]
     se = np.sqrt(np.where(plan.free, variance, np.diag(plan.covariance)))
@@ -220,7 +265,13 @@ def _starts(equations: Equations, covariance: np.ndarray, white: np.ndarray) -> 
         problem = setup.problem
         names = [*states[:7], *problem.vanes]
         for start, places, k in zip(equations.at.starts[i], plan.start_places(i), problem.starts):
-            columns = {"estimate": start, "stderr": np.sqrt(np.diag(covariance)[places]), "stderr_white": np.sqrt(np.diag(white)[places])}
-            row = xr.Dataset({key: ("state", value) for key, value in columns.items()}, coords={"state": names})
+            columns = {
+                "estimate": start,
+                "stderr": np.sqrt(np.diag(covariance)[places]),
+                "stderr_white": np.sqrt(np.diag(white)[places]),
+            }
+            row = xr.Dataset(
+                {key: ("state", value) for key, value in columns.items()}, coords={"state": names}
+            )
             rows.append(row.assign(record=i, time=float(problem.time[k])).reindex(state=states))
     return xr.concat(rows, dim="segment")

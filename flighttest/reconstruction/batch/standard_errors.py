@@ -1,11 +1,13 @@
-"""Standard errors of a batch fit: Cramer-Rao, and corrected for residuals that are correlated in time and for a noisy inertial unit.
+"""Standard errors of a batch fit: Cramer-Rao, and corrected for residuals that are correlated in
+time and for a noisy inertial unit.
 
-The fit takes the readings for the only random thing.  Two facts make its Cramer-Rao bounds too small:
+The fit takes the readings for the only random thing.  Two facts make its Cramer-Rao bounds too
+small:
 
 - residuals are correlated in time: their own autocorrelation replaces the white one;
 - the gyros and accelerometers that drive the path are noisy too, and their noise is summed up to a wandering path.
-  What it does to the estimate follows from the noise of the specification, by the adjoint of the sensitivity equations:
-  one backward running sum per unknown.
+  What it does to the estimate follows from the noise of the specification, by the adjoint of the
+  sensitivity equations: one backward running sum per unknown.
 """
 
 from __future__ import annotations
@@ -32,9 +34,10 @@ class Visibility:
     Attributes
     ----------
     directions : Dataset (direction, parameter)
-        ``weight`` (direction): sum of the squared changes of all readings, in units of their noise, when the constants move
-        together by ``move`` (direction, parameter), which is one standard deviation of their prior.  Below one the readings
-        are less informative than the specification of the instruments.  Smallest first.
+        ``weight`` (direction): sum of the squared changes of all readings, in units of their noise,
+        when the constants move together by ``move`` (direction, parameter), which is one standard
+        deviation of their prior.  Below one the readings are less informative than the
+        specification of the instruments.  Smallest first.
     rank, constants : int
         Numerical rank of the information on the constants, and how many there are.
     condition : float
@@ -107,7 +110,9 @@ def visibility(equations: Equations) -> Visibility:
         coords={"parameter": [layout.names[i] for i in free]},
     )
     rank = int((own > RANK * own[-1]).sum())
-    return Visibility(directions, rank, len(free), float(own[-1] / own[0]) if own[0] > 0.0 else np.inf)
+    return Visibility(
+        directions, rank, len(free), float(own[-1] / own[0]) if own[0] > 0.0 else np.inf
+    )
 
 
 def demand_sight(found: Visibility) -> None:
@@ -116,12 +121,14 @@ def demand_sight(found: Visibility) -> None:
     Raises
     ------
     IdentificationError
-        With all combinations of which the readings are less informative than the specification of the instruments.
+        With all combinations of which the readings are less informative than the specification of
+        the instruments.
     """
     blind = found.hidden()
     if blind:
         raise IdentificationError(
-            "the readings do not determine these constants (leave `free` out, and their priors take part):\n  - " + "\n  - ".join(blind)
+            "the readings do not determine these constants (leave `free` out, and their priors take part):\n  - "
+            + "\n  - ".join(blind)
         )
 
 
@@ -129,7 +136,8 @@ WINDOW = 0.1  # lag window over the length of a segment
 
 
 def covariances(equations: Equations) -> tuple[np.ndarray, np.ndarray]:
-    """Return the corrected and the white (Cramer-Rao) covariance of all unknowns; zero for those not estimated.
+    """Return the corrected and the white (Cramer-Rao) covariance of all unknowns; zero for those
+    not estimated.
 
     Notes
     -----
@@ -138,9 +146,10 @@ def covariances(equations: Equations) -> tuple[np.ndarray, np.ndarray]:
         D = (S' R^-1 S + P0^-1)^-1
         corrected = D [P0^-1 + sum_ij S_i' R^-1 Rvv(i - j) R^-1 S_j + sum_i T_i' Q T_i] D
 
-    Rvv: biased autocorrelation of the residuals of each channel with Bartlett's taper over a tenth of the segment; T_i:
-    gradient by the noise of the inertial unit at sample i, Q its variance.  Where the autocorrelation makes a variance
-    smaller than white residuals would (it is itself estimated), the white one stays.
+    Rvv: biased autocorrelation of the residuals of each channel with Bartlett's taper over a tenth
+    of the segment; T_i: gradient by the noise of the inertial unit at sample i, Q its variance.
+    Where the autocorrelation makes a variance smaller than white residuals would (it is itself
+    estimated), the white one stays.
 
     References
     ----------
@@ -151,7 +160,9 @@ def covariances(equations: Equations) -> tuple[np.ndarray, np.ndarray]:
     move = np.ix_(layout.moving, layout.moving)
     D = np.zeros_like(equations.normal)
     scale = 1.0 / np.sqrt(np.diag(equations.normal[move]))
-    D[move] = np.linalg.inv(equations.normal[move] * np.outer(scale, scale)) * np.outer(scale, scale)
+    D[move] = np.linalg.inv(equations.normal[move] * np.outer(scale, scale)) * np.outer(
+        scale, scale
+    )
     coloured, rest = residual_noise(equations)
     floor = np.diag(D) + np.diag(D @ rest @ D)
     nc = len(layout.names)
@@ -166,7 +177,8 @@ def covariances(equations: Equations) -> tuple[np.ndarray, np.ndarray]:
 
 
 def residual_noise(equations: Equations) -> tuple[np.ndarray, np.ndarray]:
-    """Return what the gradient takes from residuals correlated in time, and from the noise of gyros and accelerometers.
+    """Return what the gradient takes from residuals correlated in time, and from the noise of gyros
+    and accelerometers.
 
     Returns
     -------
@@ -183,7 +195,13 @@ def residual_noise(equations: Equations) -> tuple[np.ndarray, np.ndarray]:
         pressed = np.zeros((*swept.x.shape, len(places[0])))
         for part in equations.parts(run, swept):
             sigma = np.array([equations.sigma[name] for name in part.names])
-            series = driven_series(swept.X[part.samples], len(places[0]), part.readings, 1.0 / sigma, pressed[part.samples])
+            series = driven_series(
+                swept.X[part.samples],
+                len(places[0]),
+                part.readings,
+                1.0 / sigma,
+                pressed[part.samples],
+            )
             for S, r, own in zip(series, part.readings.r.T, sigma, strict=True):
                 used = np.flatnonzero(S.any(axis=1))
                 chosen = places[part.segment][used]
@@ -197,7 +215,8 @@ def residual_noise(equations: Equations) -> tuple[np.ndarray, np.ndarray]:
 
 
 def spread(S: np.ndarray, r: np.ndarray) -> np.ndarray:
-    """Return sum_ij S_i Rvv(i - j) S_j' of series S (u, N), Rvv the autocorrelation of r (N,), see `tapered`.
+    """Return sum_ij S_i Rvv(i - j) S_j' of series S (u, N), Rvv the autocorrelation of r (N,), see
+    `tapered`.
 
     Notes
     -----
@@ -216,7 +235,9 @@ def spread(S: np.ndarray, r: np.ndarray) -> np.ndarray:
 
 
 def tapered(r: np.ndarray) -> np.ndarray:
-    """Return the biased autocorrelation at lags 0, 1, ..., Bartlett's taper over a tenth of the record."""
+    """Return the biased autocorrelation at lags 0, 1, ..., Bartlett's taper over a tenth of the
+    record.
+    """
     N = len(r)
     window = max(1, round(WINDOW * N))
     size = next_fast_len(N + window - 1, real=True)

@@ -1,4 +1,6 @@
-"""Where the unknowns of one or many records stand: common constants, constants of single records, starts of segments."""
+"""Where the unknowns of one or many records stand: common constants, constants of single records,
+starts of segments.
+"""
 
 from __future__ import annotations
 
@@ -61,7 +63,9 @@ class Layout:
         return np.append(np.flatnonzero(self.free), np.arange(len(self.names), self.size))
 
     def prior_information(self) -> np.ndarray:
-        """Return the information of the prior on the free constants (nc, nc); zeros where it takes no part."""
+        """Return the information of the prior on the free constants (nc, nc); zeros where it takes
+        no part.
+        """
         found = np.zeros((len(self.names), len(self.names)))
         if self.weighed:
             f = np.ix_(self.free, self.free)
@@ -94,15 +98,25 @@ def layout(setups: Sequence[Setup], free: Sequence[str] | None) -> Layout:
         if name not in known:
             raise UnknownName(name, known, "constant of the reconstruction")
     if free is not None and not free:
-        raise SchemaError("batch reconstruction", ["no constant to estimate; name some, or leave `free` out for all"])
+        raise SchemaError(
+            "batch reconstruction",
+            ["no constant to estimate; name some, or leave `free` out for all"],
+        )
     numbered = len(setups) > 1
     labels = [
-        [f"{name}.{i + 1}" if numbered and name in PER_RUN else name for name in setup.problem.constants.names]
+        [
+            f"{name}.{i + 1}" if numbered and name in PER_RUN else name
+            for name in setup.problem.constants.names
+        ]
         for i, setup in enumerate(setups)
     ]
     names = tuple(dict.fromkeys(label for of_run in labels for label in of_run))
     places = [np.array([names.index(label) for label in of_run]) for of_run in labels]
-    mean, covariance, units = np.zeros(len(names)), np.zeros((len(names), len(names))), [""] * len(names)
+    mean, covariance, units = (
+        np.zeros(len(names)),
+        np.zeros((len(names), len(names))),
+        [""] * len(names),
+    )
     chosen = np.zeros(len(names), bool)
     for setup, at in zip(setups, places, strict=True):
         constants = setup.problem.constants
@@ -122,7 +136,8 @@ class Sweep:
     x : array (N, n)
         States, as in `Problem`.
     X : array (N, n, n + driving)
-        Derivative by the start of the segment that the sample belongs to, then by the driving constants.
+        Derivative by the start of the segment that the sample belongs to, then by the driving
+        constants.
     columns : array (driving,)
         Places of the driving constants among all constants.
     """
@@ -138,23 +153,37 @@ def segments(problem: Problem) -> list[slice]:
     return [slice(a, b) for a, b in pairwise(edges)]
 
 
-def driven_paths(problem: Problem, c: np.ndarray, before: np.ndarray, columns: np.ndarray) -> list[DrivenPath]:
-    """Return the path of each window for constants c (nc,), what depends on it weakly from the path `before` (N, n)."""
+def driven_paths(
+    problem: Problem, c: np.ndarray, before: np.ndarray, columns: np.ndarray
+) -> list[DrivenPath]:
+    """Return the path of each window for constants c (nc,), what depends on it weakly from the path
+    `before` (N, n).
+    """
     return [driven_path(problem, before, c, columns, part) for part in segments(problem)]
 
 
 def path_of(problem: Problem, starts: np.ndarray, c: np.ndarray, before: np.ndarray) -> np.ndarray:
-    """Return the states that follow from the starts of the segments (segments, n) and constants (nc,); `before` as in `driven_paths`."""
+    """Return the states that follow from the starts of the segments (segments, n) and constants
+    (nc,); `before` as in `driven_paths`.
+    """
     x = np.empty_like(before)
-    for path, part, start in zip(driven_paths(problem, c, before, np.zeros(0, int)), segments(problem), starts, strict=True):
+    for path, part, start in zip(
+        driven_paths(problem, c, before, np.zeros(0, int)), segments(problem), starts, strict=True
+    ):
         path.follow(start, x[part])
     return x
 
 
-def sweep(problem: Problem, starts: np.ndarray, c: np.ndarray, before: np.ndarray, free: np.ndarray) -> Sweep:
-    """Return states and sensitivities to the constants in the mask `free` (nc,); other arguments as `path_of`."""
+def sweep(
+    problem: Problem, starts: np.ndarray, c: np.ndarray, before: np.ndarray, free: np.ndarray
+) -> Sweep:
+    """Return states and sensitivities to the constants in the mask `free` (nc,); other arguments as
+    `path_of`.
+    """
     columns, n = driving(problem, free), problem.states
     x, X = np.empty((len(before), n)), np.empty((len(before), n, n + len(columns)))
-    for path, part, start in zip(driven_paths(problem, c, before, columns), segments(problem), starts, strict=True):
+    for path, part, start in zip(
+        driven_paths(problem, c, before, columns), segments(problem), starts, strict=True
+    ):
         path.follow(start, x[part], X[part])
     return Sweep(x, X, columns)

@@ -1,4 +1,6 @@
-"""Kinematics of the flight path, channels that follow from others, forces and moments as coefficients."""
+"""Kinematics of the flight path, channels that follow from others, forces and moments as
+coefficients.
+"""
 
 from flightmech.support.imports import attach_stub
 

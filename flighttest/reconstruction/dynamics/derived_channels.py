@@ -1,10 +1,12 @@
 """Signals that were not measured, from those that were, each with an error figure.
 
-Every function takes a manoeuvre (channels on one uniform clock, see `cut`) and returns a Dataset of what it computed.  Each variable
-states in its attributes what it is made of (``made_from``), its standard error (``stderr``, SI) and, where something was
-differentiated, the frequency up to which it follows to 1 % (``bandwidth``, Hz).  The error is noise carried through, with the noise of
-each input found by Fourier smoothing at the rate at which it was recorded, and what is unknown by assumption (wind).  Lasting errors
-of the inputs (biases, a wrong wind) are not in it: reconstruct the path (`reconstruct`) when they matter.
+Every function takes a manoeuvre (channels on one uniform clock, see `cut`) and returns a Dataset of
+what it computed.  Each variable states in its attributes what it is made of (``made_from``), its
+standard error (``stderr``, SI) and, where something was differentiated, the frequency up to which
+it follows to 1 % (``bandwidth``, Hz).  The error is noise carried through, with the noise of each
+input found by Fourier smoothing at the rate at which it was recorded, and what is unknown by
+assumption (wind).  Lasting errors of the inputs (biases, a wrong wind) are not in it: reconstruct
+the path (`reconstruct`) when they matter.
 """
 
 from __future__ import annotations
@@ -20,7 +22,12 @@ from flightmech.names import attrs
 from flightmech.support.arrays import rms
 from flighttest.reconstruction.dynamics.kinematics import gravity, rates, rotation
 from flighttest.records.signals.conditioning import resample
-from flighttest.records.signals.differentiation import derivative, derivative_gain, derivative_noise, fourier_smooth
+from flighttest.records.signals.differentiation import (
+    derivative,
+    derivative_gain,
+    derivative_noise,
+    fourier_smooth,
+)
 
 _WIND_ERROR = 1.0  # m/s, of a wind that nobody gave
 
@@ -42,8 +49,13 @@ def angular_accelerations(data: xr.Dataset) -> xr.Dataset:
     """
     _demand(data, "p", "q", "r")
     found = {f"{name}_dot": _differentiated(data, name) for name in "pqr"}
-    made, error = {name: x for name, (x, _) in found.items()}, {name: sigma for name, (_, sigma) in found.items()}
-    return _dataset(data, made, error, "local polynomials over p q r", _bandwidth(data, "p", "q", "r"))
+    made, error = (
+        {name: x for name, (x, _) in found.items()},
+        {name: sigma for name, (_, sigma) in found.items()},
+    )
+    return _dataset(
+        data, made, error, "local polynomials over p q r", _bandwidth(data, "p", "q", "r")
+    )
 
 
 def rates_from_attitude(data: xr.Dataset) -> xr.Dataset:
@@ -59,24 +71,33 @@ def rates_from_attitude(data: xr.Dataset) -> xr.Dataset:
     turned = [_differentiated(data, name) for name in names]
     omega, _ = rates(angles, np.stack([x for x, _ in turned], axis=1))
     error = dict(zip("pqr", (sigma for _, sigma in turned)))
-    return _dataset(data, dict(zip("pqr", omega.T)), error, "derivatives of phi theta psi", _bandwidth(data, *names))
+    return _dataset(
+        data,
+        dict(zip("pqr", omega.T)),
+        error,
+        "derivatives of phi theta psi",
+        _bandwidth(data, *names),
+    )
 
 
 def forces_from_velocity(data: xr.Dataset, latitude: float | None = None) -> xr.Dataset:
-    """Return the specific force at the c.g., ``ax ay az``, from ground velocity ``vn ve vd`` and attitude: R'(v_dot - g).
+    """Return the specific force at the c.g., ``ax ay az``, from ground velocity ``vn ve vd`` and
+    attitude: R'(v_dot - g).
 
     Parameters
     ----------
     data : Dataset (time,)
-        Flat Earth: Coriolis acceleration, 0.01 m/s2 at 100 m/s, is left out.  Gravity falls with the height, the first of ``h h_gps
-        h_baro`` that is there; without one it is that of sea level.
+        Flat Earth: Coriolis acceleration, 0.01 m/s2 at 100 m/s, is left out.  Gravity falls with
+        the height, the first of ``h h_gps h_baro`` that is there; without one it is that of sea
+        level.
     latitude : float, optional
         For gravity; standard gravity without it. [rad]
 
     Returns
     -------
     Dataset (time,)
-        The error figure joins the noise of the velocity, differentiated, and g times that of the attitude.
+        The error figure joins the noise of the velocity, differentiated, and g times that of the
+        attitude.
 
     Raises
     ------
@@ -91,11 +112,15 @@ def forces_from_velocity(data: xr.Dataset, latitude: float | None = None) -> xr.
     turned = [_differentiated(data, name) for name in names]
     rate = np.stack([x for x, _ in turned], axis=1) - [0.0, 0.0, g]
     force = np.einsum("tji,tj->ti", rotation(angles), rate)
-    tilt = g * np.array([_noise(data, "theta"), _noise(data, "phi"), 0.0])  # about level flight, where az does not see the attitude
+    tilt = g * np.array(
+        [_noise(data, "theta"), _noise(data, "phi"), 0.0]
+    )  # about level flight, where az does not see the attitude
     error = np.hypot(rms([sigma for _, sigma in turned]), tilt)
     axes = ("ax", "ay", "az")
     origin = "derivatives of vn ve vd, attitude and gravity"
-    return _dataset(data, dict(zip(axes, force.T)), dict(zip(axes, error)), origin, _bandwidth(data, *names))
+    return _dataset(
+        data, dict(zip(axes, force.T)), dict(zip(axes, error)), origin, _bandwidth(data, *names)
+    )
 
 
 def airspeed_from_pressures(data: xr.Dataset) -> xr.Dataset:
@@ -114,8 +139,11 @@ def airspeed_from_pressures(data: xr.Dataset) -> xr.Dataset:
     return _dataset(data, made, error, "q_c p_static temperature")
 
 
-def incidence_from_velocity(data: xr.Dataset, wind: Sequence[float] = (0.0, 0.0, 0.0), wind_error: float = _WIND_ERROR) -> xr.Dataset:
-    """Return ``V alpha beta`` without vanes and pitot: ground velocity less wind, turned into body axes.
+def incidence_from_velocity(
+    data: xr.Dataset, wind: Sequence[float] = (0.0, 0.0, 0.0), wind_error: float = _WIND_ERROR
+) -> xr.Dataset:
+    """Return ``V alpha beta`` without vanes and pitot: ground velocity less wind, turned into body
+    axes.
 
     Parameters
     ----------
@@ -142,13 +170,26 @@ def incidence_from_velocity(data: xr.Dataset, wind: Sequence[float] = (0.0, 0.0,
     speed = float(np.hypot(wind_error, rms([_noise(data, name) for name in ("vn", "ve", "vd")])))
     theta, psi = (_noise(data, name) for name in ("theta", "psi"))
     turned = speed / rms(V)
-    error = {"V": speed, "alpha": float(np.hypot(turned, theta)), "beta": float(np.sqrt(turned**2 + psi**2))}
-    made = {"V": V, "alpha": np.arctan2(w, u), "beta": np.arcsin(np.clip(v / np.maximum(V, 1e-6), -1.0, 1.0))}
-    return _dataset(data, made, error, f"vn ve vd less wind ({', '.join(f'{x:g}' for x in wind)}) m/s, attitude")
+    error = {
+        "V": speed,
+        "alpha": float(np.hypot(turned, theta)),
+        "beta": float(np.sqrt(turned**2 + psi**2)),
+    }
+    made = {
+        "V": V,
+        "alpha": np.arctan2(w, u),
+        "beta": np.arcsin(np.clip(v / np.maximum(V, 1e-6), -1.0, 1.0)),
+    }
+    return _dataset(
+        data, made, error, f"vn ve vd less wind ({', '.join(f'{x:g}' for x in wind)}) m/s, attitude"
+    )
 
 
-def complete(data: xr.Dataset, wind: Sequence[float] = (0.0, 0.0, 0.0), wind_error: float = _WIND_ERROR) -> xr.Dataset:
-    """Return a manoeuvre with everything added that it lacks and that follows from what it has; nothing measured is replaced.
+def complete(
+    data: xr.Dataset, wind: Sequence[float] = (0.0, 0.0, 0.0), wind_error: float = _WIND_ERROR
+) -> xr.Dataset:
+    """Return a manoeuvre with everything added that it lacks and that follows from what it has;
+    nothing measured is replaced.
 
     Parameters
     ----------
@@ -182,7 +223,10 @@ def complete(data: xr.Dataset, wind: Sequence[float] = (0.0, 0.0, 0.0), wind_err
 def _demand(data: xr.Dataset, *names: str) -> None:
     missing = [name for name in names if name not in data]
     if missing:
-        raise SchemaError("manoeuvre", [f"no channel {name}; all of {' '.join(names)} are needed" for name in missing])
+        raise SchemaError(
+            "manoeuvre",
+            [f"no channel {name}; all of {' '.join(names)} are needed" for name in missing],
+        )
 
 
 def _channels(data: xr.Dataset, *names: str) -> list[np.ndarray]:
@@ -196,7 +240,9 @@ def _values(data: xr.Dataset, name: str) -> np.ndarray:
 
 
 def _as_recorded(data: xr.Dataset, name: str) -> tuple[np.ndarray, np.ndarray, float]:
-    """Return clock, samples and step of a channel at the rate of its recorder: interpolated samples are no news."""
+    """Return clock, samples and step of a channel at the rate of its recorder: interpolated samples
+    are no news.
+    """
     time = data["time"].values
     step = float(time[-1] - time[0]) / (len(time) - 1)
     recorded = 1.0 / data[name].attrs.get("recorded_rate", 1.0 / step)
@@ -210,9 +256,9 @@ def _differentiated(data: xr.Dataset, name: str) -> tuple[np.ndarray, float]:
     """Return the derivative of a channel and the standard error that its noise gives it."""
     clock, x, step = _as_recorded(data, name)
     slope = derivative(x, step)
-    return slope if len(clock) == data.sizes["time"] else resample(clock, slope, data["time"].values, name), (
-        fourier_smooth(x, step).noise * derivative_noise(step)
-    )
+    return slope if len(clock) == data.sizes["time"] else resample(
+        clock, slope, data["time"].values, name
+    ), (fourier_smooth(x, step).noise * derivative_noise(step))
 
 
 def _noise(data: xr.Dataset, name: str) -> float:
@@ -221,7 +267,9 @@ def _noise(data: xr.Dataset, name: str) -> float:
 
 
 def _bandwidth(data: xr.Dataset, *names: str) -> float:
-    """Return the frequency at which the derivative of the slowest of `names` has lost one per cent. [Hz]"""
+    """Return the frequency at which the derivative of the slowest of `names` has lost one per cent.
+    [Hz]
+    """
     step = max(_as_recorded(data, name)[2] for name in names)
     f = np.linspace(0.0, 0.5, 501)[1:] / step
     return float(f[derivative_gain(f, step) > 0.99][-1])
@@ -235,10 +283,16 @@ def _air(q_c: np.ndarray, p: np.ndarray, T: np.ndarray) -> dict[str, np.ndarray]
 
 
 def _dataset(
-    data: xr.Dataset, made: dict[str, np.ndarray], error: dict[str, float], origin: str, bandwidth: float | None = None
+    data: xr.Dataset,
+    made: dict[str, np.ndarray],
+    error: dict[str, float],
+    origin: str,
+    bandwidth: float | None = None,
 ) -> xr.Dataset:
     found = xr.Dataset(coords={"time": data["time"]})
     for name, x in made.items():
-        about = {"made_from": origin, "stderr": float(error[name])} | ({"bandwidth": bandwidth} if bandwidth else {})
+        about = {"made_from": origin, "stderr": float(error[name])} | (
+            {"bandwidth": bandwidth} if bandwidth else {}
+        )
         found[name] = "time", x, {**attrs(name), **about}
     return found

@@ -1,4 +1,5 @@
-"""Kinematics of the flight path: attitude, specific force, gravity, and their derivatives, for whole records at once.
+"""Kinematics of the flight path: attitude, specific force, gravity, and their derivatives, for
+whole records at once.
 
 Attitude is (phi, theta, psi), velocities are north-east-down relative to the ground.  Round, rotating Earth when the
 latitude is known: Coriolis acceleration (0.01 m/s2 at 100 m/s), and the turning of the level axes that are carried along
@@ -17,7 +18,8 @@ EARTH_RADIUS = 6371000.0  # m, mean
 
 
 def gravity(latitude: float | None, h: float) -> float:
-    """Return the acceleration of free fall, which falls with height; standard gravity at sea level when the latitude is not known. [m s-2]
+    """Return the acceleration of free fall, which falls with height; standard gravity at sea level
+    when the latitude is not known. [m s-2]
 
     Parameters
     ----------
@@ -42,12 +44,15 @@ def gravity(latitude: float | None, h: float) -> float:
     surface = G0
     if latitude is not None:
         s2 = np.sin(latitude) ** 2
-        surface = 9.7803253359 * (1.0 + 0.00193185265241 * s2) / np.sqrt(1.0 - 0.00669437999013 * s2)
+        surface = (
+            9.7803253359 * (1.0 + 0.00193185265241 * s2) / np.sqrt(1.0 - 0.00669437999013 * s2)
+        )
     return float(surface * (1.0 - 2.0 * h / EARTH_RADIUS))
 
 
 def earth(latitude: float | None) -> tuple[np.ndarray, np.ndarray]:
-    """Return what the Earth does to a moving observer, north-east-down axes; zeros when the latitude is not known.
+    """Return what the Earth does to a moving observer, north-east-down axes; zeros when the
+    latitude is not known.
 
     Parameters
     ----------
@@ -59,11 +64,14 @@ def earth(latitude: float | None) -> tuple[np.ndarray, np.ndarray]:
     rotation : array (3,)
         Rate of the Earth. [rad s-1]
     transport : array (3, 3)
-        ``transport @ v`` is the rate at which the level axes turn because they are carried along. [m-1]
+        ``transport @ v`` is the rate at which the level axes turn because they are carried along.
+        [m-1]
     """
     if latitude is None:
         return np.zeros(3), np.zeros((3, 3))
-    transport = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, -np.tan(latitude), 0.0]]) / EARTH_RADIUS
+    transport = (
+        np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, -np.tan(latitude), 0.0]]) / EARTH_RADIUS
+    )
     return EARTH_RATE * np.array([np.cos(latitude), 0.0, -np.sin(latitude)]), transport
 
 
@@ -98,9 +106,11 @@ def rotation(attitude: np.ndarray) -> np.ndarray:
 
 
 def rate_matrix(attitude: np.ndarray) -> np.ndarray:
-    """Return W with omega = W (phi_dot, theta_dot, psi_dot); its columns are the axes of the three angles in the body.
+    """Return W with omega = W (phi_dot, theta_dot, psi_dot); its columns are the axes of the three
+    angles in the body.
 
-    A body-axes image U = R' m of a fixed vector changes with the angles as dU/d(angle i) = U x (column i).
+    A body-axes image U = R' m of a fixed vector changes with the angles as dU/d(angle i) = U x
+    (column i).
     """
     (sf, st, _), (cf, ct, _) = np.sin(attitude).T, np.cos(attitude).T
     zero, one = np.zeros_like(sf), np.ones_like(sf)
@@ -109,25 +119,35 @@ def rate_matrix(attitude: np.ndarray) -> np.ndarray:
 
 
 def rates(attitude: np.ndarray, attitude_dot: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return body rates (time, 3) from the rates of the angles, and their derivative with respect to the angles (time, 3, 3)."""
+    """Return body rates (time, 3) from the rates of the angles, and their derivative with respect
+    to the angles (time, 3, 3).
+    """
     W = rate_matrix(attitude)
     omega = (W @ attitude_dot[..., None])[..., 0]
     (sf, st, _), (cf, ct, _) = np.sin(attitude).T, np.cos(attitude).T
     psi_dot = attitude_dot[:, 2]
     change = np.zeros_like(W)
     change[:, 1, 0], change[:, 2, 0] = omega[:, 2], -omega[:, 1]
-    change[:, 0, 1], change[:, 1, 1], change[:, 2, 1] = -ct * psi_dot, -sf * st * psi_dot, -cf * st * psi_dot
+    change[:, 0, 1], change[:, 1, 1], change[:, 2, 1] = (
+        -ct * psi_dot,
+        -sf * st * psi_dot,
+        -cf * st * psi_dot,
+    )
     return omega, change
 
 
 def to_body(attitude: np.ndarray, vector: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return R' m for vectors in north-east-down axes, its derivative with respect to the angles, and R' itself."""
+    """Return R' m for vectors in north-east-down axes, its derivative with respect to the angles,
+    and R' itself.
+    """
     Rt = np.swapaxes(rotation(attitude), -1, -2)
     U = (Rt @ vector[..., None])[..., 0]
     return U, skew(U) @ rate_matrix(attitude), Rt
 
 
-def in_body(phi, theta, psi, n, e, d) -> tuple[np.ndarray, np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray, np.ndarray]]:
+def in_body(
+    phi, theta, psi, n, e, d
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """Return the body components of vectors given north-east-down, and those of the down axis.
 
     Parameters
@@ -151,9 +171,17 @@ def in_body(phi, theta, psi, n, e, d) -> tuple[np.ndarray, np.ndarray, np.ndarra
     [5.0, 0.0, 1.0]
     """
     sf, cf, st, ct, sp, cp = (f(angle) for angle in (phi, theta, psi) for f in (np.sin, np.cos))
-    along, across = cp * n + sp * e, cp * e - sp * n  # in the vertical plane of the heading, and to its right
+    along, across = (
+        cp * n + sp * e,
+        cp * e - sp * n,
+    )  # in the vertical plane of the heading, and to its right
     up = st * along + ct * d
-    return ct * along - st * d, sf * up + cf * across, cf * up - sf * across, (-st, sf * ct, cf * ct)
+    return (
+        ct * along - st * d,
+        sf * up + cf * across,
+        cf * up - sf * across,
+        (-st, sf * ct, cf * ct),
+    )
 
 
 def incidence_rates(U, omega, free) -> tuple[np.ndarray, np.ndarray]:

@@ -22,9 +22,11 @@ class SavedPath:
     states : Dataset (time,)
         As of `flighttest.reconstruction.Path`. [SI]
     errors : Dataset (error, time) or None
-        Change of the states for one standard error of each independent error of the instruments; None when the file has none.
+        Change of the states for one standard error of each independent error of the instruments;
+        None when the file has none.
     biases : Dataset (parameter,) or None
-        Constants of the instruments, as of `flighttest.reconstruction.Path`; None when the file has none.
+        Constants of the instruments, as of `flighttest.reconstruction.Path`; None when the file has
+        none.
     """
 
     states: xr.Dataset
@@ -33,13 +35,15 @@ class SavedPath:
 
 
 def open_path(path: str | os.PathLike, described: bool = True) -> SavedPath:
-    """Return what a reconstruction file holds: its groups ``states``, ``errors`` and ``biases``, or states in its root.
+    """Return what a reconstruction file holds: its groups ``states``, ``errors`` and ``biases``, or
+    states in its root.
 
     Parameters
     ----------
     path : path
     described : bool
-        With the attributes of the variables; without them a file of plain numbers is read in two thirds of the time.
+        With the attributes of the variables; without them a file of plain numbers is read in two
+        thirds of the time.
 
     Raises
     ------
@@ -53,13 +57,27 @@ def open_path(path: str | os.PathLike, described: bool = True) -> SavedPath:
     try:
         with xr.open_datatree(path, engine="h5netcdf", decode_timedelta=False) as tree:
             states = tree.children.get("states", tree).to_dataset(inherit=False).load()
-            rest = {name: tree.children[name].to_dataset(inherit=False).load() for name in _REST if name in tree.children}
+            rest = {
+                name: tree.children[name].to_dataset(inherit=False).load()
+                for name in _REST
+                if name in tree.children
+            }
     except (OSError, ValueError, KeyError) as error:
         if not Path(path).exists():
             raise
-        raise ParseError(str(path), 0, f"no netCDF-4 content ({error})", "a path as `aeromatch flight reconstruct -o` writes it") from error
+        raise ParseError(
+            str(path),
+            0,
+            f"no netCDF-4 content ({error})",
+            "a path as `aeromatch flight reconstruct -o` writes it",
+        ) from error
     if "time" not in states.dims:
-        raise ParseError(str(path), 0, "no states over time", "a path as `aeromatch flight reconstruct -o` writes it")
+        raise ParseError(
+            str(path),
+            0,
+            "no states over time",
+            "a path as `aeromatch flight reconstruct -o` writes it",
+        )
     return SavedPath(states, **rest)
 
 
@@ -76,7 +94,11 @@ def _plain(path: str | os.PathLike, described: bool) -> SavedPath | None:
             rest = {name: plain_group(file[name], described) for name in _REST if name in file}
     except (OSError, RuntimeError, ValueError, KeyError, TypeError, AttributeError):
         return None
-    whole = states is not None and "time" in states.dims and all(found is not None for found in rest.values())
+    whole = (
+        states is not None
+        and "time" in states.dims
+        and all(found is not None for found in rest.values())
+    )
     return SavedPath(states, **rest) if states is not None and whole else None
 
 

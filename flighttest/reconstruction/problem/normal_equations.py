@@ -1,4 +1,5 @@
-"""Gauss-Newton normal equations of a trajectory with constants: block-tridiagonal with a dense border.
+"""Gauss-Newton normal equations of a trajectory with constants: block-tridiagonal with a dense
+border.
 
 Unknowns are the state x_k at N samples (n each) and nc constants c.  Every residual touches two neighbouring states at
 most, so the normal matrix is ::
@@ -7,8 +8,8 @@ most, so the normal matrix is ::
     [ G'  C ]   G: N blocks of n x nc;  C: nc x nc
 
 T is factored by blocks, the constants follow from the Schur complement S = C - G' T^-1 G, whose
-inverse is their posterior covariance.  One step costs O(N n^2 (n + nc)).  On a trajectory this is the iterated
-extended Kalman smoother of [Bell1994] without its recursions.
+inverse is their posterior covariance.  One step costs O(N n^2 (n + nc)).  On a trajectory this is
+the iterated extended Kalman smoother of [Bell1994] without its recursions.
 
 References
 ----------
@@ -29,7 +30,8 @@ AT_ONCE = 8  # directions of the constants: more do not stay in the cache
 
 
 class NormalEquations:
-    """Sum of squared, whitened residuals, linearised: ``cost``, gradient and normal matrix by blocks.
+    """Sum of squared, whitened residuals, linearised: ``cost``, gradient and normal matrix by
+    blocks.
 
     Parameters
     ----------
@@ -59,38 +61,48 @@ class NormalEquations:
         other._rest = None
 
     def add_steps(self, r, A, B, columns, Jc, weight) -> None:
-        """Add residuals between neighbours, and what they are multiplied by: r, weight (N-1, m), Jc (N-1, m, columns).
+        """Add residuals between neighbours, and what they are multiplied by: r, weight (N-1, m), Jc
+        (N-1, m, columns).
 
         A = dr/dx_k and B = dr/dx_k+1 (N-1, m, q) are the derivatives by the first q of the state.
         """
         self.sums.steps(r, weight, A, B, columns, Jc)
 
     def add_path_steps(self, path: DrivenPath, weight, columns) -> None:
-        """Add what the instruments would have to be wrong by between the samples, see `NormalSums.path_steps`."""
+        """Add what the instruments would have to be wrong by between the samples, see
+        `NormalSums.path_steps`.
+        """
         self.sums.path_steps(path, weight, columns)
 
     def add_samples(self, r, k, f, J, columns, Jc, weight) -> None:
-        """Add residuals of outputs at the state (1-f) x_k + f x_k+1, and what they are multiplied by.
+        """Add residuals of outputs at the state (1-f) x_k + f x_k+1, and what they are multiplied
+        by.
 
-        r (M, m), k and f (M,), J (M, m, n) or that of all readings (1, m, n), Jc (M, m, columns), weight (m,).
+        r (M, m), k and f (M,), J (M, m, n) or that of all readings (1, m, n), Jc (M, m, columns),
+        weight (m,).
         """
         last = np.flatnonzero(J.any(axis=(0, 1)))[-1:] + 1  # states behind it have no part
         self.sums.readings(r, weight, k, f, J[..., : int(last[0]) if len(last) else 0], columns, Jc)
 
     def add_state(self, k: int, r, weight) -> None:
-        """Add a prior on one state: residual r (n,) already divided by its standard error, weight = 1/standard error (n,)."""
+        """Add a prior on one state: residual r (n,) already divided by its standard error, weight =
+        1/standard error (n,).
+        """
         self.D[k] += np.diag(weight**2)
         self.gx[k] += weight * r
         self.sums.cost += float(r @ r)
 
     def add_prior(self, deviation, precision) -> None:
-        """Add a prior on the constants: deviation from its mean (nc,) and the inverse of its covariance (nc, nc)."""
+        """Add a prior on the constants: deviation from its mean (nc,) and the inverse of its
+        covariance (nc, nc).
+        """
         self.C += precision
         self.gc += precision @ deviation
         self.sums.cost += float(deviation @ precision @ deviation)
 
     def solve(self, free: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the Gauss-Newton step of states (N, n) and constants (nc,), and the information on the constants (nc, nc).
+        """Return the Gauss-Newton step of states (N, n) and constants (nc,), and the information on
+        the constants (nc, nc).
 
         Parameters
         ----------
@@ -123,7 +135,8 @@ class NormalEquations:
         return dx[..., 0], dc, schur
 
     def following(self, directions: np.ndarray) -> Iterator[np.ndarray]:
-        """Yield how the states follow the constants, dx/dc = -T^-1 G, along directions of these; what `solve` eliminated is used again.
+        """Yield how the states follow the constants, dx/dc = -T^-1 G, along directions of these;
+        what `solve` eliminated is used again.
 
         Parameters
         ----------

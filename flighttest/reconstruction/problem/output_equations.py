@@ -1,8 +1,9 @@
 """Output equations: what each sensor shows for a given state and given constants, with derivatives.
 
-A `Sensor` is a group of channels that share clock and latency.  Its `model` takes states and body rates at the instants of the
-readings (M, n + 3) and returns outputs (M, m), their derivative by state (M, m, n), or by state and body rates (M, m, n + 3), or one of
-these that all readings share (1, m, n), the names of the constants involved, and the derivative by these (M, m, names).
+A `Sensor` is a group of channels that share clock and latency.  Its `model` takes states and body
+rates at the instants of the readings (M, n + 3) and returns outputs (M, m), their derivative by
+state (M, m, n), or by state and body rates (M, m, n + 3), or one of these that all readings share
+(1, m, n), the names of the constants involved, and the derivative by these (M, m, names).
 """
 
 from __future__ import annotations
@@ -14,8 +15,22 @@ from flighttest.reconstruction.dynamics.kinematics import skew, to_body
 from flighttest.reconstruction.problem.problem import ATTITUDE, VELOCITY, Problem, Sensor, wind
 
 LAPSE = 0.0065  # K/m, inside one run; the level is measured
-_BEHIND_AIR = ("wind_n", "wind_e", "wind_d", "bias.temperature", "p_reference", "static_error")  # constants behind air data
-SEES_GUSTS = {"alpha_vane": 0, "beta_vane": 1, "q_c": 2, "V": 2, "V_cas": 2, "mach": 2}  # place of what gusts add to a reading
+_BEHIND_AIR = (
+    "wind_n",
+    "wind_e",
+    "wind_d",
+    "bias.temperature",
+    "p_reference",
+    "static_error",
+)  # constants behind air data
+SEES_GUSTS = {
+    "alpha_vane": 0,
+    "beta_vane": 1,
+    "q_c": 2,
+    "V": 2,
+    "V_cas": 2,
+    "mach": 2,
+}  # place of what gusts add to a reading
 
 
 def pick(sensor: Sensor, problem: Problem, x: np.ndarray, c: np.ndarray):
@@ -54,16 +69,20 @@ def radio(sensor: Sensor, problem: Problem, x: np.ndarray, c: np.ndarray):
     J[:, 0, 0] = -(cf * ct * b - sf * ct * d)
     J[:, 0, 1] = ct * a + sf * st * b + cf * st * d
     J[:, 0, 6] = 1.0
-    y, names, Jc = _with_bias(sensor, problem, (x[:, 6] - sensor.extra["elevation"] - below)[:, None], c)
+    y, names, Jc = _with_bias(
+        sensor, problem, (x[:, 6] - sensor.extra["elevation"] - below)[:, None], c
+    )
     return y, J, names, Jc
 
 
 def air_data(sensor: Sensor, problem: Problem, x: np.ndarray, c: np.ndarray):
-    """Show impact and static pressure, q_c (1 - k) + bias and p + k q_c, or an airspeed, K V + bias.
+    """Show impact and static pressure, q_c (1 - k) + bias and p + k q_c, or an airspeed, K V +
+    bias.
 
-    Total pressure is taken as exact, so both pressures share the position error k.  Static pressure follows the height hydrostatically
-    from ``p_reference`` at the reference height, with the measured temperature.  The pitot tube moves with omega x arm, so the
-    derivative by the body rates follows that by the state (M, m, states + 3).
+    Total pressure is taken as exact, so both pressures share the position error k.  Static pressure
+    follows the height hydrostatically from ``p_reference`` at the reference height, with the
+    measured temperature.  The pitot tube moves with omega x arm, so the derivative by the body
+    rates follows that by the state (M, m, states + 3).
     """
     square, moved = airspeed_squared(problem, x, c, sensor.extra.get("arm"))
     rows = _air_rows(problem, c, square, x[:, 6], sensor)
@@ -80,7 +99,13 @@ def air_data(sensor: Sensor, problem: Problem, x: np.ndarray, c: np.ndarray):
         y[:, i] = K * value
         np.multiply((K * d_square)[:, None], moved, out=J[:, i])
         J[:, i, 6] = K * d_h
-        own = dict(zip(_BEHIND_AIR, (*-J[:, i, VELOCITY].T, -K * d_temperature, K * d_reference, K * d_k), strict=True))
+        own = dict(
+            zip(
+                _BEHIND_AIR,
+                (*-J[:, i, VELOCITY].T, -K * d_temperature, K * d_reference, K * d_k),
+                strict=True,
+            )
+        )
         for j, constant in enumerate(behind):
             by[:, i, j] = own[constant]
         if problem.gust is not None and not problem.shown:
@@ -90,8 +115,12 @@ def air_data(sensor: Sensor, problem: Problem, x: np.ndarray, c: np.ndarray):
     return y, J, (*behind, *factors, *names), np.concatenate([by, Jb], axis=-1)
 
 
-def _air_rows(problem: Problem, c: np.ndarray, square: np.ndarray, h: np.ndarray, sensor: Sensor) -> dict[str, tuple[np.ndarray, ...]]:
-    """Return per channel its value without errors and the derivatives by V^2, height, temperature, ``p_reference`` and k."""
+def _air_rows(
+    problem: Problem, c: np.ndarray, square: np.ndarray, h: np.ndarray, sensor: Sensor
+) -> dict[str, tuple[np.ndarray, ...]]:
+    """Return per channel its value without errors and the derivatives by V^2, height, temperature,
+    ``p_reference`` and k.
+    """
     temperature, none = sensor.extra["temperature"], np.zeros(len(square))
     k = problem.constants.get(c, "static_error")
     q, p, by = impact_and_static(problem, square, h, c, temperature, sensor.extra["reference"])
@@ -109,8 +138,11 @@ def _air_rows(problem: Problem, c: np.ndarray, square: np.ndarray, h: np.ndarray
     }
 
 
-def airspeed_squared(problem: Problem, x: np.ndarray, c: np.ndarray, arm: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """Return the square of the airspeed at a place of the aeroplane and its derivative by state and body rates.
+def airspeed_squared(
+    problem: Problem, x: np.ndarray, c: np.ndarray, arm: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the square of the airspeed at a place of the aeroplane and its derivative by state and
+    body rates.
 
     Parameters
     ----------
@@ -133,12 +165,21 @@ def airspeed_squared(problem: Problem, x: np.ndarray, c: np.ndarray, arm: np.nda
     U, turn, Rt = to_body(x[:, ATTITUDE], air)
     local = U + np.cross(x[:, problem.states :], arm)
     double = 2.0 * local[:, None, :]
-    D[:, ATTITUDE], D[:, VELOCITY], D[:, problem.states :] = (double @ turn)[:, 0], (double @ Rt)[:, 0], (double @ -skew(arm))[:, 0]
+    D[:, ATTITUDE], D[:, VELOCITY], D[:, problem.states :] = (
+        (double @ turn)[:, 0],
+        (double @ Rt)[:, 0],
+        (double @ -skew(arm))[:, 0],
+    )
     return (local**2).sum(axis=1), D
 
 
 def impact_and_static(
-    problem: Problem, square: np.ndarray, h: np.ndarray, c: np.ndarray, temperature: np.ndarray, reference: tuple[float, float]
+    problem: Problem,
+    square: np.ndarray,
+    h: np.ndarray,
+    c: np.ndarray,
+    temperature: np.ndarray,
+    reference: tuple[float, float],
 ) -> tuple[np.ndarray, np.ndarray, list[tuple[np.ndarray, np.ndarray]]]:
     """Return true impact and static pressure and the derivatives of both.
 
@@ -166,17 +207,30 @@ def impact_and_static(
     dp_h = -p * problem.g / (R_AIR * level * left)
     dp_T = p * problem.g * (h - reference[0]) / (R_AIR * level**2 * left)
     dq = p * dF / (GAMMA * R_AIR * T)
-    return p * F, p, [(dq, np.zeros_like(dq)), (F * dp_h, dp_h), (F * dp_T - p * dF * X / T, dp_T), (F * ratio, ratio)]
+    return (
+        p * F,
+        p,
+        [
+            (dq, np.zeros_like(dq)),
+            (F * dp_h, dp_h),
+            (F * dp_T - p * dF * X / T, dp_T),
+            (F * ratio, ratio),
+        ],
+    )
 
 
-def pressures(problem: Problem, square, h, c, temperature, reference) -> tuple[np.ndarray, np.ndarray]:
+def pressures(
+    problem: Problem, square, h, c, temperature, reference
+) -> tuple[np.ndarray, np.ndarray]:
     """Return true impact and static pressure alone; arguments as `impact_and_static`."""
     *_, base, _, _, p = _air(problem, square, h, c, temperature, reference)
     return p * (base * base * base * np.sqrt(base) - 1.0), p
 
 
 def _air(problem: Problem, square, h, c, temperature, reference) -> tuple[np.ndarray, ...]:
-    """Return T, temperature at the reference height, Mach number squared, T_0/T of it, T/T of the reference, p/p of it, and p."""
+    """Return T, temperature at the reference height, Mach number squared, T_0/T of it, T/T of the
+    reference, p/p of it, and p.
+    """
     warm = problem.constants.get(c, "bias.temperature")
     T, level = temperature - warm, reference[1] - warm
     X = square / (GAMMA * R_AIR * T)
@@ -201,8 +255,12 @@ def no_sideslip(sensor: Sensor, problem: Problem, x: np.ndarray, c: np.ndarray):
     return U[:, 1:2], J, (), np.zeros((len(x), 1, 0))
 
 
-def _with_bias(sensor: Sensor, problem: Problem, y: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, tuple[str, ...], np.ndarray]:
-    """Add the biases of the channels that have one; return also their names and the derivative by them (M, m, names)."""
+def _with_bias(
+    sensor: Sensor, problem: Problem, y: np.ndarray, c: np.ndarray
+) -> tuple[np.ndarray, tuple[str, ...], np.ndarray]:
+    """Add the biases of the channels that have one; return also their names and the derivative by
+    them (M, m, names).
+    """
     biased = [i for i, name in enumerate(sensor.names) if f"bias.{name}" in problem.constants]
     names = tuple(f"bias.{sensor.names[i]}" for i in biased)
     Jc = np.zeros((*y.shape, len(biased)))

@@ -1,4 +1,6 @@
-"""What a reconstruction is made of: readings, inputs and constants, everything but the unknown path."""
+"""What a reconstruction is made of: readings, inputs and constants, everything but the unknown
+path.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,12 @@ from flighttest.reconstruction.dynamics.kinematics import EARTH_RADIUS
 from flighttest.records.sensors.instruments import IMU
 from flighttest.records.sensors.position_corrections import force_at_cg
 
-PER_RUN = ("wind_n", "wind_e", "wind_d", "p_reference")  # all others belong to the instruments and stay from run to run
+PER_RUN = (
+    "wind_n",
+    "wind_e",
+    "wind_d",
+    "p_reference",
+)  # all others belong to the instruments and stay from run to run
 
 CONTRADICTED = 4.0  # standard errors of its prior beyond which an estimate contradicts it
 
@@ -41,7 +48,9 @@ class Constants:
         return np.array([self.names.index(name) for name in names], int)
 
     def get(self, c: np.ndarray, name: str, default: float = 0.0) -> float:
-        """Return the value of one constant in the vector `c`, or `default` when it is not estimated."""
+        """Return the value of one constant in the vector `c`, or `default` when it is not
+        estimated.
+        """
         return float(c[self.names.index(name)]) if name in self.names else default
 
     def precision(self) -> np.ndarray:
@@ -49,8 +58,14 @@ class Constants:
         return inverse(self.covariance)
 
     def with_prior(self, prior: xr.Dataset) -> Constants:
-        """Return these constants with the mean and covariance that another `biases` Dataset gives to the shared ones."""
-        shared = [name for name in map(str, prior["parameter"].values) if name in self.names and name not in PER_RUN]
+        """Return these constants with the mean and covariance that another `biases` Dataset gives
+        to the shared ones.
+        """
+        shared = [
+            name
+            for name in map(str, prior["parameter"].values)
+            if name in self.names and name not in PER_RUN
+        ]
         mean, covariance = self.mean.copy(), self.covariance.copy()
         at = self.index(*shared)
         chosen = prior.sel(parameter=shared, parameter_=shared)
@@ -63,18 +78,23 @@ class Constants:
 
 
 def inverse(matrix: np.ndarray) -> np.ndarray:
-    """Return the inverse of a covariance, scaled first because the units of the constants differ by powers of ten."""
+    """Return the inverse of a covariance, scaled first because the units of the constants differ by
+    powers of ten.
+    """
     scale = 1.0 / np.sqrt(np.diag(matrix))
     return np.linalg.inv(matrix * np.outer(scale, scale)) * np.outer(scale, scale)
 
 
-def biases(constants: Constants, c: np.ndarray, covariance: np.ndarray, held: tuple[str, ...] = ()) -> xr.Dataset:
+def biases(
+    constants: Constants, c: np.ndarray, covariance: np.ndarray, held: tuple[str, ...] = ()
+) -> xr.Dataset:
     """Return the estimates as a Dataset over ``parameter``.
 
     Returns
     -------
     Dataset
-        ``estimate stderr prior prior_stderr unit held`` (parameter), ``correlation prior_correlation`` (parameter, parameter_).
+        ``estimate stderr prior prior_stderr unit held`` (parameter), ``correlation
+        prior_correlation`` (parameter, parameter_).
     """
     se, prior_se = np.sqrt(np.diag(covariance)), np.sqrt(np.diag(constants.covariance))
     square = ("parameter", "parameter_")
@@ -95,7 +115,8 @@ def biases(constants: Constants, c: np.ndarray, covariance: np.ndarray, held: tu
 
 
 def identifiability(found: xr.Dataset) -> list[str]:
-    """Return in words what the data could not determine: constants that rest on their prior or contradict it, and pairs that do the same.
+    """Return in words what the data could not determine: constants that rest on their prior or
+    contradict it, and pairs that do the same.
 
     Notes
     -----
@@ -128,8 +149,15 @@ def identifiability(found: xr.Dataset) -> list[str]:
     return words
 
 
-Model = Callable[["Sensor", "Problem", np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray, tuple[str, ...], np.ndarray]]
-ATTITUDE, VELOCITY, HEIGHT = slice(0, 3), slice(3, 6), 6  # places in the state; lagged vane angles and gusts follow
+Model = Callable[
+    ["Sensor", "Problem", np.ndarray, np.ndarray],
+    tuple[np.ndarray, np.ndarray, tuple[str, ...], np.ndarray],
+]
+ATTITUDE, VELOCITY, HEIGHT = (
+    slice(0, 3),
+    slice(3, 6),
+    6,
+)  # places in the state; lagged vane angles and gusts follow
 
 
 @dataclass(frozen=True)
@@ -190,17 +218,19 @@ class Problem:
     vanes : tuple of str
         Lagged angles in the state, of ``alpha_vane``, ``beta_vane``.
     vane_noise : array (vanes,)
-        One sigma by which the lag equation may be off per step, far below the noise of the vane. [rad]
+        One sigma by which the lag equation may be off per step, far below the noise of the vane.
+        [rad]
     gust : array (3,) or None
-        One sigma of the gust components north, east, down [m s-1]; or, when `shown`, of what they add to ``alpha_vane``,
-        ``beta_vane`` and ``q_c``. [rad], [rad], [Pa]
+        One sigma of the gust components north, east, down [m s-1]; or, when `shown`, of what they
+        add to ``alpha_vane``, ``beta_vane`` and ``q_c``. [rad], [rad], [Pa]
     gust_time : float
         Correlation time of the gusts. [s]
     g_height : float
         [m]
     shown : bool
-        Which of the two.  Constants are estimated with the second: a mode over gusts and vane factor together would
-        take too large a factor (or too small a lag), because that makes all gusts smaller and so more probable.
+        Which of the two.  Constants are estimated with the second: a mode over gusts and vane
+        factor together would take too large a factor (or too small a lag), because that makes all
+        gusts smaller and so more probable.
     """
 
     time: np.ndarray
@@ -265,17 +295,25 @@ def wind(problem: Problem, x: np.ndarray, c: np.ndarray) -> np.ndarray:
 
 def body_rates(problem: Problem, c: np.ndarray) -> np.ndarray:
     """Return the gyro signals without biases and scale errors (N, 3). [rad s-1]"""
-    return (problem.omega - c[problem.constants.index("bias.p", "bias.q", "bias.r")]) * gains(problem, c)[:3]
+    return (problem.omega - c[problem.constants.index("bias.p", "bias.q", "bias.r")]) * gains(
+        problem, c
+    )[:3]
 
 
 def specific_force(problem: Problem, c: np.ndarray) -> np.ndarray:
     """Return the specific force at the c.g. without biases and scale errors (N, 3). [m s-2]"""
-    return force_at_cg(sensed_force(problem, c), body_rates(problem, c), problem.omega_dot, problem.arm)
+    return force_at_cg(
+        sensed_force(problem, c), body_rates(problem, c), problem.omega_dot, problem.arm
+    )
 
 
 def sensed_force(problem: Problem, c: np.ndarray) -> np.ndarray:
-    """Return the specific force where the accelerometers sit, without biases and scale errors (N, 3). [m s-2]"""
-    return (problem.force - c[problem.constants.index("bias.ax_imu", "bias.ay_imu", "bias.az_imu")]) * gains(problem, c)[3:]
+    """Return the specific force where the accelerometers sit, without biases and scale errors (N,
+    3). [m s-2]
+    """
+    return (
+        problem.force - c[problem.constants.index("bias.ax_imu", "bias.ay_imu", "bias.az_imu")]
+    ) * gains(problem, c)[3:]
 
 
 def gains(problem: Problem, c: np.ndarray) -> np.ndarray:

@@ -1,4 +1,6 @@
-"""Data quality: what is right and wrong with a flight record, as findings with names, as text, JSON and one HTML page."""
+"""Data quality: what is right and wrong with a flight record, as findings with names, as text, JSON
+and one HTML page.
+"""
 
 from flightmech.support.imports import attach_stub
 

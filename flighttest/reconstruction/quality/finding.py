@@ -1,4 +1,6 @@
-"""One thing that is wrong, or worth knowing, with a flight record: named, placed, measured, and with what to do."""
+"""One thing that is wrong, or worth knowing, with a flight record: named, placed, measured, and
+with what to do.
+"""
 
 from __future__ import annotations
 
@@ -25,16 +27,18 @@ class Finding:
     severity : str
         One of `SEVERITIES`.
     kind : str
-        What it is, in one word: ``sign unit axis definition inconsistent range scale lag`` of consistency, ``column column_name
-        stated_unit`` of the name map, ``geometry inertia weight`` of the aircraft file, ``gap stray duplicate reset
-        missing outside held spike jump wrap saturation stuck noise`` of samples, ``excitation collinear`` of the flying, ``absent
-        coarse offset minimum_speed`` of what is worth knowing.
+        What it is, in one word: ``sign unit axis definition inconsistent range scale lag`` of
+        consistency, ``column column_name stated_unit`` of the name map, ``geometry inertia weight``
+        of the aircraft file, ``gap stray duplicate reset missing outside held spike jump wrap
+        saturation stuck noise`` of samples, ``excitation collinear`` of the flying, ``absent coarse
+        offset minimum_speed`` of what is worth knowing.
     channels : tuple of str
         Canonical names it concerns; the first one is at fault.
     text : str
         What was found, with numbers.
     remedy : str
-        What to do; a line of the name map where that corrects it, to be put in the place of the one that stands there.
+        What to do; a line of the name map where that corrects it, to be put in the place of the one
+        that stands there.
     start, stop : float or None
         Where, on the record's clock; None for the whole record. [s]
     evidence : dict
@@ -61,7 +65,8 @@ class Finding:
 
 
 def map_entry(record: xr.DataTree, name: str, slope: float, shift: float = 0.0) -> str:
-    """Return the line of the name map that corrects a channel, to be put in the place of the one that stands there now.
+    """Return the line of the name map that corrects a channel, to be put in the place of the one
+    that stands there now.
 
     Parameters
     ----------
@@ -81,14 +86,22 @@ def map_entry(record: xr.DataTree, name: str, slope: float, shift: float = 0.0) 
     return f"{name} = {slope:.10g} * {name} {shift:+.10g} on what it is made of: {record[leaf][name].attrs.get('calibration', '')}"
 
 
-def later(record: xr.DataTree, name: str, *, delay: float = 0.0, lag: float = 0.0, slope: float = 1.0) -> str:
-    """Return the line of the name map of a channel with more delay or lag [s], times `slope`; empty for one formed from others."""
+def later(
+    record: xr.DataTree, name: str, *, delay: float = 0.0, lag: float = 0.0, slope: float = 1.0
+) -> str:
+    """Return the line of the name map of a channel with more delay or lag [s], times `slope`; empty
+    for one formed from others.
+    """
     leaf, channel, file_unit = mapped(record, name)
     if channel is None:
         return ""
     if slope != 1.0:
         channel = corrected(channel, name, file_unit, slope, 0.0)
-    changed = {key: round(getattr(channel, key) + more, 3) for key, more in (("delay", delay), ("lag", lag)) if more}
+    changed = {
+        key: round(getattr(channel, key) + more, 3)
+        for key, more in (("delay", delay), ("lag", lag))
+        if more
+    }
     return f"{line_of(name, channel.changed(**changed))}   # in [{leaf}] of the name map"
 
 
@@ -100,13 +113,21 @@ def exchanged(record: xr.DataTree, one: str, other: str) -> str:
         (leaf, _, _), (home, channel, _) = places[name], places[source]
         if channel is None:
             return f"exchange the columns of {one} and {other} in the name map"
-        column = channel.column if home == leaf or "/" in str(channel.column) else str(record[home][source].attrs["column"])
-        lines.append(f"{line_of(name, channel.changed(column=column))}   # in [{leaf}] of the name map")
+        column = (
+            channel.column
+            if home == leaf or "/" in str(channel.column)
+            else str(record[home][source].attrs["column"])
+        )
+        lines.append(
+            f"{line_of(name, channel.changed(column=column))}   # in [{leaf}] of the name map"
+        )
     return "\n    ".join(lines)
 
 
 def mapped(record: xr.DataTree, name: str) -> tuple[str, Channel | None, str | None]:
-    """Return the leaf of a channel, its entry of the name map and the unit in the file; None where it was formed from others."""
+    """Return the leaf of a channel, its entry of the name map and the unit in the file; None where
+    it was formed from others.
+    """
     leaf = next(leaf for leaf, node in record.children.items() if name in node.data_vars)
     about = record[leaf][name].attrs
     entry = about.get("map_entry")
@@ -136,7 +157,11 @@ def without_consequences(findings: list[Finding]) -> list[Finding]:
     return [
         finding
         for finding in findings
-        if not any((cause, channel) in causes for cause in _CAUSES.get(finding.kind, ()) for channel in _concerned(finding))
+        if not any(
+            (cause, channel) in causes
+            for cause in _CAUSES.get(finding.kind, ())
+            for channel in _concerned(finding)
+        )
     ]
 
 

@@ -13,7 +13,20 @@ from markupsafe import Markup
 
 from flightmech.names import lookup
 from flightmech.support.atomic_write import write_text
-from flightmech.support.figures import Frame, axes, curve, dots, environment, limits, line, rect, stretches, svg, text, thinned
+from flightmech.support.figures import (
+    Frame,
+    axes,
+    curve,
+    dots,
+    environment,
+    limits,
+    line,
+    rect,
+    stretches,
+    svg,
+    text,
+    thinned,
+)
 from flightmech.units import from_si
 from flighttest.reconstruction.quality.checks.control_response import SIGNIFICANT
 from flighttest.reconstruction.quality.result import meaningful, shown
@@ -43,7 +56,8 @@ def chart(
     time : array (time,)
         [s]
     lines : sequence of array (time,)
-        In the unit to be shown; the first is drawn on top.  Long ones keep smallest and largest value of each of 420 parts.
+        In the unit to be shown; the first is drawn on top.  Long ones keep smallest and largest
+        value of each of 420 parts.
     units : str
         Shown at the axis.
     shaded, flagged : sequence of (float, float)
@@ -52,7 +66,9 @@ def chart(
         Text for screen readers.
     """
     frame = _frame(limits(time), limits(np.concatenate(lines), _MARGIN))
-    parts = [_span(frame, *span, "ground", 0.0) for span in shaded] + [_span(frame, *span, "fault", 2.0) for span in flagged]
+    parts = [_span(frame, *span, "ground", 0.0) for span in shaded] + [
+        _span(frame, *span, "fault", 2.0) for span in flagged
+    ]
     parts.append(axes(frame, x_labels=True, x_most=6))
     for values, style in reversed(list(zip(lines, ("one", "two"), strict=False))):
         kept = thinned(values)
@@ -60,7 +76,13 @@ def chart(
     return _figure(parts, units, "over time [s]", label)
 
 
-def scatter(x: np.ndarray, y: np.ndarray, straight: tuple[float, float], names: tuple[str, str], label: str = "") -> Markup:
+def scatter(
+    x: np.ndarray,
+    y: np.ndarray,
+    straight: tuple[float, float],
+    names: tuple[str, str],
+    label: str = "",
+) -> Markup:
     """Return points and a straight line.
 
     Parameters
@@ -77,8 +99,14 @@ def scatter(x: np.ndarray, y: np.ndarray, straight: tuple[float, float], names: 
     fitted = straight[0] + straight[1] * x
     frame = _frame(limits(x, _MARGIN), limits(np.append(y, fitted), _MARGIN))
     first, last = np.argmin(x), np.argmax(x)
-    (x1, x2), (y1, y2) = (values[[first, last]].tolist() for values in (frame.px(x), frame.py(fitted)))
-    parts = [axes(frame, x_labels=True, x_most=6), line(x1, y1, x2, y2, "two"), dots(frame, x, y, "dot")]
+    (x1, x2), (y1, y2) = (
+        values[[first, last]].tolist() for values in (frame.px(x), frame.py(fitted))
+    )
+    parts = [
+        axes(frame, x_labels=True, x_most=6),
+        line(x1, y1, x2, y2, "two"),
+        dots(frame, x, y, "dot"),
+    ]
     return _figure(parts, names[1], f"over {names[0]}", label)
 
 
@@ -89,7 +117,9 @@ def _frame(x: tuple[float, float], y: tuple[float, float]) -> Frame:
 def _figure(parts: Sequence[str], vertical: str, horizontal: str, label: str) -> Markup:
     """Return the figure with the names of its axes above it."""
     names = [text(4.0, 11.0, vertical), text(WIDTH - _RIGHT, 11.0, horizontal, anchor="end")]
-    return Markup(svg(HEIGHT, "".join([*parts, *names]), label, WIDTH))  # every text in it is escaped
+    return Markup(
+        svg(HEIGHT, "".join([*parts, *names]), label, WIDTH)
+    )  # every text in it is escaped
 
 
 def _span(frame: Frame, start: float, stop: float, style: str, least: float) -> str:
@@ -104,12 +134,20 @@ _HISTORIES = (
 _HERE = "flighttest.reconstruction.quality"
 _MINUTE = 60.0  # s
 _MISTAKES = ("sign", "unit", "axis", "definition")
-_AIR_DATA = ("airspeed", "mach", "mach_pressure", "calibrated", "altitude")  # exact: the table states it all unless they disagree
+_AIR_DATA = (
+    "airspeed",
+    "mach",
+    "mach_pressure",
+    "calibrated",
+    "altitude",
+)  # exact: the table states it all unless they disagree
 
 
 def template_of(package: str) -> Template:
     """Return the template ``page.html`` of a package; the frame around it is the same for all."""
-    return environment(ChoiceLoader([PackageLoader(package, ""), PackageLoader(_HERE, "")])).get_template("page.html")
+    return environment(
+        ChoiceLoader([PackageLoader(package, ""), PackageLoader(_HERE, "")])
+    ).get_template("page.html")
 
 
 def style() -> Markup:
@@ -136,7 +174,9 @@ def page(quality: Quality) -> str:
         histories=[_history(quality, name) for name in _HISTORIES if name in quality.signals],
         kinematics=[_kinematic(row) for row in quality.kinematics.to_dict("records")],
         as_read=[_comparison(quality.as_read[name]) for name in _broken(quality)],
-        comparisons=[_comparison(c) for name, c in quality.comparisons.items() if _worth_seeing(name, c)],
+        comparisons=[
+            _comparison(c) for name, c in quality.comparisons.items() if _worth_seeing(name, c)
+        ],
         not_checked=quality.not_checked.to_dict("records"),
         delays=quality.delays.to_dict("records"),
         answers=[_answer(row) for row in quality.answers.to_dict("records")],
@@ -148,10 +188,24 @@ def page(quality: Quality) -> str:
 
 def _history(quality: Quality, name: str) -> dict[str, Any]:
     signals, row = quality.signals, lookup(name)
-    spans = [(f.start, f.stop) for f in quality.findings if name in f.channels and f.start is not None and f.stop is not None]
+    spans = [
+        (f.start, f.stop)
+        for f in quality.findings
+        if name in f.channels and f.start is not None and f.stop is not None
+    ]
     faulty = _spans(signals.time, ~signals.good[name])
-    x = from_si(np.where(signals.good[name] | (signals[name] != 0.0), signals[name], np.nan), row.display_units)
-    picture = chart(signals.time, [x], row.display_units, _spans(signals.time, ~signals.flying), [*spans, *faulty], f"{name} over time")
+    x = from_si(
+        np.where(signals.good[name] | (signals[name] != 0.0), signals[name], np.nan),
+        row.display_units,
+    )
+    picture = chart(
+        signals.time,
+        [x],
+        row.display_units,
+        _spans(signals.time, ~signals.flying),
+        [*spans, *faulty],
+        f"{name} over time",
+    )
     return {"title": f"{name}: {row.long_name}", "svg": picture}
 
 
@@ -170,12 +224,19 @@ def _comparison(c: Comparison) -> dict[str, Any]:
     units = {"rad": "deg", "rad s-1": "deg/s"}.get(c.relation.units, c.relation.units)
     step = c.time[1] - c.time[0]
     width = min(round(_MINUTE / step), len(c.time))
-    y = np.where(c.mask, np.abs(c.second - c.second[c.mask].mean()) + np.abs(c.first - c.first[c.mask].mean()), 0.0)
+    y = np.where(
+        c.mask,
+        np.abs(c.second - c.second[c.mask].mean()) + np.abs(c.first - c.first[c.mask].mean()),
+        0.0,
+    )
     energy = np.convolve(y**2, np.ones(width), mode="valid")
     first = int(np.argmax(energy))
     window = slice(first, first + width)
     lines = [from_si(np.where(c.mask, side, np.nan)[window], units) for side in (c.first, c.second)]
-    return {"title": c.relation.title, "svg": chart(c.time[window], lines, units, label=c.relation.title)}
+    return {
+        "title": c.relation.title,
+        "svg": chart(c.time[window], lines, units, label=c.relation.title),
+    }
 
 
 def _kinematic(row) -> dict[str, Any]:
@@ -185,19 +246,32 @@ def _kinematic(row) -> dict[str, Any]:
 
 def _answer(row) -> dict[str, Any]:
     significant = abs(row["ratio"]) >= SIGNIFICANT
-    right = "as it should be" if row["effect"] < 0.0 else "wrong" if row["sign"] > 0 else "wrong, or another time"
+    right = (
+        "as it should be"
+        if row["effect"] < 0.0
+        else "wrong"
+        if row["sign"] > 0
+        else "wrong, or another time"
+    )
     return {**row, "answer": right if significant else "not seen"}
 
 
 def _excited(row) -> dict[str, Any]:
-    return {**row, "input_deg": np.degrees(row["input"]), "response_deg": np.degrees(row["response"])}
+    return {
+        **row,
+        "input_deg": np.degrees(row["input"]),
+        "response_deg": np.degrees(row["response"]),
+    }
 
 
 def _matrix(quality: Quality) -> dict[str, Any] | None:
     if quality.correlation.empty:
         return None
     names = [str(name) for name in quality.correlation.columns]
-    rows = [{"name": name, "values": values} for name, values in zip(names, quality.correlation.to_numpy().tolist())]
+    rows = [
+        {"name": name, "values": values}
+        for name, values in zip(names, quality.correlation.to_numpy().tolist())
+    ]
     return {"names": names, "rows": rows}
 
 
@@ -208,7 +282,11 @@ def _channel(row) -> dict[str, Any]:
     def text(value: float, units: str) -> str:
         return f"{from_si(value, units):.4g}" if np.isfinite(value) else ""
 
-    detail = {"low": text(row["minimum"], display), "high": text(row["maximum"], display), "noise_text": text(row["noise"], spread)}
+    detail = {
+        "low": text(row["minimum"], display),
+        "high": text(row["maximum"], display),
+        "noise_text": text(row["noise"], spread),
+    }
     return {**row, **detail, "display": display}
 
 

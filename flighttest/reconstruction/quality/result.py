@@ -76,8 +76,16 @@ class Quality:
     @property
     def verdict(self) -> str:
         """The whole in one line."""
-        counts = ", ".join(f"{self.count(s)} {s}{'s' if self.count(s) != 1 else ''}" for s in SEVERITIES)
-        head = "not fit for identification as read" if not self.usable else "fit for use, with care" if self.count("warning") else "sound"
+        counts = ", ".join(
+            f"{self.count(s)} {s}{'s' if self.count(s) != 1 else ''}" for s in SEVERITIES
+        )
+        head = (
+            "not fit for identification as read"
+            if not self.usable
+            else "fit for use, with care"
+            if self.count("warning")
+            else "sound"
+        )
         return f"{head}: {counts}"
 
     def report(self) -> str:
@@ -86,10 +94,28 @@ class Quality:
 
     def as_dict(self) -> dict[str, Any]:
         """Return everything but the time histories, made of types that JSON knows."""
-        tables = ("channels", "kinematics", "not_checked", "delays", "answers", "hands", "excitation", "correlation")
-        found = {name: getattr(self, name).to_dict("records") for name in tables if name != "correlation"}
+        tables = (
+            "channels",
+            "kinematics",
+            "not_checked",
+            "delays",
+            "answers",
+            "hands",
+            "excitation",
+            "correlation",
+        )
+        found = {
+            name: getattr(self, name).to_dict("records") for name in tables if name != "correlation"
+        }
         found["correlation"] = self.correlation.to_dict()
-        return plain({"facts": self.facts, "verdict": self.verdict, "findings": [f.as_dict() for f in self.findings], **found})
+        return plain(
+            {
+                "facts": self.facts,
+                "verdict": self.verdict,
+                "findings": [f.as_dict() for f in self.findings],
+                **found,
+            }
+        )
 
     def to_json(self) -> str:
         """Return `as_dict` as text."""
@@ -122,7 +148,9 @@ def _entry(finding: Finding) -> str:
 
 
 def _kinematics(quality: Quality) -> list[str]:
-    lines = ["kinematic consistency, mistakes undone; disagreement 0 equal, 0.7 unrelated, 1 opposite:"]
+    lines = [
+        "kinematic consistency, mistakes undone; disagreement 0 equal, 0.7 unrelated, 1 opposite:"
+    ]
     for row in rows(quality.kinematics):
         symbol = " " if row.consistent else "!"
         what = (
@@ -130,14 +158,20 @@ def _kinematics(quality: Quality) -> list[str]:
             if meaningful(row.moving, row.correlation)
             else "too little motion to compare"
         )
-        lines.append(f"{symbol} {row.title:45s} {row.disagreement:5.2f}  {what}  offset {shown(row.offset, row.units)}")
+        lines.append(
+            f"{symbol} {row.title:45s} {row.disagreement:5.2f}  {what}  offset {shown(row.offset, row.units)}"
+        )
     return lines
 
 
 def _not_checked(quality: Quality) -> list[str]:
     if quality.not_checked.empty:
         return []
-    return ["", "not checked:", *(f"  {row.title:45s} {row.reason}" for row in rows(quality.not_checked))]
+    return [
+        "",
+        "not checked:",
+        *(f"  {row.title:45s} {row.reason}" for row in rows(quality.not_checked)),
+    ]
 
 
 def _delays(quality: Quality) -> list[str]:
@@ -162,11 +196,17 @@ def _answers(quality: Quality) -> list[str]:
 
 
 def _recorded(row) -> str:
-    """Return when a surface is recorded; the end of the search is a limit, and one without a standard error is not measured."""
+    """Return when a surface is recorded; the end of the search is a limit, and one without a
+    standard error is not measured.
+    """
     when = f"{1e3 * abs(row.lead):.0f} ms {'early' if row.lead > 0.0 else 'late'}"
     if row.bound:
         return f"recorded at least {when}"
-    return f"recorded {when} (standard error {1e3 * row.lead_stderr:.0f} ms)" if np.isfinite(row.lead_stderr) else "time not determined"
+    return (
+        f"recorded {when} (standard error {1e3 * row.lead_stderr:.0f} ms)"
+        if np.isfinite(row.lead_stderr)
+        else "time not determined"
+    )
 
 
 def _excitation(quality: Quality) -> list[str]:
@@ -175,5 +215,7 @@ def _excitation(quality: Quality) -> list[str]:
     lines = ["", "excitation:"]
     for row in rows(quality.excitation):
         moved = f"{row.surface} {np.degrees(row.input):.2g} deg, {row.rate} {np.degrees(row.response):.2g} deg/s rms at most"
-        lines.append(f"  {row.axis:6s} {moved}; {row.share:.0%} of the flight, nine tenths below {row.frequency:.2g} Hz")
+        lines.append(
+            f"  {row.axis:6s} {moved}; {row.share:.0%} of the flight, nine tenths below {row.frequency:.2g} Hz"
+        )
     return lines

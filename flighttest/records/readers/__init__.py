@@ -1,4 +1,6 @@
-"""Readers of recordings, one module for each format; `flighttest.records.readers.opening` chooses by content."""
+"""Readers of recordings, one module for each format; `flighttest.records.readers.opening` chooses
+by content.
+"""
 
 from flightmech.support.imports import attach_stub
 

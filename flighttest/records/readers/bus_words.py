@@ -40,8 +40,9 @@ user's table.  Four kinds::
     [decode.strain.parameters]
     F_column = { subchannel = 1, code = "twos", lsb = 0.1, unit = "N" }
 
-A parameter becomes a column of the table NAME (mil1553, analog, pcm words of every frame) or a table of its own, ``NAME.parameter``, where
-it has stamps of its own (arinc429, repeated and subframe words).  Bits of a word are counted from 0, the least significant.
+A parameter becomes a column of the table NAME (mil1553, analog, pcm words of every frame) or a
+table of its own, ``NAME.parameter``, where it has stamps of its own (arinc429, repeated and
+subframe words).  Bits of a word are counted from 0, the least significant.
 """
 
 from __future__ import annotations
@@ -73,14 +74,26 @@ class Label(Strict):
     """One ARINC 429 parameter."""
 
     label: str = Field(description="Octal label in quotes.", examples=["210"])
-    code: Literal["bnr", "bcd", "discrete"] = Field(description="Binary, decimal digits, or one bit.", examples=["bnr"])
-    sdi: Literal[0, 1, 2, 3] | None = Field(
-        default=None, description="Source/destination identifier of the words taken; all without it.", examples=[1]
+    code: Literal["bnr", "bcd", "discrete"] = Field(
+        description="Binary, decimal digits, or one bit.", examples=["bnr"]
     )
-    bits: int | None = Field(default=None, description="Significant bits of a bnr word.", examples=[15])
-    range: float | None = Field(default=None, description="Full scale, in unit: what 2 to the power of bits stands for.", examples=[2048])
+    sdi: Literal[0, 1, 2, 3] | None = Field(
+        default=None,
+        description="Source/destination identifier of the words taken; all without it.",
+        examples=[1],
+    )
+    bits: int | None = Field(
+        default=None, description="Significant bits of a bnr word.", examples=[15]
+    )
+    range: float | None = Field(
+        default=None,
+        description="Full scale, in unit: what 2 to the power of bits stands for.",
+        examples=[2048],
+    )
     digits: int | None = Field(default=None, description="Digits of a bcd word.", examples=[4])
-    resolution: float | None = Field(default=None, description="Value of the last digit, in unit.", examples=[1])
+    resolution: float | None = Field(
+        default=None, description="Value of the last digit, in unit.", examples=[1]
+    )
     bit: int | None = Field(default=None, description="Bit of a discrete, 9 to 29.", examples=[11])
     unit: str = Field(default="1", description="Unit of the value.", examples=["kt"])
 
@@ -93,11 +106,23 @@ class Label(Strict):
         """Return what is wrong with the table of this parameter."""
         found = []
         if not (self.label and set(self.label) <= set("01234567") and int(self.label, 8) <= 0o377):
-            found.append(f'label: found {self.label!r}; expected an octal number in quotes, "001" to "377"')
-        needed = {"bnr": ("bits", "range"), "bcd": ("digits", "resolution"), "discrete": ("bit",)}[self.code]
+            found.append(
+                f'label: found {self.label!r}; expected an octal number in quotes, "001" to "377"'
+            )
+        needed = {"bnr": ("bits", "range"), "bcd": ("digits", "resolution"), "discrete": ("bit",)}[
+            self.code
+        ]
         every = ("bits", "range", "digits", "resolution", "bit")
-        found += [f"{key}: missing; code {self.code!r} needs it" for key in needed if getattr(self, key) is None]
-        found += [f"{key}: has no meaning for code {self.code!r}" for key in every if key not in needed and getattr(self, key) is not None]
+        found += [
+            f"{key}: missing; code {self.code!r} needs it"
+            for key in needed
+            if getattr(self, key) is None
+        ]
+        found += [
+            f"{key}: has no meaning for code {self.code!r}"
+            for key in every
+            if key not in needed and getattr(self, key) is not None
+        ]
         limits = {"bits": (1, 20), "digits": (1, 5), "bit": (9, 29)}
         for key, (low, high) in limits.items():
             if getattr(self, key) is not None and not low <= getattr(self, key) <= high:
@@ -108,22 +133,41 @@ class Label(Strict):
 class Arinc429(Strict):
     """Parameters of ARINC 429 words."""
 
-    kind: Literal["arinc429"] = Field(description="Words of an ARINC 429 bus.", examples=["arinc429"])
-    labels: Literal["octal", "transmitted"] = Field(
-        description="Label byte as an octal number in bits 8-1, or transmitted: bit 1 is the first one sent.", examples=["octal"]
+    kind: Literal["arinc429"] = Field(
+        description="Words of an ARINC 429 bus.", examples=["arinc429"]
     )
-    parameters: dict[str, Label] = Field(description="Parameters of the words, by the name of the column that they become.")
-    channel: int | None = Field(default=None, description="Channel identifier of a Chapter 10 recording.", examples=[12])
-    column: str | None = Field(default=None, description="TABLE/COLUMN with the words, in a file of another format.", examples=["bus/word"])
-    bus: int | None = Field(default=None, description="Bus of the channel; all without it.", examples=[0])
+    labels: Literal["octal", "transmitted"] = Field(
+        description="Label byte as an octal number in bits 8-1, or transmitted: bit 1 is the first one sent.",
+        examples=["octal"],
+    )
+    parameters: dict[str, Label] = Field(
+        description="Parameters of the words, by the name of the column that they become."
+    )
+    channel: int | None = Field(
+        default=None, description="Channel identifier of a Chapter 10 recording.", examples=[12]
+    )
+    column: str | None = Field(
+        default=None,
+        description="TABLE/COLUMN with the words, in a file of another format.",
+        examples=["bus/word"],
+    )
+    bus: int | None = Field(
+        default=None, description="Bus of the channel; all without it.", examples=[0]
+    )
 
     def problems(self) -> list[str]:
         """Return what is wrong with the table."""
-        found = [f"parameters.{name}.{text}" for name, label in self.parameters.items() for text in label.problems()]
+        found = [
+            f"parameters.{name}.{text}"
+            for name, label in self.parameters.items()
+            for text in label.problems()
+        ]
         for name, label in self.parameters.items():
             found += _unit_fault(name, label.unit)
         if (self.channel is None) == (self.column is None):
-            found.append("channel: give either a Chapter 10 channel or the column that holds the words")
+            found.append(
+                "channel: give either a Chapter 10 channel or the column that holds the words"
+            )
         return found
 
 
@@ -131,13 +175,18 @@ class Word(Strict):
     """One parameter in a word, or in consecutive words, of a message or frame."""
 
     word: int | tuple[int, ...] = Field(
-        description="Number of the word, counted from 1; a list for several, most significant first.", examples=[3]
+        description="Number of the word, counted from 1; a list for several, most significant first.",
+        examples=[3],
     )
     code: WordCode = Field(description="Code of the number.", examples=["twos"])
     bits: tuple[int, int] | None = Field(
-        default=None, description="[lowest, highest] bit, counted from 0; all without it.", examples=[[0, 11]]
+        default=None,
+        description="[lowest, highest] bit, counted from 0; all without it.",
+        examples=[[0, 11]],
     )
-    lsb: float = Field(default=1.0, description="Value of the least significant bit, in unit.", examples=[0.0005])
+    lsb: float = Field(
+        default=1.0, description="Value of the least significant bit, in unit.", examples=[0.0005]
+    )
     offset: float = Field(default=0.0, description="Added to the value, in unit.", examples=[0.0])
     unit: str = Field(default="1", description="Unit of the value.", examples=["g"])
 
@@ -150,23 +199,35 @@ class Word(Strict):
         """Return what is wrong with the table of this parameter."""
         found = [] if self.words and min(self.words) >= 1 else ["word: counted from 1"]
         if self.bits is not None and not 0 <= self.bits[0] <= self.bits[1]:
-            found.append(f"bits: found {list(self.bits)}; expected [lowest, highest], counted from 0")
+            found.append(
+                f"bits: found {list(self.bits)}; expected [lowest, highest], counted from 0"
+            )
         return found
 
 
 class Mil1553(Strict):
     """Parameters in the data words of one MIL-STD-1553 message."""
 
-    kind: Literal["mil1553"] = Field(description="Messages of a MIL-STD-1553 bus.", examples=["mil1553"])
+    kind: Literal["mil1553"] = Field(
+        description="Messages of a MIL-STD-1553 bus.", examples=["mil1553"]
+    )
     channel: int = Field(description="Channel identifier of a Chapter 10 recording.", examples=[3])
     rt: int = Field(description="Address of the remote terminal, 0 to 31.", examples=[5])
     subaddress: int = Field(description="Subaddress of the message, 0 to 31.", examples=[1])
-    direction: Literal["transmit", "receive"] = Field(description="Whether the terminal transmits or receives it.", examples=["transmit"])
-    parameters: dict[str, Word] = Field(description="Parameters of the words, by the name of the column that they become.")
+    direction: Literal["transmit", "receive"] = Field(
+        description="Whether the terminal transmits or receives it.", examples=["transmit"]
+    )
+    parameters: dict[str, Word] = Field(
+        description="Parameters of the words, by the name of the column that they become."
+    )
 
     def problems(self) -> list[str]:
         """Return what is wrong with the table."""
-        found = [f"parameters.{name}.{text}" for name, word in self.parameters.items() for text in word.problems()]
+        found = [
+            f"parameters.{name}.{text}"
+            for name, word in self.parameters.items()
+            for text in word.problems()
+        ]
         for name, word in self.parameters.items():
             found += _unit_fault(name, word.unit)
             if max(word.words, default=1) > 32:
@@ -178,10 +239,18 @@ class Mil1553(Strict):
 
 
 class PcmWord(Word):
-    """One parameter of PCM frames; `repeated` words stand several times in a frame, `frame` words once in `frames` frames."""
+    """One parameter of PCM frames; `repeated` words stand several times in a frame, `frame` words
+    once in `frames` frames.
+    """
 
-    repeated: bool = Field(default=False, description="Whether the words hold the parameter several times in a frame.", examples=[True])
-    frame: int | None = Field(default=None, description="Subframe that holds the parameter, counted from 0.", examples=[2])
+    repeated: bool = Field(
+        default=False,
+        description="Whether the words hold the parameter several times in a frame.",
+        examples=[True],
+    )
+    frame: int | None = Field(
+        default=None, description="Subframe that holds the parameter, counted from 0.", examples=[2]
+    )
     frames: int | None = Field(default=None, description="Number of subframes.", examples=[4])
 
 
@@ -198,13 +267,24 @@ class Pcm(Strict):
     kind: Literal["pcm"] = Field(description="PCM minor frames.", examples=["pcm"])
     channel: int = Field(description="Channel identifier of a Chapter 10 recording.", examples=[7])
     word_bits: int = Field(description="Bits of a word, 1 to 64.", examples=[16])
-    frame_words: int = Field(description="Words of a minor frame, counted from the first word of the sync pattern.", examples=[64])
-    parameters: dict[str, PcmWord] = Field(description="Parameters of the words, by the name of the column that they become.")
-    counter: Counter | None = Field(default=None, description="Subframe counter, for parameters that are not in every frame.")
+    frame_words: int = Field(
+        description="Words of a minor frame, counted from the first word of the sync pattern.",
+        examples=[64],
+    )
+    parameters: dict[str, PcmWord] = Field(
+        description="Parameters of the words, by the name of the column that they become."
+    )
+    counter: Counter | None = Field(
+        default=None, description="Subframe counter, for parameters that are not in every frame."
+    )
 
     def problems(self) -> list[str]:
         """Return what is wrong with the table."""
-        found = [f"parameters.{name}.{text}" for name, word in self.parameters.items() for text in word.problems()]
+        found = [
+            f"parameters.{name}.{text}"
+            for name, word in self.parameters.items()
+            for text in word.problems()
+        ]
         if not 1 <= self.word_bits <= 64:
             found.append(f"word_bits: found {self.word_bits}; allowed 1 to 64")
         if not 1 <= self.frame_words <= 16384:
@@ -213,10 +293,20 @@ class Pcm(Strict):
             found += _unit_fault(name, word.unit)
             if max(word.words, default=1) > self.frame_words:
                 found.append(f"parameters.{name}.word: a frame has {self.frame_words} words")
-            if (word.frame is None) != (word.frames is None) or (word.frame is not None and self.counter is None):
-                found.append(f"parameters.{name}.frame: needs `frames` next to it and the table's `counter`")
-            elif word.frames is not None and word.frame is not None and not 0 <= word.frame < word.frames:
-                found.append(f"parameters.{name}.frame: found {word.frame}; allowed 0 to {word.frames - 1}")
+            if (word.frame is None) != (word.frames is None) or (
+                word.frame is not None and self.counter is None
+            ):
+                found.append(
+                    f"parameters.{name}.frame: needs `frames` next to it and the table's `counter`"
+                )
+            elif (
+                word.frames is not None
+                and word.frame is not None
+                and not 0 <= word.frame < word.frames
+            ):
+                found.append(
+                    f"parameters.{name}.frame: found {word.frame}; allowed 0 to {word.frames - 1}"
+                )
             if word.repeated and word.frame is not None:
                 found.append(f"parameters.{name}.repeated: not together with frame")
         return found
@@ -227,13 +317,19 @@ class Subchannel(Strict):
 
     subchannel: int = Field(description="Analogue input, 0 to 255.", examples=[1])
     code: WordCode = Field(description="Code of the number.", examples=["twos"])
-    lsb: float = Field(default=1.0, description="Value of the least significant bit, in unit.", examples=[0.1])
+    lsb: float = Field(
+        default=1.0, description="Value of the least significant bit, in unit.", examples=[0.1]
+    )
     offset: float = Field(default=0.0, description="Added to the value, in unit.", examples=[0.0])
     unit: str = Field(default="1", description="Unit of the value.", examples=["N"])
 
     def problems(self) -> list[str]:
         """Return what is wrong with the table of this parameter."""
-        return [] if 0 <= self.subchannel <= 255 else [f"subchannel: found {self.subchannel}; allowed 0 to 255"]
+        return (
+            []
+            if 0 <= self.subchannel <= 255
+            else [f"subchannel: found {self.subchannel}; allowed 0 to 255"]
+        )
 
 
 class Analog(Strict):
@@ -241,18 +337,29 @@ class Analog(Strict):
 
     kind: Literal["analog"] = Field(description="Analogue samples.", examples=["analog"])
     channel: int = Field(description="Channel identifier of a Chapter 10 recording.", examples=[9])
-    parameters: dict[str, Subchannel] = Field(description="Parameters of the inputs, by the name of the column that they become.")
+    parameters: dict[str, Subchannel] = Field(
+        description="Parameters of the inputs, by the name of the column that they become."
+    )
 
     def problems(self) -> list[str]:
         """Return what is wrong with the table."""
-        found = [f"parameters.{name}.{text}" for name, part in self.parameters.items() for text in part.problems()]
+        found = [
+            f"parameters.{name}.{text}"
+            for name, part in self.parameters.items()
+            for text in part.problems()
+        ]
         for name, part in self.parameters.items():
             found += _unit_fault(name, part.unit)
         return found
 
 
 Decode = Arinc429 | Mil1553 | Pcm | Analog
-KINDS: dict[str, type[Decode]] = {"arinc429": Arinc429, "mil1553": Mil1553, "pcm": Pcm, "analog": Analog}
+KINDS: dict[str, type[Decode]] = {
+    "arinc429": Arinc429,
+    "mil1553": Mil1553,
+    "pcm": Pcm,
+    "analog": Analog,
+}
 
 
 _REVERSED = np.array([int(f"{byte:08b}"[::-1], 2) for byte in range(256)], np.uint32)
@@ -269,7 +376,8 @@ class Words:
 
 
 def label_values(word: np.ndarray, label: Label) -> np.ndarray:
-    """Return the engineering values of words that carry one label, NaN where the word states that it is not valid.
+    """Return the engineering values of words that carry one label, NaN where the word states that
+    it is not valid.
 
     Parameters
     ----------
@@ -289,10 +397,16 @@ def label_values(word: np.ndarray, label: Label) -> np.ndarray:
         bits = int(label.bits or 0)
         count = ((word >> (28 - bits)) & ((1 << bits) - 1)).astype(float)
         count -= np.where((word >> 28) & 1, float(1 << bits), 0.0)
-        return np.where(status == _NORMAL["bnr"], count * (float(label.range or 0.0) / (1 << bits)), np.nan)
+        return np.where(
+            status == _NORMAL["bnr"], count * (float(label.range or 0.0) / (1 << bits)), np.nan
+        )
     if label.code == "bcd":
         return _bcd(word, int(label.digits or 0), float(label.resolution or 0.0), status)
-    return np.where(status == _NORMAL["discrete"], ((word >> (int(label.bit or 1) - 1)) & 1).astype(float), np.nan)
+    return np.where(
+        status == _NORMAL["discrete"],
+        ((word >> (int(label.bit or 1) - 1)) & 1).astype(float),
+        np.nan,
+    )
 
 
 def _bcd(word: np.ndarray, digits: int, resolution: float, status: np.ndarray) -> np.ndarray:
@@ -316,7 +430,8 @@ def odd_parity(word: np.ndarray) -> np.ndarray:
 
 
 def label_tables(words: Words, spec: Arinc429, name: str) -> tuple[dict[str, Table], list[str]]:
-    """Return one table per parameter, ``name.parameter`` with the column ``value``, and what was left out.
+    """Return one table per parameter, ``name.parameter`` with the column ``value``, and what was
+    left out.
 
     Raises
     ------
@@ -339,7 +454,9 @@ def label_tables(words: Words, spec: Arinc429, name: str) -> tuple[dict[str, Tab
         mine = labels == label.number
         if label.sdi is not None:
             mine &= sdi == label.sdi
-        tables[f"{name}.{parameter}"] = Table({"value": label_values(word[mine], label)}, {"value": label.unit}, time[mine])
+        tables[f"{name}.{parameter}"] = Table(
+            {"value": label_values(word[mine], label)}, {"value": label.unit}, time[mine]
+        )
     notes = [f"decode.{name}: {wrong} words with wrong parity left out"] if wrong else []
     return tables, notes
 
@@ -351,13 +468,22 @@ def _demand_labels(spec: Arinc429, labels: np.ndarray, name: str) -> None:
             turned = int(_REVERSED[label.number]) in there
             other = "octal" if spec.labels == "transmitted" else "transmitted"
             hint = (
-                f'its byte is there turned round: try labels = "{other}"' if turned else f"decode.{name}.parameters.{parameter} requires it"
+                f'its byte is there turned round: try labels = "{other}"'
+                if turned
+                else f"decode.{name}.parameters.{parameter} requires it"
             )
-            raise UnknownName(f"{label.number:03o}", [f"{one:03o}" for one in sorted(there)], "ARINC 429 label", hint)
+            raise UnknownName(
+                f"{label.number:03o}",
+                [f"{one:03o}" for one in sorted(there)],
+                "ARINC 429 label",
+                hint,
+            )
 
 
 def words_of_columns(tables: Mapping[str, Table], spec: Arinc429, time_of) -> Words:
-    """Return the words that a column of a file holds, ``table/column``; `time_of` gives the stamps of a table [s]."""
+    """Return the words that a column of a file holds, ``table/column``; `time_of` gives the stamps
+    of a table [s].
+    """
     group, _, column = str(spec.column).rpartition("/")
     group = group or next(iter(tables))
     if group not in tables:

@@ -1,7 +1,8 @@
 """The clock of a table: from raw stamps to a rising clock in seconds, with every fault flagged.
 
-Counters that wrap are unrolled, stray stamps dropped, repeated ones too.  A clock that is set back is refused unless the name map states
-``reset = true``: samples recorded twice or files glued together would otherwise pass for one flight.
+Counters that wrap are unrolled, stray stamps dropped, repeated ones too.  A clock that is set back
+is refused unless the name map states ``reset = true``: samples recorded twice or files glued
+together would otherwise pass for one flight.
 """
 
 from __future__ import annotations
@@ -29,7 +30,9 @@ _STRAY = 10.0  # median steps off the neighbours
 
 @dataclass
 class Settled:
-    """A rising clock [s], the raw samples that belong to it, the flags, and attributes for the leaf."""
+    """A rising clock [s], the raw samples that belong to it, the flags, and attributes for the
+    leaf.
+    """
 
     time: np.ndarray
     keep: np.ndarray
@@ -60,12 +63,19 @@ def settled(raw: np.ndarray, clock: Clock, scale: float, what: str) -> Settled:
     finite = np.isfinite(time)
     keep, lost = np.flatnonzero(finite), np.flatnonzero(~finite)
     if len(keep) < 2:
-        raise SchemaError(what, [f"its clock has {len(time)} samples, {len(lost)} of them NaN; at least two finite ones are needed"])
+        raise SchemaError(
+            what,
+            [
+                f"its clock has {len(time)} samples, {len(lost)} of them NaN; at least two finite ones are needed"
+            ],
+        )
     time = time[keep]
     found: list[Flag] = []
     if (np.diff(time) < 0.0).any():
         time, wraps = _unrolled(time, clock.wrap, scale)
-        found += [Flag("", "wrap", time[i], time[i + 1], 1, f"period {period:g} s") for i, period in wraps]
+        found += [
+            Flag("", "wrap", time[i], time[i + 1], 1, f"period {period:g} s") for i, period in wraps
+        ]
         good = _on_course(time)
         lost = np.concatenate([lost, keep[~good]])
         keep, time = keep[good], time[good]
@@ -80,27 +90,41 @@ def settled(raw: np.ndarray, clock: Clock, scale: float, what: str) -> Settled:
         time, keep, twice = _unique(time, keep, what)
         found += twice
     time = time[0] + (time - time[0]) / (1.0 + clock.drift) + clock.offset
-    found = [flag._replace(start=flag.start + clock.offset, stop=flag.stop + clock.offset) for flag in found]
+    found = [
+        flag._replace(start=flag.start + clock.offset, stop=flag.stop + clock.offset)
+        for flag in found
+    ]
     step = np.diff(time)
     usual = median(step)
     gaps = np.flatnonzero(step > GAP * usual)
-    found += [Flag("", "gap", float(time[i]), float(time[i + 1]), 0, f"{step[i]:.3g} s") for i in gaps[:MOST]]
+    found += [
+        Flag("", "gap", float(time[i]), float(time[i + 1]), 0, f"{step[i]:.3g} s")
+        for i in gaps[:MOST]
+    ]
     words = ", ".join(f"{time[i]:g} s ({step[i]:.3g} s)" for i in gaps[:MOST])
     repeated = sum(flag.samples for flag in found if flag.kind == "duplicate")
     return Settled(time, keep, found, {"rate": 1.0 / usual, "gaps": words, "duplicates": repeated})
 
 
-def _unrolled(time: np.ndarray, period: float | None, scale: float) -> tuple[np.ndarray, list[tuple[int, float]]]:
+def _unrolled(
+    time: np.ndarray, period: float | None, scale: float
+) -> tuple[np.ndarray, list[tuple[int, float]]]:
     """Return the clock with its wraps undone, and where they were with their period."""
     step = np.diff(time)
     back = np.flatnonzero(step < 0.0)
     forward = step[step > 0.0]
     usual = median(forward) if len(forward) else 0.0
-    candidates = (period,) if period is not None else tuple(count * scale for count in _COUNTERS) + _PERIODS
+    candidates = (
+        (period,) if period is not None else tuple(count * scale for count in _COUNTERS) + _PERIODS
+    )
     shift, wraps = np.zeros(len(time)), []
     for i in back:
         for one in candidates:
-            if (0.5 * one < -step[i] <= one) if period is not None else (0.0 < step[i] + one <= _NEAR * usual):
+            if (
+                (0.5 * one < -step[i] <= one)
+                if period is not None
+                else (0.0 < step[i] + one <= _NEAR * usual)
+            ):
                 shift[i + 1 :] += one
                 wraps.append((int(i), float(one)))
                 break
@@ -112,7 +136,9 @@ def _on_course(time: np.ndarray) -> np.ndarray:
     step = np.diff(time)
     if len(time) < 5 or not (step < 0.0).any():
         return np.ones(len(time), bool)
-    padded = np.concatenate([time[2:0:-1] - 2 * (time[2:0:-1] - time[0]), time, 2 * time[-1] - time[-2:-4:-1]])
+    padded = np.concatenate(
+        [time[2:0:-1] - 2 * (time[2:0:-1] - time[0]), time, 2 * time[-1] - time[-2:-4:-1]]
+    )
     windows = np.lib.stride_tricks.sliding_window_view(padded, 5)
     return np.abs(time - np.median(windows, axis=1)) <= _STRAY * float(np.median(np.abs(step)))
 
@@ -125,14 +151,22 @@ def _risen(time: np.ndarray, reset: bool, what: str) -> tuple[np.ndarray, list[F
     at = int(back[0])
     if not reset:
         text = f"time does not rise: {time[at]:g} s is followed by {time[at + 1]:g} s (sample {at + 1})"
-        raise SchemaError(what, [f"{text}; split or sort the file, or set reset = true for its clock in the name map"])
+        raise SchemaError(
+            what,
+            [f"{text}; split or sort the file, or set reset = true for its clock in the name map"],
+        )
     rising = step[step > 0.0]
     if not len(rising):
-        raise SchemaError(what, [f"time only falls, from {time[0]:g} s to {time[-1]:g} s; sort the file"])
+        raise SchemaError(
+            what, [f"time only falls, from {time[0]:g} s to {time[-1]:g} s; sort the file"]
+        )
     jump = np.zeros(len(time))
     jump[back + 1] = float(np.median(rising)) - step[back]
     moved = time + np.cumsum(jump)
-    return moved, [Flag("", "reset", float(moved[i]), float(moved[i + 1]), 1, f"by {-step[i]:.6g} s") for i in back[:MOST]]
+    return moved, [
+        Flag("", "reset", float(moved[i]), float(moved[i + 1]), 1, f"by {-step[i]:.6g} s")
+        for i in back[:MOST]
+    ]
 
 
 def _even(time: np.ndarray, rate: float, what: str) -> np.ndarray:
@@ -145,17 +179,30 @@ def _even(time: np.ndarray, rate: float, what: str) -> np.ndarray:
     return even
 
 
-def _unique(time: np.ndarray, keep: np.ndarray, what: str) -> tuple[np.ndarray, np.ndarray, list[Flag]]:
+def _unique(
+    time: np.ndarray, keep: np.ndarray, what: str
+) -> tuple[np.ndarray, np.ndarray, list[Flag]]:
     new = np.concatenate([[True], np.diff(time) > 0.0])
     repeated = int((~new).sum())
     if not repeated:
         return time, keep, []
     if repeated > 0.5 * len(time):
         share = len(time) / int(new.sum())
-        text = f"{repeated} of {len(time)} stamps repeat the one before, {share:.3g} samples to each"
-        raise SchemaError(what, [f"{text}: the clock is too coarse; give rate = ... for it in the name map, or another clock column"])
+        text = (
+            f"{repeated} of {len(time)} stamps repeat the one before, {share:.3g} samples to each"
+        )
+        raise SchemaError(
+            what,
+            [
+                f"{text}: the clock is too coarse; give rate = ... for it in the name map, or another clock column"
+            ],
+        )
     first = time[~new]
-    return time[new], keep[new], [Flag("", "duplicate", float(first[0]), float(first[-1]), repeated)]
+    return (
+        time[new],
+        keep[new],
+        [Flag("", "duplicate", float(first[0]), float(first[-1]), repeated)],
+    )
 
 
 _EPOCHS = {"unix": datetime(1970, 1, 1, tzinfo=UTC), "gps": datetime(1980, 1, 6, tzinfo=UTC)}
@@ -165,15 +212,28 @@ _OUTLIER = 6.0  # scaled median absolute deviations
 class Clocks:
     """Clocks of the tables of one file as the name map wants them."""
 
-    def __init__(self, tables: Mapping[str, Table], names: NameMap, file: str, left_out: Sequence[LeftOut] = ()):
+    def __init__(
+        self,
+        tables: Mapping[str, Table],
+        names: NameMap,
+        file: str,
+        left_out: Sequence[LeftOut] = (),
+    ):
         self.tables, self.names, self.file = dict(tables), names, file
         self.columns_used: set[tuple[str, str]] = set()
         self.notes: list[str] = []
         self._settled: dict[str, Settled] = {}
         known = {*self.tables, *(one.place for one in left_out)}
         unknown = [name for name in names.clocks if name not in known and not names.decode]
-        if unknown and not any(channel.optional for leaf in names.leaves.values() for channel in leaf.values()):
-            raise UnknownName(unknown[0], self.tables, "table", f"[time.{unknown[0]}] of the name map; {file} holds none of this name")
+        if unknown and not any(
+            channel.optional for leaf in names.leaves.values() for channel in leaf.values()
+        ):
+            raise UnknownName(
+                unknown[0],
+                self.tables,
+                "table",
+                f"[time.{unknown[0]}] of the name map; {file} holds none of this name",
+            )
 
     def with_decoded_words(self) -> dict[str, Table]:
         """Return the tables, with those that ``[decode]`` takes out of columns of words."""
@@ -205,10 +265,16 @@ class Clocks:
         if column is None or column not in part.columns:
             hint = f'table {table}; name the clock in the name map: [time] column = "...", or give its rate'
             raise UnknownName(column or "time", part.columns, "time column", hint)
-        return np.asarray(part.columns[column], float), clock.seconds(unit_of_column(part, column, "time")), column
+        return (
+            np.asarray(part.columns[column], float),
+            clock.seconds(unit_of_column(part, column, "time")),
+            column,
+        )
 
     def _own_column(self, wanted: str | None, table: str) -> str | None:
-        """Return the column that ``[time] column`` names in a table; None without one, and for the table/column of another table."""
+        """Return the column that ``[time] column`` names in a table; None without one, and for the
+        table/column of another table.
+        """
         if wanted is None:
             return None
         if own := column_called(wanted, self.tables[table]):
@@ -237,8 +303,9 @@ def utc_facts(utc: Utc | None, tables: Mapping[str, Table], clocks: Clocks) -> d
     Returns
     -------
     dict
-        ``start`` (ISO 8601, UTC at zero of the record's clock), ``clock_drift`` (seconds the record's clock gains per second of UTC) with
-        its standard error ``clock_drift_stderr``, ``clock_scatter`` (median absolute deviation from the line, scaled to sigma) [s].
+        ``start`` (ISO 8601, UTC at zero of the record's clock), ``clock_drift`` (seconds the
+        record's clock gains per second of UTC) with its standard error ``clock_drift_stderr``,
+        ``clock_scatter`` (median absolute deviation from the line, scaled to sigma) [s].
 
     Notes
     -----
@@ -258,7 +325,12 @@ def utc_facts(utc: Utc | None, tables: Mapping[str, Table], clocks: Clocks) -> d
     if group not in tables or column not in tables[group].columns:
         if utc.optional:
             return {}
-        raise UnknownName(utc.column, [f"{t}/{c}" for t, table in tables.items() for c in table.columns], "column", "[utc] of the name map")
+        raise UnknownName(
+            utc.column,
+            [f"{t}/{c}" for t, table in tables.items() for c in table.columns],
+            "column",
+            "[utc] of the name map",
+        )
     clock = clocks.settled(group, f"{clocks.file}, table {group}")
     clocks.columns_used.add((group, column))
     scale = clocks.names.clock.changed(unit=utc.unit).seconds(None)
@@ -267,7 +339,10 @@ def utc_facts(utc: Utc | None, tables: Mapping[str, Table], clocks: Clocks) -> d
     if good.sum() < 2:
         if utc.optional:
             return {}
-        raise SchemaError(f"{clocks.file}, column {utc.column}", [f"{int(good.sum())} valid stamps; two or more name the start"])
+        raise SchemaError(
+            f"{clocks.file}, column {utc.column}",
+            [f"{int(good.sum())} valid stamps; two or more name the start"],
+        )
     time, shown = clock.time[good], shown[good]
     whole = np.floor(shown[0])
     slope, intercept, keep = 1.0, float(np.median(shown - whole - time)), np.ones(len(time), bool)
@@ -279,7 +354,10 @@ def utc_facts(utc: Utc | None, tables: Mapping[str, Table], clocks: Clocks) -> d
             slope, intercept = np.polyfit(time[keep], (shown - whole)[keep], 1)
     seconds = whole + intercept - (utc.leap_seconds if utc.epoch == "gps" else 0)
     start = _EPOCHS[utc.epoch] + timedelta(seconds=float(seconds))
-    facts = {"start": start.isoformat(timespec="microseconds").replace("+00:00", "Z"), "clock_scatter": sigma}
+    facts = {
+        "start": start.isoformat(timespec="microseconds").replace("+00:00", "Z"),
+        "clock_scatter": sigma,
+    }
     spread = float(np.sqrt(np.sum((time[keep] - time[keep].mean()) ** 2)))
     if np.ptp(time[keep]) > 10.0:
         facts.update(clock_drift=float(1.0 / slope - 1.0), clock_drift_stderr=sigma / spread)

@@ -1,4 +1,5 @@
-"""Name maps: which column of a file is which quantity of the vocabulary, in what unit, sign and scale, over which clock.
+"""Name maps: which column of a file is which quantity of the vocabulary, in what unit, sign and
+scale, over which clock.
 
 A map is a TOML file.  Every table is a leaf of the record (channels of one time base), every key in it a canonical name::
 
@@ -20,12 +21,14 @@ A map is a TOML file.  Every table is a leaf of the record (channels of one time
     delta_r = { column = "pot_5", unit = "deg", table = [[112, -25], [530, 0], [980, 25]] }
     [decode.adc]                               # words of a bus or frame, see flighttest.records.readers.bus_words
 
-A channel is ``sign * scale * column + offset`` after calibration and change of unit.  `polynomial` (ascending powers of the raw column) or
-`table` (raw, value; linear between, NaN and flagged beyond) give the value in `unit`; a `scale` with a unit (``"40 deg"`` per one of
-the column) replaces the change of unit.  `column` may be a list: the first that the file holds is taken.  `optional = true` leaves a
-channel out where the file has no such column.  `delay` is a known latency: the channel shows at t what was true at t - delay.
-`lag` is a known time constant: the channel follows the truth as a first-order lag; a negative one makes a recorded command the position
-of an actuator that follows it with that time constant.
+A channel is ``sign * scale * column + offset`` after calibration and change of unit.  `polynomial`
+(ascending powers of the raw column) or `table` (raw, value; linear between, NaN and flagged beyond)
+give the value in `unit`; a `scale` with a unit (``"40 deg"`` per one of the column) replaces the
+change of unit.  `column` may be a list: the first that the file holds is taken.  `optional = true`
+leaves a channel out where the file has no such column.  `delay` is a known latency: the channel
+shows at t what was true at t - delay. `lag` is a known time constant: the channel follows the truth
+as a first-order lag; a negative one makes a recorded command the position of an actuator that
+follows it with that time constant.
 """
 
 from __future__ import annotations
@@ -64,9 +67,17 @@ class Channel(Plain):
     column: str | tuple[str, ...] = value(
         description="Column of the file, TABLE/COLUMN where there are several tables; of a list the first that the file holds."
     )
-    unit: str | None = value(default=None, description="Unit of the column, where the file does not state it or states another.")
-    sign: Literal[1, -1] = value(default=1, description="-1 where the recorder's positive sense is the opposite one.")
-    scale: float | str = value(default=1.0, description='Factor of the column; with a unit ("40 deg") it replaces the change of unit.')
+    unit: str | None = value(
+        default=None,
+        description="Unit of the column, where the file does not state it or states another.",
+    )
+    sign: Literal[1, -1] = value(
+        default=1, description="-1 where the recorder's positive sense is the opposite one."
+    )
+    scale: float | str = value(
+        default=1.0,
+        description='Factor of the column; with a unit ("40 deg") it replaces the change of unit.',
+    )
     offset: float | str = value(default=0.0, description="Added last: SI, or with its unit.")
     polynomial: tuple[float, ...] | None = value(
         default=None,
@@ -79,7 +90,9 @@ class Channel(Plain):
         description="Calibration: rows [raw, value] in unit, or a CSV file of two columns; linear between, NaN and flagged beyond.",
     )
     delay: Annotated[float, InUnits("s")] = value(
-        default=0.0, examples=["60 ms"], description="Known latency: the channel shows at t what was true at t - delay."
+        default=0.0,
+        examples=["60 ms"],
+        description="Known latency: the channel shows at t what was true at t - delay.",
     )
     lag: Annotated[float, InUnits("s")] = value(
         default=0.0,
@@ -96,7 +109,10 @@ class Channel(Plain):
         examples=[["-25 deg", "20 deg"]],
         description="Of a command: lowest and highest position of the actuator, in SI or with their unit.",
     )
-    optional: bool = value(default=False, description="Whether the channel is left out where the file has no such column.")
+    optional: bool = value(
+        default=False,
+        description="Whether the channel is left out where the file has no such column.",
+    )
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -124,15 +140,24 @@ class Channel(Plain):
             return None
         units = lookup(name).units
         rate = math.inf if self.rate_limit is None else quantity(self.rate_limit, f"{units} s-1")
-        low, high = (-math.inf, math.inf) if self.stops is None else (quantity(stop, units) for stop in self.stops)
+        low, high = (
+            (-math.inf, math.inf)
+            if self.stops is None
+            else (quantity(stop, units) for stop in self.stops)
+        )
         if not (rate > 0.0 and low < high):
             raise SchemaError(
-                f"name map, {name}", [f"rate_limit {rate:g}, stops {low:g} to {high:g}; a positive rate and stops that rise are needed"]
+                f"name map, {name}",
+                [
+                    f"rate_limit {rate:g}, stops {low:g} to {high:g}; a positive rate and stops that rise are needed"
+                ],
             )
         return rate, (low, high)
 
     def convert(self, values, file_unit: str | None, name: str):
-        """Return the column's `values` in the SI unit of the canonical name `name`; beyond a calibration table NaN."""
+        """Return the column's `values` in the SI unit of the canonical name `name`; beyond a
+        calibration table NaN.
+        """
         units = lookup(name).units
         offset = quantity(self.offset, units)
         values = self._calibrated(values)
@@ -146,7 +171,9 @@ class Channel(Plain):
         unit = fitted_unit(unit, units)
         zero = float(to_si(0.0, unit, units))
         factor = parse(unit)[1]
-        return _line(values, self.sign * self.scale * factor, self.sign * self.scale * zero + offset)
+        return _line(
+            values, self.sign * self.scale * factor, self.sign * self.scale * zero + offset
+        )
 
     def _calibrated(self, values):
         if self.polynomial is not None:
@@ -166,7 +193,9 @@ class Channel(Plain):
             source = f"table of {len(self.table)} points, {self.table[0]} to {self.table[-1]}, of {source}"
         unit = "" if isinstance(self.scale, str) else f"[{self.unit or file_unit}]"
         offset = f"+ {self.offset}" if self.offset != 0.0 else ""
-        return " ".join(part for part in ("-" if self.sign < 0 else "", scale, source, unit, offset) if part)
+        return " ".join(
+            part for part in ("-" if self.sign < 0 else "", scale, source, unit, offset) if part
+        )
 
 
 def _line(values, factor: float, offset: float):
@@ -178,9 +207,19 @@ def _line(values, factor: float, offset: float):
 class Facts(Plain):
     """Facts about a record that its file may not state."""
 
-    title: str | None = value(default=None, examples=["Flight 12, clean, 5000 ft"], description="Title of the record.")
-    start: str | None = value(default=None, examples=["2024-05-17T09:30:00Z"], description="Start of the record in the time of the world.")
-    purpose: str | None = value(default=None, examples=["stability and control"], description="What the record was flown for.")
+    title: str | None = value(
+        default=None, examples=["Flight 12, clean, 5000 ft"], description="Title of the record."
+    )
+    start: str | None = value(
+        default=None,
+        examples=["2024-05-17T09:30:00Z"],
+        description="Start of the record in the time of the world.",
+    )
+    purpose: str | None = value(
+        default=None,
+        examples=["stability and control"],
+        description="What the record was flown for.",
+    )
     latitude: Annotated[float, InUnits("rad")] | None = value(
         default=None, description="Latitude of the flight; gives gravity and the rate of the Earth."
     )
@@ -188,38 +227,58 @@ class Facts(Plain):
         default=None, examples=["120 m"], description="Elevation of the runway over mean sea level."
     )
     temperature: Annotated[float, InUnits("K"), Above(100.0)] | None = value(
-        default=None, examples=["12 degC"], description="Constant temperature of the outside air, where none is recorded."
+        default=None,
+        examples=["12 degC"],
+        description="Constant temperature of the outside air, where none is recorded.",
     )
     wind_down_sigma: Annotated[float, InUnits("m s-1"), Above(0.0)] | None = value(
-        default=None, examples=[0.2], description="Standard error of the mean vertical wind before the reconstruction."
+        default=None,
+        examples=[0.2],
+        description="Standard error of the mean vertical wind before the reconstruction.",
     )
 
 
 class Clock(Plain):
     """The clock of a file or of one of its tables.
 
-    `column` holds the stamps, in `unit` (the file's own without it, else seconds).  A counter that starts again after `wrap` is unrolled.
-    `rate` makes even stamps from the first one on, for files that state a sampling rate only or stamps too coarse for their samples.
-    The clock runs fast by `drift` seconds per second, counted from its first stamp; `offset` is added last and brings it onto the
-    clock of the record.  `reset = true` moves what follows a backward step behind what went before.
+    `column` holds the stamps, in `unit` (the file's own without it, else seconds).  A counter that
+    starts again after `wrap` is unrolled. `rate` makes even stamps from the first one on, for files
+    that state a sampling rate only or stamps too coarse for their samples. The clock runs fast by
+    `drift` seconds per second, counted from its first stamp; `offset` is added last and brings it
+    onto the clock of the record.  `reset = true` moves what follows a backward step behind what
+    went before.
     """
 
-    column: str | None = value(default=None, examples=["adc/time"], description="Column of the stamps.")
+    column: str | None = value(
+        default=None, examples=["adc/time"], description="Column of the stamps."
+    )
     unit: str | None = value(
-        default=None, examples=["us"], description="Unit of the stamps, us and ns as well; the file's own without it, else s."
+        default=None,
+        examples=["us"],
+        description="Unit of the stamps, us and ns as well; the file's own without it, else s.",
     )
     wrap: Annotated[float, InUnits("s")] | None = value(
-        default=None, examples=["65.536 s"], description="Where a counter starts again; it is unrolled."
+        default=None,
+        examples=["65.536 s"],
+        description="Where a counter starts again; it is unrolled.",
     )
     rate: Annotated[float, InUnits("Hz")] | None = value(
-        default=None, examples=["50 Hz"], description="Sampling rate: even stamps from the first one on."
+        default=None,
+        examples=["50 Hz"],
+        description="Sampling rate: even stamps from the first one on.",
     )
     offset: Annotated[float, InUnits("s")] = value(
-        default=0.0, examples=["0.12 s"], description="Added last; brings the clock onto that of the record."
+        default=0.0,
+        examples=["0.12 s"],
+        description="Added last; brings the clock onto that of the record.",
     )
-    drift: float = value(default=0.0, examples=[2e-05], description="Seconds that the clock runs fast per second.")
+    drift: float = value(
+        default=0.0, examples=[2e-05], description="Seconds that the clock runs fast per second."
+    )
     reset: bool = value(
-        default=False, examples=[True], description="Whether what follows a backward step is moved behind what went before."
+        default=False,
+        examples=[True],
+        description="Whether what follows a backward step is moved behind what went before.",
     )
 
     def seconds(self, file_unit: str | None) -> float:
@@ -228,25 +287,36 @@ class Clock(Plain):
 
 
 class Utc(Plain):
-    """A column that shows the time of day of the world: it names the start of the record and measures the drift of its clock.
+    """A column that shows the time of day of the world: it names the start of the record and
+    measures the drift of its clock.
 
-    `epoch` is what the column counts from: ``unix`` (1970-01-01, UTC) or ``gps`` (1980-01-06, ahead of UTC by `leap_seconds`).
+    `epoch` is what the column counts from: ``unix`` (1970-01-01, UTC) or ``gps`` (1980-01-06, ahead
+    of UTC by `leap_seconds`).
     """
 
-    column: str = value(examples=["gps/utc"], description="Column with the time of day of the world.")
+    column: str = value(
+        examples=["gps/utc"], description="Column with the time of day of the world."
+    )
     unit: str = value(default="s", description="Its unit.")
     epoch: Literal["unix", "gps"] = value(
-        default="unix", description="What it counts from: 1970-01-01 (unix), or 1980-01-06 without leap seconds (gps)."
+        default="unix",
+        description="What it counts from: 1970-01-01 (unix), or 1980-01-06 without leap seconds (gps).",
     )
-    leap_seconds: int = value(default=18, examples=[18], description="By which gps is ahead of UTC.")
-    optional: bool = value(default=False, description="Whether it is left out where the file has no such column.")
+    leap_seconds: int = value(
+        default=18, examples=[18], description="By which gps is ahead of UTC."
+    )
+    optional: bool = value(
+        default=False, description="Whether it is left out where the file has no such column."
+    )
 
 
 @dataclass(frozen=True)
 class NameMap:
-    """A name map: leaves of channels, the clocks, facts about the record, what to take out of bus words, and channels that stood still.
+    """A name map: leaves of channels, the clocks, facts about the record, what to take out of bus
+    words, and channels that stood still.
 
-    `constants` holds the value of each channel that no column shows [SI], `instruments` those that go before the aircraft file's.
+    `constants` holds the value of each channel that no column shows [SI], `instruments` those that
+    go before the aircraft file's.
     """
 
     leaves: dict[str, dict[str, Channel]]
@@ -265,7 +335,9 @@ class NameMap:
 
 
 def shipped_maps() -> list[str]:
-    """Return the names of the maps that come with the product; each is a readable file in `flighttest/readers/maps`."""
+    """Return the names of the maps that come with the product; each is a readable file in
+    `flighttest/readers/maps`.
+    """
     return sorted(file.stem for file in MAPS.glob("*.toml"))
 
 
@@ -292,7 +364,12 @@ def _place(path: str | Path, folder: Path) -> Path:
     found = folder / path
     if found.exists() or not shipped.exists():
         if not found.exists() and not found.suffix:
-            raise UnknownName(str(path), shipped_maps(), "name map", "give a TOML file or the name of a shipped map")
+            raise UnknownName(
+                str(path),
+                shipped_maps(),
+                "name map",
+                "give a TOML file or the name of a shipped map",
+            )
         return found
     return shipped
 
@@ -301,7 +378,10 @@ def _extended(path: Path, above: tuple[Path, ...]) -> dict[str, Any]:
     """Return the content of a map with what it extends beneath it."""
     content = load(path)
     if kind := foreign_kind(content):
-        raise SchemaError(f"name map {path}", [f"{kind}; a name map has a table of channels for each clock, such as [air_data]"])
+        raise SchemaError(
+            f"name map {path}",
+            [f"{kind}; a name map has a table of channels for each clock, such as [air_data]"],
+        )
     leaves = [(leaf, table) for leaf, table in content.items() if isinstance(table, dict)]
     twice = [
         f"{leaf}.{name}: stands there twice, with quotes and without; take one out"
@@ -311,13 +391,19 @@ def _extended(path: Path, above: tuple[Path, ...]) -> dict[str, Any]:
     if twice:
         raise SchemaError(f"name map {path}", twice)
     if content.get("optional") is True:
-        content = {key: item if key in TOP else _as_optional(item) for key, item in content.items() if key != "optional"}
+        content = {
+            key: item if key in TOP else _as_optional(item)
+            for key, item in content.items()
+            if key != "optional"
+        }
     base = content.pop("extends", None)
     if base is None:
         return content
     below = _place(str(base), path.parent)
     if below in (*above, path):
-        raise SchemaError(f"name map {path}", [f"extends: {base} extends this map in turn; take one of them out"])
+        raise SchemaError(
+            f"name map {path}", [f"extends: {base} extends this map in turn; take one of them out"]
+        )
     return _laid_over(content, _extended(below, (*above, path)))
 
 
@@ -325,14 +411,23 @@ def _as_optional(leaf: Any) -> Any:
     if not isinstance(leaf, dict):
         return leaf
     return {
-        name: {"optional": True, **entry} if isinstance(entry, dict) else {"optional": True, "column": entry}
+        name: {"optional": True, **entry}
+        if isinstance(entry, dict)
+        else {"optional": True, "column": entry}
         for name, entry in _flatten(leaf).items()
     }
 
 
 def _laid_over(content: dict[str, Any], base: dict[str, Any]) -> dict[str, Any]:
-    """Return both maps: tables are joined, and a quantity named in `content` leaves every leaf of `base`."""
-    named = {name for leaf, table in content.items() if leaf not in TOP and isinstance(table, dict) for name in _flatten(table)}
+    """Return both maps: tables are joined, and a quantity named in `content` leaves every leaf of
+    `base`.
+    """
+    named = {
+        name
+        for leaf, table in content.items()
+        if leaf not in TOP and isinstance(table, dict)
+        for name in _flatten(table)
+    }
     joined = {
         leaf: {name: entry for name, entry in _flatten(table).items() if name not in named}
         if leaf not in TOP and isinstance(table, dict)
@@ -340,7 +435,9 @@ def _laid_over(content: dict[str, Any], base: dict[str, Any]) -> dict[str, Any]:
         for leaf, table in base.items()
     }
     for leaf, table in content.items():
-        joined[leaf] = {**joined.get(leaf, {}), **_flatten(table)} if isinstance(table, dict) else table
+        joined[leaf] = (
+            {**joined.get(leaf, {}), **_flatten(table)} if isinstance(table, dict) else table
+        )
     return joined
 
 
@@ -353,7 +450,9 @@ def _parsed(content: dict[str, Any], source: str, folder: Path, problems: list[s
     for key, item in time.items():
         (others if isinstance(item, dict) else own)[key] = item
     clock = _clock(own, "time", problems)
-    clocks = {name: _clock({**own, **item}, f"time.{name}", problems) for name, item in others.items()}
+    clocks = {
+        name: _clock({**own, **item}, f"time.{name}", problems) for name, item in others.items()
+    }
     facts = _part(_made(Facts), content.pop("record", {}), "record", problems)
     utc = _part(_made(Utc), content.pop("utc"), "utc", problems) if "utc" in content else None
     decode = _decoded(content.pop("decode", {}), problems)
@@ -366,9 +465,20 @@ def _parsed(content: dict[str, Any], source: str, folder: Path, problems: list[s
             continue
         leaves[leaf] = _channels(leaf, table, folder, problems)
     problems += _twice(leaves)
-    shown = {name for channels in leaves.values() for name, channel in channels.items() if not channel.optional}
-    problems += [f"constants.{name}: a column shows it too; take one of them out" for name in constants if name in shown]
-    return NameMap(leaves, clock, facts or Facts(), source, clocks, utc, decode, constants, specified)
+    shown = {
+        name
+        for channels in leaves.values()
+        for name, channel in channels.items()
+        if not channel.optional
+    }
+    problems += [
+        f"constants.{name}: a column shows it too; take one of them out"
+        for name in constants
+        if name in shown
+    ]
+    return NameMap(
+        leaves, clock, facts or Facts(), source, clocks, utc, decode, constants, specified
+    )
 
 
 def _instruments(tables: Any, problems: list[str]) -> dict[str, Instrument]:
@@ -381,14 +491,18 @@ def _instruments(tables: Any, problems: list[str]) -> dict[str, Instrument]:
     from flighttest.records.sensors.instruments import Instrument
 
     read = partial(validate, Instrument)
-    found = {name: _part(read, table, f"instruments.{name}", problems) for name, table in tables.items()}
+    found = {
+        name: _part(read, table, f"instruments.{name}", problems) for name, table in tables.items()
+    }
     return {name: item for name, item in found.items() if item is not None}
 
 
 def _constants(table: Any, problems: list[str]) -> dict[str, float]:
     """Return channels that stood still. [SI]"""
     if not isinstance(table, dict):
-        problems.append(f'constants: expected a table such as {{ delta_f = "0 deg" }}; found {table!r}')
+        problems.append(
+            f'constants: expected a table such as {{ delta_f = "0 deg" }}; found {table!r}'
+        )
         return {}
     found = {}
     for name, item in _flatten(table).items():
@@ -424,14 +538,18 @@ def _decoded(content: Any, problems: list[str]) -> dict[str, Decode]:
         if kind not in KINDS:
             problems.append(f"decode.{name}.kind: found {kind!r}; allowed: {', '.join(KINDS)}")
             continue
-        part: Decode | None = _part(partial(validate, KINDS[kind]), table, f"decode.{name}", problems)
+        part: Decode | None = _part(
+            partial(validate, KINDS[kind]), table, f"decode.{name}", problems
+        )
         if part is not None:
             problems += [f"decode.{name}.{text}" for text in part.problems()]
             found[name] = part
     return found
 
 
-def _channels(leaf: str, table: dict[str, Any], folder: Path, problems: list[str]) -> dict[str, Channel]:
+def _channels(
+    leaf: str, table: dict[str, Any], folder: Path, problems: list[str]
+) -> dict[str, Channel]:
     channels = {}
     for name, entry in _flatten(table).items():
         place = f"{leaf}.{name}"
@@ -442,7 +560,12 @@ def _channels(leaf: str, table: dict[str, Any], folder: Path, problems: list[str
             continue
         if isinstance(entry, dict) and isinstance(entry.get("table"), str):
             entry = {**entry, "table": _table_file(folder / entry["table"], place, problems)}
-        channel = _part(_made(Channel), {"column": entry} if isinstance(entry, str | list) else entry, place, problems)
+        channel = _part(
+            _made(Channel),
+            {"column": entry} if isinstance(entry, str | list) else entry,
+            place,
+            problems,
+        )
         if channel is None:
             continue
         problems += [f"{place}.{text}" for text in _faults(channel, row.units)]
@@ -463,7 +586,9 @@ def _faults(channel: Channel, units: str) -> list[str]:
         unit = fitted_unit(channel.unit, units)
         try:
             if parse(unit)[0] != parse(units)[0]:
-                raise UnitError(f"{channel.unit!r} cannot be converted to {units!r}; give a unit of the same quantity")
+                raise UnitError(
+                    f"{channel.unit!r} cannot be converted to {units!r}; give a unit of the same quantity"
+                )
         except UnitError as error:
             found.append(f"unit: {error}")
     if not channel.columns:
@@ -472,16 +597,22 @@ def _faults(channel: Channel, units: str) -> list[str]:
     if channel.polynomial is not None and channel.table is not None:
         found.append("table: stands next to a polynomial; give one of them")
     if calibrated and channel.unit is None and not isinstance(channel.scale, str):
-        found.append(f'unit: a calibration needs the unit of its values; give unit = "..." (of the kind of {units})')
+        found.append(
+            f'unit: a calibration needs the unit of its values; give unit = "..." (of the kind of {units})'
+        )
     if channel.polynomial is not None and not channel.polynomial:
         found.append("polynomial: empty; give the coefficients by ascending power")
-    if channel.table is not None and (len(channel.table) < 2 or len({raw for raw, _ in channel.table}) < len(channel.table)):
+    if channel.table is not None and (
+        len(channel.table) < 2 or len({raw for raw, _ in channel.table}) < len(channel.table)
+    ):
         found.append("table: needs two rows [raw, value] or more, each raw value once")
     return found
 
 
 def _table_file(path: Path, place: str, problems: list[str]) -> list[list[float]]:
-    """Return a calibration table kept in a CSV file: two columns, raw and value; other lines than numbers may head it."""
+    """Return a calibration table kept in a CSV file: two columns, raw and value; other lines than
+    numbers may head it.
+    """
     try:
         lines = read_text(path, "two columns of numbers, raw and value", WESTERN).splitlines()
     except (OSError, ParseError) as error:
@@ -496,7 +627,9 @@ def _table_file(path: Path, place: str, problems: list[str]) -> list[list[float]
             rows.append([raw, value])
         except ValueError:
             if rows:
-                problems.append(f"{place}.table: {path}, line {number}: found {line!r}; expected two numbers, raw and value")
+                problems.append(
+                    f"{place}.table: {path}, line {number}: found {line!r}; expected two numbers, raw and value"
+                )
     return rows
 
 
@@ -505,7 +638,9 @@ def _flatten(table: Mapping[str, Any]) -> dict[str, Any]:
     flat = {}
     for name, entry in table.items():
         engine = isinstance(entry, dict) and name.startswith("engine") and "column" not in entry
-        flat.update({f"{name}.{key}": item for key, item in entry.items()} if engine else {name: entry})
+        flat.update(
+            {f"{name}.{key}": item for key, item in entry.items()} if engine else {name: entry}
+        )
     return flat
 
 
@@ -514,14 +649,22 @@ def _made(kind: type[P]) -> Callable[[dict[str, Any], str], P]:
 
 
 def _twice_written(table: Mapping[str, Any]) -> list[str]:
-    """Return the names with a dot that stand in a leaf both as one key, in quotes, and as a table in a table."""
-    parts = ((name, key) for name, entry in table.items() if isinstance(entry, dict) for key in entry)
+    """Return the names with a dot that stand in a leaf both as one key, in quotes, and as a table
+    in a table.
+    """
+    parts = (
+        (name, key) for name, entry in table.items() if isinstance(entry, dict) for key in entry
+    )
     return [f"{name}.{key}" for name, key in parts if f"{name}.{key}" in table]
 
 
-def _part(read: Callable[[dict[str, Any], str], T], content: Any, place: str, problems: list[str]) -> T | None:
+def _part(
+    read: Callable[[dict[str, Any], str], T], content: Any, place: str, problems: list[str]
+) -> T | None:
     if not isinstance(content, dict):
-        problems.append(f'{place}: expected a column name or a table such as {{ column = "..." }}; found {content!r}')
+        problems.append(
+            f'{place}: expected a column name or a table such as {{ column = "..." }}; found {content!r}'
+        )
         return None
     try:
         return read(content, place)
@@ -536,14 +679,52 @@ def _twice(leaves: dict[str, dict[str, Channel]]) -> list[str]:
     for leaf, channels in leaves.items():
         for name in channels:
             if name in seen:
-                problems.append(f"{leaf}.{name}: already in leaf {seen[name]}; a quantity has one channel")
+                problems.append(
+                    f"{leaf}.{name}: already in leaf {seen[name]}; a quantity has one channel"
+                )
             seen.setdefault(name, leaf)
     return problems
 
 
 # units of recorders, the SI unit of the vocabulary before the others of its quantity
-UNITS = ("rad", "deg", "1", "%", "rad/s", "deg/s", "m/s2", "g", "ft/s2", "m/s", "kt", "ft/s", "km/h", "ft/min", "m", "ft", "cm", "in") + (
-    *("Pa", "hPa", "kPa", "psf", "psi", "K", "degC", "degF", "N", "lbf", "kg", "lb", "kg/s", "kg/h", "lb/h", "N m"),
+UNITS = (
+    "rad",
+    "deg",
+    "1",
+    "%",
+    "rad/s",
+    "deg/s",
+    "m/s2",
+    "g",
+    "ft/s2",
+    "m/s",
+    "kt",
+    "ft/s",
+    "km/h",
+    "ft/min",
+    "m",
+    "ft",
+    "cm",
+    "in",
+) + (
+    *(
+        "Pa",
+        "hPa",
+        "kPa",
+        "psf",
+        "psi",
+        "K",
+        "degC",
+        "degF",
+        "N",
+        "lbf",
+        "kg",
+        "lb",
+        "kg/s",
+        "kg/h",
+        "lb/h",
+        "N m",
+    ),
 )
 _EQUAL = 1e-9
 
@@ -574,7 +755,9 @@ def line_of(name: str, channel: Channel) -> str:
     return f"{key} = {{ {', '.join(f'{word} = {_toml(item)}' for word, item in entry.items())} }}"
 
 
-def corrected(channel: Channel, name: str, file_unit: str | None, slope: float, shift: float) -> Channel:
+def corrected(
+    channel: Channel, name: str, file_unit: str | None, slope: float, shift: float
+) -> Channel:
     """Return a channel with a correction of its converted values.
 
     Parameters
@@ -592,25 +775,44 @@ def corrected(channel: Channel, name: str, file_unit: str | None, slope: float, 
     offset = slope * quantity(channel.offset, units) + shift
     sign = channel.sign if slope > 0.0 else -channel.sign
     if isinstance(channel.scale, str):
-        per_one = channel.scale if abs(slope) == 1.0 else f"{abs(slope) * quantity(channel.scale, units):.10g} {units}"
+        per_one = (
+            channel.scale
+            if abs(slope) == 1.0
+            else f"{abs(slope) * quantity(channel.scale, units):.10g} {units}"
+        )
         return channel.changed(sign=sign, scale=per_one, offset=_offset(offset, units))
     unit = known_unit(channel.unit or file_unit or units)
     old_zero = float(to_si(0.0, unit, units))
     offset += slope * channel.sign * channel.scale * old_zero
     wanted = abs(slope) * parse(unit)[1]
     candidates = [unit, *units_of(name)]
-    new = next((one for one in candidates if abs(parse(one)[1] - wanted) <= _EQUAL * wanted and _fits(one, sign, channel, offset)), None)
-    new = new or next((one for one in candidates if abs(parse(one)[1] - wanted) <= _EQUAL * wanted), None)
+    new = next(
+        (
+            one
+            for one in candidates
+            if abs(parse(one)[1] - wanted) <= _EQUAL * wanted and _fits(one, sign, channel, offset)
+        ),
+        None,
+    )
+    new = new or next(
+        (one for one in candidates if abs(parse(one)[1] - wanted) <= _EQUAL * wanted), None
+    )
     scale = channel.scale if new else channel.scale * abs(slope)
     new = new or unit
     offset -= sign * scale * float(to_si(0.0, new, units))
-    own = None if channel.unit is None and file_unit is not None and known_unit(file_unit) == new else new
+    own = (
+        None
+        if channel.unit is None and file_unit is not None and known_unit(file_unit) == new
+        else new
+    )
     return channel.changed(unit=own, sign=sign, scale=scale, offset=_offset(offset, units))
 
 
 def _fits(unit: str, sign: int, channel: Channel, offset: float) -> bool:
     """Return whether a unit explains the offset too, as that of a temperature scale does."""
-    return abs(offset - sign * float(channel.scale) * float(to_si(0.0, unit))) < _EQUAL * max(abs(offset), 1.0)
+    return abs(offset - sign * float(channel.scale) * float(to_si(0.0, unit))) < _EQUAL * max(
+        abs(offset), 1.0
+    )
 
 
 def _offset(offset: float, units: str) -> float | str:
@@ -618,7 +820,11 @@ def _offset(offset: float, units: str) -> float | str:
     if abs(offset) < _EQUAL:
         return 0.0
     in_g = offset / G0
-    return f"{round(in_g)} g" if units == "m s-2" and abs(in_g - round(in_g)) < _EQUAL else float(f"{offset:.10g}")
+    return (
+        f"{round(in_g)} g"
+        if units == "m s-2" and abs(in_g - round(in_g)) < _EQUAL
+        else float(f"{offset:.10g}")
+    )
 
 
 def _toml(item: Any) -> str:
@@ -626,4 +832,10 @@ def _toml(item: Any) -> str:
         return f"[{', '.join(map(_toml, item))}]"
     if isinstance(item, bool):
         return "true" if item else "false"
-    return json.dumps(item, ensure_ascii=False) if isinstance(item, str) else f"{item:.10g}" if isinstance(item, float) else str(item)
+    return (
+        json.dumps(item, ensure_ascii=False)
+        if isinstance(item, str)
+        else f"{item:.10g}"
+        if isinstance(item, float)
+        else str(item)
+    )

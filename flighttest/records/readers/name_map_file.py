@@ -1,4 +1,6 @@
-"""JSON schema of name maps, for editors: the tables that the reader knows, and the vocabulary in every other one."""
+"""JSON schema of name maps, for editors: the tables that the reader knows, and the vocabulary in
+every other one.
+"""
 
 from __future__ import annotations
 
@@ -17,16 +19,25 @@ _MODELS = {"Channel": Channel, "Clock": Clock, "Facts": Facts, "Utc": Utc, "Inst
 def name_map_schema() -> dict[str, Any]:
     """Return the schema (JSON Schema 2020-12) of name maps.
 
-    It knows every key with its description and unit and every canonical name; units that do not fit, columns shown twice and
-    calibrations without a unit the reader alone finds.
+    It knows every key with its description and unit and every canonical name; units that do not
+    fit, columns shown twice and calibrations without a unit the reader alone finds.
     """
-    models: dict[str, Any] = {**_MODELS, **{f"decode_{kind}": model for kind, model in KINDS.items()}}
+    models: dict[str, Any] = {
+        **_MODELS,
+        **{f"decode_{kind}": model for kind, model in KINDS.items()},
+    }
     definitions = {name: part_schema(model) for name, model in models.items()}
-    inner = {name: part for schema in definitions.values() for name, part in schema.pop("$defs", {}).items()}
+    inner = {
+        name: part
+        for schema in definitions.values()
+        for name, part in schema.pop("$defs", {}).items()
+    }
     _also(definitions["Channel"]["properties"]["table"], {"type": "string"})
     column = definitions["Channel"]["properties"]["column"]["anyOf"]
     definitions["channel"] = {"anyOf": [*column, {"$ref": "#/$defs/Channel"}]}
-    definitions["leaf"] = _by_name({"$ref": "#/$defs/channel"}, "channels of one time base: canonical name = column")
+    definitions["leaf"] = _by_name(
+        {"$ref": "#/$defs/channel"}, "channels of one time base: canonical name = column"
+    )
     parts = _parts()
     return {
         "$schema": DIALECT,
@@ -69,7 +80,10 @@ def _parts() -> dict[str, Any]:
             "additionalProperties": {"$ref": "#/$defs/Instrument"},
             "description": "Instruments of this recorder, in place of the tables of those names in the aircraft file.",
         },
-        "utc": {"$ref": "#/$defs/Utc", "description": "A column with the time of day of the world."},
+        "utc": {
+            "$ref": "#/$defs/Utc",
+            "description": "A column with the time of day of the world.",
+        },
         "decode": {
             "type": "object",
             "additionalProperties": {"anyOf": kinds},
@@ -80,7 +94,10 @@ def _parts() -> dict[str, Any]:
 
 def _by_name(part: dict[str, Any], text: str, *examples: dict[str, Any]) -> dict[str, Any]:
     """Return the schema of a table whose keys are canonical names."""
-    own = {name: {**part, "description": f"{row.long_name} [{row.units}]"} for name, row in VOCABULARY.items()}
+    own = {
+        name: {**part, "description": f"{row.long_name} [{row.units}]"}
+        for name, row in VOCABULARY.items()
+    }
     names = "|".join(VOCABULARY)
     return {
         "type": "object",

@@ -45,7 +45,8 @@ def recognise(path: str | Path) -> str:
     Raises
     ------
     ParseError
-        An empty file, bytes of no known format, or a record of this package whose bytes are not those that were sealed.
+        An empty file, bytes of no known format, or a record of this package whose bytes are not
+        those that were sealed.
     """
     demand_regular(path, "a recording")
     unbroken_if_sealed(Path(path), "a recording; write or copy it again")
@@ -58,13 +59,18 @@ def recognise(path: str | Path) -> str:
     if other := packed_kind(path, head):
         kind, _, remedy = other.partition("; ")
         if packed:
-            kind, remedy = f"a gzip archive that holds {kind}", "unpack it and give one of the files inside"
+            kind, remedy = (
+                f"a gzip archive that holds {kind}",
+                "unpack it and give one of the files inside",
+            )
         raise ParseError(str(path), 0, kind, f"{known}; {remedy}" if remedy else known)
     for start, form in _START.items():
         if head.startswith(start):
             if packed:
                 remedy = "a recording as it is, or CSV in gzip; unpack it with gunzip"
-                raise ParseError(str(path), 0, f"a gzip archive that holds {FORMATS[form][1]}", remedy)
+                raise ParseError(
+                    str(path), 0, f"a gzip archive that holds {FORMATS[form][1]}", remedy
+                )
             _demand_record(path, form)
             return form
     if not head:
@@ -72,16 +78,37 @@ def recognise(path: str | Path) -> str:
     if _is_text(head):
         _demand_record(path, "csv")
         return "csv"
-    if len(head) >= 128 and struct.unpack_from("<H", head, 124)[0] in (0x0100, 0x0001) and head[126:128] in (b"IM", b"MI"):
+    if (
+        len(head) >= 128
+        and struct.unpack_from("<H", head, 124)[0] in (0x0100, 0x0001)
+        and head[126:128] in (b"IM", b"MI")
+    ):
         return "matlab5"  # written by other programs, whose text may begin differently
     raise ParseError(str(path), 0, f"bytes that begin with {head[:8]!r}", known)
 
 
 def _demand_record(path: str | Path, form: str) -> None:
-    """Raise for a file of this package or of DATCOM that is plainly no recording, which the readers of CSV and HDF5 would take for one."""
+    """Raise for a file of this package or of DATCOM that is plainly no recording, which the readers
+    of CSV and HDF5 would take for one.
+    """
     kind = file_kind(path) if form in ("csv", "hdf5") else ""
-    if kind.startswith(("an aero database", "a Digital DATCOM", "an input deck", "a TOML", "an aircraft", "a project", "a case")):
-        raise ParseError(str(path), 0, kind, "a recording, such as CSV with a line of names, ULog, MATLAB or netCDF")
+    if kind.startswith(
+        (
+            "an aero database",
+            "a Digital DATCOM",
+            "an input deck",
+            "a TOML",
+            "an aircraft",
+            "a project",
+            "a case",
+        )
+    ):
+        raise ParseError(
+            str(path),
+            0,
+            kind,
+            "a recording, such as CSV with a line of names, ULog, MATLAB or netCDF",
+        )
 
 
 def _unpacked(path: str | Path) -> bytes:

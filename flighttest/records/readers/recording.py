@@ -1,4 +1,6 @@
-"""Raw recordings: columns over the clocks of a file, as they stand in it, not yet in canonical names."""
+"""Raw recordings: columns over the clocks of a file, as they stand in it, not yet in canonical
+names.
+"""
 
 from __future__ import annotations
 
@@ -15,20 +17,71 @@ import numpy as np
 from flightmech.errors import AeromatchError, ParseError
 
 PX4 = {
-    **dict(enumerate(("manual", "altitude", "position", "auto_mission", "auto_loiter", "auto_rtl"))),
+    **dict(
+        enumerate(("manual", "altitude", "position", "auto_mission", "auto_loiter", "auto_rtl"))
+    ),
     **{10: "acro", 12: "descend", 13: "termination", 14: "offboard", 15: "stabilized"},
-    **dict(enumerate(("auto_takeoff", "auto_land", "auto_follow_target", "auto_precland", "orbit", "auto_vtol_takeoff"), start=17)),
+    **dict(
+        enumerate(
+            (
+                "auto_takeoff",
+                "auto_land",
+                "auto_follow_target",
+                "auto_precland",
+                "orbit",
+                "auto_vtol_takeoff",
+            ),
+            start=17,
+        )
+    ),
 }
 """[PX4] Numbers that changed their meaning between releases are left out."""
 ARDUPLANE = {
-    **dict(enumerate(("manual", "circle", "stabilize", "training", "acro", "fbwa", "fbwb", "cruise", "autotune"))),
-    **dict(enumerate(("auto", "rtl", "loiter", "takeoff", "avoid_adsb", "guided", "initialising"), start=10)),
-    **dict(enumerate(("qstabilize", "qhover", "qloiter", "qland", "qrtl", "qautotune", "qacro", "thermal", "loiter_alt_qland"), start=17)),
+    **dict(
+        enumerate(
+            (
+                "manual",
+                "circle",
+                "stabilize",
+                "training",
+                "acro",
+                "fbwa",
+                "fbwb",
+                "cruise",
+                "autotune",
+            )
+        )
+    ),
+    **dict(
+        enumerate(
+            ("auto", "rtl", "loiter", "takeoff", "avoid_adsb", "guided", "initialising"), start=10
+        )
+    ),
+    **dict(
+        enumerate(
+            (
+                "qstabilize",
+                "qhover",
+                "qloiter",
+                "qland",
+                "qrtl",
+                "qautotune",
+                "qacro",
+                "thermal",
+                "loiter_alt_qland",
+            ),
+            start=17,
+        )
+    ),
 }
 
 
-def changes(times: np.ndarray, numbers: np.ndarray, names: Mapping[int, str]) -> tuple[tuple[float, str], ...]:
-    """Return when each flight mode begins and its name, ``mode_7`` for a number without one; a mode that is logged again goes on."""
+def changes(
+    times: np.ndarray, numbers: np.ndarray, names: Mapping[int, str]
+) -> tuple[tuple[float, str], ...]:
+    """Return when each flight mode begins and its name, ``mode_7`` for a number without one; a mode
+    that is logged again goes on.
+    """
     if not len(times):
         return ()
     order = np.argsort(times, kind="stable")
@@ -38,25 +91,92 @@ def changes(times: np.ndarray, numbers: np.ndarray, names: Mapping[int, str]) ->
 
 
 def rows(modes: Sequence[tuple[float, str]], start: float, end: float) -> list[dict[str, object]]:
-    """Return the modes as manoeuvres between start and end of a record: ``manoeuvre control start end note``. [s]"""
+    """Return the modes as manoeuvres between start and end of a record: ``manoeuvre control start
+    end note``. [s]
+    """
     ends = [time for time, _ in modes[1:]] + [np.inf]
-    spans = [(name, max(begin, start), min(until, end)) for (begin, name), until in zip(modes, ends, strict=True)]
+    spans = [
+        (name, max(begin, start), min(until, end))
+        for (begin, name), until in zip(modes, ends, strict=True)
+    ]
     about = "flight mode of the log"
-    return [{"manoeuvre": name, "control": "", "start": a, "end": b, "note": about} for name, a, b in spans if b > a]
+    return [
+        {"manoeuvre": name, "control": "", "start": a, "end": b, "note": about}
+        for name, a, b in spans
+        if b > a
+    ]
 
 
 CLOCK_NAMES = ("time", "t", "Time", "TIME", "T", "timestamp", "Timestamp")
-# other names of a clock, without separators in lower case, those of a running time before those of a time of day
+# other names of a clock, without separators in lower case, those of a running time before those of
+# a time of day
 _CLOCK_WORDS = (
-    *("time", "elapsedtime", "timeelapsed", "elapsed", "relativetime", "reltime", "flighttime", "missiontime", "recordtime", "rectime"),
-    *("recordertime", "systemtime", "systime", "seconds", "sec", "secs", "clock", "timestamp", "datetime", "dateandtime", "dateutc"),
-    *("utc", "gmt", "timeutc", "utctime", "timegmt", "gmttime", "utctimestamp", "zulu", "zulutime", "irig", "irigb", "irigtime"),
-    *("irigbtime", "timeofday", "tod", "localtime", "gpstime", "timegps", "stamp", "tsec", "times", "times1", "zeit", "uhrzeit"),
+    *(
+        "time",
+        "elapsedtime",
+        "timeelapsed",
+        "elapsed",
+        "relativetime",
+        "reltime",
+        "flighttime",
+        "missiontime",
+        "recordtime",
+        "rectime",
+    ),
+    *(
+        "recordertime",
+        "systemtime",
+        "systime",
+        "seconds",
+        "sec",
+        "secs",
+        "clock",
+        "timestamp",
+        "datetime",
+        "dateandtime",
+        "dateutc",
+    ),
+    *(
+        "utc",
+        "gmt",
+        "timeutc",
+        "utctime",
+        "timegmt",
+        "gmttime",
+        "utctimestamp",
+        "zulu",
+        "zulutime",
+        "irig",
+        "irigb",
+        "irigtime",
+    ),
+    *(
+        "irigbtime",
+        "timeofday",
+        "tod",
+        "localtime",
+        "gpstime",
+        "timegps",
+        "stamp",
+        "tsec",
+        "times",
+        "times1",
+        "zeit",
+        "uhrzeit",
+    ),
 )
-_UNIT_OF_A_CLOCK = re.compile(r"[\s_]*[(\[]?(s|sec|secs|seconds|ms|us|hh:mm:ss\S*)[)\]]?$", re.IGNORECASE)
+_UNIT_OF_A_CLOCK = re.compile(
+    r"[\s_]*[(\[]?(s|sec|secs|seconds|ms|us|hh:mm:ss\S*)[)\]]?$", re.IGNORECASE
+)
 _NOTHING: Mapping[str, Any] = MappingProxyType({})
 WIDEST = 4096  # columns that one two-dimensional array may give; an image has more
-_NOT_OF_THE_CONTENT = (AeromatchError, FileNotFoundError, PermissionError, IsADirectoryError, ImportError)
+_NOT_OF_THE_CONTENT = (
+    AeromatchError,
+    FileNotFoundError,
+    PermissionError,
+    IsADirectoryError,
+    ImportError,
+)
 
 
 class Columns(Mapping[str, np.ndarray]):
@@ -117,7 +237,8 @@ class LeftOut(NamedTuple):
     remedy : str
         What to do when a name map needs it; empty where a record does without it.
     fault : str
-        The first cell that is neither number nor word in a column of numbers, which is then damaged; else empty.
+        The first cell that is neither number nor word in a column of numbers, which is then
+        damaged; else empty.
     line : int
         Its line in a file of text.
     """
@@ -130,11 +251,13 @@ class LeftOut(NamedTuple):
 
 
 class Recording(NamedTuple):
-    """What a reader found: the format, tables by name, facts for the root of the record, and faults reported by the file itself.
+    """What a reader found: the format, tables by name, facts for the root of the record, and faults
+    reported by the file itself.
 
     `left_out` names what is in the file and not in the tables.
 
-    `modes` of the log of an autopilot are the flight modes: when each begins on the clock of the format [s], and its name.
+    `modes` of the log of an autopilot are the flight modes: when each begins on the clock of the
+    format [s], and its name.
     """
 
     kind: str
@@ -154,13 +277,20 @@ def guarded(path: str | Path, expected: str) -> Iterator[None]:
         raise
     except Exception as error:
         text = " ".join(str(error).split())
-        raise ParseError(str(path), 0, f"content that cannot be decoded ({type(error).__name__}: {text})", expected) from error
+        raise ParseError(
+            str(path),
+            0,
+            f"content that cannot be decoded ({type(error).__name__}: {text})",
+            expected,
+        ) from error
 
 
 def clock_name(columns: Mapping[str, Any]) -> str | None:
-    """Return the column of a table that is its clock by its name: one of `CLOCK_NAMES`, or ``UTC``, ``Elapsed Time`` and the like.
+    """Return the column of a table that is its clock by its name: one of `CLOCK_NAMES`, or ``UTC``,
+    ``Elapsed Time`` and the like.
 
-    Of those other names only a column counts that rises in 19 of 20 steps: a time of day at one sample per second is no clock.
+    Of those other names only a column counts that rises in 19 of 20 steps: a time of day at one
+    sample per second is no clock.
     """
     if plain := first(CLOCK_NAMES, columns):
         return plain
@@ -186,19 +316,26 @@ def _rises(values: Any) -> bool:
 
 
 def left_out_as(wanted: str, leaf: str, left_out: Iterable[LeftOut]) -> LeftOut | None:
-    """Return what was left out under the name that a map gives to a column: ``table/column``, or a column of the leaf's own table."""
+    """Return what was left out under the name that a map gives to a column: ``table/column``, or a
+    column of the leaf's own table.
+    """
     plain = re.sub(r"\[\d+\]$", "", wanted)
     table, _, column = plain.rpartition("/")
     names = {wanted, plain, table or leaf, f"{leaf}/{plain}"}
     for one in left_out:
         heading = one.place.rpartition("/")[2]
-        if one.place in names or (not table and column == heading) or one.place.endswith(f"/{plain}"):
+        if (
+            one.place in names
+            or (not table and column == heading)
+            or one.place.endswith(f"/{plain}")
+        ):
             return one
     return None
 
 
 def without_short_tables(recording: Recording) -> Recording:
-    """Return a recording without the tables of fewer than two samples over a clock of their own, which are named as left out.
+    """Return a recording without the tables of fewer than two samples over a clock of their own,
+    which are named as left out.
 
     A file of such tables only keeps them: reading them is an error that names their clock.
     """
@@ -207,7 +344,9 @@ def without_short_tables(recording: Recording) -> Recording:
     if len(short) == len(counts):
         return recording
     words = {0: "no sample with a time stamp", 1: "1 sample"}
-    left_out = [LeftOut(name, f"{words[count]}; a clock needs two samples") for name, count in short.items()]
+    left_out = [
+        LeftOut(name, f"{words[count]}; a clock needs two samples") for name, count in short.items()
+    ]
     tables = {name: table for name, table in recording.tables.items() if name not in short}
     others = [one for one in recording.left_out if one.place.rpartition("/")[0] not in short]
     return recording._replace(tables=tables, left_out=(*others, *left_out))
@@ -218,14 +357,20 @@ def _stamps(table: Table) -> int | None:
     if table.time is None:
         return None
     stamps = np.asarray(table.time, float)[:1000]
-    return min(int(np.count_nonzero(np.isfinite(stamps))), 2) if len(table.time) <= len(stamps) else 2
+    return (
+        min(int(np.count_nonzero(np.isfinite(stamps))), 2) if len(table.time) <= len(stamps) else 2
+    )
 
 
-def spread(name: str, shape: tuple[int, ...], length: int) -> dict[str, Callable[[Any], np.ndarray]]:
-    """Return the columns that an array of a file gives over a clock of `length` samples: column name -> how to take it.
+def spread(
+    name: str, shape: tuple[int, ...], length: int
+) -> dict[str, Callable[[Any], np.ndarray]]:
+    """Return the columns that an array of a file gives over a clock of `length` samples: column
+    name -> how to take it.
 
-    A vector is one column; a matrix with one row per sample, or one column per sample, gives ``name[0]``, ``name[1]``, ...; a single
-    number holds all along; anything else gives none, see `not_spread`.
+    A vector is one column; a matrix with one row per sample, or one column per sample, gives
+    ``name[0]``, ``name[1]``, ...; a single number holds all along; anything else gives none, see
+    `not_spread`.
     """
     size = int(np.prod(shape, dtype=np.int64))
     if size == 1:
@@ -261,7 +406,9 @@ def _slice(i: int, axis: int, x: Any) -> np.ndarray:
 
 def needs(package: str, extra: str, path: str | Path) -> AeromatchError:
     """Return the error of a format whose package is not installed."""
-    return AeromatchError(f"{path}: reading it needs the package {package}; install it with: pip install 'aeromatch[{extra}]'")
+    return AeromatchError(
+        f"{path}: reading it needs the package {package}; install it with: pip install 'aeromatch[{extra}]'"
+    )
 
 
 def first(names: Iterable[str], among: Mapping[str, Any]) -> str | None:

@@ -1,4 +1,5 @@
-"""Specification of the instruments: where they sit, how noisy they are, and how large their constant errors may be.
+"""Specification of the instruments: where they sit, how noisy they are, and how large their
+constant errors may be.
 
 It stands in the aircraft file, and where a recorder differs in its name map, one table per instrument; the names of the tables are free,
 channels carry canonical names::
@@ -26,8 +27,9 @@ channels carry canonical names::
     bias_sigma = { F_column = "0.3 lbf", column = 5e-4 }  # goes into the errors of the control loading
     scale_sigma = { F_column = 0.01 }
 
-A channel is used as a measurement when an instrument gives its noise.  `earth_rate = true` in the table of the gyros states that they
-show the rate of the Earth too, as those of an inertial reference do; the record then needs its latitude.
+A channel is used as a measurement when an instrument gives its noise.  `earth_rate = true` in the
+table of the gyros states that they show the rate of the Earth too, as those of an inertial
+reference do; the record then needs its latitude.
 """
 
 from __future__ import annotations
@@ -45,13 +47,33 @@ from flightmech.support.toml_quantities import quantity_schema
 from flightmech.units import DEGREE, quantity
 
 IMU = ("p", "q", "r", "ax_imu", "ay_imu", "az_imu")
-SPEEDS = ("V", "V_cas", "mach")  # airspeeds that are measured channels themselves where no impact pressure was recorded
+SPEEDS = (
+    "V",
+    "V_cas",
+    "mach",
+)  # airspeeds that are measured channels themselves where no impact pressure was recorded
 VANES = ("alpha_vane", "beta_vane")
-MEASURED = ("phi", "theta", "psi", "vn", "ve", "vd", "h_gps", "q_c", *SPEEDS, "p_static", "temperature", *VANES, "h_radio")
+MEASURED = (
+    "phi",
+    "theta",
+    "psi",
+    "vn",
+    "ve",
+    "vd",
+    "h_gps",
+    "q_c",
+    *SPEEDS,
+    "p_static",
+    "temperature",
+    *VANES,
+    "h_radio",
+)
 """Channels that the reconstruction can use as measurements."""
 SURFACES = ("delta_e", "delta_a", "delta_r")
 COCKPIT = ("column", "wheel", "pedal", "F_column", "F_wheel", "F_pedal", "delta_t")
-SURFACE_BIAS = 0.1 * DEGREE  # what a pick-up is rigged and calibrated to, unless the instruments specify otherwise [rad]
+SURFACE_BIAS = (
+    0.1 * DEGREE
+)  # what a pick-up is rigged and calibrated to, unless the instruments specify otherwise [rad]
 SURFACE_SCALE = 0.01
 
 
@@ -66,7 +88,11 @@ def _pair(units: str) -> Any:
             raise ValueError("sigma must not be negative")
         return mean, sigma
 
-    return Annotated[tuple[float, float], BeforeValidator(convert), WithJsonSchema(fixed_array([quantity_schema(units)] * 2))]
+    return Annotated[
+        tuple[float, float],
+        BeforeValidator(convert),
+        WithJsonSchema(fixed_array([quantity_schema(units)] * 2)),
+    ]
 
 
 def _per_channel(table: Any) -> dict[str, float]:
@@ -108,25 +134,45 @@ class Instrument(Strict):
         description="One sigma of white noise per sample as recorded, by channel; a channel with it is used as a measurement.",
     )
     bias_sigma: _Channels = Field(
-        default_factory=dict, examples=[{"q": "0.03 deg/s", "az_imu": 0.06}], description="One sigma of the constant error, by channel."
+        default_factory=dict,
+        examples=[{"q": "0.03 deg/s", "az_imu": 0.06}],
+        description="One sigma of the constant error, by channel.",
     )
     scale_sigma: dict[str, Annotated[float, Field(gt=0.0)]] = Field(
-        default_factory=dict, examples=[{"az_imu": 0.002}], description="One sigma of the scale error, by channel; none without it."
+        default_factory=dict,
+        examples=[{"az_imu": 0.002}],
+        description="One sigma of the scale error, by channel; none without it.",
     )
     factor: dict[str, _Number] = Field(
         default_factory=dict,
         examples=[{"alpha_vane": [1.08, 0.04]}],
         description="[mean, sigma] of a factor: upwash of vanes, scale of an airspeed; by channel.",
     )
-    lag: _Time | None = Field(default=None, examples=[[0.05, 0.02]], description="[mean, sigma] of the first-order time constant.")
+    lag: _Time | None = Field(
+        default=None,
+        examples=[[0.05, 0.02]],
+        description="[mean, sigma] of the first-order time constant.",
+    )
     delay: _Time | None = Field(
-        default=None, examples=[["100 ms", "50 ms"]], description="[mean, sigma] of the latency of the whole instrument."
+        default=None,
+        examples=[["100 ms", "50 ms"]],
+        description="[mean, sigma] of the latency of the whole instrument.",
     )
     static_error: _Number | None = Field(
-        default=None, examples=[[0.0, 0.02]], description="[mean, sigma] of the static-pressure error over impact pressure."
+        default=None,
+        examples=[[0.0, 0.02]],
+        description="[mean, sigma] of the static-pressure error over impact pressure.",
     )
-    minimum_speed: si("m s-1") = Field(default=0.0, examples=["50 kt"], description="Airspeed below which the readings mean nothing.")  # type: ignore[valid-type]
-    maximum: si("m") | None = Field(default=None, examples=["2500 ft"], description="Height above which a radio altimeter shows nothing.")  # type: ignore[valid-type]
+    minimum_speed: si("m s-1") = Field(  # type: ignore[valid-type]
+        default=0.0,
+        examples=["50 kt"],
+        description="Airspeed below which the readings mean nothing.",
+    )
+    maximum: si("m") | None = Field(  # type: ignore[valid-type]
+        default=None,
+        examples=["2500 ft"],
+        description="Height above which a radio altimeter shows nothing.",
+    )
     earth_rate: bool = Field(
         default=False,
         examples=[True],
@@ -138,7 +184,9 @@ class Instrument(Strict):
     def _scaled_only(cls, scale_sigma: dict[str, float]) -> dict[str, float]:
         wrong = sorted(set(scale_sigma) - {*IMU, *SURFACES, *COCKPIT})
         if wrong:
-            raise ValueError(f"scale errors are known for {', '.join((*IMU, *SURFACES, *COCKPIT))} only, not for {', '.join(wrong)}")
+            raise ValueError(
+                f"scale errors are known for {', '.join((*IMU, *SURFACES, *COCKPIT))} only, not for {', '.join(wrong)}"
+            )
         return scale_sigma
 
     @field_validator("factor")
@@ -147,7 +195,9 @@ class Instrument(Strict):
         wrong = sorted(set(factor) - {*VANES, *SPEEDS})
         if wrong:
             hint = "; give q_c a static_error" if "q_c" in wrong else ""
-            raise ValueError(f"factors are estimated for {', '.join((*VANES, *SPEEDS))} only, not for {', '.join(wrong)}{hint}")
+            raise ValueError(
+                f"factors are estimated for {', '.join((*VANES, *SPEEDS))} only, not for {', '.join(wrong)}{hint}"
+            )
         return factor
 
 
@@ -161,7 +211,9 @@ class Instruments(Strict):
         return next((name for name, item in self.table.items() if channel in item.noise), None)
 
     def of(self, channel: str) -> Instrument:
-        """Return the specification behind `channel`; an empty one when no instrument gives its noise."""
+        """Return the specification behind `channel`; an empty one when no instrument gives its
+        noise.
+        """
         name = self.name_of(channel)
         return self.table[name] if name else Instrument()
 
@@ -174,8 +226,11 @@ class Instruments(Strict):
         return f"delay.{self.name_of(channel)}" if self.of(channel).delay else ""
 
 
-def surface_errors(content: Mapping[str, Any], what: str = "instruments") -> dict[str, tuple[float, float]]:
-    """Return standard errors of bias [rad] and scale of the surface pick-ups, those of an aircraft file or the defaults.
+def surface_errors(
+    content: Mapping[str, Any], what: str = "instruments"
+) -> dict[str, tuple[float, float]]:
+    """Return standard errors of bias [rad] and scale of the surface pick-ups, those of an aircraft
+    file or the defaults.
 
     Raises
     ------
@@ -185,13 +240,24 @@ def surface_errors(content: Mapping[str, Any], what: str = "instruments") -> dic
     tables = validate(Instruments, {"table": _tables(content)}, what).table.values()
     found = {}
     for name in SURFACES:
-        bias = next((item.bias_sigma[name] for item in tables if name in item.bias_sigma), SURFACE_BIAS)
-        found[name] = bias, next((item.scale_sigma[name] for item in tables if name in item.scale_sigma), SURFACE_SCALE)
+        bias = next(
+            (item.bias_sigma[name] for item in tables if name in item.bias_sigma), SURFACE_BIAS
+        )
+        found[name] = (
+            bias,
+            next(
+                (item.scale_sigma[name] for item in tables if name in item.scale_sigma),
+                SURFACE_SCALE,
+            ),
+        )
     return found
 
 
-def pick_up_errors(content: Mapping[str, Any], what: str = "instruments") -> dict[str, tuple[float, float]]:
-    """Return standard errors of bias and scale of surfaces, cockpit controls, forces and tab, for `identify_control_loading`.
+def pick_up_errors(
+    content: Mapping[str, Any], what: str = "instruments"
+) -> dict[str, tuple[float, float]]:
+    """Return standard errors of bias and scale of surfaces, cockpit controls, forces and tab, for
+    `identify_control_loading`.
 
     Parameters
     ----------
@@ -201,7 +267,8 @@ def pick_up_errors(content: Mapping[str, Any], what: str = "instruments") -> dic
     Returns
     -------
     dict of str to (float, float)
-        Surfaces that no instrument names have the defaults of `surface_errors`; the cockpit has what is given. [unit of the channel, 1]
+        Surfaces that no instrument names have the defaults of `surface_errors`; the cockpit has
+        what is given. [unit of the channel, 1]
 
     Raises
     ------
@@ -219,13 +286,15 @@ def pick_up_errors(content: Mapping[str, Any], what: str = "instruments") -> dic
 
 
 def instruments_of(aircraft: Any, facts: Mapping[Any, Any]) -> Instruments:
-    """Return the specification for a record: the tables of the aircraft file, and over them those of its name map.
+    """Return the specification for a record: the tables of the aircraft file, and over them those
+    of its name map.
 
     Parameters
     ----------
     aircraft : Aircraft
     facts : mapping
-        Attributes of the record; ``instruments`` holds the tables of the name map (JSON).  A table replaces the one of that name.
+        Attributes of the record; ``instruments`` holds the tables of the name map (JSON).  A table
+        replaces the one of that name.
 
     Raises
     ------
@@ -233,16 +302,26 @@ def instruments_of(aircraft: Any, facts: Mapping[Any, Any]) -> Instruments:
         As `instruments`.
     """
     stated = stated_in(facts)
-    return instruments({**aircraft.instruments, **stated}, f"instruments of {aircraft.name}{' and the name map' if stated else ''}")
+    return instruments(
+        {**aircraft.instruments, **stated},
+        f"instruments of {aircraft.name}{' and the name map' if stated else ''}",
+    )
 
 
 def stated_in(facts: Mapping[Any, Any]) -> dict[str, Any]:
     """Return the tables of instruments that the name map of a record states; empty for none."""
-    return json_content(facts.get("instruments", "{}"), str(facts.get("source_file", "the record")), "a table of instruments")
+    return json_content(
+        facts.get("instruments", "{}"),
+        str(facts.get("source_file", "the record")),
+        "a table of instruments",
+    )
 
 
 def _tables(content: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: item if isinstance(item, dict) else item.model_dump() for name, item in content.items()}
+    return {
+        name: item if isinstance(item, dict) else item.model_dump()
+        for name, item in content.items()
+    }
 
 
 def instruments(content: Mapping[str, Any], what: str = "instruments") -> Instruments:
@@ -256,24 +335,38 @@ def instruments(content: Mapping[str, Any], what: str = "instruments") -> Instru
     Raises
     ------
     SchemaError
-        With all problems; an inertial unit (noise of p q r ax_imu ay_imu az_imu and its position) must be there.
+        With all problems; an inertial unit (noise of p q r ax_imu ay_imu az_imu and its position)
+        must be there.
     """
     found = validate(Instruments, {"table": _tables(content)}, what)
-    problems = [f"no instrument gives the noise of {name}; the reconstruction integrates it" for name in IMU if not found.name_of(name)]
+    problems = [
+        f"no instrument gives the noise of {name}; the reconstruction integrates it"
+        for name in IMU
+        if not found.name_of(name)
+    ]
     for name in IMU:
         if found.name_of(name) and name not in found.of(name).bias_sigma:
             problems.append(f"{found.name_of(name)}: missing bias_sigma of {name}")
     used = (*IMU, *MEASURED, *SURFACES, *COCKPIT)
     for name, item in found.table.items():
         problems += [
-            f"{name}: noise of {key}, which nothing uses; used are {', '.join(used)}; delete it" for key in item.noise if key not in used
+            f"{name}: noise of {key}, which nothing uses; used are {', '.join(used)}; delete it"
+            for key in item.noise
+            if key not in used
         ]
         if item.position is None and {"ax_imu", *VANES, "h_radio"} & set(item.noise):
-            problems.append(f"{name}: missing position (m, body axes, from the moment reference point)")
+            problems.append(
+                f"{name}: missing position (m, body axes, from the moment reference point)"
+            )
         alone = sorted(item.factor.keys() - item.noise.keys())
-        problems += [f"{name}: factor of {key} without its noise; give noise = {{ {key} = ... }} in the same table" for key in alone]
+        problems += [
+            f"{name}: factor of {key} without its noise; give noise = {{ {key} = ... }} in the same table"
+            for key in alone
+        ]
         if item.earth_rate and not {"p", "q", "r"} <= set(item.noise):
-            problems.append(f"{name}: earth_rate belongs to the instrument that gives the noise of p, q and r; move it there")
+            problems.append(
+                f"{name}: earth_rate belongs to the instrument that gives the noise of p, q and r; move it there"
+            )
     if problems:
         raise SchemaError(what, problems)
     return found

@@ -8,7 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
-from flightmech.air import GAMMA, R_AIR, atmosphere, impact_pressure, impact_pressure_at, mach_number
+from flightmech.air import (
+    GAMMA,
+    R_AIR,
+    atmosphere,
+    impact_pressure,
+    impact_pressure_at,
+    mach_number,
+)
 from flightmech.errors import OutOfRange, SchemaError
 from flightmech.names import attrs
 from flighttest.records.sensors.instruments import IMU, MEASURED, SPEEDS, Instruments
@@ -31,7 +38,8 @@ def pressure(h_baro) -> np.ndarray:
 
 
 def derived(leaves: dict[str, xr.Dataset]) -> dict[str, xr.Dataset]:
-    """Return the leaves that gain static or impact pressure computed back from what the air-data computer shows.
+    """Return the leaves that gain static or impact pressure computed back from what the air-data
+    computer shows.
 
     Parameters
     ----------
@@ -41,8 +49,8 @@ def derived(leaves: dict[str, xr.Dataset]) -> dict[str, xr.Dataset]:
     Returns
     -------
     dict of Dataset
-        The changed leaves: ``p_static`` from ``h_baro``; ``q_c`` from ``mach``, from ``V`` with ``temperature``, or from
-        ``V_cas``, whichever stands in the same leaf first.
+        The changed leaves: ``p_static`` from ``h_baro``; ``q_c`` from ``mach``, from ``V`` with
+        ``temperature``, or from ``V_cas``, whichever stands in the same leaf first.
     """
     changed = {}
     recorded = {str(name) for data in leaves.values() for name in data.data_vars}
@@ -61,7 +69,10 @@ def _impact(data: xr.Dataset) -> np.ndarray | None:
     if "p_static" in data and "mach" in data:
         return impact_pressure(data["mach"].values, data["p_static"].values)
     if {"p_static", "V", "temperature"} <= set(data.data_vars):
-        return impact_pressure(data["V"].values / np.sqrt(GAMMA * R_AIR * data["temperature"].values), data["p_static"].values)
+        return impact_pressure(
+            data["V"].values / np.sqrt(GAMMA * R_AIR * data["temperature"].values),
+            data["p_static"].values,
+        )
     if "V_cas" in data:
         return impact_pressure_at(data["V_cas"].values)
     return None
@@ -77,7 +88,9 @@ class Channels:
         leaves.update(derived(leaves))
         self.windows = windows
         self.title = str(record.attrs.get("title", "flight record"))
-        self.leaf: dict[str, str] = {str(n): leaf for leaf, data in leaves.items() for n in data.data_vars}
+        self.leaf: dict[str, str] = {
+            str(n): leaf for leaf, data in leaves.items() for n in data.data_vars
+        }
         self.leaves = leaves
         self._spikes: dict[str, np.ndarray] = {}
         self._clean: dict[str, tuple[np.ndarray, np.ndarray]] = {}
@@ -86,7 +99,8 @@ class Channels:
         return name in self.leaf
 
     def get(self, name: str) -> tuple[np.ndarray, np.ndarray]:
-        """Return clock and values of a channel; heading unwrapped, readings that are spikes replaced by the line over them.
+        """Return clock and values of a channel; heading unwrapped, readings that are spikes
+        replaced by the line over them.
 
         The arrays are kept for the next call: they are not to be written to.
         """
@@ -100,12 +114,16 @@ class Channels:
         x, clock = data[name].values.astype(float), data["time"].values
         x = np.unwrap(x) if name == "psi" else x
         wild = self.spikes(name)
-        return clock, x if name in IMU or not wild.any() else np.interp(clock, clock[~wild], x[~wild])
+        return clock, x if name in IMU or not wild.any() else np.interp(
+            clock, clock[~wild], x[~wild]
+        )
 
     def spikes(self, name: str) -> np.ndarray:
         """Return which samples of a channel are spikes."""
         if name not in self._spikes:
-            self._spikes[name] = spiked(self.leaves[self.leaf[name]][name].values.astype(float), name)
+            self._spikes[name] = spiked(
+                self.leaves[self.leaf[name]][name].values.astype(float), name
+            )
         return self._spikes[name]
 
     def spikes_in_words(self) -> list[str]:
@@ -113,10 +131,18 @@ class Channels:
         words = []
         for name in (name for name in (*IMU, *MEASURED) if name in self.recorded):
             clock = self.leaves[self.leaf[name]]["time"].values
-            near = self.spikes(name) & np.any([(clock >= a) & (clock <= b) for a, b in self.windows], axis=0)
+            near = self.spikes(name) & np.any(
+                [(clock >= a) & (clock <= b) for a, b in self.windows], axis=0
+            )
             if near.any():
-                remedy = "the path goes through them; choose windows without them" if name in IMU else "left out"
-                words.append(f"{name}: {near.sum()} samples are spikes, first at {clock[near][0]:g} s; {remedy}")
+                remedy = (
+                    "the path goes through them; choose windows without them"
+                    if name in IMU
+                    else "left out"
+                )
+                words.append(
+                    f"{name}: {near.sum()} samples are spikes, first at {clock[near][0]:g} s; {remedy}"
+                )
         return words
 
     def rate(self, name: str) -> float:
@@ -137,19 +163,34 @@ class Channels:
         return list(groups.values())
 
 
-def _with_temperature(leaves: dict[str, xr.Dataset], temperature: float | None) -> dict[str, xr.Dataset]:
-    """Return the leaf of the airspeed with the constant outside temperature that the record states, where no channel shows one."""
+def _with_temperature(
+    leaves: dict[str, xr.Dataset], temperature: float | None
+) -> dict[str, xr.Dataset]:
+    """Return the leaf of the airspeed with the constant outside temperature that the record states,
+    where no channel shows one.
+    """
     if temperature is None or any("temperature" in data for data in leaves.values()):
         return {}
-    leaf = next((leaf for name in ("q_c", *SPEEDS) for leaf, data in leaves.items() if name in data), None)
+    leaf = next(
+        (leaf for name in ("q_c", *SPEEDS) for leaf, data in leaves.items() if name in data), None
+    )
     if leaf is None:
         return {}
     data = leaves[leaf]
-    return {leaf: data.assign(temperature=("time", np.full(data.sizes["time"], float(temperature)), attrs("temperature")))}
+    return {
+        leaf: data.assign(
+            temperature=(
+                "time",
+                np.full(data.sizes["time"], float(temperature)),
+                attrs("temperature"),
+            )
+        )
+    }
 
 
 def airspeed_channel(channels: Channels, specification: Instruments) -> str:
-    """Return the channel that shows the airspeed: impact pressure when recorded, else V, V_cas or mach with noise of its own.
+    """Return the channel that shows the airspeed: impact pressure when recorded, else V, V_cas or
+    mach with noise of its own.
 
     Raises
     ------
@@ -162,12 +203,16 @@ def airspeed_channel(channels: Channels, specification: Instruments) -> str:
     if len(shown) > 1:
         raise SchemaError(
             "instruments",
-            [f"noise of {' and '.join(shown)}: one pitot tube shows all of them, one at most can be a reading; keep the noise of one"],
+            [
+                f"noise of {' and '.join(shown)}: one pitot tube shows all of them, one at most can be a reading; keep the noise of one"
+            ],
         )
     return shown[0] if shown else "q_c"
 
 
-def windows_of(record: xr.DataTree, windows: Sequence[tuple[float, float]] | None) -> list[tuple[float, float]]:
+def windows_of(
+    record: xr.DataTree, windows: Sequence[tuple[float, float]] | None
+) -> list[tuple[float, float]]:
     """Return the windows in order, by default the whole span of the inertial unit.
 
     Raises
@@ -177,18 +222,34 @@ def windows_of(record: xr.DataTree, windows: Sequence[tuple[float, float]] | Non
     SchemaError
         Channels of the inertial unit are missing.
     """
-    missing = [name for name in (*IMU, "phi", "theta") if not any(name in node.data_vars for node in record.children.values())]
+    missing = [
+        name
+        for name in (*IMU, "phi", "theta")
+        if not any(name in node.data_vars for node in record.children.values())
+    ]
     if missing:
         raise SchemaError(
-            "flight record", [f"no channel {name}; the reconstruction needs it, name its column in the name map" for name in missing]
+            "flight record",
+            [
+                f"no channel {name}; the reconstruction needs it, name its column in the name map"
+                for name in missing
+            ],
         )
-    clock = next(node.to_dataset()["time"].values for node in record.children.values() if "p" in node.data_vars)
+    clock = next(
+        node.to_dataset()["time"].values
+        for node in record.children.values()
+        if "p" in node.data_vars
+    )
     first, last = float(clock[0]), float(clock[-1])
-    chosen = sorted((float(a), float(b)) for a, b in windows) if windows is not None else [(first, last)]
+    chosen = (
+        sorted((float(a), float(b)) for a, b in windows) if windows is not None else [(first, last)]
+    )
     end = -np.inf
     for a, b in chosen:
         if a < first - 1e-9 or b > last + 1e-9 or not b > a:
-            raise OutOfRange(f"window {a:g} ... {b:g} s; the record holds {first:g} ... {last:g} s; choose a window inside it")
+            raise OutOfRange(
+                f"window {a:g} ... {b:g} s; the record holds {first:g} ... {last:g} s; choose a window inside it"
+            )
         if a <= end:
             raise OutOfRange(f"windows overlap at {a:g} s; join them")
         end = b
@@ -197,7 +258,8 @@ def windows_of(record: xr.DataTree, windows: Sequence[tuple[float, float]] | Non
 
 @dataclass(frozen=True)
 class AirData:
-    """Air data as recorded: clock, smoothed temperature, rough true airspeed; `delay` is the expected latency.
+    """Air data as recorded: clock, smoothed temperature, rough true airspeed; `delay` is the
+    expected latency.
 
     `channel` shows the airspeed, see `airspeed_channel`.
     """
@@ -225,7 +287,8 @@ class AirData:
 def air_readings(channels: Channels, specification: Instruments) -> AirData:
     """Return the air data of a record.
 
-    Without static pressure that of the standard atmosphere at ``h_gps`` is taken, for first values only.
+    Without static pressure that of the standard atmosphere at ``h_gps`` is taken, for first values
+    only.
 
     Raises
     ------
@@ -236,7 +299,10 @@ def air_readings(channels: Channels, specification: Instruments) -> AirData:
     demand_air_data(channels, name)
     clock, shown = channels.get(name)
     T = np.interp(clock, *channels.get("temperature"))
-    p = np.interp(clock, *(channels.get("p_static") if "p_static" in channels else _standard_pressure(channels)))
+    p = np.interp(
+        clock,
+        *(channels.get("p_static") if "p_static" in channels else _standard_pressure(channels)),
+    )
     rate = channels.rate(name)
     if rate > 2.5 and len(clock) > 30:
         T, shown = lowpass(T, rate, 0.5), lowpass(shown, rate, 1.0)
@@ -256,14 +322,20 @@ def demand_air_data(channels: Channels, name: str) -> None:
     problems = []
     if name not in channels:
         shown = [speed for speed in SPEEDS if speed in channels]
-        found = f"{', '.join(shown)} recorded, but no instrument gives its noise" if shown else "no airspeed recorded"
+        found = (
+            f"{', '.join(shown)} recorded, but no instrument gives its noise"
+            if shown
+            else "no airspeed recorded"
+        )
         problems.append(
             f"no channel q_c: {found}; record q_c, or h_baro with mach, V or V_cas, or give an instrument the noise of V, V_cas or mach"
         )
     if "p_static" not in channels and "h_gps" not in channels:
         problems.append("no channel p_static; give p_static, h_baro or h_gps")
     if "temperature" not in channels:
-        problems.append('no channel temperature; record it, or state a constant one: [record] temperature = "12 degC" in the name map')
+        problems.append(
+            'no channel temperature; record it, or state a constant one: [record] temperature = "12 degC" in the name map'
+        )
     if problems:
         raise SchemaError("flight record", problems)
 

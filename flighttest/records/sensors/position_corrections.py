@@ -1,8 +1,10 @@
-"""Corrections of position, upwash and static pressure: from what a sensor shows to what is true at the centre of gravity.
+"""Corrections of position, upwash and static pressure: from what a sensor shows to what is true at
+the centre of gravity.
 
-All positions `arm` are from the c.g. to the sensor in body axes; with `position` and c.g. given from the moment
-reference point, arm = position - c.g.  In the reconstruction the vane corrections are part of the output equations, so
-that a reading is corrected once and with the reconstructed rates.
+All positions `arm` are from the c.g. to the sensor in body axes; with `position` and c.g. given
+from the moment reference point, arm = position - c.g.  In the reconstruction the vane corrections
+are part of the output equations, so that a reading is corrected once and with the reconstructed
+rates.
 """
 
 from __future__ import annotations
@@ -36,7 +38,9 @@ def force_at_cg(force, omega, omega_dot, arm) -> np.ndarray:
     array([ 0. ,  0. , -8.8])
     """
     omega = np.asarray(omega, float)
-    return np.asarray(force, float) - np.cross(omega_dot, arm) - np.cross(omega, np.cross(omega, arm))
+    return (
+        np.asarray(force, float) - np.cross(omega_dot, arm) - np.cross(omega, np.cross(omega, arm))
+    )
 
 
 def velocity_at(velocity, omega, arm) -> np.ndarray:
@@ -66,14 +70,16 @@ def vane_angles(velocity, omega, arm) -> tuple[np.ndarray, np.ndarray]:
     Returns
     -------
     alpha, flank : array (time,)
-        tan(flank) = tan(beta)/cos(alpha): a vane that turns in the x-y plane does not show beta. [rad]
+        tan(flank) = tan(beta)/cos(alpha): a vane that turns in the x-y plane does not show beta.
+        [rad]
     """
     u, v, w = velocity_at(velocity, omega, arm).T
     return np.arctan2(w, u), np.arctan2(v, u)
 
 
 def vane_at_cg(alpha_vane, flank, V, omega, arm) -> tuple[np.ndarray, np.ndarray]:
-    """Return alpha and the flank angle at the c.g. from vane angles free of factor, offset and lag, for small angles.
+    """Return alpha and the flank angle at the c.g. from vane angles free of factor, offset and lag,
+    for small angles.
 
     Parameters
     ----------
@@ -89,7 +95,8 @@ def vane_at_cg(alpha_vane, flank, V, omega, arm) -> tuple[np.ndarray, np.ndarray
     Returns
     -------
     alpha, flank : array (time,)
-        Error of second order in the angles and in omega arm/V; the reconstruction uses the exact output instead. [rad]
+        Error of second order in the angles and in omega arm/V; the reconstruction uses the exact
+        output instead. [rad]
     """
     p, q, r = np.asarray(omega, float).T
     x, y, z = np.moveaxis(np.asarray(arm, float), -1, 0)
@@ -97,7 +104,8 @@ def vane_at_cg(alpha_vane, flank, V, omega, arm) -> tuple[np.ndarray, np.ndarray
 
 
 def vane_true(alpha_vane, factor: float = 1.0, offset: float = 0.0) -> np.ndarray:
-    """Return the angle of the flow at a vane without upwash and offset; the vane shows factor times the angle plus the offset. [rad]
+    """Return the angle of the flow at a vane without upwash and offset; the vane shows factor times
+    the angle plus the offset. [rad]
 
     Examples
     --------
@@ -139,7 +147,8 @@ def incidence_at_cg(alpha_vane, flank, V, omega, arm) -> tuple[np.ndarray, np.nd
 
 
 def true_pressures(p_static, q_c, static_error: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return static and impact pressure free of an error of the static port; the total pressure is taken as exact.
+    """Return static and impact pressure free of an error of the static port; the total pressure is
+    taken as exact.
 
     Parameters
     ----------

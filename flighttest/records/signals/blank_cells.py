@@ -1,7 +1,8 @@
-"""Channels that are slower than the rows of their table: blanks between samples are no missing samples.
+"""Channels that are slower than the rows of their table: blanks between samples are no missing
+samples.
 
-A recorder that writes channels of several clocks into one table leaves the cells of a slower one blank between its samples, in a regular
-pattern.  Blanks without a pattern are dropouts.
+A recorder that writes channels of several clocks into one table leaves the cells of a slower one
+blank between its samples, in a regular pattern.  Blanks without a pattern are dropouts.
 """
 
 from __future__ import annotations
@@ -20,7 +21,9 @@ _BLANKS = 10  # of a channel that lacks every fifth row or fewer
 _ALIKE = 0.9  # share of samples that channels of one clock have in common
 
 
-def clocks_of_rows(time: np.ndarray, columns: Mapping[str, np.ndarray]) -> list[tuple[np.ndarray | None, list[str]]]:
+def clocks_of_rows(
+    time: np.ndarray, columns: Mapping[str, np.ndarray]
+) -> list[tuple[np.ndarray | None, list[str]]]:
     """Return the channels of a table by the clock that their blanks show.
 
     Parameters
@@ -33,14 +36,19 @@ def clocks_of_rows(time: np.ndarray, columns: Mapping[str, np.ndarray]) -> list[
     Returns
     -------
     list of (rows, names)
-        Channels of one clock, in the order of their first one: the rows that have a sample of one of them, None for all rows.
+        Channels of one clock, in the order of their first one: the rows that have a sample of one
+        of them, None for all rows.
     """
     groups: list[tuple[np.ndarray | None, list[str]]] = []
     filled = {name: ~np.isnan(values) for name, values in columns.items()}
-    slower = {name: rows for name, rows in filled.items() if not rows.all() and is_slower(time, rows)}
+    slower = {
+        name: rows for name, rows in filled.items() if not rows.all() and is_slower(time, rows)
+    }
     for name, own in filled.items():
         rows = slower.get(name)
-        if rows is None and own.any():  # a slower channel with dropouts has samples in rows of its clock only
+        if (
+            rows is None and own.any()
+        ):  # a slower channel with dropouts has samples in rows of its clock only
             rows = next((others for others in slower.values() if not (own & ~others).any()), None)
         home = next((i for i, (others, _) in enumerate(groups) if _alike(rows, others)), None)
         if home is None:
@@ -53,7 +61,8 @@ def clocks_of_rows(time: np.ndarray, columns: Mapping[str, np.ndarray]) -> list[
 
 
 def is_slower(time: np.ndarray, filled: np.ndarray) -> bool:
-    """Return whether the samples of a channel form a clock of their own: even steps, with most blanks between neighbouring samples.
+    """Return whether the samples of a channel form a clock of their own: even steps, with most
+    blanks between neighbouring samples.
 
     Parameters
     ----------
@@ -68,7 +77,9 @@ def is_slower(time: np.ndarray, filled: np.ndarray) -> bool:
         return False
     step, rows = np.diff(time[at]), np.diff(at)
     usual = float(np.median(step))
-    even = np.abs(step - usual) <= _EVEN * usual if len(step) >= _MANY else np.zeros(len(step), bool)
+    even = (
+        np.abs(step - usual) <= _EVEN * usual if len(step) >= _MANY else np.zeros(len(step), bool)
+    )
     # a sample stands in the nearest row, so that steps are of two neighbouring numbers of rows
     low, high = _usual_rows(rows)
     even |= (rows >= low) & (rows <= high)

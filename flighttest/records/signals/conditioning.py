@@ -1,8 +1,8 @@
 """Resampling, zero-phase filtering and cutting of flight records.
 
-Controls move in near-rectangular steps and are interpolated by monotone cubics (no overshoot), all other channels by
-cubic splines.  A channel that is faster than the target grid is low-passed first, both ways, so that nothing is
-delayed and nothing folds down.
+Controls move in near-rectangular steps and are interpolated by monotone cubics (no overshoot), all
+other channels by cubic splines.  A channel that is faster than the target grid is low-passed first,
+both ways, so that nothing is delayed and nothing folds down.
 """
 
 from __future__ import annotations
@@ -23,19 +23,35 @@ if TYPE_CHECKING:
 SLOW = ("mass", "x_cg_b", "y_cg_b", "z_cg_b", "x_cg", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
 GAP = 3.0  # a step of the clock longer than so many median steps is a gap
 _SWITCHES = ("wow_", "gear", "speedbrake", "brake")
-_CONTROLS = ("delta_", "throttle", "pla", "gear", "speedbrake", "brake", "column", "wheel", "pedal", "F_", "wow_")
+_CONTROLS = (
+    "delta_",
+    "throttle",
+    "pla",
+    "gear",
+    "speedbrake",
+    "brake",
+    "column",
+    "wheel",
+    "pedal",
+    "F_",
+    "wow_",
+)
 
 
 def is_control(name: str) -> bool:
-    """Return whether a channel is moved by a hand or a switch: surfaces, levers, devices, pilot forces."""
+    """Return whether a channel is moved by a hand or a switch: surfaces, levers, devices, pilot
+    forces.
+    """
     return name.rpartition(".")[2].startswith(_CONTROLS)
 
 
-SMOOTHING = 6.0  # Hz; two to three times the fastest mode of a small aeroplane: take 2 to 3 Hz for a light jet
+# Hz; two to three times the fastest mode of a small aeroplane: take 2 to 3 Hz for a light jet
+SMOOTHING = 6.0
 
 
 def lowpass(x, rate: float, cutoff: float = SMOOTHING) -> np.ndarray:
-    """Return `x` low-passed without phase: Butterworth of order 4, forward and backward, -3 dB at `cutoff`.
+    """Return `x` low-passed without phase: Butterworth of order 4, forward and backward, -3 dB at
+    `cutoff`.
 
     Parameters
     ----------
@@ -64,7 +80,9 @@ def lowpass(x, rate: float, cutoff: float = SMOOTHING) -> np.ndarray:
 
     design = cutoff / (math.sqrt(2.0) - 1.0) ** 0.125
     if not 0.0 < design < 0.5 * rate:
-        raise OutOfRange(f"cut-off {cutoff:g} Hz at {rate:g} samples per second; it must lie between 0 and {0.5 * rate * 0.895:g} Hz")
+        raise OutOfRange(
+            f"cut-off {cutoff:g} Hz at {rate:g} samples per second; it must lie between 0 and {0.5 * rate * 0.895:g} Hz"
+        )
     x = np.asarray(x, float)
     slowest = 1.0 / (2.0 * math.pi * design * math.sin(math.pi / 8.0))
     pad = math.ceil(rate * max(0.5 / cutoff, 3.0 * slowest))
@@ -108,13 +126,18 @@ def resample(time, x, grid, name: str) -> np.ndarray:
     grid = np.clip(grid, time[0], time[-1])
     if len(time) < 4:
         return np.interp(grid, time, x)
-    if len(time) == len(grid) and np.abs(time - grid).max() <= SAME_CLOCK * (time[-1] - time[0]) / len(time) and np.isfinite(x).all():
+    if (
+        len(time) == len(grid)
+        and np.abs(time - grid).max() <= SAME_CLOCK * (time[-1] - time[0]) / len(time)
+        and np.isfinite(x).all()
+    ):
         return x.copy()
     return (PchipInterpolator if is_control(name) else CubicSpline)(time, x)(grid)
 
 
 def to_grid(time, x, grid, name: str) -> np.ndarray:
-    """Return a channel on a uniform grid, low-passed below 0.4 of the grid's rate first when the channel is faster.
+    """Return a channel on a uniform grid, low-passed below 0.4 of the grid's rate first when the
+    channel is faster.
 
     Parameters as in `resample`; `grid` is uniform and has two points or more.
     """
@@ -136,9 +159,11 @@ def smooth(maneuver: xr.Dataset, cutoff: float = SMOOTHING, controls: bool = Fal
     maneuver : Dataset (time,)
         As `cut` returns it, on a uniform clock; scalars and switches stay as they are.
     cutoff : float
-        Frequency where the amplitude is 0.71; two to three times the fastest mode of the aeroplane. [Hz]
+        Frequency where the amplitude is 0.71; two to three times the fastest mode of the aeroplane.
+        [Hz]
     controls : bool
-        Send surfaces and levers through the same filter.  Needed for a regression when they move faster than `cutoff`.
+        Send surfaces and levers through the same filter.  Needed for a regression when they move
+        faster than `cutoff`.
 
     Returns
     -------
@@ -154,22 +179,28 @@ def smooth(maneuver: xr.Dataset, cutoff: float = SMOOTHING, controls: bool = Fal
     ----------
     .. [DataAcquisition] Design, manufacturing, and testing of a data acquisition system for fixed-wing UAS, section IV.C.
     """
-    rate = (maneuver.sizes["time"] - 1) / float(maneuver["time"].values[-1] - maneuver["time"].values[0])
+    rate = (maneuver.sizes["time"] - 1) / float(
+        maneuver["time"].values[-1] - maneuver["time"].values[0]
+    )
     found = maneuver.copy()
     for name in map(str, maneuver.data_vars):
-        moved = maneuver[name].dims == ("time",) and not name.rpartition(".")[2].startswith(_SWITCHES)
+        moved = maneuver[name].dims == ("time",) and not name.rpartition(".")[2].startswith(
+            _SWITCHES
+        )
         if moved and (controls or not is_control(name)):
             found[name] = "time", lowpass(maneuver[name].values, rate, cutoff), maneuver[name].attrs
     return found.assign_attrs(smoothed=cutoff)
 
 
 def remove_delay(time, x, delay: float, name: str) -> np.ndarray:
-    """Return a channel with a known latency removed: its value at t is what was recorded at t + delay.
+    """Return a channel with a known latency removed: its value at t is what was recorded at t +
+    delay.
 
     Parameters
     ----------
     time, x : array (time,)
-        Samples, at rising times; NaN stays NaN, as does what would come from between a sample and a NaN. [s], [any]
+        Samples, at rising times; NaN stays NaN, as does what would come from between a sample and a
+        NaN. [s], [any]
     delay : float
         Latency of the channel, see `time_delay`; the last `delay` seconds hold the last sample. [s]
     name : str
@@ -204,21 +235,28 @@ def cut(record: xr.DataTree, start: float, stop: float, rate: float = 50.0) -> x
     Returns
     -------
     Dataset (time,)
-        All channels; slow quantities (mass, c.g., inertia) as scalars, the mean over the window.  Heading is unwrapped.  Attribute
-        ``recorded_rate`` [Hz] of a channel states how often it was recorded.
-        Attributes ``record``, ``start``, ``stop``, ``rate``, and ``latitude`` and ``runway_elevation`` where the record has them.
+        All channels; slow quantities (mass, c.g., inertia) as scalars, the mean over the window.
+        Heading is unwrapped.  Attribute ``recorded_rate`` [Hz] of a channel states how often it was
+        recorded. Attributes ``record``, ``start``, ``stop``, ``rate``, and ``latitude`` and
+        ``runway_elevation`` where the record has them.
 
     Raises
     ------
     OutOfRange
-        The window is not inside every leaf, or a leaf has a gap in it; the message states what is there.
+        The window is not inside every leaf, or a leaf has a gap in it; the message states what is
+        there.
     SchemaError
         NaN samples inside the window: every channel with its first time.
     """
     if not rate > 0.0 or not stop - start >= 1.0 / rate:
-        raise OutOfRange(f"window {start:g} ... {stop:g} s at {rate:g} Hz; stop must lie at least one sample after start")
+        raise OutOfRange(
+            f"window {start:g} ... {stop:g} s at {rate:g} Hz; stop must lie at least one sample after start"
+        )
     grid = start + np.arange(math.floor((stop - start) * rate + 1e-6) + 1) / rate
-    pieces = {leaf: _inside(leaf, node.to_dataset(), start, stop) for leaf, node in record.children.items()}
+    pieces = {
+        leaf: _inside(leaf, node.to_dataset(), start, stop)
+        for leaf, node in record.children.items()
+    }
     demand_numbers(pieces, f"{record.attrs.get('title', 'record')}, {start:g} ... {stop:g} s")
     import xarray as xr
 
@@ -228,17 +266,37 @@ def cut(record: xr.DataTree, start: float, stop: float, rate: float = 50.0) -> x
         recorded = float(piece.attrs["rate"])
         for name in map(str, piece.data_vars):
             x = np.unwrap(piece[name].values) if name == "psi" else piece[name].values
-            about = {key: value for key, value in piece[name].attrs.items() if key in ("units", "sign", "long_name", "calibration")}
+            about = {
+                key: value
+                for key, value in piece[name].attrs.items()
+                if key in ("units", "sign", "long_name", "calibration")
+            }
             if name in SLOW:
                 data[name] = (
                     (),
-                    float(x[(time >= start) & (time <= stop)].mean() if ((time >= start) & (time <= stop)).any() else x.mean()),
+                    float(
+                        x[(time >= start) & (time <= stop)].mean()
+                        if ((time >= start) & (time <= stop)).any()
+                        else x.mean()
+                    ),
                     about,
                 )
             else:
-                data[name] = "time", to_grid(time, x, grid, name), {**about, "recorded_rate": recorded}
-    place = {key: record.attrs[key] for key in ("latitude", "runway_elevation") if key in record.attrs}
-    data.attrs = {"record": str(record.attrs.get("title", "")), "start": start, "stop": stop, "rate": rate, **place}
+                data[name] = (
+                    "time",
+                    to_grid(time, x, grid, name),
+                    {**about, "recorded_rate": recorded},
+                )
+    place = {
+        key: record.attrs[key] for key in ("latitude", "runway_elevation") if key in record.attrs
+    }
+    data.attrs = {
+        "record": str(record.attrs.get("title", "")),
+        "start": start,
+        "stop": stop,
+        "rate": rate,
+        **place,
+    }
     return data
 
 

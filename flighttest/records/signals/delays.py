@@ -1,4 +1,5 @@
-"""Time delay between two channels: cross-correlation finds it to a sample, the phase in frequency to a fraction of one.
+"""Time delay between two channels: cross-correlation finds it to a sample, the phase in frequency
+to a fraction of one.
 
 A delay of 20 to 50 ms spoils damping derivatives, so the estimate comes with its standard error.
 """
@@ -16,9 +17,13 @@ from flighttest.records.signals.differentiation import WINDOW, derivative
 from flighttest.records.signals.sample_flags import ENDLESS
 
 COHERENT = 0.8  # squared coherence below which a frequency contains no information about the phase
-_LINES, _FEW_LINES = 15, 7  # neighbouring frequency lines averaged into one phase, of long and of short records
+_LINES, _FEW_LINES = (
+    15,
+    7,
+)  # neighbouring frequency lines averaged into one phase, of long and of short records
 _LONG = 1000  # samples
-_FAINT = 1e-3  # of the strongest cross-spectrum, below which filters and rounding speak and not the motion
+# of the strongest cross-spectrum, below which filters and rounding speak and not the motion
+_FAINT = 1e-3
 _TAPER = 0.2  # part of the record that the taper touches, both ends together
 _TAPER_LOSS = 1.1  # by which the taper correlates neighbouring lines
 _SHORTEST = 256  # samples
@@ -31,13 +36,16 @@ class Delay:
     Attributes
     ----------
     estimate, stderr : float
-        Positive when the second channel comes later; see `bound` for an infinite standard error. [s]
+        Positive when the second channel comes later; see `bound` for an infinite standard error.
+        [s]
     correlation : float
-        Normalized cross-correlation at the delay; negative when the channels have opposite signs. [1]
+        Normalized cross-correlation at the delay; negative when the channels have opposite signs.
+        [1]
     band : tuple of float
         Lowest and highest frequency that was coherent. [Hz]
     bound : bool
-        Whether the largest correlation lies at the end of the search: the delay is at least the estimate, and has no standard error.
+        Whether the largest correlation lies at the end of the search: the delay is at least the
+        estimate, and has no standard error.
     """
 
     estimate: float
@@ -62,7 +70,8 @@ def time_delay(reference, delayed, step: float, longest: float = 1.0) -> Delay:
     Parameters
     ----------
     reference, delayed : array (time,)
-        Two channels that should be proportional, on one uniform clock; factor, offset and sign are free. [any]
+        Two channels that should be proportional, on one uniform clock; factor, offset and sign are
+        free. [any]
     step : float
         Sampling interval. [s]
     longest : float
@@ -89,9 +98,13 @@ def time_delay(reference, delayed, step: float, longest: float = 1.0) -> Delay:
     """
     x, y = (_detrended(channel) for channel in (reference, delayed))
     if len(x) != len(y) or len(x) < _SHORTEST:
-        raise IdentificationError(f"{len(x)} and {len(y)} samples; a delay needs two channels of the same {_SHORTEST} samples or more")
+        raise IdentificationError(
+            f"{len(x)} and {len(y)} samples; a delay needs two channels of the same {_SHORTEST} samples or more"
+        )
     if not (x.std() > 0.0 and y.std() > 0.0):
-        raise IdentificationError("a channel that does not move has no delay; choose a window with a manoeuvre")
+        raise IdentificationError(
+            "a channel that does not move has no delay; choose a window with a manoeuvre"
+        )
     most = min(round(longest / step), len(x) // 4)
     shift, correlation = _correlated(x, y, most)
     moved = x[: len(x) - shift] if shift >= 0 else x[-shift:]
@@ -109,7 +122,9 @@ def _detrended(channel) -> np.ndarray:
 
 
 def _correlated(x: np.ndarray, y: np.ndarray, most: int) -> tuple[int, float]:
-    """Return the shift in whole samples with the largest correlation, and the correlation at the top of the parabola."""
+    """Return the shift in whole samples with the largest correlation, and the correlation at the
+    top of the parabola.
+    """
     size = 1 << (2 * len(x)).bit_length()
     product = np.fft.irfft(np.conj(np.fft.rfft(x, size)) * np.fft.rfft(y, size), size)
     lags = np.arange(-most, most + 1)
@@ -130,7 +145,8 @@ def _phase(x: np.ndarray, y: np.ndarray, step: float) -> tuple[float, float, tup
     lines = _LINES if len(x) >= _LONG else _FEW_LINES
     whole = len(f) // lines * lines
     cross, power_x, power_y, f = (
-        block[:whole].reshape(-1, lines).mean(axis=1) for block in (np.conj(X) * Y, np.abs(X) ** 2, np.abs(Y) ** 2, f)
+        block[:whole].reshape(-1, lines).mean(axis=1)
+        for block in (np.conj(X) * Y, np.abs(X) ** 2, np.abs(Y) ** 2, f)
     )
     squared = np.abs(cross) ** 2 / np.maximum(power_x * power_y, np.finfo(float).tiny)
     use = (squared > COHERENT) & (np.abs(cross) > _FAINT * np.abs(cross).max())
@@ -154,10 +170,11 @@ _EVEN = 1e-3  # of the step: scatter of the stamps up to which the clock is take
 
 
 def lag_weights(tau: float, dt: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return (E, c0, c1) of y_k+1 = E y_k + c0 x_k + c1 x_k+1, a first-order lag of an input linear between samples, and d/dtau.
+    """Return (E, c0, c1) of y_k+1 = E y_k + c0 x_k + c1 x_k+1, a first-order lag of an input linear
+    between samples, and d/dtau.
 
-    Below a twentieth of a step, E = exp(-dt/tau) is nothing and y = x - tau x', which holds for a negative lag too: a vane that is ahead
-    of an inertial unit with a latency of its own.
+    Below a twentieth of a step, E = exp(-dt/tau) is nothing and y = x - tau x', which holds for a
+    negative lag too: a vane that is ahead of an inertial unit with a latency of its own.
     """
     s = tau / dt
     if s < 0.05:
@@ -174,10 +191,12 @@ def remove_lag(time, x, lag: float, name: str) -> np.ndarray:
     Parameters
     ----------
     time, x : array (time,)
-        Samples, at rising times; NaN stays NaN, and the lag starts anew behind it and behind a gap of the clock. [s], [any]
+        Samples, at rising times; NaN stays NaN, and the lag starts anew behind it and behind a gap
+        of the clock. [s], [any]
     lag : float
-        Time constant by which the channel is behind the truth: a vane, a pressure line, a filter.  A negative one is that of what follows
-        the channel: a recorded command becomes the position of an actuator that follows it with the time constant -lag. [s]
+        Time constant by which the channel is behind the truth: a vane, a pressure line, a filter.
+        A negative one is that of what follows the channel: a recorded command becomes the position
+        of an actuator that follows it with the time constant -lag. [s]
     name : str
         Name of the quantity; heading and longitude are unwrapped.
 
@@ -207,7 +226,11 @@ def remove_lag(time, x, lag: float, name: str) -> np.ndarray:
         if len(part) < 2:
             continue
         values = np.unwrap(x[part]) if name in ENDLESS else x[part]
-        x[part] = values + lag * _slope(time[part], values) if lag > 0.0 else _behind(time[part], values, -lag, step)
+        x[part] = (
+            values + lag * _slope(time[part], values)
+            if lag > 0.0
+            else _behind(time[part], values, -lag, step)
+        )
     return x
 
 
@@ -218,12 +241,14 @@ def follow_command(
     rate_limit: float = math.inf,
     stops: tuple[float, float] = (-math.inf, math.inf),
 ) -> np.ndarray:
-    """Return the position of an actuator that follows a command as a first-order lag, at most so fast and so far.
+    """Return the position of an actuator that follows a command as a first-order lag, at most so
+    fast and so far.
 
     Parameters
     ----------
     time, command : array (time,)
-        Samples, at rising times; NaN stays NaN, and the actuator starts anew at rest behind it and behind a gap of the clock. [s], [any]
+        Samples, at rising times; NaN stays NaN, and the actuator starts anew at rest behind it and
+        behind a gap of the clock. [s], [any]
     lag : float
         Time constant. [s]
     rate_limit : float

@@ -1,8 +1,9 @@
 """Smoothed time derivatives by local polynomials.
 
-A polynomial is fitted to a moving window of samples and its slope is taken at the middle; at both ends the fit is one
-sided.  The default, nine points and order four, has the noise of the classic five-point quadratic and a tenth of its
-bias: the five-point formula loses 3.5 % at 2 Hz and 50 samples per second, which makes roll damping 2 to 3 % too small.
+A polynomial is fitted to a moving window of samples and its slope is taken at the middle; at both
+ends the fit is one sided.  The default, nine points and order four, has the noise of the classic
+five-point quadratic and a tenth of its bias: the five-point formula loses 3.5 % at 2 Hz and 50
+samples per second, which makes roll damping 2 to 3 % too small.
 """
 
 from __future__ import annotations
@@ -128,7 +129,8 @@ def derivative_window(frequency: float, step: float, order: int = ORDER, gain: f
 
 
 def derivative_noise(step: float, window: int = WINDOW, order: int = ORDER) -> float:
-    """Return the standard deviation of `derivative` for white noise of standard deviation one. [1 s-1]
+    """Return the standard deviation of `derivative` for white noise of standard deviation one. [1
+    s-1]
 
     Examples
     --------
@@ -143,7 +145,9 @@ def _weights(step: float, window: int, order: int) -> tuple[np.ndarray, np.ndarr
     from scipy.signal import savgol_coeffs
 
     half = window // 2
-    return savgol_coeffs(window, order, deriv=1, delta=step, use="dot"), step * np.arange(-half, half + 1)
+    return savgol_coeffs(window, order, deriv=1, delta=step, use="dot"), step * np.arange(
+        -half, half + 1
+    )
 
 
 SHORTEST = 64  # samples; the floor is judged by the upper two fifths of the coefficients
@@ -175,12 +179,14 @@ class Smoothed:
 
 
 def fourier_smooth(x, step: float) -> Smoothed:
-    """Return a uniformly sampled channel without its white noise, its derivative, and the size of the noise.
+    """Return a uniformly sampled channel without its white noise, its derivative, and the size of
+    the noise.
 
     Parameters
     ----------
     x : array (time,)
-        Signal with white noise, smooth at the rate it was sampled; for measured motions, not for surfaces moved in steps. [any]
+        Signal with white noise, smooth at the rate it was sampled; for measured motions, not for
+        surfaces moved in steps. [any]
     step : float
         Sampling interval. [s]
 
@@ -238,5 +244,7 @@ def _cutoff(b: np.ndarray, count: int) -> float:
     """Return the number of the coefficient where the signal sinks into the floor."""
     floor = np.median(b[int(0.6 * count) :] ** 2) / _MEDIAN_OF_SQUARE
     power = np.convolve(b**2, np.ones(11) / 11.0, mode="same")
-    above = np.convolve(power > 4.0 * floor, np.ones(_RUN), mode="valid") == _RUN  # fewer in a row happen by chance
+    above = (
+        np.convolve(power > 4.0 * floor, np.ones(_RUN), mode="valid") == _RUN
+    )  # fewer in a row happen by chance
     return float(np.flatnonzero(above)[-1] + _RUN) if above.any() else 1.0

@@ -1,9 +1,11 @@
-"""Finite Fourier transform of sampled signals at any frequencies, accurate to the end of the spectrum.
+"""Finite Fourier transform of sampled signals at any frequencies, accurate to the end of the
+spectrum.
 
     x~(f) = integral from 0 to T of x(t) exp(-2 pi j f t) dt
 
-of the cubic that interpolates the samples: a chirp-z transform over the samples, and corrections at both ends.  A plain
-sum of the samples errs by 0.2 % at 0.02 Hz and 37 % at 3 Hz on a signal that does not end where it began.
+of the cubic that interpolates the samples: a chirp-z transform over the samples, and corrections at
+both ends.  A plain sum of the samples errs by 0.2 % at 0.02 Hz and 37 % at 3 Hz on a signal that
+does not end where it began.
 
 References
 ----------
@@ -24,7 +26,8 @@ _CHUNK = 64  # frequencies of the adjoint worked on at once
 
 
 def harmonics(duration: float, low: float, high: float) -> np.ndarray:
-    """Return the multiples of 1/duration from `low` to `high`: one independent value of the spectrum each.
+    """Return the multiples of 1/duration from `low` to `high`: one independent value of the
+    spectrum each.
 
     Parameters
     ----------
@@ -49,10 +52,14 @@ def harmonics(duration: float, low: float, high: float) -> np.ndarray:
     array([0.1 , 0.15, 0.2 , 0.25, 0.3 ])
     """
     if not 0.0 < low < high:
-        raise IdentificationError(f"band {low:g} ... {high:g} Hz; expected 0 < low < high, as 0.1 ... 2 for a small aeroplane")
+        raise IdentificationError(
+            f"band {low:g} ... {high:g} Hz; expected 0 < low < high, as 0.1 ... 2 for a small aeroplane"
+        )
     first, last = int(np.ceil(low * duration - 1e-6)), int(np.floor(high * duration + 1e-6))
     if last < first:
-        raise IdentificationError(f"no multiple of 1/{duration:g} s in {low:g} ... {high:g} Hz; widen the band or take a longer record")
+        raise IdentificationError(
+            f"no multiple of 1/{duration:g} s in {low:g} ... {high:g} Hz; widen the band or take a longer record"
+        )
     return np.arange(first, last + 1) / duration
 
 
@@ -101,7 +108,8 @@ def finite_fourier(x: np.ndarray, step: float, frequencies: np.ndarray) -> np.nd
 
 
 def adjoint(values: np.ndarray, step: float, frequencies: np.ndarray, samples: int) -> np.ndarray:
-    """Return the real part of the adjoint of `finite_fourier`: Re(F* values), with F its matrix (frequency, samples).
+    """Return the real part of the adjoint of `finite_fourier`: Re(F* values), with F its matrix
+    (frequency, samples).
 
     Parameters
     ----------
@@ -131,9 +139,13 @@ def adjoint(values: np.ndarray, step: float, frequencies: np.ndarray, samples: i
 
 def _demand(samples: int, step: float, frequencies: np.ndarray) -> None:
     if samples < 2 * _ENDS:
-        raise IdentificationError(f"{samples} samples for a Fourier transform; {2 * _ENDS} are needed")
+        raise IdentificationError(
+            f"{samples} samples for a Fourier transform; {2 * _ENDS} are needed"
+        )
     if frequencies.max() > 0.5 / step * (1 + 1e-9):
-        raise IdentificationError(f"{frequencies.max():g} Hz is beyond half the sampling rate, {0.5 / step:g} Hz; lower the band")
+        raise IdentificationError(
+            f"{frequencies.max():g} Hz is beyond half the sampling rate, {0.5 / step:g} Hz; lower the band"
+        )
 
 
 def _sums(x: np.ndarray, angle: np.ndarray) -> np.ndarray:
@@ -161,10 +173,26 @@ def _corrections(angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     t2 = t * t
     t4 = t2 * t2
     series = [
-        -2 / 3 + t2 / 45 + 103 / 15120 * t4 - 169 / 226800 * t2 * t4 - 1j * t * (2 / 45 + 2 / 105 * t2 - 8 / 2835 * t4),
-        7 / 24 - 7 / 180 * t2 + 5 / 3456 * t4 - 7 / 259200 * t2 * t4 - 1j * t * (7 / 72 - t2 / 168 + 11 / 72576 * t4),
-        -1 / 6 + t2 / 45 - 5 / 6048 * t4 + t2 * t4 / 64800 + 1j * t * (7 / 90 - t2 / 210 + 11 / 90720 * t4),
-        1 / 24 - t2 / 180 + 5 / 24192 * t4 - t2 * t4 / 259200 - 1j * t * (7 / 360 - t2 / 840 + 11 / 362880 * t4),
+        -2 / 3
+        + t2 / 45
+        + 103 / 15120 * t4
+        - 169 / 226800 * t2 * t4
+        - 1j * t * (2 / 45 + 2 / 105 * t2 - 8 / 2835 * t4),
+        7 / 24
+        - 7 / 180 * t2
+        + 5 / 3456 * t4
+        - 7 / 259200 * t2 * t4
+        - 1j * t * (7 / 72 - t2 / 168 + 11 / 72576 * t4),
+        -1 / 6
+        + t2 / 45
+        - 5 / 6048 * t4
+        + t2 * t4 / 64800
+        + 1j * t * (7 / 90 - t2 / 210 + 11 / 90720 * t4),
+        1 / 24
+        - t2 / 180
+        + 5 / 24192 * t4
+        - t2 * t4 / 259200
+        - 1j * t * (7 / 360 - t2 / 840 + 11 / 362880 * t4),
     ]
     small = angle < _SMALL
     weight = np.where(small, 1 - 11 / 720 * t4 + 23 / 15120 * t2 * t4, weight)

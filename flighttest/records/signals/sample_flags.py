@@ -1,4 +1,5 @@
-"""Flags: what is wrong with samples and clocks of a record, kept with it and never removed by reading.
+"""Flags: what is wrong with samples and clocks of a record, kept with it and never removed by
+reading.
 
 Each leaf carries its flags in the attribute ``flags`` (JSON, so that files keep them).  Kinds:
 
@@ -43,7 +44,9 @@ BURST = 4.0  # a spike is so many times larger than every other step near it
 
 
 class Flag(NamedTuple):
-    """One span of samples: `channel` is empty when the clock of the leaf is meant; times in seconds of the record."""
+    """One span of samples: `channel` is empty when the clock of the leaf is meant; times in seconds
+    of the record.
+    """
 
     channel: str
     kind: str
@@ -59,7 +62,8 @@ def flags(record: xr.DataTree) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        Columns ``leaf channel kind start stop samples note``; times in seconds.  ``channel`` is empty for flags of the clock.
+        Columns ``leaf channel kind start stop samples note``; times in seconds.  ``channel`` is
+        empty for flags of the clock.
     """
     import pandas as pd
 
@@ -88,7 +92,9 @@ def add_flags(record: xr.DataTree, leaf: str, found: Iterable[Flag]) -> xr.DataT
         if flag.channel and flag.channel not in record.children[leaf].data_vars:
             raise UnknownName(flag.channel, map(str, record.children[leaf].data_vars), "channel")
     flagged = record.copy()
-    flagged[leaf].attrs["flags"] = as_text(dict.fromkeys([*kept(flagged[leaf].attrs.get("flags", "[]")), *found]))
+    flagged[leaf].attrs["flags"] = as_text(
+        dict.fromkeys([*kept(flagged[leaf].attrs.get("flags", "[]")), *found])
+    )
     return flagged
 
 
@@ -138,11 +144,19 @@ def spans(time: np.ndarray, bad: np.ndarray, channel: str, kind: str, note: str 
     edges = np.flatnonzero(np.diff(np.concatenate([[False], bad, [False]]).astype(np.int8)))
     starts, stops = edges[::2], edges[1::2]
     found = [
-        Flag(channel, kind, float(time[a]), float(time[b - 1]), int(b - a), note) for a, b in zip(starts[:MOST], stops[:MOST], strict=True)
+        Flag(channel, kind, float(time[a]), float(time[b - 1]), int(b - a), note)
+        for a, b in zip(starts[:MOST], stops[:MOST], strict=True)
     ]
     if len(starts) > MOST:
         rest = int(bad[starts[MOST - 1] :].sum())
-        found[-1] = Flag(channel, kind, float(time[starts[MOST - 1]]), float(time[stops[-1] - 1]), rest, f"{len(starts) - MOST + 1} spans")
+        found[-1] = Flag(
+            channel,
+            kind,
+            float(time[starts[MOST - 1]]),
+            float(time[stops[-1] - 1]),
+            rest,
+            f"{len(starts) - MOST + 1} spans",
+        )
     return found
 
 
@@ -187,18 +201,26 @@ def spiked(x: np.ndarray, channel: str) -> np.ndarray:
 def _steps(x: np.ndarray, channel: str) -> np.ndarray:
     """Return the steps from sample to sample; an angle that passes its full turn makes none."""
     step = np.diff(x)
-    return np.where(np.abs(step) > np.pi, (step + np.pi) % (2.0 * np.pi) - np.pi, step) if channel in ENDLESS else step
+    return (
+        np.where(np.abs(step) > np.pi, (step + np.pi) % (2.0 * np.pi) - np.pi, step)
+        if channel in ENDLESS
+        else step
+    )
 
 
 def _typical(step: np.ndarray) -> float | None:
-    """Return the median size of the steps that are not zero; None for a channel too short or at rest."""
+    """Return the median size of the steps that are not zero; None for a channel too short or at
+    rest.
+    """
     size = np.abs(step)
     sample = size[:: max(1, len(size) // 20_000)]  # enough for a median
     sample = sample[np.isfinite(sample) & (sample > 0.0)]
     return median(sample) if len(step) >= HELD_SAMPLES and len(sample) else None
 
 
-def _held(time: np.ndarray, size: np.ndarray, typical: float, channel: str, rate: float) -> list[Flag]:
+def _held(
+    time: np.ndarray, size: np.ndarray, typical: float, channel: str, rate: float
+) -> list[Flag]:
     needed = max(HELD_SAMPLES - 1, round(HELD_TIME * rate))
     bounds = np.concatenate([[-1], np.flatnonzero(size != 0.0), [len(size)]])
     runs = np.diff(bounds) - 1
@@ -225,7 +247,11 @@ def _spikes(step: np.ndarray, typical: float) -> np.ndarray:
         if width > 3 or step[out] * step[back] > 0.0:
             continue
         small, great = sorted((size[out], size[back]))
-        near = np.concatenate([size[max(0, out - 5) : out], size[out + 1 : back], size[back + 1 : back + 6]])
-        if small > 0.5 * great and small > BURST * np.max(near, initial=0.0, where=np.isfinite(near)):
+        near = np.concatenate(
+            [size[max(0, out - 5) : out], size[out + 1 : back], size[back + 1 : back + 6]]
+        )
+        if small > 0.5 * great and small > BURST * np.max(
+            near, initial=0.0, where=np.isfinite(near)
+        ):
             bad[out + 1 : back + 1] = True
     return bad

@@ -1,7 +1,8 @@
 """Data partitioned into bins over conditions, a local model in each.
 
-Samples of large manoeuvres, over which no simple model holds, are sorted by angle of attack or Mach number, and a simple
-model is fitted to each bin: derivatives as functions of the condition, before a structure for the whole range is known.
+Samples of large manoeuvres, over which no simple model holds, are sorted by angle of attack or Mach
+number, and a simple model is fitted to each bin: derivatives as functions of the condition, before
+a structure for the whole range is known.
 
 References
 ----------
@@ -33,8 +34,9 @@ class Partition:
     ----------
     model : Model
     estimates : Dataset (bin, term, term_)
-        ``estimate``, ``stderr``, ``stderr_white``, ``correlation`` (NaN where a bin gave no fit), ``samples`` (bin); of
-        every condition ``<name>_low``, ``<name>_high`` and the ``<name>_mean`` of the samples.
+        ``estimate``, ``stderr``, ``stderr_white``, ``correlation`` (NaN where a bin gave no fit),
+        ``samples`` (bin); of every condition ``<name>_low``, ``<name>_high`` and the
+        ``<name>_mean`` of the samples.
     fits : tuple of Fit
         Of the bins that gave one; `aerodb.tabulate` takes them.
     refused : dict of int to str
@@ -52,19 +54,30 @@ class Partition:
         names = e.attrs["conditions"].split()
         terms = [str(term) for term in e["term"].values]
         heads = "".join(f"{name:>22}" for name in names)
-        lines = [f"{self.model} in {e.sizes['bin']} bins", f"{heads}{'samples':>9}" + "".join(f"{term:>24}" for term in terms)]
+        lines = [
+            f"{self.model} in {e.sizes['bin']} bins",
+            f"{heads}{'samples':>9}" + "".join(f"{term:>24}" for term in terms),
+        ]
         for k in range(e.sizes["bin"]):
             row = e.isel(bin=k)
-            edges = "".join(f"{float(row[name + '_low']):>10.4g} ...{float(row[name + '_high']):>8.4g}" for name in names)
+            edges = "".join(
+                f"{float(row[name + '_low']):>10.4g} ...{float(row[name + '_high']):>8.4g}"
+                for name in names
+            )
             if k in self.refused:
                 lines.append(f"{edges}{int(row['samples']):>9}  no fit: {self.refused[k]}")
                 continue
-            cells = "".join(f"{float(row['estimate'][j]):>13.4g} ({float(row['stderr'][j]):>8.2g})" for j in range(len(terms)))
+            cells = "".join(
+                f"{float(row['estimate'][j]):>13.4g} ({float(row['stderr'][j]):>8.2g})"
+                for j in range(len(terms))
+            )
             lines.append(f"{edges}{int(row['samples']):>9}{cells}")
         return "\n".join(lines)
 
 
-def bins(data: xr.Dataset | Sequence[xr.Dataset], edges: Mapping[str, Sequence[float]]) -> list[tuple[dict, list[xr.Dataset]]]:
+def bins(
+    data: xr.Dataset | Sequence[xr.Dataset], edges: Mapping[str, Sequence[float]]
+) -> list[tuple[dict, list[xr.Dataset]]]:
     """Sort the samples of manoeuvres into bins.
 
     Parameters
@@ -76,8 +89,9 @@ def bins(data: xr.Dataset | Sequence[xr.Dataset], edges: Mapping[str, Sequence[f
     Returns
     -------
     list of (conditions, manoeuvres)
-        Name -> (low, high), and the stretches of each manoeuvre that lie inside for half a second at least, with gaps in
-        time where the condition was elsewhere.  All combinations, the last condition fastest.
+        Name -> (low, high), and the stretches of each manoeuvre that lie inside for half a second
+        at least, with gaps in time where the condition was elsewhere.  All combinations, the last
+        condition fastest.
 
     Raises
     ------
@@ -89,24 +103,36 @@ def bins(data: xr.Dataset | Sequence[xr.Dataset], edges: Mapping[str, Sequence[f
     manoeuvres = [data] if isinstance(data, xr.Dataset) else list(data)
     for name, values in edges.items():
         if len(values) < 2 or not (np.diff(values) > 0).all():
-            raise IdentificationError(f"edges of {name} are {list(values)}; expected two or more numbers that rise")
+            raise IdentificationError(
+                f"edges of {name} are {list(values)}; expected two or more numbers that rise"
+            )
         for one in manoeuvres:
             if name not in one:
-                raise UnknownName(name, map(str, one.data_vars), "condition", "the data do not hold it")
+                raise UnknownName(
+                    name, map(str, one.data_vars), "condition", "the data do not hold it"
+                )
     found = []
     for pick in product(*(list(pairwise(values)) for values in edges.values())):
         limits = dict(zip(edges, pick))
-        found.append((limits, [part for one in manoeuvres if (part := _inside(one, limits)).sizes["time"]]))
+        found.append(
+            (limits, [part for one in manoeuvres if (part := _inside(one, limits)).sizes["time"]])
+        )
     return found
 
 
-def fit_bins(model: Model, data: xr.Dataset | Sequence[xr.Dataset], edges: Mapping[str, Sequence[float]], name: str = "") -> Partition:
+def fit_bins(
+    model: Model,
+    data: xr.Dataset | Sequence[xr.Dataset],
+    edges: Mapping[str, Sequence[float]],
+    name: str = "",
+) -> Partition:
     """Fit a model to the samples of each bin.
 
     Parameters
     ----------
     model : Model
-        Simple enough for one bin; take its `reference` near the middle of the range, or leave out what hardly moves there.
+        Simple enough for one bin; take its `reference` near the middle of the range, or leave out
+        what hardly moves there.
     data, edges
         As in `bins`.
     name : str
@@ -136,7 +162,10 @@ def fit_bins(model: Model, data: xr.Dataset | Sequence[xr.Dataset], edges: Mappi
         except IdentificationError as error:
             refused[k] = str(error).split(": ", 1)[-1]
     if not fits:
-        raise IdentificationError(f"{model}: no bin gave a fit\n" + "\n".join(f"  - bin {k}: {why}" for k, why in refused.items()))
+        raise IdentificationError(
+            f"{model}: no bin gave a fit\n"
+            + "\n".join(f"  - bin {k}: {why}" for k, why in refused.items())
+        )
     return Partition(model, _table(model, sorted_bins, fits), tuple(fits.values()), refused)
 
 
@@ -158,16 +187,26 @@ def _inside(one: xr.Dataset, limits: Mapping[str, tuple[float, float]]) -> xr.Da
 
 def _table(model: Model, sorted_bins, fits: Mapping[int, Fit]) -> xr.Dataset:
     terms, count = list(model.terms), len(sorted_bins)
-    shapes = {"estimate": (count, len(terms)), "stderr": (count, len(terms)), "stderr_white": (count, len(terms))}
+    shapes = {
+        "estimate": (count, len(terms)),
+        "stderr": (count, len(terms)),
+        "stderr_white": (count, len(terms)),
+    }
     tables = {key: np.full(shape, np.nan) for key, shape in shapes.items()}
     correlation = np.full((count, len(terms), len(terms)), np.nan)
     for k, fit in fits.items():
         for key, values in tables.items():
             values[k] = fit.estimates[key].values
         correlation[k] = fit.estimates["correlation"].values
-    found = xr.Dataset({key: (("bin", "term"), values) for key, values in tables.items()}, coords={"term": terms, "term_": terms})
+    found = xr.Dataset(
+        {key: (("bin", "term"), values) for key, values in tables.items()},
+        coords={"term": terms, "term_": terms},
+    )
     found["correlation"] = ("bin", "term", "term_"), correlation
-    found["samples"] = "bin", np.array([sum(part.sizes["time"] for part in parts) for _, parts in sorted_bins])
+    found["samples"] = (
+        "bin",
+        np.array([sum(part.sizes["time"] for part in parts) for _, parts in sorted_bins]),
+    )
     for name in sorted_bins[0][0]:
         found[f"{name}_low"] = "bin", np.array([limits[name][0] for limits, _ in sorted_bins])
         found[f"{name}_high"] = "bin", np.array([limits[name][1] for limits, _ in sorted_bins])
@@ -177,5 +216,8 @@ def _table(model: Model, sorted_bins, fits: Mapping[int, Fit]) -> xr.Dataset:
 
 
 def _mean(parts: Sequence[xr.Dataset], name: str) -> float:
-    values = [np.broadcast_to(np.asarray(part[name].values, float), (part.sizes["time"],)) for part in parts]
+    values = [
+        np.broadcast_to(np.asarray(part[name].values, float), (part.sizes["time"],))
+        for part in parts
+    ]
     return float(np.concatenate(values).mean()) if values else float("nan")

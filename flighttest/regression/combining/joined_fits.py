@@ -1,7 +1,7 @@
 """Fits of several manoeuvres joined into one set of estimates.
 
-The manoeuvres must be independent.  The median is deaf to a record that went wrong; the inverse covariance is the most
-exact when all fits deserve their standard errors.
+The manoeuvres must be independent.  The median is deaf to a record that went wrong; the inverse
+covariance is the most exact when all fits deserve their standard errors.
 """
 
 from __future__ import annotations
@@ -23,7 +23,9 @@ from flighttest.regression.uncertainty.coloured_residuals import coloured
 from flighttest.remarks import Remark, lines
 
 
-def table_samples(coefficient: str, database: xr.DataTree, data: xr.Dataset | Sequence[xr.Dataset], name: str = "") -> xr.Dataset:
+def table_samples(
+    coefficient: str, database: xr.DataTree, data: xr.Dataset | Sequence[xr.Dataset], name: str = ""
+) -> xr.Dataset:
     """Return the samples of manoeuvres for `aerodb.update.regress_tables`.
 
     Parameters
@@ -40,8 +42,9 @@ def table_samples(coefficient: str, database: xr.DataTree, data: xr.Dataset | Se
     Returns
     -------
     Dataset (sample,)
-        Coefficient, variables, ``time``, ``manoeuvre``, the common errors of the coefficient and of the variables; attributes
-        ``coefficient``, ``name`` and ``steps``, the sampling interval of each manoeuvre [s].
+        Coefficient, variables, ``time``, ``manoeuvre``, the common errors of the coefficient and of
+        the variables; attributes ``coefficient``, ``name`` and ``steps``, the sampling interval of
+        each manoeuvre [s].
 
     Raises
     ------
@@ -50,18 +53,27 @@ def table_samples(coefficient: str, database: xr.DataTree, data: xr.Dataset | Se
     UnknownName
         The database has no term of the coefficient, or a manoeuvre does not hold it.
     """
-    mine = [leaf for term, leaf in aerodb.terms(database).items() if term.startswith(f"{coefficient}/")]
+    mine = [
+        leaf for term, leaf in aerodb.terms(database).items() if term.startswith(f"{coefficient}/")
+    ]
     if not mine:
-        raise UnknownName(coefficient, {term.split("/")[0] for term in aerodb.terms(database)}, "coefficient")
+        raise UnknownName(
+            coefficient, {term.split("/")[0] for term in aerodb.terms(database)}, "coefficient"
+        )
     manoeuvres = [data] if isinstance(data, xr.Dataset) else list(data)
     needed = {variable for leaf in mine for variable in _terms.variables(leaf)}
-    in_error = sorted(variable for variable in needed if manoeuvres and all(f"{variable}_error" in one for one in manoeuvres))
+    in_error = sorted(
+        variable
+        for variable in needed
+        if manoeuvres and all(f"{variable}_error" in one for one in manoeuvres)
+    )
     samples = stack(coefficient, in_error, manoeuvres, f"the terms of {coefficient}")
     return samples.data.assign_attrs(coefficient=coefficient, name=name, steps=samples.steps)
 
 
 def coloured_covariance(samples: xr.Dataset, X: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Return the covariance of a least-squares estimate from samples whose residuals are correlated in time.
+    """Return the covariance of a least-squares estimate from samples whose residuals are correlated
+    in time.
 
     Parameters
     ----------
@@ -81,7 +93,9 @@ def coloured_covariance(samples: xr.Dataset, X: np.ndarray, v: np.ndarray) -> np
 
 
 _DISAGREEMENT = 3.0
-_LOOSE = 1.17  # standard deviation of a scaled median absolute deviation over its value, times the root of the number
+# standard deviation of a scaled median absolute deviation over its value, times the root of the
+# number
+_LOOSE = 1.17
 
 
 @dataclass(frozen=True)
@@ -92,9 +106,10 @@ class Joined:
     ----------
     name, coefficient, method : str
     estimates : Dataset (term, term_)
-        ``estimate``, ``stderr``, ``stderr_white`` (the same rule applied to the white standard errors), ``covariance``,
-        ``correlation``, ``systematic``; of each term ``scatter`` (scaled median absolute deviation: twice it is the
-        published 95 % bound of single records), ``scatter_ratio``, ``chi2``, ``birge``, ``disagreement``, ``count``.
+        ``estimate``, ``stderr``, ``stderr_white`` (the same rule applied to the white standard
+        errors), ``covariance``, ``correlation``, ``systematic``; of each term ``scatter`` (scaled
+        median absolute deviation: twice it is the published 95 % bound of single records),
+        ``scatter_ratio``, ``chi2``, ``birge``, ``disagreement``, ``count``.
     """
 
     name: str
@@ -104,7 +119,9 @@ class Joined:
 
     @property
     def remarks(self) -> list[Remark]:
-        """Terms whose fits contradict each other, or scatter otherwise than their standard errors indicate."""
+        """Terms whose fits contradict each other, or scatter otherwise than their standard errors
+        indicate.
+        """
         e = self.estimates
         found = []
         for term in e["term"].values:
@@ -117,7 +134,11 @@ class Joined:
             loose = 1.0 + 2.0 * _LOOSE / np.sqrt(count)
             if count >= 5 and not 1.0 / loose <= ratio <= loose:
                 words = f"{term}: the fits scatter {ratio:.1f} times as much as their standard errors indicate"
-                found.append(Remark("scatter", words, str(term), ratio, loose if ratio > 1.0 else 1.0 / loose))
+                found.append(
+                    Remark(
+                        "scatter", words, str(term), ratio, loose if ratio > 1.0 else 1.0 / loose
+                    )
+                )
         return found
 
     def report(self) -> str:
@@ -128,7 +149,11 @@ class Joined:
             f"{'term':<18}{'estimate':>11}{'stderr':>10}{'white':>10}{'scatter':>10}{'ratio':>7}{'Birge':>7}{'apart':>7}{'fits':>6}",
         ]
         for term in e["term"].values:
-            row = {str(name): float(item.sel(term=term)) for name, item in e.data_vars.items() if item.dims == ("term",)}
+            row = {
+                str(name): float(item.sel(term=term))
+                for name, item in e.data_vars.items()
+                if item.dims == ("term",)
+            }
             text.append(
                 f"{term!s:<18}{row['estimate']:>11.5g}{row['stderr']:>10.2g}{row['stderr_white']:>10.2g}{row['scatter']:>10.2g}"
                 f"{row['scatter_ratio']:>7.2f}{row['birge']:>7.2f}{row['disagreement']:>7.1f}{row['count']:>6.0f}"
@@ -144,8 +169,8 @@ def join_fits(fits: Sequence[Fit], method: str = "inverse_variance", name: str =
     fits : sequence of Fit
         Of one coefficient, at comparable conditions; a term need not be in all of them.
     method : {"inverse_variance", "median", "inverse_sigma"}
-        Weights by the inverse of the whole covariances, errors inflated by each term's Birge ratio; the median with
-        1.25 scatter/sqrt(n); weights 1/sigma.  See `pool`.
+        Weights by the inverse of the whole covariances, errors inflated by each term's Birge ratio;
+        the median with 1.25 scatter/sqrt(n); weights 1/sigma.  See `pool`.
     name : str
         For reports.
 
@@ -171,7 +196,9 @@ def join_fits(fits: Sequence[Fit], method: str = "inverse_variance", name: str =
     if method not in METHODS:
         raise ValueError(f"method is {method!r}; allowed: {', '.join(METHODS)}")
     if len(found := {fit.model.coefficient for fit in fits}) != 1:
-        raise IdentificationError(f"fits of {', '.join(sorted(found)) or 'nothing'} cannot be joined; give fits of one coefficient")
+        raise IdentificationError(
+            f"fits of {', '.join(sorted(found)) or 'nothing'} cannot be joined; give fits of one coefficient"
+        )
     terms = list(dict.fromkeys(str(term) for fit in fits for term in fit.estimates["term"].values))
     single = {term: _pooled(fits, term, "stderr", method) for term in terms}
     white = np.array([_pooled(fits, term, "stderr_white", method).stderr for term in terms])
@@ -183,10 +210,18 @@ def join_fits(fits: Sequence[Fit], method: str = "inverse_variance", name: str =
         theta = np.array([single[term].value for term in terms])
         stderr = np.array([single[term].stderr for term in terms])
         C = C * np.outer(stderr, stderr) / np.sqrt(np.outer(np.diag(C), np.diag(C)))
-    more = {key: ("term", np.array([getattr(single[term], key) for term in terms], float)) for key in _SHOWN}
+    more = {
+        key: ("term", np.array([getattr(single[term], key) for term in terms], float))
+        for key in _SHOWN
+    }
     more["count"] = "term", np.array([single[term].count for term in terms])
     estimates = least_squares.estimates(terms, theta, C, white, systematic, more)
-    estimates.attrs = {"coefficient": found.pop(), "name": name, "method": method, "fits": len(fits)}
+    estimates.attrs = {
+        "coefficient": found.pop(),
+        "name": name,
+        "method": method,
+        "fits": len(fits),
+    }
     return Joined(name, estimates.attrs["coefficient"], method, estimates)
 
 
@@ -198,9 +233,13 @@ def _pooled(fits: Sequence[Fit], term: str, errors: str, method: str) -> Pooled:
     return pool([float(e["estimate"]) for e in having], [float(e[errors]) for e in having], method)
 
 
-def _weighted(fits: Sequence[Fit], terms: list[str]) -> tuple[np.ndarray, np.ndarray, tuple[list[str], np.ndarray]]:
+def _weighted(
+    fits: Sequence[Fit], terms: list[str]
+) -> tuple[np.ndarray, np.ndarray, tuple[list[str], np.ndarray]]:
     """Generalised mean of all terms together, its covariance, and what the common errors change."""
-    sources = list(dict.fromkeys(str(source) for fit in fits for source in fit.estimates["error"].values))
+    sources = list(
+        dict.fromkeys(str(source) for fit in fits for source in fit.estimates["error"].values)
+    )
     information, pull = np.zeros((len(terms), len(terms))), np.zeros((len(terms), 1 + len(sources)))
     for fit in fits:
         e = fit.estimates
@@ -209,7 +248,9 @@ def _weighted(fits: Sequence[Fit], terms: list[str]) -> tuple[np.ndarray, np.nda
         inverse = np.linalg.inv(e["correlation"].values) / np.outer(sd, sd)
         columns = np.zeros((len(at), 1 + len(sources)))
         columns[:, 0] = e["estimate"].values
-        columns[:, [1 + sources.index(str(source)) for source in e["error"].values]] = e["systematic"].values
+        columns[:, [1 + sources.index(str(source)) for source in e["error"].values]] = e[
+            "systematic"
+        ].values
         information[np.ix_(at, at)] += inverse
         pull[at] += inverse @ columns
     scale = 1.0 / np.sqrt(np.diag(information))

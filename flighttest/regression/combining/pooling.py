@@ -1,4 +1,6 @@
-"""A fit joined with a-priori values (mixed estimation), and the a-priori values that a database holds for a local model."""
+"""A fit joined with a-priori values (mixed estimation), and the a-priori values that a database
+holds for a local model.
+"""
 
 from __future__ import annotations
 
@@ -27,9 +29,10 @@ class Mixed:
     fit : Fit
         Flight alone, in time or in frequency.
     estimates : Dataset (term, term_)
-        ``estimate``, ``stderr``, ``stderr_white`` (as if flight's residuals were white), ``covariance``, ``correlation``;
-        ``prior``, ``prior_stderr`` (NaN where none is given); ``distance`` = (fit - prior)/sqrt(s_fit^2 + s_prior^2);
-        ``prior_share`` = stderr^2/prior_stderr^2.  Attributes: ``chi2`` of the compatibility of fit and prior,
+        ``estimate``, ``stderr``, ``stderr_white`` (as if flight's residuals were white),
+        ``covariance``, ``correlation``; ``prior``, ``prior_stderr`` (NaN where none is given);
+        ``distance`` = (fit - prior)/sqrt(s_fit^2 + s_prior^2); ``prior_share`` =
+        stderr^2/prior_stderr^2.  Attributes: ``chi2`` of the compatibility of fit and prior,
         ``terms_with_prior`` (its degrees of freedom), ``probability`` that it is larger.
     """
 
@@ -43,37 +46,81 @@ class Mixed:
         f, D = self.fit.estimates, self.fit.estimates["systematic"].values
         variance = np.diag(f["covariance"].values + D @ D.T)
         free = f["dof"].values if "dof" in f else np.full(len(variance), np.inf)
-        columns = (f["estimate"].values, variance, free, e["prior"].values, e["prior_stderr"].values)
+        columns = (
+            f["estimate"].values,
+            variance,
+            free,
+            e["prior"].values,
+            e["prior_stderr"].values,
+        )
         found = against_prior(e["term"].values, *columns)
         found += [
             Remark(
-                "prior", f"{term}: flight and prior differ by {abs(d):.1f} combined standard errors", str(term), float(d), _CONTRADICTION
+                "prior",
+                f"{term}: flight and prior differ by {abs(d):.1f} combined standard errors",
+                str(term),
+                float(d),
+                _CONTRADICTION,
             )
             for term, d in zip(e["term"].values, e["distance"].values)
             if abs(d) > _CONTRADICTION
         ]
-        own = [str(term) for term, share in zip(e["term"].values, e["prior_share"].values) if share > _UNMOVED]
+        own = [
+            str(term)
+            for term, share in zip(e["term"].values, e["prior_share"].values)
+            if share > _UNMOVED
+        ]
         if own:
-            found.append(Remark("prior", f"hardly moved by the flight: {', '.join(own)}", threshold=_UNMOVED, severity="note"))
+            found.append(
+                Remark(
+                    "prior",
+                    f"hardly moved by the flight: {', '.join(own)}",
+                    threshold=_UNMOVED,
+                    severity="note",
+                )
+            )
         if e.attrs["probability"] < _IMPROBABLE:
             words = f"chi2 {e.attrs['chi2']:.1f} of {e.attrs['terms_with_prior']} terms has probability {e.attrs['probability']:.1g}"
-            found.append(Remark("prior", f"{words}: prior or fit is overconfident", "", e.attrs["probability"], _IMPROBABLE))
+            found.append(
+                Remark(
+                    "prior",
+                    f"{words}: prior or fit is overconfident",
+                    "",
+                    e.attrs["probability"],
+                    _IMPROBABLE,
+                )
+            )
         return found
 
     def report(self) -> str:
         """Return flight, prior and both as a text table."""
         e, f = self.estimates, self.fit.estimates
-        title = f"{self.fit.name}: {self.fit.model}, with prior" if self.fit.name else f"{self.fit.model}, with prior"
+        title = (
+            f"{self.fit.name}: {self.fit.model}, with prior"
+            if self.fit.name
+            else f"{self.fit.model}, with prior"
+        )
         text = [
             title,
             f"chi2 {e.attrs['chi2']:.1f} of {e.attrs['terms_with_prior']} terms, probability {e.attrs['probability']:.2g}",
             f"{'term':<18}{'estimate':>11}{'stderr':>10}{'flight':>11}{'stderr':>10}{'prior':>11}{'stderr':>10}{'apart':>7}{'share':>7}",
         ]
         for k, term in enumerate(e["term"].values):
-            numbers = (e["estimate"], e["stderr"], f["estimate"], f["stderr"], e["prior"], e["prior_stderr"])
-            cells = [f"{float(x[k]):>{w}.{d}g}" for x, w, d in zip(numbers, (11, 10) * 3, (5, 2) * 3)]
+            numbers = (
+                e["estimate"],
+                e["stderr"],
+                f["estimate"],
+                f["stderr"],
+                e["prior"],
+                e["prior_stderr"],
+            )
+            cells = [
+                f"{float(x[k]):>{w}.{d}g}" for x, w, d in zip(numbers, (11, 10) * 3, (5, 2) * 3)
+            ]
             text.append(
-                f"{term!s:<18}{''.join(cells)}{float(e['distance'][k]):>7.1f}{float(e['prior_share'][k]):>7.2f}".replace("nan", "  -")
+                f"{term!s:<18}{''.join(cells)}{float(e['distance'][k]):>7.1f}{float(e['prior_share'][k]):>7.2f}".replace(
+                    "nan", "  -"
+                )
             )
         return "\n".join([*text, *lines(self.remarks)])
 
@@ -89,7 +136,8 @@ def mixed(fit: Fit, prior: Prior) -> Mixed:
     Parameters
     ----------
     fit : Fit
-        Least squares in time or in frequency, of one manoeuvre or many, with its coloured covariance.
+        Least squares in time or in frequency, of one manoeuvre or many, with its coloured
+        covariance.
     prior : mapping of str to (value, stderr), or Dataset
         Of some or all terms; a Dataset as `prior_of` returns it.
 
@@ -125,7 +173,9 @@ def mixed(fit: Fit, prior: Prior) -> Mixed:
         "prior_share": ("term", np.diag(covariance) / sd**2),
     }
     nothing: tuple[list[str], np.ndarray] = ([], np.zeros((len(terms), 0)))
-    found = least_squares.estimates(terms, theta + gain @ innovation, covariance, np.sqrt(np.diag(white)), nothing, more)
+    found = least_squares.estimates(
+        terms, theta + gain @ innovation, covariance, np.sqrt(np.diag(white)), nothing, more
+    )
     found.attrs = {
         "chi2": statistic,
         "terms_with_prior": len(chosen),
@@ -135,10 +185,12 @@ def mixed(fit: Fit, prior: Prior) -> Mixed:
 
 
 def prior_of(fit: Fit, database: xr.DataTree) -> xr.Dataset:
-    """Return what a database states the terms of a fit should be: DATCOM as the prior of a local model.
+    """Return what a database states the terms of a fit should be: DATCOM as the prior of a local
+    model.
 
-    A table is not a slope: what least squares makes of the tables depends on the samples.  So the tables are evaluated at
-    the samples of the fit and sent through the same linear map as the measurements, theta = A B g.
+    A table is not a slope: what least squares makes of the tables depends on the samples.  So the
+    tables are evaluated at the samples of the fit and sent through the same linear map as the
+    measurements, theta = A B g.
 
     Parameters
     ----------
@@ -150,8 +202,8 @@ def prior_of(fit: Fit, database: xr.DataTree) -> xr.Dataset:
     Returns
     -------
     Dataset (term, term_)
-        ``estimate``, ``stderr``, ``covariance``, ``correlation`` of the terms the tables speak of: a term whose variable no
-        table of the coefficient knows has no prior here.
+        ``estimate``, ``stderr``, ``covariance``, ``correlation`` of the terms the tables speak of:
+        a term whose variable no table of the coefficient knows has no prior here.
 
     Raises
     ------
@@ -166,9 +218,16 @@ def prior_of(fit: Fit, database: xr.DataTree) -> xr.Dataset:
 
     coefficient = fit.model.coefficient
     if coefficient not in database.children:
-        raise UnknownName(coefficient, map(str, database.children), "coefficient", "the database does not hold it")
-    leaves = {f"{coefficient}/{name}": node.to_dataset(inherit=False) for name, node in database[coefficient].children.items()}
-    if without_error := [f"{name} has no stderr" for name, leaf in leaves.items() if "stderr" not in leaf]:
+        raise UnknownName(
+            coefficient, map(str, database.children), "coefficient", "the database does not hold it"
+        )
+    leaves = {
+        f"{coefficient}/{name}": node.to_dataset(inherit=False)
+        for name, node in database[coefficient].children.items()
+    }
+    if without_error := [
+        f"{name} has no stderr" for name, leaf in leaves.items() if "stderr" not in leaf
+    ]:
         raise SchemaError("database as a prior", without_error)
     A = least_squares.estimator(fit.design.values)
     H = np.hstack([(basis_at(leaf, fit.data).T @ A.T).T for leaf in leaves.values()])
@@ -176,13 +235,19 @@ def prior_of(fit: Fit, database: xr.DataTree) -> xr.Dataset:
     C = H @ joint_covariance(leaves)[1] @ H.T
     known = set().union(*(variables(leaf) for leaf in leaves.values()))
     terms = [str(term) for term in fit.estimates["term"].values]
-    spoken = [least_squares.constants([term])[0] or {variable_of(factor) for factor in powers(term)} <= known for term in terms]
+    spoken = [
+        least_squares.constants([term])[0]
+        or {variable_of(factor) for factor in powers(term)} <= known
+        for term in terms
+    ]
     spoken = [bool(s) and C[k, k] > 0 for k, s in enumerate(spoken)]
     names = [term for term, s in zip(terms, spoken) if s]
     nothing: tuple[list[str], np.ndarray] = ([], np.zeros((len(names), 0)))
     P = C[np.ix_(spoken, spoken)]
     found = least_squares.estimates(names, theta[spoken], P, np.sqrt(np.diag(P)), nothing, {})
-    return found[["estimate", "stderr", "covariance", "correlation"]].assign_attrs(coefficient=coefficient)
+    return found[["estimate", "stderr", "covariance", "correlation"]].assign_attrs(
+        coefficient=coefficient
+    )
 
 
 def total_covariance(estimates: xr.Dataset) -> np.ndarray:
@@ -193,7 +258,11 @@ def total_covariance(estimates: xr.Dataset) -> np.ndarray:
 
 def _prior(prior: Prior, terms: list[str]) -> tuple[list[int], np.ndarray, np.ndarray]:
     """Places of the terms with a prior, its values and covariance."""
-    names = [str(name) for name in prior["term"].values] if isinstance(prior, xr.Dataset) else list(prior)
+    names = (
+        [str(name) for name in prior["term"].values]
+        if isinstance(prior, xr.Dataset)
+        else list(prior)
+    )
     for name in names:
         if name not in terms:
             raise UnknownName(name, terms, "term", "the prior must belong to a term of the fit")
@@ -210,7 +279,9 @@ def _prior(prior: Prior, terms: list[str]) -> tuple[list[int], np.ndarray, np.nd
 
 
 def _updated(C: np.ndarray, gain: np.ndarray, chosen: list[int], P: np.ndarray) -> np.ndarray:
-    """Return the covariance with the prior, a sum of squares (Joseph's form): C - gain C rounds to negative variances."""
+    """Return the covariance with the prior, a sum of squares (Joseph's form): C - gain C rounds to
+    negative variances.
+    """
     left = np.eye(len(C))
     left[:, chosen] -= gain
     return left @ C @ left.T + gain @ P @ gain.T
@@ -224,7 +295,9 @@ def _scaled(C: np.ndarray, stderr: np.ndarray) -> np.ndarray:
 
 
 METHODS = ("inverse_variance", "median", "inverse_sigma")
-DISAGREEMENT = 3.0  # combined standard errors between two estimates that should not be averaged silently
+DISAGREEMENT = (
+    3.0  # combined standard errors between two estimates that should not be averaged silently
+)
 
 
 @dataclass(frozen=True)
@@ -238,13 +311,16 @@ class Pooled:
     scatter : float
         1.4826 times the median absolute deviation from the median: scatter of single estimates.
     chi2 : float
-        sum((theta - mean)^2/s^2) about the inverse-variance mean; about `count` - 1 when the estimates agree.
+        sum((theta - mean)^2/s^2) about the inverse-variance mean; about `count` - 1 when the
+        estimates agree.
     birge : float
-        sqrt(chi2/(count - 1)); above one the standard error of the inverse-variance mean has been multiplied by it.
+        sqrt(chi2/(count - 1)); above one the standard error of the inverse-variance mean has been
+        multiplied by it.
     scatter_ratio : float
         `scatter` over the mean standard error; 0.7 to 1.4 is sound.
     disagreement : float
-        Largest difference of two estimates in combined standard errors; above 3 they contradict each other.
+        Largest difference of two estimates in combined standard errors; above 3 they contradict
+        each other.
     count : int
         Number of estimates.
     """
@@ -264,7 +340,9 @@ class Pooled:
         return self.disagreement > DISAGREEMENT
 
 
-def pool(values: Sequence[float], stderr: Sequence[float], method: str = "inverse_variance") -> Pooled:
+def pool(
+    values: Sequence[float], stderr: Sequence[float], method: str = "inverse_variance"
+) -> Pooled:
     """Join independent estimates of one parameter.
 
     Parameters
@@ -272,8 +350,9 @@ def pool(values: Sequence[float], stderr: Sequence[float], method: str = "invers
     values, stderr : array (estimates,)
         Estimates and their standard errors, positive.
     method : {"inverse_variance", "median", "inverse_sigma"}
-        Weights 1/s^2, with the Birge ratio; the median, with 1.25 scatter/sqrt(n) for its error; weights 1/s and error
-        sqrt(n)/sum(1/s), as some papers do (to reproduce their tables, not to be preferred).
+        Weights 1/s^2, with the Birge ratio; the median, with 1.25 scatter/sqrt(n) for its error;
+        weights 1/s and error sqrt(n)/sum(1/s), as some papers do (to reproduce their tables, not to
+        be preferred).
 
     Raises
     ------
@@ -306,11 +385,16 @@ def pool(values: Sequence[float], stderr: Sequence[float], method: str = "invers
     if method == "inverse_variance":
         value, error = mean, max(1.0, birge) / np.sqrt(w.sum())
     elif method == "median":
-        value, error = float(np.median(theta)), 1.25 * scatter / np.sqrt(n) if n > 2 else float(np.sqrt((s**2).mean() / n))
+        value, error = (
+            float(np.median(theta)),
+            1.25 * scatter / np.sqrt(n) if n > 2 else float(np.sqrt((s**2).mean() / n)),
+        )
     else:
         value, error = float((theta / s).sum() / (1.0 / s).sum()), np.sqrt(n) / (1.0 / s).sum()
     apart = np.abs(theta[:, None] - theta) / np.hypot(s[:, None], s)
-    return Pooled(value, float(error), scatter, chi2, birge, scatter / float(s.mean()), float(apart.max()), n)
+    return Pooled(
+        value, float(error), scatter, chi2, birge, scatter / float(s.mean()), float(apart.max()), n
+    )
 
 
 def pool_fits(fits: Sequence[Fit], method: str = "inverse_variance"):
@@ -326,8 +410,8 @@ def pool_fits(fits: Sequence[Fit], method: str = "inverse_variance"):
     Returns
     -------
     DataFrame
-        One row per term: the attributes of `Pooled` and ``contradictory``.  Systematic errors are common to the fits
-        and not in these standard errors.
+        One row per term: the attributes of `Pooled` and ``contradictory``.  Systematic errors are
+        common to the fits and not in these standard errors.
 
     Raises
     ------
@@ -337,10 +421,16 @@ def pool_fits(fits: Sequence[Fit], method: str = "inverse_variance"):
     import pandas as pd
 
     if len(found := {fit.model.coefficient for fit in fits}) != 1:
-        raise IdentificationError(f"fits of {', '.join(sorted(found)) or 'nothing'} cannot be pooled; give fits of one coefficient")
+        raise IdentificationError(
+            f"fits of {', '.join(sorted(found)) or 'nothing'} cannot be pooled; give fits of one coefficient"
+        )
     rows = {}
     for term in dict.fromkeys(str(name) for fit in fits for name in fit.estimates["term"].values):
-        having = [fit.estimates.sel(term=term) for fit in fits if term in fit.estimates["term"].values]
-        joined = pool([float(e["estimate"]) for e in having], [float(e["stderr"]) for e in having], method)
+        having = [
+            fit.estimates.sel(term=term) for fit in fits if term in fit.estimates["term"].values
+        ]
+        joined = pool(
+            [float(e["estimate"]) for e in having], [float(e["stderr"]) for e in having], method
+        )
         rows[term] = {**vars(joined), "contradictory": joined.contradictory}
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("term")

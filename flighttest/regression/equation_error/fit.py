@@ -15,7 +15,13 @@ import numpy as np
 import xarray as xr
 
 from aerodb.store.overview import plain_number, readable
-from flightmech.errors import AeromatchWarning, IdentificationError, ParseError, SchemaError, UnknownName
+from flightmech.errors import (
+    AeromatchWarning,
+    IdentificationError,
+    ParseError,
+    SchemaError,
+    UnknownName,
+)
 from flightmech.names import attrs
 from flightmech.support.atomic_write import written_atomically
 from flightmech.support.figures import html_table
@@ -36,21 +42,32 @@ def predicted(fit: FitData, data: xr.Dataset, manoeuvre: int | None) -> xr.Datas
     samples = _samples(fit, data)
     X = _design(fit, samples, manoeuvre)
     e = fit.estimates
-    variance = np.einsum("ij,jk,ik->i", X, e["covariance"].values, X) + ((X @ e["systematic"].values) ** 2).sum(axis=1)
+    variance = np.einsum("ij,jk,ik->i", X, e["covariance"].values, X) + (
+        (X @ e["systematic"].values) ** 2
+    ).sum(axis=1)
     found = outside(fit, samples, X)
     if found:
         name = f"{fit.name}: " if fit.name else ""
-        warnings.warn(f"{name}{fit.model} is used outside the fitted range: {'; '.join(found)}", AeromatchWarning, stacklevel=3)
+        warnings.warn(
+            f"{name}{fit.model} is used outside the fitted range: {'; '.join(found)}",
+            AeromatchWarning,
+            stacklevel=3,
+        )
     (dim,) = samples.sizes
     columns = {
         fit.model.coefficient: (dim, X @ e["estimate"].values, attrs(fit.model.coefficient)),
-        "stderr": (dim, np.sqrt(variance), {"long_name": "standard error of the fitted coefficient"}),
+        "stderr": (
+            dim,
+            np.sqrt(variance),
+            {"long_name": "standard error of the fitted coefficient"},
+        ),
     }
     return xr.Dataset(columns, samples.coords)
 
 
 def outside(fit: FitData, samples: xr.Dataset, X: np.ndarray) -> list[str]:
-    """Return in words which variables and which further terms leave the range of the samples that were fitted.
+    """Return in words which variables and which further terms leave the range of the samples that
+    were fitted.
 
     Parameters
     ----------
@@ -61,7 +78,10 @@ def outside(fit: FitData, samples: xr.Dataset, X: np.ndarray) -> list[str]:
         Regressors of the estimates there.
     """
     variables = fit.model.variables
-    found = [_beyond(name, samples[name].values, fit.data[name].values, partial(readable, name)) for name in variables]
+    found = [
+        _beyond(name, samples[name].values, fit.data[name].values, partial(readable, name))
+        for name in variables
+    ]
     for term, x, known in zip(fit.estimates["term"].values, X.T, fit.regressors.values.T):
         if str(term) not in variables and not least_squares.constants([str(term)])[0]:
             found.append(_beyond(str(term), x, known, plain_number))
@@ -74,34 +94,66 @@ def _beyond(name: str, x: np.ndarray, known: np.ndarray, words: Callable[[float]
     out = (x < low - margin) | (x > high + margin)
     if not out.any():
         return ""
-    span, fitted = (f"{words(a)} ... {words(b)}" for a, b in ((float(x.min()), float(x.max())), (low, high)))
+    span, fitted = (
+        f"{words(a)} ... {words(b)}" for a, b in ((float(x.min()), float(x.max())), (low, high))
+    )
     return f"{name} is {span}, fitted over {fitted} ({int(out.sum())} of {len(x)} samples outside)"
 
 
 def _design(fit: FitData, samples: xr.Dataset, manoeuvre: int | None) -> np.ndarray:
-    """Return the regressors of the estimates (sample, term): of separate intercepts, that of `manoeuvre` is one, the others zero."""
+    """Return the regressors of the estimates (sample, term): of separate intercepts, that of
+    `manoeuvre` is one, the others zero.
+    """
     terms = [str(term) for term in fit.estimates["term"].values]
     separate = [term for term in terms if term.startswith("1[")]
     if manoeuvre is None and separate:
-        raise IdentificationError(f"{fit.model} has a constant for each manoeuvre, {', '.join(separate)}; choose one with manoeuvre=")
+        raise IdentificationError(
+            f"{fit.model} has a constant for each manoeuvre, {', '.join(separate)}; choose one with manoeuvre="
+        )
     if manoeuvre is not None and f"1[{manoeuvre}]" not in separate:
-        raise UnknownName(f"1[{manoeuvre}]", separate, "intercept", f"manoeuvre={manoeuvre} is none of those with a constant of their own")
-    rows = regressors(["1" if term in separate else term for term in terms], samples, fit.model.reference)
+        raise UnknownName(
+            f"1[{manoeuvre}]",
+            separate,
+            "intercept",
+            f"manoeuvre={manoeuvre} is none of those with a constant of their own",
+        )
+    rows = regressors(
+        ["1" if term in separate else term for term in terms], samples, fit.model.reference
+    )
     away = [term in separate and term != f"1[{manoeuvre}]" for term in terms]
     return np.where(away, 0.0, rows.T)
 
 
 def _samples(fit: FitData, data: xr.Dataset) -> xr.Dataset:
-    """Return the variables of the model along the one dimension that they have; other variables may have dimensions of their own."""
+    """Return the variables of the model along the one dimension that they have; other variables may
+    have dimensions of their own.
+    """
     for name in fit.model.variables:
         if name not in data:
-            raise UnknownName(name, map(str, data.data_vars), "model variable", f"the data do not hold it; {fit.model} needs it")
+            raise UnknownName(
+                name,
+                map(str, data.data_vars),
+                "model variable",
+                f"the data do not hold it; {fit.model} needs it",
+            )
     own = data[list(fit.model.variables)]
-    sizes = dict(own.sizes) or {dim: data.sizes[dim] for dim in ("time", "sample") if dim in data.sizes} or {"sample": 1}
+    sizes = (
+        dict(own.sizes)
+        or {dim: data.sizes[dim] for dim in ("time", "sample") if dim in data.sizes}
+        or {"sample": 1}
+    )
     if len(sizes) > 1:
-        raise SchemaError("data", [f"the variables of {fit.model} have the dimensions {', '.join(map(str, sizes))}; one is allowed"])
+        raise SchemaError(
+            "data",
+            [
+                f"the variables of {fit.model} have the dimensions {', '.join(map(str, sizes))}; one is allowed"
+            ],
+        )
     ((dim, size),) = sizes.items()
-    columns = {name: (dim, np.broadcast_to(own[name].values.astype(float), (size,))) for name in fit.model.variables}
+    columns = {
+        name: (dim, np.broadcast_to(own[name].values.astype(float), (size,)))
+        for name in fit.model.variables
+    }
     return xr.Dataset(columns, {dim: data[dim] if dim in data.coords else np.arange(size)})
 
 
@@ -110,7 +162,9 @@ _CONTENT = "aeromatch fit"
 
 @dataclass(frozen=True)
 class Fit(FitData):
-    """Estimates of one model from one or several manoeuvres: `FitData` with remarks, text and predictions."""
+    """Estimates of one model from one or several manoeuvres: `FitData` with remarks, text and
+    predictions.
+    """
 
     def predict(self, data: xr.Dataset, manoeuvre: int | None = None) -> xr.Dataset:
         """Return what the fit predicts of other data.
@@ -125,8 +179,9 @@ class Fit(FitData):
         Returns
         -------
         Dataset (time,) or (sample,)
-            The coefficient, and ``stderr`` of its mean, sqrt(x'(C + D D')x) with the covariance C and the systematic changes D of
-            the estimates; what scatters about the mean, ``residual_rms``, is not in it.
+            The coefficient, and ``stderr`` of its mean, sqrt(x'(C + D D')x) with the covariance C
+            and the systematic changes D of the estimates; what scatters about the mean,
+            ``residual_rms``, is not in it.
 
         Raises
         ------
@@ -140,7 +195,8 @@ class Fit(FitData):
         Warns
         -----
         AeromatchWarning
-            A variable, or a further term such as a product or a power, leaves the range of the samples that were fitted.
+            A variable, or a further term such as a product or a power, leaves the range of the
+            samples that were fitted.
 
         Notes
         -----
@@ -155,7 +211,8 @@ class Fit(FitData):
         return remarks_of(self)
 
     def plot(self) -> Figure:
-        """Return a figure: the measured coefficient, the fitted one and the residual over the samples.
+        """Return a figure: the measured coefficient, the fitted one and the residual over the
+        samples.
 
         Raises
         ------
@@ -170,9 +227,14 @@ class Fit(FitData):
         """Return the estimates as a table for a notebook."""
         columns = ("estimate", "stderr", "stderr_systematic", "contribution")
         given = [name for name in columns if name in self.estimates]
-        rows = [(str(term), *(float(self.estimates[name].sel(term=term)) for name in given)) for term in self.estimates["term"].values]
+        rows = [
+            (str(term), *(float(self.estimates[name].sel(term=term)) for name in given))
+            for term in self.estimates["term"].values
+        ]
         caption = f"{self.name}: {self.model}" if self.name else str(self.model)
-        return html_table(caption, ("term", *given), rows, [_headline(self.estimates.attrs), *lines(self.remarks)])
+        return html_table(
+            caption, ("term", *given), rows, [_headline(self.estimates.attrs), *lines(self.remarks)]
+        )
 
     def report(self, correlation: bool = False) -> str:
         """Return estimates with 95 % confidence intervals, tests and remarks as text.
@@ -195,7 +257,12 @@ def save_fit(fit: Fit, path: str | os.PathLike) -> None:
         An older file is replaced.
     """
     path = Path(path)
-    about = {"content": _CONTENT, "name": fit.name, "model": str(fit.model), "reference": json.dumps(dict(fit.model.reference))}
+    about = {
+        "content": _CONTENT,
+        "name": fit.name,
+        "model": str(fit.model),
+        "reference": json.dumps(dict(fit.model.reference)),
+    }
     tree = xr.DataTree.from_dict(
         {
             "/": xr.Dataset(attrs=about),
@@ -217,9 +284,19 @@ def open_fit(path: str | os.PathLike) -> Fit:
         Not such a file.
     """
     tree = open_tree(path, _CONTENT, "a fit as `aeromatch flight identify -o` writes it")
-    about, parts = tree.attrs, {str(name): node.to_dataset(inherit=False) for name, node in tree.children.items()}
+    about, parts = (
+        tree.attrs,
+        {str(name): node.to_dataset(inherit=False) for name, node in tree.children.items()},
+    )
     model = replace(Model.parse(about["model"]), reference=json.loads(about["reference"]))
-    return Fit(str(about["name"]), model, parts["estimates"], parts["data"], parts["design"]["design"], parts["design"]["regressors"])
+    return Fit(
+        str(about["name"]),
+        model,
+        parts["estimates"],
+        parts["data"],
+        parts["design"]["design"],
+        parts["design"]["regressors"],
+    )
 
 
 def open_tree(path: str | os.PathLike, content: str, expected: str) -> xr.DataTree:
@@ -267,7 +344,9 @@ def tests(a: Mapping[str, Any]) -> list[str]:
     """
     found = []
     if a.get("F_terms"):
-        found.append(f"all slopes: F({a['F_terms']}, {a['F_dof']:.0f}) {a['F']:.4g}, probability {a['F_probability']:.2g}")
+        found.append(
+            f"all slopes: F({a['F_terms']}, {a['F_dof']:.0f}) {a['F']:.4g}, probability {a['F_probability']:.2g}"
+        )
     if "portmanteau" in a:
         white = "white" if a["portmanteau_probability"] > 0.01 else "not white"
         found.append(
@@ -282,7 +361,13 @@ def correlations(e: xr.Dataset) -> list[str]:
     terms = [str(term) for term in e["term"].values]
     width = max(9, *(len(term) + 2 for term in terms))
     head = f"{'correlation':<18}" + "".join(f"{term:>{width}}" for term in terms)
-    return [head, *(f"{term:<18}" + "".join(f"{x:>{width}.3f}" for x in row) for term, row in zip(terms, e["correlation"].values))]
+    return [
+        head,
+        *(
+            f"{term:<18}" + "".join(f"{x:>{width}.3f}" for x in row)
+            for term, row in zip(terms, e["correlation"].values)
+        ),
+    ]
 
 
 _HEADS = {"white": 10, "system.": 10, "t": 9, "p": 9, "dof": 6, "VIF": 8, "share": 8}
@@ -299,7 +384,11 @@ def _report(fit: Fit, correlation: bool) -> str:
         + "".join(f"{head:>{width}}" for head, width in _HEADS.items()),
     ]
     for term in e["term"].values:
-        found = {str(name): float(e[name].sel(term=term)) for name, item in e.data_vars.items() if item.dims == ("term",)}
+        found = {
+            str(name): float(e[name].sel(term=term))
+            for name, item in e.data_vars.items()
+            if item.dims == ("term",)
+        }
         row = {name: float("nan") for name in ("low", "high", "t", "p_value", "dof")} | found
         vif = "-" if np.isnan(row["vif"]) else f"{row['vif']:.1f}"
         errors = "".join(f"{row[name]:>10.2g}" for name in ("stderr_white", "stderr_systematic"))

@@ -1,6 +1,8 @@
-"""What a regression's numbers do not show by themselves: whether they mean anything, and what may have spoilt them.
+"""What a regression's numbers do not show by themselves: whether they mean anything, and what may
+have spoilt them.
 
-Every threshold is a named constant with its reason next to it; docs/regression.md states how often each speaks by chance.
+Every threshold is a named constant with its reason next to it; docs/regression.md states how often
+each speaks by chance.
 """
 
 from __future__ import annotations
@@ -34,21 +36,26 @@ class FitData:
     name : str
     model : Model
     estimates : Dataset (term, term_, error)
-        ``estimate``, ``stderr`` (coloured residuals), ``stderr_white``, ``stderr_systematic``, ``covariance`` and
-        ``correlation`` of the estimates (coloured), ``systematic`` (term, error): change of the estimates for one
-        standard error of each source, ``stderr_window`` (by a lag window of a tenth of the longest stretch, in time),
-        ``contribution`` (rms of the term about its mean over the rms of the coefficient
-        about its mean); of the regressors ``vif``, ``regressor_correlation``, ``condition_index`` (component) and
-        ``proportion`` (component, term).  Attributes: ``coefficient``, ``name``, ``domain`` (time, frequency or published), ``R2``,
-        ``residual_rms``, ``samples``, ``manoeuvres``, ``offset`` (standard deviation of a constant between manoeuvres);
-        of a frequency fit ``R2`` is that inside ``band``.  Tests and intervals are those of `significance.added` (``t``,
-        ``p_value``, ``dof``, ``low``, ``high``; ``F``, ``F_terms``, ``F_dof``, ``F_probability``), the colour of the residual that of
-        `significance.whiteness` (``portmanteau``, ``portmanteau_lags``, ``portmanteau_probability``, ``correlation_time`` [s]).
+        ``estimate``, ``stderr`` (coloured residuals), ``stderr_white``, ``stderr_systematic``,
+        ``covariance`` and ``correlation`` of the estimates (coloured), ``systematic`` (term,
+        error): change of the estimates for one standard error of each source, ``stderr_window`` (by
+        a lag window of a tenth of the longest stretch, in time), ``contribution`` (rms of the term
+        about its mean over the rms of the coefficient about its mean); of the regressors ``vif``,
+        ``regressor_correlation``, ``condition_index`` (component) and ``proportion`` (component,
+        term).  Attributes: ``coefficient``, ``name``, ``domain`` (time, frequency or published),
+        ``R2``, ``residual_rms``, ``samples``, ``manoeuvres``, ``offset`` (standard deviation of a
+        constant between manoeuvres); of a frequency fit ``R2`` is that inside ``band``.  Tests and
+        intervals are those of `significance.added` (``t``, ``p_value``, ``dof``, ``low``, ``high``;
+        ``F``, ``F_terms``, ``F_dof``, ``F_probability``), the colour of the residual that of
+        `significance.whiteness` (``portmanteau``, ``portmanteau_lags``,
+        ``portmanteau_probability``, ``correlation_time`` [s]).
     data : Dataset (sample,)
-        The samples used: coefficient, model variables, what tables may depend on, ``time`` and ``manoeuvre`` (from 0).
+        The samples used: coefficient, model variables, what tables may depend on, ``time`` and
+        ``manoeuvre`` (from 0).
     design : DataArray (sample, term)
-        The regressors whose ordinary least squares over the samples the estimate is: those of the model, but for
-        weights, ridge and frequency, where it makes the estimate the same linear function of the measurements.
+        The regressors whose ordinary least squares over the samples the estimate is: those of the
+        model, but for weights, ridge and frequency, where it makes the estimate the same linear
+        function of the measurements.
     regressors : DataArray (sample, term)
         The regressors of the model.
     """
@@ -63,7 +70,10 @@ class FitData:
     @property
     def residual(self) -> np.ndarray:
         """Measured minus fitted coefficient, (sample,)."""
-        return self.data[self.model.coefficient].values - self.regressors.values @ self.estimates["estimate"].values
+        return (
+            self.data[self.model.coefficient].values
+            - self.regressors.values @ self.estimates["estimate"].values
+        )
 
     @property
     def time_along(self) -> np.ndarray:
@@ -106,16 +116,23 @@ def fit_figure(fit: FitData) -> Figure:
     return figure
 
 
-EXCITED = 0.01  # probability of F above which a fit is no better than noise: one noise record in a hundred passes
+# probability of F above which a fit is no better than noise: one noise record in a hundred passes
+EXCITED = 0.01
 SIGNIFICANT = 0.05  # probability of t above which a term is called not significant
 WRONG = 0.01  # probability of t below which a wrong sign is no chance
-EXPLAINED = 0.5  # of the variance, that a model must explain for its terms to be what moves the coefficient
+EXPLAINED = (
+    0.5  # of the variance, that a model must explain for its terms to be what moves the coefficient
+)
 SIGN_KNOWN = 2.0  # standard errors by which a prior must differ from zero to have a sign
-SPIKE = 8.0  # robust standard deviations of a departure from its neighbours: never by chance in 10^6 Gaussian samples
+# robust standard deviations of a departure from its neighbours: never by chance in 10^6 Gaussian
+# samples
+SPIKE = 8.0
 OUTSIDE = 5.0  # and of the residual itself
 SMOOTH = 0.1  # least scatter about the neighbours, of that of the residual
 NEIGHBOURS = 4  # samples on each side that determine what a sample should be; spikes are shorter
-APART = 3.0  # standard error over that of a lag window: four fifths of real fits lie between 1 and 2
+APART = (
+    3.0  # standard error over that of a lag window: four fifths of real fits lie between 1 and 2
+)
 SIGNS = {
     ("CL", "delta_e"): 1,
     ("CZ", "delta_e"): -1,
@@ -134,7 +151,15 @@ SIGNS = {
 
 def remarks_of(fit: FitData) -> list[Remark]:
     """Return all remarks on a fit; errors first."""
-    found = [*_insignificant(fit), *_unexplained(fit), *_signs(fit), *_spike(fit), *_collinear(fit), *_offset(fit), *_disturbance(fit)]
+    found = [
+        *_insignificant(fit),
+        *_unexplained(fit),
+        *_signs(fit),
+        *_spike(fit),
+        *_collinear(fit),
+        *_offset(fit),
+        *_disturbance(fit),
+    ]
     return sorted(found, key=lambda remark: remark.severity != "error")
 
 
@@ -150,9 +175,15 @@ def against_prior(terms, estimate, variance, dof, prior, prior_stderr) -> list[R
         NaN where there is none.
     """
     found = []
-    for term, value, var, free, before, sigma in zip(terms, estimate, variance, dof, prior, prior_stderr):
+    for term, value, var, free, before, sigma in zip(
+        terms, estimate, variance, dof, prior, prior_stderr
+    ):
         t = value / np.sqrt(var)
-        if abs(before) > SIGN_KNOWN * sigma and value * before < 0.0 and 2.0 * scipy.stats.t.sf(abs(t), free) < WRONG:
+        if (
+            abs(before) > SIGN_KNOWN * sigma
+            and value * before < 0.0
+            and 2.0 * scipy.stats.t.sf(abs(t), free) < WRONG
+        ):
             words = (
                 f"sign against the prior: {term} is {value:.3g} at {abs(t):.1f} standard errors, the prior {before:.3g} +- {sigma:.2g}; "
                 "check the sign of the channel, and what else moved with it"
@@ -178,9 +209,19 @@ def _insignificant(fit: FitData) -> list[Remark]:
         )
         return [Remark("no excitation", words, "", a["F_probability"], EXCITED, "error")]
     names, p, t = e["term"].values, e["p_value"].values, e["t"].values
-    idle = [k for k in np.flatnonzero(p > SIGNIFICANT) if not least_squares.constants([str(names[k])])[0]]
+    idle = [
+        k
+        for k in np.flatnonzero(p > SIGNIFICANT)
+        if not least_squares.constants([str(names[k])])[0]
+    ]
     return [
-        Remark("not significant", f"not significant: {names[k]}, t {t[k]:.1f}, probability {p[k]:.2g}", str(names[k]), p[k], SIGNIFICANT)
+        Remark(
+            "not significant",
+            f"not significant: {names[k]}, t {t[k]:.1f}, probability {p[k]:.2g}",
+            str(names[k]),
+            p[k],
+            SIGNIFICANT,
+        )
         for k in idle
     ]
 
@@ -204,15 +245,23 @@ def _signs(fit: FitData) -> list[Remark]:
         if coefficient != fit.model.coefficient or control not in fit.model.variables:
             continue
         slope = _slope(fit, control)
-        value, sigma = float(slope @ e["estimate"].values), float(np.sqrt(max(0.0, slope @ C @ slope)))
+        value, sigma = (
+            float(slope @ e["estimate"].values),
+            float(np.sqrt(max(0.0, slope @ C @ slope))),
+        )
         free = float(e["dof"].values[slope != 0.0].min(initial=np.inf))
-        if sign * value < 0.0 and 2.0 * scipy.stats.t.sf(abs(value) / max(sigma, np.finfo(float).tiny), free) < WRONG:
+        if (
+            sign * value < 0.0
+            and 2.0 * scipy.stats.t.sf(abs(value) / max(sigma, np.finfo(float).tiny), free) < WRONG
+        ):
             words = (
                 f"sign against the convention: d{coefficient}/d{control} is {value:.3g} at {abs(value) / sigma:.1f} standard errors, "
                 f"{'positive' if sign > 0 else 'negative'} by the definition of {control}; check the sign of the channel, its delay, and "
                 "what else moved with it"
             )
-            found.append(Remark("sign", words, control, value / sigma, -sign * _quantile(free), "error"))
+            found.append(
+                Remark("sign", words, control, value / sigma, -sign * _quantile(free), "error")
+            )
     return found
 
 
@@ -220,28 +269,45 @@ def _slope(fit: FitData, control: str) -> np.ndarray:
     """Derivative of the model by a control at the mean of the samples, as weights of the terms."""
     data = fit.data
     step = 1e-3 * float(np.ptp(data[control].values)) or 1e-6
-    up, down = (fit.model.design(data.assign({control: data[control] + side * step})) for side in (1.0, -1.0))
+    up, down = (
+        fit.model.design(data.assign({control: data[control] + side * step}))
+        for side in (1.0, -1.0)
+    )
     mean = dict(zip(fit.model.terms, ((up - down) / (2.0 * step)).mean(axis=0)))
     return np.array([mean.get(str(term), 0.0) for term in fit.estimates["term"].values])
 
 
 def _spike(fit: FitData) -> list[Remark]:
     """The largest residual that its neighbours do not share, and what the fit is without it."""
-    if fit.estimates.attrs.get("weights") == "robust" or fit.data.sizes.get("sample", 0) <= 2 * NEIGHBOURS + 1:
+    if (
+        fit.estimates.attrs.get("weights") == "robust"
+        or fit.data.sizes.get("sample", 0) <= 2 * NEIGHBOURS + 1
+    ):
         return []
     v = fit.residual
-    apart = v - np.median(np.lib.stride_tricks.sliding_window_view(np.pad(v, NEIGHBOURS, mode="reflect"), 2 * NEIGHBOURS + 1), axis=1)
+    apart = v - np.median(
+        np.lib.stride_tricks.sliding_window_view(
+            np.pad(v, NEIGHBOURS, mode="reflect"), 2 * NEIGHBOURS + 1
+        ),
+        axis=1,
+    )
     # a smooth residual is its own running median almost everywhere
     sizes = np.abs(apart) / max(_robust(apart), SMOOTH * _robust(v), np.finfo(float).tiny)
     far = np.abs(v - np.median(v)) / max(_robust(v), np.finfo(float).tiny)
     spikes = np.flatnonzero(
-        (sizes > SPIKE) & (far > OUTSIDE) & (np.abs(v) > _ROUNDING * np.abs(fit.data[fit.model.coefficient].values).max())
+        (sizes > SPIKE)
+        & (far > OUTSIDE)
+        & (np.abs(v) > _ROUNDING * np.abs(fit.data[fit.model.coefficient].values).max())
     )
     if not len(spikes):
         return []
     worst = int(spikes[np.argmax(np.abs(apart[spikes]))])
     time, number = float(fit.data["time"].values[worst]), int(fit.data["manoeuvre"].values[worst])
-    where = f"{time:g} s" if fit.estimates.attrs["manoeuvres"] == 1 else f"{time:g} s of manoeuvre {number}"
+    where = (
+        f"{time:g} s"
+        if fit.estimates.attrs["manoeuvres"] == 1
+        else f"{time:g} s of manoeuvre {number}"
+    )
     words = (
         f"spike of {apart[worst]:.3g} in {fit.model.coefficient} at {where}, {sizes[worst]:.0f} times the scatter of the residual"
         f"{f' ({len(spikes)} samples stand out)' if len(spikes) > 1 else ''}{_without(fit, spikes)}; take it out of the record, or use "
@@ -261,7 +327,9 @@ def _without(fit: FitData, spikes: Collection[int]) -> str:
     kept = np.setdiff1d(np.arange(fit.data.sizes["sample"]), list(spikes))
     z = fit.data[fit.model.coefficient].values
     theta = np.linalg.lstsq(fit.regressors.values[kept], z[kept], rcond=None)[0]
-    change = np.abs(theta - e["estimate"].values) / np.maximum(e["stderr"].values, np.finfo(float).tiny)
+    change = np.abs(theta - e["estimate"].values) / np.maximum(
+        e["stderr"].values, np.finfo(float).tiny
+    )
     k = int(np.argmax(change))
     return f"; without it {e['term'].values[k]} is {theta[k]:.4g} and not {float(e['estimate'].values[k]):.4g}"
 
@@ -274,14 +342,22 @@ def _collinear(fit: FitData) -> list[Remark]:
     e = fit.estimates
     terms = [str(term) for term in e["term"].values]
     found = [
-        Remark("collinear", f"VIF of {term} is {v:.0f} (above {collinearity.VIF:.0f})", term, float(v), collinearity.VIF)
+        Remark(
+            "collinear",
+            f"VIF of {term} is {v:.0f} (above {collinearity.VIF:.0f})",
+            term,
+            float(v),
+            collinearity.VIF,
+        )
         for term, v in zip(terms, e["vif"].values)
         if v > collinearity.VIF
     ]
     rho = e["regressor_correlation"].values
     for i, j in zip(*np.nonzero(np.triu(np.abs(rho) > collinearity.CORRELATED, 1))):
         words = f"regressors {terms[i]} and {terms[j]} are correlated by {rho[i, j]:.2f}"
-        found.append(Remark("collinear", words, terms[i], float(rho[i, j]), collinearity.CORRELATED))
+        found.append(
+            Remark("collinear", words, terms[i], float(rho[i, j]), collinearity.CORRELATED)
+        )
     for index, words in collinearity.pairs(e):
         text = f"condition index {index:.0f}: hardly distinguishable are {words}"
         found.append(Remark("collinear", text, "", index, collinearity.CONDITION))
@@ -297,7 +373,9 @@ def _offset(fit: FitData) -> list[Remark]:
 
 
 def _disturbance(fit: FitData) -> list[Remark]:
-    """What the standard errors rest on: how much of the disturbance is hidden in the fit, and what a lag window states."""
+    """What the standard errors rest on: how much of the disturbance is hidden in the fit, and what
+    a lag window states.
+    """
     e = fit.estimates
     if "hidden" not in e.attrs:
         return []
@@ -316,5 +394,9 @@ def _disturbance(fit: FitData) -> list[Remark]:
         ratio = float(own / window) if window > 0.0 else 1.0
         if not 1.0 / APART <= ratio <= APART:
             words = f"{term}: the standard error is {ratio:.2g} times that of a lag window ({window:.2g}); the disturbance is slow or rough"
-            found.append(Remark("disturbance", words, str(term), ratio, APART if ratio > 1.0 else 1.0 / APART))
+            found.append(
+                Remark(
+                    "disturbance", words, str(term), ratio, APART if ratio > 1.0 else 1.0 / APART
+                )
+            )
     return found

@@ -1,13 +1,16 @@
-"""Equation error in frequency: the same linear model fitted to finite Fourier transforms inside a band.
+"""Equation error in frequency: the same linear model fitted to finite Fourier transforms inside a
+band.
 
-Only the band with excitation is looked at: drift, trim and the noise above the band stay out, and there is no lag
-window to choose.  Every stretch is freed from its mean and trend, transformed at the multiples of one over its
-duration, and divided by the root of the duration, so that long and short stretches weigh as their information.
-Where the noise varies through the band, as that of accelerations from positions does by its fourth power, the equations
-are weighted by the spectrum of the residual [Whittle1953]_; without weights the noisiest frequencies decide.  What such
-noise leaks from its loud frequencies into the quiet ones is a constant and multiples of j omega and 1/(j omega) for each
-stretch: the differences of its integrals between the ends, and the trend taken off.  They are estimated along.
-Parameters are real, so every frequency gives two real equations.  The constant is found afterwards in time.
+Only the band with excitation is looked at: drift, trim and the noise above the band stay out, and
+there is no lag window to choose.  Every stretch is freed from its mean and trend, transformed at
+the multiples of one over its duration, and divided by the root of the duration, so that long and
+short stretches weigh as their information. Where the noise varies through the band, as that of
+accelerations from positions does by its fourth power, the equations are weighted by the spectrum of
+the residual [Whittle1953]_; without weights the noisiest frequencies decide.  What such noise leaks
+from its loud frequencies into the quiet ones is a constant and multiples of j omega and 1/(j omega)
+for each stretch: the differences of its integrals between the ends, and the trend taken off.  They
+are estimated along. Parameters are real, so every frequency gives two real equations.  The constant
+is found afterwards in time.
 
 References
 ----------
@@ -33,7 +36,11 @@ from flighttest.regression.equation_error.fit import Fit
 from flighttest.regression.equation_error.least_squares import ridge_penalty
 from flighttest.regression.equation_error.model import Model
 from flighttest.regression.equation_error.samples import Samples, slopes_of, stack
-from flighttest.regression.equation_error.time_domain import demand_choice, demand_determined, separated
+from flighttest.regression.equation_error.time_domain import (
+    demand_choice,
+    demand_determined,
+    separated,
+)
 from flighttest.regression.uncertainty import collinearity, significance
 from flighttest.regression.uncertainty.coloured_residuals import coloured
 
@@ -41,7 +48,10 @@ _EXCITED = 1e-6  # rms of a regressor inside the band, over its largest value, t
 _SHAPE = 2  # degree of the logarithm of the residual's spectrum over the logarithm of the frequency
 _PER_SHAPE = 6  # frequencies that each degree needs
 _ROUNDS, _STILL = 30, 1e-4
-_WEIGHINGS, _WEIGHED = 50, 1e-6  # of fit and spectrum in turn; change of the logarithm of the spectrum
+_WEIGHINGS, _WEIGHED = (
+    50,
+    1e-6,
+)  # of fit and spectrum in turn; change of the logarithm of the spectrum
 WEIGHTS = ("equal", "spectrum")
 
 
@@ -60,7 +70,9 @@ class Stretch:
         return (self.samples.stop - self.samples.start) * self.step
 
 
-def stretches(samples: Samples, band: tuple[float, float], spacing: float | None = None) -> list[Stretch]:
+def stretches(
+    samples: Samples, band: tuple[float, float], spacing: float | None = None
+) -> list[Stretch]:
     """Return the stretches that reach down to the band, with the frequencies of each.
 
     Parameters
@@ -95,7 +107,11 @@ def stretches(samples: Samples, band: tuple[float, float], spacing: float | None
 
 def transform(columns: np.ndarray, parts: Sequence[Stretch]) -> np.ndarray:
     """Return the scaled transforms of sampled columns, complex (rows, columns)."""
-    rows = [finite_fourier(detrended(columns[part.samples]), part.step, part.frequencies) / np.sqrt(part.duration) for part in parts]
+    rows = [
+        finite_fourier(detrended(columns[part.samples]), part.step, part.frequencies)
+        / np.sqrt(part.duration)
+        for part in parts
+    ]
     return np.concatenate(rows)
 
 
@@ -127,27 +143,31 @@ def regress_frequency(
     name : str
         For reports and provenance.
     intercepts : {"common", "separate"}
-        One constant, or one per manoeuvre.  The slopes do not know the difference: every stretch is freed from its mean.
+        One constant, or one per manoeuvre.  The slopes do not know the difference: every stretch is
+        freed from its mean.
     spacing : float, optional
-        Of the frequencies; default one over the duration. Closer frequencies are not independent; standard errors account
-        for it. [Hz]
+        Of the frequencies; default one over the duration. Closer frequencies are not independent;
+        standard errors account for it. [Hz]
     ridge : float or "auto"
         As in `regress`.
     weights : {"equal", "spectrum"}
-        ``spectrum`` weights every frequency by the inverse of the residual's spectrum there, found with the fit in turn, and takes off
-        what the ends of the stretches leak: for noise that grows with frequency, as that of coefficients from measured positions.
+        ``spectrum`` weights every frequency by the inverse of the residual's spectrum there, found
+        with the fit in turn, and takes off what the ends of the stretches leak: for noise that
+        grows with frequency, as that of coefficients from measured positions.
 
     Returns
     -------
     Fit
-        ``stderr`` follows the spectrum of the residual through the band and is multiplied by Student's t when the frequencies
-        are few; ``stderr_white`` takes the spectrum as flat.  Attributes
-        ``R2`` inside the band, without weights, ``R2_time`` over the samples, ``band``, ``frequencies``.
+        ``stderr`` follows the spectrum of the residual through the band and is multiplied by
+        Student's t when the frequencies are few; ``stderr_white`` takes the spectrum as flat.
+        Attributes ``R2`` inside the band, without weights, ``R2_time`` over the samples, ``band``,
+        ``frequencies``.
 
     Raises
     ------
     IdentificationError
-        No stretch reaches down to the band, too few frequencies, or terms the data cannot distinguish.
+        No stretch reaches down to the band, too few frequencies, or terms the data cannot
+        distinguish.
     UnknownName
         A variable that the data do not hold.
 
@@ -168,13 +188,25 @@ def regress_frequency(
     parts = stretches(samples, band, spacing)
     found, A, change = _solve(model, samples, X, terms, parts, name, ridge, weights)
     found.attrs.update(
-        name=name, intercepts=intercepts, band=f"{band[0]:g} ... {band[1]:g}", frequencies=sum(len(part.frequencies) for part in parts)
+        name=name,
+        intercepts=intercepts,
+        band=f"{band[0]:g} ... {band[1]:g}",
+        frequencies=sum(len(part.frequencies) for part in parts),
     )
     data = samples.kept(model.coefficient, change)
-    return Fit(name, model, found, data, least_squares.labelled(least_squares.equivalent(A), terms), least_squares.labelled(X, terms))
+    return Fit(
+        name,
+        model,
+        found,
+        data,
+        least_squares.labelled(least_squares.equivalent(A), terms),
+        least_squares.labelled(X, terms),
+    )
 
 
-def demand_frequencies(label: str, rows: np.ndarray, X: np.ndarray, parts: Sequence[Stretch], terms: Sequence[str]) -> None:
+def demand_frequencies(
+    label: str, rows: np.ndarray, X: np.ndarray, parts: Sequence[Stretch], terms: Sequence[str]
+) -> None:
     """Raise when the transformed equations cannot determine the terms.
 
     Parameters
@@ -191,7 +223,8 @@ def demand_frequencies(label: str, rows: np.ndarray, X: np.ndarray, parts: Seque
     Raises
     ------
     IdentificationError
-        Too few frequencies, a term without excitation in the band, or combinations that vanish there.
+        Too few frequencies, a term without excitation in the band, or combinations that vanish
+        there.
     """
     if len(rows) < 2 * len(terms):
         raise IdentificationError(
@@ -199,7 +232,11 @@ def demand_frequencies(label: str, rows: np.ndarray, X: np.ndarray, parts: Seque
         )
     duration = np.concatenate([np.full(len(part.frequencies), part.duration) for part in parts])
     inside = np.sqrt(2.0 * (np.abs(rows) ** 2 / duration[:, None]).sum(axis=0) / len(parts))
-    still = [term for term, own, size in zip(terms, inside, np.abs(X).max(axis=0)) if own < _EXCITED * size]
+    still = [
+        term
+        for term, own, size in zip(terms, inside, np.abs(X).max(axis=0))
+        if own < _EXCITED * size
+    ]
     if still:
         raise IdentificationError(
             f"{label}: {', '.join(still)} {'is' if len(still) == 1 else 'are'} not excited inside the band; leave the term out, "
@@ -212,15 +249,32 @@ def demand_frequencies(label: str, rows: np.ndarray, X: np.ndarray, parts: Seque
         raise IdentificationError(f"{label}: inside the band {error}") from None
 
 
-def _solve(model: Model, samples: Samples, X: np.ndarray, terms: list[str], parts: list[Stretch], name: str, ridge, weights: str):
-    """The estimates, the linear map (terms, samples) from the measured coefficient to them, and what the common errors change."""
+def _solve(
+    model: Model,
+    samples: Samples,
+    X: np.ndarray,
+    terms: list[str],
+    parts: list[Stretch],
+    name: str,
+    ridge,
+    weights: str,
+):
+    """The estimates, the linear map (terms, samples) from the measured coefficient to them, and
+    what the common errors change.
+    """
     z, fixed = samples.data[model.coefficient].values, least_squares.constants(terms)
     slopes = [term for term, constant in zip(terms, fixed) if not constant]
     if not slopes:
-        raise IdentificationError(f"{model} has no slope; a spectrum without its mean contains no information about a constant")
+        raise IdentificationError(
+            f"{model} has no slope; a spectrum without its mean contains no information about a constant"
+        )
     Xf, zf = transform(X[:, ~fixed], parts), transform(z[:, None], parts)[:, 0]
     demand_frequencies(f"{name}: {model}" if name else str(model), Xf, X[:, ~fixed], parts, slopes)
-    whitened = whitening(Xf, zf, parts) if weights == "spectrum" else Whitened(np.ones(len(zf)), np.zeros((2 * len(zf), 0)))
+    whitened = (
+        whitening(Xf, zf, parts)
+        if weights == "spectrum"
+        else Whitened(np.ones(len(zf)), np.zeros((2 * len(zf), 0)))
+    )
     root, lost = whitened.root, whitened.ends.shape[1]
     X2, z2 = whitened.equations(Xf), whitened.equations(zf[:, None])[:, 0]
     penalty, parameter = ridge_penalty(ridge, X2, z2, np.zeros(len(slopes), bool))
@@ -228,7 +282,12 @@ def _solve(model: Model, samples: Samples, X: np.ndarray, terms: list[str], part
     v = whitened.residual(zf, Xf, theta)
     D = least_squares.estimator(E) * np.tile(root, 2)
     s2 = float((np.abs(v) ** 2).sum()) / (2 * len(v) - len(slopes) - lost)
-    dense = np.concatenate([np.full(len(part.frequencies), max(1.0, 1.0 / (part.duration * _spacing(part)))) for part in parts])
+    dense = np.concatenate(
+        [
+            np.full(len(part.frequencies), max(1.0, 1.0 / (part.duration * _spacing(part))))
+            for part in parts
+        ]
+    )
     free = spectral_freedom(round(len(v) / dense.mean()), len(slopes) + lost)
     if weights == "equal":
         spectrum, freedom = _spectrum(v, E, parts), np.full(len(slopes), float(free))
@@ -240,19 +299,33 @@ def _solve(model: Model, samples: Samples, X: np.ndarray, terms: list[str], part
     C = (D * np.tile(spectrum.power * dense, 2)) @ D.T * np.outer(grow, grow)
     white = np.sqrt(s2 * ((D**2) * np.tile(dense, 2)).sum(axis=1))
     whole = _joined(X, z, fixed, samples, _Whole(theta, C, white, _map(D, parts, len(z)), 0.0))
-    sources, errors = samples.errors(model.coefficient, model.variables, slopes_of(model, whole.theta))
+    sources, errors = samples.errors(
+        model.coefficient, model.variables, slopes_of(model, whole.theta)
+    )
     rest = z - X @ whole.theta
     more = least_squares.diagnostics(X2, np.zeros(len(slopes), bool))
     more = _with_constants(more, terms, fixed)
     size = np.zeros(len(terms))
     size[~fixed] = np.sqrt((np.abs(Xf) ** 2).sum(axis=0) / (np.abs(zf) ** 2).sum()) * np.abs(theta)
     more["contribution"] = "term", size
-    more["stderr_window"] = "term", np.full(len(terms), np.nan), {"long_name": "standard error by a lag window; none in frequency"}
+    more["stderr_window"] = (
+        "term",
+        np.full(len(terms), np.nan),
+        {"long_name": "standard error by a lag window; none in frequency"},
+    )
     if parameter:
         bias = np.zeros(len(terms))
-        bias[~fixed] = -np.linalg.solve(X2.T @ X2 + np.diag(penalty), penalty * least_squares.solve(X2, z2)[0])
-        more["shrinkage"] = "term", bias, {"long_name": "bias of the ridge, from the estimates without it"}
-    found = least_squares.estimates(terms, whole.theta, whole.covariance, whole.white, (sources, whole.A @ errors.T), more)
+        bias[~fixed] = -np.linalg.solve(
+            X2.T @ X2 + np.diag(penalty), penalty * least_squares.solve(X2, z2)[0]
+        )
+        more["shrinkage"] = (
+            "term",
+            bias,
+            {"long_name": "bias of the ridge, from the estimates without it"},
+        )
+    found = least_squares.estimates(
+        terms, whole.theta, whole.covariance, whole.white, (sources, whole.A @ errors.T), more
+    )
     found.attrs = {
         "coefficient": model.coefficient,
         "domain": "frequency",
@@ -288,7 +361,9 @@ class Whitened:
     ends: np.ndarray
 
     def equations(self, columns: np.ndarray) -> np.ndarray:
-        """Return transformed columns (rows, columns) as real equations (2 rows, columns): weighted, less what the ends leak."""
+        """Return transformed columns (rows, columns) as real equations (2 rows, columns): weighted,
+        less what the ends leak.
+        """
         found = stacked(columns * self.root[:, None])
         return found - self.ends @ (self.ends.T @ found) if self.ends.shape[1] else found
 
@@ -326,13 +401,16 @@ def whitening(Xf: np.ndarray, zf: np.ndarray, parts: Sequence[Stretch]) -> White
 
         v~ = -omega^2 p~ + j omega [p(T) - p(0)] + [p'(T) - p'(0)]
 
-    Its last parts, the same two numbers at all frequencies, stand far above the first one where omega is small, and make the residuals of
-    neighbouring frequencies nearly equal (correlation 0.9 on flights from markers).  The trend taken off adds a multiple of 1/(j omega).
+    Its last parts, the same two numbers at all frequencies, stand far above the first one where
+    omega is small, and make the residuals of neighbouring frequencies nearly equal (correlation 0.9
+    on flights from markers).  The trend taken off adds a multiple of 1/(j omega).
     """
     columns = []
     for part in parts:
         turn = 2j * np.pi * part.frequencies
-        for shape in (np.ones(len(turn)), turn, 1.0 / turn)[: 2 * len(turn)]:  # a single frequency has two equations
+        for shape in (np.ones(len(turn)), turn, 1.0 / turn)[
+            : 2 * len(turn)
+        ]:  # a single frequency has two equations
             columns.append(np.zeros(len(zf), complex))
             columns[-1][part.rows] = np.exp(0.5 * turn * part.step) * shape
     leaks = np.stack(columns, axis=1)
@@ -358,11 +436,16 @@ def whitening(Xf: np.ndarray, zf: np.ndarray, parts: Sequence[Stretch]) -> White
 
 
 def _spacing(part: Stretch) -> float:
-    return float(part.frequencies[1] - part.frequencies[0]) if len(part.frequencies) > 1 else 1.0 / part.duration
+    return (
+        float(part.frequencies[1] - part.frequencies[0])
+        if len(part.frequencies) > 1
+        else 1.0 / part.duration
+    )
 
 
 def residual_power(v: np.ndarray, E: np.ndarray, parts: Sequence[Stretch]) -> np.ndarray:
-    """Return the variance of each real equation (2 rows,): the residual's spectrum as a parabola in logarithms, less what the fit took up.
+    """Return the variance of each real equation (2 rows,): the residual's spectrum as a parabola in
+    logarithms, less what the fit took up.
 
     Parameters
     ----------
@@ -380,7 +463,9 @@ def residual_power(v: np.ndarray, E: np.ndarray, parts: Sequence[Stretch]) -> np
 
 
 class _Spectrum(NamedTuple):
-    """Power of the residual (rows,), what its logarithm is made of (rows, unknowns), and the part of each row that the fit has left."""
+    """Power of the residual (rows,), what its logarithm is made of (rows, unknowns), and the part
+    of each row that the fit has left.
+    """
 
     power: np.ndarray
     basis: np.ndarray
@@ -399,7 +484,9 @@ def _spectrum(v: np.ndarray, E: np.ndarray, parts: Sequence[Stretch]) -> _Spectr
     level = np.full(len(v), np.log((power * free).sum() / free.sum()))
     for _ in range(_ROUNDS):
         change = power / np.exp(level) - 1.0
-        step = basis @ np.linalg.solve((basis * free[:, None]).T @ basis, (basis * free[:, None]).T @ change)
+        step = basis @ np.linalg.solve(
+            (basis * free[:, None]).T @ basis, (basis * free[:, None]).T @ change
+        )
         level = level + np.clip(step, -1.0, 1.0)
         if np.abs(step).max() < _STILL:
             break
@@ -407,9 +494,11 @@ def _spectrum(v: np.ndarray, E: np.ndarray, parts: Sequence[Stretch]) -> _Spectr
 
 
 def _freedom(D: np.ndarray, spectrum: _Spectrum) -> np.ndarray:
-    """Degrees of freedom of the variances of estimates with the linear map D (estimates, 2 rows): 2 over their relative variance.
+    """Degrees of freedom of the variances of estimates with the linear map D (estimates, 2 rows): 2
+    over their relative variance.
 
-    Weights draw an estimate from few frequencies, at the quiet end of the band, and the spectrum there is known from few.
+    Weights draw an estimate from few frequencies, at the quiet end of the band, and the spectrum
+    there is known from few.
     """
     half = len(spectrum.power)
     share = (D[:, :half] ** 2 + D[:, half:] ** 2) * spectrum.power
@@ -423,12 +512,16 @@ def _degree(frequencies: int) -> int:
 
 
 def spectral_freedom(frequencies: int, slopes: int) -> int:
-    """Return the degrees of freedom of the residual's spectrum: two per frequency, less what was fitted."""
+    """Return the degrees of freedom of the residual's spectrum: two per frequency, less what was
+    fitted.
+    """
     return max(1, 2 * frequencies - slopes - _degree(frequencies) - 1)
 
 
 def student_factor(free: float | np.ndarray) -> np.ndarray:
-    """Return the factor on standard errors that makes two of them hold 95.45 % when few frequencies determine the disturbance."""
+    """Return the factor on standard errors that makes two of them hold 95.45 % when few frequencies
+    determine the disturbance.
+    """
     from scipy.stats import norm, t
 
     return np.asarray(t.ppf(norm.cdf(2.0), free)) / 2.0
@@ -441,14 +534,18 @@ def _map(D: np.ndarray, parts: Sequence[Stretch], samples: int) -> np.ndarray:
     A = np.zeros((len(D), samples))
     for part in parts:
         count = part.samples.stop - part.samples.start
-        back = adjoint(weights[part.rows] / np.sqrt(part.duration), part.step, part.frequencies, count)
+        back = adjoint(
+            weights[part.rows] / np.sqrt(part.duration), part.step, part.frequencies, count
+        )
         A[:, part.samples] = detrended(back).T
     return A
 
 
 @dataclass(frozen=True)
 class _Whole:
-    """Constants and slopes together: estimates, covariance, white standard errors, linear map, offset between stretches."""
+    """Constants and slopes together: estimates, covariance, white standard errors, linear map,
+    offset between stretches.
+    """
 
     theta: np.ndarray
     covariance: np.ndarray
@@ -457,8 +554,12 @@ class _Whole:
     offset: float
 
 
-def _joined(X: np.ndarray, z: np.ndarray, fixed: np.ndarray, samples: Samples, slopes: _Whole) -> _Whole:
-    """Slopes joined by the constants that are left in time; these depend on the slopes through the mean regressors."""
+def _joined(
+    X: np.ndarray, z: np.ndarray, fixed: np.ndarray, samples: Samples, slopes: _Whole
+) -> _Whole:
+    """Slopes joined by the constants that are left in time; these depend on the slopes through the
+    mean regressors.
+    """
     n = len(fixed)
     theta, white, C, A = np.zeros(n), np.zeros(n), np.zeros((n, n)), np.zeros((n, len(z)))
     theta[~fixed], white[~fixed], A[~fixed] = slopes.theta, slopes.white, slopes.A
@@ -478,8 +579,12 @@ def _joined(X: np.ndarray, z: np.ndarray, fixed: np.ndarray, samples: Samples, s
     return _Whole(theta, C, white, A, own.offset)
 
 
-def _with_constants(more: dict[str, tuple], terms: Sequence[str], fixed: np.ndarray) -> dict[str, tuple]:
-    """Diagnostics of the slopes under the names of all terms: nothing is collinear with a constant that was taken out."""
+def _with_constants(
+    more: dict[str, tuple], terms: Sequence[str], fixed: np.ndarray
+) -> dict[str, tuple]:
+    """Diagnostics of the slopes under the names of all terms: nothing is collinear with a constant
+    that was taken out.
+    """
     n, at = len(terms), np.flatnonzero(~fixed)
     vif, correlation = np.full(n, np.nan), np.eye(n)
     vif[at], correlation[np.ix_(at, at)] = more["vif"][1], more["regressor_correlation"][1]

@@ -1,8 +1,10 @@
-"""Least squares with weights and a penalty, and the one fact about linear estimates that the tables need.
+"""Least squares with weights and a penalty, and the one fact about linear estimates that the tables
+need.
 
-Every estimate here is linear in the measurements, theta = A z.  It is the ordinary least squares of the regressors
-E = A' (A A')^-1, because pinv(E) = A.  So whoever knows E knows what an estimate expects of tables that the local model
-does not describe, theta = A B g, whichever way it was made: weighted, ridge, or in frequency.
+Every estimate here is linear in the measurements, theta = A z.  It is the ordinary least squares of
+the regressors E = A' (A A')^-1, because pinv(E) = A.  So whoever knows E knows what an estimate
+expects of tables that the local model does not describe, theta = A B g, whichever way it was made:
+weighted, ridge, or in frequency.
 """
 
 from __future__ import annotations
@@ -16,7 +18,9 @@ from flightmech.errors import IdentificationError
 from flighttest.regression.uncertainty import collinearity
 
 
-def solve(X: np.ndarray, z: np.ndarray, penalty: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+def solve(
+    X: np.ndarray, z: np.ndarray, penalty: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the least-squares estimate and the regressors of which it is the ordinary one.
 
     Parameters
@@ -73,15 +77,28 @@ def diagnostics(X: np.ndarray, fixed: np.ndarray) -> dict[str, tuple]:
     Returns
     -------
     dict
-        ``vif``, ``regressor_correlation``, ``condition_index`` (component), ``proportion`` (component, term).
+        ``vif``, ``regressor_correlation``, ``condition_index`` (component), ``proportion``
+        (component, term).
     """
     correlation = collinearity.correlations(X, fixed)
     index, proportion = collinearity.decomposition(X)
     return {
-        "vif": ("term", np.where(fixed, np.nan, collinearity.inflation(correlation)), {"long_name": "variance inflation factor"}),
+        "vif": (
+            "term",
+            np.where(fixed, np.nan, collinearity.inflation(correlation)),
+            {"long_name": "variance inflation factor"},
+        ),
         "regressor_correlation": (("term", "term_"), correlation),
-        "condition_index": ("component", index, {"long_name": "largest singular value of the scaled regressors over each"}),
-        "proportion": (("component", "term"), proportion, {"long_name": "share of the variance of a term that comes from a component"}),
+        "condition_index": (
+            "component",
+            index,
+            {"long_name": "largest singular value of the scaled regressors over each"},
+        ),
+        "proportion": (
+            ("component", "term"),
+            proportion,
+            {"long_name": "share of the variance of a term that comes from a component"},
+        ),
     }
 
 
@@ -115,7 +132,11 @@ def estimates(
         {
             "estimate": ("term", theta),
             "stderr": ("term", stderr, {"long_name": "standard error, coloured residuals"}),
-            "stderr_white": ("term", white, {"long_name": "standard error if residuals were white"}),
+            "stderr_white": (
+                "term",
+                white,
+                {"long_name": "standard error if residuals were white"},
+            ),
             "stderr_systematic": (
                 "term",
                 np.linalg.norm(change, axis=1),
@@ -126,12 +147,17 @@ def estimates(
             "systematic": (("term", "error"), change),
             **more,
         },
-        coords={"term": list(terms), "term_": list(terms), "error": np.array(list(sources), dtype=str)},
+        coords={
+            "term": list(terms),
+            "term_": list(terms),
+            "error": np.array(list(sources), dtype=str),
+        },
     )
 
 
 WEIGHTS = ("equal", "manoeuvre", "robust")
-HUBER = 1.345  # scaled deviations from which on a residual loses weight: 95 % efficiency on Gaussian noise
+# scaled deviations from which on a residual loses weight: 95 % efficiency on Gaussian noise
+HUBER = 1.345
 _ROUNDS = 20
 _STILL = 1e-4
 
@@ -157,7 +183,9 @@ def roots(kind: str, X: np.ndarray, z: np.ndarray, data: xr.Dataset) -> np.ndarr
     if kind not in WEIGHTS:
         sigma = data[kind].values
         if not (sigma > 0).all():
-            raise IdentificationError(f"{kind} is not positive in {int((~(sigma > 0)).sum())} samples; a standard error is needed in each")
+            raise IdentificationError(
+                f"{kind} is not positive in {int((~(sigma > 0)).sum())} samples; a standard error is needed in each"
+            )
         return _scaled(1.0 / sigma)
     root, rule = np.ones(len(z)), _by_manoeuvre if kind == "manoeuvre" else _huber
     for _ in range(_ROUNDS):
@@ -168,13 +196,16 @@ def roots(kind: str, X: np.ndarray, z: np.ndarray, data: xr.Dataset) -> np.ndarr
     return root
 
 
-def ridge_penalty(ridge: float | str, X: np.ndarray, z: np.ndarray, fixed: np.ndarray) -> tuple[np.ndarray, float]:
+def ridge_penalty(
+    ridge: float | str, X: np.ndarray, z: np.ndarray, fixed: np.ndarray
+) -> tuple[np.ndarray, float]:
     """Return what a ridge adds to the diagonal of X'X, (terms,), and the ridge parameter.
 
     Parameters
     ----------
     ridge : float or "auto"
-        The parameter on standardised regressors; ``auto``: n s^2/(theta' theta) of the standardised regression.
+        The parameter on standardised regressors; ``auto``: n s^2/(theta' theta) of the standardised
+        regression.
     X, z : array (rows, terms), (rows,)
     fixed : array of bool (terms,)
         Intercepts, which are not penalised.
@@ -184,14 +215,18 @@ def ridge_penalty(ridge: float | str, X: np.ndarray, z: np.ndarray, fixed: np.nd
     IdentificationError
         A negative parameter.
     """
-    length2 = np.where(fixed, 0.0, ((X - (X.mean(axis=0) if fixed.any() else 0.0)) ** 2).sum(axis=0))
+    length2 = np.where(
+        fixed, 0.0, ((X - (X.mean(axis=0) if fixed.any() else 0.0)) ** 2).sum(axis=0)
+    )
     if ridge == "auto":
         theta = np.linalg.lstsq(X, z, rcond=None)[0]
         v = z - X @ theta
         s2 = float(v @ v) / (len(z) - len(theta))
         ridge = float((~fixed).sum() * s2 / (length2 * theta**2).sum())
     if isinstance(ridge, str) or not ridge >= 0.0:
-        raise IdentificationError(f"ridge is {ridge!r}; expected a number that is not negative, or 'auto'")
+        raise IdentificationError(
+            f"ridge is {ridge!r}; expected a number that is not negative, or 'auto'"
+        )
     return ridge * length2, float(ridge)
 
 
@@ -203,7 +238,11 @@ def _by_manoeuvre(v: np.ndarray, manoeuvre: np.ndarray) -> np.ndarray:
 
 def _huber(v: np.ndarray, manoeuvre: np.ndarray) -> np.ndarray:
     scale = 1.4826 * float(np.median(np.abs(v - np.median(v))))
-    return np.sqrt(np.minimum(1.0, HUBER * scale / np.maximum(np.abs(v), 1e-300))) if scale else np.ones(len(v))
+    return (
+        np.sqrt(np.minimum(1.0, HUBER * scale / np.maximum(np.abs(v), 1e-300)))
+        if scale
+        else np.ones(len(v))
+    )
 
 
 def _scaled(root: np.ndarray) -> np.ndarray:

@@ -1,8 +1,10 @@
-"""A model that is linear in its parameters: a coefficient as a sum of regressors, as in [LR743] eq. (12).
+"""A model that is linear in its parameters: a coefficient as a sum of regressors, as in [LR743] eq.
+(12).
 
-A term is ``1`` or a product of powers of model variables: ``alpha``, ``alpha**2``, ``delta_f*alpha``, ``qhat*gear``.
-A factor may be a truncated power: ``ramp(alpha,0.21)`` is alpha - 0.21 above the knot 0.21 rad and zero below,
-``ramp(alpha,12 deg)**2`` its square; a sum of them is a spline of first or second order.
+A term is ``1`` or a product of powers of model variables: ``alpha``, ``alpha**2``,
+``delta_f*alpha``, ``qhat*gear``. A factor may be a truncated power: ``ramp(alpha,0.21)`` is alpha -
+0.21 above the knot 0.21 rad and zero below, ``ramp(alpha,12 deg)**2`` its square; a sum of them is
+a spline of first or second order.
 """
 
 from __future__ import annotations
@@ -39,11 +41,13 @@ class Model:
     Parameters
     ----------
     coefficient : str
-        The measured quantity: a coefficient such as CL or CX, or any other name of the vocabulary, such as Ch_e. [its unit]
+        The measured quantity: a coefficient such as CL or CX, or any other name of the vocabulary,
+        such as Ch_e. [its unit]
     terms : sequence of str
         ``"1"`` or products of powers of vocabulary names and ramps; ``^`` may stand for ``**``.
     reference : mapping, optional
-        Value that is taken from a variable before it enters a regressor; the knot of a ramp stays where it is. [SI]
+        Value that is taken from a variable before it enters a regressor; the knot of a ramp stays
+        where it is. [SI]
 
     Raises
     ------
@@ -67,7 +71,9 @@ class Model:
             try:
                 lookup(self.coefficient)
             except UnknownName:
-                raise UnknownName(self.coefficient, MEASURED, "coefficient", "or any quantity of the vocabulary") from None
+                raise UnknownName(
+                    self.coefficient, MEASURED, "coefficient", "or any quantity of the vocabulary"
+                ) from None
         names = tuple(word(powers(term)) for term in self.terms)
         if len(set(names)) < len(names):
             twice = next(name for name in names if names.count(name) > 1)
@@ -77,7 +83,9 @@ class Model:
         object.__setattr__(self, "terms", names)
         for name in self.reference:
             if name not in self.variables:
-                raise UnknownName(name, self.variables, "reference", "it must be a variable of the model")
+                raise UnknownName(
+                    name, self.variables, "reference", "it must be a variable of the model"
+                )
 
     @overload
     @classmethod
@@ -86,7 +94,10 @@ class Model:
     @overload
     @classmethod
     def parse(
-        cls, text: str, parameters: Mapping[str, ShapeParameter | tuple], units: Mapping[str, str] | None = None
+        cls,
+        text: str,
+        parameters: Mapping[str, ShapeParameter | tuple],
+        units: Mapping[str, str] | None = None,
     ) -> SeparableModel: ...
 
     @overload
@@ -95,7 +106,10 @@ class Model:
 
     @classmethod
     def parse(
-        cls, text: str, parameters: Mapping[str, ShapeParameter | tuple] | None = None, units: Mapping[str, str] | None = None
+        cls,
+        text: str,
+        parameters: Mapping[str, ShapeParameter | tuple] | None = None,
+        units: Mapping[str, str] | None = None,
     ) -> Model | SeparableModel:
         """Return the model that a text such as ``"CL = 1 + alpha + qhat + delta_e"`` describes.
 
@@ -103,9 +117,11 @@ class Model:
         ----------
         text : str
         parameters : mapping of str to ShapeParameter or (low, high), optional
-            Parameters on which the terms do not depend linearly; the model is a `SeparableModel` then, for `regress_separable`.
+            Parameters on which the terms do not depend linearly; the model is a `SeparableModel`
+            then, for `regress_separable`.
         units : mapping of str to str, optional
-            Units of quantities that the vocabulary does not have; the model is a `SeparableModel` then.
+            Units of quantities that the vocabulary does not have; the model is a `SeparableModel`
+            then.
 
         Examples
         --------
@@ -127,7 +143,9 @@ class Model:
     @property
     def variables(self) -> tuple[str, ...]:
         """Names of the model variables, in order of appearance."""
-        return tuple(dict.fromkeys(variable_of(factor) for term in self.terms for factor in powers(term)))
+        return tuple(
+            dict.fromkeys(variable_of(factor) for term in self.terms for factor in powers(term))
+        )
 
     def design(self, data: xr.Dataset | Mapping[str, np.ndarray]) -> np.ndarray:
         """Return the regressors, (samples, terms).
@@ -145,7 +163,8 @@ class Model:
         return regressors(self.terms, data, self.reference).T
 
     def absolute(self) -> tuple[Model, np.ndarray]:
-        """Return the same model without reference values, and the matrix that turns its parameters into those.
+        """Return the same model without reference values, and the matrix that turns its parameters
+        into those.
 
         Returns
         -------
@@ -155,7 +174,9 @@ class Model:
             parameters = matrix @ centred parameters; covariance = matrix @ covariance @ matrix.T.
         """
         expansions = [_expand(powers(term), self.reference) for term in self.terms]
-        names = tuple(dict.fromkeys([*self.terms, *(name for expansion in expansions for name in expansion)]))
+        names = tuple(
+            dict.fromkeys([*self.terms, *(name for expansion in expansions for name in expansion)])
+        )
         matrix = np.zeros((len(names), len(self.terms)))
         for j, expansion in enumerate(expansions):
             for name, factor in expansion.items():
@@ -164,7 +185,9 @@ class Model:
 
 
 def regressors(
-    terms: Sequence[str], data: xr.Dataset | Mapping[str, np.ndarray], reference: Mapping[str, float] | None = None
+    terms: Sequence[str],
+    data: xr.Dataset | Mapping[str, np.ndarray],
+    reference: Mapping[str, float] | None = None,
 ) -> np.ndarray:
     """Return the regressors of terms, one row each, (terms, samples).
 
@@ -185,30 +208,52 @@ def regressors(
     rows = np.empty((len(terms), size))
     known: dict[tuple[str, int], np.ndarray] = {}
     for row, term in zip(rows, terms):
-        factors = [_power(factor, power, term, columns, reference or {}, known) for factor, power in powers(term).items()]
+        factors = [
+            _power(factor, power, term, columns, reference or {}, known)
+            for factor, power in powers(term).items()
+        ]
         row[:] = factors[0] if factors else 1.0
         for factor in factors[1:]:
             row *= factor
     return rows
 
 
-def _power(factor: str, power: int, term: str, columns: Mapping[Any, Any], reference: Mapping[str, float], known: dict) -> np.ndarray:
+def _power(
+    factor: str,
+    power: int,
+    term: str,
+    columns: Mapping[Any, Any],
+    reference: Mapping[str, float],
+    known: dict,
+) -> np.ndarray:
     """A power of a factor, each worked out once."""
     if (factor, power) not in known:
         if power > 1:
-            found = _power(factor, power - 1, term, columns, reference, known) * _power(factor, 1, term, columns, reference, known)
+            found = _power(factor, power - 1, term, columns, reference, known) * _power(
+                factor, 1, term, columns, reference, known
+            )
         else:
             name = variable_of(factor)
             if name not in columns:
-                raise UnknownName(name, map(str, columns), "model variable", f"the data do not hold it; the term {term} needs it")
+                raise UnknownName(
+                    name,
+                    map(str, columns),
+                    "model variable",
+                    f"the data do not hold it; the term {term} needs it",
+                )
             x = np.asarray(columns[name], float)
-            found = x - reference.get(name, 0.0) if factor == name else np.maximum(x - knot_of(factor), 0.0)
+            found = (
+                x - reference.get(name, 0.0)
+                if factor == name
+                else np.maximum(x - knot_of(factor), 0.0)
+            )
         known[factor, power] = found
     return known[factor, power]
 
 
 def powers(term: str) -> dict[str, int]:
-    """Return the factors of a term, variables and ramps, and their powers; an empty dict for ``"1"``.
+    """Return the factors of a term, variables and ramps, and their powers; an empty dict for
+    ``"1"``.
 
     Examples
     --------
@@ -236,7 +281,9 @@ def _powers(term: str) -> tuple[tuple[str, int], ...]:
 
 
 def variable_of(factor: str) -> str:
-    """Return the variable of a factor as `powers` gives it: ``"alpha"`` of ``"alpha"`` and of ``"ramp(alpha,0.2)"``."""
+    """Return the variable of a factor as `powers` gives it: ``"alpha"`` of ``"alpha"`` and of
+    ``"ramp(alpha,0.2)"``.
+    """
     match = _RAMP.match(factor)
     return match.group(1) if match else factor
 
@@ -264,13 +311,19 @@ def _factor(word: str, term: str) -> str:
 
 def word(factors: Mapping[str, int]) -> str:
     """Return the term made of factors and their powers, the inverse of `powers`."""
-    return "*".join(name if power == 1 else f"{name}**{power}" for name, power in factors.items()) or "1"
+    return (
+        "*".join(name if power == 1 else f"{name}**{power}" for name, power in factors.items())
+        or "1"
+    )
 
 
 def _expand(factors: Mapping[str, int], reference: Mapping[str, float]) -> dict[str, float]:
     """The product of (x - reference)**power, multiplied out."""
     choices = [
-        [(name, k, comb(power, k) * (-reference[name]) ** (power - k)) for k in range(power, -1, -1)]
+        [
+            (name, k, comb(power, k) * (-reference[name]) ** (power - k))
+            for k in range(power, -1, -1)
+        ]
         if reference.get(name)
         else [(name, power, 1.0)]
         for name, power in factors.items()

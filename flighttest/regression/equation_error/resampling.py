@@ -1,7 +1,8 @@
 """Many repetitions of an identification: bootstrap of one fit, Monte Carlo over simulated records.
 
-Work is handed out by joblib.  On one machine `jobs` states how many processes; inside
-``with joblib.parallel_config(backend="dask"):`` the same calls run on the workers of a dask.distributed cluster.
+Work is handed out by joblib.  On one machine `jobs` states how many processes; inside ``with
+joblib.parallel_config(backend="dask"):`` the same calls run on the workers of a dask.distributed
+cluster.
 """
 
 from __future__ import annotations
@@ -31,8 +32,9 @@ class Bootstrap:
     ----------
     fit : Fit
     estimates : Dataset (term, term_)
-        ``estimate`` (of the fit), ``stderr`` (scatter of the replicates), ``stderr_white`` (of the fit), ``covariance``,
-        ``correlation``, ``bias`` (mean of the replicates less the fit), ``low`` and ``high`` (2.5 and 97.5 %).
+        ``estimate`` (of the fit), ``stderr`` (scatter of the replicates), ``stderr_white`` (of the
+        fit), ``covariance``, ``correlation``, ``bias`` (mean of the replicates less the fit),
+        ``low`` and ``high`` (2.5 and 97.5 %).
     replicates : DataArray (replicate, term)
     """
 
@@ -64,8 +66,9 @@ class Study:
     Attributes
     ----------
     estimates : Dataset (term)
-        ``truth``, ``estimate`` (mean), ``bias``, ``bias_stderr``, ``scatter``, ``stderr`` (root of the mean square of those
-        reported), ``coverage`` (share within two reported standard errors), ``coverage_white``.
+        ``truth``, ``estimate`` (mean), ``bias``, ``bias_stderr``, ``scatter``, ``stderr`` (root of
+        the mean square of those reported), ``coverage`` (share within two reported standard
+        errors), ``coverage_white``.
     runs : Dataset (run, term)
         ``estimate``, ``stderr``, ``stderr_white``.
     """
@@ -94,14 +97,16 @@ class Study:
         return "\n".join(lines)
 
 
-def monte_carlo(identify: Callable[[int], Any], truth: dict[str, float], seeds: Sequence[int], jobs: int = -1) -> Study:
+def monte_carlo(
+    identify: Callable[[int], Any], truth: dict[str, float], seeds: Sequence[int], jobs: int = -1
+) -> Study:
     """Identify many simulated records and hold the estimates against the truth.
 
     Parameters
     ----------
     identify : callable
-        seed -> a result with ``estimates`` (a fit, a selection ...) from a record simulated with that seed.  For a cluster
-        it must be importable there.
+        seed -> a result with ``estimates`` (a fit, a selection ...) from a record simulated with
+        that seed.  For a cluster it must be importable there.
     truth : mapping
         True value of every term to look at.
     seeds : sequence of int
@@ -121,11 +126,22 @@ def monte_carlo(identify: Callable[[int], Any], truth: dict[str, float], seeds: 
     from joblib import Parallel, delayed
 
     if len(seeds) < FEWEST:
-        raise IdentificationError(f"{len(seeds)} seeds; {FEWEST} at least, and 200 to distinguish 95 % from 92 %")
+        raise IdentificationError(
+            f"{len(seeds)} seeds; {FEWEST} at least, and 200 to distinguish 95 % from 92 %"
+        )
     batches = _batches(list(seeds), jobs)
-    rows = [row for batch in Parallel(n_jobs=jobs)(delayed(_identify)(identify, list(truth), batch) for batch in batches) for row in batch]
+    rows = [
+        row
+        for batch in Parallel(n_jobs=jobs)(
+            delayed(_identify)(identify, list(truth), batch) for batch in batches
+        )
+        for row in batch
+    ]
     runs = xr.Dataset(
-        {name: (("run", "term"), np.array([row[k] for row in rows])) for k, name in enumerate(("estimate", "stderr", "stderr_white"))},
+        {
+            name: (("run", "term"), np.array([row[k] for row in rows]))
+            for k, name in enumerate(("estimate", "stderr", "stderr_white"))
+        },
         coords={"run": list(seeds), "term": list(truth)},
     )
     true = np.array(list(truth.values()))
@@ -141,7 +157,10 @@ def monte_carlo(identify: Callable[[int], Any], truth: dict[str, float], seeds: 
                 "scatter": ("term", scatter),
                 "stderr": np.sqrt((runs["stderr"] ** 2).mean("run")),
                 "coverage": ("term", (np.abs(away) < 2 * runs["stderr"].values).mean(axis=0)),
-                "coverage_white": ("term", (np.abs(away) < 2 * runs["stderr_white"].values).mean(axis=0)),
+                "coverage_white": (
+                    "term",
+                    (np.abs(away) < 2 * runs["stderr_white"].values).mean(axis=0),
+                ),
             }
         ),
         runs,
@@ -158,7 +177,8 @@ def bootstrap(fit: Fit, replicates: int = 200, seed: int = 0, jobs: int = 1) -> 
     replicates : int
         Twenty at least.
     seed : int
-        Replicate k has a generator of its own, so that the result is the same however the work is shared out.
+        Replicate k has a generator of its own, so that the result is the same however the work is
+        shared out.
     jobs : int
         Processes; -1 for one per core.  Pays from a hundred thousand samples on.
 
@@ -183,20 +203,36 @@ def bootstrap(fit: Fit, replicates: int = 200, seed: int = 0, jobs: int = 1) -> 
     from joblib import Parallel, delayed
 
     if replicates < FEWEST:
-        raise IdentificationError(f"{replicates} replicates; {FEWEST} at least, and 1000 for limits of 95 %")
+        raise IdentificationError(
+            f"{replicates} replicates; {FEWEST} at least, and 1000 for limits of 95 %"
+        )
     if "time" not in fit.data:
-        raise IdentificationError(f"{fit.name or fit.model}: published values have no residuals to draw from; give a fit of samples")
+        raise IdentificationError(
+            f"{fit.name or fit.model}: published values have no residuals to draw from; give a fit of samples"
+        )
     source = _Source(fit)
     batches = _batches(list(range(replicates)), jobs)
-    found = np.concatenate(Parallel(n_jobs=jobs)(delayed(source.draw)(seed, batch) for batch in batches))
+    found = np.concatenate(
+        Parallel(n_jobs=jobs)(delayed(source.draw)(seed, batch) for batch in batches)
+    )
     theta = fit.estimates["estimate"].values
     terms = [str(term) for term in fit.estimates["term"].values]
     low, high = np.quantile(found, [0.025, 0.975], axis=0)
-    more = {"bias": ("term", found.mean(axis=0)), "low": ("term", theta + low), "high": ("term", theta + high)}
+    more = {
+        "bias": ("term", found.mean(axis=0)),
+        "low": ("term", theta + low),
+        "high": ("term", theta + high),
+    }
     nothing: tuple[list[str], np.ndarray] = ([], np.zeros((len(terms), 0)))
     covariance = np.atleast_2d(np.cov(found.T))
-    estimates = least_squares.estimates(terms, theta, covariance, fit.estimates["stderr_white"].values, nothing, more)
-    return Bootstrap(fit, estimates, xr.DataArray(theta + found, dims=("replicate", "term"), coords={"term": terms}))
+    estimates = least_squares.estimates(
+        terms, theta, covariance, fit.estimates["stderr_white"].values, nothing, more
+    )
+    return Bootstrap(
+        fit,
+        estimates,
+        xr.DataArray(theta + found, dims=("replicate", "term"), coords={"term": terms}),
+    )
 
 
 class _Source:
@@ -204,7 +240,10 @@ class _Source:
 
     def __init__(self, fit: Fit):
         time, number = fit.data["time"].values, fit.data["manoeuvre"].values
-        steps = [float(np.median(np.diff(time[number == k]))) if (number == k).sum() > 1 else 1.0 for k in range(int(number.max()) + 1)]
+        steps = [
+            float(np.median(np.diff(time[number == k]))) if (number == k).sum() > 1 else 1.0
+            for k in range(int(number.max()) + 1)
+        ]
         self.pieces, steps = Samples(fit.data, steps).pieces()
         self.estimator = least_squares.estimator(fit.design.values)
         self.offset = float(fit.estimates.attrs.get("offset", 0.0))
@@ -221,13 +260,17 @@ class _Source:
         return self.estimator @ v
 
 
-def _identify(identify: Callable[[int], Any], terms: list[str], seeds: Sequence[int]) -> list[tuple[np.ndarray, ...]]:
+def _identify(
+    identify: Callable[[int], Any], terms: list[str], seeds: Sequence[int]
+) -> list[tuple[np.ndarray, ...]]:
     found = []
     for seed in seeds:
         e = identify(seed).estimates
         names = [str(term) for term in e["term"].values]
         if missing := [term for term in terms if term not in names]:
-            raise IdentificationError(f"seed {seed} did not estimate {', '.join(missing)}; it has {', '.join(names)}")
+            raise IdentificationError(
+                f"seed {seed} did not estimate {', '.join(missing)}; it has {', '.join(names)}"
+            )
         at = [names.index(term) for term in terms]
         found.append(tuple(e[name].values[at] for name in ("estimate", "stderr", "stderr_white")))
     return found

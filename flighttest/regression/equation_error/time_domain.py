@@ -1,8 +1,10 @@
-"""Equation error in time: a linear model of a coefficient fitted to measured coefficients by least squares.
+"""Equation error in time: a linear model of a coefficient fitted to measured coefficients by least
+squares.
 
-Errors of the regressors bias the slopes towards zero by about var(noise)/var(signal): reconstruct the states first.
-Standard errors are those of coloured residuals; the errors of mass, inertia, thrust, surface pick-ups and reconstructed
-states, which are common to many samples, are kept apart as systematic ones.
+Errors of the regressors bias the slopes towards zero by about var(noise)/var(signal): reconstruct
+the states first. Standard errors are those of coloured residuals; the errors of mass, inertia,
+thrust, surface pick-ups and reconstructed states, which are common to many samples, are kept apart
+as systematic ones.
 """
 
 from __future__ import annotations
@@ -23,7 +25,8 @@ from flighttest.regression.uncertainty import collinearity, significance
 from flighttest.regression.uncertainty.coloured_residuals import coloured
 
 SAMPLES_PER_TERM = 5
-# smallest rms excursion that counts as movement, by unit; a reduced rate of 1e-5 is 0.1 deg/s on a small jet
+# smallest rms excursion that counts as movement, by unit; a reduced rate of 1e-5 is 0.1 deg/s on a
+# small jet
 LEAST_MOVEMENT = {"rad": 2e-4, "1": 2e-6}
 
 
@@ -43,19 +46,24 @@ def regress(
     model : Model
         Coefficient and terms.
     data : Dataset (time,) or list of them
-        Manoeuvres, as `coefficients` returns them; samples with NaN in the coefficient or a regressor are left out.
+        Manoeuvres, as `coefficients` returns them; samples with NaN in the coefficient or a
+        regressor are left out.
     name : str
         For reports and provenance.
     intercepts : {"common", "separate"}
-        ``separate`` gives each manoeuvre its own constant, in place of the term ``1``: terms ``1[0]``, ``1[1]`` ...
+        ``separate`` gives each manoeuvre its own constant, in place of the term ``1``: terms
+        ``1[0]``, ``1[1]`` ...
     lag : float, optional
-        Take the residual's own autocorrelation over this window, in place of the autoregression; see `coloured`. [s]
+        Take the residual's own autocorrelation over this window, in place of the autoregression;
+        see `coloured`. [s]
     weights : str
-        ``equal``; ``manoeuvre``, by the inverse variance of each manoeuvre's residual; ``robust``, Huber's weights
-        against spikes; or a variable of the data with the standard error of the coefficient, sample by sample.
+        ``equal``; ``manoeuvre``, by the inverse variance of each manoeuvre's residual; ``robust``,
+        Huber's weights against spikes; or a variable of the data with the standard error of the
+        coefficient, sample by sample.
     ridge : float or "auto"
-        Ridge parameter on standardised regressors, intercepts left out; ``auto`` takes that of Hoerl, Kennard and
-        Baldwin.  The estimates are biased towards zero then: variable ``shrinkage``.
+        Ridge parameter on standardised regressors, intercepts left out; ``auto`` takes that of
+        Hoerl, Kennard and Baldwin.  The estimates are biased towards zero then: variable
+        ``shrinkage``.
 
     Returns
     -------
@@ -64,7 +72,8 @@ def regress(
     Raises
     ------
     IdentificationError
-        Too few samples, a term without movement, terms that the data cannot distinguish, or weights that are none.
+        Too few samples, a term without movement, terms that the data cannot distinguish, or weights
+        that are none.
     UnknownName
         A variable that the data do not hold.
 
@@ -83,7 +92,14 @@ def regress(
     found, design, change = _solve(model, samples, X, terms, lag, weights, ridge)
     found.attrs.update(name=name, intercepts=intercepts)
     data = samples.kept(model.coefficient, change)
-    return Fit(name, model, found, data, least_squares.labelled(design, terms), least_squares.labelled(X, terms))
+    return Fit(
+        name,
+        model,
+        found,
+        data,
+        least_squares.labelled(design, terms),
+        least_squares.labelled(X, terms),
+    )
 
 
 def demand_choice(what: str, given: str, allowed: Sequence[str]) -> None:
@@ -92,13 +108,16 @@ def demand_choice(what: str, given: str, allowed: Sequence[str]) -> None:
         raise ValueError(f"{what} is {given!r}; allowed: {', '.join(allowed)}")
 
 
-def demand_determined(name: str, model: object, z: np.ndarray, X: np.ndarray, terms: Sequence[str]) -> None:
+def demand_determined(
+    name: str, model: object, z: np.ndarray, X: np.ndarray, terms: Sequence[str]
+) -> None:
     """Raise when the samples cannot determine the terms.
 
     Raises
     ------
     IdentificationError
-        Too few samples, a variable that stays where it is, or combinations that vanish; the message states which.
+        Too few samples, a variable that stays where it is, or combinations that vanish; the message
+        states which.
     """
     label = f"{name}: " if name else ""
     if len(X) < SAMPLES_PER_TERM * len(terms):
@@ -113,14 +132,20 @@ def demand_determined(name: str, model: object, z: np.ndarray, X: np.ndarray, te
         raise IdentificationError(f"{label}{model}: {error}") from None
 
 
-def separated(X: np.ndarray, terms: list[str], manoeuvre: np.ndarray) -> tuple[np.ndarray, list[str]]:
+def separated(
+    X: np.ndarray, terms: list[str], manoeuvre: np.ndarray
+) -> tuple[np.ndarray, list[str]]:
     """Return regressors and terms with one intercept per manoeuvre in place of the term ``1``."""
     if "1" not in terms:
         raise IdentificationError("intercepts='separate' needs the term 1 in the model")
     numbers = np.unique(manoeuvre)
     columns = (manoeuvre[:, None] == numbers).astype(float)
     at = terms.index("1")
-    return np.hstack([X[:, :at], columns, X[:, at + 1 :]]), [*terms[:at], *(f"1[{k}]" for k in numbers), *terms[at + 1 :]]
+    return np.hstack([X[:, :at], columns, X[:, at + 1 :]]), [
+        *terms[:at],
+        *(f"1[{k}]" for k in numbers),
+        *terms[at + 1 :],
+    ]
 
 
 def _demand_movement(z: np.ndarray, X: np.ndarray, terms: Sequence[str]) -> None:
@@ -145,7 +170,9 @@ def _demand_movement(z: np.ndarray, X: np.ndarray, terms: Sequence[str]) -> None
 def _solve(
     model: Model, samples: Samples, X: np.ndarray, terms: list[str], lag, weights: str, ridge
 ) -> tuple[xr.Dataset, np.ndarray, np.ndarray]:
-    """The estimates, the regressors of which they are the ordinary least squares, and what the common errors change."""
+    """The estimates, the regressors of which they are the ordinary least squares, and what the
+    common errors change.
+    """
     z, fixed = samples.data[model.coefficient].values, least_squares.constants(terms)
     root = roots(weights, X, z, samples.data)
     Xw, zw = X * root[:, None], z * root
@@ -161,11 +188,23 @@ def _solve(
     more = least_squares.diagnostics(Xw, fixed)
     more["contribution"] = "term", np.std(X, axis=0) * np.abs(theta) / spread
     if parameter:
-        shrinkage = -np.linalg.solve(Xw.T @ Xw + np.diag(penalty), penalty * least_squares.solve(Xw, zw)[0])
-        more["shrinkage"] = "term", shrinkage, {"long_name": "bias of the ridge, from the estimates without it"}
-    more["stderr_window"] = "term", C.windowed, {"long_name": "standard error by a lag window, for comparison"}
+        shrinkage = -np.linalg.solve(
+            Xw.T @ Xw + np.diag(penalty), penalty * least_squares.solve(Xw, zw)[0]
+        )
+        more["shrinkage"] = (
+            "term",
+            shrinkage,
+            {"long_name": "bias of the ridge, from the estimates without it"},
+        )
+    more["stderr_window"] = (
+        "term",
+        C.windowed,
+        {"long_name": "standard error by a lag window, for comparison"},
+    )
     white = np.sqrt(s2 * ((A / root) ** 2).sum(axis=1))
-    found = least_squares.estimates(terms, theta, C.covariance, white, (sources, A @ errors.T), more)
+    found = least_squares.estimates(
+        terms, theta, C.covariance, white, (sources, A @ errors.T), more
+    )
     found.attrs = {
         "coefficient": model.coefficient,
         "domain": "time",

@@ -1,4 +1,6 @@
-"""Which terms a coefficient needs: stepwise regression and multivariate orthogonal functions, in time and in frequency."""
+"""Which terms a coefficient needs: stepwise regression and multivariate orthogonal functions, in
+time and in frequency.
+"""
 
 from flightmech.support.imports import attach_stub
 

@@ -13,7 +13,13 @@ import xarray as xr
 from flightmech.errors import IdentificationError, ParseError
 from flightmech.names import lookup
 from flighttest.regression.equation_error import least_squares
-from flighttest.regression.equation_error.frequency_domain import WEIGHTS, stacked, stretches, transform, whitening
+from flighttest.regression.equation_error.frequency_domain import (
+    WEIGHTS,
+    stacked,
+    stretches,
+    transform,
+    whitening,
+)
 from flighttest.regression.equation_error.model import powers, regressors, variable_of, word
 from flighttest.regression.equation_error.samples import stack
 from flighttest.regression.equation_error.time_domain import demand_choice
@@ -49,7 +55,8 @@ def monomials(variables: Sequence[str], order: int) -> list[str]:
 
 
 def spline_terms(variable: str, knots: Sequence[float | str], order: int = 1) -> list[str]:
-    """Return truncated powers of a variable, one per knot: with the powers up to `order` they make a spline.
+    """Return truncated powers of a variable, one per knot: with the powers up to `order` they make
+    a spline.
 
     Parameters
     ----------
@@ -71,14 +78,18 @@ def spline_terms(variable: str, knots: Sequence[float | str], order: int = 1) ->
     """
     if order not in (1, 2):
         raise ParseError("<model>", 0, f"order {order} of a spline", "1 or 2")
-    return [word({factor: order}) for knot in knots for factor in powers(f"ramp({variable},{knot})")]
+    return [
+        word({factor: order}) for knot in knots for factor in powers(f"ramp({variable},{knot})")
+    ]
 
 
 @lru_cache(maxsize=16)
 def _spelled(candidates: tuple[str, ...]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Terms in one spelling, each once, and their variables."""
     terms = tuple(dict.fromkeys(word(powers(term)) for term in candidates))
-    return terms, tuple(dict.fromkeys(variable_of(factor) for term in terms for factor in powers(term)))
+    return terms, tuple(
+        dict.fromkeys(variable_of(factor) for term in terms for factor in powers(term))
+    )
 
 
 @dataclass(frozen=True)
@@ -95,7 +106,8 @@ class Equations:
     idle : tuple of str
         Candidates that do not move and are left out.
     band : (low, high) or None
-        Of a problem in frequency, where real parts stand above imaginary parts and there is no constant. [Hz]
+        Of a problem in frequency, where real parts stand above imaginary parts and there is no
+        constant. [Hz]
     weights : str
         Of its frequencies, which the rows contain already.
     rows : int
@@ -142,14 +154,17 @@ def equations(
     Raises
     ------
     IdentificationError
-        The coefficient is constant, no stretch reaches down to the band, or more candidates than the weights allow.
+        The coefficient is constant, no stretch reaches down to the band, or more candidates than
+        the weights allow.
     """
     demand_choice("weights", weights, WEIGHTS if band is not None else ("equal",))
     terms, variables = _spelled(tuple(candidates))
     samples = stack(coefficient, variables, data, f"the candidates of {coefficient}")
     z = samples.data[coefficient].values
     if len(z) < 2 or np.ptp(z) == 0.0:
-        raise IdentificationError(f"{coefficient} is constant, or has no samples; look at its accelerations")
+        raise IdentificationError(
+            f"{coefficient} is constant, or has no samples; look at its accelerations"
+        )
     X = regressors(terms, samples.data)
     fixed = least_squares.constants(terms)
     top, low = X.max(axis=1), X.min(axis=1)
@@ -166,7 +181,11 @@ def equations(
                     f"{FREE} per candidate: give fewer candidates, widen the band, or take equal weights"
                 )
             whitened = whitening(Xf, zf[:, 0], parts)
-            X, z, lost = whitened.equations(Xf).T, whitened.equations(zf)[:, 0], whitened.ends.shape[1]
+            X, z, lost = (
+                whitened.equations(Xf).T,
+                whitened.equations(zf)[:, 0],
+                whitened.ends.shape[1],
+            )
         else:
             X, z = stacked(Xf).T, stacked(zf)[:, 0]
     elif not keep.all():
@@ -176,7 +195,9 @@ def equations(
         tuple(term for term, use in zip(terms, keep) if use),
         np.ascontiguousarray(X),
         z,
-        tuple(term for term, use, constant in zip(terms, moving, fixed) if not use and not constant),
+        tuple(
+            term for term, use, constant in zip(terms, moving, fixed) if not use and not constant
+        ),
         band,
         weights,
         len(z) - lost,
@@ -219,14 +240,18 @@ class Working:
         return float(self.residual @ self.residual)
 
     def gains(self) -> np.ndarray:
-        """Return by how much each candidate would lower the sum of squares, (candidates,); zero for those it cannot be computed for."""
+        """Return by how much each candidate would lower the sum of squares, (candidates,); zero for
+        those it cannot be computed for.
+        """
         usable = self.left2 > LEAST**2 * self.size2
         usable[self.taken] = False
         return np.where(usable, self.product**2 / np.where(usable, self.left2, 1.0), 0.0)
 
     @staticmethod
     def best(gains: np.ndarray) -> int:
-        """Return the candidate with the largest gain; of equal ones the first, which a list by order has as the simplest."""
+        """Return the candidate with the largest gain; of equal ones the first, which a list by
+        order has as the simplest.
+        """
         return int(np.flatnonzero(gains >= (1.0 - _TIE) * gains.max())[0])
 
     def take(self, j: int) -> None:
@@ -265,11 +290,15 @@ class Working:
         return R
 
     def estimates(self) -> np.ndarray:
-        """Return the parameters of the terms taken, of the orthogonal functions turned back into terms."""
+        """Return the parameters of the terms taken, of the orthogonal functions turned back into
+        terms.
+        """
         return np.linalg.solve(self.triangle, np.array(self.a)) if self.taken else np.zeros(0)
 
     def losses(self) -> np.ndarray:
-        """Return by how much the sum of squares would rise without each of the terms taken, (taken,)."""
+        """Return by how much the sum of squares would rise without each of the terms taken,
+        (taken,).
+        """
         if not self.taken:
             return np.zeros(0)
         return self.estimates() ** 2 / (np.linalg.inv(self.triangle) ** 2).sum(axis=1)
@@ -295,7 +324,9 @@ class Working:
         if not len(places):
             return 0, 0, 0.0
         inverse = np.linalg.inv(self.triangle)[places]
-        directions = (inverse / np.linalg.norm(inverse, axis=1, keepdims=True)) @ self.Q[: len(self.taken)]
+        directions = (inverse / np.linalg.norm(inverse, axis=1, keepdims=True)) @ self.Q[
+            : len(self.taken)
+        ]
         along, regained = self.X @ directions.T, directions @ self.z
         left2 = self.left2[:, None] + along**2
         usable = left2 > LEAST**2 * self.size2[:, None]
@@ -306,6 +337,8 @@ class Working:
         return places[k], j, max(0.0, float(gains[j, k]))
 
     def press(self) -> float:
-        """Return the sum of squares of the residuals with each row left out in turn, divided by the rows."""
+        """Return the sum of squares of the residuals with each row left out in turn, divided by the
+        rows.
+        """
         leverage = np.einsum("ij,ij->j", self.Q[: len(self.taken)], self.Q[: len(self.taken)])
         return float(np.mean((self.residual / np.maximum(1e-9, 1.0 - leverage)) ** 2))

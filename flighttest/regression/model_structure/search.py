@@ -1,10 +1,12 @@
-"""Multivariate orthogonal functions: candidates ranked by what each adds, as many as lower the predicted squared error.
+"""Multivariate orthogonal functions: candidates ranked by what each adds, as many as lower the
+predicted squared error.
 
-The functions are made in the order of what they add, each orthogonal to those already chosen (forward orthogonal least
-squares).  Made in the order in which the candidates were written down, functions of correlated variables share their
-meaning and far too many are kept.  With correlated variables an early choice may be a mixture of later ones: when
-nothing more is worth taking, terms that have become void are dropped, and one is exchanged for another candidate as long
-as that lowers the error.
+The functions are made in the order of what they add, each orthogonal to those already chosen
+(forward orthogonal least squares).  Made in the order in which the candidates were written down,
+functions of correlated variables share their meaning and far too many are kept.  With correlated
+variables an early choice may be a mixture of later ones: when nothing more is worth taking, terms
+that have become void are dropped, and one is exchanged for another candidate as long as that lowers
+the error.
 
 References
 ----------
@@ -24,13 +26,23 @@ import xarray as xr
 
 from flightmech.errors import IdentificationError
 from flighttest.regression.equation_error.model import powers, word
-from flighttest.regression.model_structure.candidates import FREE, LEAST, Equations, Working, equations
+from flighttest.regression.model_structure.candidates import (
+    FREE,
+    LEAST,
+    Equations,
+    Working,
+    equations,
+)
 from flighttest.regression.model_structure.selection import Selection, conclude
 
 GAIN = 0.005  # rise of R2 that a further function must bring
-_WORTH = 0.05  # of what a term must bring: the fall of the sum of squares that an exchange must bring
+_WORTH = (
+    0.05  # of what a term must bring: the fall of the sum of squares that an exchange must bring
+)
 _MARGIN = 50.0  # times the variance of the noise that the penalty takes when that is known
-_ROUNDING = 1e-18  # of the sum of squares of the coefficient: less is the rounding of the sums, in which terms would come and go for ever
+# of the sum of squares of the coefficient: less is the rounding of the sums, in which terms would
+# come and go for ever
+_ROUNDING = 1e-18
 
 
 def select_orthogonal(
@@ -53,8 +65,9 @@ def select_orthogonal(
     gain : float
         Rise of R2 that a further function must bring.
     noise : float, optional
-        Standard deviation of the coefficient's noise where it is known, from repeats: its variance then sets the penalty
-        of the predicted squared error, in place of the variance of the coefficient. [1]
+        Standard deviation of the coefficient's noise where it is known, from repeats: its variance
+        then sets the penalty of the predicted squared error, in place of the variance of the
+        coefficient. [1]
 
     Returns
     -------
@@ -78,12 +91,16 @@ def select_orthogonal(
     for j in kept:
         work.take(j)
         rows.append(rate.row("kept", problem.terms[j], work, np.nan))
-    while _forward(problem, work, rate, gain, rows) or _better(problem, work, rate, gain, kept, rows):
+    while _forward(problem, work, rate, gain, rows) or _better(
+        problem, work, rate, gain, kept, rows
+    ):
         pass
     return conclude("orthogonal functions", problem, work, rows, kept, data, name, drop=True)
 
 
-def _forward(problem: Equations, work: Working, rate: Rating, gain: float, rows: list[dict]) -> bool:
+def _forward(
+    problem: Equations, work: Working, rate: Rating, gain: float, rows: list[dict]
+) -> bool:
     """Take the function that adds most, when it adds enough."""
     gains = work.gains()
     j = work.best(gains)
@@ -95,21 +112,43 @@ def _forward(problem: Equations, work: Working, rate: Rating, gain: float, rows:
     return True
 
 
-def _better(problem: Equations, work: Working, rate: Rating, gain: float, kept: Sequence[int], rows: list[dict]) -> bool:
-    """Drop a term that has become void, or exchange one; each lowers the sum of squares plus a price per term."""
+def _better(
+    problem: Equations,
+    work: Working,
+    rate: Rating,
+    gain: float,
+    kept: Sequence[int],
+    rows: list[dict],
+) -> bool:
+    """Drop a term that has become void, or exchange one; each lowers the sum of squares plus a
+    price per term.
+    """
     free = [k for k, j in enumerate(work.taken) if j not in kept]
     losses = work.losses()
     weakest = min(free, key=lambda k: losses[k], default=None)
     if weakest is not None and losses[weakest] < rate.least(gain, work.rss):
         gone = work.taken[weakest]
         work.start([j for j in work.taken if j != gone])
-        rows.append(rate.row("dropped", problem.terms[gone], work, np.nan, losses[weakest] / rate.variance(work)))
+        rows.append(
+            rate.row(
+                "dropped", problem.terms[gone], work, np.nan, losses[weakest] / rate.variance(work)
+            )
+        )
         return True
     return exchanged(problem, work, rate, gain, kept, rows)
 
 
-def exchanged(problem: Equations, work: Working, rate: Rating, gain: float, kept: Sequence[int], rows: list[dict]) -> bool:
-    """Exchange one term for another candidate where that lowers the sum of squares enough; return whether it did."""
+def exchanged(
+    problem: Equations,
+    work: Working,
+    rate: Rating,
+    gain: float,
+    kept: Sequence[int],
+    rows: list[dict],
+) -> bool:
+    """Exchange one term for another candidate where that lowers the sum of squares enough; return
+    whether it did.
+    """
     before, taken = work.rss, work.taken
     least = _WORTH * rate.least(gain, before)
     place, j, fall = work.exchange([k for k, one in enumerate(taken) if one not in kept])
@@ -118,7 +157,9 @@ def exchanged(problem: Equations, work: Working, rate: Rating, gain: float, kept
     gone = taken[place]
     work.start([k for k in taken if k != gone])
     work.take(j)
-    if before - work.rss <= least:  # two that do the same: `fall`, a difference of large sums, was their rounding
+    if (
+        before - work.rss <= least
+    ):  # two that do the same: `fall`, a difference of large sums, was their rounding
         work.start(taken)
         return False
     rows.append(rate.row("for " + problem.terms[gone], problem.terms[j], work, np.nan))
@@ -151,7 +192,9 @@ class Rating:
     def __init__(self, problem: Equations, noise: float | None = None):
         centred, z = problem.band is None, problem.z
         if noise is not None and not (noise > 0 and centred):
-            raise IdentificationError(f"noise is {noise:g}; expected a positive standard deviation, and only in time")
+            raise IdentificationError(
+                f"noise is {noise:g}; expected a positive standard deviation, and only in time"
+            )
         self.rows = problem.rows
         self.total = float(((z - (z.mean() if centred else 0.0)) ** 2).sum())
         self.most = self.total / self.rows if noise is None else np.inf
@@ -169,7 +212,9 @@ class Rating:
         """Return the variance of the residual."""
         return work.rss / max(1, self.rows - len(work.taken))
 
-    def row(self, action: str, term: str, work: Working, partial: float, F: float | None = None) -> dict:
+    def row(
+        self, action: str, term: str, work: Working, partial: float, F: float | None = None
+    ) -> dict:
         """Return one step of a selection."""
         n, rss, s2 = len(work.taken), work.rss, self.variance(work)
         if F is None:
@@ -187,7 +232,9 @@ class Rating:
 
 
 def _of_all(problem: Equations) -> float:
-    """The variance of a row that all candidates together do not explain; infinite where there are too many of them."""
+    """The variance of a row that all candidates together do not explain; infinite where there are
+    too many of them.
+    """
     count, rows = len(problem.X), problem.rows
     if rows < 2 * FREE * count or not count:
         return np.inf
@@ -198,7 +245,8 @@ def _of_all(problem: Equations) -> float:
     return float(v @ v) / (rows - Q.shape[1])
 
 
-ENTER = 20.0  # partial F: the theoretical 4 for residuals that are white, and a factor of 5 because they are not
+# partial F: the theoretical 4 for residuals that are white, and a factor of 5 because they are not
+ENTER = 20.0
 LEAVE = 0.9  # of the threshold to enter
 
 
@@ -228,17 +276,20 @@ def select_stepwise(
     band : (low, high), optional
         Work in frequency, inside this band; default in time. [Hz]
     enter, leave : float
-        Partial F above which a term enters and below which it leaves; default 20 and 0.9 of the first.
+        Partial F above which a term enters and below which it leaves; default 20 and 0.9 of the
+        first.
     gain : float
         Rise of R2 that a further term must bring.
     keep : sequence of str
-        Terms that are in from the start and stay; in frequency ``1`` is found at the end whatever is given here.
+        Terms that are in from the start and stay; in frequency ``1`` is found at the end whatever
+        is given here.
     hierarchy : bool
         A product enters only after the candidates that it is a product of.
     name : str
         For reports and provenance.
     weights : {"equal", "spectrum"}
-        Of the frequencies of a band, as in `regress_frequency`; the spectrum is that of the residual of all candidates.
+        Of the frequencies of a band, as in `regress_frequency`; the spectrum is that of the
+        residual of all candidates.
 
     Returns
     -------
@@ -271,7 +322,12 @@ def select_stepwise(
     parents = _parents(problem) if hierarchy else None
     while True:
         while (best := _next(work, rate, enter, gain, parents)) is not None:
-            j, partial = best, float(np.sign(work.product[best]) * np.sqrt(min(1.0, work.gains()[best] / work.rss)))
+            j, partial = (
+                best,
+                float(
+                    np.sign(work.product[best]) * np.sqrt(min(1.0, work.gains()[best] / work.rss))
+                ),
+            )
             work.take(j)
             rows.append(rate.row("entered", problem.terms[j], work, partial))
             while (weak := _weakest(work, rate, kept, leave)) is not None:
@@ -283,7 +339,9 @@ def select_stepwise(
     return conclude("stepwise", problem, work, rows, kept, data, name, drop=False)
 
 
-def _next(work: Working, rate: Rating, enter: float, gain: float, parents: list[set[int]] | None) -> int | None:
+def _next(
+    work: Working, rate: Rating, enter: float, gain: float, parents: list[set[int]] | None
+) -> int | None:
     """The candidate to enter, or None."""
     if len(work.taken) + 2 >= rate.rows or work.rss <= 0.0:
         return None
@@ -294,10 +352,16 @@ def _next(work: Working, rate: Rating, enter: float, gain: float, parents: list[
     j = work.best(gains)
     after = work.rss - gains[j]
     partial_F = gains[j] / (after / (rate.rows - len(work.taken) - 1)) if after > 0 else np.inf
-    return j if partial_F > enter and gains[j] > gain * rate.total and gains[j] > rate.price(after) else None
+    return (
+        j
+        if partial_F > enter and gains[j] > gain * rate.total and gains[j] > rate.price(after)
+        else None
+    )
 
 
-def _weakest(work: Working, rate: Rating, kept: Sequence[int], leave: float) -> tuple[int, float] | None:
+def _weakest(
+    work: Working, rate: Rating, kept: Sequence[int], leave: float
+) -> tuple[int, float] | None:
     """The term in the model with the smallest partial F, when that is too small."""
     s2 = rate.variance(work)
     if s2 == 0.0:
@@ -314,6 +378,9 @@ def _parents(problem: Equations) -> list[set[int]]:
     found = []
     for term in problem.terms:
         factors = powers(term)
-        lower = [word({f: p - (f == less) for f, p in factors.items() if p - (f == less)}) for less in factors]
+        lower = [
+            word({f: p - (f == less) for f, p in factors.items() if p - (f == less)})
+            for less in factors
+        ]
         found.append({places[one] for one in lower if one in places and one != "1"})
     return found

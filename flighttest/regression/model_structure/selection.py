@@ -28,16 +28,20 @@ GAIN = 0.02  # relative rise of the validation error below which a term is not n
 
 
 def decide(
-    fits: Sequence[Fit], prior: Mapping[str, tuple[float, float]] | None = None, validation: Fit | None = None, keep: Sequence[str] = ("1",)
+    fits: Sequence[Fit],
+    prior: Mapping[str, tuple[float, float]] | None = None,
+    validation: Fit | None = None,
+    keep: Sequence[str] = ("1",),
 ):
     """Decide for each term of a model whether the data have identified it.
 
-    A term is not identified when one of these holds after pooling: (a) it is smaller than two standard errors and
-    contributes less than 1 % of the coefficient's rms; (b) VIF above 10 or a correlation above 0.95 with a term of
-    larger contribution, unless the pooled value, scatter between the fits included, stands above ten standard errors:
-    then it is collinear and determined all the same; (c) the sign changes between fits, or their scatter exceeds the
-    median; (d) leaving it out raises the error on validation data by less than 2 %; (e) the term with its a-priori value
-    would not stand out of the residual.
+    A term is not identified when one of these holds after pooling: (a) it is smaller than two
+    standard errors and contributes less than 1 % of the coefficient's rms; (b) VIF above 10 or a
+    correlation above 0.95 with a term of larger contribution, unless the pooled value, scatter
+    between the fits included, stands above ten standard errors: then it is collinear and determined
+    all the same; (c) the sign changes between fits, or their scatter exceeds the median; (d)
+    leaving it out raises the error on validation data by less than 2 %; (e) the term with its
+    a-priori value would not stand out of the residual.
 
     Parameters
     ----------
@@ -46,17 +50,18 @@ def decide(
     prior : mapping of str to (value, stderr), optional
         A-priori values, for (e) and for the outcome "kept at the a-priori value".
     validation : Fit, optional
-        A fit of the same model on data that are not in `fits`; only its samples are used, for (d): the models with and
-        without the term are estimated from all samples of `fits`.
+        A fit of the same model on data that are not in `fits`; only its samples are used, for (d):
+        the models with and without the term are estimated from all samples of `fits`.
     keep : sequence of str
         Terms that are not judged.
 
     Returns
     -------
     DataFrame
-        One row per term: ``decision`` (``identified``, ``embedded``, ``a priori``, ``deleted``), ``into`` (the term that
-        takes it up), ``reasons`` (letters as above), the pooled ``value stderr scatter``, and the deciding numbers
-        ``t contribution vif correlation sign_changes validation_rise prior_signal``.
+        One row per term: ``decision`` (``identified``, ``embedded``, ``a priori``, ``deleted``),
+        ``into`` (the term that takes it up), ``reasons`` (letters as above), the pooled ``value
+        stderr scatter``, and the deciding numbers ``t contribution vif correlation sign_changes
+        validation_rise prior_signal``.
 
     References
     ----------
@@ -76,11 +81,18 @@ def decide(
             "into": numbers["partner"] if "b" in reasons else "",
             "reasons": reasons,
         }
-        rows[term] |= {"value": row["value"], "stderr": row["stderr"], "scatter": row["scatter"], **numbers}
+        rows[term] |= {
+            "value": row["value"],
+            "stderr": row["stderr"],
+            "scatter": row["scatter"],
+            **numbers,
+        }
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("term")
 
 
-def _numbers(term: str, fits: Sequence[Fit], prior: Mapping[str, tuple[float, float]], validation: Fit | None) -> dict:
+def _numbers(
+    term: str, fits: Sequence[Fit], prior: Mapping[str, tuple[float, float]], validation: Fit | None
+) -> dict:
     values = np.array([float(fit.estimates["estimate"].sel(term=term)) for fit in fits])
     sizes = np.array([float(fit.estimates["contribution"].sel(term=term)) for fit in fits])
     pooled = pool_fits(fits).loc[term]
@@ -98,19 +110,25 @@ def _numbers(term: str, fits: Sequence[Fit], prior: Mapping[str, tuple[float, fl
 
 
 def _partner(term: str, fits: Sequence[Fit]) -> tuple[str, float]:
-    """The term of larger contribution that moves most like `term`, and their correlation; largest over the fits."""
+    """The term of larger contribution that moves most like `term`, and their correlation; largest
+    over the fits.
+    """
     best = ("", 0.0)
     for fit in fits:
         e = fit.estimates
         larger = e["contribution"].values > float(e["contribution"].sel(term=term))
-        for other, rho in zip(e["term"].values[larger], e["regressor_correlation"].sel(term=term).values[larger]):
+        for other, rho in zip(
+            e["term"].values[larger], e["regressor_correlation"].sel(term=term).values[larger]
+        ):
             if abs(rho) > abs(best[1]):
                 best = str(other), float(rho)
     return best
 
 
 def _validation_rise(term: str, fits: Sequence[Fit], validation: Fit | None) -> float:
-    """Relative rise of the rms error on the validation samples when the term is left out of the model."""
+    """Relative rise of the rms error on the validation samples when the term is left out of the
+    model.
+    """
     if validation is None:
         return float("nan")
     terms = [str(name) for name in validation.regressors["term"].values]
@@ -119,20 +137,34 @@ def _validation_rise(term: str, fits: Sequence[Fit], validation: Fit | None) -> 
         return float("nan")
     X = np.vstack([fit.regressors.values for fit in full])
     z = np.concatenate([fit.data[fit.model.coefficient].values for fit in full])
-    X_new, z_new = validation.regressors.values, validation.data[validation.model.coefficient].values
+    X_new, z_new = (
+        validation.regressors.values,
+        validation.data[validation.model.coefficient].values,
+    )
     rest = np.array([name != term for name in terms])
 
     def error(use):
-        return np.sqrt(np.mean((z_new - X_new[:, use] @ np.linalg.lstsq(X[:, use], z, rcond=None)[0]) ** 2))
+        return np.sqrt(
+            np.mean((z_new - X_new[:, use] @ np.linalg.lstsq(X[:, use], z, rcond=None)[0]) ** 2)
+        )
 
     return float(error(rest) / error(np.ones(len(terms), bool)) - 1.0)
 
 
-def _prior_signal(term: str, fits: Sequence[Fit], prior: Mapping[str, tuple[float, float]]) -> float:
-    """Rms of the term with its a-priori value over the rms of the residual; the largest of the fits."""
+def _prior_signal(
+    term: str, fits: Sequence[Fit], prior: Mapping[str, tuple[float, float]]
+) -> float:
+    """Rms of the term with its a-priori value over the rms of the residual; the largest of the
+    fits.
+    """
     if term not in prior:
         return float("nan")
-    return max(float(np.std(fit.regressors.sel(term=term))) * abs(prior[term][0]) / fit.estimates.attrs["residual_rms"] for fit in fits)
+    return max(
+        float(np.std(fit.regressors.sel(term=term)))
+        * abs(prior[term][0])
+        / fit.estimates.attrs["residual_rms"]
+        for fit in fits
+    )
 
 
 def _reasons(row, numbers: Mapping) -> str:
@@ -171,13 +203,16 @@ class Selection:
     method : str
         ``stepwise`` or ``orthogonal functions``.
     fit : Fit
-        The chosen terms as an ordinary polynomial by `regress` or `regress_frequency`, with coloured errors.
+        The chosen terms as an ordinary polynomial by `regress` or `regress_frequency`, with
+        coloured errors.
     steps : DataFrame
-        One row per step: ``action`` (kept, taken, entered, removed, dropped, for another term), ``term``, ``F``,
-        ``partial_correlation``, ``R2``, ``PSE`` (predicted squared error), ``PRESS``, ``terms``.
+        One row per step: ``action`` (kept, taken, entered, removed, dropped, for another term),
+        ``term``, ``F``, ``partial_correlation``, ``R2``, ``PSE`` (predicted squared error),
+        ``PRESS``, ``terms``.
     functions : Dataset (function, term)
-        The orthogonal functions in the order taken, one named after the term that came with it: ``estimate``,
-        ``stderr``, ``stderr_white``, ``share`` of the mean square explained, ``expansion`` (function, term) of each in terms.
+        The orthogonal functions in the order taken, one named after the term that came with it:
+        ``estimate``, ``stderr``, ``stderr_white``, ``share`` of the mean square explained,
+        ``expansion`` (function, term) of each in terms.
     idle : tuple of str
         Candidates that did not move.
     """
@@ -199,7 +234,9 @@ class Selection:
         return self.fit.estimates
 
     def report(self, correlation: bool = False) -> str:
-        """Return the steps and the final estimates as text, with their correlation matrix on demand."""
+        """Return the steps and the final estimates as text, with their correlation matrix on
+        demand.
+        """
         lines = [
             f"{self.method}: {self.model}",
             f"{'step':<28}{'term':<24}{'F':>10}{'partial':>9}{'R2':>9}{'PSE':>11}{'PRESS':>11}{'terms':>7}",
@@ -210,12 +247,15 @@ class Selection:
                 f"{row.terms:>7}"
             )
         if self.idle:
-            lines.append(f"candidates that do not move: {' '.join(self.idle[:10])}{' ...' if len(self.idle) > 10 else ''}")
+            lines.append(
+                f"candidates that do not move: {' '.join(self.idle[:10])}{' ...' if len(self.idle) > 10 else ''}"
+            )
         return "\n".join([*lines, "", self.fit.report(correlation)])
 
 
 def tally(selections: Sequence[Selection]) -> pd.DataFrame:
-    """Count in how many selections each term was chosen: the way from single records to a common model.
+    """Count in how many selections each term was chosen: the way from single records to a common
+    model.
 
     Parameters
     ----------
@@ -225,8 +265,9 @@ def tally(selections: Sequence[Selection]) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        Index term, ``count`` and ``share`` (of the selections), most often chosen first.  Terms of a share above one
-        half, and those physics requires, make the model that all records are then fitted with.
+        Index term, ``count`` and ``share`` (of the selections), most often chosen first.  Terms of
+        a share above one half, and those physics requires, make the model that all records are then
+        fitted with.
 
     Raises
     ------
@@ -240,13 +281,24 @@ def tally(selections: Sequence[Selection]) -> pd.DataFrame:
     import pandas as pd
 
     if len(found := {one.model.coefficient for one in selections}) != 1:
-        raise IdentificationError(f"selections of {', '.join(sorted(found)) or 'nothing'} cannot be counted; give those of one coefficient")
-    counts = pd.Series([term for one in selections for term in one.model.terms]).value_counts(sort=True)
+        raise IdentificationError(
+            f"selections of {', '.join(sorted(found)) or 'nothing'} cannot be counted; give those of one coefficient"
+        )
+    counts = pd.Series([term for one in selections for term in one.model.terms]).value_counts(
+        sort=True
+    )
     return pd.DataFrame({"count": counts, "share": counts / len(selections)}).rename_axis("term")
 
 
 def conclude(
-    method: str, problem: Equations, work: Working, rows: Sequence[dict], keep: Sequence[int], data, name: str, drop: bool
+    method: str,
+    problem: Equations,
+    work: Working,
+    rows: Sequence[dict],
+    keep: Sequence[int],
+    data,
+    name: str,
+    drop: bool,
 ) -> Selection:
     """Turn the terms taken into an ordinary polynomial and fit it.
 
@@ -280,12 +332,18 @@ def conclude(
         )
     if drop:
         size = np.abs(work.estimates()) * np.std(problem.X[work.taken], axis=1) / np.std(problem.z)
-        terms = [term for term, s, j in zip(terms, size, work.taken) if s >= NEGLIGIBLE or j in keep or term == "1"]
+        terms = [
+            term
+            for term, s, j in zip(terms, size, work.taken)
+            if s >= NEGLIGIBLE or j in keep or term == "1"
+        ]
     if problem.band is not None:
         terms = ["1", *terms]
     model = Model(problem.coefficient, terms)
     fit = (
-        regress(model, data, name) if problem.band is None else regress_frequency(model, data, problem.band, name, weights=problem.weights)
+        regress(model, data, name)
+        if problem.band is None
+        else regress_frequency(model, data, problem.band, name, weights=problem.weights)
     )
     return Selection(method, fit, pd.DataFrame(rows), _functions(problem, work, fit), problem.idle)
 
@@ -296,7 +354,12 @@ def _functions(problem: Equations, work: Working, fit: Fit) -> xr.Dataset:
     R = work.triangle
     size = np.diag(R)
     s2 = work.rss / max(1, len(problem.z) - len(names))
-    fitted = dict(zip(map(str, fit.estimates["term"].values), fit.estimates["stderr"].values / fit.estimates["stderr_white"].values))
+    fitted = dict(
+        zip(
+            map(str, fit.estimates["term"].values),
+            fit.estimates["stderr"].values / fit.estimates["stderr_white"].values,
+        )
+    )
     colour = np.array([fitted.get(name, 1.0) for name in names])
     total = float(((problem.z - (problem.z.mean() if problem.band is None else 0.0)) ** 2).sum())
     white = np.sqrt(s2) / size

@@ -1,4 +1,6 @@
-"""Separable least squares on flight records: linear and shape parameters with their joint covariance."""
+"""Separable least squares on flight records: linear and shape parameters with their joint
+covariance.
+"""
 
 from __future__ import annotations
 
@@ -27,9 +29,10 @@ class SeparableFit:
     models : tuple of SeparableModel
         One per measured quantity.
     estimates : Dataset (term, term_, error)
-        All coefficients (of several quantities as ``CL: alpha``), then the shape parameters: ``estimate``, ``stderr``
-        (coloured residuals), ``stderr_white``, ``stderr_systematic``, ``covariance``, ``correlation``, ``systematic`` as in
-        `Fit`; ``t``, ``narrowed``, ``identified``, ``why`` as in `identifiability`; ``condition_index`` (component) and
+        All coefficients (of several quantities as ``CL: alpha``), then the shape parameters:
+        ``estimate``, ``stderr`` (coloured residuals), ``stderr_white``, ``stderr_systematic``,
+        ``covariance``, ``correlation``, ``systematic`` as in `Fit`; ``t``, ``narrowed``,
+        ``identified``, ``why`` as in `identifiability`; ``condition_index`` (component) and
         ``proportion`` (component, term).  NaN for the errors of a parameter at a bound.
     data : dict of str to Dataset (sample,)
         The samples used, by quantity.
@@ -94,23 +97,48 @@ class SeparableFit:
     def remarks(self) -> list[str]:
         """Parameters that the data cannot see, and those that they hardly distinguish, in words."""
         e = self.estimates
-        found = [f"{term}: not identified: {why}" for term, why in zip(e["term"].values, e["why"].values) if why]
-        found += [f"condition index {index:.0f}: hardly distinguishable are {words}" for index, words in collinearity.pairs(e)]
+        found = [
+            f"{term}: not identified: {why}"
+            for term, why in zip(e["term"].values, e["why"].values)
+            if why
+        ]
+        found += [
+            f"condition index {index:.0f}: hardly distinguishable are {words}"
+            for index, words in collinearity.pairs(e)
+        ]
         return found
 
     def report(self) -> str:
         """Return the estimates as a text table."""
         e, a = self.estimates, self.estimates.attrs
-        fitted = zip(self.models, np.atleast_1d(a["R2"]), np.atleast_1d(a["residual_rms"]), a["units"].split("; "))
-        lines = [f"{self.name}: {self.models[0]}" if self.name and len(self.models) == 1 else self.name]
+        fitted = zip(
+            self.models,
+            np.atleast_1d(a["R2"]),
+            np.atleast_1d(a["residual_rms"]),
+            a["units"].split("; "),
+        )
+        lines = [
+            f"{self.name}: {self.models[0]}" if self.name and len(self.models) == 1 else self.name
+        ]
         lines = [line for line in lines if line] or [str(self.models[0])]
-        lines += [f"{model.target} [{unit}]: R2 {R2:.4f}, residual rms {rms:.3g}" for model, R2, rms, unit in fitted]
+        lines += [
+            f"{model.target} [{unit}]: R2 {R2:.4f}, residual rms {rms:.3g}"
+            for model, R2, rms, unit in fitted
+        ]
         lines.append(f"samples {a['samples']}, manoeuvres {a['manoeuvres']}")
         wide = max(len(str(term)) for term in e["term"].values) + 2
-        lines.append(f"{'parameter':<{wide}}{'estimate':>12}{'stderr':>10}{'white':>10}{'system.':>10}{'t':>9}{'narrowed':>10}")
+        lines.append(
+            f"{'parameter':<{wide}}{'estimate':>12}{'stderr':>10}{'white':>10}{'system.':>10}{'t':>9}{'narrowed':>10}"
+        )
         for k, term in enumerate(e["term"].values):
-            errors = "".join(_cell(float(e[name][k]), 10, ".2g") for name in ("stderr", "stderr_white", "stderr_systematic"))
-            t, narrowed = _cell(float(e["t"][k]), 9, ".1f"), _cell(float(e["narrowed"][k]), 10, ".3f")
+            errors = "".join(
+                _cell(float(e[name][k]), 10, ".2g")
+                for name in ("stderr", "stderr_white", "stderr_systematic")
+            )
+            t, narrowed = (
+                _cell(float(e["t"][k]), 9, ".1f"),
+                _cell(float(e["narrowed"][k]), 10, ".3f"),
+            )
             lines.append(f"{term!s:<{wide}}{float(e['estimate'][k]):>12.5g}{errors}{t}{narrowed}")
         return "\n".join([*lines, *(f"! {text}" for text in self.remarks)])
 
@@ -120,21 +148,26 @@ def _cell(value: float, width: int, form: str) -> str:
 
 
 def regress_separable(
-    model: SeparableModel | Sequence[SeparableModel], data: xr.Dataset | Sequence[xr.Dataset], name: str = "", lag: float | None = None
+    model: SeparableModel | Sequence[SeparableModel],
+    data: xr.Dataset | Sequence[xr.Dataset],
+    name: str = "",
+    lag: float | None = None,
 ) -> SeparableFit:
-    """Fit models that are linear in their coefficients and nonlinear in few shape parameters by least squares.
+    """Fit models that are linear in their coefficients and nonlinear in few shape parameters by
+    least squares.
 
     Parameters
     ----------
     model : SeparableModel or list of them
-        Of one measured quantity each.  Shape parameters with the same name are the same parameter; each quantity is
-        weighed by the inverse of its residual rms.
+        Of one measured quantity each.  Shape parameters with the same name are the same parameter;
+        each quantity is weighed by the inverse of its residual rms.
     data : Dataset (time,) or list of them
         Manoeuvres; samples with NaN in a quantity or its regressors are left out of it.
     name : str
         For reports and provenance.
     lag : float, optional
-        Window of the residual's own autocorrelation in place of the autoregression, see `covariance.coloured`. [s]
+        Window of the residual's own autocorrelation in place of the autoregression, see
+        `covariance.coloured`. [s]
 
     Returns
     -------
@@ -170,8 +203,13 @@ def regress_separable(
     residuals = problem.residuals(found.values, found.coefficients)
     for attribute, value in _facts(problem, found, residuals, name).items():
         estimates.attrs[attribute] = value
-    kept = {one.target: samples.data.drop_dims("error", errors="ignore") for one, samples in zip(models, problem.samples)}
-    return SeparableFit(name, tuple(models), estimates, kept, {one.target: v for one, v in zip(models, residuals)})
+    kept = {
+        one.target: samples.data.drop_dims("error", errors="ignore")
+        for one, samples in zip(models, problem.samples)
+    }
+    return SeparableFit(
+        name, tuple(models), estimates, kept, {one.target: v for one, v in zip(models, residuals)}
+    )
 
 
 def _estimates(problem: Problem, found: Found) -> xr.Dataset:
@@ -181,17 +219,34 @@ def _estimates(problem: Problem, found: Found) -> xr.Dataset:
     free, size = found.free, len(names)
     M = (found.products + np.diag(found.prior))[np.ix_(free, free)]
     D = _inverse(M, [name for name, use in zip(names, free) if use])
-    sigma2 = np.concatenate([np.zeros(size - len(problem.names)), [problem.shape[name].sigma ** 2 for name in problem.names]])
-    known = np.where(found.prior > 0.0, found.prior**2 * np.where(np.isfinite(sigma2), sigma2, 0.0), 0.0)
+    sigma2 = np.concatenate(
+        [
+            np.zeros(size - len(problem.names)),
+            [problem.shape[name].sigma ** 2 for name in problem.names],
+        ]
+    )
+    known = np.where(
+        found.prior > 0.0, found.prior**2 * np.where(np.isfinite(sigma2), sigma2, 0.0), 0.0
+    )
     covariance = _whole(D @ (found.spread + np.diag(known))[np.ix_(free, free)] @ D, free)
-    white = np.sqrt(np.diag(_whole(D @ (found.white + np.diag(known))[np.ix_(free, free)] @ D, free)))
-    sources = list(dict.fromkeys(s for model, one in zip(problem.models, problem.samples) for s in one.errors(model.target)[0]))
+    white = np.sqrt(
+        np.diag(_whole(D @ (found.white + np.diag(known))[np.ix_(free, free)] @ D, free))
+    )
+    sources = list(
+        dict.fromkeys(
+            s
+            for model, one in zip(problem.models, problem.samples)
+            for s in one.errors(model.target)[0]
+        )
+    )
     change = np.zeros((size, len(sources)))
     at = 0
     for j, (model, samples, X) in enumerate(zip(problem.models, problem.samples, found.regressors)):
         columns = [*range(at, at + len(model.terms)), *range(size - len(problem.names), size)]
         at += len(model.terms)
-        own, errors = samples.errors(model.target, model.variables, problem.fitted(j, found.values, found.coefficients[j]))
+        own, errors = samples.errors(
+            model.target, model.variables, problem.fitted(j, found.values, found.coefficients[j])
+        )
         for source, error in zip(own, errors):
             pushed = np.zeros(size)
             pushed[columns] = X.T @ (problem.weights[j] * error)
@@ -243,9 +298,13 @@ def _demand_models(models: Sequence[SeparableModel]) -> None:
         raise IdentificationError("no model; give at least one")
     targets = [model.target for model in models]
     if len(set(targets)) < len(targets):
-        raise IdentificationError(f"{next(t for t in targets if targets.count(t) > 1)} has two models; give one of each quantity")
+        raise IdentificationError(
+            f"{next(t for t in targets if targets.count(t) > 1)} has two models; give one of each quantity"
+        )
     seen: dict[str, ShapeParameter] = {}
     for model in models:
         for name, item in model.parameters.items():
             if seen.setdefault(name, item) != item:
-                raise IdentificationError(f"the parameter {name} has {seen[name]} in one model and {item} in another; make them equal")
+                raise IdentificationError(
+                    f"the parameter {name} has {seen[name]} in one model and {item} in another; make them equal"
+                )

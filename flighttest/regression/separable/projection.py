@@ -1,14 +1,16 @@
-"""Variable projection: least squares over a few nonlinear parameters, the linear ones found on the way.
+"""Variable projection: least squares over a few nonlinear parameters, the linear ones found on the
+way.
 
-For given nonlinear parameters s the coefficients are c = A(s)^+ z, and the residual is r(s) = (I - A A^+) z.  Its exact
-derivative [Golub1973], with A_m the derivative of A by s_m,
+For given nonlinear parameters s the coefficients are c = A(s)^+ z, and the residual is r(s) = (I -
+A A^+) z.  Its exact derivative [Golub1973], with A_m the derivative of A by s_m,
 
     dr/ds_m = - (I - A A^+) A_m c - (A^+)' A_m' r
 
-([Kaufman1975] leaves out the second part), gives Gauss and Newton's step in the nonlinear parameters alone, damped after
-Levenberg and Marquardt; a parameter that is pushed against a bound stays there.  It is the combined Gauss-Newton / linear
-regression of [LR743] 4.5.1.  Where a term is small its shape is hardly determined and these steps become slow: the last
-ones are Newton's, with second derivatives as differences of the exact gradient.
+([Kaufman1975] leaves out the second part), gives Gauss and Newton's step in the nonlinear
+parameters alone, damped after Levenberg and Marquardt; a parameter that is pushed against a bound
+stays there.  It is the combined Gauss-Newton / linear regression of [LR743] 4.5.1.  Where a term is
+small its shape is hardly determined and these steps become slow: the last ones are Newton's, with
+second derivatives as differences of the exact gradient.
 
 References
 ----------
@@ -28,15 +30,19 @@ from flightmech.errors import IdentificationError, OutOfRange
 
 STARTS = 5  # values between the bounds from which the search starts
 _STEPS = 100
-_ENOUGH = 1e-6  # decrease of the cost, relative, with which Gauss and Newton's steps end and Newton's begin
+# decrease of the cost, relative, with which Gauss and Newton's steps end and Newton's begin
+_ENOUGH = 1e-6
 _SETTLED = 1e-13  # gradient over the lengths of residual and derivative
 _HIDDEN = 1e-12  # change of the cost, relative, that may be rounding
 _DIFFERENCE = 1e-5  # step of the second derivatives, of the range of a parameter
-_RANK = 1e-10  # smallest diagonal of R of scaled regressors: below, the coefficients of these shapes are not determined
+# smallest diagonal of R of scaled regressors: below, the coefficients of these shapes are not
+# determined
+_RANK = 1e-10
 
 
 class Block(NamedTuple):
-    """One linear least-squares problem: z (rows,), A (rows, n), and what its columns change with the parameters.
+    """One linear least-squares problem: z (rows,), A (rows, n), and what its columns change with
+    the parameters.
 
     ``slopes`` holds (parameter, column, derivative of the column (rows,)).
     """
@@ -70,7 +76,9 @@ class Projection(NamedTuple):
 Blocks = Callable[[np.ndarray], Sequence[Block]]
 
 
-def project(blocks: Sequence[Block], parameters: int, fixed: tuple[np.ndarray, np.ndarray] | None = None) -> Projection | None:
+def project(
+    blocks: Sequence[Block], parameters: int, fixed: tuple[np.ndarray, np.ndarray] | None = None
+) -> Projection | None:
     """Return the projection, or None where the coefficients are not determined.
 
     Parameters
@@ -105,10 +113,19 @@ def project(blocks: Sequence[Block], parameters: int, fixed: tuple[np.ndarray, n
         jacobians.append(fixed[1])
     r, J = np.concatenate(residuals), np.concatenate(jacobians)
     cost = float(r @ r)
-    return Projection(cost, r, J, tuple(coefficients)) if np.isfinite(cost) and np.isfinite(J).all() else None
+    return (
+        Projection(cost, r, J, tuple(coefficients))
+        if np.isfinite(cost) and np.isfinite(J).all()
+        else None
+    )
 
 
-def minimise(evaluate: Callable[[np.ndarray], Projection | None], low: np.ndarray, high: np.ndarray, starts: np.ndarray) -> np.ndarray:
+def minimise(
+    evaluate: Callable[[np.ndarray], Projection | None],
+    low: np.ndarray,
+    high: np.ndarray,
+    starts: np.ndarray,
+) -> np.ndarray:
     """Return the nonlinear parameters of the least cost between bounds.
 
     Parameters
@@ -128,14 +145,18 @@ def minimise(evaluate: Callable[[np.ndarray], Projection | None], low: np.ndarra
     for start in starts:
         best = _better(best, _descended(evaluate, low, high, np.clip(start, low, high)))
     if best is None:
-        raise IdentificationError("the coefficients are not determined at any start; leave out a term, narrow the bounds, or give a start")
+        raise IdentificationError(
+            "the coefficients are not determined at any start; leave out a term, narrow the bounds, or give a start"
+        )
     for trial in _valleys(evaluate, best, low, high) if len(starts) > 1 else ():
         best = _better(best, _descended(evaluate, low, high, trial)) or best
     return _polished(evaluate, low, high, best.s)
 
 
 def _valleys(evaluate, best: _Place, low: np.ndarray, high: np.ndarray) -> list[np.ndarray]:
-    """Starts that differ from a solution in one parameter, where the cost along it has another valley."""
+    """Starts that differ from a solution in one parameter, where the cost along it has another
+    valley.
+    """
     found = []
     for m in range(len(low)):
         line = np.sort(np.append(_between(low[m], high[m]), best.s[m]))
@@ -148,7 +169,9 @@ def _valleys(evaluate, best: _Place, low: np.ndarray, high: np.ndarray) -> list[
 
 
 def spread_starts(low: np.ndarray, high: np.ndarray, given: np.ndarray) -> np.ndarray:
-    """Return starts (starts, m): all parameters at the same place between their bounds; those with a value in `given` there."""
+    """Return starts (starts, m): all parameters at the same place between their bounds; those with
+    a value in `given` there.
+    """
     grid = np.array([_between(a, b) for a, b in zip(low, high)]).T
     return np.where(np.isnan(given), grid, given) if np.isnan(given).any() else given[None, :]
 
@@ -201,7 +224,9 @@ def _polished(evaluate, low: np.ndarray, high: np.ndarray, s: np.ndarray) -> np.
         gradient, free, length = _slope(now, s, low, high)
         if (np.abs(gradient[free]) <= _SETTLED * length[free] * np.sqrt(now.cost)).all():
             break
-        H = _curvature(evaluate, s, gradient, free, low, high) / np.outer(length[free], length[free])
+        H = _curvature(evaluate, s, gradient, free, low, high) / np.outer(
+            length[free], length[free]
+        )
         values, vectors = np.linalg.eigh(H)
         H = vectors * np.maximum(np.abs(values), 1e-10) @ vectors.T
         for damping in (0.0, *10.0 ** np.arange(-6.0, 7.0)):
@@ -216,7 +241,9 @@ def _polished(evaluate, low: np.ndarray, high: np.ndarray, s: np.ndarray) -> np.
 
 
 def _onward(now: Projection, then: Projection, s, new, low, high) -> bool:
-    """Whether a step led on: downhill, or where rounding hides the descent, to a gradient less than half as large."""
+    """Whether a step led on: downhill, or where rounding hides the descent, to a gradient less than
+    half as large.
+    """
     if abs(then.cost - now.cost) > _HIDDEN * now.cost:
         return then.cost < now.cost
     sizes = []
@@ -226,8 +253,12 @@ def _onward(now: Projection, then: Projection, s, new, low, high) -> bool:
     return sizes[1] < 0.5 * sizes[0]
 
 
-def _slope(now: Projection, s: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Gradient of half the cost, the parameters that no bound holds, and the lengths of the derivatives."""
+def _slope(
+    now: Projection, s: np.ndarray, low: np.ndarray, high: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Gradient of half the cost, the parameters that no bound holds, and the lengths of the
+    derivatives.
+    """
     gradient, length = now.jacobian.T @ now.residual, np.linalg.norm(now.jacobian, axis=0)
     held = ((s <= low) & (gradient > 0)) | ((s >= high) & (gradient < 0)) | (length == 0.0)
     return gradient, ~held, length
@@ -240,13 +271,24 @@ def _stepped(s, H: np.ndarray, gradient, free, length, low, high) -> np.ndarray:
     return np.clip(s + step, low, high)
 
 
-def _curvature(evaluate, s: np.ndarray, gradient: np.ndarray, free: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Second derivatives of half the cost by the free parameters, as differences of the exact gradient."""
+def _curvature(
+    evaluate,
+    s: np.ndarray,
+    gradient: np.ndarray,
+    free: np.ndarray,
+    low: np.ndarray,
+    high: np.ndarray,
+) -> np.ndarray:
+    """Second derivatives of half the cost by the free parameters, as differences of the exact
+    gradient.
+    """
     places = np.flatnonzero(free)
     H = np.empty((len(places), len(places)))
     for k, m in enumerate(places):
         moved = s.copy()
-        moved[m] += _DIFFERENCE * (high[m] - low[m]) * (1.0 if s[m] < 0.5 * (low[m] + high[m]) else -1.0)
+        moved[m] += (
+            _DIFFERENCE * (high[m] - low[m]) * (1.0 if s[m] < 0.5 * (low[m] + high[m]) else -1.0)
+        )
         there = evaluate(moved)
         if there is None:
             raise IdentificationError(

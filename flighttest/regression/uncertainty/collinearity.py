@@ -18,7 +18,8 @@ RANK = 1e-8  # smallest singular value of the regressors, scaled to unit length,
 CONDITION = 30.0
 SHARE = 0.5
 VIF = 10.0  # above which a term is remarked
-INSEPARABLE = 1e6  # VIF above which terms are refused: what is independent in one is a thousandth of its movement
+# VIF above which terms are refused: what is independent in one is a thousandth of its movement
+INSEPARABLE = 1e6
 CORRELATED = 0.9
 
 
@@ -36,7 +37,9 @@ def demand_rank(X: np.ndarray, terms: Sequence[str]) -> None:
         raise IdentificationError(
             f"{', '.join(idle)} {'is' if len(idle) == 1 else 'are'} zero throughout; leave the term out or add a manoeuvre that moves it"
         )
-    constant = [term for term, column in zip(terms, X.T) if np.ptp(column) <= 1e-9 * np.abs(column).max()]
+    constant = [
+        term for term, column in zip(terms, X.T) if np.ptp(column) <= 1e-9 * np.abs(column).max()
+    ]
     if len(constant) > 1:
         raise IdentificationError(
             f"{', '.join(constant)} do not move: all of them are constants here; keep one of them or add a manoeuvre that moves the others"
@@ -53,8 +56,8 @@ def demand_rank(X: np.ndarray, terms: Sequence[str]) -> None:
 def demand_independence(X: np.ndarray, fixed: np.ndarray, terms: Sequence[str]) -> None:
     """Raise when terms differ by less than any instrument resolves.
 
-    A variance inflation factor of 1e6 leaves a thousandth of the movement of a regressor to itself: less than the
-    resolution, the calibration and the synchronism of recorded channels.
+    A variance inflation factor of 1e6 leaves a thousandth of the movement of a regressor to itself:
+    less than the resolution, the calibration and the synchronism of recorded channels.
 
     Raises
     ------
@@ -71,7 +74,11 @@ def demand_independence(X: np.ndarray, fixed: np.ndarray, terms: Sequence[str]) 
     factors = (np.linalg.inv(R) ** 2).sum(axis=1)
     if not (factors > INSEPARABLE).any():
         return
-    worst = [f"{terms[own[j]]} ({factors[j]:.1e})" for j in np.argsort(-factors) if factors[j] > INSEPARABLE]
+    worst = [
+        f"{terms[own[j]]} ({factors[j]:.1e})"
+        for j in np.argsort(-factors)
+        if factors[j] > INSEPARABLE
+    ]
     raise IdentificationError(
         f"the data cannot distinguish {', '.join(worst)}: variance inflation factors above the limit of {INSEPARABLE:.0e}, where what is "
         "independent in a term is less than a thousandth of its movement; leave a term out, hold it at its a-priori value, or add a "
@@ -110,7 +117,8 @@ def inflation(correlation: np.ndarray) -> np.ndarray:
 
 
 def decomposition(X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return condition indexes and variance proportions of regressors scaled to unit length [Belsley1980].
+    """Return condition indexes and variance proportions of regressors scaled to unit length
+    [Belsley1980].
 
     Parameters
     ----------
@@ -122,7 +130,8 @@ def decomposition(X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     index : array (components,)
         Largest singular value over each; rising.
     proportion : array (components, terms)
-        Share of the variance of each estimate that comes from each component; the columns sum to one.
+        Share of the variance of each estimate that comes from each component; the columns sum to
+        one.
     """
     _, s, Vt = np.linalg.svd(X / np.linalg.norm(X, axis=0), full_matrices=False)
     share = (Vt / s[:, None]) ** 2
@@ -130,20 +139,26 @@ def decomposition(X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def pairs(estimates: xr.Dataset) -> list[tuple[float, str]]:
-    """Return condition indexes above 30 on which two or more terms depend, each with those terms in words.
+    """Return condition indexes above 30 on which two or more terms depend, each with those terms in
+    words.
 
     Parameters
     ----------
     estimates : Dataset
-        With ``condition_index`` (component) and ``proportion`` (component, term); a term depends on a component when
-        more than half of its variance comes from it [Belsley1980].
+        With ``condition_index`` (component) and ``proportion`` (component, term); a term depends on
+        a component when more than half of its variance comes from it [Belsley1980].
     """
     terms = [str(term) for term in estimates["term"].values]
     found = []
     for index, share in zip(estimates["condition_index"].values, estimates["proportion"].values):
         involved = np.flatnonzero(share > SHARE)
         if index > CONDITION and len(involved) >= 2:
-            found.append((float(index), " with ".join(f"{terms[j]} ({100 * share[j]:.0f} %)" for j in involved)))
+            found.append(
+                (
+                    float(index),
+                    " with ".join(f"{terms[j]} ({100 * share[j]:.0f} %)" for j in involved),
+                )
+            )
     return found
 
 
@@ -151,5 +166,7 @@ def combination(vector: np.ndarray, terms: Sequence[str]) -> str:
     """Return a vector over scaled regressors in words, such as ``0.71 alpha - 0.70 qhat``."""
     order = [j for j in np.argsort(-np.abs(vector)) if abs(vector[j]) > 0.1 * np.abs(vector).max()]
     sign = np.sign(vector[order[0]])
-    text = " ".join(f"{'-' if sign * vector[j] < 0 else '+'} {abs(vector[j]):.2f} {terms[j]}" for j in order)
+    text = " ".join(
+        f"{'-' if sign * vector[j] < 0 else '+'} {abs(vector[j]):.2f} {terms[j]}" for j in order
+    )
     return text.removeprefix("+ ") + " (each scaled to unit length)"

@@ -1,9 +1,10 @@
 """Covariance of a least-squares estimate whose residuals are correlated in time.
 
-The textbook formula takes residuals for white and is two to five times too small on flight data.  Here the spectrum of the
-disturbance behind the residuals is found, what the fit has taken up included (`residual_spectrum`); or, where a lag window is
-given, the residual's own autocorrelation is used, tapered and cut.  Between manoeuvres nothing is correlated.  What differs from
-manoeuvre to manoeuvre as a constant is a variance of its own.
+The textbook formula takes residuals for white and is two to five times too small on flight data.
+Here the spectrum of the disturbance behind the residuals is found, what the fit has taken up
+included (`residual_spectrum`); or, where a lag window is given, the residual's own autocorrelation
+is used, tapered and cut.  Between manoeuvres nothing is correlated.  What differs from manoeuvre to
+manoeuvre as a constant is a variance of its own.
 """
 
 from __future__ import annotations
@@ -17,10 +18,17 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
-from flighttest.regression.uncertainty.residual_spectrum import OFFSETS, Disturbance, ResidualSpectrum, residual_spectrum
+from flighttest.regression.uncertainty.residual_spectrum import (
+    OFFSETS,
+    Disturbance,
+    ResidualSpectrum,
+    residual_spectrum,
+)
 
 BLOCK = 0.08  # residuals are averaged over so long at most before their colour is looked at [s]
-UNRESOLVED = 0.1  # part of what forms an estimate that may lie within the blocks; of the residual, above what they resolve
+# part of what forms an estimate that may lie within the blocks; of the residual, above what they
+# resolve
+UNRESOLVED = 0.1
 WINDOW = 0.1  # lag window that standard errors are compared with, of the longest piece
 _OWN = 25  # blocks from which on a manoeuvre has a disturbance of its own size
 
@@ -32,9 +40,11 @@ class Coloured(NamedTuple):
     ----------
     covariance : array (terms, terms)
     offset : float
-        Standard deviation of a constant that differs from piece to piece, beyond what the disturbance explains; in the covariance.
+        Standard deviation of a constant that differs from piece to piece, beyond what the
+        disturbance explains; in the covariance.
     windowed : array (terms,)
-        Standard errors by a lag window: the one given, or of a tenth of the longest piece, for comparison.
+        Standard errors by a lag window: the one given, or of a tenth of the longest piece, for
+        comparison.
     hidden, edge : float
         Largest over the clocks of what `ResidualSpectrum` holds; 1 and 0 with a lag window.
     """
@@ -46,7 +56,13 @@ class Coloured(NamedTuple):
     edge: float = 0.0
 
 
-def coloured(X: np.ndarray, v: np.ndarray, pieces: Sequence[slice], steps: Sequence[float], lag: float | None = None) -> Coloured:
+def coloured(
+    X: np.ndarray,
+    v: np.ndarray,
+    pieces: Sequence[slice],
+    steps: Sequence[float],
+    lag: float | None = None,
+) -> Coloured:
     """Return the covariance of a least-squares estimate whose residuals are correlated in time.
 
     Parameters
@@ -60,7 +76,8 @@ def coloured(X: np.ndarray, v: np.ndarray, pieces: Sequence[slice], steps: Seque
     steps : sequence of float
         Sampling interval of each piece. [s]
     lag : float, optional
-        Length of a lag window: the residual's biased autocorrelation with Bartlett's taper is used then. [s]
+        Length of a lag window: the residual's biased autocorrelation with Bartlett's taper is used
+        then. [s]
 
     Returns
     -------
@@ -72,28 +89,42 @@ def coloured(X: np.ndarray, v: np.ndarray, pieces: Sequence[slice], steps: Seque
     With a lag window R(k) = w_k (1/N) sum v_i v_(i+k) of the piece, w_k = max(0, 1 - |k|/L), and the whole times
     N/(N - n).
 
-    The window follows [Morelli1997] and [Newey1987].  It sees only what the fit has left of the disturbance and is too
-    small for slow terms: of intercepts fitted to 10 s, two standard errors cover 77 %, against 92 % by default.
+    The window follows [Morelli1997] and [Newey1987].  It sees only what the fit has left of the
+    disturbance and is too small for slow terms: of intercepts fitted to 10 s, two standard errors
+    cover 77 %, against 92 % by default.
 
     References
     ----------
     .. [Morelli1997] Morelli, Klein, J. Guidance 20, 1997.
     .. [Newey1987] Newey, West, Econometrica 55, 1987.
     """
-    window = WINDOW * max((piece.stop - piece.start) * step for piece, step in zip(pieces, steps)) if lag is None else lag
+    window = (
+        WINDOW * max((piece.stop - piece.start) * step for piece, step in zip(pieces, steps))
+        if lag is None
+        else lag
+    )
     by_window, offset = _covariance(X, v, pieces, _windowed(X, v, pieces, steps, window))
     windowed = np.sqrt(np.diag(by_window))
     if lag is not None:
         return Coloured(by_window, offset, windowed)
     found = colours(X, v, pieces, steps)
-    covariance, offset = _covariance(X, v, pieces, [colour.spread(X[piece]) for colour, piece in zip(found, pieces)])
-    hidden, edge = (max(getattr(colour.spectrum, name) for colour in found) for name in ("hidden", "edge"))
+    covariance, offset = _covariance(
+        X, v, pieces, [colour.spread(X[piece]) for colour, piece in zip(found, pieces)]
+    )
+    hidden, edge = (
+        max(getattr(colour.spectrum, name) for colour in found) for name in ("hidden", "edge")
+    )
     return Coloured(covariance, offset, windowed, hidden, edge)
 
 
-def _covariance(X, v, pieces, parts: Sequence[tuple[np.ndarray, float]]) -> tuple[np.ndarray, float]:
+def _covariance(
+    X, v, pieces, parts: Sequence[tuple[np.ndarray, float]]
+) -> tuple[np.ndarray, float]:
     """Covariance and offset between pieces, from X'RX and the variance of the mean per piece."""
-    means, sizes = np.array([v[piece].mean() for piece in pieces]), np.array([piece.stop - piece.start for piece in pieces])
+    means, sizes = (
+        np.array([v[piece].mean() for piece in pieces]),
+        np.array([piece.stop - piece.start for piece in pieces]),
+    )
     offset2 = _between(means, np.array([mean for _, mean in parts]), sizes)
     sums = np.array([X[piece].sum(axis=0) for piece in pieces])
     inner = np.sum([product for product, _ in parts], axis=0) + offset2 * sums.T @ sums
@@ -106,17 +137,25 @@ def _covariance(X, v, pieces, parts: Sequence[tuple[np.ndarray, float]]) -> tupl
 def _windowed(X, v, pieces, steps, lag: float) -> list[tuple[np.ndarray, float]]:
     """Per piece X'RX and the variance of the mean, by the tapered autocorrelation of its residual."""
     grow = len(X) / (len(X) - X.shape[1])
-    windows = [int(np.clip(round(lag / step), 1, piece.stop - piece.start)) for piece, step in zip(pieces, steps)]
-    return [_spread(X[piece], grow * _tapered(v[piece], window)) for piece, window in zip(pieces, windows)]
+    windows = [
+        int(np.clip(round(lag / step), 1, piece.stop - piece.start))
+        for piece, step in zip(pieces, steps)
+    ]
+    return [
+        _spread(X[piece], grow * _tapered(v[piece], window))
+        for piece, window in zip(pieces, windows)
+    ]
 
 
 @dataclass(frozen=True)
 class Colour:
     """The disturbance of one piece: that of block means, and white noise within the blocks.
 
-    Averaging takes out the part of the spectrum that a low-pass has emptied, and lets an autoregression reach far back.  Where motion is
-    faster than the blocks, the noise at its frequency would not be known: they are halved until what forms the estimates, theta = A z, lies
-    between them, and the residual below half their rate, so that none of it appears at a wrong frequency.
+    Averaging takes out the part of the spectrum that a low-pass has emptied, and lets an
+    autoregression reach far back.  Where motion is faster than the blocks, the noise at its
+    frequency would not be known: they are halved until what forms the estimates, theta = A z, lies
+    between them, and the residual below half their rate, so that none of it appears at a wrong
+    frequency.
 
     Attributes
     ----------
@@ -157,7 +196,9 @@ class Colour:
         return np.repeat(slow - np.add.reduceat(fast, starts) / counts, counts) + fast
 
 
-def colours(X: np.ndarray, v: np.ndarray, pieces: Sequence[slice], steps: Sequence[float]) -> list[Colour]:
+def colours(
+    X: np.ndarray, v: np.ndarray, pieces: Sequence[slice], steps: Sequence[float]
+) -> list[Colour]:
     """Return the disturbance behind the residuals, piece by piece.
 
     Parameters
@@ -188,11 +229,15 @@ def colours(X: np.ndarray, v: np.ndarray, pieces: Sequence[slice], steps: Sequen
 
 
 def _clock(block: float) -> float:
-    """Blocks that are as long to a millisecond, shorter ones than 10 ms to two digits, have one clock. [s]"""
+    """Blocks that are as long to a millisecond, shorter ones than 10 ms to two digits, have one
+    clock. [s]
+    """
     return round(block, max(3, 1 - math.floor(math.log10(block))))
 
 
-def _lengths(X: np.ndarray, v: np.ndarray, pieces: Sequence[slice], steps: Sequence[float]) -> list[int]:
+def _lengths(
+    X: np.ndarray, v: np.ndarray, pieces: Sequence[slice], steps: Sequence[float]
+) -> list[int]:
     """Samples per block of each piece."""
     _, R = np.linalg.qr(X)
     A = np.linalg.solve(R, np.linalg.solve(R.T, X.T)).T
@@ -246,7 +291,9 @@ def _sizes(model: Disturbance, residuals: list[np.ndarray]) -> np.ndarray:
     counts = np.array([len(e) for e in innovations])
     if power.sum() == 0.0:
         return np.ones(len(power))
-    return np.where(counts >= _OWN, power / np.maximum(counts, 1) / (power.sum() / counts.sum()), 1.0)
+    return np.where(
+        counts >= _OWN, power / np.maximum(counts, 1) / (power.sum() / counts.sum()), 1.0
+    )
 
 
 def _tapered(r: np.ndarray, window: int) -> np.ndarray:
@@ -258,8 +305,12 @@ def _tapered(r: np.ndarray, window: int) -> np.ndarray:
 
 
 def _between(means: np.ndarray, expected: np.ndarray, sizes: np.ndarray) -> float:
-    """Variance of a constant per piece, by the excess of the scatter of the means over what they should scatter."""
+    """Variance of a constant per piece, by the excess of the scatter of the means over what they
+    should scatter.
+    """
     if len(means) < OFFSETS:
         return 0.0
-    excess = np.average(means**2, weights=sizes) * len(means) / (len(means) - 1) - np.average(expected, weights=sizes)
+    excess = np.average(means**2, weights=sizes) * len(means) / (len(means) - 1) - np.average(
+        expected, weights=sizes
+    )
     return max(0.0, float(excess))

@@ -1,26 +1,31 @@
 """Spectrum of the disturbance behind the residuals of a regression.
 
-A fit takes up part of the disturbance, most of all its slow part: read off the residual, the variance of an intercept
-comes out several times too small.  What the fit takes from which frequency is known from the regressors alone.  Of the
-discrete cosine transform of the disturbance, whose values d_k are nearly uncorrelated for any colour [Ahmed1974]_, the
-fit leaves v = (I - QQ') d, with the orthonormal transforms Q of the regressors.  For a spectrum S that is smooth over
-what the fit mixes,
+A fit takes up part of the disturbance, most of all its slow part: read off the residual, the
+variance of an intercept comes out several times too small.  What the fit takes from which frequency
+is known from the regressors alone.  Of the discrete cosine transform of the disturbance, whose
+values d_k are nearly uncorrelated for any colour [Ahmed1974]_, the fit leaves v = (I - QQ') d, with
+the orthonormal transforms Q of the regressors.  For a spectrum S that is smooth over what the fit
+mixes,
 
     E v_k^2 = (1 - h_k) S(f_k),    h_k = (QQ')_kk
 
-S is found from the v_k^2 by Whittle's likelihood [Whittle1953]_, each weighted by the share 1 - h_k of a degree of freedom
-that is left.  Frequencies that the fit has taken up contain no information; there the prior speaks:
+S is found from the v_k^2 by Whittle's likelihood [Whittle1953]_, each weighted by the share 1 - h_k
+of a degree of freedom that is left.  Frequencies that the fit has taken up contain no information;
+there the prior speaks:
 
 - ln S is a random walk over  u = asinh(f T),  T the longest stretch: in ln f above one cycle per record, flat below it.
-  Its standard deviation per unit of u is one of `ROUGHNESS`, all equally probable beforehand [Kitagawa1985]_; below
-  `CYCLES` cycles per record, where little is known, `SLOPE` at most.
+  Its standard deviation per unit of u is one of `ROUGHNESS`, all equally probable beforehand
+  [Kitagawa1985]_; below `CYCLES` cycles per record, where little is known, `SLOPE` at most.
 - Of the variance of the disturbance over that of the residual, where above one, the logarithm is normal with the
-  standard deviation ln `HIDDEN`.  ln S at one frequency is never more uncertain than ln `UNKNOWN`, which bounds the mean.
+  standard deviation ln `HIDDEN`.  ln S at one frequency is never more uncertain than ln `UNKNOWN`,
+  which bounds the mean.
 
-The negative logarithm of this posterior is strictly convex in ln S: level and power over S, sums of squares, and the square of
-the positive part of a logarithm of a sum of exponentials are.  It has one minimum, to which Newton's method leads from every start.
-About it the posterior is taken as normal with the expected information, and the result is the posterior *mean* of S over
-spectrum and roughness.  Nothing is selected, so that it is a smooth function of the data: errors of rounding stay such.
+The negative logarithm of this posterior is strictly convex in ln S: level and power over S, sums of
+squares, and the square of the positive part of a logarithm of a sum of exponentials are.  It has
+one minimum, to which Newton's method leads from every start. About it the posterior is taken as
+normal with the expected information, and the result is the posterior *mean* of S over spectrum and
+roughness.  Nothing is selected, so that it is a smooth function of the data: errors of rounding
+stay such.
 
 References
 ----------
@@ -59,7 +64,9 @@ class Disturbance:
 
     @classmethod
     def of_autocovariance(cls, r: np.ndarray) -> Disturbance:
-        """Return the autoregression with the autocovariance `r` (order + 1,) at lags 0 ... order [Levinson1947]_."""
+        """Return the autoregression with the autocovariance `r` (order + 1,) at lags 0 ... order
+        [Levinson1947]_.
+        """
         a, reflections, variance = np.ones(1), [], float(r[0])
         for m in range(len(r) - 1 if variance > 0.0 else 0):
             k = -float(a @ r[m + 1 : 0 : -1]) / variance
@@ -78,7 +85,9 @@ class Disturbance:
 
     @cached_property
     def _whitening(self) -> np.ndarray:
-        """Filters (order, order) that whiten the first samples, scaled to the variance of the innovation."""
+        """Filters (order, order) that whiten the first samples, scaled to the variance of the
+        innovation.
+        """
         p = len(self.reflections)
         filters, a = np.zeros((p, p)), np.ones(1)
         for m, k in enumerate(self.reflections):
@@ -100,7 +109,9 @@ class Disturbance:
         return np.concatenate([r, later])
 
     def innovations(self, v: np.ndarray) -> np.ndarray:
-        """Return what the past of a signal (time,) does not predict; the first samples in units of the later ones."""
+        """Return what the past of a signal (time,) does not predict; the first samples in units of
+        the later ones.
+        """
         p = len(self.reflections)
         first = self._whitening[: len(v), : len(v)] @ v[:p]
         return np.concatenate([first, scipy.signal.lfilter(self.coefficients, [1.0], v)[p:]])
@@ -110,7 +121,9 @@ class Disturbance:
         a, p = self.coefficients, len(self.reflections)
         e = np.sqrt(self.variance) * rng.normal(size=max(size, p))
         first = solve_triangular(self._whitening, e[:p], lower=True) if p else e[:0]
-        later = scipy.signal.lfilter([1.0], a, e[p:], zi=_history(a, first))[0] if size > p else e[:0]
+        later = (
+            scipy.signal.lfilter([1.0], a, e[p:], zi=_history(a, first))[0] if size > p else e[:0]
+        )
         return np.concatenate([first, later])[:size]
 
 
@@ -130,10 +143,17 @@ def _history(a: np.ndarray, past: np.ndarray) -> np.ndarray:
 
 OFFSETS = 3  # pieces from which on each has a constant of its own
 ROUGHNESS = (18.0, 6.0, 2.0, 0.6)  # change of ln S per unit of u, one standard deviation
-SLOPE, CYCLES = 1.5, 2.0  # the largest below so many cycles per record; an AR(1) disturbance has at most two
-HIDDEN = 3.0  # variance of the disturbance over that of the residual that is one standard deviation from unity
-UNKNOWN = 5.0  # factor on S of one standard deviation where neither data nor neighbours determine it
-FLOOR = 1e-4  # white part added to the residual, of its variance: what a low-pass has removed is not looked up
+SLOPE, CYCLES = (
+    1.5,
+    2.0,
+)  # the largest below so many cycles per record; an AR(1) disturbance has at most two
+# variance of the disturbance over that of the residual that is one standard deviation from unity
+HIDDEN = 3.0
+UNKNOWN = (
+    5.0  # factor on S of one standard deviation where neither data nor neighbours determine it
+)
+# white part added to the residual, of its variance: what a low-pass has removed is not looked up
+FLOOR = 1e-4
 ORDER = 32  # of the autoregression that has the autocovariance found
 _KNOT = 0.35  # distance of the knots of ln S, in u
 _VANISHED = 1e-6  # singular value of scaled regressors, over the largest, that is none
@@ -169,8 +189,8 @@ def residual_spectrum(X: np.ndarray, v: np.ndarray, pieces: Sequence[slice]) -> 
     v : array (samples,)
         Residuals of least squares on them.
     pieces : sequence of slice
-        Uniform stretches without a gap, of one sampling interval, together all samples; independent of each other.  From three
-        on, what differs between them as a constant is left out.
+        Uniform stretches without a gap, of one sampling interval, together all samples; independent
+        of each other.  From three on, what differs between them as a constant is left out.
     """
     likelihood = _Likelihood(X, v, pieces)
     if not likelihood.power.any():
@@ -186,7 +206,9 @@ def residual_spectrum(X: np.ndarray, v: np.ndarray, pieces: Sequence[slice]) -> 
     grid = likelihood.hats(np.arange(size // 2 + 1) / size)
     S = sum(part * mode.mean(grid) for part, mode in zip(share, modes))
     r = np.fft.irfft(S)[: 1 + min(ORDER, likelihood.longest // 4)] * likelihood.scale
-    return ResidualSpectrum(Disturbance.of_autocovariance(r), float(r[0] / likelihood.scale), float(share[0]))
+    return ResidualSpectrum(
+        Disturbance.of_autocovariance(r), float(r[0] / likelihood.scale), float(share[0])
+    )
 
 
 class Mode(NamedTuple):
@@ -200,12 +222,18 @@ class Mode(NamedTuple):
         """Return the posterior mean of S at frequencies, that of a lognormal variable."""
         left, right = hats.left, 1.0 - hats.left
         own, neighbour = np.diag(self.covariance), np.diag(self.covariance, 1)
-        variance = left**2 * own[hats.cell] + 2.0 * left * right * neighbour[hats.cell] + right**2 * own[hats.cell + 1]
+        variance = (
+            left**2 * own[hats.cell]
+            + 2.0 * left * right * neighbour[hats.cell]
+            + right**2 * own[hats.cell + 1]
+        )
         return np.exp(hats.at(self.c) + 0.5 / np.sqrt(variance**-2.0 + np.log(UNKNOWN) ** -4.0))
 
 
 class Hats(NamedTuple):
-    """Frequencies among the knots, between which ln S is linear: two knots act on each, so that sums of products are tridiagonal."""
+    """Frequencies among the knots, between which ln S is linear: two knots act on each, so that
+    sums of products are tridiagonal.
+    """
 
     knots: int
     cell: np.ndarray  # the knot below
@@ -238,11 +266,14 @@ class _Point(NamedTuple):
     cost: float
     S: np.ndarray
     ratio: np.ndarray  # power found over that expected
-    excess: float  # logarithm of hidden over visible variance in prior standard deviations, where above zero
+    # logarithm of hidden over visible variance in prior standard deviations, where above zero
+    excess: float
 
 
 class _Likelihood:
-    """Whittle's likelihood of the spectrum of a disturbance of which a fit has left a part, with its prior."""
+    """Whittle's likelihood of the spectrum of a disturbance of which a fit has left a part, with
+    its prior.
+    """
 
     def __init__(self, X: np.ndarray, v: np.ndarray, pieces: Sequence[slice]):
         own = len(pieces) >= OFFSETS  # constants are the first transforms
@@ -276,7 +307,9 @@ class _Likelihood:
         return Hats(len(self.knots), cell, 1.0 + cell - x)
 
     def mode(self, c: np.ndarray, roughness: float) -> Mode:
-        """Return the maximum of the posterior from any start `c`, by Newton steps that never go down."""
+        """Return the maximum of the posterior from any start `c`, by Newton steps that never go
+        down.
+        """
         middle = np.sinh(0.5 * (self.knots[1:] + self.knots[:-1]))  # cycles per record
         step = np.where(middle < CYCLES, min(roughness, SLOPE), roughness) * np.sqrt(self.knots[1])
         D = np.diff(np.eye(len(c)), axis=0) / step[:, None]
@@ -286,7 +319,9 @@ class _Likelihood:
             change = -np.linalg.solve(*self._slopes(at, prior))
             size = float(np.abs(change).max())
             change *= min(1.0, _LONGEST / size)
-            while (then := self._at(at.c + change, prior)).cost > at.cost + 1e-12 * abs(at.cost) and np.abs(change).max() > _STILL:
+            while (then := self._at(at.c + change, prior)).cost > at.cost + 1e-12 * abs(
+                at.cost
+            ) and np.abs(change).max() > _STILL:
                 change = 0.5 * change
             at = then
             if size < _STILL:
@@ -301,7 +336,13 @@ class _Likelihood:
         S = np.exp(level)
         ratio = self.power / S
         excess = max(0.0, float(np.log(S.sum() / len(S)))) / np.log(HIDDEN)
-        return _Point(c, 0.5 * float(self.kept @ (level + ratio) + c @ prior @ c + excess**2), S, ratio, excess)
+        return _Point(
+            c,
+            0.5 * float(self.kept @ (level + ratio) + c @ prior @ c + excess**2),
+            S,
+            ratio,
+            excess,
+        )
 
     def _pull(self, at: _Point) -> tuple[np.ndarray, np.ndarray]:
         """Gradient and second derivatives of the prior on the hidden variance."""
@@ -310,13 +351,17 @@ class _Likelihood:
         share, unit = at.S / at.S.sum(), 1.0 / np.log(HIDDEN)
         mean = self.every.sums(share)
         outer = np.outer(mean, mean)
-        return at.excess * unit * mean, outer * unit**2 + at.excess * unit * (self.every.products(share) - outer)
+        return at.excess * unit * mean, outer * unit**2 + at.excess * unit * (
+            self.every.products(share) - outer
+        )
 
     def _slopes(self, at: _Point, prior: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Second derivatives and gradient of the cost."""
         slope, bend = self._pull(at)
         found = self.kept * at.ratio
-        return 0.5 * self.every.products(found) + prior + bend, 0.5 * self.every.sums(self.kept - found) + prior @ at.c + slope
+        return 0.5 * self.every.products(found) + prior + bend, 0.5 * self.every.sums(
+            self.kept - found
+        ) + prior @ at.c + slope
 
 
 def _orthonormal(X: np.ndarray) -> np.ndarray:

@@ -24,7 +24,9 @@ if TYPE_CHECKING:
 
 
 class Shares(NamedTuple):
-    """Parts of the mean square error that are bias, unequal spread and lack of correlation; their sum is one."""
+    """Parts of the mean square error that are bias, unequal spread and lack of correlation; their
+    sum is one.
+    """
 
     bias: float
     variance: float
@@ -42,12 +44,14 @@ def r_squared(measured, predicted) -> float:
     Returns
     -------
     float
-        1 for a perfect prediction, 0 for one that is no better than the mean, negative for a worse one. [1]
+        1 for a perfect prediction, 0 for one that is no better than the mean, negative for a worse
+        one. [1]
 
     Raises
     ------
     IdentificationError
-        Signals of different lengths, fewer than two samples in common, or a measurement that is constant.
+        Signals of different lengths, fewer than two samples in common, or a measurement that is
+        constant.
     """
     z, y = _pair(measured, predicted)
     return 1.0 - float(((z - y) ** 2).sum() / _nonzero(((z - z.mean()) ** 2).sum()))
@@ -94,7 +98,8 @@ def theil_single_root(measured, predicted) -> float:
 
 
 def theil_shares(measured, predicted) -> Shares:
-    """Return what the mean square error consists of: different means, different spreads, lack of correlation.
+    """Return what the mean square error consists of: different means, different spreads, lack of
+    correlation.
 
     Raises
     ------
@@ -116,15 +121,19 @@ _TITLES = {
 }
 
 
-def validation_table(measured: Mapping[str, Any], predicted: Mapping[str, Mapping[str, Any]]) -> pd.DataFrame:
-    """Return the metrics of one or several models against one record, laid out as [Gresham] Tables 4 and 5.
+def validation_table(
+    measured: Mapping[str, Any], predicted: Mapping[str, Mapping[str, Any]]
+) -> pd.DataFrame:
+    """Return the metrics of one or several models against one record, laid out as [Gresham] Tables
+    4 and 5.
 
     Parameters
     ----------
     measured : mapping of str to array (time,)
         Signals by name; a Dataset will do.
     predicted : mapping of str to mapping of str to array (time,)
-        Model by model, the predictions of the same signals; the signals of the first model are the columns.
+        Model by model, the predictions of the same signals; the signals of the first model are the
+        columns.
 
     Returns
     -------
@@ -148,7 +157,9 @@ def validation_table(measured: Mapping[str, Any], predicted: Mapping[str, Mappin
             if name not in signals:
                 raise UnknownName(name, map(str, signals), "signal", f"{what} does not hold it")
     rows = {
-        (metric, model): [function(np.asarray(measured[name]), np.asarray(signals[name])) for name in columns]
+        (metric, model): [
+            function(np.asarray(measured[name]), np.asarray(signals[name])) for name in columns
+        ]
         for metric, function in METRICS.items()
         for model, signals in predicted.items()
     }
@@ -163,14 +174,19 @@ def validation_report(table: pd.DataFrame) -> str:
     lines = [" " * width + "".join(f"{name:>10}" for name in table.columns)]
     for metric, rows in table.groupby(level="metric", sort=False):
         lines.append(_TITLES.get(str(metric), str(metric)))
-        lines += [f"{model!s:<{width}}" + "".join(f"{value:>10.4f}" for value in row) for (_, model), row in zip(rows.index, rows.values)]
+        lines += [
+            f"{model!s:<{width}}" + "".join(f"{value:>10.4f}" for value in row)
+            for (_, model), row in zip(rows.index, rows.values)
+        ]
     return "\n".join(lines)
 
 
 def _pair(measured, predicted) -> tuple[np.ndarray, np.ndarray]:
     z, y = np.asarray(measured, float), np.asarray(predicted, float)
     if z.shape != y.shape or z.ndim != 1:
-        raise IdentificationError(f"signals of shape {z.shape} and {y.shape} cannot be compared; put both on one clock first")
+        raise IdentificationError(
+            f"signals of shape {z.shape} and {y.shape} cannot be compared; put both on one clock first"
+        )
     good = np.isfinite(z) & np.isfinite(y)
     if good.sum() < 2:
         raise IdentificationError(f"{good.sum()} samples with both signals; at least 2 are needed")
@@ -179,7 +195,9 @@ def _pair(measured, predicted) -> tuple[np.ndarray, np.ndarray]:
 
 def _nonzero(size) -> float:
     if not size > 0.0:
-        raise IdentificationError("the signals do not move, so that nothing can be divided by; choose a record with a manoeuvre")
+        raise IdentificationError(
+            "the signals do not move, so that nothing can be divided by; choose a record with a manoeuvre"
+        )
     return float(size)
 
 
@@ -203,12 +221,14 @@ def degrees(A: np.ndarray, v: np.ndarray, pieces: Sequence[slice], terms: int) -
     Returns
     -------
     array (estimates,)
-        2 (sum_f w_f)^2 / sum_f w_f^2 - terms with w_f = |A(f)|^2 S(f); of the periodogram I of the residual, with
-        E[I^2] = 2 S^2, this is 4 (sum |A|^2 I)^2 / sum |A|^4 I^2.  At least one.
+        2 (sum_f w_f)^2 / sum_f w_f^2 - terms with w_f = |A(f)|^2 S(f); of the periodogram I of the
+        residual, with E[I^2] = 2 S^2, this is 4 (sum |A|^2 I)^2 / sum |A|^4 I^2.  At least one.
     """
     total, squares = np.zeros(len(A)), np.zeros(len(A))
     for piece in pieces:
-        power = (np.abs(np.fft.rfft(A[:, piece], axis=1)) * np.abs(np.fft.rfft(v[piece])))[:, 1:] ** 2
+        power = (np.abs(np.fft.rfft(A[:, piece], axis=1)) * np.abs(np.fft.rfft(v[piece])))[
+            :, 1:
+        ] ** 2
         total += power.sum(axis=1)
         squares += (power**2).sum(axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -216,8 +236,11 @@ def degrees(A: np.ndarray, v: np.ndarray, pieces: Sequence[slice], terms: int) -
     return np.maximum(1.0, found - terms)
 
 
-def of_slopes(A: np.ndarray, v: np.ndarray, pieces: Sequence[slice], fixed: np.ndarray) -> np.ndarray:
-    """Return the degrees of freedom of all terms; a constant, which has no frequency, takes the fewest of the slopes.
+def of_slopes(
+    A: np.ndarray, v: np.ndarray, pieces: Sequence[slice], fixed: np.ndarray
+) -> np.ndarray:
+    """Return the degrees of freedom of all terms; a constant, which has no frequency, takes the
+    fewest of the slopes.
 
     Parameters
     ----------
@@ -230,7 +253,9 @@ def of_slopes(A: np.ndarray, v: np.ndarray, pieces: Sequence[slice], fixed: np.n
     return np.where(fixed, found[~fixed].min(), found) if not fixed.all() else found
 
 
-def added(estimates: xr.Dataset, fixed: np.ndarray, dof: np.ndarray, inflated: np.ndarray) -> xr.Dataset:
+def added(
+    estimates: xr.Dataset, fixed: np.ndarray, dof: np.ndarray, inflated: np.ndarray
+) -> xr.Dataset:
     """Return estimates with t and F tests and confidence intervals.
 
     Parameters
@@ -246,27 +271,49 @@ def added(estimates: xr.Dataset, fixed: np.ndarray, dof: np.ndarray, inflated: n
     Returns
     -------
     Dataset
-        With ``dof``, ``t``, ``p_value`` (two-sided), ``low``, ``high`` of the 95 % interval: t quantile times the coloured
-        standard error, and the normal quantile times the systematic one, squares added.  Attributes ``F`` = theta' C^-1 theta / k
-        (Wald) of the k slopes together, ``F_terms`` = k, ``F_dof`` (the fewest of the slopes), ``F_probability``.
+        With ``dof``, ``t``, ``p_value`` (two-sided), ``low``, ``high`` of the 95 % interval: t
+        quantile times the coloured standard error, and the normal quantile times the systematic
+        one, squares added.  Attributes ``F`` = theta' C^-1 theta / k (Wald) of the k slopes
+        together, ``F_terms`` = k, ``F_dof`` (the fewest of the slopes), ``F_probability``.
     """
     from scipy import stats
 
     own = estimates["stderr"].values / inflated
     theta = estimates["estimate"].values
     with np.errstate(divide="ignore", invalid="ignore"):
-        t = np.where(own > 0.0, theta / own, np.where(theta == 0.0, 0.0, np.copysign(np.inf, theta)))
+        t = np.where(
+            own > 0.0, theta / own, np.where(theta == 0.0, 0.0, np.copysign(np.inf, theta))
+        )
     systematic = stats.norm.ppf(0.5 + CONFIDENCE / 2.0) * estimates["stderr_systematic"].values
     half = np.hypot(stats.t.ppf(0.5 + CONFIDENCE / 2.0, dof) * own, systematic)
-    F, k, fewest = _wald(t[~fixed], estimates["correlation"].values[np.ix_(~fixed, ~fixed)], dof[~fixed])
+    F, k, fewest = _wald(
+        t[~fixed], estimates["correlation"].values[np.ix_(~fixed, ~fixed)], dof[~fixed]
+    )
     more = {
         "dof": ("term", dof, {"long_name": "degrees of freedom of the standard error"}),
         "t": ("term", t),
-        "p_value": ("term", 2.0 * stats.t.sf(np.abs(t), dof), {"long_name": "two-sided probability of so large a t by chance"}),
-        "low": ("term", theta - half, {"long_name": "lower end of the 95 % confidence interval, systematic errors included"}),
-        "high": ("term", theta + half, {"long_name": "upper end of the 95 % confidence interval, systematic errors included"}),
+        "p_value": (
+            "term",
+            2.0 * stats.t.sf(np.abs(t), dof),
+            {"long_name": "two-sided probability of so large a t by chance"},
+        ),
+        "low": (
+            "term",
+            theta - half,
+            {"long_name": "lower end of the 95 % confidence interval, systematic errors included"},
+        ),
+        "high": (
+            "term",
+            theta + half,
+            {"long_name": "upper end of the 95 % confidence interval, systematic errors included"},
+        ),
     }
-    about = {"F": F, "F_terms": k, "F_dof": fewest, "F_probability": float(stats.f.sf(F, k, fewest)) if k else float("nan")}
+    about = {
+        "F": F,
+        "F_terms": k,
+        "F_dof": fewest,
+        "F_probability": float(stats.f.sf(F, k, fewest)) if k else float("nan"),
+    }
     return estimates.assign(more).assign_attrs(about)
 
 
@@ -292,9 +339,10 @@ def whiteness(v: np.ndarray, pieces: Sequence[slice], steps: Sequence[float]) ->
     Returns
     -------
     dict
-        ``portmanteau`` Q = N (N + 2) sum_k rho_k^2/(N - k) over ``portmanteau_lags``, which is chi-square of so many degrees of
-        freedom when the residuals are white [Ljung1978]_, ``portmanteau_probability`` that white residuals give more, and
-        ``correlation_time`` = step (1/2 + sum_k rho_k) up to the first autocorrelation below zero [s].
+        ``portmanteau`` Q = N (N + 2) sum_k rho_k^2/(N - k) over ``portmanteau_lags``, which is
+        chi-square of so many degrees of freedom when the residuals are white [Ljung1978]_,
+        ``portmanteau_probability`` that white residuals give more, and ``correlation_time`` = step
+        (1/2 + sum_k rho_k) up to the first autocorrelation below zero [s].
     """
     from scipy import stats
 
@@ -303,7 +351,12 @@ def whiteness(v: np.ndarray, pieces: Sequence[slice], steps: Sequence[float]) ->
     power = sum(float(x @ x) for x in parts)
     lags = max(1, min(LAGS, longest // 5))
     if power <= 0.0 or longest < 2:
-        return {"portmanteau": 0.0, "portmanteau_lags": lags, "portmanteau_probability": 1.0, "correlation_time": 0.0}
+        return {
+            "portmanteau": 0.0,
+            "portmanteau_lags": lags,
+            "portmanteau_probability": 1.0,
+            "correlation_time": 0.0,
+        }
     rho = np.sum([_products(x, longest) for x in parts], axis=0) / power
     N, k = len(v), np.arange(1, lags + 1)
     Q = N * (N + 2.0) * float((rho[k] ** 2 / (N - k)).sum())

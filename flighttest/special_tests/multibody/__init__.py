@@ -1,4 +1,6 @@
-"""Vehicles of several rigid bodies: motion of the whole tree from camera markers, air loads by the equations of motion."""
+"""Vehicles of several rigid bodies: motion of the whole tree from camera markers, air loads by the
+equations of motion.
+"""
 
 from flightmech.support.imports import attach_stub
 

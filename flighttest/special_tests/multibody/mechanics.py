@@ -1,9 +1,11 @@
-"""Equations of motion of the tree by the recursive Newton-Euler algorithm of pinocchio, collected on the independent coordinates.
+"""Equations of motion of the tree by the recursive Newton-Euler algorithm of pinocchio, collected
+on the independent coordinates.
 
 M v' + C v + g = Q + tau                                  [Grauer2010] eq. (7), with Q the air loads that act on the vehicle (-a there)
 
-Velocities v are those of the origin of the base and its rates, both along its axes, and the rates of the independent joints.  The loads
-of the left side are S' RNEA(q, S v, S v' + S' v) with S the derivative of all joint angles by the independent ones.
+Velocities v are those of the origin of the base and its rates, both along its axes, and the rates
+of the independent joints.  The loads of the left side are S' RNEA(q, S v, S v' + S' v) with S the
+derivative of all joint angles by the independent ones.
 
 References
 ----------
@@ -40,7 +42,9 @@ class JointAngles:
     source: np.ndarray
 
     def rates(self, theta_dot: np.ndarray, theta_ddot: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return rates and accelerations of all joints from those of the independent ones (..., independent)."""
+        """Return rates and accelerations of all joints from those of the independent ones (...,
+        independent).
+        """
         rate = theta_dot[..., self.source]
         return self.slope * rate, self.slope * theta_ddot[..., self.source] + self.bend * rate**2
 
@@ -88,16 +92,25 @@ def joint_angles(vehicle: Vehicle, theta: np.ndarray) -> JointAngles:
     return JointAngles(angle, slope, bend, source)
 
 
-def _four_bar(vehicle: Vehicle, name: str, linkage: Linkage, phi: np.ndarray) -> tuple[tuple[np.ndarray, np.ndarray, np.ndarray], ...]:
+def _four_bar(
+    vehicle: Vehicle, name: str, linkage: Linkage, phi: np.ndarray
+) -> tuple[tuple[np.ndarray, np.ndarray, np.ndarray], ...]:
     """Angle, slope and bend of the joints of coupler and rocker."""
-    crank, coupler, rocker = (vehicle.body[part] for part in (linkage.crank, linkage.coupler, linkage.rocker))
+    crank, coupler, rocker = (
+        vehicle.body[part] for part in (linkage.crank, linkage.coupler, linkage.rocker)
+    )
     n = np.array(crank.axis) / np.linalg.norm(crank.axis)
     first = np.cross(n, np.eye(3)[np.argmin(np.abs(n))])
     first /= np.linalg.norm(first)
     second = np.cross(n, first)
     A0, B0, C0, D = (
         complex(np.dot(x, first), np.dot(x, second))
-        for x in (coupler.at, linkage.pin_on_coupler, linkage.pin_on_rocker, np.subtract(rocker.at, crank.at))
+        for x in (
+            coupler.at,
+            linkage.pin_on_coupler,
+            linkage.pin_on_rocker,
+            np.subtract(rocker.at, crank.at),
+        )
     )
     a, b, c = abs(A0), abs(B0), abs(C0)
     if min(a, b, c) == 0.0:
@@ -109,7 +122,9 @@ def _four_bar(vehicle: Vehicle, name: str, linkage: Linkage, phi: np.ndarray) ->
         stuck = np.degrees(phi[np.abs(cosine) >= 1.0].flat[0])
         raise SchemaError(
             f"linkage.{name}",
-            [f"the loop of crank {a:g}, coupler {b:g} and rocker {c:g} m cannot close at a crank angle of {stuck:.0f} deg"],
+            [
+                f"the loop of crank {a:g}, coupler {b:g} and rocker {c:g} m cannot close at a crank angle of {stuck:.0f} deg"
+            ],
         )
     arm = np.angle(E) + linkage.branch * np.arccos(cosine)  # of the rocker bar
     C = c * np.exp(1j * arm)
@@ -117,8 +132,12 @@ def _four_bar(vehicle: Vehicle, name: str, linkage: Linkage, phi: np.ndarray) ->
     fa, fb, fc = np.angle(A), np.angle(B), np.angle(C)
     slope_b = a * np.sin(fa - fc) / (b * np.sin(fc - fb))
     slope_c = a * np.sin(fa - fb) / (c * np.sin(fc - fb))
-    bend_c = (a * np.cos(fa - fb) + b * slope_b**2 - c * slope_c**2 * np.cos(fc - fb)) / (c * np.sin(fc - fb))
-    bend_b = (c * slope_c**2 - a * np.cos(fa - fc) - b * slope_b**2 * np.cos(fb - fc)) / (b * np.sin(fb - fc))
+    bend_c = (a * np.cos(fa - fb) + b * slope_b**2 - c * slope_c**2 * np.cos(fc - fb)) / (
+        c * np.sin(fc - fb)
+    )
+    bend_b = (c * slope_c**2 - a * np.cos(fa - fc) - b * slope_b**2 * np.cos(fb - fc)) / (
+        b * np.sin(fb - fc)
+    )
     turn_b, turn_c = np.angle(B / (B0 * np.exp(1j * phi))), np.angle(C / C0)
     return (turn_b, slope_b - 1.0, bend_b), (turn_c, slope_c, bend_c)
 
@@ -133,17 +152,19 @@ def inertial_loads(vehicle: Vehicle, p: np.ndarray, v: np.ndarray, v_dot: np.nda
     ----------
     vehicle : Vehicle
     p : array (time, 7 + independent)
-        North, east, down of the origin of the base [m], its quaternion scalar first, angles of the independent joints [rad].
+        North, east, down of the origin of the base [m], its quaternion scalar first, angles of the
+        independent joints [rad].
     v : array (time, 6 + independent)
-        Velocity of that origin and rates of the base along its axes, rates of the joints. [m/s, rad/s]
+        Velocity of that origin and rates of the base along its axes, rates of the joints. [m/s,
+        rad/s]
     v_dot : array (time, 6 + independent)
         Their derivatives in time.
 
     Returns
     -------
     array (time, 6 + independent)
-        Force and moment about the origin of the base along its axes [N, N m], moments on the independent joints [N m]: equal to the sum
-        of air loads, springs and actuators.
+        Force and moment about the origin of the base along its axes [N, N m], moments on the
+        independent joints [N m]: equal to the sum of air loads, springs and actuators.
 
     Raises
     ------
@@ -160,37 +181,54 @@ def inertial_loads(vehicle: Vehicle, p: np.ndarray, v: np.ndarray, v_dot: np.nda
     found = np.array([pin.rnea(model, data, *row) for row in zip(q, v_all, a_all)])
     moments = np.empty_like(joints.angle)
     moments[:, order] = found[:, 6:]
-    return np.concatenate([found[:, :6], joints.collected(moments, len(vehicle.independent))], axis=1)
+    return np.concatenate(
+        [found[:, :6], joints.collected(moments, len(vehicle.independent))], axis=1
+    )
 
 
 def spring_loads(vehicle: Vehicle, theta: np.ndarray, theta_dot: np.ndarray) -> np.ndarray:
-    """Return the moments of springs and dampers on the independent joints, (time, independent). [N m]"""
+    """Return the moments of springs and dampers on the independent joints, (time, independent). [N
+    m]
+    """
     joints = joint_angles(vehicle, theta)
     rate, _ = joints.rates(theta_dot, np.zeros_like(theta_dot))
     moments = np.zeros_like(joints.angle)
     for name, spring in vehicle.spring.items():
         j = vehicle.joints.index(name)
-        moments[:, j] = -spring.stiffness * (joints.angle[:, j] - spring.rest) - spring.damping * rate[:, j]
+        moments[:, j] = (
+            -spring.stiffness * (joints.angle[:, j] - spring.rest) - spring.damping * rate[:, j]
+        )
     return joints.collected(moments, len(vehicle.independent))
 
 
 def actuator_loads(
-    vehicle: Vehicle, theta: np.ndarray, theta_dot: np.ndarray, theta_ddot: np.ndarray, commands: dict[str, np.ndarray]
+    vehicle: Vehicle,
+    theta: np.ndarray,
+    theta_dot: np.ndarray,
+    theta_ddot: np.ndarray,
+    commands: dict[str, np.ndarray],
 ) -> np.ndarray:
-    """Return the moments of the actuators on the independent joints, (B u - Ma a - Ca v - Ka p)/G of eq. (8), (time, independent). [N m]"""
+    """Return the moments of the actuators on the independent joints, (B u - Ma a - Ca v - Ka p)/G
+    of eq. (8), (time, independent). [N m]
+    """
     found = np.zeros_like(theta)
     for name, drive in vehicle.actuator.items():
         k = vehicle.independent.index(name)
         u = commands[drive.command] if drive.command else 0.0
-        found[:, k] = (drive.B * u - drive.Ma * theta_ddot[:, k] - drive.Ca * theta_dot[:, k] - drive.Ka * theta[:, k]) / drive.G
+        found[:, k] = (
+            drive.B * u
+            - drive.Ma * theta_ddot[:, k]
+            - drive.Ca * theta_dot[:, k]
+            - drive.Ka * theta[:, k]
+        ) / drive.G
     return found
 
 
 def energy(vehicle: Vehicle, p: np.ndarray, v: np.ndarray) -> np.ndarray:
     """Return kinetic and potential energy of bodies and springs, (time,). [J]
 
-    Its derivative is the power of air loads, dampers and actuators, ``(loads * v).sum(axis=1)`` with the loads of `inertial_loads` less
-    those that have a potential.
+    Its derivative is the power of air loads, dampers and actuators, ``(loads * v).sum(axis=1)``
+    with the loads of `inertial_loads` less those that have a potential.
     """
     pin, model, order = _model(vehicle)
     data = model.createData()
@@ -198,9 +236,18 @@ def energy(vehicle: Vehicle, p: np.ndarray, v: np.ndarray) -> np.ndarray:
     rate, _ = joints.rates(v[:, 6:], np.zeros_like(v[:, 6:]))
     q = np.concatenate([p[:, :3], p[:, 4:7], p[:, 3:4], joints.angle[:, order]], axis=1)
     v_all = np.concatenate([v[:, :6], rate[:, order]], axis=1)
-    found = np.array([pin.computeKineticEnergy(model, data, a, b) + pin.computePotentialEnergy(model, data, a) for a, b in zip(q, v_all)])
+    found = np.array(
+        [
+            pin.computeKineticEnergy(model, data, a, b) + pin.computePotentialEnergy(model, data, a)
+            for a, b in zip(q, v_all)
+        ]
+    )
     for name, spring in vehicle.spring.items():
-        found += 0.5 * spring.stiffness * (joints.angle[:, vehicle.joints.index(name)] - spring.rest) ** 2
+        found += (
+            0.5
+            * spring.stiffness
+            * (joints.angle[:, vehicle.joints.index(name)] - spring.rest) ** 2
+        )
     return found
 
 
@@ -222,9 +269,15 @@ def _model(vehicle: Vehicle) -> tuple[Any, Any, list[int]]:
         else:
             axis = np.array(body.axis) / np.linalg.norm(body.axis)
             where = pin.SE3(np.eye(3), np.array(body.at))
-            places[name] = model.addJoint(places[body.parent], pin.JointModelRevoluteUnaligned(axis), where, name)
-        model.appendBodyToJoint(places[name], pin.Inertia(body.mass, np.array(body.cg), body.matrix), pin.SE3.Identity())
-    order = sorted(range(len(vehicle.joints)), key=lambda j: model.joints[places[vehicle.joints[j]]].idx_v)
+            places[name] = model.addJoint(
+                places[body.parent], pin.JointModelRevoluteUnaligned(axis), where, name
+            )
+        model.appendBodyToJoint(
+            places[name], pin.Inertia(body.mass, np.array(body.cg), body.matrix), pin.SE3.Identity()
+        )
+    order = sorted(
+        range(len(vehicle.joints)), key=lambda j: model.joints[places[vehicle.joints[j]]].idx_v
+    )
     return pin, model, order
 
 
@@ -254,7 +307,9 @@ class Posture:
         return self.origin[body] + self.turn[body] @ np.array(place)
 
     def jacobian(self, body: str, point: np.ndarray) -> np.ndarray:
-        """Return the change of a point (..., 3) of a body with the independent angles (..., 3, independent). [m]"""
+        """Return the change of a point (..., 3) of a body with the independent angles (..., 3,
+        independent). [m]
+        """
         names = self.vehicle.joints
         found = np.zeros((*point.shape, len(self.vehicle.independent)))
         name: str | None = body

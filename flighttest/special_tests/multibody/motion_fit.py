@@ -1,11 +1,15 @@
-"""Motion of the whole tree from camera markers: one least squares of the record, with splines in time for base and independent joints.
+"""Motion of the whole tree from camera markers: one least squares of the record, with splines in
+time for base and independent joints.
 
-Position, quaternion and independent angles are splines of fifth degree whose knots stand half a period of the cut-off apart; their
-coefficients minimise the squared distances of all markers that the cameras saw.  Velocities and accelerations are derivatives of the
-splines; the errors of everything follow from the one covariance of the coefficients.  A crank whose rocker reverses is not visible in that
-frame: the spline carries it across.  The first guess is frame by frame: `poses` of the base, then joint by joint the best of a grid of
-angles; for a crank the best path through the grid at about the flapping frequency, in the sense that its linkage states.  Where the fit
-settles away from the markers in a part of the record, it is repeated from a path on which the crank may turn back there.
+Position, quaternion and independent angles are splines of fifth degree whose knots stand half a
+period of the cut-off apart; their coefficients minimise the squared distances of all markers that
+the cameras saw.  Velocities and accelerations are derivatives of the splines; the errors of
+everything follow from the one covariance of the coefficients.  A crank whose rocker reverses is not
+visible in that frame: the spline carries it across.  The first guess is frame by frame: `poses` of
+the base, then joint by joint the best of a grid of angles; for a crank the best path through the
+grid at about the flapping frequency, in the sense that its linkage states.  Where the fit settles
+away from the markers in a part of the record, it is repeated from a path on which the crank may
+turn back there.
 
 References
 ----------
@@ -39,8 +43,12 @@ _LEFT_OUT = 2.0  # periods of the cut-off at each end
 _LARGEST = 4000  # unknowns: their covariance is dense
 _GRID, _REACH = 72, np.radians(80.0)  # angles of a crank, and how far another joint is looked for
 _FASTEST = 2.0  # of a crank over its mean rate
-_STRAY = 3.0  # mean square of the residuals over a period of the cut-off, over the median of the record: 1.3 in sound flights
-_ALIKE = 0.2  # correlation of the residuals of two frames in turn: -0.04 in sound flights, where the splines take up a part
+# mean square of the residuals over a period of the cut-off, over the median of the record: 1.3 in
+# sound flights
+_STRAY = 3.0
+# correlation of the residuals of two frames in turn: -0.04 in sound flights, where the splines take
+# up a part
+_ALIKE = 0.2
 
 
 @dataclass(frozen=True)
@@ -53,8 +61,8 @@ class TreeMotion:
     time : array (time,)
         Without two periods of the cut-off at both ends. [s]
     y, y_dot, y_ddot : array (time, 7 + independent)
-        North, east, down of the origin of the base [m], quaternion scalar first, not of unit length, independent angles [rad], and their
-        derivatives.
+        North, east, down of the origin of the base [m], quaternion scalar first, not of unit
+        length, independent angles [rad], and their derivatives.
     covariance : array (time, 3 (7 + independent), 3 (7 + independent))
         Of ``y, y_dot, y_ddot`` at one time.
     noise : float
@@ -77,8 +85,12 @@ class TreeMotion:
         """Positions, velocities and their derivatives as `inertial_loads` takes them."""
         return states(self.y, self.y_dot, self.y_ddot)
 
-    def stderr(self, function: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]) -> np.ndarray:
-        """Return standard errors (time, column) of a function of ``y, y_dot, y_ddot`` with columns (time, column)."""
+    def stderr(
+        self, function: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+    ) -> np.ndarray:
+        """Return standard errors (time, column) of a function of ``y, y_dot, y_ddot`` with columns
+        (time, column).
+        """
         parts = [self.y, self.y_dot, self.y_ddot]
         size = np.sqrt(np.einsum("tii->ti", self.covariance)).mean(axis=0)
         changes = []
@@ -94,8 +106,12 @@ class TreeMotion:
         return np.sqrt(np.einsum("tci,tij,tcj->tc", G, self.covariance, G))
 
 
-def states(y: np.ndarray, y_dot: np.ndarray, y_ddot: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return positions, velocities along axes of the base, and their derivatives; see `TreeMotion` and `inertial_loads`."""
+def states(
+    y: np.ndarray, y_dot: np.ndarray, y_ddot: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return positions, velocities along axes of the base, and their derivatives; see `TreeMotion`
+    and `inertial_loads`.
+    """
     q, dq, ddq = y[:, 3:7], y_dot[:, 3:7], y_ddot[:, 3:7]
     square = (q**2).sum(axis=1, keepdims=True)
     growth = 2.0 * (q * dq).sum(axis=1, keepdims=True) / square
@@ -106,10 +122,16 @@ def states(y: np.ndarray, y_dot: np.ndarray, y_ddot: np.ndarray) -> tuple[np.nda
     nu = np.einsum("tij,tj->ti", R, y_dot[:, :3])
     nu_dot = np.einsum("tij,tj->ti", R, y_ddot[:, :3]) - np.cross(omega, nu)
     p = np.concatenate([y[:, :3], unit, y[:, 7:]], axis=1)
-    return p, np.concatenate([nu, omega, y_dot[:, 7:]], axis=1), np.concatenate([nu_dot, omega_dot, y_ddot[:, 7:]], axis=1)
+    return (
+        p,
+        np.concatenate([nu, omega, y_dot[:, 7:]], axis=1),
+        np.concatenate([nu_dot, omega_dot, y_ddot[:, 7:]], axis=1),
+    )
 
 
-def fit_tree_motion(vehicle: Vehicle, positions: xr.DataArray, cutoff: float | None = None) -> TreeMotion:
+def fit_tree_motion(
+    vehicle: Vehicle, positions: xr.DataArray, cutoff: float | None = None
+) -> TreeMotion:
     """Return the motion of a vehicle from the positions of its markers.
 
     Parameters
@@ -123,24 +145,29 @@ def fit_tree_motion(vehicle: Vehicle, positions: xr.DataArray, cutoff: float | N
     Raises
     ------
     IdentificationError
-        Markers that do not determine the motion, too few or too many frames, a cut-off beyond half the frame rate, no convergence.
+        Markers that do not determine the motion, too few or too many frames, a cut-off beyond half
+        the frame rate, no convergence.
 
     Warns
     -----
     AeromatchWarning
-        The motion lies away from the markers in a part of the record, or its residuals are not those of independent noise: the standard
-        errors do not hold.
+        The motion lies away from the markers in a part of the record, or its residuals are not
+        those of independent noise: the standard errors do not hold.
     """
     cutoff = vehicle.markers.cutoff if cutoff is None else cutoff
     time = positions["time"].values.astype(float)
     rate = (len(time) - 1) / max(time[-1] - time[0], 1e-12)
     if not 0.0 < cutoff < 0.5 * rate:
-        raise IdentificationError(f"cut-off {cutoff:g} Hz; it must lie between 0 and half the frame rate, {0.5 * rate:g} Hz")
+        raise IdentificationError(
+            f"cut-off {cutoff:g} Hz; it must lie between 0 and half the frame rate, {0.5 * rate:g} Hz"
+        )
     splines = _Splines(time, cutoff)
     width = 7 + len(vehicle.independent)
     ends = int(np.ceil(_LEFT_OUT / cutoff * rate))
     if len(time) < 2 * ends + 16:
-        raise IdentificationError(f"{len(time)} frames; with a cut-off of {cutoff:g} Hz at least {2 * ends + 16} are needed")
+        raise IdentificationError(
+            f"{len(time)} frames; with a cut-off of {cutoff:g} Hz at least {2 * ends + 16} are needed"
+        )
     if splines.count * width > _LARGEST:
         longest = _LARGEST / width / (2.0 * cutoff)
         raise IdentificationError(
@@ -152,7 +179,9 @@ def fit_tree_motion(vehicle: Vehicle, positions: xr.DataArray, cutoff: float | N
     markers = [(holder[name], vehicle.body[holder[name]].markers[name]) for name in names]
     seen = np.isfinite(P).all(axis=2)
     use = slice(ends, len(time) - ends)
-    freedom = 3 * int(seen.sum()) - splines.count * (width - 1)  # no marker sees the length of the quaternion
+    freedom = 3 * int(seen.sum()) - splines.count * (
+        width - 1
+    )  # no marker sees the length of the quaternion
     if freedom <= 0:
         raise IdentificationError(
             f"{3 * int(seen.sum())} coordinates for {splines.count * width} unknowns; lower the cut-off or add markers"
@@ -167,7 +196,9 @@ def fit_tree_motion(vehicle: Vehicle, positions: xr.DataArray, cutoff: float | N
     stray = _stray(e, seen, size)
     if vehicle.linkage and stray.any():
         with suppress(IdentificationError):  # the first one stays
-            c_back, e_back, root_back = settled(np.convolve(stray, np.ones(2 * size + 1), "same") > 0.0)
+            c_back, e_back, root_back = settled(
+                np.convolve(stray, np.ones(2 * size + 1), "same") > 0.0
+            )
             if (e_back**2).sum() < (e**2).sum():
                 c, e, root = c_back, e_back, root_back
     _warn(e, seen, size, time)
@@ -189,7 +220,9 @@ def _settled(
     freedom: int,
     cutoff: float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Coefficients at the least squares next to a first guess, residuals there, and the Cholesky factor of the normal matrix."""
+    """Coefficients at the least squares next to a first guess, residuals there, and the Cholesky
+    factor of the normal matrix.
+    """
     e, J = _residuals(vehicle, markers, splines.value @ c, P, seen)
     damping = 0.0
     for _ in range(_ROUNDS):
@@ -199,7 +232,9 @@ def _settled(
         except np.linalg.LinAlgError:
             raise IdentificationError(_undetermined(seen, splines.time, cutoff)) from None
         cost = float((e**2).sum())
-        while True:  # a crank near its dead centre bends the problem: Marquardt's damping where the sum of squares would rise
+        # a crank near its dead centre bends the problem: Marquardt's damping where the sum of
+        # squares would rise
+        while True:
             step = np.linalg.solve(N + damping * np.diag(np.diag(N)), b)
             trial = c + step.reshape(c.shape)
             e_new, J_new = _residuals(vehicle, markers, splines.value @ trial, P, seen)
@@ -207,14 +242,21 @@ def _settled(
                 break
             damping = max(10.0 * damping, _DAMPING)
         c, e, J = trial, e_new, J_new
-        if float(step @ N @ step) < _STILL * cost / freedom or np.abs(splines.value[use] @ step.reshape(c.shape)).max() < _SMALL:
+        if (
+            float(step @ N @ step) < _STILL * cost / freedom
+            or np.abs(splines.value[use] @ step.reshape(c.shape)).max() < _SMALL
+        ):
             return c, e, root
         damping = 0.1 * damping if damping > _DAMPING else 0.0
-    raise IdentificationError(f"the motion did not settle in {_ROUNDS} steps; check markers, joints and branch")
+    raise IdentificationError(
+        f"the motion did not settle in {_ROUNDS} steps; check markers, joints and branch"
+    )
 
 
 def _stray(e: np.ndarray, seen: np.ndarray, size: int) -> np.ndarray:
-    """Frames (time,) whose residuals, over `size` frames about them, are larger than those of the record by more than noise can be."""
+    """Frames (time,) whose residuals, over `size` frames about them, are larger than those of the
+    record by more than noise can be.
+    """
     sums = np.stack([(e[:, :-1] ** 2).sum(axis=1), 3.0 * seen.sum(axis=1)])
     square, count = (np.convolve(row, np.ones(size), "same") for row in sums)
     mean = np.where(count > 0.0, square / np.maximum(count, 1.0), 0.0)
@@ -222,25 +264,32 @@ def _stray(e: np.ndarray, seen: np.ndarray, size: int) -> np.ndarray:
 
 
 def _warn(e: np.ndarray, seen: np.ndarray, size: int, time: np.ndarray) -> None:
-    """Warn where the residuals are not those of noise alone, so that the standard errors do not hold."""
+    """Warn where the residuals are not those of noise alone, so that the standard errors do not
+    hold.
+    """
     stray = np.flatnonzero(_stray(e, seen, size))
     if len(stray):
         apart = np.zeros(len(time), bool)
         apart[stray] = True
-        far, near = (1e3 * np.sqrt((e[rows, :-1] ** 2).sum() / max(3 * int(seen[rows].sum()), 1)) for rows in (apart, ~apart))
-        text = (
-            f"from {time[stray[0]]:.3g} to {time[stray[-1]]:.3g} s the motion lies {far:.2g} mm from the markers, {near:.2g} mm elsewhere"
+        far, near = (
+            1e3 * np.sqrt((e[rows, :-1] ** 2).sum() / max(3 * int(seen[rows].sum()), 1))
+            for rows in (apart, ~apart)
         )
+        text = f"from {time[stray[0]]:.3g} to {time[stray[-1]]:.3g} s the motion lies {far:.2g} mm from the markers, {near:.2g} mm elsewhere"
         advice = "cut the record there, or check the markers and the sense of the crank"
     else:
         pair = np.repeat(seen[1:] & seen[:-1], 3, axis=1)
         one, other = e[1:, :-1], e[:-1, :-1]
-        alike = float((one * other)[pair].sum() / max((0.5 * (one**2 + other**2))[pair].sum(), 1e-300))
+        alike = float(
+            (one * other)[pair].sum() / max((0.5 * (one**2 + other**2))[pair].sum(), 1e-300)
+        )
         if alike <= _ALIKE:
             return
         text = f"distances of the markers from the motion are alike from frame to frame (correlation {alike:.2f}), not noise"
         advice = "raise the cut-off (multiples), or check places of markers and joints"
-    warnings.warn(f"{text}; its standard errors do not hold: {advice}", AeromatchWarning, stacklevel=3)
+    warnings.warn(
+        f"{text}; its standard errors do not hold: {advice}", AeromatchWarning, stacklevel=3
+    )
 
 
 class _Splines:
@@ -280,19 +329,27 @@ class _Splines:
         for t in range(len(self.value))[use]:
             first = self.start[t]
             D = np.array([B[t, first : first + span] for B in (self.value, self.slope, self.bend)])
-            block = C[first * width : (first + span) * width, first * width : (first + span) * width].reshape(span, width, span, width)
+            block = C[
+                first * width : (first + span) * width, first * width : (first + span) * width
+            ].reshape(span, width, span, width)
             found.append(np.einsum("ka,aibj,lb->kilj", D, block, D).reshape(3 * width, 3 * width))
         return np.array(found)
 
 
-def _residuals(vehicle: Vehicle, markers: list, y: np.ndarray, P: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Distances of the markers (time, row) and their slopes (time, row, column); the last row is the length of the quaternion."""
+def _residuals(
+    vehicle: Vehicle, markers: list, y: np.ndarray, P: np.ndarray, seen: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Distances of the markers (time, row) and their slopes (time, row, column); the last row is
+    the length of the quaternion.
+    """
     q = y[:, 3:7]
     square = (q**2).sum(axis=1)
     to_ned = np.swapaxes(matrix(q / np.sqrt(square)[:, None]), 1, 2)
     tree = posture(vehicle, y[:, 7:])
     rows, slopes = [], []
-    turn = 2.0 / square[:, None, None] * _vector_matrix(q)  # of a small change of the quaternion, about body axes
+    turn = (
+        2.0 / square[:, None, None] * _vector_matrix(q)
+    )  # of a small change of the quaternion, about body axes
     for j, (body, place) in enumerate(markers):
         m = tree.point(body, place)
         J = np.zeros((len(y), 3, y.shape[1]))
@@ -308,27 +365,50 @@ def _residuals(vehicle: Vehicle, markers: list, y: np.ndarray, P: np.ndarray, se
     return np.concatenate(rows, axis=1), np.concatenate([*slopes, length], axis=1)
 
 
-def _first_guess(vehicle: Vehicle, positions: xr.DataArray, P: np.ndarray, markers: list, time: np.ndarray, back: np.ndarray) -> np.ndarray:
-    """Values (time, column) of the unknowns frame by frame; a crank may turn against its sense in the frames `back` (time,)."""
+def _first_guess(
+    vehicle: Vehicle,
+    positions: xr.DataArray,
+    P: np.ndarray,
+    markers: list,
+    time: np.ndarray,
+    back: np.ndarray,
+) -> np.ndarray:
+    """Values (time, column) of the unknowns frame by frame; a crank may turn against its sense in
+    the frames `back` (time,).
+    """
     base = poses(positions, vehicle.body[vehicle.base].markers)
     good = np.isfinite(base["r"].values).all(axis=1)
     rigid = np.concatenate([base["r"].values, base["q"].values], axis=1)
     rigid = np.stack([np.interp(time, time[good], column[good]) for column in rigid.T], axis=1)
     unit = rigid[:, 3:] / np.linalg.norm(rigid[:, 3:], axis=1, keepdims=True)
-    inside = np.einsum("tij,tmj->tmi", matrix(unit), P - rigid[:, None, :3])  # markers in axes of the base
+    inside = np.einsum(
+        "tij,tmj->tmi", matrix(unit), P - rigid[:, None, :3]
+    )  # markers in axes of the base
     theta = np.zeros((len(time), len(vehicle.independent)))
     cranks = {linkage.crank: linkage.turns for linkage in vehicle.linkage.values()}
     for k, name in enumerate(vehicle.independent):
-        grid = np.linspace(0.0, 2.0 * np.pi, _GRID, endpoint=False) if name in cranks else np.linspace(-_REACH, _REACH, _GRID)
+        grid = (
+            np.linspace(0.0, 2.0 * np.pi, _GRID, endpoint=False)
+            if name in cranks
+            else np.linspace(-_REACH, _REACH, _GRID)
+        )
         trial = np.broadcast_to(theta[:, None], (len(time), _GRID, theta.shape[1])).copy()
         trial[:, :, k] = grid
         tree = posture(vehicle, trial)
         cost = np.zeros((len(time), _GRID))
         for j, (body, place) in enumerate(markers):
             if k in _sources(tree, body):
-                cost += np.nan_to_num(((inside[:, None, j] - tree.point(body, place)) ** 2).sum(axis=2))
+                cost += np.nan_to_num(
+                    ((inside[:, None, j] - tree.point(body, place)) ** 2).sum(axis=2)
+                )
         if name in cranks:
-            rate = 2.0 * np.pi * vehicle.cameras.flapping_frequency * (time[-1] - time[0]) / (len(time) - 1)
+            rate = (
+                2.0
+                * np.pi
+                * vehicle.cameras.flapping_frequency
+                * (time[-1] - time[0])
+                / (len(time) - 1)
+            )
             turns = cranks[name]
             theta[:, k] = turns * _path(
                 np.roll(cost[:, ::-1], 1, axis=1) if turns < 0 else cost, rate, back
@@ -350,7 +430,8 @@ def _sources(tree: Posture, body: str) -> set[int]:
 
 
 def _path(cost: np.ndarray, rate: float, back: np.ndarray) -> np.ndarray:
-    """The angles of a crank that turns on, in frames `back` (time,) also back, by the cheapest path through the grid.
+    """The angles of a crank that turns on, in frames `back` (time,) also back, by the cheapest path
+    through the grid.
 
     `rate` is the mean turn of a frame. [rad]
     """
@@ -362,7 +443,9 @@ def _path(cost: np.ndarray, rate: float, back: np.ndarray) -> np.ndarray:
     total, taken = cost[0] / scale, []
     for now, either in zip(cost[1:], back[1:], strict=True):
         first = 0 if either else most
-        options = np.stack([np.roll(total, k) + own for k, own in zip(moves[first:], price[first:], strict=True)])
+        options = np.stack(
+            [np.roll(total, k) + own for k, own in zip(moves[first:], price[first:], strict=True)]
+        )
         best = options.argmin(axis=0)
         taken.append(moves[first:][best])
         total = options[best, np.arange(_GRID)] + now / scale
@@ -375,10 +458,12 @@ def _path(cost: np.ndarray, rate: float, back: np.ndarray) -> np.ndarray:
 
 def _undetermined(seen: np.ndarray, time: np.ndarray, cutoff: float) -> str:
     hidden = np.flatnonzero(seen.sum(axis=1) < 3)
-    where = f"; fewer than three markers were seen from {time[hidden[0]]:g} to {time[hidden[-1]]:g} s" if len(hidden) else ""
-    return (
-        f"the markers do not determine the motion at a cut-off of {cutoff:g} Hz{where}; every independent joint needs markers that it moves"
+    where = (
+        f"; fewer than three markers were seen from {time[hidden[0]]:g} to {time[hidden[-1]]:g} s"
+        if len(hidden)
+        else ""
     )
+    return f"the markers do not determine the motion at a cut-off of {cutoff:g} Hz{where}; every independent joint needs markers that it moves"
 
 
 def _vector(q: np.ndarray, rate: np.ndarray) -> np.ndarray:

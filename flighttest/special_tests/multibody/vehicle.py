@@ -1,4 +1,5 @@
-"""A vehicle of several rigid bodies, as a TOML file: a tree of bodies on revolute joints, what drives them, what the cameras see.
+"""A vehicle of several rigid bodies, as a TOML file: a tree of bodies on revolute joints, what
+drives them, what the cameras see.
 
 rho = "1.2 kg/m3"
 
@@ -75,7 +76,9 @@ _PARALLEL = 1e-9
 
 def _inertia(item: Any) -> tuple[float, ...]:
     if not isinstance(item, (list, tuple)) or len(item) not in (3, 6):
-        raise ValueError("three moments of inertia Ixx Iyy Izz, or six with Ixy Ixz Iyz, are needed")
+        raise ValueError(
+            "three moments of inertia Ixx Iyy Izz, or six with Ixy Ixz Iyz, are needed"
+        )
     return tuple(quantity(value, "kg m2") for value in item)
 
 
@@ -83,13 +86,24 @@ class Body(Strict):
     """One rigid body and the joint that holds it to its parent."""
 
     mass: si("kg") = Field(ge=0.0, description="Mass.")  # type: ignore[valid-type]
-    cg: Position = Field(default=(0.0, 0.0, 0.0), description="Centre of gravity from the origin, x forward, y right, z down.")
-    inertia: Annotated[tuple[float, ...], BeforeValidator(_inertia)] = Field(
-        default=(0.0, 0.0, 0.0), description="Ixx Iyy Izz about the c.g., or six with the integrals of xy, xz, yz dm."
+    cg: Position = Field(
+        default=(0.0, 0.0, 0.0),
+        description="Centre of gravity from the origin, x forward, y right, z down.",
     )
-    parent: str | None = Field(default=None, description="Body that holds it; the one body without is the base.")
-    at: Position = Field(default=(0.0, 0.0, 0.0), description="Origin, on the axis of the joint, in axes of the parent.")
-    axis: tuple[float, float, float] = Field(default=(1.0, 0.0, 0.0), description="Axis of the joint in axes of the parent.")
+    inertia: Annotated[tuple[float, ...], BeforeValidator(_inertia)] = Field(
+        default=(0.0, 0.0, 0.0),
+        description="Ixx Iyy Izz about the c.g., or six with the integrals of xy, xz, yz dm.",
+    )
+    parent: str | None = Field(
+        default=None, description="Body that holds it; the one body without is the base."
+    )
+    at: Position = Field(
+        default=(0.0, 0.0, 0.0),
+        description="Origin, on the axis of the joint, in axes of the parent.",
+    )
+    axis: tuple[float, float, float] = Field(
+        default=(1.0, 0.0, 0.0), description="Axis of the joint in axes of the parent."
+    )
     markers: dict[str, Position] = Field(default_factory=dict, description="Markers in body axes.")
 
     @property
@@ -120,15 +134,23 @@ class Gear(Strict):
 
 
 class Linkage(Strict):
-    """A planar four-bar: crank on the base, coupler on the crank, rocker on the base, all with parallel axes."""
+    """A planar four-bar: crank on the base, coupler on the crank, rocker on the base, all with
+    parallel axes.
+    """
 
-    crank: str = Field(description="Body that turns fully; its angle is the independent coordinate.")
+    crank: str = Field(
+        description="Body that turns fully; its angle is the independent coordinate."
+    )
     coupler: str = Field(description="Body on the crank.")
     rocker: str = Field(description="Body that the coupler moves.")
-    pin_on_coupler: Position = Field(description="Pin between coupler and rocker, in axes of the coupler.")
+    pin_on_coupler: Position = Field(
+        description="Pin between coupler and rocker, in axes of the coupler."
+    )
     pin_on_rocker: Position = Field(description="The same pin, in axes of the rocker.")
     branch: int = Field(default=1, description="Which of both ways to close the loop, 1 or -1.")
-    turns: int = Field(default=1, description="Sense in which the crank turns about its axis, 1 or -1.")
+    turns: int = Field(
+        default=1, description="Sense in which the crank turns about its axis, 1 or -1."
+    )
 
     @model_validator(mode="after")
     def _sign(self) -> Linkage:
@@ -147,14 +169,18 @@ class Spring(Strict):
 
 
 class Drive(Strict):
-    """An actuator on an independent joint, Ma a + Ca v + Ka p + G tau = B u, tau the moment on the joint; SI."""
+    """An actuator on an independent joint, Ma a + Ca v + Ka p + G tau = B u, tau the moment on the
+    joint; SI.
+    """
 
     Ma: float = Field(default=0.0, ge=0.0, description="Inertia.")
     Ca: float = Field(default=0.0, description="Damping.")
     Ka: float = Field(default=0.0, description="Stiffness.")
     G: float = Field(default=1.0, description="Gear ratio.")
     B: float = Field(default=0.0, description="Gain of the command.")
-    command: str | None = Field(default=None, description="Column of the command; without it the command is zero.")
+    command: str | None = Field(
+        default=None, description="Column of the command; without it the command is zero."
+    )
 
     @model_validator(mode="after")
     def _geared(self) -> Drive:
@@ -164,14 +190,25 @@ class Drive(Strict):
 
 
 class Surface(Strict):
-    """A body whose air loads are known: lift and drag along its stability axes, by angle of attack and sideslip at a point of it."""
+    """A body whose air loads are known: lift and drag along its stability axes, by angle of attack
+    and sideslip at a point of it.
+    """
 
     body: str = Field(description="Body with the surface.")
-    point: Position = Field(default=(0.0, 0.0, 0.0), description="Where the loads act and the flow is taken, in axes of the body.")
+    point: Position = Field(
+        default=(0.0, 0.0, 0.0),
+        description="Where the loads act and the flow is taken, in axes of the body.",
+    )
     S: si("m2") = Field(gt=0.0, description="Reference area.")  # type: ignore[valid-type]
-    fits: str | None = Field(default=None, description="Folder with CL.nc and CD.nc, as flight balance writes it.")
-    CL: dict[str, float | tuple[float, float]] = Field(default_factory=dict, description="Terms and values, or [value, standard error].")
-    CD: dict[str, float | tuple[float, float]] = Field(default_factory=dict, description="Terms and values, or [value, standard error].")
+    fits: str | None = Field(
+        default=None, description="Folder with CL.nc and CD.nc, as flight balance writes it."
+    )
+    CL: dict[str, float | tuple[float, float]] = Field(
+        default_factory=dict, description="Terms and values, or [value, standard error]."
+    )
+    CD: dict[str, float | tuple[float, float]] = Field(
+        default_factory=dict, description="Terms and values, or [value, standard error]."
+    )
 
     @model_validator(mode="after")
     def _one_source(self) -> Surface:
@@ -190,8 +227,12 @@ class Cameras(Strict):
     """How the cameras see the markers."""
 
     flapping_frequency: si("Hz") = Field(gt=0.0, description="Frequency of the periodic motion.")  # type: ignore[valid-type]
-    multiples: float = Field(default=8.0, gt=0.0, description="Cut-off of the motion over the flapping frequency.")
-    axes: str = Field(default="north east down", description="Where x, y and z of the cameras point to.")
+    multiples: float = Field(
+        default=8.0, gt=0.0, description="Cut-off of the motion over the flapping frequency."
+    )
+    axes: str = Field(
+        default="north east down", description="Where x, y and z of the cameras point to."
+    )
     unit: str = Field(default="m", description="Unit of the positions, where the file states none.")
 
 
@@ -199,7 +240,9 @@ class Vehicle(Strict):
     """Bodies, what drives their joints, known air loads, cameras."""
 
     body: dict[str, Body] = Field(min_length=1)
-    gear: dict[str, Gear] = Field(default_factory=dict, description="Per joint that follows another.")
+    gear: dict[str, Gear] = Field(
+        default_factory=dict, description="Per joint that follows another."
+    )
     linkage: dict[str, Linkage] = Field(default_factory=dict)
     spring: dict[str, Spring] = Field(default_factory=dict, description="Per joint.")
     actuator: dict[str, Drive] = Field(default_factory=dict, description="Per independent joint.")
@@ -212,7 +255,9 @@ class Vehicle(Strict):
     def _a_tree(self) -> Vehicle:
         bases = [name for name, body in self.body.items() if body.parent is None]
         if len(bases) != 1:
-            raise ValueError(f"bodies without a parent: {', '.join(bases) or 'none'}; exactly one is needed")
+            raise ValueError(
+                f"bodies without a parent: {', '.join(bases) or 'none'}; exactly one is needed"
+            )
         self._demand_known()
         for name in self.body:
             chain = [name]
@@ -222,7 +267,10 @@ class Vehicle(Strict):
                 chain.append(parent)
         if not sum(body.mass for body in self.body.values()) > 0.0:
             raise ValueError("all bodies are without mass")
-        driven = [*self.gear, *(name for one in self.linkage.values() for name in (one.coupler, one.rocker))]
+        driven = [
+            *self.gear,
+            *(name for one in self.linkage.values() for name in (one.coupler, one.rocker)),
+        ]
         twice = sorted({name for name in driven if driven.count(name) > 1})
         if twice:
             raise ValueError(f"{', '.join(twice)}: moved by more than one gear or linkage")
@@ -235,12 +283,18 @@ class Vehicle(Strict):
                 if chain[-1] in chain[:-1]:
                     raise ValueError(f"gear: {' follows '.join(chain)}")
         if wrong := [name for name in self.actuator if name in driven]:
-            raise ValueError(f"actuator: {', '.join(wrong)} follows another joint; allowed: {', '.join(self.independent)}")
+            raise ValueError(
+                f"actuator: {', '.join(wrong)} follows another joint; allowed: {', '.join(self.independent)}"
+            )
         return self
 
     def _demand_known(self) -> None:
         joints = [name for name, body in self.body.items() if body.parent is not None]
-        uses = [(f"body.{name}.parent", body.parent, list(self.body)) for name, body in self.body.items() if body.parent is not None]
+        uses = [
+            (f"body.{name}.parent", body.parent, list(self.body))
+            for name, body in self.body.items()
+            if body.parent is not None
+        ]
         uses += [("gear", name, joints) for name in self.gear]
         uses += [(f"gear.{name}.follows", one.follows, joints) for name, one in self.gear.items()]
         uses += [
@@ -248,19 +302,34 @@ class Vehicle(Strict):
             for name, one in self.linkage.items()
             for part in ("crank", "coupler", "rocker")
         ]
-        uses += [("spring", name, joints) for name in self.spring] + [("actuator", name, joints) for name in self.actuator]
-        uses += [(f"aerodynamics.{name}.body", one.body, list(self.body)) for name, one in self.aerodynamics.items()]
-        wrong = [f"{place}: {name!r} is unknown; allowed: {', '.join(allowed)}" for place, name, allowed in uses if name not in allowed]
+        uses += [("spring", name, joints) for name in self.spring] + [
+            ("actuator", name, joints) for name in self.actuator
+        ]
+        uses += [
+            (f"aerodynamics.{name}.body", one.body, list(self.body))
+            for name, one in self.aerodynamics.items()
+        ]
+        wrong = [
+            f"{place}: {name!r} is unknown; allowed: {', '.join(allowed)}"
+            for place, name, allowed in uses
+            if name not in allowed
+        ]
         if wrong:
             raise ValueError("; ".join(wrong))
 
     def _demand_planar(self, name: str, one: Linkage, driven: list[str]) -> None:
         crank, coupler, rocker = (self.body[part] for part in (one.crank, one.coupler, one.rocker))
         if one.crank in driven:
-            raise ValueError(f"linkage.{name}: its crank {one.crank} follows another joint; it must be independent")
+            raise ValueError(
+                f"linkage.{name}: its crank {one.crank} follows another joint; it must be independent"
+            )
         if coupler.parent != one.crank or rocker.parent != crank.parent:
-            raise ValueError(f"linkage.{name}: the coupler sits on the crank, crank and rocker sit on one body")
-        axes = [np.array(body.axis) / np.linalg.norm(body.axis) for body in (crank, coupler, rocker)]
+            raise ValueError(
+                f"linkage.{name}: the coupler sits on the crank, crank and rocker sit on one body"
+            )
+        axes = [
+            np.array(body.axis) / np.linalg.norm(body.axis) for body in (crank, coupler, rocker)
+        ]
         if any(np.linalg.norm(axis - axes[0]) > _PARALLEL for axis in axes):
             raise ValueError(f"linkage.{name}: crank, coupler and rocker need the same axis")
 
@@ -269,7 +338,11 @@ class Vehicle(Strict):
         """Bodies, each after its parent."""
         found: list[str] = []
         while len(found) < len(self.body):
-            found += [name for name, body in self.body.items() if name not in found and (body.parent is None or body.parent in found)]
+            found += [
+                name
+                for name, body in self.body.items()
+                if name not in found and (body.parent is None or body.parent in found)
+            ]
         return tuple(found)
 
     @property
@@ -285,13 +358,19 @@ class Vehicle(Strict):
     @property
     def independent(self) -> tuple[str, ...]:
         """Joints whose angles are coordinates of their own."""
-        driven = {*self.gear, *(name for one in self.linkage.values() for name in (one.coupler, one.rocker))}
+        driven = {
+            *self.gear,
+            *(name for one in self.linkage.values() for name in (one.coupler, one.rocker)),
+        }
         return tuple(name for name in self.joints if name not in driven)
 
     @property
     def markers(self) -> MarkerSetup:
         """Markers of all bodies as the cameras see them."""
-        return MarkerSetup(body={name: body.markers for name, body in self.body.items() if body.markers}, **self.cameras.model_dump())
+        return MarkerSetup(
+            body={name: body.markers for name, body in self.body.items() if body.markers},
+            **self.cameras.model_dump(),
+        )
 
 
 def read_vehicle(path: str | Path) -> Vehicle:
@@ -302,14 +381,16 @@ def read_vehicle(path: str | Path) -> Vehicle:
     ParseError
         The text is not TOML.
     SchemaError
-        With all faults of the keys; a name that is no body or joint, joints in a circle, a linkage that is not planar.
+        With all faults of the keys; a name that is no body or joint, joints in a circle, a linkage
+        that is not planar.
     """
     path = Path(path)
     found = validate(Vehicle, load(path), str(path))
     if not any(body.markers for body in found.body.values()):
         raise SchemaError(str(path), ["no body has markers; give those of [body.NAME.markers]"])
     moved = {
-        name: one.model_copy(update={"fits": str(path.parent / one.fits)}) if one.fits else one for name, one in found.aerodynamics.items()
+        name: one.model_copy(update={"fits": str(path.parent / one.fits)}) if one.fits else one
+        for name, one in found.aerodynamics.items()
     }
     return found.model_copy(update={"aerodynamics": moved})
 
@@ -320,7 +401,8 @@ def read_flight(path: str | Path, vehicle: Vehicle) -> tuple[xr.DataArray, xr.Da
     Parameters
     ----------
     path : str or Path
-        Recording with columns as `read_markers` needs them, and one per command, in SI or with its unit.
+        Recording with columns as `read_markers` needs them, and one per command, in SI or with its
+        unit.
     vehicle : Vehicle
 
     Raises
@@ -340,6 +422,10 @@ def read_flight(path: str | Path, vehicle: Vehicle) -> tuple[xr.DataArray, xr.Da
         stamps, values = place[0], np.asarray(to_si(place[1], place[2])) if place[2] else place[1]
         good = np.isfinite(values)
         if not good.any() or stamps[good][0] > time[0] or stamps[good][-1] < time[-1]:
-            raise SchemaError(str(path), [f"{name} does not cover the frames, {time[0]:g} to {time[-1]:g} s"])
+            raise SchemaError(
+                str(path), [f"{name} does not cover the frames, {time[0]:g} to {time[-1]:g} s"]
+            )
         commands[name] = np.interp(time, stamps[good], values[good])
-    return positions, xr.Dataset({name: ("time", values) for name, values in commands.items()}, {"time": time})
+    return positions, xr.Dataset(
+        {name: ("time", values) for name, values in commands.items()}, {"time": time}
+    )

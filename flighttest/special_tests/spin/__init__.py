@@ -1,4 +1,6 @@
-"""Spin: rates about and across the flight path, model structures, polynomial models as databases, simulated recordings."""
+"""Spin: rates about and across the flight path, model structures, polynomial models as databases,
+simulated recordings.
+"""
 
 from flightmech.support.imports import attach_stub
 

@@ -6,8 +6,9 @@ Reduced rates of the spin decomposition are linear in the body rates, with facto
     phat_osc = phat - x Omegahat,  qhat_osc = qhat - (cbar/b) y Omegahat,  rhat_osc = rhat - z Omegahat
     rhat_wind = rhat cos(al) - phat sin(al)
 
-So their terms become three tables over alpha and beta per coefficient, of phat, qhat and rhat.  Everything else is a
-product of powers and carries over exactly; deviations from a nominal state are multiplied out first.
+So their terms become three tables over alpha and beta per coefficient, of phat, qhat and rhat.
+Everything else is a product of powers and carries over exactly; deviations from a nominal state are
+multiplied out first.
 """
 
 from __future__ import annotations
@@ -32,29 +33,40 @@ if TYPE_CHECKING:
 ALPHA = np.radians(np.arange(-20.0, 60.5, 1.0))
 BETA = np.radians(np.arange(-40.0, 40.5, 1.0))
 _BODY_RATES = ("phat", "qhat", "rhat")
-_IMPLICIT = ("alphadothat", "betadothat", "dnz")  # the kernel solves for them: regressors, never axes
+_IMPLICIT = (
+    "alphadothat",
+    "betadothat",
+    "dnz",
+)  # the kernel solves for them: regressors, never axes
 
 
 def polynomial_database(
-    fitted: Mapping[str, tuple[Model, np.ndarray]], aircraft: Aircraft, alpha: np.ndarray = ALPHA, beta: np.ndarray = BETA, title: str = ""
+    fitted: Mapping[str, tuple[Model, np.ndarray]],
+    aircraft: Aircraft,
+    alpha: np.ndarray = ALPHA,
+    beta: np.ndarray = BETA,
+    title: str = "",
 ) -> xr.DataTree:
     """Return fitted models as a database in body axes (``force_axes`` "body": CX CY CZ).
 
     Parameters
     ----------
     fitted : mapping of str to (Model, array (term,))
-        Coefficient to its model and its estimates; ``{c: (fit.model, fit.estimates["estimate"].values)}``.
+        Coefficient to its model and its estimates; ``{c: (fit.model,
+        fit.estimates["estimate"].values)}``.
     aircraft : Aircraft
         For the lengths and the moment reference point.
     alpha, beta : array
-        Breakpoints of the tables of the rates, needed for models with rates of `spin_variables`. [rad]
+        Breakpoints of the tables of the rates, needed for models with rates of `spin_variables`.
+        [rad]
     title : str
         For the root of the database.
 
     Returns
     -------
     DataTree
-        For `flightmech.compile`; terms such as ``CX/alpha2``, ``CZ/delta_e_delta_a``, ``Cm/basic``, ``Cl/phat``.
+        For `flightmech.compile`; terms such as ``CX/alpha2``, ``CZ/delta_e_delta_a``, ``Cm/basic``,
+        ``Cl/phat``.
 
     Raises
     ------
@@ -69,12 +81,19 @@ def polynomial_database(
     """
     wanted = ("CX", "CY", "CZ", "Cl", "Cm", "Cn")
     if missing := [name for name in wanted if name not in fitted]:
-        raise SchemaError("polynomial database", [f"no model of {name}; all of {' '.join(wanted)} are needed" for name in missing])
+        raise SchemaError(
+            "polynomial database",
+            [f"no model of {name}; all of {' '.join(wanted)} are needed" for name in missing],
+        )
     leaves: dict[str, xr.Dataset] = {}
     for coefficient, (model, estimates) in fitted.items():
         absolute, matrix = model.absolute()
         values = dict(zip(absolute.terms, matrix @ np.asarray(estimates, float), strict=True))
-        rates = {term: value for term, value in values.items() if any(name in WIND_RATES for name in powers(term))}
+        rates = {
+            term: value
+            for term, value in values.items()
+            if any(name in WIND_RATES for name in powers(term))
+        }
         for term, value in values.items():
             if term not in rates:
                 leaves[f"/{coefficient}/{_leaf_name(term)}"] = _term(term, value)
@@ -83,9 +102,14 @@ def polynomial_database(
             for name, table in factors.items():
                 if f"/{coefficient}/{name}" in leaves:
                     raise ParseError(
-                        "<model>", 0, f"{name} next to {' '.join(rates)} in {model}", "body rates or rates of the decomposition"
+                        "<model>",
+                        0,
+                        f"{name} next to {' '.join(rates)} in {model}",
+                        "body rates or rates of the decomposition",
                     )
-                leaves[f"/{coefficient}/{name}"] = make(table, {"alpha": alpha, "beta": beta}, [name])
+                leaves[f"/{coefficient}/{name}"] = make(
+                    table, {"alpha": alpha, "beta": beta}, [name]
+                )
     x, y, z = reference_in(aircraft, {})
     about = {
         "title": title,
@@ -106,12 +130,19 @@ def _leaf_name(term: str) -> str:
 
 
 def _term(term: str, value: float) -> xr.Dataset:
-    """One product of powers: two factors are regressors, others become straight tables, one per axis variable."""
+    """One product of powers: two factors are regressors, others become straight tables, one per
+    axis variable.
+    """
     factors = [name for name, power in powers(term).items() for _ in range(power)]
     factors.sort(key=lambda name: name not in _IMPLICIT)
     words, rest = factors[:MAX_REGRESSORS], factors[MAX_REGRESSORS:]
     if len(rest) != len(set(rest)) or set(rest) & set(_IMPLICIT):
-        raise ParseError("<model>", 0, f"the term {term}", f"at most {MAX_REGRESSORS} factors next to first powers of other variables")
+        raise ParseError(
+            "<model>",
+            0,
+            f"the term {term}",
+            f"at most {MAX_REGRESSORS} factors next to first powers of other variables",
+        )
     table, axes = np.array(value), {}
     for name in rest:
         axes[name] = np.array([-1.0, 1.0])
@@ -119,7 +150,9 @@ def _term(term: str, value: float) -> xr.Dataset:
     return make(table, axes, words, outside="linear" if rest else "hold")
 
 
-def _rate_factors(rates: Mapping[str, float], aircraft: Aircraft, alpha: np.ndarray, beta: np.ndarray) -> dict[str, np.ndarray]:
+def _rate_factors(
+    rates: Mapping[str, float], aircraft: Aircraft, alpha: np.ndarray, beta: np.ndarray
+) -> dict[str, np.ndarray]:
     """What multiplies phat, qhat and rhat: arrays of the shape of `alpha` and `beta`."""
     x, y, z = np.cos(alpha) * np.cos(beta), np.sin(beta), np.sin(alpha) * np.cos(beta)
     ratio, zero, one = aircraft.b / aircraft.cbar, np.zeros_like(x), np.ones_like(x)
@@ -134,7 +167,9 @@ def _rate_factors(rates: Mapping[str, float], aircraft: Aircraft, alpha: np.ndar
     total = np.zeros_like(Omega)
     for term, value in rates.items():
         if term not in rows:
-            raise ParseError("<model>", 0, f"the term {term}", f"{' '.join(rows)} alone and to the first power")
+            raise ParseError(
+                "<model>", 0, f"the term {term}", f"{' '.join(rows)} alone and to the first power"
+            )
         total += value * rows[term]
     return dict(zip(_BODY_RATES, total, strict=True))
 
@@ -152,14 +187,34 @@ _SURFACES = ("delta_e", "delta_a", "delta_r")
 SPIN: Mapping[str, tuple[str, ...]] = {  # eq. (30)-(35)
     "CX": ("alpha", "alphadothat", "beta", *_RATES, *_SURFACES, "delta_e**2", "1"),
     "CY": ("alphadothat", "beta", "betadothat", *_RATES, *_SURFACES, "delta_e**2", "1"),
-    "CZ": ("alpha", "alphadothat", "beta", *_RATES, *_SURFACES, "delta_e**2", "delta_e*delta_a", "1"),
+    "CZ": (
+        "alpha",
+        "alphadothat",
+        "beta",
+        *_RATES,
+        *_SURFACES,
+        "delta_e**2",
+        "delta_e*delta_a",
+        "1",
+    ),
     "Cl": ("alpha", "alphadothat", "beta", "betadothat", *_RATES, *_SURFACES, "delta_r**2", "1"),
-    "Cm": ("alpha", "alphadothat", "beta", *_RATES, *_SURFACES, "delta_e**2", "delta_e*delta_a", "1"),
+    "Cm": (
+        "alpha",
+        "alphadothat",
+        "beta",
+        *_RATES,
+        *_SURFACES,
+        "delta_e**2",
+        "delta_e*delta_a",
+        "1",
+    ),
     "Cn": ("alpha", "alphadothat", "beta", "betadothat", *_RATES, *_SURFACES, "delta_a**2", "1"),
 }
 
 
-def models(structure: Mapping[str, tuple[str, ...]], nominal: Mapping[str, float] | None = None) -> dict[str, Model]:
+def models(
+    structure: Mapping[str, tuple[str, ...]], nominal: Mapping[str, float] | None = None
+) -> dict[str, Model]:
     """Return one model per coefficient.
 
     Parameters
@@ -167,8 +222,8 @@ def models(structure: Mapping[str, tuple[str, ...]], nominal: Mapping[str, float
     structure : mapping of str to tuple of str
         Coefficient to terms: `GLIDE`, `SPIN`, or any other.
     nominal : mapping of str to float, optional
-        Values that variables count from, as `nominal_variables` gives them; variables that it lacks are absolute.  The
-        published spin model is in deviations, the glide model is absolute. [SI]
+        Values that variables count from, as `nominal_variables` gives them; variables that it lacks
+        are absolute.  The published spin model is in deviations, the glide model is absolute. [SI]
 
     Raises
     ------
@@ -178,7 +233,11 @@ def models(structure: Mapping[str, tuple[str, ...]], nominal: Mapping[str, float
     found = {}
     for coefficient, terms in structure.items():
         variables = {name for term in terms for name in powers(term)}
-        found[coefficient] = Model(coefficient, terms, {name: value for name, value in (nominal or {}).items() if name in variables})
+        found[coefficient] = Model(
+            coefficient,
+            terms,
+            {name: value for name, value in (nominal or {}).items() if name in variables},
+        )
     return found
 
 
@@ -228,14 +287,23 @@ def read_polynomials(
             continue
         row = dict(zip(names, line))
         try:
-            coefficient, found_row = row["coefficient"], (row["term"], float(row[column]), float(row["sigma"]))
+            coefficient, found_row = (
+                row["coefficient"],
+                (row["term"], float(row[column]), float(row["sigma"])),
+            )
         except (KeyError, ValueError) as error:
-            raise ParseError(str(path), number, str(error), f"numbers in {column} and sigma") from error
+            raise ParseError(
+                str(path), number, str(error), f"numbers in {column} and sigma"
+            ) from error
         rows.setdefault(coefficient, []).append(found_row)
     found = {}
     for coefficient, lines in rows.items():
         terms = [term for term, _, _ in lines]
         variables = {name for term in terms for name in powers(term)}
-        model = Model(coefficient, terms, {name: value for name, value in (nominal or {}).items() if name in variables})
+        model = Model(
+            coefficient,
+            terms,
+            {name: value for name, value in (nominal or {}).items() if name in variables},
+        )
         found[coefficient] = Polynomial(model, *np.array([numbers for _, *numbers in lines]).T)
     return found

@@ -1,4 +1,5 @@
-"""Body rates taken apart into the rotation about the flight path and the remainder, as [Gresham] does for a spin.
+"""Body rates taken apart into the rotation about the flight path and the remainder, as [Gresham]
+does for a spin.
 
     Omega = p cos(alpha) cos(beta) + q sin(beta) + r sin(alpha) cos(beta)        eq. (2)
     p_osc = p - Omega cos(alpha) cos(beta)                                       eq. (3)
@@ -10,11 +11,12 @@ is at right angles to the flight path, so it has two degrees of freedom and not 
 
     p_osc cos(alpha) cos(beta) + q_osc sin(beta) + r_osc sin(alpha) cos(beta) = 0
 
-As regressors the three are collinear to first order about any nominal state.  Two are the same: q_osc, which is the
-rate about the wind y axis times cos(beta), and the rate about the wind z axis, r_wind = r cos(alpha) - p sin(alpha).
+As regressors the three are collinear to first order about any nominal state.  Two are the same:
+q_osc, which is the rate about the wind y axis times cos(beta), and the rate about the wind z axis,
+r_wind = r cos(alpha) - p sin(alpha).
 
-In a steady spin the rest is zero only when the spin radius is: a body that moves down a helix turns about the vertical,
-not about its path.
+In a steady spin the rest is zero only when the spin radius is: a body that moves down a helix turns
+about the vertical, not about its path.
 
 References
 ----------
@@ -51,7 +53,9 @@ _NEEDED = ("V", "alpha", "beta", "p", "q", "r")
 
 
 class WindRates(NamedTuple):
-    """Rate about the flight path, body components of the rest, and the rest about the wind z axis. [rad s-1]"""
+    """Rate about the flight path, body components of the rest, and the rest about the wind z axis.
+    [rad s-1]
+    """
 
     Omega: np.ndarray
     p_osc: np.ndarray
@@ -83,7 +87,9 @@ def wind_axis_rates(p, q, r, alpha, beta) -> WindRates:
     p, q, r, alpha, beta = (np.asarray(a, float) for a in (p, q, r, alpha, beta))
     x, y, z = np.cos(alpha) * np.cos(beta), np.sin(beta), np.sin(alpha) * np.cos(beta)
     Omega = p * x + q * y + r * z
-    return WindRates(Omega, p - Omega * x, q - Omega * y, r - Omega * z, r * np.cos(alpha) - p * np.sin(alpha))
+    return WindRates(
+        Omega, p - Omega * x, q - Omega * y, r - Omega * z, r * np.cos(alpha) - p * np.sin(alpha)
+    )
 
 
 def spin_variables(data: xr.Dataset, aircraft: Aircraft) -> xr.Dataset:
@@ -92,16 +98,18 @@ def spin_variables(data: xr.Dataset, aircraft: Aircraft) -> xr.Dataset:
     Parameters
     ----------
     data : Dataset (time,)
-        `V alpha beta p q r`; with `alpha_dot` and `beta_dot`, or with `ax ay az phi theta`, from which these follow. [SI]
+        `V alpha beta p q r`; with `alpha_dot` and `beta_dot`, or with `ax ay az phi theta`, from
+        which these follow. [SI]
     aircraft : Aircraft
         For the span and the mean chord.
 
     Returns
     -------
     Dataset (time,)
-        A new Dataset with ``Omega p_osc q_osc r_osc r_wind`` [rad s-1] and, reduced by b/2V (q_osc: cbar/2V),
-        ``Omegahat phat_osc qhat_osc rhat_osc rhat_wind``; also ``phat qhat rhat``, and the quasi-steady ``alphadothat``
-        (cbar/2V) and ``betadothat`` (b/2V) where the data allow it.
+        A new Dataset with ``Omega p_osc q_osc r_osc r_wind`` [rad s-1] and, reduced by b/2V (q_osc:
+        cbar/2V), ``Omegahat phat_osc qhat_osc rhat_osc rhat_wind``; also ``phat qhat rhat``, and
+        the quasi-steady ``alphadothat`` (cbar/2V) and ``betadothat`` (b/2V) where the data allow
+        it.
 
     Raises
     ------
@@ -110,14 +118,23 @@ def spin_variables(data: xr.Dataset, aircraft: Aircraft) -> xr.Dataset:
     """
     for name in _NEEDED:
         if name not in data:
-            raise UnknownName(name, map(str, data.data_vars), "state", "the rotation about the flight path needs it")
+            raise UnknownName(
+                name,
+                map(str, data.data_vars),
+                "state",
+                "the rotation about the flight path needs it",
+            )
     found = reduced_rates(data, aircraft)
     rates = wind_axis_rates(*(data[name].values for name in ("p", "q", "r", "alpha", "beta")))
     dims = data["p"].dims
     for name, rate in rates._asdict().items():
         found[name] = dims, rate, attrs(name)
     for name, (rate_name, length) in WIND_RATES.items():
-        found[name] = dims, found[rate_name].values * getattr(aircraft, length) / (2.0 * data["V"].values), attrs(name)
+        found[name] = (
+            dims,
+            found[rate_name].values * getattr(aircraft, length) / (2.0 * data["V"].values),
+            attrs(name),
+        )
     return found
 
 
@@ -133,19 +150,41 @@ def nominal_variables(state: Mapping[str, float], aircraft: Aircraft) -> dict[st
     Returns
     -------
     dict of str to float
-        `alpha`, `beta`, the surfaces, the reduced rates of `spin_variables`; ``alphadothat`` and ``betadothat`` are zero.
+        `alpha`, `beta`, the surfaces, the reduced rates of `spin_variables`; ``alphadothat`` and
+        ``betadothat`` are zero.
     """
     numbers = xr.Dataset({name: ("time", [float(value)]) for name, value in state.items()})
     found = spin_variables(numbers, aircraft)
     kept = [name for name in state if name in ("alpha", "beta") or name.startswith("delta_")]
     reduced = ("phat", "qhat", "rhat", *WIND_RATES)
-    return {**{name: float(found[name][0]) for name in (*kept, *reduced)}, "alphadothat": 0.0, "betadothat": 0.0}
+    return {
+        **{name: float(found[name][0]) for name in (*kept, *reduced)},
+        "alphadothat": 0.0,
+        "betadothat": 0.0,
+    }
 
 
 TURN = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])  # body to turned axes
-_TRIPLES = (("p", "q", "r"), ("ax_imu", "ay_imu", "az_imu"), ("ax", "ay", "az"), ("u", "v", "w"), ("p_dot", "q_dot", "r_dot"))
+_TRIPLES = (
+    ("p", "q", "r"),
+    ("ax_imu", "ay_imu", "az_imu"),
+    ("ax", "ay", "az"),
+    ("u", "v", "w"),
+    ("p_dot", "q_dot", "r_dot"),
+)
 _EULER = ("phi", "theta", "psi")
-_ANEW = ("alpha", "beta", "nz", "alpha_dot", "beta_dot", "phat", "qhat", "rhat", "alphadothat", "betadothat")
+_ANEW = (
+    "alpha",
+    "beta",
+    "nz",
+    "alpha_dot",
+    "beta_dot",
+    "phat",
+    "qhat",
+    "rhat",
+    "alphadothat",
+    "betadothat",
+)
 
 
 def reconstruct_steep(record: xr.DataTree, aircraft: Aircraft, rate: float = 50.0) -> Path:
@@ -163,8 +202,8 @@ def reconstruct_steep(record: xr.DataTree, aircraft: Aircraft, rate: float = 50.
     Returns
     -------
     Path
-        States in the body axes of the aircraft.  Constants and residuals of inertial unit and attitude are those of the turned
-        axes: ``bias.p`` is about the turned x axis.
+        States in the body axes of the aircraft.  Constants and residuals of inertial unit and
+        attitude are those of the turned axes: ``bias.p`` is about the turned x axis.
     """
     path = reconstruct(_turned_record(record), _turned_aircraft(aircraft, record.attrs), rate=rate)
     return replace(path, states=_turned_back(path.states, aircraft))
@@ -176,25 +215,36 @@ def _turned_record(record: xr.DataTree) -> xr.DataTree:
         data = node.to_dataset(inherit=False)
         for triple in (*_TRIPLES[:2],):
             if all(part in data for part in triple):
-                data = _with(data, triple, np.stack([data[part].values for part in triple], axis=1) @ TURN.T)
+                data = _with(
+                    data, triple, np.stack([data[part].values for part in triple], axis=1) @ TURN.T
+                )
         if all(part in data for part in _EULER):
             R = rotation(np.stack([data[part].values for part in _EULER], axis=1))
             data = _with(data, _EULER, _euler(R @ TURN.T))
         leaves[f"/{name}"] = data.drop_vars(["alpha_vane", "beta_vane"], errors="ignore")
     return xr.DataTree.from_dict(
-        {"/": xr.Dataset(attrs={key: item for key, item in record.attrs.items() if key != "instruments"}), **leaves}
+        {
+            "/": xr.Dataset(
+                attrs={key: item for key, item in record.attrs.items() if key != "instruments"}
+            ),
+            **leaves,
+        }
     )
 
 
 def _turned_aircraft(aircraft: Aircraft, facts: Mapping[Any, Any]) -> Aircraft:
-    """The aircraft with c.g. and instruments in turned axes; x and z change places, and so do their specifications."""
+    """The aircraft with c.g. and instruments in turned axes; x and z change places, and so do their
+    specifications.
+    """
     swapped = {"p": "r", "r": "p", "ax_imu": "az_imu", "az_imu": "ax_imu"}
     tables: dict[str, Any] = {}
     for name, item in {**aircraft.instruments, **stated_in(facts)}.items():
         table = dict(item)
         for key in ("noise", "bias_sigma", "scale_sigma"):
             if key in table:
-                table[key] = {swapped.get(channel, channel): value for channel, value in table[key].items()}
+                table[key] = {
+                    swapped.get(channel, channel): value for channel, value in table[key].items()
+                }
         if "position" in table:
             table["position"] = (TURN @ np.asarray(table["position"], float)).tolist()
         tables[name] = table
@@ -206,7 +256,9 @@ def _turned_back(states: xr.Dataset, aircraft: Aircraft) -> xr.Dataset:
     found = states.drop_vars([name for name in _ANEW if name in states])
     for triple in _TRIPLES:
         if all(part in states for part in triple):
-            found = _with(found, triple, np.stack([states[part].values for part in triple], axis=1) @ TURN)
+            found = _with(
+                found, triple, np.stack([states[part].values for part in triple], axis=1) @ TURN
+            )
     R = rotation(np.stack([states[part].values for part in _EULER], axis=1))
     found = _with(found, _EULER, _euler(R @ TURN))
     u, v, w, V = (found[name].values for name in ("u", "v", "w", "V"))
@@ -216,7 +268,12 @@ def _turned_back(states: xr.Dataset, aircraft: Aircraft) -> xr.Dataset:
 
 
 def _with(data: xr.Dataset, names: tuple[str, ...], columns: np.ndarray) -> xr.Dataset:
-    return data.assign({name: (data[names[0]].dims, column, data[name].attrs) for name, column in zip(names, columns.T, strict=True)})
+    return data.assign(
+        {
+            name: (data[names[0]].dims, column, data[name].attrs)
+            for name, column in zip(names, columns.T, strict=True)
+        }
+    )
 
 
 def _euler(R: np.ndarray) -> np.ndarray:

@@ -1,4 +1,6 @@
-"""Wind-tunnel balance data as a source of aerodynamic models: points to coefficients, tare and interference, fits for the database."""
+"""Wind-tunnel balance data as a source of aerodynamic models: points to coefficients, tare and
+interference, fits for the database.
+"""
 
 from flightmech.support.imports import attach_stub
 

@@ -49,7 +49,9 @@ COEFFICIENTS = ("CL", "CD", "CX", "CY", "CZ", "Cl", "Cm", "Cn")
 
 def _errors(item: Any) -> dict[str, float]:
     if not isinstance(item, dict):
-        raise ValueError('a table of measurands and their standard errors is needed, such as { Fz = "0.01 N" }')
+        raise ValueError(
+            'a table of measurands and their standard errors is needed, such as { Fz = "0.01 N" }'
+        )
     unknown = [str(name) for name in item if name not in UNITS]
     if unknown:
         raise ValueError(f"{', '.join(unknown)}: unknown; allowed: {', '.join(UNITS)}")
@@ -64,7 +66,9 @@ def _errors(item: Any) -> dict[str, float]:
 
 def _constants(item: Any) -> dict[str, float]:
     if not isinstance(item, dict):
-        raise ValueError('a table of quantities is needed, such as { mach = 0.03, delta_f = "0 deg" }')
+        raise ValueError(
+            'a table of quantities is needed, such as { mach = 0.03, delta_f = "0 deg" }'
+        )
     try:
         return {str(name): quantity(value, lookup(str(name)).units) for name, value in item.items()}
     except AeromatchError as error:
@@ -83,12 +87,17 @@ class Balance(Strict):
     """How the balance sits in the model."""
 
     rotation: tuple[si("rad"), si("rad"), si("rad")] = Field(  # type: ignore[valid-type]
-        default=(0.0, 0.0, 0.0), description="phi, theta, psi that turn body axes (x forward, z down) into those of the balance."
+        default=(0.0, 0.0, 0.0),
+        description="phi, theta, psi that turn body axes (x forward, z down) into those of the balance.",
     )
     offset: tuple[si("m"), si("m"), si("m")] = Field(  # type: ignore[valid-type]
-        default=(0.0, 0.0, 0.0), description="Centre of the balance from the moment reference point, in body axes."
+        default=(0.0, 0.0, 0.0),
+        description="Centre of the balance from the moment reference point, in body axes.",
     )
-    moves: bool = Field(default=True, description="Whether it turns with the model; false for a balance fixed in the tunnel.")
+    moves: bool = Field(
+        default=True,
+        description="Whether it turns with the model; false for a balance fixed in the tunnel.",
+    )
 
 
 class BalanceSetup(Strict):
@@ -96,24 +105,33 @@ class BalanceSetup(Strict):
 
     reference: Reference
     balance: Balance = Balance()
-    columns: dict[str, str] = Field(default_factory=dict, description="Measurand to column of the file, with its unit in brackets.")
+    columns: dict[str, str] = Field(
+        default_factory=dict,
+        description="Measurand to column of the file, with its unit in brackets.",
+    )
     errors: Annotated[dict[str, float], BeforeValidator(_errors)] = Field(
         default_factory=dict, description="Standard errors common to all points."
     )
     constants: Annotated[dict[str, float], BeforeValidator(_constants)] = Field(
-        default_factory=dict, description="Quantities that all points have in common, such as the Mach number that tables depend on."
+        default_factory=dict,
+        description="Quantities that all points have in common, such as the Mach number that tables depend on.",
     )
     nuisance: dict[str, tuple[str, ...]] = Field(
-        default_factory=dict, description="Terms per coefficient that are estimated and taken off: tare, or products of columns."
+        default_factory=dict,
+        description="Terms per coefficient that are estimated and taken off: tare, or products of columns.",
     )
     rho: si("kg m-3") = Field(default=1.225, gt=0.0, description="Density, where no column has it.")  # type: ignore[valid-type]
-    wind_off: si("m s-1") = Field(default=0.5, ge=0.0, description="Airspeed below which a point belongs to the tare.")  # type: ignore[valid-type]
+    wind_off: si("m s-1") = Field(  # type: ignore[valid-type]
+        default=0.5, ge=0.0, description="Airspeed below which a point belongs to the tare."
+    )
 
     @model_validator(mode="after")
     def _known(self) -> BalanceSetup:
         unknown = [name for name in self.nuisance if name not in COEFFICIENTS]
         if unknown:
-            raise ValueError(f"nuisance: {', '.join(unknown)} unknown; allowed: {', '.join(COEFFICIENTS)}")
+            raise ValueError(
+                f"nuisance: {', '.join(unknown)} unknown; allowed: {', '.join(COEFFICIENTS)}"
+            )
         return self
 
 

@@ -1,8 +1,10 @@
-"""Points of a balance to coefficients: tare off, axes, moment reference, errors; nuisance terms estimated and taken off.
+"""Points of a balance to coefficients: tare off, axes, moment reference, errors; nuisance terms
+estimated and taken off.
 
-What is common to all points - calibration of the balance, angle, airspeed, tare, interference - moves the coefficients of all points
-together.  It is kept as the change of every coefficient for one standard error of each source, as for a flight record, so that whatever is
-fitted has these errors besides the scatter of the points.
+What is common to all points - calibration of the balance, angle, airspeed, tare, interference -
+moves the coefficients of all points together.  It is kept as the change of every coefficient for
+one standard error of each source, as for a flight record, so that whatever is fitted has these
+errors besides the scatter of the points.
 """
 
 from __future__ import annotations
@@ -23,13 +25,22 @@ from flighttest.records.readers.opening import open_recording
 from flighttest.records.readers.recording import CLOCK_NAMES
 from flighttest.regression.equation_error.fit import Fit
 from flighttest.regression.equation_error.model import Model
-from flighttest.special_tests.wind_tunnel.balance import COEFFICIENTS, FORCES, LOADS, MOMENTS, STATE, UNITS, BalanceSetup
+from flighttest.special_tests.wind_tunnel.balance import (
+    COEFFICIENTS,
+    FORCES,
+    LOADS,
+    MOMENTS,
+    STATE,
+    UNITS,
+    BalanceSetup,
+)
 
 _NODES, _MOST = 25, 600  # of the surface along each angle; points drawn
 
 
 def draw_surfaces(fits: Sequence[Fit], target: str | Path) -> None:
-    """Draw each fit as a surface over ``alpha`` and ``beta`` inside the range of its points, with the points.
+    """Draw each fit as a surface over ``alpha`` and ``beta`` inside the range of its points, with
+    the points.
 
     Parameters
     ----------
@@ -45,14 +56,27 @@ def draw_surfaces(fits: Sequence[Fit], target: str | Path) -> None:
         axis = figure.add_subplot(1, len(fits), k, projection="3d")
         nodes = [np.linspace(*_range(points, angle), _NODES) for angle in ("alpha", "beta")]
         A, B = np.meshgrid(*nodes)
-        held = {variable: ("sample", np.full(A.size, float(points[variable].mean()))) for variable in fit.model.variables}
+        held = {
+            variable: ("sample", np.full(A.size, float(points[variable].mean())))
+            for variable in fit.model.variables
+        }
         grid = xr.Dataset({**held, "alpha": ("sample", A.ravel()), "beta": ("sample", B.ravel())})
         terms = list(fit.model.terms)
         surface = fit.model.design(grid) @ fit.estimates["estimate"].sel(term=terms).values
-        axis.plot_wireframe(np.degrees(A), np.degrees(B), surface.reshape(A.shape), color="#bc6c25", linewidth=0.5, label="model")
+        axis.plot_wireframe(
+            np.degrees(A),
+            np.degrees(B),
+            surface.reshape(A.shape),
+            color="#bc6c25",
+            linewidth=0.5,
+            label="model",
+        )
         thin = slice(None, None, max(1, points.sizes["sample"] // _MOST))
         z = points[name].values[thin]
-        angles = [np.degrees(points[angle].values[thin]) if angle in points else np.zeros_like(z) for angle in ("alpha", "beta")]
+        angles = [
+            np.degrees(points[angle].values[thin]) if angle in points else np.zeros_like(z)
+            for angle in ("alpha", "beta")
+        ]
         axis.scatter(*angles, z, color="black", s=2, label="points")
         axis.set_xlabel("alpha [deg]")
         axis.set_ylabel("beta [deg]")
@@ -63,7 +87,9 @@ def draw_surfaces(fits: Sequence[Fit], target: str | Path) -> None:
 
 
 def _range(points: xr.Dataset, angle: str) -> tuple[float, float]:
-    return (float(points[angle].min()), float(points[angle].max())) if angle in points else (-0.1, 0.1)
+    return (
+        (float(points[angle].min()), float(points[angle].max())) if angle in points else (-0.1, 0.1)
+    )
 
 
 _CLOCK = 1.0  # step of points that have no time [s]
@@ -71,22 +97,26 @@ _DETERMINED = 1e-6  # smallest singular value of the tare over the largest
 
 
 def balance_coefficients(path: str | Path, setup: BalanceSetup) -> xr.Dataset:
-    """Return the coefficients of the points of a balance, as `coefficients` does those of a flight record.
+    """Return the coefficients of the points of a balance, as `coefficients` does those of a flight
+    record.
 
     Parameters
     ----------
     path : str or Path
-        CSV or any other file that records are read from: one row per point, with time where it was recorded along a motion.
+        CSV or any other file that records are read from: one row per point, with time where it was
+        recorded along a motion.
     setup : BalanceSetup
-        As from `read_setup`.  A measurand without an entry in its ``columns`` is looked for under its own name.
+        As from `read_setup`.  A measurand without an entry in its ``columns`` is looked for under
+        its own name.
 
     Returns
     -------
     Dataset (time,)
-        ``alpha``, ``beta`` [rad], ``V`` [m/s], ``qbar`` [Pa], further columns of the file under their own names, ``CL CD`` (stability
-        axes), ``CX CY CZ``, ``Cl Cm Cn`` (body axes, about the moment reference point) as far as their loads are there, and
-        ``CL_error (error, time)`` etc. for the sources of the setup and of the tare, and those of the states.
-        Points without time are one second apart.
+        ``alpha``, ``beta`` [rad], ``V`` [m/s], ``qbar`` [Pa], further columns of the file under
+        their own names, ``CL CD`` (stability axes), ``CX CY CZ``, ``Cl Cm Cn`` (body axes, about
+        the moment reference point) as far as their loads are there, and ``CL_error (error, time)``
+        etc. for the sources of the setup and of the tare, and those of the states. Points without
+        time are one second apart.
 
     Raises
     ------
@@ -104,9 +134,15 @@ def balance_coefficients(path: str | Path, setup: BalanceSetup) -> xr.Dataset:
     and beta from tunnel axes.
     """
     points, loads = _points(path, setup)
-    off = points["V"] < setup.wind_off if "V" in points else points["qbar"] < 0.5 * setup.rho * setup.wind_off**2
+    off = (
+        points["V"] < setup.wind_off
+        if "V" in points
+        else points["qbar"] < 0.5 * setup.rho * setup.wind_off**2
+    )
     if off.all():
-        raise IdentificationError(f"{path}: all {len(off)} points are below {setup.wind_off:g} m/s; points with the wind on are needed")
+        raise IdentificationError(
+            f"{path}: all {len(off)} points are below {setup.wind_off:g} m/s; points with the wind on are needed"
+        )
     measured = {name: points[name] for name in loads}
     corrected, tare = _without_tare(measured, points, off)
     on = ~off
@@ -119,16 +155,21 @@ def balance_coefficients(path: str | Path, setup: BalanceSetup) -> xr.Dataset:
             shares[name] = _change({**corrected, name: corrected[name] + step}, state, setup, total)
         elif step and name in state:
             moved = _moved(state, name, step)
-            # the states are regressors: a constant error of the angle is one of the constant of a fit
+            # the states are regressors: a constant error of the angle is one of the constant of a
+            # fit
             shares[name] = _change(corrected, moved, setup, total) | {
                 other: moved[other] - state[other] for other in STATE if other in state
             }
     for (name, part), change in tare.items():
-        shares[f"tare {Path(path).stem} {name} {part}"] = _change({**corrected, name: corrected[name] + change[on]}, state, setup, total)
+        shares[f"tare {Path(path).stem} {name} {part}"] = _change(
+            {**corrected, name: corrected[name] + change[on]}, state, setup, total
+        )
     return _dataset(state, total, shares, points["time"][on], Path(path).stem)
 
 
-def without_nuisance(data: Sequence[xr.Dataset], model: Model, setup: BalanceSetup) -> list[xr.Dataset]:
+def without_nuisance(
+    data: Sequence[xr.Dataset], model: Model, setup: BalanceSetup
+) -> list[xr.Dataset]:
     """Return the points less tare and interference, estimated together with a model.
 
     Parameters
@@ -138,14 +179,14 @@ def without_nuisance(data: Sequence[xr.Dataset], model: Model, setup: BalanceSet
     model : Model
         Of the coefficient.
     setup : BalanceSetup
-        Its ``nuisance`` lists terms of the coefficient: ``tare``, a load that does not change with the wind, hence 1/(qbar S); or a
-        product of columns, such as ``strut*alpha``.
+        Its ``nuisance`` lists terms of the coefficient: ``tare``, a load that does not change with
+        the wind, hence 1/(qbar S); or a product of columns, such as ``strut*alpha``.
 
     Returns
     -------
     list of Dataset (time,)
-        The coefficient less the terms, whose standard errors are further sources: what is then fitted equals the fit with the terms in it,
-        standard errors included.
+        The coefficient less the terms, whose standard errors are further sources: what is then
+        fitted equals the fit with the terms in it, standard errors included.
 
     Raises
     ------
@@ -155,7 +196,9 @@ def without_nuisance(data: Sequence[xr.Dataset], model: Model, setup: BalanceSet
     terms, name = setup.nuisance.get(model.coefficient, ()), model.coefficient
     if not terms:
         return list(data)
-    blocks = [np.column_stack([_nuisance(one, term, setup.reference.S) for term in terms]) for one in data]
+    blocks = [
+        np.column_stack([_nuisance(one, term, setup.reference.S) for term in terms]) for one in data
+    ]
     N, X = np.concatenate(blocks), np.concatenate([model.design(one) for one in data])
     z = np.concatenate([one[name].values for one in data])
     A = np.column_stack([X, N])
@@ -171,11 +214,29 @@ def without_nuisance(data: Sequence[xr.Dataset], model: Model, setup: BalanceSet
     v = z - A @ found
     C = float(v @ v) / (len(z) - A.shape[1]) * inverse[X.shape[1] :, X.shape[1] :]
     values, root = found[X.shape[1] :], np.linalg.cholesky(C)
-    estimates = ", ".join(f"{term} {x:.4g} +- {s:.2g}" for term, x, s in zip(terms, values, np.sqrt(np.diag(C))))
+    estimates = ", ".join(
+        f"{term} {x:.4g} +- {s:.2g}" for term, x, s in zip(terms, values, np.sqrt(np.diag(C)))
+    )
     clean = []
     for one, block in zip(data, blocks):
-        changed = one.assign({name: ("time", one[name].values - block @ values, {**one[name].attrs, "nuisance": estimates})})
-        clean.append(_with_sources(changed, {f"nuisance {name} {k + 1}": {name: share} for k, share in enumerate((block @ root).T)}))
+        changed = one.assign(
+            {
+                name: (
+                    "time",
+                    one[name].values - block @ values,
+                    {**one[name].attrs, "nuisance": estimates},
+                )
+            }
+        )
+        clean.append(
+            _with_sources(
+                changed,
+                {
+                    f"nuisance {name} {k + 1}": {name: share}
+                    for k, share in enumerate((block @ root).T)
+                },
+            )
+        )
     return clean
 
 
@@ -201,7 +262,9 @@ def _points(path: str | Path, setup: BalanceSetup) -> tuple[dict[str, np.ndarray
     if problems:
         raise SchemaError(str(path), [f"{problem}; name it in [columns]" for problem in problems])
     size = len(found["alpha"])
-    clock = next((name for table in tables.values() for name in CLOCK_NAMES if name in table.columns), None)
+    clock = next(
+        (name for table in tables.values() for name in CLOCK_NAMES if name in table.columns), None
+    )
     table = next(iter(tables.values()))
     found["time"] = np.asarray(table.columns[clock], float) if clock else _CLOCK * np.arange(size)
     good = np.logical_and.reduce([np.isfinite(values) for values in found.values()])
@@ -213,12 +276,16 @@ def _points(path: str | Path, setup: BalanceSetup) -> tuple[dict[str, np.ndarray
     return found, loads
 
 
-def _column(tables: Mapping, recording, wanted: str, path, required: bool) -> tuple[np.ndarray, str] | None:
+def _column(
+    tables: Mapping, recording, wanted: str, path, required: bool
+) -> tuple[np.ndarray, str] | None:
     """Values and unit of a column; points need no clock."""
     name, _, unit = wanted.partition("[")
     table = next(iter(tables.values()))
     if len(tables) == 1 and name.strip() in table.columns:
-        return np.asarray(table.columns[name.strip()], float), unit.strip().rstrip("]").strip() or table.units.get(name.strip(), "")
+        return np.asarray(table.columns[name.strip()], float), unit.strip().rstrip(
+            "]"
+        ).strip() or table.units.get(name.strip(), "")
     place = located(recording, wanted, path, required)
     return None if place is None else place[1:]
 
@@ -226,17 +293,29 @@ def _column(tables: Mapping, recording, wanted: str, path, required: bool) -> tu
 def _without_tare(
     measured: Mapping[str, np.ndarray], points: Mapping[str, np.ndarray], off: np.ndarray
 ) -> tuple[dict[str, np.ndarray], dict[tuple[str, int], np.ndarray]]:
-    """Loads less the tare of the points with the wind off, and what one standard error of each part of the tare changes."""
+    """Loads less the tare of the points with the wind off, and what one standard error of each part
+    of the tare changes.
+    """
     if not off.any():
         return dict(measured), {}
     changes: dict[tuple[str, int], np.ndarray] = {}
     alpha = points["alpha"]
-    every = np.column_stack([np.ones(len(alpha)), np.sin(alpha) - np.sin(alpha[off]).mean(), np.cos(alpha) - np.cos(alpha[off]).mean()])
+    every = np.column_stack(
+        [
+            np.ones(len(alpha)),
+            np.sin(alpha) - np.sin(alpha[off]).mean(),
+            np.cos(alpha) - np.cos(alpha[off]).mean(),
+        ]
+    )
     use = [0]
     for k in (1, 2):  # only what the attitudes determine
         trial = every[off][:, [*use, k]]
         size = np.sqrt((trial**2).sum(axis=0))
-        if off.sum() > len(use) + 2 and (size > 0.0).all() and np.linalg.svd(trial / size, compute_uv=False)[-1] > 0.05:
+        if (
+            off.sum() > len(use) + 2
+            and (size > 0.0).all()
+            and np.linalg.svd(trial / size, compute_uv=False)[-1] > 0.05
+        ):
             use.append(k)
     A, corrected = every[:, use], {}
     inverse = np.linalg.inv(A[off].T @ A[off])
@@ -250,17 +329,27 @@ def _without_tare(
     return corrected, changes
 
 
-def _coefficients(loads: Mapping[str, np.ndarray], state: Mapping[str, np.ndarray], setup: BalanceSetup) -> dict[str, np.ndarray]:
-    """Coefficients that the loads determine; a force that was not measured leaves those that need it out."""
+def _coefficients(
+    loads: Mapping[str, np.ndarray], state: Mapping[str, np.ndarray], setup: BalanceSetup
+) -> dict[str, np.ndarray]:
+    """Coefficients that the loads determine; a force that was not measured leaves those that need
+    it out.
+    """
     size, reference = len(state["alpha"]), setup.reference
     C = rotation(*setup.balance.rotation).T  # from balance to body axes, or to tunnel axes
     known = np.array([name in loads for name in LOADS])
-    F, M = (np.stack([loads.get(name, np.zeros(size)) for name in names], axis=1) @ C.T for names in (FORCES, MOMENTS))
+    F, M = (
+        np.stack([loads.get(name, np.zeros(size)) for name in names], axis=1) @ C.T
+        for names in (FORCES, MOMENTS)
+    )
     needs_F, needs_M = (np.abs(C) > 1e-9 for _ in range(2))
     if not setup.balance.moves:
         to_body = rotation(0.0, state["alpha"], -state["beta"])
         F, M = (np.einsum("nij,nj->ni", to_body, x) for x in (F, M))
-    has_F, has_M = (~(needs & ~known[part]).any(axis=1) for needs, part in ((needs_F, slice(0, 3)), (needs_M, slice(3, 6))))
+    has_F, has_M = (
+        ~(needs & ~known[part]).any(axis=1)
+        for needs, part in ((needs_F, slice(0, 3)), (needs_M, slice(3, 6)))
+    )
     if not setup.balance.moves:
         has_F, has_M = np.full(3, has_F.all()), np.full(3, has_M.all())
     scale = 1.0 / (state["qbar"] * reference.S)
@@ -273,12 +362,20 @@ def _coefficients(loads: Mapping[str, np.ndarray], state: Mapping[str, np.ndarra
     if has_M.any() and (has_F.all() or not np.any(setup.balance.offset)):
         M = transfer_moment(M, F, np.array(setup.balance.offset), np.zeros(3))
         lengths = reference.b, reference.c, reference.b
-        found |= {name: scale * M[:, k] / lengths[k] for k, name in enumerate(("Cl", "Cm", "Cn")) if has_M[k]}
+        found |= {
+            name: scale * M[:, k] / lengths[k]
+            for k, name in enumerate(("Cl", "Cm", "Cn"))
+            if has_M[k]
+        }
     return {name: found[name] for name in COEFFICIENTS if name in found}
 
 
-def _change(loads, state, setup: BalanceSetup, total: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    return {name: values - total[name] for name, values in _coefficients(loads, state, setup).items()}
+def _change(
+    loads, state, setup: BalanceSetup, total: Mapping[str, np.ndarray]
+) -> dict[str, np.ndarray]:
+    return {
+        name: values - total[name] for name, values in _coefficients(loads, state, setup).items()
+    }
 
 
 def _moved(state: Mapping[str, np.ndarray], name: str, step: float) -> dict[str, np.ndarray]:
@@ -289,11 +386,19 @@ def _moved(state: Mapping[str, np.ndarray], name: str, step: float) -> dict[str,
     return moved
 
 
-def _dataset(state, total, shares: Mapping[str, Mapping[str, np.ndarray]], time: np.ndarray, record: str) -> xr.Dataset:
+def _dataset(
+    state, total, shares: Mapping[str, Mapping[str, np.ndarray]], time: np.ndarray, record: str
+) -> xr.Dataset:
     units = {**STATE, "time": "s"}
-    columns = {name: ("time", values, {"units": units.get(name, "1")}) for name, values in state.items() if name not in (*LOADS, "time")}
+    columns = {
+        name: ("time", values, {"units": units.get(name, "1")})
+        for name, values in state.items()
+        if name not in (*LOADS, "time")
+    }
     columns |= {name: ("time", values, {"units": "1"}) for name, values in total.items()}
-    return _with_sources(xr.Dataset(columns, {"time": ("time", time, {"units": "s"})}, {"record": record}), shares)
+    return _with_sources(
+        xr.Dataset(columns, {"time": ("time", time, {"units": "s"})}, {"record": record}), shares
+    )
 
 
 def _with_sources(data: xr.Dataset, shares: Mapping[str, Mapping[str, np.ndarray]]) -> xr.Dataset:
@@ -304,7 +409,13 @@ def _with_sources(data: xr.Dataset, shares: Mapping[str, Mapping[str, np.ndarray
     for name in (*COEFFICIENTS, *STATE):
         if name not in data:
             continue
-        rows = [*(data[f"{name}_error"].values if f"{name}_error" in data else np.zeros((len(before), size)))]
+        rows = [
+            *(
+                data[f"{name}_error"].values
+                if f"{name}_error" in data
+                else np.zeros((len(before), size))
+            )
+        ]
         rows += [np.asarray(share.get(name, np.zeros(size))) for share in shares.values()]
         if rows and (name in COEFFICIENTS or np.any(rows)):
             columns[f"{name}_error"] = (("error", "time"), np.array(rows))
@@ -319,7 +430,9 @@ def _nuisance(data: xr.Dataset, term: str, S: float) -> np.ndarray:
     column = np.ones(data.sizes["time"])
     for name in _factors(term):
         if name not in data:
-            raise SchemaError("nuisance", [f"{term}: the points have no column {name}; name it in [columns]"])
+            raise SchemaError(
+                "nuisance", [f"{term}: the points have no column {name}; name it in [columns]"]
+            )
         column = column * data[name].values
     return column
 

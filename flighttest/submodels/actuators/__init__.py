@@ -1,4 +1,6 @@
-"""Actuators from bench and flight logs: inertia, damping, stiffness, input gain, dead time and limits of servos and motors."""
+"""Actuators from bench and flight logs: inertia, damping, stiffness, input gain, dead time and
+limits of servos and motors.
+"""
 
 from flightmech.support.imports import attach_stub
 

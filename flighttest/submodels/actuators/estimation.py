@@ -1,14 +1,18 @@
-"""Equation error in frequency for an actuator: the spectra of the motion against those of command and torque.
+"""Equation error in frequency for an actuator: the spectra of the motion against those of command
+and torque.
 
-At the multiples of one over the duration T of a record, exp(-j omega T) is one, and the transforms of the derivatives are exactly
+At the multiples of one over the duration T of a record, exp(-j omega T) is one, and the transforms
+of the derivatives are exactly
 
     v~ = j omega p~ + [p(T) - p(0)],    v'~ = j omega v~ + [v(T) - v(0)]
 
-so that what a record does not begin or end at rest with is one real constant and one real multiple of j omega in every equation.  These
-two are estimated with each record: no derivative is taken in time, no record must be periodic, and a constant drops out.
+so that what a record does not begin or end at rest with is one real constant and one real multiple
+of j omega in every equation.  These two are estimated with each record: no derivative is taken in
+time, no record must be periodic, and a constant drops out.
 
-Noise of the motion is noise of regressors and would bias least squares.  The motion that the estimates themselves simulate is free of it:
-it serves as instruments [Young1980], until the estimates stay.
+Noise of the motion is noise of regressors and would bias least squares.  The motion that the
+estimates themselves simulate is free of it: it serves as instruments [Young1980], until the
+estimates stay.
 
 References
 ----------
@@ -30,9 +34,22 @@ import xarray as xr
 from flightmech.errors import AeromatchWarning, IdentificationError
 from flighttest.maximum_likelihood.residual_covariance import coloured_covariance
 from flighttest.maximum_likelihood.result import OutputError, noise_of, tabulated
-from flighttest.maximum_likelihood.search import Found, Likelihood, Unknown, inverse, lay_out, search
+from flighttest.maximum_likelihood.search import (
+    Found,
+    Likelihood,
+    Unknown,
+    inverse,
+    lay_out,
+    search,
+)
 from flighttest.records.signals.fourier import finite_fourier, harmonics
-from flighttest.regression.equation_error.frequency_domain import Stretch, residual_power, spectral_freedom, stacked, student_factor
+from flighttest.regression.equation_error.frequency_domain import (
+    Stretch,
+    residual_power,
+    spectral_freedom,
+    stacked,
+    student_factor,
+)
 from flighttest.regression.uncertainty.collinearity import demand_rank
 from flighttest.submodels.actuators.response import Structure, inputs, responses, simulate_actuator
 
@@ -40,7 +57,9 @@ _LONGEST_DELAY, _DELAYS = 0.5, 51  # [s], first look
 _FLOOR = 30.0  # of the noise of the motion's spectrum, above which there is content
 _SMOOTH = 5  # lines
 _ROUNDS, _SETTLED = 20, 0.02  # of the instruments; change in standard errors
-_WILD = 10.0  # times the recorded range of the rate, beyond which a simulated motion is no instrument
+_WILD = (
+    10.0  # times the recorded range of the rate, beyond which a simulated motion is no instrument
+)
 
 
 @dataclass(frozen=True)
@@ -71,15 +90,21 @@ def excited_band(log: xr.Dataset) -> tuple[float, float]:
     """
     x, step = _motion(log), _step(log)
     f = np.arange(1, len(x) // 2) / ((len(x) - 1) * step)
-    power = np.convolve(np.abs(finite_fourier(x - x.mean(), step, f)) ** 2, np.ones(_SMOOTH) / _SMOOTH, "same")
+    power = np.convolve(
+        np.abs(finite_fourier(x - x.mean(), step, f)) ** 2, np.ones(_SMOOTH) / _SMOOTH, "same"
+    )
     above = power > _FLOOR * np.median(power[2 * len(power) // 3 :])
     if not above[0]:
-        raise IdentificationError(f"{log.attrs.get('record', 'log')}: the motion does not stand above its noise; excite the actuator more")
+        raise IdentificationError(
+            f"{log.attrs.get('record', 'log')}: the motion does not stand above its noise; excite the actuator more"
+        )
     last = len(above) if above.all() else int(np.argmin(above))
     return float(f[0]), float(f[max(last, min(8, len(f))) - 1])
 
 
-def equation_error(logs: Sequence[xr.Dataset], structure: Structure, band: tuple[float, float] | None = None) -> Estimates:
+def equation_error(
+    logs: Sequence[xr.Dataset], structure: Structure, band: tuple[float, float] | None = None
+) -> Estimates:
     """Return coefficients and dead time by equation error in frequency; limits are not seen.
 
     Parameters
@@ -104,7 +129,9 @@ def equation_error(logs: Sequence[xr.Dataset], structure: Structure, band: tuple
     from scipy.optimize import minimize_scalar
 
     around = float(grid[max(best - 1, 0)]), float(grid[min(best + 1, _DELAYS - 1)])
-    delay = float(minimize_scalar(rows.cost, bounds=around, method="bounded", options={"xatol": 1e-6}).x)
+    delay = float(
+        minimize_scalar(rows.cost, bounds=around, method="bounded", options={"xatol": 1e-6}).x
+    )
     delay = delay if rows.cost(delay) <= cost[best] else float(grid[best])
     if best == _DELAYS - 1:
         text = f"dead time of at least {rows.longest:.3g} s, the end of the search: check the clocks of command and motion"
@@ -116,19 +143,28 @@ class _Rows:
     """Spectral equations of all records."""
 
     def __init__(
-        self, logs: Sequence[xr.Dataset], structure: Structure, band: tuple[float, float] | None, parts: Sequence[Stretch] | None = None
+        self,
+        logs: Sequence[xr.Dataset],
+        structure: Structure,
+        band: tuple[float, float] | None,
+        parts: Sequence[Stretch] | None = None,
     ):
         self.structure, self.logs, self.parts = structure, logs, list(parts or ())
         self.motion: list[dict[str, np.ndarray]] = []
         if parts:
-            self.motion = [self._spectra(log, part.step, part.frequencies, inputs(log, structure)[2]) for log, part in zip(logs, parts)]
+            self.motion = [
+                self._spectra(log, part.step, part.frequencies, inputs(log, structure)[2])
+                for log, part in zip(logs, parts)
+            ]
             return
         start = 0
         for log in logs:
             step, _, torque = inputs(log, structure)
             duration = step * (log.sizes["time"] - 1)
             f = harmonics(duration, *(band or excited_band(log)))
-            self.parts.append(Stretch(slice(0, log.sizes["time"]), step, f, slice(start, start + len(f))))
+            self.parts.append(
+                Stretch(slice(0, log.sizes["time"]), step, f, slice(start, start + len(f)))
+            )
             start += len(f)
             self.motion.append(self._spectra(log, step, f, torque))
         self.longest = min([_LONGEST_DELAY, *(0.2 * part.duration for part in self.parts)])
@@ -137,7 +173,9 @@ class _Rows:
                 f"{start} frequencies are too few for the coefficients of an actuator; widen the band or lengthen the log"
             )
 
-    def _spectra(self, log: xr.Dataset, step: float, f: np.ndarray, torque: np.ndarray) -> dict[str, np.ndarray]:
+    def _spectra(
+        self, log: xr.Dataset, step: float, f: np.ndarray, torque: np.ndarray
+    ) -> dict[str, np.ndarray]:
         turn, found = 2j * np.pi * f, {}
         names = [name for name in ("position", "rate") if name in log]
         spectra = {name: finite_fourier(log[name].values.astype(float), step, f) for name in names}
@@ -157,7 +195,8 @@ class _Rows:
             if not self.structure.held:
                 out.append(finite_fourier(np.interp(time - delay, time, u), part.step, f))
                 continue
-            # steps of a held command: j omega u~ is the sum of its jumps, less what its ends differ by
+            # steps of a held command: j omega u~ is the sum of its jumps, less what its ends differ
+            # by
             when, jumps = time[1:] - time[0] + delay, np.diff(u)
             inside = (jumps != 0.0) & (when < part.duration - part.step)
             turned = np.exp(-2j * np.pi * np.outer(f, when[inside])) @ jumps[inside]
@@ -189,29 +228,45 @@ class _Rows:
         return float(v @ v)
 
     def refined(self, first: Estimates) -> Estimates:
-        """Return the estimates with simulated motion as instruments, the first ones where that does not settle."""
+        """Return the estimates with simulated motion as instruments, the first ones where that does
+        not settle.
+        """
         found = first
         for _ in range(_ROUNDS):
             before = found
             simulated = [self._simulated(log, found.values) for log in self.logs]
             if not all(
-                np.isfinite(one["rate"].values).all() and np.ptp(one["rate"].values) < _WILD * np.ptp(_rate(log))
+                np.isfinite(one["rate"].values).all()
+                and np.ptp(one["rate"].values) < _WILD * np.ptp(_rate(log))
                 for one, log in zip(simulated, self.logs)
             ):
                 return first
-            found = self.solved(found.values.get("delay", 0.0), _Rows(simulated, self.structure, None, self.parts))
-            found.values["delay"] = float(np.clip(found.values.get("delay", 0.0), 0.0, self.longest))
-            if all(abs(found.values[name] - before.values[name]) <= _SETTLED * s for name, s in found.stderr.items()):
+            found = self.solved(
+                found.values.get("delay", 0.0), _Rows(simulated, self.structure, None, self.parts)
+            )
+            found.values["delay"] = float(
+                np.clip(found.values.get("delay", 0.0), 0.0, self.longest)
+            )
+            if all(
+                abs(found.values[name] - before.values[name]) <= _SETTLED * s
+                for name, s in found.stderr.items()
+            ):
                 return found
         return first
 
     def _simulated(self, log: xr.Dataset, values: dict[str, float]) -> xr.Dataset:
         p, v = (log["position"].values[0] if "position" in log else 0.0), _rate(log)
-        moved = simulate_actuator(log, self.structure, {"delay": 0.0, **values, "init.position": p, "init.rate": v[0]})
-        return log.assign({name: moved[name] for name in ("position", "rate") if name in log}).assign(rate=moved["rate"])
+        moved = simulate_actuator(
+            log, self.structure, {"delay": 0.0, **values, "init.position": p, "init.rate": v[0]}
+        )
+        return log.assign(
+            {name: moved[name] for name in ("position", "rate") if name in log}
+        ).assign(rate=moved["rate"])
 
     def solved(self, delay: float, instruments: _Rows | None = None) -> Estimates:
-        """Return estimates and standard errors about a dead time: least squares, or with the motion of `instruments`."""
+        """Return estimates and standard errors about a dead time: least squares, or with the motion
+        of `instruments`.
+        """
         X, z, names = self._system(delay)
         Z = instruments._system(delay)[0] if instruments else X
         size = np.sqrt((np.abs(X) ** 2).sum(axis=0))
@@ -219,7 +274,9 @@ class _Rows:
         if self.structure.delay:
             b = names.index(next(name for name in names if name.split("/")[0] == "B"))
             step = min(part.step for part in self.parts)
-            slope = (self._system(delay + step)[0][:, b] - self._system(delay - step)[0][:, b]) / (2.0 * step)
+            slope = (self._system(delay + step)[0][:, b] - self._system(delay - step)[0][:, b]) / (
+                2.0 * step
+            )
             X, Z = np.column_stack([X, slope]), np.column_stack([Z, slope])
             size = np.append(size, np.sqrt((np.abs(slope) ** 2).sum()))
         E, F, z2 = stacked(X / size), stacked(Z / size), stacked(z)
@@ -227,13 +284,21 @@ class _Rows:
         theta = D @ z2
         v = z2 - E @ theta
         rows = len(z)
-        C = (D * residual_power(v[:rows] + 1j * v[rows:], F, self.parts)) @ D.T * student_factor(spectral_freedom(rows, len(theta))) ** 2
+        C = (
+            (D * residual_power(v[:rows] + 1j * v[rows:], F, self.parts))
+            @ D.T
+            * student_factor(spectral_freedom(rows, len(theta))) ** 2
+        )
         values = {name: float(theta[k] / size[k]) for k, name in enumerate(names)}
         stderr = {name: float(np.sqrt(C[k, k]) / size[k]) for k, name in enumerate(names)}
         if self.structure.delay:
             values["delay"] = delay + float(theta[-1] / size[-1]) / values[names[b]]
             stderr["delay"] = float(np.sqrt(C[-1, -1]) / size[-1]) / abs(values[names[b]])
-        return Estimates(values | self._neutral(values), stderr, 1.0 - float(v @ v) / float((np.abs(z - z.mean()) ** 2).sum()))
+        return Estimates(
+            values | self._neutral(values),
+            stderr,
+            1.0 - float(v @ v) / float((np.abs(z - z.mean()) ** 2).sum()),
+        )
 
     def _neutral(self, values: dict[str, float]) -> dict[str, float]:
         """The neutral command, from the means in time."""
@@ -243,8 +308,15 @@ class _Rows:
             time, (_, u, torque) = log["time"].values, inputs(log, self.structure)
             p = log["position"].values if "position" in log else np.zeros(1)
             v = _rate(log)
-            load = value.get("Ka", 0.0) * p.mean() + value["Ca"] * v.mean() + value.get("Ma", 1.0) * (v[-1] - v[0]) / (time[-1] - time[0])
-            found.append(np.interp(time - values.get("delay", 0.0), time, u).mean() - (load + torque.mean()) / value["B"])
+            load = (
+                value.get("Ka", 0.0) * p.mean()
+                + value["Ca"] * v.mean()
+                + value.get("Ma", 1.0) * (v[-1] - v[0]) / (time[-1] - time[0])
+            )
+            found.append(
+                np.interp(time - values.get("delay", 0.0), time, u).mean()
+                - (load + torque.mean()) / value["B"]
+            )
         return {"neutral": float(np.mean(found))}
 
 
@@ -265,7 +337,9 @@ ITERATIONS = 60
 _LOWEST = {"Ma": 1e-12, "Ka": 0.0, "Ka/Ma": 0.0, "delay": 0.0, "rate_limit": 1e-9}
 
 
-def output_error(logs: Sequence[xr.Dataset], structure: Structure, start: Mapping[str, float]) -> OutputError:
+def output_error(
+    logs: Sequence[xr.Dataset], structure: Structure, start: Mapping[str, float]
+) -> OutputError:
     """Return the parameters of an actuator by maximum likelihood from its whole response.
 
     Parameters
@@ -288,17 +362,24 @@ def output_error(logs: Sequence[xr.Dataset], structure: Structure, start: Mappin
     covariance = covariance + _by_torque(runs, logs, structure, found, layout.columns)
     estimates = tabulated(found, layout, covariance, {"method": "output error in time, actuator"})
     scatter = noise_of(found, list(runs[0].outputs), colours, [run.measured for run in runs])
-    return OutputError(estimates, tuple(run.residual(v) for run, v in zip(runs, found.residuals)), scatter)
+    return OutputError(
+        estimates, tuple(run.residual(v) for run, v in zip(runs, found.residuals)), scatter
+    )
 
 
 def _by_torque(
-    runs: Sequence[_Run], logs: Sequence[xr.Dataset], structure: Structure, found: Found, columns: Sequence[np.ndarray]
+    runs: Sequence[_Run],
+    logs: Sequence[xr.Dataset],
+    structure: Structure,
+    found: Found,
+    columns: Sequence[np.ndarray],
 ) -> np.ndarray:
     """Return the covariance (unknown, unknown) that the noise of the torque cell adds.
 
-    The torque is an input: its noise moves the response, and all coefficients with it by nearly the same share, of which the residuals
-    show little.  One reading moves the estimates by D S' R^-1 h, with the response h to an impulse of the torque; smoothing leaves the
-    noise below its cut-off, where the estimates are formed.
+    The torque is an input: its noise moves the response, and all coefficients with it by nearly the
+    same share, of which the residuals show little.  One reading moves the estimates by D S' R^-1 h,
+    with the response h to an impulse of the torque; smoothing leaves the noise below its cut-off,
+    where the estimates are formed.
     """
     D = inverse(found.information, ~found.active)
     total = np.zeros_like(found.information)
@@ -314,8 +395,13 @@ def _by_torque(
     return D @ total @ D
 
 
-def _likelihood(logs: Sequence[xr.Dataset], structure: Structure, start: Mapping[str, float]) -> tuple[list[_Run], Likelihood]:
-    unknowns = {name: Unknown(float(start[name]), low=_LOWEST.get(name, -math.inf)) for name in structure.parameters}
+def _likelihood(
+    logs: Sequence[xr.Dataset], structure: Structure, start: Mapping[str, float]
+) -> tuple[list[_Run], Likelihood]:
+    unknowns = {
+        name: Unknown(float(start[name]), low=_LOWEST.get(name, -math.inf))
+        for name in structure.parameters
+    }
     runs = [_Run(log, structure) for log in logs]
     # wide priors: against a stop no response shows where a log begins
     if structure.stiffness:
@@ -335,9 +421,15 @@ class _Run:
     def __init__(self, log: xr.Dataset, structure: Structure):
         self.structure, self.time = structure, log["time"].values.astype(float)
         self.step, self.command, self.torque = inputs(log, structure)
-        self.outputs = tuple(name for name in ("position", "rate") if name in log and (structure.stiffness or name == "rate"))
+        self.outputs = tuple(
+            name
+            for name in ("position", "rate")
+            if name in log and (structure.stiffness or name == "rate")
+        )
         self.measured = np.column_stack([log[name].values.astype(float) for name in self.outputs])
-        seen = {name: column[np.isfinite(column)] for name, column in zip(self.outputs, self.measured.T)}
+        seen = {
+            name: column[np.isfinite(column)] for name, column in zip(self.outputs, self.measured.T)
+        }
         self.first = {f"init.{name}": float(values[0]) for name, values in seen.items()}
         self.first.setdefault("init.rate", 0.0)
         self.reach = float(np.nanmax(self.measured[:, 0]) - np.nanmin(self.measured[:, 0]))
@@ -347,7 +439,12 @@ class _Run:
         """Outputs (run, time, output)."""
         values = dict(zip(self.names, rows.T))
         with np.errstate(over="ignore", invalid="ignore"):
-            moved = dict(zip(("position", "rate"), responses(self.structure, values, self.step, self.command, self.torque)))
+            moved = dict(
+                zip(
+                    ("position", "rate"),
+                    responses(self.structure, values, self.step, self.command, self.torque),
+                )
+            )
         return np.stack([moved[name] for name in self.outputs], axis=2)
 
     def predict(self, values: np.ndarray) -> np.ndarray:
@@ -355,7 +452,9 @@ class _Run:
         return self._flown(values[None])[0]
 
     def to_torque(self, gear: float, values: np.ndarray) -> np.ndarray:
-        """Return the outputs (time, output) that a torque of one at the first sample makes of an actuator at rest, without limits."""
+        """Return the outputs (time, output) that a torque of one at the first sample makes of an
+        actuator at rest, without limits.
+        """
         names = dict(zip(self.names, values[:, None]))
         still = {**names, "init.position": np.zeros(1), "init.rate": np.zeros(1)}
         impulse = np.zeros(len(self.command))
@@ -369,9 +468,13 @@ class _Run:
         """Return their slopes (time, output, unknown) by central differences."""
         moves = np.diag(steps)
         y = self._flown(np.concatenate([values + moves, values - moves]))
-        return np.moveaxis((y[: len(values)] - y[len(values) :]) / (2.0 * steps[:, None, None]), 0, 2)
+        return np.moveaxis(
+            (y[: len(values)] - y[len(values) :]) / (2.0 * steps[:, None, None]), 0, 2
+        )
 
     def residual(self, v: np.ndarray) -> xr.Dataset:
         """Return residuals over time."""
         v = np.where(np.isfinite(self.measured), v, np.nan)
-        return xr.Dataset({name: ("time", v[:, k]) for k, name in enumerate(self.outputs)}, {"time": self.time})
+        return xr.Dataset(
+            {name: ("time", v[:, k]) for k, name in enumerate(self.outputs)}, {"time": self.time}
+        )

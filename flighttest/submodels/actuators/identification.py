@@ -1,4 +1,6 @@
-"""Identification of an actuator from its logs: equation error in frequency, output error in time, limits as far as they were reached."""
+"""Identification of an actuator from its logs: equation error in frequency, output error in time,
+limits as far as they were reached.
+"""
 
 from __future__ import annotations
 
@@ -33,16 +35,19 @@ def read_bench_log(path: str | Path, columns: Mapping[str, str] | None = None) -
     Parameters
     ----------
     path : str or Path
-        CSV, MATLAB, netCDF, HDF5, ULog, DataFlash: whatever `flighttest.read` opens, by its own column names.
+        CSV, MATLAB, netCDF, HDF5, ULog, DataFlash: whatever `flighttest.read` opens, by its own
+        column names.
     columns : mapping of str to str, optional
-        Channel among ``command``, ``position``, ``rate``, ``torque`` to the column that holds it, ``TABLE/COLUMN`` where there are several
-        tables; ``COLUMN [deg]`` gives a unit that the file does not state.  A channel without an entry is looked for under its own name.
+        Channel among ``command``, ``position``, ``rate``, ``torque`` to the column that holds it,
+        ``TABLE/COLUMN`` where there are several tables; ``COLUMN [deg]`` gives a unit that the file
+        does not state.  A channel without an entry is looked for under its own name.
 
     Returns
     -------
     Dataset (time,)
-        ``command`` as recorded, ``position`` [rad], ``rate`` [rad/s], ``torque`` [N m] as far as recorded, on the clock of the position
-        or rate; others are interpolated onto it linearly, and a clock that is not uniform is made even at its median rate.
+        ``command`` as recorded, ``position`` [rad], ``rate`` [rad/s], ``torque`` [N m] as far as
+        recorded, on the clock of the position or rate; others are interpolated onto it linearly,
+        and a clock that is not uniform is made even at its median rate.
 
     Raises
     ------
@@ -70,10 +75,17 @@ def read_bench_log(path: str | Path, columns: Mapping[str, str] | None = None) -
             found[channel], units[channel] = (time, values), si or unit
     demand_motion(found, str(path))
     clock = _even(found["position" if "position" in found else "rate"][0], str(path))
-    data = {name: ("time", _onto(clock, *pair), {"units": units[name]}) for name, pair in found.items()}
-    log = xr.Dataset(data, {"time": ("time", clock - clock[0], {"units": "s"})}, {"record": Path(path).stem})
+    data = {
+        name: ("time", _onto(clock, *pair), {"units": units[name]}) for name, pair in found.items()
+    }
+    log = xr.Dataset(
+        data, {"time": ("time", clock - clock[0], {"units": "s"})}, {"record": Path(path).stem}
+    )
     if not np.isfinite(log["command"].values).all():
-        raise SchemaError(str(path), ["the command has gaps or does not cover the log; cut the log to where it is recorded"])
+        raise SchemaError(
+            str(path),
+            ["the command has gaps or does not cover the log; cut the log to where it is recorded"],
+        )
     return log
 
 
@@ -86,7 +98,9 @@ def demand_motion(channels, what: str) -> None:
         A log that cannot identify an actuator.
     """
     if "command" not in channels:
-        raise IdentificationError(f"{what}: no recorded command; name its column (--command COLUMN)")
+        raise IdentificationError(
+            f"{what}: no recorded command; name its column (--command COLUMN)"
+        )
     if "position" not in channels and "rate" not in channels:
         raise IdentificationError(
             f"{what}: no recorded position or rate: a command alone contains no information about the actuator; record the position of "
@@ -99,7 +113,10 @@ def _even(time: np.ndarray, what: str) -> np.ndarray:
     steps = np.diff(time)
     if len(steps) < 8 or not (steps > 0.0).all():
         raise SchemaError(
-            what, [f"{len(time)} samples, smallest step {steps.min() if len(steps) else 0.0:g} s; time must rise, 9 samples at least"]
+            what,
+            [
+                f"{len(time)} samples, smallest step {steps.min() if len(steps) else 0.0:g} s; time must rise, 9 samples at least"
+            ],
         )
     step = float(np.median(steps))
     if np.ptp(steps) <= _UNEVEN * step:
@@ -116,14 +133,21 @@ def _onto(clock: np.ndarray, time: np.ndarray, values: np.ndarray) -> np.ndarray
         return np.full(len(clock), np.nan)
     time, values = time[good], values[good]
     after = np.clip(np.searchsorted(time, clock), 1, len(time) - 1)
-    hole = time[after] - time[after - 1] > _GAP * max(float(np.median(np.diff(time))), float(np.median(np.diff(clock))))
+    hole = time[after] - time[after - 1] > _GAP * max(
+        float(np.median(np.diff(time))), float(np.median(np.diff(clock)))
+    )
     return np.where(
-        hole & (clock != time[after - 1]) & (clock != time[after]), np.nan, np.interp(clock, time, values, left=np.nan, right=np.nan)
+        hole & (clock != time[after - 1]) & (clock != time[after]),
+        np.nan,
+        np.interp(clock, time, values, left=np.nan, right=np.nan),
     )
 
 
 _REACHED = 0.005  # part of the samples that a limit must hold
-_QUICKER = (1.0, 2.0)  # natural frequency of a start over that of the equation error, which takes a limit for slowness
+_QUICKER = (
+    1.0,
+    2.0,
+)  # natural frequency of a start over that of the equation error, which takes a limit for slowness
 _SMALLEST = 1e-9
 
 
@@ -135,13 +159,15 @@ def identify_actuator(
     held: bool = False,
     band: tuple[float, float] | None = None,
 ) -> IdentifiedActuator:
-    """Identify Ma v' + Ca v + Ka p + G tau = B [u(t - delay) - neutral], [Grauer2010] eq. (8), with limits.
+    """Identify Ma v' + Ca v + Ka p + G tau = B [u(t - delay) - neutral], [Grauer2010] eq. (8), with
+    limits.
 
     Parameters
     ----------
     logs : Dataset (time,) or sequence of Dataset
-        As from `read_bench_log`: ``command`` in any unit, ``position`` [rad] of a servo or ``rate`` [rad/s] of a motor, or both, and
-        ``torque`` [N m] where a cell measured it, positive where the actuator drives its load towards positive position.
+        As from `read_bench_log`: ``command`` in any unit, ``position`` [rad] of a servo or ``rate``
+        [rad/s] of a motor, or both, and ``torque`` [N m] where a cell measured it, positive where
+        the actuator drives its load towards positive position.
     gear : float
         G: torque at the actuator per measured torque. [1]
     limits : bool
@@ -149,8 +175,9 @@ def identify_actuator(
     delay : bool
         Whether the command has a dead time.
     held : bool
-        Whether the command holds from its stamp to the next, as where the loop that writes the log commands the actuator.  Otherwise a jump
-        lies anywhere between two samples, which adds the sampling interval over the root of twelve to the error of the dead time.
+        Whether the command holds from its stamp to the next, as where the loop that writes the log
+        commands the actuator.  Otherwise a jump lies anywhere between two samples, which adds the
+        sampling interval over the root of twelve to the error of the dead time.
     band : (low, high), optional
         Of the equation error; default: where the motion stands above its noise. [Hz]
 
@@ -162,7 +189,8 @@ def identify_actuator(
     Raises
     ------
     IdentificationError
-        No position and no rate, a command or motion that does not move, logs that do not agree on what they record.
+        No position and no rate, a command or motion that does not move, logs that do not agree on
+        what they record.
 
     Notes
     -----
@@ -189,7 +217,12 @@ def identify_actuator(
         found = output_error(records, structure, start)
     single = [_alone(log, structure, found) for log in records] if len(records) > 1 else []
     return IdentifiedActuator(
-        structure, first, found, tuple(one for one in single if one), tuple(records), _reached(records, structure, found)
+        structure,
+        first,
+        found,
+        tuple(one for one in single if one),
+        tuple(records),
+        _reached(records, structure, found),
     )
 
 
@@ -201,22 +234,40 @@ def _structure(records: Sequence[xr.Dataset], gear: float, delay: bool, held: bo
         demand_motion(log, name)
         for channel in ("command", "position" if "position" in log else "rate"):
             if not np.nanstd(log[channel].values) > 0.0:
-                raise IdentificationError(f"{name}: the {channel} does not move; choose a log, or a stretch of it, with an excitation")
+                raise IdentificationError(
+                    f"{name}: the {channel} does not move; choose a log, or a stretch of it, with an excitation"
+                )
     kinds = {tuple(name in log for name in ("position", "rate", "torque")) for log in records}
     if len(kinds) > 1:
-        raise IdentificationError("the logs differ in which of position, rate and torque they hold; identify those that agree")
-    torque = "torque" in records[0] and all(np.nanstd(log["torque"].values) > 0.0 for log in records)
+        raise IdentificationError(
+            "the logs differ in which of position, rate and torque they hold; identify those that agree"
+        )
+    torque = "torque" in records[0] and all(
+        np.nanstd(log["torque"].values) > 0.0 for log in records
+    )
     return Structure("position" in records[0], torque, delay, gear=gear, held=held)
 
 
 def _with_smooth_torque(log: xr.Dataset) -> xr.Dataset:
-    """Return the log with the noise of its torque removed: the torque is an input of the response, where noise biases."""
+    """Return the log with the noise of its torque removed: the torque is an input of the response,
+    where noise biases.
+    """
     time = log["time"].values
-    smooth = fourier_smooth(log["torque"].values, float((time[-1] - time[0]) / (len(time) - 1))).value
-    return log.assign(torque=("time", smooth, {**log["torque"].attrs, "noise": float(np.std(log["torque"].values - smooth))}))
+    smooth = fourier_smooth(
+        log["torque"].values, float((time[-1] - time[0]) / (len(time) - 1))
+    ).value
+    return log.assign(
+        torque=(
+            "time",
+            smooth,
+            {**log["torque"].attrs, "noise": float(np.std(log["torque"].values - smooth))},
+        )
+    )
 
 
-def _without_gaps(log: xr.Dataset, names: Sequence[str] = ("position", "rate", "torque")) -> xr.Dataset:
+def _without_gaps(
+    log: xr.Dataset, names: Sequence[str] = ("position", "rate", "torque")
+) -> xr.Dataset:
     """Return the log with missing readings interpolated, as spectra need them."""
     time = log["time"].values
     filled = {}
@@ -226,8 +277,12 @@ def _without_gaps(log: xr.Dataset, names: Sequence[str] = ("position", "rate", "
     return log.assign(filled)
 
 
-def _with_limits(records: Sequence[xr.Dataset], structure: Structure, start: Mapping[str, float]) -> tuple[OutputError, Structure]:
-    """Return the output error of the structure that BIC prefers: all limits, those that no response reaches taken off, or none."""
+def _with_limits(
+    records: Sequence[xr.Dataset], structure: Structure, start: Mapping[str, float]
+) -> tuple[OutputError, Structure]:
+    """Return the output error of the structure that BIC prefers: all limits, those that no response
+    reaches taken off, or none.
+    """
     speed = max(float(np.nanmax(np.abs(_rate(log)))) for log in records)
     lowest = min(float(np.nanquantile(log["position"].values, 0.005)) for log in records)
     highest = max(float(np.nanquantile(log["position"].values, 0.995)) for log in records)
@@ -242,7 +297,13 @@ def _with_limits(records: Sequence[xr.Dataset], structure: Structure, start: Map
     tried = [free]
     while any(getattr(model, name) for name in LIMITS):
         found = _best(records, model, [{**first, **_quicker(start, factor)} for factor in _QUICKER])
-        idle = LIMITS if found is None else [name for name, part in _reached(records, model, found).items() if part <= _REACHED]
+        idle = (
+            LIMITS
+            if found is None
+            else [
+                name for name, part in _reached(records, model, found).items() if part <= _REACHED
+            ]
+        )
         if found is not None and not idle:
             tried.append((found, model))
             break
@@ -250,8 +311,12 @@ def _with_limits(records: Sequence[xr.Dataset], structure: Structure, start: Map
     return min(tried, key=lambda one: bic(*one))
 
 
-def _best(records: Sequence[xr.Dataset], model: Structure, starts: Sequence[Mapping[str, float]]) -> OutputError | None:
-    """Return the most likely of the estimates from several starts; None where no start leads to any."""
+def _best(
+    records: Sequence[xr.Dataset], model: Structure, starts: Sequence[Mapping[str, float]]
+) -> OutputError | None:
+    """Return the most likely of the estimates from several starts; None where no start leads to
+    any.
+    """
     found = []
     for start in starts:
         try:
@@ -262,9 +327,14 @@ def _best(records: Sequence[xr.Dataset], model: Structure, starts: Sequence[Mapp
 
 
 def _quicker(values: Mapping[str, float], factor: float) -> dict[str, float]:
-    """Return parameters of the same static gain and damping ratio, and a natural frequency so many times as high."""
+    """Return parameters of the same static gain and damping ratio, and a natural frequency so many
+    times as high.
+    """
     power = {"Ca": 1, "Ka": 2, "B": 2}
-    return {name: value * factor ** power.get(name.removesuffix("/Ma"), 0) for name, value in values.items()}
+    return {
+        name: value * factor ** power.get(name.removesuffix("/Ma"), 0)
+        for name, value in values.items()
+    }
 
 
 def _rate(log: xr.Dataset) -> np.ndarray:
@@ -275,18 +345,24 @@ def _rate(log: xr.Dataset) -> np.ndarray:
     return (x[4:] - x[:-4]) / (time[4:] - time[:-4])
 
 
-def _reached(records: Sequence[xr.Dataset], structure: Structure, found: OutputError) -> dict[str, float]:
+def _reached(
+    records: Sequence[xr.Dataset], structure: Structure, found: OutputError
+) -> dict[str, float]:
     """Part of the samples that each limit of the structure holds in the simulated response."""
     held: dict[str, list[np.ndarray]] = {}
     for k, log in enumerate(records, 1):
         values = found.of_manoeuvre(k)
         moved = simulate_actuator(log, structure, values)
         if structure.rate_limit:
-            held.setdefault("rate_limit", []).append(np.abs(moved["rate"].values) > (1.0 - 1e-6) * values["rate_limit"])
+            held.setdefault("rate_limit", []).append(
+                np.abs(moved["rate"].values) > (1.0 - 1e-6) * values["rate_limit"]
+            )
         width = 1e-6 * float(np.ptp(moved["position"].values))
         for name, sign in (("stop_low", 1.0), ("stop_high", -1.0)):
             if getattr(structure, name):
-                held.setdefault(name, []).append(sign * (moved["position"].values - values[name]) < width)
+                held.setdefault(name, []).append(
+                    sign * (moved["position"].values - values[name]) < width
+                )
     return {name: float(np.concatenate(parts).mean()) for name, parts in held.items()}
 
 

@@ -1,8 +1,10 @@
-"""Response of an actuator: second order in position or first order in rate, dead time, limits of rate and position.
+"""Response of an actuator: second order in position or first order in rate, dead time, limits of
+rate and position.
 
     Ma v' + Ca v + Ka p + G tau = B [u(t - delay) - neutral],    p' = v            [Grauer2010], eq. (8)
 
-with |v| at most the rate limit and p between its stops.  Without a measured torque only the ratios to Ma determine the response.
+with |v| at most the rate limit and p between its stops.  Without a measured torque only the ratios
+to Ma determine the response.
 
 References
 ----------
@@ -40,8 +42,8 @@ class Structure:
     gear : float
         G, torque at the actuator per measured torque. [1]
     held : bool
-        Whether a logged command holds from its stamp to the next, as where the loop that writes the log commands the actuator; else a jump
-        lies somewhere between two samples.
+        Whether a logged command holds from its stamp to the next, as where the loop that writes the
+        log commands the actuator; else a jump lies somewhere between two samples.
     """
 
     stiffness: bool = True
@@ -62,12 +64,18 @@ class Structure:
     @property
     def parameters(self) -> tuple[str, ...]:
         """All parameters of the response."""
-        return (*self.coefficients, "neutral", *(name for name in ("delay", *LIMITS) if getattr(self, name)))
+        return (
+            *self.coefficients,
+            "neutral",
+            *(name for name in ("delay", *LIMITS) if getattr(self, name)),
+        )
 
     def ratios(self, values: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Return Ca/Ma, Ka/Ma, B/Ma and 1/Ma (0 without torque) from parameter values."""
         if self.absolute:
-            found = {name: values[name] / values["Ma"] for name in self.coefficients if name != "Ma"}
+            found = {
+                name: values[name] / values["Ma"] for name in self.coefficients if name != "Ma"
+            }
             inverse = 1.0 / values["Ma"]
         else:
             found = {name.removesuffix("/Ma"): values[name] for name in self.coefficients}
@@ -75,7 +83,9 @@ class Structure:
         return {"Ka": np.zeros_like(found["B"]), **found, "1": inverse}
 
 
-def simulate_actuator(log: xr.Dataset, structure: Structure, values: Mapping[str, float]) -> xr.Dataset:
+def simulate_actuator(
+    log: xr.Dataset, structure: Structure, values: Mapping[str, float]
+) -> xr.Dataset:
     """Return the response of an actuator to the command (and torque) of a log.
 
     Parameters
@@ -93,18 +103,36 @@ def simulate_actuator(log: xr.Dataset, structure: Structure, values: Mapping[str
     """
     rows = {name: np.array([value], float) for name, value in values.items()}
     p, v = responses(structure, rows, *inputs(log, structure))
-    return xr.Dataset({"position": ("time", p[0], {"units": "rad"}), "rate": ("time", v[0], {"units": "rad s-1"})}, {"time": log["time"]})
+    return xr.Dataset(
+        {
+            "position": ("time", p[0], {"units": "rad"}),
+            "rate": ("time", v[0], {"units": "rad s-1"}),
+        },
+        {"time": log["time"]},
+    )
 
 
 def inputs(log: xr.Dataset, structure: Structure) -> tuple[float, np.ndarray, np.ndarray]:
     """Return step [s], command and torque at the actuator, G tau, of a log."""
     time = log["time"].values.astype(float)
-    torque = structure.gear * log["torque"].values.astype(float) if structure.absolute else np.zeros(len(time))
-    return float((time[-1] - time[0]) / (len(time) - 1)), log["command"].values.astype(float), torque
+    torque = (
+        structure.gear * log["torque"].values.astype(float)
+        if structure.absolute
+        else np.zeros(len(time))
+    )
+    return (
+        float((time[-1] - time[0]) / (len(time) - 1)),
+        log["command"].values.astype(float),
+        torque,
+    )
 
 
 def responses(
-    structure: Structure, values: Mapping[str, np.ndarray], step: float, command: np.ndarray, torque: np.ndarray
+    structure: Structure,
+    values: Mapping[str, np.ndarray],
+    step: float,
+    command: np.ndarray,
+    torque: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return positions and rates (run, time) of several runs at once.
 
@@ -128,7 +156,10 @@ def responses(
     limited = any(getattr(structure, name) for name in LIMITS)
     parts = _parts(ratio, step) if limited else 1
     shift = values["delay"] * parts / step if structure.delay else np.zeros(runs)
-    start = np.stack([values.get("init.position", np.zeros(runs)), values.get("init.rate", np.zeros(runs))], axis=1)
+    start = np.stack(
+        [values.get("init.position", np.zeros(runs)), values.get("init.rate", np.zeros(runs))],
+        axis=1,
+    )
     free, first, last = _exact_step(ratio, np.full(runs, step / parts))
     fine = np.arange((len(torque) - 1) * parts + 1) / parts
     load = -ratio["1"][:, None] * np.interp(fine, np.arange(len(torque)), torque)
@@ -138,15 +169,24 @@ def responses(
         after = late[0] + late[1]  # of the value that is switched to
         pull = first[:, :, None] * load[:, None, :-1] + last[:, :, None] * load[:, None, 1:]
         push = [ratio["B"][:, None] * (u - values["neutral"][:, None]) for u in (earlier, later)]
-        forced = pull + (first + last - after)[:, :, None] * push[0][:, None] + after[:, :, None] * push[1][:, None]
+        forced = (
+            pull
+            + (first + last - after)[:, :, None] * push[0][:, None]
+            + after[:, :, None] * push[1][:, None]
+        )
     else:
-        drive = load + ratio["B"][:, None] * (_delayed(command, shift / parts, fine) - values["neutral"][:, None])
+        drive = load + ratio["B"][:, None] * (
+            _delayed(command, shift / parts, fine) - values["neutral"][:, None]
+        )
         forced = first[:, :, None] * drive[:, None, :-1] + last[:, :, None] * drive[:, None, 1:]
     if not limited:
         x = _linear(free, forced, start)
     else:
         far = np.full(runs, np.inf)
-        rate, low, high = (values[name] if getattr(structure, name) else none for name, none in zip(LIMITS, (far, -far, far)))
+        rate, low, high = (
+            values[name] if getattr(structure, name) else none
+            for name, none in zip(LIMITS, (far, -far, far))
+        )
         x = _clipped(step / parts, free, forced, start, rate, low, high)
     return x[:, 0, ::parts], x[:, 1, ::parts]
 
@@ -157,18 +197,26 @@ def _parts(ratio: Mapping[str, np.ndarray], step: float) -> int:
 
 
 def _delayed(command: np.ndarray, shift: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Return the command later by `shift` samples (run,), linear between samples; before its first sample it is that sample."""
+    """Return the command later by `shift` samples (run,), linear between samples; before its first
+    sample it is that sample.
+    """
     return np.stack([np.interp(at - own, np.arange(len(command)), command) for own in shift])
 
 
 def _switched(command: np.ndarray, shift: np.ndarray, parts: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the held command in each part of a step (run, part) before and after the fraction of it at which the delayed one switches."""
+    """Return the held command in each part of a step (run, part) before and after the fraction of
+    it at which the delayed one switches.
+    """
     at = np.arange((len(command) - 1) * parts) - np.floor(shift).astype(int)[:, None]
     return tuple(command[np.clip((at - late) // parts, 0, len(command) - 1)] for late in (1, 0))
 
 
-def _exact_step(ratio: Mapping[str, np.ndarray], step: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return x(h) = free x(0) + first f(0) + last f(h) of x = (p, v) under a linear drive f, per run."""
+def _exact_step(
+    ratio: Mapping[str, np.ndarray], step: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return x(h) = free x(0) + first f(0) + last f(h) of x = (p, v) under a linear drive f, per
+    run.
+    """
     from scipy.linalg import expm
 
     runs = len(ratio["B"])
@@ -181,7 +229,9 @@ def _exact_step(ratio: Mapping[str, np.ndarray], step: np.ndarray) -> tuple[np.n
 
 
 def _linear(free: np.ndarray, drive: np.ndarray, start: np.ndarray) -> np.ndarray:
-    """Return states (run, 2, time) of x_k+1 = free x_k + drive_k, by the recursion of second order that each state obeys."""
+    """Return states (run, 2, time) of x_k+1 = free x_k + drive_k, by the recursion of second order
+    that each state obeys.
+    """
     from scipy.signal import lfilter
 
     out = np.empty((len(free), 2, drive.shape[2] + 1))
@@ -201,7 +251,13 @@ def _linear(free: np.ndarray, drive: np.ndarray, start: np.ndarray) -> np.ndarra
 
 
 def _clipped(
-    step: float, free: np.ndarray, forced: np.ndarray, start: np.ndarray, rate: np.ndarray, low: np.ndarray, high: np.ndarray
+    step: float,
+    free: np.ndarray,
+    forced: np.ndarray,
+    start: np.ndarray,
+    rate: np.ndarray,
+    low: np.ndarray,
+    high: np.ndarray,
 ) -> np.ndarray:
     """Return states (run, 2, time) with limits of rate and position."""
     least, most = np.minimum, np.maximum

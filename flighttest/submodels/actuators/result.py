@@ -1,4 +1,6 @@
-"""What was found of an actuator: estimates of both methods, their average, what is absolute, and what a record can use of it."""
+"""What was found of an actuator: estimates of both methods, their average, what is absolute, and
+what a record can use of it.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,8 @@ from flighttest.submodels.actuators.estimation import Estimates, excited_band
 from flighttest.submodels.actuators.response import Structure, simulate_actuator
 
 _STEP = 1e-4  # of a difference, in standard errors of the parameter
-_FAST = 0.1  # error of amplitude or phase [1, rad] up to which the first-order lag stands for the actuator
+# error of amplitude or phase [1, rad] up to which the first-order lag stands for the actuator
+_FAST = 0.1
 
 
 @dataclass(frozen=True)
@@ -73,18 +76,26 @@ class IdentifiedActuator:
 
     @property
     def absolute(self) -> bool:
-        """Whether the coefficients are absolute; without a measured torque only their ratios to Ma are determined."""
+        """Whether the coefficients are absolute; without a measured torque only their ratios to Ma
+        are determined.
+        """
         return self.structure.absolute
 
     @property
     def parameters(self) -> dict[str, float]:
-        """Estimates of the output error by the names of the structure, as `simulate_actuator` takes them."""
+        """Estimates of the output error by the names of the structure, as `simulate_actuator` takes
+        them.
+        """
         e = self.response.estimates
-        return {name: float(e["estimate"].sel(parameter=name)) for name in self.structure.parameters}
+        return {
+            name: float(e["estimate"].sel(parameter=name)) for name in self.structure.parameters
+        }
 
     @property
     def stderr(self) -> dict[str, float]:
-        """Their standard errors; NaN at a bound.  That of the dead time contains where between samples the command jumps, see `held`."""
+        """Their standard errors; NaN at a bound.  That of the dead time contains where between
+        samples the command jumps, see `held`.
+        """
         e = self.response.estimates
         found = {name: float(e["stderr"].sel(parameter=name)) for name in self.structure.parameters}
         if "delay" in found and not self.structure.held:
@@ -98,7 +109,9 @@ class IdentifiedActuator:
         found = []
         for name in self.response.residuals[0].data_vars:
             rest = np.concatenate([one[name].values for one in self.response.residuals])
-            z = np.concatenate([log[name].values - np.nanmean(log[name].values) for log in self.logs])
+            z = np.concatenate(
+                [log[name].values - np.nanmean(log[name].values) for log in self.logs]
+            )
             found.append(1.0 - float(np.nansum(rest**2) / np.nansum(z**2)))
         return min(found)
 
@@ -108,12 +121,17 @@ class IdentifiedActuator:
         Returns
         -------
         DataFrame
-            Index parameter; ``frequency``, ``frequency_stderr``, ``time``, ``time_stderr``, ``average``, ``average_stderr`` (weights 1/s),
-            ``disagreement`` in combined standard errors and ``contradictory`` above three of them.  NaN where a method has no estimate.
+            Index parameter; ``frequency``, ``frequency_stderr``, ``time``, ``time_stderr``,
+            ``average``, ``average_stderr`` (weights 1/s), ``disagreement`` in combined standard
+            errors and ``contradictory`` above three of them.  NaN where a method has no estimate.
         """
         rows = {}
         for name, value in self.parameters.items():
-            s, other, s_other = self.stderr[name], self.spectral.values.get(name, math.nan), self.spectral.stderr.get(name, math.nan)
+            s, other, s_other = (
+                self.stderr[name],
+                self.spectral.values.get(name, math.nan),
+                self.spectral.stderr.get(name, math.nan),
+            )
             joined = _average([other, value], [s_other, s])
             rows[name] = {
                 "frequency": other if math.isfinite(s_other) else math.nan, "frequency_stderr": s_other, "time": value, "time_stderr": s,
@@ -129,7 +147,8 @@ class IdentifiedActuator:
         Returns
         -------
         DataFrame
-            Index parameter; ``average``, ``stderr``, ``disagreement``, ``contradictory``, ``count``.  Empty for a single log.
+            Index parameter; ``average``, ``stderr``, ``disagreement``, ``contradictory``,
+            ``count``.  Empty for a single log.
         """
         rows = {}
         for name in self.structure.parameters:
@@ -156,12 +175,18 @@ class IdentifiedActuator:
             The coefficients are absolute already, or an inertia that is not positive.
         """
         if self.absolute or not Ma > 0.0:
-            words = "the coefficients are absolute already" if self.absolute else f"inertia {Ma:g} kg m2; it must be positive"
+            words = (
+                "the coefficients are absolute already"
+                if self.absolute
+                else f"inertia {Ma:g} kg m2; it must be positive"
+            )
             raise IdentificationError(words)
         values, errors = self.parameters, self.stderr
         found = {"Ma": Value(Ma, stderr)}
         for name in self.structure.coefficients:
-            found[name.removesuffix("/Ma")] = Value(Ma * values[name], math.hypot(Ma * errors[name], stderr * values[name]))
+            found[name.removesuffix("/Ma")] = Value(
+                Ma * values[name], math.hypot(Ma * errors[name], stderr * values[name])
+            )
         return found
 
     def derived(self) -> dict[str, Value]:
@@ -170,9 +195,10 @@ class IdentifiedActuator:
         Returns
         -------
         dict of str to Value
-            Servo: ``natural_frequency`` [rad/s], ``damping_ratio``, ``gain`` [rad per unit of the command], ``offset``, the position at
-            command zero [rad], ``lag``, the first-order lag of the same phase at low frequency, Ca/Ka [s].  Motor: ``gain`` [rad/s per
-            unit of the command], ``offset`` [rad/s], ``lag``, Ma/Ca [s].
+            Servo: ``natural_frequency`` [rad/s], ``damping_ratio``, ``gain`` [rad per unit of the
+            command], ``offset``, the position at command zero [rad], ``lag``, the first-order lag
+            of the same phase at low frequency, Ca/Ka [s].  Motor: ``gain`` [rad/s per unit of the
+            command], ``offset`` [rad/s], ``lag``, Ma/Ca [s].
         """
         ratio = self._ratio
         if self.structure.stiffness:
@@ -202,13 +228,21 @@ class IdentifiedActuator:
         for k, name in enumerate(names):
             step = _STEP * errors[name]
             if np.isfinite(step) and step > 0.0:
-                slope[k] = (function({**at, name: at[name] + step}) - function({**at, name: at[name] - step})) / (2.0 * step)
+                slope[k] = (
+                    function({**at, name: at[name] + step})
+                    - function({**at, name: at[name] - step})
+                ) / (2.0 * step)
         C = self.response.estimates["covariance"].sel(parameter=names, parameter_=names).values
-        return Value(function(at), math.sqrt(max(0.0, float(slope @ np.where(np.isfinite(C), C, 0.0) @ slope))))
+        return Value(
+            function(at),
+            math.sqrt(max(0.0, float(slope @ np.where(np.isfinite(C), C, 0.0) @ slope))),
+        )
 
     @property
     def valid_to(self) -> float:
-        """Frequency up to which gain, lag and dead time stand for the servo within 10 % of amplitude and 0.1 rad of phase. [Hz]"""
+        """Frequency up to which gain, lag and dead time stand for the servo within 10 % of
+        amplitude and 0.1 rad of phase. [Hz]
+        """
         if not self.structure.stiffness:
             return math.inf
         values = {name: one.value for name, one in self.derived().items()}
@@ -223,7 +257,8 @@ class IdentifiedActuator:
         return _remarks(self)
 
     def channel(self, name: str = "delta_e", column: str = "command") -> str:
-        """Return the entry of a name map that makes the surface position of a recorded command: gain, neutral, lag, dead time, limits.
+        """Return the entry of a name map that makes the surface position of a recorded command:
+        gain, neutral, lag, dead time, limits.
 
         Parameters
         ----------
@@ -238,9 +273,15 @@ class IdentifiedActuator:
             A motor: its command makes a rate and no position.
         """
         if not self.structure.stiffness:
-            raise IdentificationError("a motor's command makes a rate; only a servo gives an entry of a name map")
+            raise IdentificationError(
+                "a motor's command makes a rate; only a servo gives an entry of a name map"
+            )
         found, delay = self.derived(), self.parameters.get("delay", 0.0)
-        parts = [f'column = "{column}"', f'scale = "{found["gain"].value:.6g} rad"', f'offset = "{found["offset"].value:.6g} rad"']
+        parts = [
+            f'column = "{column}"',
+            f'scale = "{found["gain"].value:.6g} rad"',
+            f'offset = "{found["offset"].value:.6g} rad"',
+        ]
         parts.append(f'lag = "{-found["lag"].value:.4g} s"')
         if delay:
             parts.append(f'delay = "{-delay:.4g} s"')
@@ -258,7 +299,10 @@ class IdentifiedActuator:
         """Return everything for JSON."""
         return {
             "absolute": self.absolute,
-            "parameters": {name: {"value": value, "stderr": self.stderr[name]} for name, value in self.parameters.items()},
+            "parameters": {
+                name: {"value": value, "stderr": self.stderr[name]}
+                for name, value in self.parameters.items()
+            },
             "methods": self.table().to_dict("index"),
             "logs": self.over_logs().to_dict("index"),
             "derived": {name: vars(one) for name, one in self.derived().items()},
@@ -274,7 +318,9 @@ class IdentifiedActuator:
 
 
 def _average(values: Sequence[float], stderr: Sequence[float]) -> Pooled | None:
-    having = [(x, s) for x, s in zip(values, stderr) if math.isfinite(x) and math.isfinite(s) and s > 0.0]
+    having = [
+        (x, s) for x, s in zip(values, stderr) if math.isfinite(x) and math.isfinite(s) and s > 0.0
+    ]
     return pool([x for x, _ in having], [s for _, s in having], "inverse_sigma") if having else None
 
 
@@ -289,25 +335,49 @@ def _remarks(found: IdentifiedActuator) -> list[Remark]:
                 f"{name}: frequency and time domain differ by {row['disagreement']:.1f} combined standard errors; their average hides a "
                 "contradiction. A limit, friction, or noise of the motion biases the equation error"
             )
-            out.append(Remark("scatter", words, str(name), float(row["disagreement"]), DISAGREEMENT))
+            out.append(
+                Remark("scatter", words, str(name), float(row["disagreement"]), DISAGREEMENT)
+            )
     for name, row in found.over_logs().iterrows():
         if row["contradictory"]:
-            words = (
-                f"{name}: two logs differ by {row['disagreement']:.1f} combined standard errors; load, supply voltage or amplitude changed"
+            words = f"{name}: two logs differ by {row['disagreement']:.1f} combined standard errors; load, supply voltage or amplitude changed"
+            out.append(
+                Remark("scatter", words, str(name), float(row["disagreement"]), DISAGREEMENT)
             )
-            out.append(Remark("scatter", words, str(name), float(row["disagreement"]), DISAGREEMENT))
     if found.structure.stiffness:
         if "rate_limit" not in found.reached:
-            fastest = max(float(np.nanmax(np.abs(log["rate"].values))) if "rate" in log else _fastest(log) for log in found.logs)
-            out.append(Remark("limit", f"no rate limit was reached; the logs reach {fastest:.3g} rad/s", "rate_limit", severity="note"))
+            fastest = max(
+                float(np.nanmax(np.abs(log["rate"].values))) if "rate" in log else _fastest(log)
+                for log in found.logs
+            )
+            out.append(
+                Remark(
+                    "limit",
+                    f"no rate limit was reached; the logs reach {fastest:.3g} rad/s",
+                    "rate_limit",
+                    severity="note",
+                )
+            )
         if not {"stop_low", "stop_high"} & set(found.reached):
             low, high = (
                 reach(float(extreme(log["position"].values)) for log in found.logs)
                 for reach, extreme in ((min, np.nanmin), (max, np.nanmax))
             )
-            out.append(Remark("limit", f"no stop was reached; the logs reach {low:.3g} to {high:.3g} rad", "stops", severity="note"))
-    # the ratios share their size: their correlation is in every derived quantity and requires nothing of the reader
-    return out + [remark for remark in found.response.remarks if remark.kind != "collinear" and not remark.term.startswith("init.")]
+            out.append(
+                Remark(
+                    "limit",
+                    f"no stop was reached; the logs reach {low:.3g} to {high:.3g} rad",
+                    "stops",
+                    severity="note",
+                )
+            )
+    # the ratios share their size: their correlation is in every derived quantity and requires
+    # nothing of the reader
+    return out + [
+        remark
+        for remark in found.response.remarks
+        if remark.kind != "collinear" and not remark.term.startswith("init.")
+    ]
 
 
 def _fastest(log: xr.Dataset) -> float:
@@ -328,24 +398,52 @@ def _report(found: IdentifiedActuator) -> str:
         f"{'average 1/s':>13s}{'std. error':>11s}{'apart':>8s}",
     ]
     for name, row in found.table().iterrows():
-        cells = [row[key] for key in ("frequency", "frequency_stderr", "time", "time_stderr", "average", "average_stderr")]
+        cells = [
+            row[key]
+            for key in (
+                "frequency",
+                "frequency_stderr",
+                "time",
+                "time_stderr",
+                "average",
+                "average_stderr",
+            )
+        ]
         widths = (13, 11) * 3
-        shown = "".join(f"{x:{w}.{5 if w == 13 else 3}g}" if math.isfinite(x) else f"{'-':>{w}s}" for x, w in zip(cells, widths))
+        shown = "".join(
+            f"{x:{w}.{5 if w == 13 else 3}g}" if math.isfinite(x) else f"{'-':>{w}s}"
+            for x, w in zip(cells, widths)
+        )
         apart = row["disagreement"]
-        text.append(f"{name:14s}{shown}{f'{apart:8.1f}' if math.isfinite(apart) else '       -'}{' !' if row['contradictory'] else ''}")
+        text.append(
+            f"{name:14s}{shown}{f'{apart:8.1f}' if math.isfinite(apart) else '       -'}{' !' if row['contradictory'] else ''}"
+        )
     text += ["", "used: the output error in time"]
-    units = {"natural_frequency": "rad/s", "damping_ratio": "", "lag": "s", "gain": "rad per unit of command", "offset": "rad"}
+    units = {
+        "natural_frequency": "rad/s",
+        "damping_ratio": "",
+        "lag": "s",
+        "gain": "rad per unit of command",
+        "offset": "rad",
+    }
     if kind == "motor":
         units |= {"gain": "rad/s per unit of command", "offset": "rad/s"}
-    text += [f"  {name.replace('_', ' '):18s} {value} {units[name]}".rstrip() for name, value in found.derived().items()]
+    text += [
+        f"  {name.replace('_', ' '):18s} {value} {units[name]}".rstrip()
+        for name, value in found.derived().items()
+    ]
     if "delay" in found.parameters:
-        text.append(f"  {'dead time':18s} {Value(found.parameters['delay'], found.stderr['delay'])} s")
+        text.append(
+            f"  {'dead time':18s} {Value(found.parameters['delay'], found.stderr['delay'])} s"
+        )
     for name, part in found.reached.items():
         text.append(
             f"  {name.replace('_', ' '):18s} {Value(found.parameters[name], found.stderr[name])}, held in {100.0 * part:.1f} % of samples"
         )
     if kind == "servo":
-        text.append(f"  the first-order lag holds to {found.valid_to:.2g} Hz (10 % of amplitude, 0.1 rad of phase)")
+        text.append(
+            f"  the first-order lag holds to {found.valid_to:.2g} Hz (10 % of amplitude, 0.1 rad of phase)"
+        )
     return "\n".join([*text, "", *lines(found.remarks)]).rstrip()
 
 
@@ -354,7 +452,8 @@ _BEYOND = 1.5  # times the upper edge of the excited band
 
 
 def draw_actuator(found: IdentifiedActuator, target: str | Path) -> None:
-    """Draw each log: motion, simulated response and residual in time on the left, their spectra on the right.
+    """Draw each log: motion, simulated response and residual in time on the left, their spectra on
+    the right.
 
     Parameters
     ----------
@@ -376,7 +475,10 @@ def draw_actuator(found: IdentifiedActuator, target: str | Path) -> None:
     axes = figure.subplots(len(found.logs), 2, squeeze=False, width_ratios=(2, 1))
     for k, (log, (over_time, spectrum)) in enumerate(zip(found.logs, axes), 1):
         time, z = log["time"].values, factor * log[name].values
-        y = factor * simulate_actuator(log, found.structure, found.response.of_manoeuvre(k))[name].values
+        y = (
+            factor
+            * simulate_actuator(log, found.structure, found.response.of_manoeuvre(k))[name].values
+        )
         over_time.plot(time, z, color=_RECORDED, linewidth=0.8, label="recorded")
         over_time.plot(time, y, color=_MODEL, linewidth=1.0, linestyle="--", label="simulated")
         over_time.plot(time, z - y, color=_REST, linewidth=0.6, label="residual")
@@ -386,8 +488,18 @@ def draw_actuator(found: IdentifiedActuator, target: str | Path) -> None:
         filled, step = np.interp(time, time[good], z[good]), float(np.diff(time).mean())
         f = np.arange(1, len(time) // 2) / (step * (len(time) - 1))
         f = f[f <= _BEYOND * excited_band(log.assign({name: ("time", filled)}))[1]]
-        for values, colour, style in ((filled, _RECORDED, "-"), (y, _MODEL, "--"), (filled - y, _REST, "-")):
-            spectrum.semilogy(f, np.abs(finite_fourier(detrended(values), step, f)), color=colour, linewidth=0.8, linestyle=style)
+        for values, colour, style in (
+            (filled, _RECORDED, "-"),
+            (y, _MODEL, "--"),
+            (filled - y, _REST, "-"),
+        ):
+            spectrum.semilogy(
+                f,
+                np.abs(finite_fourier(detrended(values), step, f)),
+                color=colour,
+                linewidth=0.8,
+                linestyle=style,
+            )
         spectrum.set_ylabel(f"|transform| [{unit} s]")
         for axis in (over_time, spectrum):
             axis.grid(linewidth=0.3)

@@ -1,15 +1,18 @@
-"""Eigenmotions read from recorded responses: period, damping and time constants by fit, with standard errors.
+"""Eigenmotions read from recorded responses: period, damping and time constants by fit, with
+standard errors.
 
 A channel of a linear system in one of its modes, lambda = -sigma + j omega, is
 
     y = b + c t + Re[(A + sum_i B_i int exp(-lambda s) u_i ds) exp(lambda t)]
 
-with the inputs u_i linear between samples.  For given lambda it is linear in all the rest, which is eliminated [Golub]; what is solved for
-are the one or two numbers of lambda, common to all channels.  Without inputs it is the free response; a mode that is only seen
-while a control moves (roll, short period) is fitted with that control as input.
+with the inputs u_i linear between samples.  For given lambda it is linear in all the rest, which is
+eliminated [Golub]; what is solved for are the one or two numbers of lambda, common to all channels.
+Without inputs it is the free response; a mode that is only seen while a control moves (roll, short
+period) is fitted with that control as input.
 
-Valid where one mode carries the channel: faster and slower ones must have died out or be small, and the model must not leave the
-range in which it is linear.  The standard errors are those of residuals correlated in time and hold what else moves the channel.
+Valid where one mode carries the channel: faster and slower ones must have died out or be small, and
+the model must not leave the range in which it is linear.  The standard errors are those of
+residuals correlated in time and hold what else moves the channel.
 
 References
 ----------
@@ -31,14 +34,22 @@ from flightmech.errors import IdentificationError, SchemaError, UnknownName
 from flighttest.regression.uncertainty.coloured_residuals import coloured
 from flighttest.regression.uncertainty.significance import degrees
 from flighttest.remarks import Remark, barred, lines
-from flighttest.submodels.aircraft_properties.moved_windows import SHIFT, MovedWindow, fits_in_moved_windows
+from flighttest.submodels.aircraft_properties.moved_windows import (
+    SHIFT,
+    MovedWindow,
+    fits_in_moved_windows,
+)
 
 KINDS = ("oscillation", "aperiodic")
 LEAST_CYCLES = 0.5
 LEAST_SHARE = 0.5  # of the variance about a straight line that the mode must explain
 PURE = 0.85  # and below which it is not alone: the rest is as large as two fifths of the motion
-EXCITED = 1e-3  # probability of F above which a motion is no better than noise; the frequency was searched for, so one in a thousand
-GROWING = -0.1  # damping ratio of a free oscillation below which it doubles within about a cycle: no aeroplane is flown so
+# probability of F above which a motion is no better than noise; the frequency was searched for, so
+# one in a thousand
+EXCITED = 1e-3
+# damping ratio of a free oscillation below which it doubles within about a cycle: no aeroplane is
+# flown so
+GROWING = -0.1
 KNOWN = 0.2  # relative standard error of the frequency up to which a motion is known
 MOVES = 1e-4  # range below which an input or a channel does not move [SI: 0.006 deg, 0.1 mm/s]
 _COARSE = 300  # samples kept for the search of a start
@@ -66,10 +77,12 @@ class Motion:
     time, fitted, measured : array (time,), dict of array (time,)
         For a figure. [s], [SI]
     F, F_terms, F_dof, F_probability : float, int, float, float
-        Wald's statistic of the amplitudes of the motion, per amplitude, with residuals as they are coloured; next to an oscillation
-        a cubic drift is allowed, so that a slow curve is not taken for one.  Its degrees of freedom, and the probability of more by chance.
+        Wald's statistic of the amplitudes of the motion, per amplitude, with residuals as they are
+        coloured; next to an oscillation a cubic drift is allowed, so that a slow curve is not taken
+        for one.  Its degrees of freedom, and the probability of more by chance.
     moved : tuple of MovedWindow
-        The fit of an oscillation in shorter windows; an error among the remarks where they do not agree with it.
+        The fit of an oscillation in shorter windows; an error among the remarks where they do not
+        agree with it.
     """
 
     kind: str
@@ -97,8 +110,9 @@ class Motion:
     def values(self) -> dict[str, tuple[float, float, str]]:
         """Figures by name: value, standard error, SI unit.
 
-        ``period``, ``damping_ratio``, ``omega_n`` and ``t_half`` of an oscillation, ``time_constant`` and ``t_half`` of an aperiodic
-        motion; times are negative when it grows: ``t_half`` is then the time to double.
+        ``period``, ``damping_ratio``, ``omega_n`` and ``t_half`` of an oscillation,
+        ``time_constant`` and ``t_half`` of an aperiodic motion; times are negative when it grows:
+        ``t_half`` is then the time to double.
         """
         s, w = self.sigma, self.omega
         n = math.hypot(s, w)
@@ -112,25 +126,45 @@ class Motion:
                 ("omega_n", n, (s / n, w / n), "rad s-1"),
                 halving,
             ]
-        return {name: (value, math.sqrt(max(np.asarray(slope) @ self.covariance @ slope, 0.0)), unit) for name, value, slope, unit in rows}
+        return {
+            name: (value, math.sqrt(max(np.asarray(slope) @ self.covariance @ slope, 0.0)), unit)
+            for name, value, slope, unit in rows
+        }
 
     def report(self) -> str:
         """Return the figures as text."""
         head = f"{self.kind} in {' '.join(self.channels)}, {self.time[0]:g} ... {self.time[-1]:g} s, {self.share:.1%} explained"
-        rows = [f"  {name:14s}{value:12.5g}{stderr:12.2g} {unit}" for name, (value, stderr, unit) in self.values.items()]
+        rows = [
+            f"  {name:14s}{value:12.5g}{stderr:12.2g} {unit}"
+            for name, (value, stderr, unit) in self.values.items()
+        ]
         test = f"amplitudes: F({self.F_terms}, {self.F_dof:.0f}) {self.F:.4g}, probability {self.F_probability:.2g}"
-        return "\n".join([head, test, f"  {'':14s}{'estimate':>12s}{'std. error':>12s}", *rows, *lines(self.remarks)])
+        return "\n".join(
+            [
+                head,
+                test,
+                f"  {'':14s}{'estimate':>12s}{'std. error':>12s}",
+                *rows,
+                *lines(self.remarks),
+            ]
+        )
 
 
 def fit_motion(
-    data: xr.Dataset, channels: Sequence[str], kind: str = "oscillation", inputs: Sequence[str] = (), trend: bool = True
+    data: xr.Dataset,
+    channels: Sequence[str],
+    kind: str = "oscillation",
+    inputs: Sequence[str] = (),
+    trend: bool = True,
 ) -> Motion:
-    """Fit one mode to recorded channels; an oscillation also in shorter windows, which must give the same.
+    """Fit one mode to recorded channels; an oscillation also in shorter windows, which must give
+    the same.
 
     Parameters
     ----------
     data : Dataset (time,)
-        A manoeuvre on a uniform clock, cut to where the mode is alone: after the input has ended, or with the input that drives it. [SI]
+        A manoeuvre on a uniform clock, cut to where the mode is alone: after the input has ended,
+        or with the input that drives it. [SI]
     channels : sequence of str
         Channels that share the mode; each is weighted by its residual.
     kind : {"oscillation", "aperiodic"}
@@ -138,7 +172,8 @@ def fit_motion(
     inputs : sequence of str
         Controls that move in the window.
     trend : bool
-        Let each channel drift along a straight line; without it each has a constant only, as a slow aperiodic motion needs.
+        Let each channel drift along a straight line; without it each has a constant only, as a slow
+        aperiodic motion needs.
 
     Returns
     -------
@@ -151,7 +186,8 @@ def fit_motion(
     SchemaError
         The clock is not uniform, a sample is missing, or the kind is not known.
     IdentificationError
-        An input does not move, or no such motion stands out of the residual: the message states which.
+        An input does not move, or no such motion stands out of the residual: the message states
+        which.
 
     Examples
     --------
@@ -164,11 +200,18 @@ def fit_motion(
     if kind == "aperiodic" or barred(motion.remarks):
         return motion
     period = motion.values["period"][0]
-    moved = fits_in_moved_windows(data, period, inputs, lambda part: _fitted_motion(part, channels, kind, inputs, trend).values)
+    moved = fits_in_moved_windows(
+        data,
+        period,
+        inputs,
+        lambda part: _fitted_motion(part, channels, kind, inputs, trend).values,
+    )
     return replace(motion, moved=moved)
 
 
-def _fitted_motion(data: xr.Dataset, channels: Sequence[str], kind: str, inputs: Sequence[str], trend: bool) -> Motion:
+def _fitted_motion(
+    data: xr.Dataset, channels: Sequence[str], kind: str, inputs: Sequence[str], trend: bool
+) -> Motion:
     """Fit one mode to the window as it is."""
     y, u, time = _samples(data, channels, kind, inputs)
     model = _Response(time - time[0], y, u, kind, trend)
@@ -177,7 +220,9 @@ def _fitted_motion(data: xr.Dataset, channels: Sequence[str], kind: str, inputs:
     fitted = model.fitted(x)
     line = np.polynomial.polynomial.polyfit(model.t, y, 1)
     about = y - (line[0] + model.t[:, None] * line[1])
-    share = 1.0 - float((((y - fitted) / model.weight) ** 2).sum() / ((about / model.weight) ** 2).sum())
+    share = 1.0 - float(
+        (((y - fitted) / model.weight) ** 2).sum() / ((about / model.weight) ** 2).sum()
+    )
     if kind == "oscillation" and (cycles := omega * model.t[-1] / (2.0 * math.pi)) < LEAST_CYCLES:
         raise IdentificationError(
             f"no oscillation in {' '.join(channels)}: the fit finds {cycles:.2f} of a cycle in {model.t[-1]:.1f} s; "
@@ -192,7 +237,19 @@ def _fitted_motion(data: xr.Dataset, channels: Sequence[str], kind: str, inputs:
     measured, shown = (dict(zip(channels, part.T)) for part in (y, fitted))
     covariance, test = model.covariance(x), model.test(x)
     residual_rms = dict(zip(channels, rms.tolist()))
-    return Motion(kind, sigma, omega, covariance, tuple(channels), share, residual_rms, time, measured, shown, *test)
+    return Motion(
+        kind,
+        sigma,
+        omega,
+        covariance,
+        tuple(channels),
+        share,
+        residual_rms,
+        time,
+        measured,
+        shown,
+        *test,
+    )
 
 
 def _remarks(motion: Motion) -> list[Remark]:
@@ -204,22 +261,26 @@ def _remarks(motion: Motion) -> list[Remark]:
             f"chance {motion.F_probability:.2g} (limit {EXCITED:g}); no figure of it may be used: give a window in which the motion is "
             "excited and alone, and the inputs that drive it"
         )
-        value, limit = (motion.share, PURE) if motion.share < PURE else (motion.F_probability, EXCITED)
+        value, limit = (
+            (motion.share, PURE) if motion.share < PURE else (motion.F_probability, EXCITED)
+        )
         found.append(Remark("no excitation", words, channels, value, limit, "error"))
     ratio = motion.sigma / math.hypot(motion.sigma, motion.omega)
     if motion.kind == "oscillation" and ratio < GROWING:
-        words = (
-            f"grows: damping ratio {ratio:.2f}, below {GROWING:g}; something drives it inside the window, and no figure of it may be used"
-        )
+        words = f"grows: damping ratio {ratio:.2f}, below {GROWING:g}; something drives it inside the window, and no figure of it may be used"
         found.append(Remark("growth", words, channels, ratio, GROWING, "error"))
     found += _window_remarks(motion)
     errors = np.sqrt(np.maximum(np.diag(motion.covariance), 0.0))
     if motion.kind == "oscillation" and errors[1] > KNOWN * motion.omega:
         words = f"not significant: frequency {motion.omega:.3g} +- {errors[1]:.2g} rad/s"
-        found.append(Remark("not significant", words, "omega", float(errors[1] / motion.omega), KNOWN))
+        found.append(
+            Remark("not significant", words, "omega", float(errors[1] / motion.omega), KNOWN)
+        )
     if abs(motion.sigma) < 2.0 * errors[0]:
         words = f"not significant: decay {motion.sigma:.3g} +- {errors[0]:.2g} 1/s; whether it grows or decays is not known"
-        found.append(Remark("not significant", words, "sigma", float(abs(motion.sigma) / errors[0]), 2.0))
+        found.append(
+            Remark("not significant", words, "sigma", float(abs(motion.sigma) / errors[0]), 2.0)
+        )
     return found
 
 
@@ -246,8 +307,12 @@ def _window_remarks(motion: Motion) -> list[Remark]:
     return [Remark("window", words, name, shift((one, name)), SHIFT, "error")]
 
 
-def _samples(data: xr.Dataset, channels: Sequence[str], kind: str, inputs: Sequence[str]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return outputs (time, channel), inputs (time, input) and time; report all that is wrong with them."""
+def _samples(
+    data: xr.Dataset, channels: Sequence[str], kind: str, inputs: Sequence[str]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return outputs (time, channel), inputs (time, input) and time; report all that is wrong with
+    them.
+    """
     if kind not in KINDS:
         raise SchemaError("motion", [f"kind is {kind!r}; allowed: {', '.join(KINDS)}"])
     for name in (*channels, *inputs):
@@ -257,18 +322,30 @@ def _samples(data: xr.Dataset, channels: Sequence[str], kind: str, inputs: Seque
     steps = np.diff(time)
     if len(time) < 12 or not np.ptp(steps) <= 1e-3 * steps.mean():
         raise SchemaError(
-            "motion", ["its time is not uniform or does not rise, or it has fewer than 12 samples; cut it with flighttest.cut"]
+            "motion",
+            [
+                "its time is not uniform or does not rise, or it has fewer than 12 samples; cut it with flighttest.cut"
+            ],
         )
-    y, u = (np.column_stack([np.zeros((len(time), 0)), *(data[n].values.astype(float) for n in names)]) for names in (channels, inputs))
+    y, u = (
+        np.column_stack([np.zeros((len(time), 0)), *(data[n].values.astype(float) for n in names)])
+        for names in (channels, inputs)
+    )
     empty = [name for name in (*channels, *inputs) if not np.isfinite(data[name].values).all()]
     if empty:
-        raise SchemaError("motion", [f"{', '.join(empty)}: samples are missing; choose a window without gaps"])
+        raise SchemaError(
+            "motion", [f"{', '.join(empty)}: samples are missing; choose a window without gaps"]
+        )
     for name, column in zip(inputs, u.T):
         if np.ptp(column) < MOVES:
-            raise IdentificationError(f"no excitation: {name} moves by {np.ptp(column):.2g} in the window; choose one in which it moves")
+            raise IdentificationError(
+                f"no excitation: {name} moves by {np.ptp(column):.2g} in the window; choose one in which it moves"
+            )
     for name, column in zip(channels, y.T):
         if np.ptp(column) < MOVES:
-            raise IdentificationError(f"no motion: {name} moves by {np.ptp(column):.2g} in the window; it is dead or nothing happens there")
+            raise IdentificationError(
+                f"no motion: {name} moves by {np.ptp(column):.2g} in the window; it is dead or nothing happens there"
+            )
     return y, u, time
 
 
@@ -285,7 +362,13 @@ class _Response:
         pole = complex(-x[0], x[1] if self.kind == "oscillation" else 0.0)
         free = np.exp(np.clip(pole.real * self.t, -60.0, 60.0) + 1j * pole.imag * self.t)
         moved = [free, *(_driven(pole, column, self.step) for column in self.u.T)]
-        parts = [part for column in moved for part in ([column.real, column.imag] if self.kind == "oscillation" else [column.real])]
+        parts = [
+            part
+            for column in moved
+            for part in (
+                [column.real, column.imag] if self.kind == "oscillation" else [column.real]
+            )
+        ]
         return np.column_stack([np.ones_like(self.t), *([self.t] if self.trend else []), *parts])
 
     def fitted(self, x: np.ndarray) -> np.ndarray:
@@ -301,26 +384,46 @@ class _Response:
         x = self._search()
         scale = np.full(len(x), max(abs(x[-1]), abs(x[0])))
         for _ in range(_ROUNDS):
-            x = least_squares(lambda z: ((self.y - self.fitted(z)) / self.weight).ravel(), x, x_scale=scale, xtol=1e-10, ftol=1e-12).x
-            self.weight = np.maximum(np.sqrt(np.mean((self.y - self.fitted(x)) ** 2, axis=0)), 1e-9 * self.y.std(axis=0))
+            x = least_squares(
+                lambda z: ((self.y - self.fitted(z)) / self.weight).ravel(),
+                x,
+                x_scale=scale,
+                xtol=1e-10,
+                ftol=1e-12,
+            ).x
+            self.weight = np.maximum(
+                np.sqrt(np.mean((self.y - self.fitted(x)) ** 2, axis=0)), 1e-9 * self.y.std(axis=0)
+            )
         return x
 
     def _search(self) -> np.ndarray:
-        """Return the best point of a grid, from half a cycle in the window to eight samples a cycle."""
+        """Return the best point of a grid, from half a cycle in the window to eight samples a
+        cycle.
+        """
         every = max(len(self.t) // _COARSE, 1)
         coarse = _Response(self.t[::every], self.y[::every], self.u[::every], self.kind, self.trend)
         longest = self.t[-1]
         if self.kind == "aperiodic":
             times = np.geomspace(3.0 * coarse.step, 3.0 * longest, 40)
-            points = [np.array([sign / T]) for T in times for sign in ((1.0, -1.0) if 0.2 * longest < T else (1.0,))]
+            points = [
+                np.array([sign / T])
+                for T in times
+                for sign in ((1.0, -1.0) if 0.2 * longest < T else (1.0,))
+            ]
         else:
             fastest = max(2.0 * math.pi / (8.0 * coarse.step), 4.0 * math.pi / longest)
-            points = [np.array([ratio * w, w]) for w in np.geomspace(math.pi / longest, fastest, 50) for ratio in _RATIOS]
+            points = [
+                np.array([ratio * w, w])
+                for w in np.geomspace(math.pi / longest, fastest, 50)
+                for ratio in _RATIOS
+            ]
         left = [float((((coarse.y - coarse.fitted(x)) / coarse.weight) ** 2).sum()) for x in points]
         return points[int(np.argmin(left))]
 
     def covariance(self, x: np.ndarray) -> np.ndarray:
-        """Return the covariance (2, 2) of sigma and omega; all other parameters are estimated with them."""
+        """Return the covariance (2, 2) of sigma and omega; all other parameters are estimated with
+        them.
+        """
         free, basis = len(x), self.basis(x)
         X = self._tangents(x, basis)
         v = ((self.y - self.fitted(x)) / self.weight).T.ravel()
@@ -330,7 +433,9 @@ class _Response:
         return covariance
 
     def test(self, x: np.ndarray) -> tuple[float, int, float, float]:
-        """Return F of the amplitudes, their number, degrees of freedom and probability; a drift next to an oscillation is a cubic."""
+        """Return F of the amplitudes, their number, degrees of freedom and probability; a drift
+        next to an oscillation is a cubic.
+        """
         from scipy import stats
 
         basis, channels = self.basis(x), self.y.shape[1]
@@ -346,11 +451,19 @@ class _Response:
             C = coloured(X, v, pieces, [self.step] * channels).covariance
         except np.linalg.LinAlgError:  # the motion is a cubic in this window
             return 0.0, channels, 1.0, 1.0
-        amplitudes = (np.linalg.lstsq(basis / size, self.y, rcond=1e-12)[0] / self.weight)[drift:].T.ravel()
-        at = len(x) + np.concatenate([k * basis.shape[1] + np.arange(drift, basis.shape[1]) for k in range(channels)])
-        F = float(amplitudes @ np.linalg.lstsq(C[np.ix_(at, at)], amplitudes, rcond=1e-12)[0]) / len(at)
+        amplitudes = (np.linalg.lstsq(basis / size, self.y, rcond=1e-12)[0] / self.weight)[
+            drift:
+        ].T.ravel()
+        at = len(x) + np.concatenate(
+            [k * basis.shape[1] + np.arange(drift, basis.shape[1]) for k in range(channels)]
+        )
+        F = float(
+            amplitudes @ np.linalg.lstsq(C[np.ix_(at, at)], amplitudes, rcond=1e-12)[0]
+        ) / len(at)
         impulses = np.zeros((1, len(v)))
-        impulses[0, [piece.start for piece in pieces]] = 1.0  # a flat spectrum: all frequencies of the residual count
+        impulses[0, [piece.start for piece in pieces]] = (
+            1.0  # a flat spectrum: all frequencies of the residual count
+        )
         dof = float(degrees(impulses, v, pieces, len(at) + len(x))[0])
         return max(F, 0.0), len(at), dof, float(stats.f.sf(max(F, 0.0), len(at), dof))
 
@@ -360,7 +473,9 @@ class _Response:
         return [slice(a, b) for a, b in pairwise(range(0, n * channels + 1, n))]
 
     def _tangents(self, x: np.ndarray, basis: np.ndarray) -> np.ndarray:
-        """Return the derivatives of the weighted response, channel after channel, by the root and by the linear parameters."""
+        """Return the derivatives of the weighted response, channel after channel, by the root and
+        by the linear parameters.
+        """
         n, channels = self.y.shape
         basis = basis / np.maximum(np.abs(basis).max(axis=0), 1e-300)
         free = len(x)

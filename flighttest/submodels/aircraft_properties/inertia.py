@@ -1,19 +1,21 @@
 """Moments of inertia from flight, through the gyroscopic products of coupled manoeuvres.
 
-The moment equations, solved for the angular accelerations, with G = Ixx Izz - Ixz^2 and a plane of symmetry:
+The moment equations, solved for the angular accelerations, with G = Ixx Izz - Ixz^2 and a plane of
+symmetry:
 
     p' = [Ixz (Ixx - Iyy + Izz) p q - (Izz (Izz - Iyy) + Ixz^2) q r + Izz L + Ixz N]/G
     q' = [(Izz - Ixx) p r + Ixz (r^2 - p^2) + M]/Iyy
     r' = [((Ixx - Iyy) Ixx + Ixz^2) p q - Ixz (Ixx - Iyy + Izz) q r + Ixz L + Ixx N]/G
 
-Aerodynamic moments are linear in their derivatives, so each equation is regressed on the products of the rates and on
-qbar times the aerodynamic regressors.  Only ratios of inertia appear in the products: six coefficients for three ratios,
-which are found together by generalised least squares; the residual shows whether the six agree.  One moment that
-is known, or taken from the aircraft file, sets the scale.
+Aerodynamic moments are linear in their derivatives, so each equation is regressed on the products
+of the rates and on qbar times the aerodynamic regressors.  Only ratios of inertia appear in the
+products: six coefficients for three ratios, which are found together by generalised least squares;
+the residual shows whether the six agree.  One moment that is known, or taken from the aircraft
+file, sets the scale.
 
-Needs rates that are large about all axes at once, as orthogonal multisines on all surfaces or rolling pull-ups give:
-the products are of second order, 0.1 rad/s squared in an ordinary manoeuvre.  Moments of thrust and of rotors are taken
-off with the inertia of the aircraft file.
+Needs rates that are large about all axes at once, as orthogonal multisines on all surfaces or
+rolling pull-ups give: the products are of second order, 0.1 rad/s squared in an ordinary manoeuvre.
+Moments of thrust and of rotors are taken off with the inertia of the aircraft file.
 
 References
 ----------
@@ -32,7 +34,12 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import IdentificationError, UnknownName
-from flighttest.reconstruction.dynamics.force_coefficients import inertia_matrix, known_moment, reduced_rates, smoothed
+from flighttest.reconstruction.dynamics.force_coefficients import (
+    inertia_matrix,
+    known_moment,
+    reduced_rates,
+    smoothed,
+)
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.model import Model, regressors
 from flighttest.regression.equation_error.samples import stack
@@ -56,12 +63,14 @@ class Inertia:
     Attributes
     ----------
     estimates : Dataset (term, term_)
-        Terms Ixx, Iyy, Izz, Ixz [kg m2]: ``estimate``, ``stderr``, ``stderr_white``, ``covariance``, ``correlation``, and
-        ``stated``, the value of the aircraft file.  Attributes: ``scale`` (the moment that was known), ``chi2`` of the six
-        coefficients against the three ratios, ``probability`` that it is larger (three degrees of freedom).
+        Terms Ixx, Iyy, Izz, Ixz [kg m2]: ``estimate``, ``stderr``, ``stderr_white``,
+        ``covariance``, ``correlation``, and ``stated``, the value of the aircraft file.
+        Attributes: ``scale`` (the moment that was known), ``chi2`` of the six coefficients against
+        the three ratios, ``probability`` that it is larger (three degrees of freedom).
     products : Dataset (product, product_)
-        The coefficients of the rate products as regressed, equation by equation: ``estimate``, ``stderr``,
-        ``stderr_white``, ``covariance``, and ``fitted``, what the inertia makes of them. [1]
+        The coefficients of the rate products as regressed, equation by equation: ``estimate``,
+        ``stderr``, ``stderr_white``, ``covariance``, and ``fitted``, what the inertia makes of
+        them. [1]
     """
 
     estimates: xr.Dataset
@@ -69,11 +78,15 @@ class Inertia:
 
     @property
     def remarks(self) -> list[Remark]:
-        """Physical inequalities that are broken, contradiction between the equations, moments that were not seen."""
+        """Physical inequalities that are broken, contradiction between the equations, moments that
+        were not seen.
+        """
         e = self.estimates
         I = dict(zip(MOMENTS, e["estimate"].values))
         found = [
-            Remark("range", f"{a} + {b} < {c}: no body has such moments", c, I[c], I[a] + I[b], "error")
+            Remark(
+                "range", f"{a} + {b} < {c}: no body has such moments", c, I[c], I[a] + I[b], "error"
+            )
             for a, b, c in (("Ixx", "Iyy", "Izz"), ("Iyy", "Izz", "Ixx"), ("Ixx", "Izz", "Iyy"))
             if I[a] + I[b] < I[c]
         ]
@@ -100,7 +113,12 @@ class Inertia:
         for name in MOMENTS:
             row = e.sel(term=name)
             numbers = (float(row[key]) for key in ("estimate", "stderr", "stderr_white", "stated"))
-            text.append(f"{name:<8}" + "".join(f"{x:>{w}.{d}g}" for x, w, d in zip(numbers, (12, 11, 11, 12), (6, 2, 2, 6))))
+            text.append(
+                f"{name:<8}"
+                + "".join(
+                    f"{x:>{w}.{d}g}" for x, w, d in zip(numbers, (12, 11, 11, 12), (6, 2, 2, 6))
+                )
+            )
         return "\n".join([*text, *lines(self.remarks)])
 
 
@@ -133,23 +151,39 @@ def inertia_from_flight(
     Raises
     ------
     IdentificationError
-        Missing models, products of the rates that do not move, or terms that the data cannot distinguish.
+        Missing models, products of the rates that do not move, or terms that the data cannot
+        distinguish.
     UnknownName
         A state or a moment that is not there.
     """
     if scale not in MOMENTS[:3]:
         raise UnknownName(scale, MOMENTS[:3], "scale")
     if missing := [name for name in ("Cl", "Cm", "Cn") if name not in models]:
-        raise IdentificationError(f"no model of {', '.join(missing)}; the three moments are coupled, give a model of each")
-    parts = [_prepared(one, aircraft, cutoff) for one in ([path] if isinstance(path, xr.Dataset) else path)]
+        raise IdentificationError(
+            f"no model of {', '.join(missing)}; the three moments are coupled, give a model of each"
+        )
+    parts = [
+        _prepared(one, aircraft, cutoff)
+        for one in ([path] if isinstance(path, xr.Dataset) else path)
+    ]
     found = [_regressed(rate, parts, aircraft, models) for rate in _PRODUCTS]
     k = np.concatenate([one.estimate for one in found])
-    C, white = (_diagonal([getattr(one, block) for one in found]) for block in ("covariance", "white"))
+    C, white = (
+        _diagonal([getattr(one, block) for one in found]) for block in ("covariance", "white")
+    )
     I, J = _ratios(k, C, aircraft, scale)
     products = least_squares.estimates(
-        _NAMES, k, C, np.sqrt(np.diag(white)), ([], np.zeros((len(k), 0))), {"fitted": ("term", _factors(I))}
+        _NAMES,
+        k,
+        C,
+        np.sqrt(np.diag(white)),
+        ([], np.zeros((len(k), 0))),
+        {"fitted": ("term", _factors(I))},
     )
-    return Inertia(_moments(k, C, white, I, J, aircraft, scale), products.rename(term="product", term_="product_"))
+    return Inertia(
+        _moments(k, C, white, I, J, aircraft, scale),
+        products.rename(term="product", term_="product_"),
+    )
 
 
 _NAMES = tuple(f"{rate}/{product}" for rate, products in _PRODUCTS.items() for product in products)
@@ -171,24 +205,43 @@ def _prepared(states: xr.Dataset, aircraft: Aircraft, cutoff: float | None) -> x
     p, q, r = (np.asarray(data[name].values, float) for name in "pqr")
     for name, part in zip(_PRODUCTS, known):
         if name not in data:
-            raise UnknownName(name, map(str, data.data_vars), "state", "inertia from flight needs the angular accelerations")
+            raise UnknownName(
+                name,
+                map(str, data.data_vars),
+                "state",
+                "inertia from flight needs the angular accelerations",
+            )
         data[name] = "time", np.asarray(data[name].values, float) - part
     for name, values in (("pq", p * q), ("qr", q * r), ("pr", p * r), ("rr-pp", r * r - p * p)):
         data[name] = "time", values
     return data
 
 
-def _regressed(rate: str, parts: Sequence[xr.Dataset], aircraft: Aircraft, models: Mapping[str, Model]) -> _Regressed:
-    """One equation: an angular acceleration over products of rates and qbar times the aerodynamic regressors."""
+def _regressed(
+    rate: str, parts: Sequence[xr.Dataset], aircraft: Aircraft, models: Mapping[str, Model]
+) -> _Regressed:
+    """One equation: an angular acceleration over products of rates and qbar times the aerodynamic
+    regressors.
+    """
     terms = list(dict.fromkeys(term for name in _COEFFICIENT[rate] for term in models[name].terms))
-    variables = list(dict.fromkeys(v for name in _COEFFICIENT[rate] for v in models[name].variables))
+    variables = list(
+        dict.fromkeys(v for name in _COEFFICIENT[rate] for v in models[name].variables)
+    )
     products = _PRODUCTS[rate]
     samples = stack(rate, ["qbar", *products, *variables], parts, f"the equation of {rate}")
     z = samples.data[rate].values
-    load = samples.data["qbar"].values * aircraft.S * (aircraft.cbar if rate == "q_dot" else aircraft.b)
-    X = np.vstack([*(samples.data[name].values for name in products), regressors(terms, samples.data) * load]).T
+    load = (
+        samples.data["qbar"].values
+        * aircraft.S
+        * (aircraft.cbar if rate == "q_dot" else aircraft.b)
+    )
+    X = np.vstack(
+        [*(samples.data[name].values for name in products), regressors(terms, samples.data) * load]
+    ).T
     if len(z) <= 5 * X.shape[1]:
-        raise IdentificationError(f"{len(z)} samples for {X.shape[1]} terms of {rate}; at least 5 per term are needed")
+        raise IdentificationError(
+            f"{len(z)} samples for {X.shape[1]} terms of {rate}; at least 5 per term are needed"
+        )
     try:
         demand_rank(X, [*products, *(f"qbar*{term}" for term in terms)])
     except IdentificationError as error:
@@ -207,18 +260,30 @@ def _factors(I: np.ndarray) -> np.ndarray:
     x, y, z, c = I
     G = x * z - c * c
     cross = c * (x - y + z) / G
-    return np.array([cross, -(z * (z - y) + c * c) / G, (z - x) / y, c / y, ((x - y) * x + c * c) / G, -cross])
+    return np.array(
+        [cross, -(z * (z - y) + c * c) / G, (z - x) / y, c / y, ((x - y) * x + c * c) / G, -cross]
+    )
 
 
-def _ratios(k: np.ndarray, C: np.ndarray, aircraft: Aircraft, scale: str) -> tuple[np.ndarray, np.ndarray]:
+def _ratios(
+    k: np.ndarray, C: np.ndarray, aircraft: Aircraft, scale: str
+) -> tuple[np.ndarray, np.ndarray]:
     """Moments that explain the coefficients best, and the derivatives of those by the free moments."""
     I = np.array([float(getattr(aircraft, name)) for name in MOMENTS])
     free = [MOMENTS.index(name) for name in MOMENTS if name != scale]
     size = I[MOMENTS.index(scale)]
     L = np.linalg.cholesky(C)
     for _ in range(_ROUNDS):
-        J = np.stack([(_factors(I + h) - _factors(I - h)) / (2e-6 * size) for h in 1e-6 * size * np.eye(4)[free]], axis=1)
-        step = np.linalg.lstsq(np.linalg.solve(L, J), np.linalg.solve(L, k - _factors(I)), rcond=None)[0]
+        J = np.stack(
+            [
+                (_factors(I + h) - _factors(I - h)) / (2e-6 * size)
+                for h in 1e-6 * size * np.eye(4)[free]
+            ],
+            axis=1,
+        )
+        step = np.linalg.lstsq(
+            np.linalg.solve(L, J), np.linalg.solve(L, k - _factors(I)), rcond=None
+        )[0]
         new = I.copy()
         new[free] += np.clip(step, -0.3 * size, 0.3 * size)
         if not (new[:3] > 0).all() or new[3] ** 2 >= new[0] * new[2]:
@@ -229,7 +294,9 @@ def _ratios(k: np.ndarray, C: np.ndarray, aircraft: Aircraft, scale: str) -> tup
         I = new
         if np.abs(step).max() < 1e-9 * size:
             return I, J
-    raise IdentificationError("the moments of inertia did not settle; the manoeuvres are not coupled enough")
+    raise IdentificationError(
+        "the moments of inertia did not settle; the manoeuvres are not coupled enough"
+    )
 
 
 def _moments(k, C, white, I, J, aircraft: Aircraft, scale: str) -> xr.Dataset:
@@ -244,8 +311,20 @@ def _moments(k, C, white, I, J, aircraft: Aircraft, scale: str) -> xr.Dataset:
     rest = k - _factors(I)
     chi2 = float(rest @ inverse @ rest)
     stated = np.array([float(getattr(aircraft, name)) for name in MOMENTS])
-    found = least_squares.estimates(MOMENTS, I, covariance, np.sqrt(np.diag(plain)), ([], np.zeros((4, 0))), {"stated": ("term", stated)})
-    found.attrs = {"scale": scale, "chi2": chi2, "probability": float(chi2_distribution.sf(chi2, 3)), "units": "kg m2"}
+    found = least_squares.estimates(
+        MOMENTS,
+        I,
+        covariance,
+        np.sqrt(np.diag(plain)),
+        ([], np.zeros((4, 0))),
+        {"stated": ("term", stated)},
+    )
+    found.attrs = {
+        "scale": scale,
+        "chi2": chi2,
+        "probability": float(chi2_distribution.sf(chi2, 3)),
+        "units": "kg m2",
+    }
     return found
 
 

@@ -1,7 +1,8 @@
 """Whether an oscillation fitted to a window is that of the motion or that of the window.
 
-A fit can explain 97 % of a window in which the motion is not alone: the end of an input, a second mode, a turn that begins.  Such a fit
-changes when the window does.  So it is repeated in windows whose ends are moved inwards by a third and by two thirds of the period.
+A fit can explain 97 % of a window in which the motion is not alone: the end of an input, a second
+mode, a turn that begins.  Such a fit changes when the window does.  So it is repeated in windows
+whose ends are moved inwards by a third and by two thirds of the period.
 """
 
 from __future__ import annotations
@@ -14,19 +15,27 @@ import xarray as xr
 
 from flightmech.errors import IdentificationError, SchemaError
 
-Figures = Mapping[str, tuple[float, float, str]]  # value, standard error and unit by name, as `Motion.values`
+Figures = Mapping[
+    str, tuple[float, float, str]
+]  # value, standard error and unit by name, as `Motion.values`
 
 TRIMS = (1.0 / 3.0, 2.0 / 3.0)  # of the fitted period: 1 and 2 s for a Dutch roll
 _MOST = 0.25  # of the window that is left out at most
 _SIDES = ((1.0, 0.0), (0.0, 1.0), (0.5, 0.5))  # start, end, and both by half
 _STARTS = 0.05  # of its range: an input that has moved so far has begun
-SHIFT = 3.0  # standard errors, the smaller of the two, by which a figure must move to be one of the window,
-LEAST = {"period": 0.05, "damping_ratio": 0.04}  # and of the period [1], and of the damping ratio: less is no fault of the window
+# standard errors, the smaller of the two, by which a figure must move to be one of the window,
+SHIFT = 3.0
+LEAST = {
+    "period": 0.05,
+    "damping_ratio": 0.04,
+}  # and of the period [1], and of the damping ratio: less is no fault of the window
 
 
 @dataclass(frozen=True)
 class MovedWindow:
-    """A fit in a shorter window: ``start stop`` [s], and period [s] and damping ratio with their standard errors."""
+    """A fit in a shorter window: ``start stop`` [s], and period [s] and damping ratio with their
+    standard errors.
+    """
 
     start: float
     stop: float
@@ -71,7 +80,9 @@ def fits_in_moved_windows(
     return tuple(found)
 
 
-def _windows(data: xr.Dataset, period: float, inputs: Sequence[str]) -> Iterator[tuple[float, float]]:
+def _windows(
+    data: xr.Dataset, period: float, inputs: Sequence[str]
+) -> Iterator[tuple[float, float]]:
     time = data["time"].values
     first, last = float(time[0]), float(time[-1])
     begins = last

@@ -1,4 +1,6 @@
-"""Control loading from flight: friction, preload, masses, cables and hinge moments of column, wheel and pedals."""
+"""Control loading from flight: friction, preload, masses, cables and hinge moments of column, wheel
+and pedals.
+"""
 
 from flightmech.support.imports import attach_stub
 

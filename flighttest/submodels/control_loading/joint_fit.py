@@ -1,4 +1,6 @@
-"""Least squares over samples of driven manoeuvres and windows of free motion together, with noise in the regressors."""
+"""Least squares over samples of driven manoeuvres and windows of free motion together, with noise
+in the regressors.
+"""
 
 from __future__ import annotations
 
@@ -62,7 +64,8 @@ class JointFit:
     X : array (rows, terms)
         Weighted regressors.
     estimator : array (terms, rows)
-        What turns a change of the response, samples before windows before what is known, into one of theta.
+        What turns a change of the response, samples before windows before what is known, into one
+        of theta.
     residual : array (rows,)
     samples, windows : int
         Rows of either.
@@ -86,11 +89,15 @@ class JointFit:
 
     @cached_property
     def covariance(self) -> np.ndarray:
-        """Covariance of theta, (terms, terms): residuals of the samples coloured, those of the windows independent."""
+        """Covariance of theta, (terms, terms): residuals of the samples coloured, those of the
+        windows independent.
+        """
         ends = np.cumsum(self.lengths)
         pieces = [slice(int(b) - a, int(b)) for a, b in zip(self.lengths, ends)]
         A, rest = self.estimator[:, : self.samples], self.estimator[:, self.samples :]
-        found = coloured(least_squares.equivalent(A), self.residual[: self.samples], pieces, self.steps).covariance
+        found = coloured(
+            least_squares.equivalent(A), self.residual[: self.samples], pieces, self.steps
+        ).covariance
         return found + rest * self.variances[self.samples :] @ rest.T
 
 
@@ -137,18 +144,24 @@ def joint_fit(
     """
     n = len(samples)
     sizes = np.array([len(one.z) for one in (*samples, *windows)])
-    source = np.concatenate([np.repeat((np.arange(len(sizes)) >= n).astype(int), sizes), np.full(len(known), 2)])  # samples, windows, known
+    source = np.concatenate(
+        [np.repeat((np.arange(len(sizes)) >= n).astype(int), sizes), np.full(len(known), 2)]
+    )  # samples, windows, known
     more = np.array([one.row for one in known]).reshape(len(known), len(names))
     X = np.concatenate([*(one.X for one in (*samples, *windows)), more])
     z = np.concatenate([*(one.z for one in (*samples, *windows)), [one.value for one in known]])
     noise = np.concatenate([*(one.noise for one in (*samples, *windows)), np.zeros(more.shape)])
     fixed = np.array([one.stderr**2 for one in known])
-    worth = np.array([min(1.0, 2.0 * cutoff * float(np.median([one.step for one in samples]))), 1.0, 1.0])[source]
+    worth = np.array(
+        [min(1.0, 2.0 * cutoff * float(np.median([one.step for one in samples]))), 1.0, 1.0]
+    )[source]
     weight = worth.copy()
     weight[source == 2] /= fixed
     for number in range(_PASSES):
         root = np.sqrt(weight)
-        theta, equivalent = _without_noise(root[:, None] * X, root * z, weight @ noise, names, final=number + 1 == _PASSES)
+        theta, equivalent = _without_noise(
+            root[:, None] * X, root * z, weight @ noise, names, final=number + 1 == _PASSES
+        )
         v = z - X @ theta
         weight = worth / _variances(v, noise @ theta**2, source, fixed)
     estimator = least_squares.estimator(equivalent) * root
@@ -156,11 +169,17 @@ def joint_fit(
     lengths = tuple(length for one in samples for length in one.lengths)
     steps = tuple(one.step for one in samples for _ in one.lengths)
     variances = _variances(v, noise @ theta**2, source, fixed)
-    return JointFit(theta, root[:, None] * X, estimator, v, counts[0], counts[1], variances, lengths, steps)
+    return JointFit(
+        theta, root[:, None] * X, estimator, v, counts[0], counts[1], variances, lengths, steps
+    )
 
 
-def _variances(v: np.ndarray, by_noise: np.ndarray, source: np.ndarray, fixed: np.ndarray) -> np.ndarray:
-    """Variance of every residual: what the noise of the regressors explains, and of each source one more that is common to its rows."""
+def _variances(
+    v: np.ndarray, by_noise: np.ndarray, source: np.ndarray, fixed: np.ndarray
+) -> np.ndarray:
+    """Variance of every residual: what the noise of the regressors explains, and of each source one
+    more that is common to its rows.
+    """
     found = by_noise.copy()
     found[source == 2] = fixed
     for k in np.unique(source[source < 2]):
@@ -170,10 +189,13 @@ def _variances(v: np.ndarray, by_noise: np.ndarray, source: np.ndarray, fixed: n
     return found
 
 
-def _without_noise(X: np.ndarray, z: np.ndarray, noise: np.ndarray, names: Sequence[str], final: bool) -> tuple[np.ndarray, np.ndarray]:
+def _without_noise(
+    X: np.ndarray, z: np.ndarray, noise: np.ndarray, names: Sequence[str], final: bool
+) -> tuple[np.ndarray, np.ndarray]:
     """Estimate whose regressors carry noise, and the regressors of which it is the ordinary one.
 
-    Before weights are known, noise may exceed the regressor; so much of it is then taken off as is safe.
+    Before weights are known, noise may exceed the regressor; so much of it is then taken off as is
+    safe.
     """
     collinearity.demand_rank(X, names)
     R = np.linalg.qr(X, mode="r")
@@ -182,4 +204,6 @@ def _without_noise(X: np.ndarray, z: np.ndarray, noise: np.ndarray, names: Seque
     if final and worst > _NOISY:
         text = f"{worst:.0%} of what distinguishes it from the other terms is noise; give faster motion or leave it out"
         raise IdentificationError(f"{names[int(np.argmax(share))]}: {text}")
-    return least_squares.solve(X, z, -noise * min(1.0, _SAFE / worst if worst > 0.0 else 1.0) if not final else -noise)
+    return least_squares.solve(
+        X, z, -noise * min(1.0, _SAFE / worst if worst > 0.0 else 1.0) if not final else -noise
+    )

@@ -1,9 +1,12 @@
-"""What is known of a control circuit before the flights, and the force at the hand as a sum of terms.
+"""What is known of a control circuit before the flights, and the force at the hand as a sum of
+terms.
 
-Travel s, force F and deflection have the signs of the kernel: F has the sign of the travel that it produces, positive aft, right and
-right foot, and delta = gearing s.  Reduced to the travel, [LR743] 3.4:
+Travel s, force F and deflection have the signs of the kernel: F has the sign of the travel that it
+produces, positive aft, right and right foot, and delta = gearing s.  Reduced to the travel, [LR743]
+3.4:
 
-    F = offset + bob_weight g0 (nz - 1) + stiffness s + preload sgn(s) + friction sgn(s') + damping s' + mass s''
+    F = offset + bob_weight g0 (nz - 1) + stiffness s + preload sgn(s) + friction sgn(s') + damping
+    s' + mass s''
         - gearing qbar S_hinge c_hinge Ch
 """
 
@@ -57,8 +60,8 @@ class ControlLoading:
     S_hinge, c_hinge : float
         Area and mean chord behind the hinge line; of both ailerons together. [m2, m]
     hinge : Model or str, optional
-        Terms of the hinge-moment coefficient; the deflection enters as integer powers.  Of ``Ch_a`` the variable ``alpha`` is the
-        change of the local angle of attack at the aileron, p arm / V.
+        Terms of the hinge-moment coefficient; the deflection enters as integer powers.  Of ``Ch_a``
+        the variable ``alpha`` is the change of the local angle of attack at the aileron, p arm / V.
     constants : tuple of str, optional
         Terms of `FORCES` in the force.
     arm : float
@@ -86,18 +89,40 @@ class ControlLoading:
 
     def __post_init__(self):
         if self.item not in DEFLECTION:
-            raise SchemaError("control loading", [f"item is {self.item!r}; allowed: {', '.join(DEFLECTION)}"])
+            raise SchemaError(
+                "control loading", [f"item is {self.item!r}; allowed: {', '.join(DEFLECTION)}"]
+            )
         model = self.hinge or HINGE[self.item]
         object.__setattr__(self, "model", Model.parse(model) if isinstance(model, str) else model)
         object.__setattr__(self, "constants", tuple(self.constants) or DEFAULT[self.item])
-        problems = [f"{name} is {getattr(self, name)!r}; it must not be 0" for name in ("gearing",) if not self.gearing]
-        problems += [f"{n} is {getattr(self, n)!r}; it must be positive" for n in ("S_hinge", "c_hinge") if not getattr(self, n) > 0.0]
-        problems += [f"{name}: no term of the force; allowed: {', '.join(FORCES)}" for name in self.constants if name not in FORCES]
-        problems += [f"{name} is missing; the force needs it" for name in ("offset", "friction") if name not in self.constants]
+        problems = [
+            f"{name} is {getattr(self, name)!r}; it must not be 0"
+            for name in ("gearing",)
+            if not self.gearing
+        ]
+        problems += [
+            f"{n} is {getattr(self, n)!r}; it must be positive"
+            for n in ("S_hinge", "c_hinge")
+            if not getattr(self, n) > 0.0
+        ]
+        problems += [
+            f"{name}: no term of the force; allowed: {', '.join(FORCES)}"
+            for name in self.constants
+            if name not in FORCES
+        ]
+        problems += [
+            f"{name} is missing; the force needs it"
+            for name in ("offset", "friction")
+            if name not in self.constants
+        ]
         if self.model.coefficient != COEFFICIENT[self.item]:
-            problems.append(f"the model is one of {self.model.coefficient}; the {self.item} has {COEFFICIENT[self.item]}")
+            problems.append(
+                f"the model is one of {self.model.coefficient}; the {self.item} has {COEFFICIENT[self.item]}"
+            )
         if self.item == "wheel" and "alpha" in self.model.variables and not self.arm > 0.0:
-            problems.append(f"arm is {self.arm!r}; the distance of the ailerons from the plane of symmetry is needed for p arm / V")
+            problems.append(
+                f"arm is {self.arm!r}; the distance of the ailerons from the plane of symmetry is needed for p arm / V"
+            )
         if problems:
             raise SchemaError(f"control loading of the {self.item}", problems)
 
@@ -116,11 +141,14 @@ class ControlLoading:
         return f"{self.model.coefficient}: {term}"
 
     def load(self, data: xr.Dataset) -> np.ndarray:
-        """Return the force at the hand that Ch = 1 needs, -gearing qbar S_hinge c_hinge, (time,). [N or N m]"""
+        """Return the force at the hand that Ch = 1 needs, -gearing qbar S_hinge c_hinge, (time,).
+        [N or N m]
+        """
         return -self.gearing * self.S_hinge * self.c_hinge * data["qbar"].values
 
     def by_power(self, data: xr.Dataset) -> list[tuple[int, np.ndarray]]:
-        """Return power of the deflection and the remaining factor, (time,), of every term of the hinge moment.
+        """Return power of the deflection and the remaining factor, (time,), of every term of the
+        hinge moment.
 
         Raises
         ------
@@ -131,23 +159,38 @@ class ControlLoading:
         for term in self.model.terms:
             factors = dict(powers(term))
             if any(self.deflection in factor and factor != self.deflection for factor in factors):
-                raise SchemaError("control loading", [f"{term}: the deflection must enter as a power, such as {self.deflection}**3"])
+                raise SchemaError(
+                    "control loading",
+                    [f"{term}: the deflection must enter as a power, such as {self.deflection}**3"],
+                )
             power = factors.pop(self.deflection, 0)
-            rest = "*".join(f"{name}**{k}" if k != 1 else name for name, k in factors.items()) or "1"
+            rest = (
+                "*".join(f"{name}**{k}" if k != 1 else name for name, k in factors.items()) or "1"
+            )
             found.append((power, Model(self.model.coefficient, [rest]).design(data)[:, 0]))
         return found
 
 
-def loading_of(aircraft: Aircraft, item: str, model: str = "", constants: Sequence[str] = (), arm: float = 0.0) -> ControlLoading:
+def loading_of(
+    aircraft: Aircraft, item: str, model: str = "", constants: Sequence[str] = (), arm: float = 0.0
+) -> ControlLoading:
     """Return what an aircraft knows of a control.
 
     Raises
     ------
     SchemaError
-        No hinge geometry or gearing of this control in the aircraft; the faults of `ControlLoading`.
+        No hinge geometry or gearing of this control in the aircraft; the faults of
+        `ControlLoading`.
     """
     control = aircraft.controls.get(DEFLECTION.get(item, ""))
     if control is None or control.gearing is None:
         wanted = DEFLECTION.get(item, "delta_e")
-        raise SchemaError(aircraft.name, [f"[control.{wanted}] with S_hinge, c_hinge and gearing is needed for the {item}; it is missing"])
-    return ControlLoading(item, control.gearing, control.S_hinge, control.c_hinge, model, tuple(constants), arm)
+        raise SchemaError(
+            aircraft.name,
+            [
+                f"[control.{wanted}] with S_hinge, c_hinge and gearing is needed for the {item}; it is missing"
+            ],
+        )
+    return ControlLoading(
+        item, control.gearing, control.S_hinge, control.c_hinge, model, tuple(constants), arm
+    )

@@ -1,4 +1,6 @@
-"""Columns of the force at the hand from a record: smoothed travel, rate and acceleration, and the samples in which they mean something."""
+"""Columns of the force at the hand from a record: smoothed travel, rate and acceleration, and the
+samples in which they mean something.
+"""
 
 from __future__ import annotations
 
@@ -16,8 +18,11 @@ LEAD = 0.5  # s of rest before a pulse or release
 _SHORTEST = 1.0  # s of a driven stretch
 
 
-def driven_and_free(states: xr.Dataset, manoeuvres: pd.DataFrame, free: Sequence[str]) -> tuple[list[xr.Dataset], list[xr.Dataset]]:
-    """Return the stretches of a record in which the hand drives the control, and its pulses and releases.
+def driven_and_free(
+    states: xr.Dataset, manoeuvres: pd.DataFrame, free: Sequence[str]
+) -> tuple[list[xr.Dataset], list[xr.Dataset]]:
+    """Return the stretches of a record in which the hand drives the control, and its pulses and
+    releases.
 
     Parameters
     ----------
@@ -50,21 +55,32 @@ def driven_and_free(states: xr.Dataset, manoeuvres: pd.DataFrame, free: Sequence
     first, end = float(states["time"].values[0]), float(states["time"].values[-1])
     starts, ends = (chosen[name].to_numpy(float).tolist() for name in ("start", "end"))
     edges = [first, *(x for pair in zip(starts, ends) for x in pair), end]
-    driven = [states.sel(time=slice(a, b)) for a, b in zip(edges[::2], edges[1::2]) if b - a > _SHORTEST]
+    driven = [
+        states.sel(time=slice(a, b)) for a, b in zip(edges[::2], edges[1::2]) if b - a > _SHORTEST
+    ]
     return driven, [states.sel(time=slice(max(a - LEAD, first), b)) for a, b in zip(starts, ends)]
 
 
-CUTOFF = 2.0  # Hz: a hand moves a control slower; noise of the acceleration grows with the 2.5th power
-NEUTRAL = 0.03  # of the travel recorded: nearer to neutral, preload is neither one nor the other sign
+CUTOFF = (
+    2.0  # Hz: a hand moves a control slower; noise of the acceleration grows with the 2.5th power
+)
+NEUTRAL = (
+    0.03  # of the travel recorded: nearer to neutral, preload is neither one nor the other sign
+)
 AIR_CUTOFF = 3.0  # Hz: above the short period and the Dutch roll
 EVENT_CUTOFF = 10.0  # Hz, to find where free motion starts and ends
 REST = 0.15  # s of rest before it
-OF_BOTH_ENDS = {"friction": "direction", "damping": "rate", "mass": "acceleration"}  # what each multiplies
+OF_BOTH_ENDS = {
+    "friction": "direction",
+    "damping": "rate",
+    "mass": "acceleration",
+}  # what each multiplies
 _SMEAR = 0.08  # s: of that low-pass
 _PAUSE = 0.4  # s without motion that end a window
 _SLOW = 6.0  # standard errors of the smoothed rate; below, its sign is not known
 LEAST_RATE = 0.02  # of the fastest rate: friction is fully developed
-_WIDTH = 0.1325  # standard deviation of the Gaussian low-pass in periods of its cut-off, where the amplitude is 0.71
+# standard deviation of the Gaussian low-pass in periods of its cut-off, where the amplitude is 0.71
+_WIDTH = 0.1325
 _REACH = 3.1 * _WIDTH  # periods of the cut-off beyond which 0.1 % of a step is left
 _JUMP, _CLEAR = 0.2, 8.0  # step between two samples: of the range of the force, of its noise
 
@@ -76,11 +92,13 @@ def signals(loading: ControlLoading, data: xr.Dataset, cutoff: float | None) -> 
     ----------
     loading : ControlLoading
     data : Dataset (time,)
-        ``column``, ``F_column``, ``delta_e`` (or those of wheel or pedal), ``qbar``, ``nz`` and the variables of the hinge moments,
-        on an even time base; ``wow`` or ``wow_nose`` where the nose-wheel spring is estimated, ``p`` and ``V`` for the ailerons. [SI]
+        ``column``, ``F_column``, ``delta_e`` (or those of wheel or pedal), ``qbar``, ``nz`` and the
+        variables of the hinge moments, on an even time base; ``wow`` or ``wow_nose`` where the
+        nose-wheel spring is estimated, ``p`` and ``V`` for the ailerons. [SI]
     cutoff : float or None
-        Of one low-pass for all channels.  None leaves force, travel and deflection as they are and gives the air and the tab, which
-        change slowly, `AIR_CUTOFF`: as inputs of a simulation their noise would shake the control. [Hz]
+        Of one low-pass for all channels.  None leaves force, travel and deflection as they are and
+        gives the air and the tab, which change slowly, `AIR_CUTOFF`: as inputs of a simulation
+        their noise would shake the control. [Hz]
 
     Raises
     ------
@@ -92,12 +110,16 @@ def signals(loading: ControlLoading, data: xr.Dataset, cutoff: float | None) -> 
         data = data.assign(wow=data["wow_nose"])
     for name in wanted:
         if name not in data:
-            raise UnknownName(name, map(str, data.data_vars), "channel", f"the {loading.item} needs it")
+            raise UnknownName(
+                name, map(str, data.data_vars), "channel", f"the {loading.item} needs it"
+            )
     time = data["time"].values.astype(float)
     step = float(np.median(np.diff(time)))
     if np.abs(np.diff(time) - step).max() > 0.2 * step:
         raise IdentificationError("the time base is not even; resample the record first")
-    raw = {name: np.broadcast_to(np.asarray(data[name].values, float), time.shape) for name in wanted}
+    raw = {
+        name: np.broadcast_to(np.asarray(data[name].values, float), time.shape) for name in wanted
+    }
     found = {}
     for name, x in raw.items():
         quick = name in (item, f"F_{item}", loading.deflection)
@@ -108,9 +130,13 @@ def signals(loading: ControlLoading, data: xr.Dataset, cutoff: float | None) -> 
     found |= {"travel": found[item], "on_ground": found.get("wow", np.zeros_like(time))}
     band = EVENT_CUTOFF if cutoff is None else cutoff
     _, found["rate"], found["acceleration"] = smoothed(raw[item], step, band)
-    _, found["aft_rate"], found["aft_acceleration"] = (x / loading.gearing for x in smoothed(raw[loading.deflection], step, band))
+    _, found["aft_rate"], found["aft_acceleration"] = (
+        x / loading.gearing for x in smoothed(raw[loading.deflection], step, band)
+    )
     for side, of in (("side", "travel"), ("direction", "rate"), ("aft_direction", "aft_rate")):
-        found[side] = np.sign(found[of]) if cutoff is None else smoothed(np.sign(found[of]), step, cutoff)[0]
+        found[side] = (
+            np.sign(found[of]) if cutoff is None else smoothed(np.sign(found[of]), step, cutoff)[0]
+        )
     return xr.Dataset({name: ("time", x) for name, x in found.items()}, {"time": time})
 
 
@@ -133,7 +159,11 @@ def free_motion(loading: ControlLoading, data: xr.Dataset) -> list[xr.Dataset]:
     step = float(np.median(np.diff(time)))
     rate = np.abs(moved["rate"].values)
     moves = np.flatnonzero(
-        rate > max(_SLOW * derivative_noise(data[loading.item].values, step, EVENT_CUTOFF)[0], LEAST_RATE * float(rate.max()))
+        rate
+        > max(
+            _SLOW * derivative_noise(data[loading.item].values, step, EVENT_CUTOFF)[0],
+            LEAST_RATE * float(rate.max()),
+        )
     )
     if not len(moves):
         return []
@@ -144,17 +174,22 @@ def free_motion(loading: ControlLoading, data: xr.Dataset) -> list[xr.Dataset]:
     return [data.isel(time=slice(a, b)) for a, b in whole]
 
 
-def sliding(loading: ControlLoading, data: xr.Dataset, moved: xr.Dataset, cutoff: float) -> np.ndarray:
+def sliding(
+    loading: ControlLoading, data: xr.Dataset, moved: xr.Dataset, cutoff: float
+) -> np.ndarray:
     """Return where the control slides and is off its neutral, (time,) of bool.
 
-    Reversals, rest and the neighbourhood of neutral are left out, and so much next to them as the low-pass smears.
+    Reversals, rest and the neighbourhood of neutral are left out, and so much next to them as the
+    low-pass smears.
     """
     step = float(np.median(np.diff(moved["time"].values)))
     raw = data[loading.item].values
     rate = np.abs(moved["rate"].values)
     reach = int(np.ceil(_REACH / cutoff / step))
     use = ~_next_to(jumps(data[f"F_{loading.item}"].values))
-    use &= rate > max(_SLOW * derivative_noise(raw, step, cutoff)[0], LEAST_RATE * float(rate.max()))
+    use &= rate > max(
+        _SLOW * derivative_noise(raw, step, cutoff)[0], LEAST_RATE * float(rate.max())
+    )
     use &= ~(_crossing(moved["rate"].values) | _crossing(moved["aft_rate"].values))
     if "preload" in loading.constants:
         use &= np.abs(moved["travel"].values) > NEUTRAL * float(np.ptp(raw))
@@ -162,10 +197,13 @@ def sliding(loading: ControlLoading, data: xr.Dataset, moved: xr.Dataset, cutoff
     return scipy.ndimage.binary_erosion(use, np.ones(2 * reach + 1))
 
 
-def design(loading: ControlLoading, moved: xr.Dataset, aft: Mapping[str, float] | None = None) -> np.ndarray:
+def design(
+    loading: ControlLoading, moved: xr.Dataset, aft: Mapping[str, float] | None = None
+) -> np.ndarray:
     """Return the regressors of the force at the hand, (time, names of `ControlLoading`).
 
-    ``aft`` is the share of the surface's end of the cable in friction, damping and mass; the regressors are so divided.
+    ``aft`` is the share of the surface's end of the cable in friction, damping and mass; the
+    regressors are so divided.
     """
     columns = {str(name): moved[name].values for name in moved.data_vars}
     for name, share in (aft or {}).items():
@@ -175,8 +213,12 @@ def design(loading: ControlLoading, moved: xr.Dataset, aft: Mapping[str, float] 
     return np.hstack([forces, loading.load(moved)[:, None] * loading.model.design(moved)])
 
 
-def pick_up_noise(loading: ControlLoading, data: xr.Dataset, cutoff: float) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return the standard deviations of the noise in rate and acceleration, of the travel and of the surface's end of the cable."""
+def pick_up_noise(
+    loading: ControlLoading, data: xr.Dataset, cutoff: float
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return the standard deviations of the noise in rate and acceleration, of the travel and of
+    the surface's end of the cable.
+    """
     step = float(np.median(np.diff(data["time"].values)))
     own = derivative_noise(data[loading.item].values, step, cutoff)
     return own, derivative_noise(data[loading.deflection].values / loading.gearing, step, cutoff)
@@ -188,11 +230,15 @@ def channels(loading: ControlLoading) -> list[str]:
     names = [item, f"F_{item}", loading.deflection, "qbar", *loading.model.variables]
     if item == "wheel" and "alpha" in loading.model.variables:
         names = [name for name in names if name != "alpha"] + ["p", "V"]
-    names += ["nz"] * ("bob_weight" in loading.constants) + ["wow"] * ("nose_spring" in loading.constants)
+    names += ["nz"] * ("bob_weight" in loading.constants) + ["wow"] * (
+        "nose_spring" in loading.constants
+    )
     return list(dict.fromkeys(names))
 
 
-def smoothed(x: np.ndarray, step: float, cutoff: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def smoothed(
+    x: np.ndarray, step: float, cutoff: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return a signal behind a Gaussian low-pass, its first and its second derivative.
 
     Parameters
@@ -226,20 +272,26 @@ def smoothed(x: np.ndarray, step: float, cutoff: float) -> tuple[np.ndarray, np.
 
 
 def _weights(count: int, step: float, cutoff: float) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies of the sine series of so many intervals and the amplitude of the low-pass. [rad s-1], [1]"""
+    """Frequencies of the sine series of so many intervals and the amplitude of the low-pass. [rad
+    s-1], [1]
+    """
     omega = np.pi * np.arange(1, count) / (count * step)
     return omega, np.exp(-0.5 * (omega * _WIDTH / cutoff) ** 2)
 
 
 def derivative_noise(x: np.ndarray, step: float, cutoff: float) -> tuple[float, float]:
-    """Return the standard deviations of the noise in `smoothed` first and second derivatives of a slow signal with white noise."""
+    """Return the standard deviations of the noise in `smoothed` first and second derivatives of a
+    slow signal with white noise.
+    """
     omega, weights = _weights(len(x) - 1, step, cutoff)
     first, second = (noise(x) * float(np.sqrt(np.mean((omega**k * weights) ** 2))) for k in (1, 2))
     return first, second
 
 
 def jumps(force: np.ndarray) -> np.ndarray:
-    """Return whether the force jumps between a sample and the next, (samples - 1,): when in between the hand let go is not known."""
+    """Return whether the force jumps between a sample and the next, (samples - 1,): when in between
+    the hand let go is not known.
+    """
     return np.abs(np.diff(force)) > max(_JUMP * float(np.ptp(force)), _CLEAR * noise(force))
 
 
@@ -254,5 +306,7 @@ def _next_to(between: np.ndarray) -> np.ndarray:
 
 
 def noise(x: np.ndarray) -> float:
-    """Return the standard deviation of white noise on a signal that is mostly slow, by its fourth differences."""
+    """Return the standard deviation of white noise on a signal that is mostly slow, by its fourth
+    differences.
+    """
     return float(np.median(np.abs(np.diff(x, 4))) / 0.6745 / np.sqrt(70.0))

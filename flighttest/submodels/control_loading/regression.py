@@ -1,4 +1,6 @@
-"""Friction, preload, unbalance and hinge moments from the force at the hand while the control slides."""
+"""Friction, preload, unbalance and hinge moments from the force at the hand while the control
+slides.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,9 @@ from flighttest.submodels.control_loading.joint_fit import JointFit, Known, Rows
 from flighttest.submodels.control_loading.loading import ControlLoading
 from flighttest.submodels.control_loading.windows import Stretch, force_rows
 
-_ALIKE = 0.98  # correlation inside every manoeuvre from which on only the differences between manoeuvres separate two terms
+# correlation inside every manoeuvre from which on only the differences between manoeuvres separate
+# two terms
+_ALIKE = 0.98
 
 
 @dataclass(frozen=True)
@@ -27,11 +31,13 @@ class SlidingFit:
     ----------
     loading : ControlLoading
     estimates : Dataset (term, term_, error)
-        Names of `ControlLoading.names`: ``estimate``, ``stderr`` (coloured residuals), ``stderr_white``, ``covariance``,
-        ``correlation``; ``friction``, ``damping`` and ``mass`` are those of both ends of the cable together, reduced to the travel.
-        Attributes ``residual_rms`` [N or N m], ``R2``, ``samples``, ``manoeuvres``.
+        Names of `ControlLoading.names`: ``estimate``, ``stderr`` (coloured residuals),
+        ``stderr_white``, ``covariance``, ``correlation``; ``friction``, ``damping`` and ``mass``
+        are those of both ends of the cable together, reduced to the travel. Attributes
+        ``residual_rms`` [N or N m], ``R2``, ``samples``, ``manoeuvres``.
     alike : list of (str, str)
-        Terms that go together inside every manoeuvre: their separation depends on differences between the manoeuvres.
+        Terms that go together inside every manoeuvre: their separation depends on differences
+        between the manoeuvres.
     """
 
     loading: ControlLoading
@@ -62,8 +68,8 @@ def sliding_fit(
     cutoff : float
         Low-pass of the driven manoeuvres. [Hz]
     aft : mapping of str to float, optional
-        Share of the surface in ``friction``, ``damping`` and ``mass`` of both ends: its end of the cable reverses at other moments and is
-        accelerated otherwise than the cockpit's. [1]
+        Share of the surface in ``friction``, ``damping`` and ``mass`` of both ends: its end of the
+        cable reverses at other moments and is accelerated otherwise than the cockpit's. [1]
     known : mapping of str to (float, float), optional
         Values and standard errors from elsewhere, such as the mass of both ends.
 
@@ -82,21 +88,33 @@ def sliding_fit(
     ----------
     .. [LR743] Report LR-743, 1993, 4.5.3.
     """
-    slow, quick = ([force_rows(loading, one, aft or {}) for one in group] for group in (driven, free))
+    slow, quick = (
+        [force_rows(loading, one, aft or {}) for one in group] for group in (driven, free)
+    )
     need = SAMPLES_PER_TERM * len(loading.names)
     count = sum(len(part.z) for part in slow)
     if count < need:
-        raise IdentificationError(f"{loading.item}: {count} samples in which the control slides; at least {need} are needed")
+        raise IdentificationError(
+            f"{loading.item}: {count} samples in which the control slides; at least {need} are needed"
+        )
     held = [
-        Known(np.array([float(n == name) for n in loading.names]), *pair) for name, pair in (known or {}).items() if name in loading.names
+        Known(np.array([float(n == name) for n in loading.names]), *pair)
+        for name, pair in (known or {}).items()
+        if name in loading.names
     ]
     found = joint_fit(slow, quick, loading.names, cutoff, held)
     fixed = np.array([name == "offset" for name in loading.names])
     collinearity.demand_independence(found.X, fixed, loading.names)
-    z, v, none = np.concatenate([part.z for part in slow]), found.residual[: found.samples], np.zeros((len(loading.names), 0))
+    z, v, none = (
+        np.concatenate([part.z for part in slow]),
+        found.residual[: found.samples],
+        np.zeros((len(loading.names), 0)),
+    )
     white = np.sqrt(np.diag(np.linalg.inv(found.X.T @ found.X)))
     more = least_squares.diagnostics(found.X, fixed)
-    estimates = least_squares.estimates(loading.names, found.theta, found.covariance, white, ([], none), more)
+    estimates = least_squares.estimates(
+        loading.names, found.theta, found.covariance, white, ([], none), more
+    )
     estimates.attrs = {
         "R2": 1.0 - float(v @ v) / float(((z - z.mean()) ** 2).sum()), "residual_rms": float(np.sqrt(v @ v / len(v))),
         "samples": len(z), "windows": found.windows, "manoeuvres": len(slow),
@@ -105,7 +123,9 @@ def sliding_fit(
 
 
 def _alike(loading: ControlLoading, parts: Sequence[np.ndarray]) -> list[tuple[str, str]]:
-    """Pairs of bob weight or spring with a hinge moment whose regressors go together inside every manoeuvre."""
+    """Pairs of bob weight or spring with a hinge moment whose regressors go together inside every
+    manoeuvre.
+    """
     names = loading.names
     found: list[tuple[str, str]] = []
     for name in ("bob_weight", "stiffness"):
@@ -113,7 +133,9 @@ def _alike(loading: ControlLoading, parts: Sequence[np.ndarray]) -> list[tuple[s
             continue
         j = names.index(name)
         for k in range(len(loading.constants), len(names)):
-            moving = [X for X in parts if len(X) > 2 and np.ptp(X[:, j]) > 0.0 and np.ptp(X[:, k]) > 0.0]
+            moving = [
+                X for X in parts if len(X) > 2 and np.ptp(X[:, j]) > 0.0 and np.ptp(X[:, k]) > 0.0
+            ]
             if moving and min(abs(np.corrcoef(X[:, j], X[:, k])[0, 1]) for X in moving) > _ALIKE:
                 found.append((name, names[k]))
     return found
@@ -127,8 +149,8 @@ class TrimForces:
     ----------
     loading : ControlLoading
     estimates : Dataset (term, term_, error)
-        ``offset`` and terms of the hinge moment; attributes ``rms`` [N or N m], ``points``, ``friction_limit`` [N or N m]: friction of
-        both ends is smaller with 97.5 % confidence.
+        ``offset`` and terms of the hinge moment; attributes ``rms`` [N or N m], ``points``,
+        ``friction_limit`` [N or N m]: friction of both ends is smaller with 97.5 % confidence.
     """
 
     loading: ControlLoading
@@ -140,17 +162,26 @@ class TrimForces:
 
         found = self.estimates
         limit = float(t.ppf(0.975, found.attrs["points"] - found.sizes["term"]))
-        return {str(name): bool(abs(one["estimate"]) > limit * one["stderr"]) for name, one in found.groupby("term")}
+        return {
+            str(name): bool(abs(one["estimate"]) > limit * one["stderr"])
+            for name, one in found.groupby("term")
+        }
 
     def report(self) -> str:
-        """Return the estimates as a text table; what the points do not show is called not determined."""
+        """Return the estimates as a text table; what the points do not show is called not
+        determined.
+        """
         found, seen = self.estimates, self.determined()
-        lines = [f"{self.loading.item}: {self.loading.model}, {found.attrs['points']} steady points, rms {found.attrs['rms']:.3g}"]
+        lines = [
+            f"{self.loading.item}: {self.loading.model}, {found.attrs['points']} steady points, rms {found.attrs['rms']:.3g}"
+        ]
         for name in map(str, found["term"].values):
             one = found.sel(term=name)
             text = f"{float(one['estimate']):>12.5g}{float(one['stderr']):>10.2g}"
             lines.append(f"{name:<18}{text}{'' if seen[name] else '  not determined'}")
-        lines.append(f"{'friction':<18}{'not determined; below':>22} {found.attrs['friction_limit']:.3g}")
+        lines.append(
+            f"{'friction':<18}{'not determined; below':>22} {found.attrs['friction_limit']:.3g}"
+        )
         return "\n".join(lines)
 
 
@@ -160,10 +191,11 @@ def trim_forces(loading: ControlLoading, points: xr.Dataset) -> TrimForces:
     Parameters
     ----------
     loading : ControlLoading
-        Geometry and terms of the hinge moment; its other constants are not used.  Where the geometry is not known, area, chord and
-        gearing 1, 1 and -1 give the product of all four.
+        Geometry and terms of the hinge moment; its other constants are not used.  Where the
+        geometry is not known, area, chord and gearing 1, 1 and -1 give the product of all four.
     points : Dataset (point,)
-        ``F_column`` (wheel, pedal), ``qbar`` and the variables of the hinge moment, one value per point. [SI]
+        ``F_column`` (wheel, pedal), ``qbar`` and the variables of the hinge moment, one value per
+        point. [SI]
 
     Raises
     ------
@@ -183,24 +215,42 @@ def trim_forces(loading: ControlLoading, points: xr.Dataset) -> TrimForces:
     wanted = [f"F_{loading.item}", "qbar", *loading.model.variables]
     for name in wanted:
         if name not in points:
-            raise UnknownName(name, map(str, points.data_vars), "channel", "every steady point needs it")
+            raise UnknownName(
+                name, map(str, points.data_vars), "channel", "every steady point needs it"
+            )
     names = ["offset", *(loading.term(term) for term in loading.model.terms)]
-    X = np.column_stack([np.ones(points["qbar"].size), loading.load(points)[:, None] * loading.model.design(points)])
+    X = np.column_stack(
+        [np.ones(points["qbar"].size), loading.load(points)[:, None] * loading.model.design(points)]
+    )
     spare = len(X) - len(names)
     if spare < 2:
-        raise IdentificationError(f"{loading.item}: {len(X)} steady points; at least {len(names) + 2} are needed for {len(names)} terms")
+        raise IdentificationError(
+            f"{loading.item}: {len(X)} steady points; at least {len(names) + 2} are needed for {len(names)} terms"
+        )
     collinearity.demand_rank(X, names)
     F = points[f"F_{loading.item}"].values
     theta, _ = least_squares.solve(X, F)
     v = F - X @ theta
     covariance = float(v @ v) / spare * np.linalg.inv(X.T @ X)
     stderr = np.sqrt(np.diag(covariance))
-    found = least_squares.estimates(names, theta, covariance, stderr, ([], np.zeros((len(names), 0))), {})
+    found = least_squares.estimates(
+        names, theta, covariance, stderr, ([], np.zeros((len(names), 0))), {}
+    )
     limit = float(np.sqrt(3.0 * (v @ v) / chi2.ppf(0.025, spare)))
-    return TrimForces(loading, found.assign_attrs(rms=float(np.sqrt(v @ v / spare)), points=len(X), friction_limit=limit))
+    return TrimForces(
+        loading,
+        found.assign_attrs(rms=float(np.sqrt(v @ v / spare)), points=len(X), friction_limit=limit),
+    )
 
 
-NAMES = ("cable_stiffness", "inertia", "hinge_friction", "hinge_damping", "cable_damping", "rigging")
+NAMES = (
+    "cable_stiffness",
+    "inertia",
+    "hinge_friction",
+    "hinge_damping",
+    "cable_damping",
+    "rigging",
+)
 _PASSES = 3  # the fitted stretch of a pass is in the regressors of the next
 _COLUMNS = ("hinge moment", "acceleration", "friction", "rate", "stretching", "constant")
 
@@ -213,8 +263,9 @@ class CableFit:
     ----------
     loading : ControlLoading
     estimates : Dataset (term, term_, error)
-        ``cable_stiffness``, ``cable_damping`` reduced to the travel, ``inertia``, ``hinge_friction``, ``hinge_damping`` about the hinge,
-        ``rigging`` (deflection at zero travel without load).  Attribute ``rms``: of the residual of the stretch. [m or rad]
+        ``cable_stiffness``, ``cable_damping`` reduced to the travel, ``inertia``,
+        ``hinge_friction``, ``hinge_damping`` about the hinge, ``rigging`` (deflection at zero
+        travel without load).  Attribute ``rms``: of the residual of the stretch. [m or rad]
     p : array (columns,)
         Coefficients of the stretch.
     slopes : array (NAMES, rows)
@@ -227,7 +278,9 @@ class CableFit:
     slopes: np.ndarray
 
     def residual(self, stretches: Sequence[Stretch], known: np.ndarray) -> np.ndarray:
-        """Return the residual of the stretch in records, samples before windows, with hinge moments `known`, (terms,)."""
+        """Return the residual of the stretch in records, samples before windows, with hinge moments
+        `known`, (terms,).
+        """
         moves = np.ones(len(_COLUMNS), bool)
         parts = [_rows(self.loading, one, known, self.p, moves) for one in stretches]
         return np.concatenate([part.z - part.X @ self.p for part in parts])
@@ -245,12 +298,14 @@ def cable_fit(
     Parameters
     ----------
     slid : SlidingFit
-        Its hinge moments are taken for known: they are ten times as accurate; their errors are carried on.
+        Its hinge moments are taken for known: they are ten times as accurate; their errors are
+        carried on.
     driven, free, cutoff
         As in `sliding_fit`.
     drawn : (float, float, float), optional
-        Inertia of the surface, reduced to the travel, and stiffness of the cable by the drawings, and the standard error of the inertia
-        over its value: one equation more, inertia = drawn inertia, in coefficients of the stretch. [kg, N m-1, 1]
+        Inertia of the surface, reduced to the travel, and stiffness of the cable by the drawings,
+        and the standard error of the inertia over its value: one equation more, inertia = drawn
+        inertia, in coefficients of the stretch. [kg, N m-1, 1]
 
     Raises
     ------
@@ -263,8 +318,12 @@ def cable_fit(
     for _ in range(_PASSES):
         moves = np.array([True, True, True, True, bool(p.any()), True])
         names = [name for name, use in zip(_COLUMNS, moves) if use]
-        slow, quick = ([_rows(loading, one, known, p, moves) for one in group] for group in (driven, free))
-        fit = joint_fit(slow, quick, names, cutoff, [] if drawn is None else [_known_inertia(names, *drawn)])
+        slow, quick = (
+            [_rows(loading, one, known, p, moves) for one in group] for group in (driven, free)
+        )
+        fit = joint_fit(
+            slow, quick, names, cutoff, [] if drawn is None else [_known_inertia(names, *drawn)]
+        )
         p = np.zeros(len(_COLUMNS))
         p[moves] = fit.theta
     if not p[0] > 0.0:
@@ -274,12 +333,23 @@ def cable_fit(
     values, G = _physical(p, loading.gearing)
     slopes = G[:, moves] @ fit.estimator[:, : fit.samples + fit.windows]
     # what an error of the hinge moments would change
-    by_terms = -p[0] * slopes @ np.concatenate([one.rows(_terms(loading, one)) for one in (*driven, *free)])
+    by_terms = (
+        -p[0]
+        * slopes
+        @ np.concatenate([one.rows(_terms(loading, one)) for one in (*driven, *free)])
+    )
     at = [slid.loading.names.index(loading.term(term)) for term in loading.model.terms]
     covariance = G[:, moves] @ fit.covariance @ G[:, moves].T
     covariance += by_terms @ slid.estimates["covariance"].values[np.ix_(at, at)] @ by_terms.T
-    found = least_squares.estimates(NAMES, values, covariance, np.full(len(NAMES), np.nan), ([], np.zeros((len(NAMES), 0))), {})
-    return CableFit(loading, found.assign_attrs(rms=float(np.sqrt(np.mean(fit.residual[: fit.samples] ** 2)))), p, slopes)
+    found = least_squares.estimates(
+        NAMES, values, covariance, np.full(len(NAMES), np.nan), ([], np.zeros((len(NAMES), 0))), {}
+    )
+    return CableFit(
+        loading,
+        found.assign_attrs(rms=float(np.sqrt(np.mean(fit.residual[: fit.samples] ** 2)))),
+        p,
+        slopes,
+    )
 
 
 def _known_inertia(names: Sequence[str], inertia: float, stiffness: float, error: float) -> Known:
@@ -294,18 +364,24 @@ def _terms(loading: ControlLoading, one: Stretch) -> np.ndarray:
     return loading.load(one.moved)[:, None] * loading.model.design(one.moved)
 
 
-def _rows(loading: ControlLoading, one: Stretch, known: np.ndarray, p: np.ndarray, moves: np.ndarray) -> Rows:
+def _rows(
+    loading: ControlLoading, one: Stretch, known: np.ndarray, p: np.ndarray, moves: np.ndarray
+) -> Rows:
     """Equations at the surface's end.
 
-    Its motion is that of a mean of both travels whose noise does not correlate with that of their difference, the response, less its part
-    of the stretch fitted before: the measured one would be noise.
+    Its motion is that of a mean of both travels whose noise does not correlate with that of their
+    difference, the response, less its part of the stretch fitted before: the measured one would be
+    noise.
     """
     quiet, loud = one.white
-    share = quiet / (quiet + loud) if quiet + loud > 0.0 else 0.5  # of the surface's end in the mean
+    share = (
+        quiet / (quiet + loud) if quiet + loud > 0.0 else 0.5
+    )  # of the surface's end in the mean
     a = one.moved[loading.deflection].values / loading.gearing
     signals = {
         "hinge moment": _terms(loading, one) @ known,
-        "acceleration": (1.0 - share) * one.moved["acceleration"].values + share * one.moved["aft_acceleration"].values,
+        "acceleration": (1.0 - share) * one.moved["acceleration"].values
+        + share * one.moved["aft_acceleration"].values,
         "friction": one.moved["aft_direction"].values,
         "rate": (1.0 - share) * one.moved["rate"].values + share * one.moved["aft_rate"].values,
         "stretching": np.zeros(len(a)),

@@ -1,4 +1,6 @@
-"""What was found of the control loading: constants for the aircraft file, hinge moments for the database, text."""
+"""What was found of the control loading: constants for the aircraft file, hinge moments for the
+database, text.
+"""
 
 from __future__ import annotations
 
@@ -27,12 +29,25 @@ _UNITS = {  # of a travel in m, of one in rad
     "hinge_friction": ("N m", "N m"), "hinge_damping": ("N m s", "N m s"), "rigging": ("rad", "rad"),
 }  # fmt: skip
 _CIRCUIT = (
-    *("mass", "inertia", "damping", "hinge_damping", "stiffness", "preload", "friction", "hinge_friction"),
+    *(
+        "mass",
+        "inertia",
+        "damping",
+        "hinge_damping",
+        "stiffness",
+        "preload",
+        "friction",
+        "hinge_friction",
+    ),
     *("cable_stiffness", "cable_damping", "rigging", "bob_weight", "nose_spring"),
 )
 
 
-SHARED = {"friction": ("hinge_friction", 1), "damping": ("hinge_damping", 2), "mass": ("inertia", 2)}  # and power of the gearing
+SHARED = {
+    "friction": ("hinge_friction", 1),
+    "damping": ("hinge_damping", 2),
+    "mass": ("inertia", 2),
+}  # and power of the gearing
 DRAWINGS_ERROR = 0.25  # standard error over value of what drawings, weights and cable tables give
 _SIGNED = ("rigging", "bob_weight")
 _NEEDED = ("mass", "inertia", "cable_stiffness")
@@ -50,7 +65,8 @@ class IdentifiedLoading:
     cable : Dataset or None
         Of the stretch of the cable, see `cable_fit`; None for order 2.
     estimates : Dataset (term, term_, error)
-        ``estimate``, ``stderr``, ``covariance`` of all constants and terms; friction, damping and mass of the cockpit end with a cable.
+        ``estimate``, ``stderr``, ``covariance`` of all constants and terms; friction, damping and
+        mass of the cockpit end with a cable.
     """
 
     loading: ControlLoading
@@ -78,7 +94,9 @@ class IdentifiedLoading:
         return float(one["estimate"]), float(one["stderr"])
 
     def total(self, name: str) -> tuple[float, float]:
-        """Return ``friction``, ``damping`` or ``mass`` of both ends of the cable, reduced to the travel, and its standard error."""
+        """Return ``friction``, ``damping`` or ``mass`` of both ends of the cable, reduced to the
+        travel, and its standard error.
+        """
         value, stderr = self.value(name)
         if self.cable is None:
             return value, stderr
@@ -86,11 +104,18 @@ class IdentifiedLoading:
         terms = [name, aft]
         row = np.array([1.0, abs(self.loading.gearing) ** power])
         own = self.estimates["covariance"].sel(term=terms, term_=terms).values
-        return float(row @ self.estimates["estimate"].sel(term=terms).values), float(np.sqrt(row @ own @ row))
+        return float(row @ self.estimates["estimate"].sel(term=terms).values), float(
+            np.sqrt(row @ own @ row)
+        )
 
     def with_errors(self, changes: np.ndarray) -> IdentifiedLoading:
-        """Return the result with more errors of the estimates, one row each, (sources, terms), independent of each other."""
-        return self._moved(self.estimates["estimate"].values, self.estimates["covariance"].values + changes.T @ changes)
+        """Return the result with more errors of the estimates, one row each, (sources, terms),
+        independent of each other.
+        """
+        return self._moved(
+            self.estimates["estimate"].values,
+            self.estimates["covariance"].values + changes.T @ changes,
+        )
 
     def with_prior(self, known: Circuit, error: float = DRAWINGS_ERROR) -> IdentifiedLoading:
         """Return the result joined with what is known of the circuit from its drawings.
@@ -111,9 +136,18 @@ class IdentifiedLoading:
         .. [Theil1961] Theil, Goldberger, Int. Econ. Review 2, 1961.
         """
         names = [str(name) for name in self.estimates["term"].values]
-        at = [names.index(name) for name in _CIRCUIT if name in names and name not in _SIGNED and getattr(known, name) > 0.0]
+        at = [
+            names.index(name)
+            for name in _CIRCUIT
+            if name in names and name not in _SIGNED and getattr(known, name) > 0.0
+        ]
         cables = 2.0 if known.order == 6 and self.order == 4 else 1.0
-        prior = np.array([getattr(known, names[k]) * (cables if names[k].startswith("cable_") else 1.0) for k in at])
+        prior = np.array(
+            [
+                getattr(known, names[k]) * (cables if names[k].startswith("cable_") else 1.0)
+                for k in at
+            ]
+        )
         theta, C = self.estimates["estimate"].values, self.estimates["covariance"].values
         gain = np.linalg.solve(C[np.ix_(at, at)] + np.diag((error * prior) ** 2), C[at]).T
         return self._moved(theta + gain @ (prior - theta[at]), C - gain @ C[at])
@@ -121,38 +155,59 @@ class IdentifiedLoading:
     def _moved(self, theta: np.ndarray, covariance: np.ndarray) -> IdentifiedLoading:
         names = [str(name) for name in self.estimates["term"].values]
         nothing: tuple[list[str], np.ndarray] = ([], np.zeros((len(names), 0)))
-        found = least_squares.estimates(names, theta, 0.5 * (covariance + covariance.T), np.full(len(names), np.nan), nothing, {})
+        found = least_squares.estimates(
+            names,
+            theta,
+            0.5 * (covariance + covariance.T),
+            np.full(len(names), np.nan),
+            nothing,
+            {},
+        )
         return replace(self, estimates=found)
 
     def fly(self, free: Sequence[xr.Dataset]) -> list[Flown]:
         """Return the free motion of records, simulated with what was identified, see `fly_windows`."""
-        return fly_windows(self.loading, dict(zip(self.estimates["term"].values.tolist(), self.estimates["estimate"].values)), free)
+        return fly_windows(
+            self.loading,
+            dict(zip(self.estimates["term"].values.tolist(), self.estimates["estimate"].values)),
+            free,
+        )
 
     @property
     def collinear(self) -> list[tuple[str, str]]:
-        """Pairs of terms that go together inside every manoeuvre and are separated by differences between manoeuvres alone."""
+        """Pairs of terms that go together inside every manoeuvre and are separated by differences
+        between manoeuvres alone.
+        """
         return self.slid.alike
 
     @property
     def force_bias(self) -> float:
-        """What ``bias.F_column`` (wheel, pedal) of the model needs so that a recorded force acts as it did. [N or N m]"""
+        """What ``bias.F_column`` (wheel, pedal) of the model needs so that a recorded force acts as
+        it did. [N or N m]
+        """
         bob = self.value("bob_weight")[0] if "bob_weight" in self.loading.constants else 0.0
         return -(self.value("offset")[0] - bob * G0)
 
     def circuit(self, known: Circuit) -> Circuit:
-        """Return a circuit with the identified constants; what was not identified stays, such as the stops.
+        """Return a circuit with the identified constants; what was not identified stays, such as
+        the stops.
 
-        What is negative within two standard errors, as a damping that the records do not show, becomes zero.
+        What is negative within two standard errors, as a damping that the records do not show,
+        becomes zero.
 
-        A wheel with two cables (order 6) moves in roll as one of order 4 with both cables: each gets half.
+        A wheel with two cables (order 6) moves in roll as one of order 4 with both cables: each
+        gets half.
 
         Raises
         ------
         SchemaError
-            A constant that is negative beyond its error, or a mass or stiffness that is not positive.
+            A constant that is negative beyond its error, or a mass or stiffness that is not
+            positive.
         """
         names = [str(name) for name in self.estimates["term"].values]
-        order = self.order if "mass" in names else known.order  # without a mass only what acts slowly was identified
+        order = (
+            self.order if "mass" in names else known.order
+        )  # without a mass only what acts slowly was identified
         found: dict[str, Any] = {name: self.value(name)[0] for name in _CIRCUIT if name in names}
         if self.order == 2:
             found |= {"inertia": 0.0} if "mass" in names else {}
@@ -178,17 +233,32 @@ class IdentifiedLoading:
         """
         item, one = self.loading.item, self.loading
         if item not in known.circuits:
-            raise SchemaError(known.name, [f"[circuit.{item}] is missing; give stops and mass at least"])
-        controls = {**known.controls, one.deflection: Control(one.S_hinge, one.c_hinge, one.gearing)}
+            raise SchemaError(
+                known.name, [f"[circuit.{item}] is missing; give stops and mass at least"]
+            )
+        controls = {
+            **known.controls,
+            one.deflection: Control(one.S_hinge, one.c_hinge, one.gearing),
+        }
         circuits = {**known.circuits, item: self.circuit(known.circuits[item])}
-        values = ", ".join(f"{name} {value:.4g} ({stderr:.2g})" for name, value, stderr in self._rows() if name in _CIRCUIT)
+        values = ", ".join(
+            f"{name} {value:.4g} ({stderr:.2g})"
+            for name, value, stderr in self._rows()
+            if name in _CIRCUIT
+        )
         line = f"circuit.{item} identified from flight, standard errors in brackets: {values}; bias.F_{item} {self.force_bias:.3g}"
-        return replace(known, controls=controls, circuits=circuits, history=f"{known.history}\n{line}".strip())
+        return replace(
+            known, controls=controls, circuits=circuits, history=f"{known.history}\n{line}".strip()
+        )
 
     def published(self) -> tuple[Mapping[str, float], Mapping[str, float], np.ndarray]:
-        """Return values, standard errors and correlation of the terms of the hinge moment, for `published_fit` and `mixed`."""
+        """Return values, standard errors and correlation of the terms of the hinge moment, for
+        `published_fit` and `mixed`.
+        """
         terms = list(self.loading.model.terms)
-        own = self.estimates.sel(term=[self.loading.term(t) for t in terms], term_=[self.loading.term(t) for t in terms])
+        own = self.estimates.sel(
+            term=[self.loading.term(t) for t in terms], term_=[self.loading.term(t) for t in terms]
+        )
         sd = own["stderr"].values
         R = own["covariance"].values / np.outer(sd, sd)
         return dict(zip(terms, own["estimate"].values.tolist())), dict(zip(terms, sd.tolist())), R
@@ -201,21 +271,37 @@ class IdentifiedLoading:
         one, s = self.loading, self.slid.estimates.attrs
         wheel = one.item == "wheel"
         unit = "N m" if wheel else "N"
-        lines = [f"{one.item}: {one.model}, gearing {one.gearing:g} {'rad/rad' if wheel else 'rad/m'}"]
+        lines = [
+            f"{one.item}: {one.model}, gearing {one.gearing:g} {'rad/rad' if wheel else 'rad/m'}"
+        ]
         lines.append(
             f"sliding: R2 {s['R2']:.5f}, rms {s['residual_rms']:.3g} {unit}, {s['samples']} samples of {s['manoeuvres']} manoeuvres"
         )
         if self.cable is not None:
             rms = self.cable.attrs["rms"]
-            lines.append(f"stretch of the cable: rms {f'{rms:.2g} rad' if wheel else f'{1e3 * rms:.2g} mm'}")
+            lines.append(
+                f"stretch of the cable: rms {f'{rms:.2g} rad' if wheel else f'{1e3 * rms:.2g} mm'}"
+            )
         wide = max(len(name) for name, _, _ in self._rows()) + 2
         lines.append(f"{'':<{wide}}{'estimate':>12}{'stderr':>10}")
         for name, value, stderr in self._rows():
-            lines.append(f"{name:<{wide}}{value:>12.5g}{stderr:>10.2g}  {_UNITS.get(name, ('', ''))[wheel]}".rstrip())
+            lines.append(
+                f"{name:<{wide}}{value:>12.5g}{stderr:>10.2g}  {_UNITS.get(name, ('', ''))[wheel]}".rstrip()
+            )
         if self.order == 4:
-            totals = [(name, *self.total(name)) for name in ("friction", "damping", "mass") if name in one.constants]
-            lines += [f"{f'{name}, both ends':<{wide}}{value:>12.5g}{error:>10.2g}  {_UNITS[name][wheel]}" for name, value, error in totals]
-        pairs = [f"! {a} and {b} go together in every manoeuvre; only differences between them separate the two" for a, b in self.collinear]
+            totals = [
+                (name, *self.total(name))
+                for name in ("friction", "damping", "mass")
+                if name in one.constants
+            ]
+            lines += [
+                f"{f'{name}, both ends':<{wide}}{value:>12.5g}{error:>10.2g}  {_UNITS[name][wheel]}"
+                for name, value, error in totals
+            ]
+        pairs = [
+            f"! {a} and {b} go together in every manoeuvre; only differences between them separate the two"
+            for a, b in self.collinear
+        ]
         return "\n".join([*lines, *pairs])
 
 
@@ -235,7 +321,13 @@ def hinge_terms(found: IdentifiedLoading) -> dict[str, xr.Dataset]:
         if len(regressors) > 2:
             leaves[f"{coefficient}/{_contribution(term)}"] = _tabulated(found, term, value, stderr)
             continue
-        leaf = _terms.make(value, regressors=regressors, stderr=stderr, source="flight", comment="control loading from flight")
+        leaf = _terms.make(
+            value,
+            regressors=regressors,
+            stderr=stderr,
+            source="flight",
+            comment="control loading from flight",
+        )
         leaves[f"{coefficient}/{_contribution(term)}"] = leaf
     return leaves
 
@@ -247,15 +339,19 @@ def replace_hinge_moments(database: xr.DataTree, found: IdentifiedLoading) -> xr
     ----------
     database : DataTree
     found : IdentifiedLoading
-        To weigh flight against DATCOM first, give ``published_fit(model, *found.published()[:2], conditions, R)`` to `mixed` or to
-        `aerodb.tabulate`, as any fit.
+        To weigh flight against DATCOM first, give ``published_fit(model, *found.published()[:2],
+        conditions, R)`` to `mixed` or to `aerodb.tabulate`, as any fit.
     """
     from aerodb.edit.table_edits import delete_terms, replace_terms
     from aerodb.store.schema import terms
 
     note = "control loading identified from flight"
     new = hinge_terms(found)
-    old = [name for name in terms(database) if name.startswith(f"{found.loading.model.coefficient}/") and name not in new]
+    old = [
+        name
+        for name in terms(database)
+        if name.startswith(f"{found.loading.model.coefficient}/") and name not in new
+    ]
     return replace_terms(delete_terms(database, old, note) if old else database, new, note)
 
 
@@ -264,13 +360,23 @@ def _contribution(term: str) -> str:
 
 
 def _tabulated(found: IdentifiedLoading, term: str, value: float, stderr: float) -> xr.Dataset:
-    """A power of the deflection beyond the second: a table over it times the deflection, up to 0.5 rad."""
+    """A power of the deflection beyond the second: a table over it times the deflection, up to 0.5
+    rad.
+    """
     factors = powers(term)
     name = found.loading.deflection
     if set(factors) != {name}:
-        raise SchemaError("hinge moments", [f"{term}: at most two factors, or a power of {name} alone, fit into a term"])
+        raise SchemaError(
+            "hinge moments",
+            [f"{term}: at most two factors, or a power of {name} alone, fit into a term"],
+        )
     x = np.linspace(-0.5, 0.5, 41)
     shape = x ** (factors[name] - 1)
     return _terms.make(
-        value * shape, {name: x}, [name], stderr=stderr * np.abs(shape), source="flight", comment="control loading from flight"
+        value * shape,
+        {name: x},
+        [name],
+        stderr=stderr * np.abs(shape),
+        source="flight",
+        comment="control loading from flight",
     )

@@ -3,10 +3,11 @@
     m s'' in F - W s' - C s - offset - bob - R Sgn(s') - P Sgn(s) - K (s - a) - D (s' - a')
     J g^2 a'' in K (s - a) + D (s' - a') - w g^2 a' - r |g| Sgn(a') + g H,       delta = rigging + g a
 
-Positions move half a step before and half a step after the velocities (Strang splitting); friction and preload are implicit, so that a
-body at rest whose friction suffices stays where it is; reversals are located inside a sub-step.  Without a cable (order 2) the one body
-has the mass of both.  The kernel flies the same equations with an aircraft around them (``kernel/src/controls/linkage.c``); here speed,
-angle of attack and tab are those of the record.
+Positions move half a step before and half a step after the velocities (Strang splitting); friction
+and preload are implicit, so that a body at rest whose friction suffices stays where it is;
+reversals are located inside a sub-step.  Without a cable (order 2) the one body has the mass of
+both.  The kernel flies the same equations with an aircraft around them
+(``kernel/src/controls/linkage.c``); here speed, angle of attack and tab are those of the record.
 """
 
 from __future__ import annotations
@@ -31,7 +32,9 @@ def sub_steps(constants: Mapping[str, np.ndarray], gearing: float, step: float) 
     longest = LONGEST_STEP
     if "cable_stiffness" in constants:
         aft = constants["inertia"] * gearing**2
-        fastest = np.sqrt(np.max(constants["cable_stiffness"] * (1.0 / constants["mass"] + 1.0 / aft)))
+        fastest = np.sqrt(
+            np.max(constants["cable_stiffness"] * (1.0 / constants["mass"] + 1.0 / aft))
+        )
         longest = min(longest, PHASE / float(fastest))
     return int(np.ceil(step / longest - 1e-9))
 
@@ -49,8 +52,9 @@ def follow(
     Parameters
     ----------
     constants : mapping of str to array (linkages,)
-        ``mass friction damping preload stiffness rigging``, and of two bodies ``inertia hinge_friction hinge_damping cable_stiffness
-        cable_damping``; those of the surface about its hinge. [SI]
+        ``mass friction damping preload stiffness rigging``, and of two bodies ``inertia
+        hinge_friction hinge_damping cable_stiffness cable_damping``; those of the surface about its
+        hinge. [SI]
     gearing : float
         d(delta)/ds. [rad per unit of travel]
     start : array (linkages,), array (linkages,)
@@ -74,7 +78,9 @@ def follow(
     aft = c.get("inertia", 0.0) * gearing**2
     w = c.get("hinge_damping", 0.0) * gearing**2
     r = c.get("hinge_friction", 0.0) * abs(gearing)
-    m, W, R, P, C, rigging = (c[name] for name in ("mass", "damping", "friction", "preload", "stiffness", "rigging"))
+    m, W, R, P, C, rigging = (
+        c[name] for name in ("mass", "damping", "friction", "preload", "stiffness", "rigging")
+    )
     if not two:
         m, W, R = m + aft, W + w, R + r
     plus, minus = m / h + 0.5 * (W + D), m / h - 0.5 * (W + D)
@@ -102,7 +108,17 @@ def follow(
                 tension = K * (s - a)
                 old = v
                 v, back = _next(plus, minus, f - tension + D * u, v, R, P, s, h, has_preload)
-                u, back_aft = _next(plus_aft, minus_aft, tension + 0.5 * D * (old + v) + gearing * H, u, r, 0.0, a, h, False)
+                u, back_aft = _next(
+                    plus_aft,
+                    minus_aft,
+                    tension + 0.5 * D * (old + v) + gearing * H,
+                    u,
+                    r,
+                    0.0,
+                    a,
+                    h,
+                    False,
+                )
                 a = a + 0.5 * h * u - back_aft
             else:
                 v, back = _next(plus, minus, f + gearing * H, v, R, P, s, h, has_preload)
@@ -110,15 +126,25 @@ def follow(
     return S, rigging + gearing * A
 
 
-def _next(plus, minus, force, v, friction, preload, s, h, has_preload: bool) -> tuple[np.ndarray, np.ndarray]:
+def _next(
+    plus, minus, force, v, friction, preload, s, h, has_preload: bool
+) -> tuple[np.ndarray, np.ndarray]:
     """Velocity after a step, and the way that a reversal inside the step takes back.
 
-    ``plus v+ + friction Sgn + preload Sgn = minus v + force``.  A body that reverses comes to rest after the part x of the step and starts
-    anew; the way is v x h/2 + v+ (1 - x) h/2 in place of (v + v+) h/2.  Without this the motion would jump by the way of a sub-step
-    wherever a parameter moves a reversal from one sub-step to the next, and differences of the motion would show nothing else.
+    ``plus v+ + friction Sgn + preload Sgn = minus v + force``.  A body that reverses comes to rest
+    after the part x of the step and starts anew; the way is v x h/2 + v+ (1 - x) h/2 in place of (v
+    + v+) h/2.  Without this the motion would jump by the way of a sub-step wherever a parameter
+    moves a reversal from one sub-step to the next, and differences of the motion would show nothing
+    else.
     """
-    sliding = _preloaded(plus, minus * v + force - friction * np.sign(v), preload, s, h, has_preload)
-    from_rest = _balance(plus, force, friction, preload, s, h) if has_preload else _shrunk(force, friction) / plus
+    sliding = _preloaded(
+        plus, minus * v + force - friction * np.sign(v), preload, s, h, has_preload
+    )
+    from_rest = (
+        _balance(plus, force, friction, preload, s, h)
+        if has_preload
+        else _shrunk(force, friction) / plus
+    )
     stops = v * sliding <= 0.0
     x = np.where(stops & (v != 0.0), v / np.where(v == sliding, 1.0, v - sliding), 0.0)
     after = np.where(stops, (1.0 - x) * from_rest, sliding)
@@ -171,14 +197,19 @@ class Flown:
     deflection: np.ndarray
 
     def misfit(self) -> tuple[float, float]:
-        """Return the rms of measured minus simulated travel and deflection, over the range of the measured one."""
+        """Return the rms of measured minus simulated travel and deflection, over the range of the
+        measured one.
+        """
         pairs = (self.travel, self.deflection)
         found = [float(np.sqrt(np.mean((x[:, 0] - x[:, 1]) ** 2)) / np.ptp(x[:, 0])) for x in pairs]
         return found[0], found[1]
 
 
-def fly_windows(loading: ControlLoading, estimates: Mapping[str, float], free: Sequence[xr.Dataset]) -> list[Flown]:
-    """Return every window of free motion of the records, simulated with the recorded forces and air.
+def fly_windows(
+    loading: ControlLoading, estimates: Mapping[str, float], free: Sequence[xr.Dataset]
+) -> list[Flown]:
+    """Return every window of free motion of the records, simulated with the recorded forces and
+    air.
 
     Parameters
     ----------
@@ -197,13 +228,21 @@ def fly_windows(loading: ControlLoading, estimates: Mapping[str, float], free: S
     IdentificationError
         A mass or a stiffness that is not positive.
     """
-    return [_flown(loading, estimates, window) for one in free for window in free_motion(loading, one)]
+    return [
+        _flown(loading, estimates, window) for one in free for window in free_motion(loading, one)
+    ]
 
 
 def _flown(loading: ControlLoading, p: Mapping[str, float], window: xr.Dataset) -> Flown:
-    wrong = [f"{name} is {p[name]:.3g}" for name in ("mass", "inertia", "cable_stiffness") if name in p and not p[name] > 0.0]
+    wrong = [
+        f"{name} is {p[name]:.3g}"
+        for name in ("mass", "inertia", "cable_stiffness")
+        if name in p and not p[name] > 0.0
+    ]
     if wrong:
-        raise IdentificationError(f"{loading.item}: {', '.join(wrong)}; join it with the drawings by `with_prior`, or take order 2")
+        raise IdentificationError(
+            f"{loading.item}: {', '.join(wrong)}; join it with the drawings by `with_prior`, or take order 2"
+        )
     moved = signals(loading, window, None)
     time, g = moved["time"].values, loading.gearing
     step = float(np.median(np.diff(time)))
@@ -218,9 +257,18 @@ def _flown(loading: ControlLoading, p: Mapping[str, float], window: xr.Dataset) 
     rest = max(1, round(REST / step))
     s, delta = moved["travel"].values, moved[loading.deflection].values
     rigging = p.get("rigging", 0.0)
-    spring = p.get("stiffness", 0.0) + p.get("nose_spring", 0.0) * float(moved["on_ground"].values.mean())
-    constants = {name: np.array([max(0.0, p[name])]) for name in ("mass", "damping", "friction", *_CABLE) if name in p}
-    constants |= {"damping": constants.get("damping", np.zeros(1)), "preload": np.array([max(0.0, p.get("preload", 0.0))])}
+    spring = p.get("stiffness", 0.0) + p.get("nose_spring", 0.0) * float(
+        moved["on_ground"].values.mean()
+    )
+    constants = {
+        name: np.array([max(0.0, p[name])])
+        for name in ("mass", "damping", "friction", *_CABLE)
+        if name in p
+    }
+    constants |= {
+        "damping": constants.get("damping", np.zeros(1)),
+        "preload": np.array([max(0.0, p.get("preload", 0.0))]),
+    }
     constants |= {"stiffness": np.array([spring]), "rigging": np.array([rigging])}
     start = np.array([s[:rest].mean()]), np.array([(delta[:rest].mean() - rigging) / g])
     S, D = follow(constants, g, start, force[:, None], moment, step)

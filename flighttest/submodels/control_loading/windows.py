@@ -1,4 +1,6 @@
-"""Records made ready for both regressions: samples of driven manoeuvres in which the control slides, windows of free motion."""
+"""Records made ready for both regressions: samples of driven manoeuvres in which the control
+slides, windows of free motion.
+"""
 
 from __future__ import annotations
 
@@ -25,21 +27,25 @@ from flighttest.submodels.control_loading.motion import (
 
 EVENTS = 10.0  # Hz: low-pass of the rate whose sign bounds the windows
 LONGEST = 0.3  # s: a period of a control on its hinge moment
-SHORTEST = 9  # samples: sums stand for integrals, and noise of the acceleration grows with the 2.5th power of the shortness
+# samples: sums stand for integrals, and noise of the acceleration grows with the 2.5th power of the
+# shortness
+SHORTEST = 9
 _OF_CHANGE = 12  # samples from which on the second function counts
 _MOVING = 3.0  # standard errors of that rate; at the ends of a window phi is small
 
 
 @dataclass(frozen=True)
 class Window:
-    """One window of a record and its function, scaled so that white noise of the record has the same size in every window.
+    """One window of a record and its function, scaled so that white noise of the record has the
+    same size in every window.
 
     Attributes
     ----------
     part : slice
         Samples.
     phi : array (3, samples)
-        The function, its negative first and its second derivative, over (sum phi^2)^0.5. [1, s-1, s-2]
+        The function, its negative first and its second derivative, over (sum phi^2)^0.5. [1, s-1,
+        s-2]
     """
 
     part: slice
@@ -51,12 +57,15 @@ class Window:
 
 
 def modulated(x: np.ndarray, windows: list[Window], order: int = 0) -> np.ndarray:
-    """Return the derivative of a signal, (time,) or (time, columns), in every window, (windows,) or (windows, columns)."""
+    """Return the derivative of a signal, (time,) or (time, columns), in every window, (windows,) or
+    (windows, columns).
+    """
     return np.array([window.of(x, order) for window in windows]).reshape(len(windows), *x.shape[1:])
 
 
 def windows_of(loading: ControlLoading, data: xr.Dataset, moved: xr.Dataset) -> list[Window]:
-    """Return the windows of a record in which the control slides one way, on one side of neutral, without a step of the force.
+    """Return the windows of a record in which the control slides one way, on one side of neutral,
+    without a step of the force.
 
     Parameters
     ----------
@@ -69,8 +78,14 @@ def windows_of(loading: ControlLoading, data: xr.Dataset, moved: xr.Dataset) -> 
     step = float(np.median(np.diff(moved["time"].values)))
     s = data[loading.item].values
     rate = moved["rate"].values
-    use = np.abs(rate) > max(_MOVING * derivative_noise(s, step, EVENTS)[0], LEAST_RATE * float(np.abs(rate).max()))
-    breaks = jumps(data[f"F_{loading.item}"].values) | _changes(rate) | _changes(moved["aft_rate"].values)
+    use = np.abs(rate) > max(
+        _MOVING * derivative_noise(s, step, EVENTS)[0], LEAST_RATE * float(np.abs(rate).max())
+    )
+    breaks = (
+        jumps(data[f"F_{loading.item}"].values)
+        | _changes(rate)
+        | _changes(moved["aft_rate"].values)
+    )
     if "preload" in loading.constants:
         use &= np.abs(moved["travel"].values) > NEUTRAL * float(np.ptp(s))
         breaks |= _changes(moved["travel"].values)
@@ -82,10 +97,14 @@ def windows_of(loading: ControlLoading, data: xr.Dataset, moved: xr.Dataset) -> 
     return found
 
 
-def modulation_noise(loading: ControlLoading, data: xr.Dataset, windows: list[Window], order: int) -> tuple[np.ndarray, np.ndarray]:
+def modulation_noise(
+    loading: ControlLoading, data: xr.Dataset, windows: list[Window], order: int
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the variances of that derivative of the travel and of the surface's end, (windows,)."""
     total = np.array([float(window.phi[order] @ window.phi[order]) for window in windows])
-    return noise(data[loading.item].values) ** 2 * total, (noise(data[loading.deflection].values) / loading.gearing) ** 2 * total
+    return noise(data[loading.item].values) ** 2 * total, (
+        noise(data[loading.deflection].values) / loading.gearing
+    ) ** 2 * total
 
 
 def free_signals(loading: ControlLoading, data: xr.Dataset) -> tuple[xr.Dataset, list[Window]]:
@@ -109,12 +128,16 @@ def _windows(first: int, count: int, step: float) -> list[Window]:
 
 
 def _functions(size: int, step: float) -> tuple[np.ndarray, np.ndarray]:
-    """sin^4 and sin^4 cos over a window, each with its negative first and its second derivative: the mean of the motion and its change."""
+    """sin^4 and sin^4 cos over a window, each with its negative first and its second derivative:
+    the mean of the motion and its change.
+    """
     u = np.pi * np.arange(size) / (size - 1)
     k = np.pi / ((size - 1) * step)
     s, c = np.sin(u), np.cos(u)
     even = np.array([s**4, -4.0 * k * s**3 * c, 4.0 * k**2 * s**2 * (3.0 * c**2 - s**2)])
-    odd = np.array([s**4 * c, -k * s**3 * (4.0 * c**2 - s**2), k**2 * s**2 * c * (12.0 * c**2 - 13.0 * s**2)])
+    odd = np.array(
+        [s**4 * c, -k * s**3 * (4.0 * c**2 - s**2), k**2 * s**2 * c * (12.0 * c**2 - 13.0 * s**2)]
+    )
     return even / np.linalg.norm(even[0]), odd / np.linalg.norm(odd[0])
 
 
@@ -137,7 +160,8 @@ class Stretch:
     used : array of bool (time,) or list of Window
         Samples of a driven manoeuvre, behind a low-pass; windows of free motion, without.
     white : array (2,)
-        Variance of the noise of the travel and of that of the surface's end of the cable, per sample.
+        Variance of the noise of the travel and of that of the surface's end of the cable, per
+        sample.
     noise : array (2, 2, rows)
         Variance of the noise in rate and acceleration, of the travel and of the surface's end.
     step : float
@@ -157,10 +181,18 @@ class Stretch:
         return x[self.used] if order == 0 else smoothed(x, self.step, np.inf)[order][self.used]
 
     def motion(self, loading: ControlLoading, order: int, share: float) -> np.ndarray:
-        """Return rate (1) or acceleration (2) of the mean of both ends of the cable, (rows,); `share` is that of the surface."""
-        own, far = self.moved["travel"].values, self.moved[loading.deflection].values / loading.gearing
+        """Return rate (1) or acceleration (2) of the mean of both ends of the cable, (rows,);
+        `share` is that of the surface.
+        """
+        own, far = (
+            self.moved["travel"].values,
+            self.moved[loading.deflection].values / loading.gearing,
+        )
         if not isinstance(self.used, list):
-            own, far = self.moved[_DERIVATIVES[order]].values, self.moved[f"aft_{_DERIVATIVES[order]}"].values
+            own, far = (
+                self.moved[_DERIVATIVES[order]].values,
+                self.moved[f"aft_{_DERIVATIVES[order]}"].values,
+            )
             return ((1.0 - share) * own + share * far)[self.used]
         return modulated((1.0 - share) * own + share * far, self.used, order)
 
@@ -175,8 +207,12 @@ class Stretch:
         return Rows(X, z, noise_of_X, lengths, self.step)
 
 
-def driven_stretches(loading: ControlLoading, driven: Sequence[xr.Dataset], cutoff: float) -> list[Stretch]:
-    """Return driven manoeuvres behind a low-pass [Hz]; without those in which the control never slides."""
+def driven_stretches(
+    loading: ControlLoading, driven: Sequence[xr.Dataset], cutoff: float
+) -> list[Stretch]:
+    """Return driven manoeuvres behind a low-pass [Hz]; without those in which the control never
+    slides.
+    """
     found = []
     for one in driven:
         moved = signals(loading, one, cutoff)
@@ -184,7 +220,15 @@ def driven_stretches(loading: ControlLoading, driven: Sequence[xr.Dataset], cuto
         if use.any():
             own, far = (np.array(x) ** 2 for x in pick_up_noise(loading, one, cutoff))
             both = np.stack([own, far], axis=1)[:, :, None]
-            found.append(Stretch(moved, use, _white(loading, one), np.tile(both, (1, 1, int(use.sum()))), _step(moved)))
+            found.append(
+                Stretch(
+                    moved,
+                    use,
+                    _white(loading, one),
+                    np.tile(both, (1, 1, int(use.sum()))),
+                    _step(moved),
+                )
+            )
     return found
 
 
@@ -206,18 +250,30 @@ def force_rows(loading: ControlLoading, one: Stretch, aft: Mapping[str, float]) 
     for order, name in ((1, "damping"), (2, "mass")):
         if name in loading.constants:
             at, share = loading.names.index(name), aft.get(name, 0.0)
-            X[:, at], variance[:, at] = one.motion(loading, order, share), one.motion_noise(order, share)
+            X[:, at], variance[:, at] = (
+                one.motion(loading, order, share),
+                one.motion_noise(order, share),
+            )
     return one.equations(X, one.rows(one.moved[f"F_{loading.item}"].values), variance)
 
 
-def with_error(loading: ControlLoading, one: Stretch, channel: str, kind: int, size: float) -> Stretch:
-    """Return a record one of whose channels has a bias (kind 0) [unit of the channel] or a scale error (1)."""
+def with_error(
+    loading: ControlLoading, one: Stretch, channel: str, kind: int, size: float
+) -> Stretch:
+    """Return a record one of whose channels has a bias (kind 0) [unit of the channel] or a scale
+    error (1).
+    """
 
     def wrong(name: str) -> xr.DataArray:
         return one.moved[name] * (1.0 + size) if kind else one.moved[name] + size
 
-    rates = {loading.item: ("rate", "acceleration"), loading.deflection: ("aft_rate", "aft_acceleration")}
-    moved = one.moved.assign({channel: wrong(channel)} | {name: wrong(name) for name in rates.get(channel, ()) if kind})
+    rates = {
+        loading.item: ("rate", "acceleration"),
+        loading.deflection: ("aft_rate", "aft_acceleration"),
+    }
+    moved = one.moved.assign(
+        {channel: wrong(channel)} | {name: wrong(name) for name in rates.get(channel, ()) if kind}
+    )
     if channel == loading.item:
         moved["travel"] = moved[channel]
     if loading.item == "wheel" and channel in ("p", "V"):
@@ -226,7 +282,15 @@ def with_error(loading: ControlLoading, one: Stretch, channel: str, kind: int, s
 
 
 def _white(loading: ControlLoading, data: xr.Dataset) -> np.ndarray:
-    return np.array([noise(data[loading.item].values), noise(data[loading.deflection].values / loading.gearing)]) ** 2
+    return (
+        np.array(
+            [
+                noise(data[loading.item].values),
+                noise(data[loading.deflection].values / loading.gearing),
+            ]
+        )
+        ** 2
+    )
 
 
 def _step(moved: xr.Dataset) -> float:

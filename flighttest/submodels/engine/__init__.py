@@ -1,4 +1,6 @@
-"""Engine identified from flight: governor and spools, static thrust, start and shut-down, [LR743] 4.5.2."""
+"""Engine identified from flight: governor and spools, static thrust, start and shut-down, [LR743]
+4.5.2.
+"""
 
 from flightmech.support.imports import attach_stub
 

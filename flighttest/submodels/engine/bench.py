@@ -1,8 +1,8 @@
 """The engine model of the kernel on its own, and output error on it.
 
-One engine in an aeroplane too heavy to move: the spools, the delay and the flame are those of every simulation, so what is
-identified is what flies.  A second engine carries the weight, the aeroplane climbs at a constant rate, and a wind along its path
-makes the recorded Mach number.
+One engine in an aeroplane too heavy to move: the spools, the delay and the flame are those of every
+simulation, so what is identified is what flies.  A second engine carries the weight, the aeroplane
+climbs at a constant rate, and a wind along its path makes the recorded Mach number.
 """
 
 from __future__ import annotations
@@ -40,8 +40,13 @@ def compiled(deck: Deck) -> flightmech.SimModel:
     """Return the kernel's model of one engine."""
     at = (0.0, 0.0, 0.0)
     carrier = Deck({"n2_command": make(1.0), "n2_up_time": make(1.0), "thrust": make(HEAVY * _G)})
-    engines = flightmech.aircraft.Engine(at, deck=deck), flightmech.aircraft.Engine(at, (0.0, 0.0, -1.0), deck=carrier)
-    craft = flightmech.Aircraft("engine", 1.0, 1.0, 1.0, HEAVY, HEAVY, HEAVY, HEAVY, engines=engines)
+    engines = (
+        flightmech.aircraft.Engine(at, deck=deck),
+        flightmech.aircraft.Engine(at, (0.0, 0.0, -1.0), deck=carrier),
+    )
+    craft = flightmech.Aircraft(
+        "engine", 1.0, 1.0, 1.0, HEAVY, HEAVY, HEAVY, HEAVY, engines=engines
+    )
     return flightmech.compile(craft, xr.DataTree.from_dict({"/CD/basic": make(0.0)}))
 
 
@@ -61,22 +66,38 @@ class Condition(NamedTuple):
 
 
 def condition(record: xr.Dataset) -> Condition:
-    """Return the condition of a record: its Mach number, the straight line through its height, the mean offset of its temperature.
+    """Return the condition of a record: its Mach number, the straight line through its height, the
+    mean offset of its temperature.
 
     Parameters
     ----------
     record : Dataset (time,)
-        ``mach`` and ``h`` [m] where it has them, else standing at sea level; ``temperature`` [K] of the ambient air.
+        ``mach`` and ``h`` [m] where it has them, else standing at sea level; ``temperature`` [K] of
+        the ambient air.
     """
     time = record["time"].values.astype(float)
-    mach, height = (record[name].values.astype(float) if name in record else np.zeros(len(time)) for name in ("mach", "h"))
-    climb, start = np.polyfit(time - time[0], height, 1) if np.ptp(height) > 0.0 else (0.0, height[0])
+    mach, height = (
+        record[name].values.astype(float) if name in record else np.zeros(len(time))
+        for name in ("mach", "h")
+    )
+    climb, start = (
+        np.polyfit(time - time[0], height, 1) if np.ptp(height) > 0.0 else (0.0, height[0])
+    )
     h = start + climb * (time - time[0])
-    offset = float(np.mean(record["temperature"].values - np.asarray(atmosphere(h).temperature))) if "temperature" in record else 0.0
-    V = np.maximum(mach * np.asarray(atmosphere(h, delta_T=offset).a_sound), max(_SLOWEST, 1.01 * abs(climb)))
+    offset = (
+        float(np.mean(record["temperature"].values - np.asarray(atmosphere(h).temperature)))
+        if "temperature" in record
+        else 0.0
+    )
+    V = np.maximum(
+        mach * np.asarray(atmosphere(h, delta_T=offset).a_sound), max(_SLOWEST, 1.01 * abs(climb))
+    )
     along = np.sqrt(V**2 - climb**2)
     fixed = {"mode.earth": 0.0, "mode.engine": 0.0, "env.delta_T": offset}
-    return Condition(fixed | {"init.V": V[0], "init.h": start, "init.alpha": -float(np.arcsin(climb / V[0]))}, along[0] - along)
+    return Condition(
+        fixed | {"init.V": V[0], "init.h": start, "init.alpha": -float(np.arcsin(climb / V[0]))},
+        along[0] - along,
+    )
 
 
 def simulation_inputs(record: xr.Dataset, wind: np.ndarray) -> xr.Dataset:
@@ -113,8 +134,8 @@ def fitted(
     iterations : int
         Of the search, at most.
     coarse : sequence of str
-        Unknowns whose differences are taken over an internal step at least: a delay before a rate limit moves the response by
-        whole stages of the integration.
+        Unknowns whose differences are taken over an internal step at least: a delay before a rate
+        limit moves the response by whole stages of the integration.
     """
     sim = compiled(deck)
     remembered = _Remembered(expand)
@@ -123,10 +144,14 @@ def fitted(
     layout = lay_out(unknowns, [{} for _ in runs])
     found = search(Likelihood(runs, layout, np.zeros(len(runs), int)), iterations)
     covariance, colours = coloured_covariance(found, layout.columns, [run.interval for run in runs])
-    estimates = tabulated(found, layout, covariance, {"method": "output error on the engine of the kernel"})
+    estimates = tabulated(
+        found, layout, covariance, {"method": "output error on the engine of the kernel"}
+    )
     names = [f"engine1.{name}" for name in outputs]
     rest = tuple(run.residual(v) for run, v in zip(runs, found.residuals))
-    return OutputError(estimates, rest, noise_of(found, names, colours, [run.measured for run in runs]))
+    return OutputError(
+        estimates, rest, noise_of(found, names, colours, [run.measured for run in runs])
+    )
 
 
 def parameter(table: str, node: Sequence[int] = ()) -> str:
@@ -151,7 +176,10 @@ class _Remembered:
     def __call__(self, rows: np.ndarray) -> dict[str, np.ndarray]:
         if not np.array_equal(rows, self.rows):
             settings = [self.expand(row) for row in rows]
-            self.rows, self.found = rows.copy(), {name: np.array([one[name] for one in settings]) for name in settings[0]}
+            self.rows, self.found = (
+                rows.copy(),
+                {name: np.array([one[name] for one in settings]) for name in settings[0]},
+            )
         return self.found
 
 
@@ -159,7 +187,13 @@ class _Run:
     """One record as the engine flies it."""
 
     def __init__(
-        self, sim: flightmech.SimModel, record: xr.Dataset, expand: _Remembered, outputs: list[str], step: float, least: np.ndarray
+        self,
+        sim: flightmech.SimModel,
+        record: xr.Dataset,
+        expand: _Remembered,
+        outputs: list[str],
+        step: float,
+        least: np.ndarray,
     ):
         self.sim, self.expand, self.least = sim, expand, least
         self.outputs = [f"engine1.{name}" for name in outputs]
@@ -176,7 +210,9 @@ class _Run:
         """Outputs (run, time, output), and which runs went through."""
         varied = self.expand(rows)
         table = np.column_stack(list(varied.values()))
-        y, done, _ = fly_batch(self.sim, self.time, self.u, list(varied), table, self.held, self.outputs)
+        y, done, _ = fly_batch(
+            self.sim, self.time, self.u, list(varied), table, self.held, self.outputs
+        )
         return y, done == len(self.time)
 
     def predict(self, values: np.ndarray) -> np.ndarray:
@@ -188,12 +224,18 @@ class _Run:
         self.runs.expect(np.maximum(steps, self.least), central)
 
     def slopes(self, values: np.ndarray, steps: np.ndarray, central: bool) -> np.ndarray:
-        """Return their slopes (time, output, unknown); beyond a bound of the kernel there is no run, and the other side stands alone."""
+        """Return their slopes (time, output, unknown); beyond a bound of the kernel there is no
+        run, and the other side stands alone.
+        """
         return np.moveaxis(self.runs.slopes(values, np.maximum(steps, self.least), central), 0, 2)
 
     def residual(self, v: np.ndarray) -> xr.Dataset:
         """Return residuals over time."""
-        return xr.Dataset({name: ("time", v[:, k]) for k, name in enumerate(self.outputs)}, {"time": self.time}, self.attrs)
+        return xr.Dataset(
+            {name: ("time", v[:, k]) for k, name in enumerate(self.outputs)},
+            {"time": self.time},
+            self.attrs,
+        )
 
 
 OUTPUTS = ("n1", "n2", "fuel_flow", "itt", "thrust")
@@ -209,8 +251,8 @@ def fly_deck(deck: Deck, record: xr.Dataset) -> xr.Dataset:
     ----------
     deck : Deck
     record : Dataset (time,)
-        ``throttle`` [1], ``mach``, ``h`` [m], and ``temperature`` [K] if not standard, as `engine_channels` returns them; it counts
-        as begun with the engine settled.
+        ``throttle`` [1], ``mach``, ``h`` [m], and ``temperature`` [K] if not standard, as
+        `engine_channels` returns them; it counts as begun with the engine settled.
 
     Returns
     -------
@@ -223,18 +265,33 @@ def fly_deck(deck: Deck, record: xr.Dataset) -> xr.Dataset:
         The record lacks the lever.
     """
     if "throttle" not in record:
-        raise IdentificationError(f"the record has {' '.join(map(str, record.data_vars))}; the lever, throttle, is needed")
+        raise IdentificationError(
+            f"the record has {' '.join(map(str, record.data_vars))}; the lever, throttle, is needed"
+        )
     model = compiled(deck)
     held, _ = condition(record)
     time = record["time"].values.astype(float)
-    mach, h = (record[name].values.astype(float) if name in record else np.zeros(len(time)) for name in ("mach", "h"))
+    mach, h = (
+        record[name].values.astype(float) if name in record else np.zeros(len(time))
+        for name in ("mach", "h")
+    )
     V = mach * np.asarray(atmosphere(h, delta_T=held["env.delta_T"]).a_sound)
     inputs = simulation_inputs(record, np.zeros(len(time)))
-    levers = [constant_inputs(model, {str(name): float(inputs[name].values[k]) for name in inputs.data_vars}) for k in range(len(time))]
+    levers = [
+        constant_inputs(
+            model, {str(name): float(inputs[name].values[k]) for name in inputs.data_vars}
+        )
+        for k in range(len(time))
+    ]
     places = [row.name for row in model.entries(STATE)]
     fixed = [places.index(f"state.{name}") for name in _PLACED]
     columns = [model.outputs.index(f"engine1.{name}") for name in OUTPUTS]
-    simulation = prepared(model, held | {"init.V": max(V[0], 1.0), "init.h": h[0], "init.alpha": 0.0}, levers[0], time[0])
+    simulation = prepared(
+        model,
+        held | {"init.V": max(V[0], 1.0), "init.h": h[0], "init.alpha": 0.0},
+        levers[0],
+        time[0],
+    )
     rows = []
     for k, lever in enumerate(levers):
         x = simulation.state
@@ -244,4 +301,8 @@ def fly_deck(deck: Deck, record: xr.Dataset) -> xr.Dataset:
         if k + 1 < len(levers):
             simulation.step(time[k], time[k + 1] - time[k], lever, levers[k + 1])
     found = dict(zip(OUTPUTS, np.array(rows).T))
-    return xr.Dataset({name: ("time", values) for name, values in found.items()}, {"time": time}, dict(record.attrs))
+    return xr.Dataset(
+        {name: ("time", values) for name, values in found.items()},
+        {"time": time},
+        dict(record.attrs),
+    )

@@ -1,4 +1,6 @@
-"""Steady schedule of a spool over the power lever: where the lever rests, and what the speed settles at."""
+"""Steady schedule of a spool over the power lever: where the lever rests, and what the speed
+settles at.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,8 @@ from flightmech.errors import IdentificationError
 STILL = 6.0  # time for which the lever must have rested [s]
 MEDIAN = 0.2  # length of the running median [s]
 FIRST = 0.5  # time at rest with which a record begins [s]
-SAME = 0.02  # range of the throttle that counts as rest, and distance of two positions that count as one
+# range of the throttle that counts as rest, and distance of two positions that count as one
+SAME = 0.02
 LEAST = 0.05  # samples at a position of rest, in those at the most frequent one
 GAP = 0.2  # knots of the schedule stand closer
 SPACING = 0.035  # of the knots over n2
@@ -23,9 +26,11 @@ WIDE = 0.15  # half the time over which a rate is taken [s]
 
 
 def quiet(record: xr.Dataset) -> xr.Dataset:
-    """Return a record with the noise of the lever taken off: a running median, which leaves ramps as they are.
+    """Return a record with the noise of the lever taken off: a running median, which leaves ramps
+    as they are.
 
-    The simulation starts at the steady state of the first sample, so the first half second is held at its median.
+    The simulation starts at the steady state of the first sample, so the first half second is held
+    at its median.
 
     Raises
     ------
@@ -35,7 +40,9 @@ def quiet(record: xr.Dataset) -> xr.Dataset:
     from scipy.ndimage import median_filter
 
     step = float(np.median(np.diff(record["time"].values)))
-    throttle = median_filter(record["throttle"].values.astype(float), 2 * round(0.5 * MEDIAN / step) + 1)
+    throttle = median_filter(
+        record["throttle"].values.astype(float), 2 * round(0.5 * MEDIAN / step) + 1
+    )
     count = max(round(FIRST / step), 1)
     if np.ptp(throttle[:count]) > SAME:
         raise IdentificationError(
@@ -62,7 +69,10 @@ def resting(record: xr.Dataset, still: float = STILL, same: float = SAME) -> np.
     throttle, time = record["throttle"].values, record["time"].values
     width = max(round(still / float(np.median(np.diff(time)))), 1)
     padded = np.concatenate([np.full(width, np.median(throttle[:5])), throttle])
-    high, low = (np.asarray(one(padded, width + 1, origin=width // 2)) for one in (maximum_filter1d, minimum_filter1d))
+    high, low = (
+        np.asarray(one(padded, width + 1, origin=width // 2))
+        for one in (maximum_filter1d, minimum_filter1d)
+    )
     return (high - low)[width:] < same
 
 
@@ -70,14 +80,18 @@ def positions(records: Sequence[xr.Dataset]) -> np.ndarray:
     """Return the positions at which the lever rested, rising."""
     found = np.sort(np.concatenate([one["throttle"].values[resting(one)] for one in records]))
     if not len(found):
-        raise IdentificationError(f"the lever never rests for {STILL:g} s; add records at settled power")
+        raise IdentificationError(
+            f"the lever never rests for {STILL:g} s; add records at settled power"
+        )
     groups = np.split(found, np.flatnonzero(np.diff(found) > SAME / 4.0) + 1)
     least = LEAST * max(map(len, groups))
     return np.array([float(np.median(group)) for group in groups if len(group) >= least])
 
 
 def nodes(records: Sequence[xr.Dataset]) -> np.ndarray:
-    """Return breakpoints of the schedule: the positions of rest, and evenly between those that are far apart."""
+    """Return breakpoints of the schedule: the positions of rest, and evenly between those that are
+    far apart.
+    """
     rest = positions(records)
     between = [np.linspace(a, b, int(np.ceil((b - a) / GAP)) + 1)[1:-1] for a, b in pairwise(rest)]
     return np.sort(np.concatenate([rest, *between]))
@@ -92,11 +106,15 @@ def speeds(records: Sequence[xr.Dataset]) -> np.ndarray:
 
 def settled_speeds(records: Sequence[xr.Dataset], name: str) -> np.ndarray:
     """Return a speed at all samples at which the lever has rested; empty when there are none."""
-    return np.concatenate([one[name].values[resting(one)] for one in records if name in one and "throttle" in one] or [np.empty(0)])
+    return np.concatenate(
+        [one[name].values[resting(one)] for one in records if name in one and "throttle" in one]
+        or [np.empty(0)]
+    )
 
 
 def covering(points: np.ndarray, settled: np.ndarray) -> np.ndarray:
-    """Return breakpoints over a speed, the outer ones moved outwards where the engine would leave them at rest.
+    """Return breakpoints over a speed, the outer ones moved outwards where the engine would leave
+    them at rest.
 
     Parameters
     ----------
@@ -113,7 +131,8 @@ def covering(points: np.ndarray, settled: np.ndarray) -> np.ndarray:
 
 
 def reading_error(records: Sequence[xr.Dataset], at: np.ndarray) -> np.ndarray:
-    """Return the standard error of the mean lever position about each knot, from the noise of its readings. [throttle]
+    """Return the standard error of the mean lever position about each knot, from the noise of its
+    readings. [throttle]
 
     Parameters
     ----------
@@ -126,28 +145,44 @@ def reading_error(records: Sequence[xr.Dataset], at: np.ndarray) -> np.ndarray:
         for one in records
         if (still := resting(one)).any()
     ]
-    noise = np.sqrt(0.5) * 1.4826 * np.median(np.abs(np.concatenate([change for _, change in parts])))
+    noise = (
+        np.sqrt(0.5) * 1.4826 * np.median(np.abs(np.concatenate([change for _, change in parts])))
+    )
     rest = np.concatenate([lever for lever, _ in parts])
-    return np.array([noise / np.sqrt(max(int(np.count_nonzero(np.abs(rest - x) < SAME)), 1)) for x in at])
+    return np.array(
+        [noise / np.sqrt(max(int(np.count_nonzero(np.abs(rest - x) < SAME)), 1)) for x in at]
+    )
 
 
-def first_schedule(records: Sequence[xr.Dataset], name: str, at: np.ndarray, over: str = "throttle") -> np.ndarray:
-    """Return the settled speed ``name`` over the throttle or the other spool, a start for the search."""
+def first_schedule(
+    records: Sequence[xr.Dataset], name: str, at: np.ndarray, over: str = "throttle"
+) -> np.ndarray:
+    """Return the settled speed ``name`` over the throttle or the other spool, a start for the
+    search.
+    """
     rest = [resting(one) for one in records]
     x = np.concatenate([one[over].values[still] for one, still in zip(records, rest)])
     y = np.concatenate([one[name].values[still] for one, still in zip(records, rest)])
     edges = np.append(at[0] - 1.0, np.append(0.5 * (at[1:] + at[:-1]), at[-1] + 1.0))
     inside = [(x >= a) & (x < b) for a, b in pairwise(edges)]
-    place, speed = np.array([(np.median(x[part]), np.median(y[part])) for part in inside if part.any()]).T
+    place, speed = np.array(
+        [(np.median(x[part]), np.median(y[part])) for part in inside if part.any()]
+    ).T
     return np.interp(at, place, np.maximum.accumulate(speed))
 
 
 def first_rates(
-    records: Sequence[xr.Dataset], name: str, lever: np.ndarray, schedule: np.ndarray, at: np.ndarray
+    records: Sequence[xr.Dataset],
+    name: str,
+    lever: np.ndarray,
+    schedule: np.ndarray,
+    at: np.ndarray,
 ) -> tuple[tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]:
-    """Return time constants [s] and rates [1/s], each up and down, about values of n2: a start for the search.
+    """Return time constants [s] and rates [1/s], each up and down, about values of n2: a start for
+    the search.
 
-    A time constant is the median of gap over rate, a rate the one that nine in ten samples do not reach.
+    A time constant is the median of gap over rate, a rate the one that nine in ten samples do not
+    reach.
 
     Parameters
     ----------
@@ -176,22 +211,32 @@ def first_rates(
     for way, word in ((1.0, "up"), (-1.0, "down")):
         moving = (way * gap > AWAY) & (way * rate > 0.0)
         if not moving.any():
-            raise IdentificationError(f"{name} never moves {word} by more than {AWAY:g}; add a power change that way")
+            raise IdentificationError(
+                f"{name} never moves {word} by more than {AWAY:g}; add a power change that way"
+            )
         near = [np.abs(n2[moving] - v) < SPACING for v in at]
         times.append(_about(at, near, (gap / np.where(moving, rate, 1.0))[moving], 0.5))
         rates.append(_about(at, near, way * rate[moving], 0.9))
     return (times[0], times[1]), (rates[0], rates[1])
 
 
-def _about(at: np.ndarray, near: Sequence[np.ndarray], values: np.ndarray, share: float) -> np.ndarray:
+def _about(
+    at: np.ndarray, near: Sequence[np.ndarray], values: np.ndarray, share: float
+) -> np.ndarray:
     """Quantile of values about each place; between places where there are samples."""
     known = np.array([part.sum() > 3 for part in near])
     if not known.any():
         return np.full(len(at), float(np.quantile(values, share)))
-    return np.interp(at, at[known], [float(np.quantile(values[part], share)) for part, ok in zip(near, known) if ok])
+    return np.interp(
+        at,
+        at[known],
+        [float(np.quantile(values[part], share)) for part, ok in zip(near, known) if ok],
+    )
 
 
 def reading_noise(records: Sequence[xr.Dataset], name: str) -> float:
-    """Return the standard deviation of the noise of a channel from sample to sample, by third differences."""
+    """Return the standard deviation of the noise of a channel from sample to sample, by third
+    differences.
+    """
     change = np.concatenate([np.diff(one[name].values, 3) for one in records])
     return float(1.4826 * np.median(np.abs(change)) / np.sqrt(20.0))

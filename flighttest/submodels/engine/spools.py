@@ -1,8 +1,10 @@
-"""Governor and spools from power changes: transport delay, schedule, time constants, rate limits, fan behind core.
+"""Governor and spools from power changes: transport delay, schedule, time constants, rate limits,
+fan behind core.
 
-The model is the kernel's (docs/engine.md): n2 follows its schedule over the delayed lever with a time constant that is a table
-over n2, no faster than its rate limits where there are any; n1 follows a table over n2 with a lag of its own, or the lever as
-n2 does.  The tables are monotone cubics through a few knots, sampled so finely that straight lines between the nodes do as well;
+The model is the kernel's (docs/engine.md): n2 follows its schedule over the delayed lever with a
+time constant that is a table over n2, no faster than its rate limits where there are any; n1
+follows a table over n2 with a lag of its own, or the lever as n2 does.  The tables are monotone
+cubics through a few knots, sampled so finely that straight lines between the nodes do as well;
 schedule, time constants and limits may change with the flight condition.
 
 References
@@ -43,14 +45,21 @@ from flighttest.submodels.engine.tables import FINE, Curve, Surface
 QUICKEST, SLOWEST = 0.02, 30.0  # time constants that are searched [s]
 LEAST_RATE, MOST_RATE = 1e-3, 10.0  # limits that are searched [1/s]
 LONGEST = 2.0  # transport delay that is searched [s]
-SIGNIFICANT = 2.6  # standard errors beyond which the ratio of the time constants depends on speed, 1 %
+SIGNIFICANT = (
+    2.6  # standard errors beyond which the ratio of the time constants depends on speed, 1 %
+)
 ROUGH, FEW = 0.1, 8  # internal step [s] and iterations of the first search
 NOISY = 3.0  # residual over the noise of the readings from which on something is missing
 QUICK = 0.1  # first time constant where limits govern [s]
 SEEN = 0.9  # part of the a-priori standard error that is left of what no record shows
 MOST_NODES = 250  # that the kernel changes in one simulation, less a few
-_VAGUE = 2.0  # a-priori standard error of ln tau and of the logarithm of a limit: keeps what no record shows
-_CHANGE = {"command": 0.1, "time": 1.0, "limit": 1.0}  # a-priori standard error of a change with the flight condition
+# a-priori standard error of ln tau and of the logarithm of a limit: keeps what no record shows
+_VAGUE = 2.0
+_CHANGE = {
+    "command": 0.1,
+    "time": 1.0,
+    "limit": 1.0,
+}  # a-priori standard error of a change with the flight condition
 
 Fan = Literal["n2", "lever"]
 
@@ -62,20 +71,23 @@ class SpoolFit:
     Attributes
     ----------
     tables : dict of str to Curve
-        ``n2_command`` over throttle; ``n2_up_time`` and ``n2_down_time`` or ``n2_up_limit`` and ``n2_down_limit`` over n2; ``n1_command``
-        over n2, or over throttle with tables of its own; each over the flight condition too where requested.
+        ``n2_command`` over throttle; ``n2_up_time`` and ``n2_down_time`` or ``n2_up_limit`` and
+        ``n2_down_limit`` over n2; ``n1_command`` over n2, or over throttle with tables of its own;
+        each over the flight condition too where requested.
     constants : dict of str to (value, standard error)
-        ``lever_delay`` [s]; ``n1_up_time`` [s] of a fan behind the core; without limits ``ratio`` of the time constants for
-        deceleration over those for acceleration, at the middle of the speeds, and ``ratio_slope``, the change of its logarithm per
-        unit of n2, as first estimated.
+        ``lever_delay`` [s]; ``n1_up_time`` [s] of a fan behind the core; without limits ``ratio``
+        of the time constants for deceleration over those for acceleration, at the middle of the
+        speeds, and ``ratio_slope``, the change of its logarithm per unit of n2, as first estimated.
     core, fan : OutputError
         The searches; `fan` is None without n1.
     changes : dict of str to (value, standard error)
-        Of a schedule, and of the logarithm of a time constant or limit, from the first breakpoint of a flight condition to another.
+        Of a schedule, and of the logarithm of a time constant or limit, from the first breakpoint
+        of a flight condition to another.
     remarks : tuple of str
         What a reader of the numbers must know.
     responses : tuple of Dataset (time,)
-        The power changes: ``throttle`` and the speeds, ``n2`` and ``n1``, with what the model makes of them, ``n2_model``, ``n1_model``.
+        The power changes: ``throttle`` and the speeds, ``n2`` and ``n1``, with what the model makes
+        of them, ``n2_model``, ``n1_model``.
     """
 
     tables: dict[str, Curve]
@@ -100,21 +112,39 @@ class SpoolFit:
         lines = [f"transport delay {value['lever_delay'][0]:.4f} s ({value['lever_delay'][1]:.2g})"]
         if "ratio" in value:
             slope, ratio = value["ratio_slope"], value["ratio"]
-            word = "no change with n2 beyond its error" if abs(slope[0]) <= SIGNIFICANT * slope[1] else "changes with n2"
+            word = (
+                "no change with n2 beyond its error"
+                if abs(slope[0]) <= SIGNIFICANT * slope[1]
+                else "changes with n2"
+            )
             lines.append(
                 f"deceleration over acceleration {ratio[0]:.4f} ({ratio[1]:.2g}); slope of its log {slope[0]:.3g} ({slope[1]:.2g}): {word}"
             )
         if "n1_up_time" in value:
-            lines.append(f"lag of n1 behind n2 {value['n1_up_time'][0]:.4f} s ({value['n1_up_time'][1]:.2g})")
+            lines.append(
+                f"lag of n1 behind n2 {value['n1_up_time'][0]:.4f} s ({value['n1_up_time'][1]:.2g})"
+            )
         for name, (change, stderr) in self.changes.items():
-            lines.append(f"{name}: {change:.4g} ({stderr:.2g}){'' if abs(change) > 2.0 * stderr else ', no change beyond its error'}")
+            lines.append(
+                f"{name}: {change:.4g} ({stderr:.2g}){'' if abs(change) > 2.0 * stderr else ', no change beyond its error'}"
+            )
         for name, curve in self.tables.items():
             lines += ["", *curve.lines(name)]
         for search in (self.core, self.fan):
             if search is not None:
                 noise = search.noise["stderr"].isel(manoeuvre=0)
-                lines += ["", *(f"{name}: residual rms {float(v):.3g}" for name, v in zip(noise["output"].values, noise.values))]
-                lines += [f"! {remark}" for remark in search.remarks if remark.kind in ("convergence", "bound")]
+                lines += [
+                    "",
+                    *(
+                        f"{name}: residual rms {float(v):.3g}"
+                        for name, v in zip(noise["output"].values, noise.values)
+                    ),
+                ]
+                lines += [
+                    f"! {remark}"
+                    for remark in search.remarks
+                    if remark.kind in ("convergence", "bound")
+                ]
         return "\n".join([*lines, *(f"! {text}" for text in self.remarks)])
 
 
@@ -132,16 +162,19 @@ def identify_spools(
     Parameters
     ----------
     records : sequence of Dataset (time,)
-        Power changes that begin at rest, on a uniform clock: ``throttle``, ``n2`` and where there is one ``n1`` [1]; ``mach``, ``h``
-        [m], ``temperature`` [K] give the condition.  `power_changes` cuts them out of a flight.
+        Power changes that begin at rest, on a uniform clock: ``throttle``, ``n2`` and where there
+        is one ``n1`` [1]; ``mach``, ``h`` [m], ``temperature`` [K] give the condition.
+        `power_changes` cuts them out of a flight.
     throttle, n2 : sequence of float, optional
-        Knots of the schedule and of the tables over n2; by default where the lever rested, and every 3.5 % of speed.  The outer
-        ones over n2 are moved where they do not hold the speeds at rest with a margin of 0.5 %.
+        Knots of the schedule and of the tables over n2; by default where the lever rested, and
+        every 3.5 % of speed.  The outer ones over n2 are moved where they do not hold the speeds at
+        rest with a margin of 0.5 %.
     over : mapping of str to sequence of float, optional
-        Flight condition with which schedule and dynamics change, and its breakpoints: ``mach``, ``h`` [m], ``temperature_ratio`` ...
+        Flight condition with which schedule and dynamics change, and its breakpoints: ``mach``,
+        ``h`` [m], ``temperature_ratio`` ...
     limits : bool
-        Rate limits over n2 for acceleration and deceleration; the time constant close to the schedule is then the same both ways,
-        its logarithm linear in n2.
+        Rate limits over n2 for acceleration and deceleration; the time constant close to the
+        schedule is then the same both ways, its logarithm linear in n2.
     fan : {"n2", "lever"}
         What n1 follows.
 
@@ -162,18 +195,28 @@ def identify_spools(
     """
     if fan not in ("n2", "lever"):
         raise IdentificationError(f"fan is {fan!r}; one of n2, lever is needed")
-    noisy = reading_error(records, lever := np.array(throttle if throttle is not None else nodes(records), float))
+    noisy = reading_error(
+        records, lever := np.array(throttle if throttle is not None else nodes(records), float)
+    )
     records = [quiet(record) for record in records]
     given = np.array(n2 if n2 is not None else speeds(records), float)
     speed = covering(given, settled_speeds(records, "n2"))
     core = _Spool("n2", lever, speed, over or {}, limits)
     found = core.search(records)
     tables, constants, changes = core.result(found, noisy)
-    moved = [f"{old:.4g} to {new:.4g}" for old, new in zip(given[[0, -1]], speed[[0, -1]]) if n2 is not None and old != new]
-    remarks = [f"n2: outer knots moved to hold the speeds at rest: {', '.join(moved)}"] if moved else []
+    moved = [
+        f"{old:.4g} to {new:.4g}"
+        for old, new in zip(given[[0, -1]], speed[[0, -1]])
+        if n2 is not None and old != new
+    ]
+    remarks = (
+        [f"n2: outer knots moved to hold the speeds at rest: {', '.join(moved)}"] if moved else []
+    )
     remarks += core.remarks(found, records)
     if not all("n1" in record for record in records):
-        return SpoolFit(tables, constants, found, None, changes, tuple(remarks), _responses(records, n2=found))
+        return SpoolFit(
+            tables, constants, found, None, changes, tuple(remarks), _responses(records, n2=found)
+        )
     if fan == "n2":
         curve, lag, behind = _fan(tables, constants["lever_delay"][0], records, speed)
         found_n1 = {"n1_command": curve}
@@ -194,13 +237,18 @@ def _responses(records: Sequence[xr.Dataset], **searches: OutputError) -> tuple[
     """The speeds of the records and of the model."""
     found = []
     for k, record in enumerate(records):
-        model = {f"{name}_model": record[name] - search.residuals[k][f"engine1.{name}"].values for name, search in searches.items()}
+        model = {
+            f"{name}_model": record[name] - search.residuals[k][f"engine1.{name}"].values
+            for name, search in searches.items()
+        }
         found.append(record[["throttle", *searches]].assign(model))
     return tuple(found)
 
 
 class _Spool:
-    """Unknowns of a spool that the lever governs: delay (unless it is known), schedule, ln tau, then ln f and its slope or the limits."""
+    """Unknowns of a spool that the lever governs: delay (unless it is known), schedule, ln tau,
+    then ln f and its slope or the limits.
+    """
 
     def __init__(
         self,
@@ -221,11 +269,17 @@ class _Spool:
                 f"the tables of {name} have {size} nodes, more than {MOST_NODES}; give fewer knots (throttle, n2) or breakpoints (over)"
             )
         self.lever, self.speed = lever, speed
-        edges = np.cumsum([0 if delay is not None else 1, *(surface.count for surface in self.surfaces.values())])
+        edges = np.cumsum(
+            [0 if delay is not None else 1, *(surface.count for surface in self.surfaces.values())]
+        )
         self.places = {table: slice(a, b) for table, a, b in zip(self.surfaces, edges, edges[1:])}
 
     def _surfaces(
-        self, lever: np.ndarray, speed: np.ndarray, over: Mapping[str, Sequence[float]], spacing: float
+        self,
+        lever: np.ndarray,
+        speed: np.ndarray,
+        over: Mapping[str, Sequence[float]],
+        spacing: float,
     ) -> Iterator[tuple[str, Surface]]:
         yield f"{self.name}_command", Surface("throttle", lever, over, spacing)
         if not self.limits:
@@ -237,12 +291,20 @@ class _Spool:
 
     def tables(self, theta: np.ndarray) -> dict[str, np.ndarray]:
         """Nodes of the tables from the unknowns."""
-        found = {table: surface.nodes(theta[self.places[table]]) for table, surface in self.surfaces.items()}
+        found = {
+            table: surface.nodes(theta[self.places[table]])
+            for table, surface in self.surfaces.items()
+        }
         time = found[f"{self.name}_up_time"]
         if not self.limits:
-            ratio = theta[-2] + theta[-1] * (self.surfaces[f"{self.name}_up_time"].axes["n2"] - self.middle)
+            ratio = theta[-2] + theta[-1] * (
+                self.surfaces[f"{self.name}_up_time"].axes["n2"] - self.middle
+            )
             found[f"{self.name}_down_time"] = time + ratio.reshape(-1, *[1] * (time.ndim - 1))
-        return {table: value if table.endswith("_command") else np.exp(value) for table, value in found.items()}
+        return {
+            table: value if table.endswith("_command") else np.exp(value)
+            for table, value in found.items()
+        }
 
     def axes(self, table: str) -> dict[str, np.ndarray]:
         """Breakpoints of a table."""
@@ -251,7 +313,9 @@ class _Spool:
     def _parameters(self, theta: np.ndarray) -> dict[str, float]:
         found = {} if self.delay is not None else {bench.parameter("lever_delay"): float(theta[0])}
         for table, values in self.tables(theta).items():
-            found |= bench.as_nodes(table, np.clip(values, QUICKEST, None) if table.endswith("_time") else values)
+            found |= bench.as_nodes(
+                table, np.clip(values, QUICKEST, None) if table.endswith("_time") else values
+            )
         return found
 
     def search(self, records: Sequence[xr.Dataset]) -> OutputError:
@@ -265,14 +329,23 @@ class _Spool:
         times, rates = first_rates(records, self.name, self.lever, schedule, self.speed)
         up, down = (np.log(np.clip(v, ROUGH, SLOWEST / 2.0)) for v in times)
         first = {"command": schedule, "time": np.full(2, np.log(QUICK)) if self.limits else up}
-        first |= {way: np.log(np.clip(v, 2.0 * LEAST_RATE, MOST_RATE / 2.0)) for way, v in zip(("up_limit", "down_limit"), rates)}
-        parts = [next(v for key, v in first.items() if table.endswith(key)) for table in self.surfaces]
+        first |= {
+            way: np.log(np.clip(v, 2.0 * LEAST_RATE, MOST_RATE / 2.0))
+            for way, v in zip(("up_limit", "down_limit"), rates)
+        }
+        parts = [
+            next(v for key, v in first.items() if table.endswith(key)) for table in self.surfaces
+        ]
         whole = [surface.start(v) for surface, v in zip(self.surfaces.values(), parts)]
         last = [] if self.limits else [float(np.mean(down - up)), 0.0]
         return np.concatenate([[] if self.delay is not None else [0.1], *whole, last])
 
     def _unknowns(self, start: np.ndarray, step: float) -> dict[str, Unknown]:
-        found = {} if self.delay is not None else {"lever_delay": Unknown(start[0], low=0.0, high=LONGEST)}
+        found = (
+            {}
+            if self.delay is not None
+            else {"lever_delay": Unknown(start[0], low=0.0, high=LONGEST)}
+        )
         for table, surface in self.surfaces.items():
             kind = table.rpartition("_")[2]
             spread = 0.3 if kind == "command" else _VAGUE
@@ -284,24 +357,52 @@ class _Spool:
             label = table if kind == "command" else f"ln {table}"
             for k, (name, value) in enumerate(zip(surface.names(label), start[self.places[table]])):
                 at_knot = k < len(surface.knots)
-                found[name] = Unknown(float(value), spread, *bounds) if at_knot else Unknown(float(value), _CHANGE[kind])
+                found[name] = (
+                    Unknown(float(value), spread, *bounds)
+                    if at_knot
+                    else Unknown(float(value), _CHANGE[kind])
+                )
         if not self.limits:
-            found |= {"ln ratio": Unknown(float(start[-2]), 1.0), "slope of ln ratio": Unknown(float(start[-1]), 10.0)}
+            found |= {
+                "ln ratio": Unknown(float(start[-2]), 1.0),
+                "slope of ln ratio": Unknown(float(start[-1]), 10.0),
+            }
         return found
 
     def _fit(
-        self, records: Sequence[xr.Dataset], start: np.ndarray, step: float = bench.STEP, iterations: int = bench.ITERATIONS
+        self,
+        records: Sequence[xr.Dataset],
+        start: np.ndarray,
+        step: float = bench.STEP,
+        iterations: int = bench.ITERATIONS,
     ) -> OutputError:
-        leaves = {table: make(v, self.axes(table), outside="hold") for table, v in self.tables(start).items()}
+        leaves = {
+            table: make(v, self.axes(table), outside="hold")
+            for table, v in self.tables(start).items()
+        }
         if list(self.axes(f"{self.name}_command")) == ["throttle"]:
             leaves[f"{self.name}_command"].attrs["outside"] = "linear"
         deck = Deck({**self.given, **leaves, "thrust": make(0.0)}, lever_delay=self.delay or 0.0)
         coarse = ["lever_delay"] if self.limits else []
-        return bench.fitted(deck, records, self._unknowns(start, step), self._parameters, [self.name], step, iterations, coarse)
+        return bench.fitted(
+            deck,
+            records,
+            self._unknowns(start, step),
+            self._parameters,
+            [self.name],
+            step,
+            iterations,
+            coarse,
+        )
 
     def result(self, found: OutputError, noisy: np.ndarray):
-        """Tables, constants and changes of a search; `noisy` (knot,) is the standard error of the lever positions."""
-        theta, C = found.estimates["estimate"].values.copy(), np.nan_to_num(found.estimates["covariance"].values)
+        """Tables, constants and changes of a search; `noisy` (knot,) is the standard error of the
+        lever positions.
+        """
+        theta, C = (
+            found.estimates["estimate"].values.copy(),
+            np.nan_to_num(found.estimates["covariance"].values),
+        )
         constants: dict[str, tuple[float, float]] = {}
         if not self.limits:
             slope = float(theta[-1]), float(np.sqrt(C[-1, -1]))
@@ -316,7 +417,10 @@ class _Spool:
         places = np.arange(first, first + len(self.lever))
         steep = PchipInterpolator(self.lever, theta[places]).derivative()(self.lever)
         C[places, places] += (steep * noisy) ** 2
-        tables = {table: Curve.of(self.axes(table), partial(self._table, table), theta, C) for table in self.tables(theta)}
+        tables = {
+            table: Curve.of(self.axes(table), partial(self._table, table), theta, C)
+            for table in self.tables(theta)
+        }
         return tables, constants, self._changes(found)
 
     def _table(self, table: str, theta: np.ndarray) -> np.ndarray:
@@ -326,7 +430,9 @@ class _Spool:
         rows = found.estimates
         names = [str(name) for name in rows["parameter"].values]
         pairs = zip(names, rows["estimate"].values, rows["stderr"].values)
-        return {name: (float(value), float(stderr)) for name, value, stderr in pairs if " from " in name}
+        return {
+            name: (float(value), float(stderr)) for name, value, stderr in pairs if " from " in name
+        }
 
     def remarks(self, found: OutputError, records: Sequence[xr.Dataset]) -> Iterator[str]:
         """What a reader of a search must know."""
@@ -334,7 +440,10 @@ class _Spool:
         left = rows["stderr"].values > SEEN * rows["prior_stderr"].values
         if unseen := [str(name) for name, part in zip(rows["parameter"].values, left) if part]:
             yield f"not seen in the records, kept as it was put in: {', '.join(unseen)}"
-        residual, noise = float(found.noise["stderr"].values.flat[0]), reading_noise(records, self.name)
+        residual, noise = (
+            float(found.noise["stderr"].values.flat[0]),
+            reading_noise(records, self.name),
+        )
         if residual > NOISY * noise:
             what = (
                 "changes with the flight condition (over)"
@@ -354,12 +463,25 @@ def _fan(tables: dict[str, Curve], delay: float, records: Sequence[xr.Dataset], 
         return surface.nodes(theta[:-1])
 
     def parameters(theta: np.ndarray) -> dict[str, float]:
-        return bench.as_nodes("n1_command", curve(theta)) | {bench.parameter("n1_up_time"): float(theta[-1])}
+        return bench.as_nodes("n1_command", curve(theta)) | {
+            bench.parameter("n1_up_time"): float(theta[-1])
+        }
 
     leaves = {name: one.leaf for name, one in tables.items()}
-    leaves |= {"n1_command": make(curve(start), surface.axes, outside="linear"), "n1_up_time": make(0.2), "thrust": make(0.0)}
+    leaves |= {
+        "n1_command": make(curve(start), surface.axes, outside="linear"),
+        "n1_up_time": make(0.2),
+        "thrust": make(0.0),
+    }
     unknowns = {f"n1_command at n2 {x:.4g}": Unknown(v, 0.3) for x, v in zip(knots, start)}
     unknowns["n1_up_time"] = Unknown(0.2, low=QUICKEST, high=SLOWEST)
     found = bench.fitted(Deck(leaves, lever_delay=delay), records, unknowns, parameters, ["n1"])
-    theta, C = found.estimates["estimate"].values, np.nan_to_num(found.estimates["covariance"].values)
-    return Curve.of(surface.axes, curve, theta, C), (float(theta[-1]), float(np.sqrt(C[-1, -1]))), found
+    theta, C = (
+        found.estimates["estimate"].values,
+        np.nan_to_num(found.estimates["covariance"].values),
+    )
+    return (
+        Curve.of(surface.axes, curve, theta, C),
+        (float(theta[-1]), float(np.sqrt(C[-1, -1]))),
+        found,
+    )

@@ -1,8 +1,10 @@
-"""Start and shut-down: starter, light-off, acceleration to idle, fuel flow and turbine temperature, run-down.
+"""Start and shut-down: starter, light-off, acceleration to idle, fuel flow and turbine temperature,
+run-down.
 
-The model is the kernel's (docs/engine.md): the starter turns the core towards its speed, the engine lights where fuel comes
-on, accelerates with time constants over n2 to its schedule, and runs down towards windmilling when the fuel is off.  Fuel
-flow and temperature are tables over n2, the temperature behind a lag.
+The model is the kernel's (docs/engine.md): the starter turns the core towards its speed, the engine
+lights where fuel comes on, accelerates with time constants over n2 to its schedule, and runs down
+towards windmilling when the fuel is off.  Fuel flow and temperature are tables over n2, the
+temperature behind a lag.
 """
 
 from __future__ import annotations
@@ -37,8 +39,8 @@ class StartFit:
     tables : dict of str to Curve
         ``n2_up_time`` below idle, and where recorded ``fuel_flow`` and ``itt``, over n2.
     constants : dict of str to (value, standard error)
-        ``starter_speed``, ``starter_time``, ``n2_rundown``, ``flame_time``, ``idle``, ``itt_time``; ``corrected_n2_windmill``
-        where the records fly.
+        ``starter_speed``, ``starter_time``, ``n2_rundown``, ``flame_time``, ``idle``, ``itt_time``;
+        ``corrected_n2_windmill`` where the records fly.
     light_speed : float
         Lowest n2 at which the engine was seen to light: the least speed for it lies below. [1]
     speeds, flows : OutputError
@@ -52,28 +54,50 @@ class StartFit:
     flows: OutputError | None
 
     def joined(self, tables: Mapping[str, xr.Dataset]) -> dict[str, xr.Dataset]:
-        """Return tables of a deck with those below idle put before them; what only one of them has is taken as it is."""
+        """Return tables of a deck with those below idle put before them; what only one of them has
+        is taken as it is.
+        """
         found = dict(tables)
         for name, curve in self.tables.items():
             above = found.get(name)
-            found[name] = curve.leaf if above is None or above["value"].dims != ("n2",) else _before(curve.leaf, above)
+            found[name] = (
+                curve.leaf
+                if above is None or above["value"].dims != ("n2",)
+                else _before(curve.leaf, above)
+            )
         if "corrected_n2_windmill" in self.constants:
             value, stderr = self.constants["corrected_n2_windmill"]
             found["corrected_n2_windmill"] = make(value, stderr=stderr, source="flight")
-        found.setdefault("n2_command", make(self.constants["idle"][0], stderr=self.constants["idle"][1], source="flight"))
+        found.setdefault(
+            "n2_command",
+            make(self.constants["idle"][0], stderr=self.constants["idle"][1], source="flight"),
+        )
         return found
 
     def report(self) -> str:
         """Return constants, tables and residuals as text."""
         lines = [f"lights at n2 {self.light_speed:.3f}: the least speed for it is at most that"]
-        lines += [f"{name:<22}{value:>10.4g} ({stderr:.2g})" for name, (value, stderr) in self.constants.items()]
+        lines += [
+            f"{name:<22}{value:>10.4g} ({stderr:.2g})"
+            for name, (value, stderr) in self.constants.items()
+        ]
         for name, curve in self.tables.items():
             lines += ["", *curve.lines(name, 6)]
         for search in (self.speeds, self.flows):
             if search is not None:
                 noise = search.noise["stderr"].isel(manoeuvre=0)
-                lines += ["", *(f"{name}: residual rms {float(v):.3g}" for name, v in zip(noise["output"].values, noise.values))]
-                lines += [f"! {remark}" for remark in search.remarks if remark.kind in ("convergence", "bound")]
+                lines += [
+                    "",
+                    *(
+                        f"{name}: residual rms {float(v):.3g}"
+                        for name, v in zip(noise["output"].values, noise.values)
+                    ),
+                ]
+                lines += [
+                    f"! {remark}"
+                    for remark in search.remarks
+                    if remark.kind in ("convergence", "bound")
+                ]
         return "\n".join(lines)
 
 
@@ -83,8 +107,9 @@ def identify_start(records: Sequence[xr.Dataset]) -> StartFit:
     Parameters
     ----------
     records : sequence of Dataset (time,)
-        From the engine at rest or windmilling, over start and idle, to the end of the run-down, with the lever at idle:
-        ``n2``, ``starter``, ``cutoff`` [1], and ``fuel_flow`` [kg/s], ``itt`` [K] where recorded; ``mach``, ``h`` [m], ``temperature`` [K].
+        From the engine at rest or windmilling, over start and idle, to the end of the run-down,
+        with the lever at idle: ``n2``, ``starter``, ``cutoff`` [1], and ``fuel_flow`` [kg/s],
+        ``itt`` [K] where recorded; ``mach``, ``h`` [m], ``temperature`` [K].
 
     Returns
     -------
@@ -95,7 +120,9 @@ def identify_start(records: Sequence[xr.Dataset]) -> StartFit:
     IdentificationError
         No light-off in the records.
     """
-    records = [one if "throttle" in one else one.assign(throttle=0.0 * one["n2"]) for one in records]
+    records = [
+        one if "throttle" in one else one.assign(throttle=0.0 * one["n2"]) for one in records
+    ]
     lit = [speed for one in records if (speed := _light_off(one)) is not None]
     if not lit:
         raise IdentificationError("no light-off: cutoff never opens with the starter on")
@@ -105,10 +132,18 @@ def identify_start(records: Sequence[xr.Dataset]) -> StartFit:
     flying = any("mach" in one and float(one["mach"].max()) > WINDY for one in records)
     unknowns = {
         "starter_speed": Unknown(min(lit), 0.2, 0.0, 1.0),
-        **{name: Unknown(first, 10.0 * first, bench.STEP, 60.0) for name, first in zip(_TIMES, (3.0, 6.0, 0.3))},
+        **{
+            name: Unknown(first, 10.0 * first, bench.STEP, 60.0)
+            for name, first in zip(_TIMES, (3.0, 6.0, 0.3))
+        },
         "n2_command": Unknown(idle, 0.1, 0.0, 1.2),
         **({"corrected_n2_windmill": Unknown(0.05, 0.3, 0.0, 1.0)} if flying else {}),
-        **{f"ln n2_up_time at n2 {x:.4g}": Unknown(np.log(4.0), 2.0, np.log(bench.STEP), np.log(60.0)) for x in knots},
+        **{
+            f"ln n2_up_time at n2 {x:.4g}": Unknown(
+                np.log(4.0), 2.0, np.log(bench.STEP), np.log(60.0)
+            )
+            for x in knots
+        },
     }
     single = [name for name in unknowns if not name.startswith("ln")]
 
@@ -116,19 +151,32 @@ def identify_start(records: Sequence[xr.Dataset]) -> StartFit:
         return np.exp(PchipInterpolator(knots, theta[len(single) :])(at))
 
     def parameters(theta: np.ndarray) -> dict[str, float]:
-        return {bench.parameter(name): float(value) for name, value in zip(single, theta)} | bench.as_nodes("n2_up_time", times(theta))
+        return {
+            bench.parameter(name): float(value) for name, value in zip(single, theta)
+        } | bench.as_nodes("n2_up_time", times(theta))
 
     light = max(min(lit) - 0.02, 0.01)
-    tables = {"n2_command": make(idle), "n2_up_time": make(np.full(len(at), 4.0), {"n2": at}), "thrust": make(0.0)}
+    tables = {
+        "n2_command": make(idle),
+        "n2_up_time": make(np.full(len(at), 4.0), {"n2": at}),
+        "thrust": make(0.0),
+    }
     if flying:
         tables["corrected_n2_windmill"] = make(0.05)
     lights: dict[str, Any] = {"light_speed": light, "sustain_speed": 0.5 * light}
     found = bench.fitted(Deck(tables, **lights), records, unknowns, parameters, ["n2"])
-    theta, C = found.estimates["estimate"].values, np.nan_to_num(found.estimates["covariance"].values)
+    theta, C = (
+        found.estimates["estimate"].values,
+        np.nan_to_num(found.estimates["covariance"].values),
+    )
     sigma = np.sqrt(np.diag(C))
     constants = {name: (float(theta[k]), float(sigma[k])) for k, name in enumerate(single)}
     curves = {"n2_up_time": Curve.of({"n2": at}, times, theta, C)}
-    whole = {**tables, "n2_up_time": curves["n2_up_time"].leaf, "n2_command": make(constants["n2_command"][0])}
+    whole = {
+        **tables,
+        "n2_up_time": curves["n2_up_time"].leaf,
+        "n2_command": make(constants["n2_command"][0]),
+    }
     if flying:
         whole["corrected_n2_windmill"] = make(constants["corrected_n2_windmill"][0])
     constants["idle"] = constants.pop("n2_command")
@@ -139,7 +187,9 @@ def identify_start(records: Sequence[xr.Dataset]) -> StartFit:
 
 
 def _before(low: xr.Dataset, high: xr.Dataset) -> xr.Dataset:
-    """Two tables over n2 as one; where they overlap the upper one holds, which has the power changes."""
+    """Two tables over n2 as one; where they overlap the upper one holds, which has the power
+    changes.
+    """
     part = low.sel(n2=low["n2"] < float(high["n2"][0]) - 0.5 * FINE)
     names = [name for name in ("value", "stderr") if name in low and name in high]
     joined = xr.concat([part[names], high[names]], "n2")
@@ -155,7 +205,11 @@ def _flows(deck: Deck, records: Sequence[xr.Dataset], knots: np.ndarray):
     at, count = fine(knots), len(knots)
     first = {name: _levels(records, name, knots) for name in outputs}
     size = {name: float(np.max(np.abs(first[name]))) for name in outputs}
-    unknowns = {f"{name} at n2 {x:.4g}": Unknown(v, size[name]) for name in outputs for x, v in zip(knots, first[name])}
+    unknowns = {
+        f"{name} at n2 {x:.4g}": Unknown(v, size[name])
+        for name in outputs
+        for x, v in zip(knots, first[name])
+    }
     lagged = "itt" in outputs
     if lagged:
         unknowns["itt_time"] = Unknown(0.5, 5.0, bench.STEP, 30.0)
@@ -169,11 +223,23 @@ def _flows(deck: Deck, records: Sequence[xr.Dataset], knots: np.ndarray):
         return {key: value for part in nodes for key, value in part.items()} | lag
 
     own = {name: make(np.interp(at, knots, first[name]), {"n2": at}) for name in outputs}
-    constants: dict[str, Any] = {name: getattr(deck, name) for name in ("starter_speed", *_TIMES, "light_speed", "sustain_speed")}
-    found = bench.fitted(Deck({**deck.tables, **own}, **constants), records, unknowns, parameters, outputs)
-    theta, C = found.estimates["estimate"].values, np.nan_to_num(found.estimates["covariance"].values)
+    constants: dict[str, Any] = {
+        name: getattr(deck, name)
+        for name in ("starter_speed", *_TIMES, "light_speed", "sustain_speed")
+    }
+    found = bench.fitted(
+        Deck({**deck.tables, **own}, **constants), records, unknowns, parameters, outputs
+    )
+    theta, C = (
+        found.estimates["estimate"].values,
+        np.nan_to_num(found.estimates["covariance"].values),
+    )
     curves = {name: Curve.of({"n2": at}, curve(k), theta, C) for k, name in enumerate(outputs)}
-    return found, curves, {"itt_time": (float(theta[-1]), float(np.sqrt(C[-1, -1])))} if lagged else {}
+    return (
+        found,
+        curves,
+        {"itt_time": (float(theta[-1]), float(np.sqrt(C[-1, -1])))} if lagged else {},
+    )
 
 
 def _light_off(record: xr.Dataset) -> float | None:
@@ -196,6 +262,9 @@ def _idling(record: xr.Dataset) -> np.ndarray:
 def _levels(records: Sequence[xr.Dataset], name: str, knots: np.ndarray) -> np.ndarray:
     """Medians about each knot with the fuel on, first values."""
     on = [one["cutoff"].values < 0.5 for one in records]
-    n2, y = (np.concatenate([one[key].values[part] for one, part in zip(records, on)]) for key in ("n2", name))
+    n2, y = (
+        np.concatenate([one[key].values[part] for one, part in zip(records, on)])
+        for key in ("n2", name)
+    )
     near = [np.abs(n2 - x) < 0.5 * SPACING for x in knots]
     return np.array([float(np.median(y[part] if part.any() else y)) for part in near])

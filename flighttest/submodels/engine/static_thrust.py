@@ -1,7 +1,9 @@
-"""Static thrust of an a-priori deck corrected from flight: recorded thrust, or longitudinal equilibrium with a polar.
+"""Static thrust of an a-priori deck corrected from flight: recorded thrust, or longitudinal
+equilibrium with a polar.
 
-Corrected thrust over corrected speed and Mach number keeps its breakpoints; all nodes of one corrected speed are multiplied by
-one factor r.  A recorded net thrust T, and the equilibrium along the flight path of an aeroplane with N engines,
+Corrected thrust over corrected speed and Mach number keeps its breakpoints; all nodes of one
+corrected speed are multiplied by one factor r.  A recorded net thrust T, and the equilibrium along
+the flight path of an aeroplane with N engines,
 
     T = delta sum_k r_k P_k(n / sqrt(theta), M)
     m V' + m g h' / V = N cos(alpha + i_T) T - qbar S (CD0 + K CL^2)
@@ -24,12 +26,20 @@ import xarray as xr
 
 from flightmech.errors import IdentificationError
 from flightmech.terms import SOURCE_ATTRS, SOURCES
-from flighttest.submodels.engine.steady_points import equilibrium_rows, recorded_rows, shares, speed_axis
+from flighttest.submodels.engine.steady_points import (
+    equilibrium_rows,
+    recorded_rows,
+    shares,
+    speed_axis,
+)
 
 VAGUE = 0.1  # a-priori standard error of a factor where the deck states none
 PASSES = 20  # of the noise
-SEPARATE = 0.3  # part of the a-priori standard error of the thrust that may be left where it counts as separate from the drag
-DISTINCT = 0.5  # part of the a-priori standard error that may be left of the polar where it counts as determined
+# part of the a-priori standard error of the thrust that may be left where it counts as separate
+# from the drag
+SEPARATE = 0.3
+# part of the a-priori standard error that may be left of the polar where it counts as determined
+DISTINCT = 0.5
 
 
 @dataclass(frozen=True)
@@ -74,7 +84,9 @@ class DeckCorrection:
     prior: xr.Dataset
 
     def ratio(self, speed: float, mach: float, **condition: float) -> tuple[float, float]:
-        """Return corrected over a-priori thrust and its standard error, at a corrected speed and flight condition."""
+        """Return corrected over a-priori thrust and its standard error, at a corrected speed and
+        flight condition.
+        """
         at = {self._axis: speed, "mach": mach, **condition}
         P = shares(self.prior, {name: np.array([value]) for name, value in at.items()})[0]
         w = P / P.sum()
@@ -88,8 +100,14 @@ class DeckCorrection:
         """Return factors, scatter and remarks as text."""
         lines = [f"{'corrected speed':>16}{'factor':>10}{'stderr':>9}"]
         rows = zip(self.speeds, self.factor, self.stderr, self.determined)
-        lines += [f"{x:>16.4g}{r:>10.4f}{s:>9.4f}{'' if known else '   as a priori'}" for x, r, s, known in rows]
-        lines += [f"{name}: {len(v)} points, rms {np.sqrt(np.mean(v**2)):.2%} of the thrust" for name, v in self.residuals.items()]
+        lines += [
+            f"{x:>16.4g}{r:>10.4f}{s:>9.4f}{'' if known else '   as a priori'}"
+            for x, r, s, known in rows
+        ]
+        lines += [
+            f"{name}: {len(v)} points, rms {np.sqrt(np.mean(v**2)):.2%} of the thrust"
+            for name, v in self.residuals.items()
+        ]
         return "\n".join([*lines, *(f"! {text}" for text in self.remarks)])
 
 
@@ -106,12 +124,15 @@ def correct_deck(
     Parameters
     ----------
     prior : Dataset
-        ``corrected_thrust`` of a deck, over ``corrected_n1`` or ``corrected_n2`` and others; ``stderr`` where it has one. [N]
+        ``corrected_thrust`` of a deck, over ``corrected_n1`` or ``corrected_n2`` and others;
+        ``stderr`` where it has one. [N]
     recorded : Dataset (point,), optional
-        ``n1`` or ``n2`` [1], ``mach``, ``h`` [m], ``thrust`` of one engine [N], and ``temperature`` [K] if not standard.
+        ``n1`` or ``n2`` [1], ``mach``, ``h`` [m], ``thrust`` of one engine [N], and ``temperature``
+        [K] if not standard.
     equilibrium : Dataset (point,), optional
-        Partial climbs and level accelerations: ``n1`` or ``n2``, ``mach``, ``h``, ``mass`` [kg], ``V`` [m/s], ``V_dot``
-        [m/s2], ``h_dot`` [m/s], ``CL``; ``alpha`` [rad], angle of the thrust line to the path, zero without it.
+        Partial climbs and level accelerations: ``n1`` or ``n2``, ``mach``, ``h``, ``mass`` [kg],
+        ``V`` [m/s], ``V_dot`` [m/s2], ``h_dot`` [m/s], ``CL``; ``alpha`` [rad], angle of the thrust
+        line to the path, zero without it.
     polar : Polar
         Needed for `equilibrium`; estimated along within its standard errors.
     S : float
@@ -137,12 +158,19 @@ def correct_deck(
         blocks["recorded thrust"] = recorded_rows(prior, recorded, remarks)
     if equilibrium is not None:
         if polar is None or not S > 0.0:
-            raise IdentificationError("equilibrium points need the polar and the reference area; give polar and S")
+            raise IdentificationError(
+                "equilibrium points need the polar and the reference area; give polar and S"
+            )
         blocks["equilibrium"] = equilibrium_rows(prior, equilibrium, S, engines, remarks)
     if not blocks:
         raise IdentificationError("no points; give recorded or equilibrium")
     first = np.array([*np.ones(count), *((polar.CD0, polar.K) if polar else (0.0, 0.0))])
-    sigma = np.array([*_prior_errors(prior, axis), *((polar.CD0_stderr, polar.K_stderr) if polar else (0.0, 0.0))])
+    sigma = np.array(
+        [
+            *_prior_errors(prior, axis),
+            *((polar.CD0_stderr, polar.K_stderr) if polar else (0.0, 0.0)),
+        ]
+    )
     theta, C, residuals = _mixed(list(blocks.values()), first, sigma)
     stderr = np.sqrt(np.diag(C))
     estimated = Polar(*map(float, theta[count:]), *map(float, stderr[count:])) if polar else None
@@ -165,7 +193,9 @@ def _prior_errors(prior: xr.Dataset, axis: str) -> np.ndarray:
 
 
 def _mixed(blocks: Sequence[tuple[np.ndarray, np.ndarray]], first: np.ndarray, sigma: np.ndarray):
-    """Weighted least squares with a-priori values; every block has noise of its own size, found from its residuals."""
+    """Weighted least squares with a-priori values; every block has noise of its own size, found
+    from its residuals.
+    """
     free = np.flatnonzero(sigma > 0.0)
     scatter = [1.0] * len(blocks)
     theta = first.copy()
@@ -178,7 +208,10 @@ def _mixed(blocks: Sequence[tuple[np.ndarray, np.ndarray]], first: np.ndarray, s
         D = np.linalg.inv(M)
         theta[free] = first[free] + D @ b
         residuals = [z - X @ theta for X, z in blocks]
-        spent = [float(np.trace(D @ X[:, free].T @ X[:, free])) / s**2 for (X, _), s in zip(blocks, scatter)]
+        spent = [
+            float(np.trace(D @ X[:, free].T @ X[:, free])) / s**2
+            for (X, _), s in zip(blocks, scatter)
+        ]
         new = [float(np.sqrt(v @ v / max(len(v) - p, 1.0))) for v, p in zip(residuals, spent)]
         settled = np.allclose(new, scatter, rtol=1e-6)
         scatter = [max(s, 1e-12) for s in new]
@@ -192,10 +225,19 @@ def _mixed(blocks: Sequence[tuple[np.ndarray, np.ndarray]], first: np.ndarray, s
 def _separable(X: np.ndarray, sigma: np.ndarray, C: np.ndarray, count: int) -> list[str]:
     """What the equilibrium, rows X (point, unknown), shows of drag and thrust separately."""
     if not (sigma[count:] > 0.0).any():
-        return ["thrust from equilibrium stands on the polar that was given: an error of the drag is an equal error of the thrust"]
+        return [
+            "thrust from equilibrium stands on the polar that was given: an error of the drag is an equal error of the thrust"
+        ]
     mean = X.mean(axis=0)
-    thrust, drag = (np.where(part, mean, 0.0) for part in (np.arange(len(mean)) < count, np.arange(len(mean)) >= count))
-    named = {"the thrust": thrust, "CD0": np.eye(len(mean))[count], "K": np.eye(len(mean))[count + 1]}
+    thrust, drag = (
+        np.where(part, mean, 0.0)
+        for part in (np.arange(len(mean)) < count, np.arange(len(mean)) >= count)
+    )
+    named = {
+        "the thrust": thrust,
+        "CD0": np.eye(len(mean))[count],
+        "K": np.eye(len(mean))[count + 1],
+    }
     most = {"the thrust": SEPARATE}
     found = []
     for name, w in named.items():
@@ -211,12 +253,18 @@ def _separable(X: np.ndarray, sigma: np.ndarray, C: np.ndarray, count: int) -> l
 
 def _corrected(prior: xr.Dataset, axis: str, factor: np.ndarray, stderr: np.ndarray) -> xr.Dataset:
     """The a-priori table times the factors."""
-    by = {name: xr.DataArray(values, {axis: prior[axis]}, axis) for name, values in (("factor", factor), ("stderr", stderr))}
+    by = {
+        name: xr.DataArray(values, {axis: prior[axis]}, axis)
+        for name, values in (("factor", factor), ("stderr", stderr))
+    }
     dims = prior["value"].dims
     leaf = prior.drop_vars(["stderr", "source"], errors="ignore").copy()
     leaf["value"] = (prior["value"] * by["factor"]).transpose(*dims)
     leaf["stderr"] = (abs(prior["value"]) * by["stderr"]).transpose(*dims)
     leaf["source"] = dims, np.full(leaf["value"].shape, SOURCES.index("flight"), np.uint8)
     leaf["source"].attrs = dict(SOURCE_ATTRS)
-    leaf.attrs = {**prior.attrs, "comment": "a-priori deck with one factor for each corrected speed, from flight"}
+    leaf.attrs = {
+        **prior.attrs,
+        "comment": "a-priori deck with one factor for each corrected speed, from flight",
+    }
     return leaf

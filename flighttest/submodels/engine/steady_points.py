@@ -1,4 +1,5 @@
-"""Net thrust over fuel flow and Mach number in corrected parameters, for aeroplanes that record fuel flow and no thrust.
+"""Net thrust over fuel flow and Mach number in corrected parameters, for aeroplanes that record
+fuel flow and no thrust.
 
     X / delta = c0 + c1 w + c2 M + c3 w M + c4 M^2,      w = Wf / (delta sqrt(theta))
 
@@ -28,7 +29,8 @@ def ratios(points: Mapping) -> tuple[np.ndarray, np.ndarray]:
     Parameters
     ----------
     points : mapping of str to array
-        ``mach``, ``h`` [m], ``temperature`` [K] if not standard; ``pressure_ratio``, without which h is a pressure altitude.
+        ``mach``, ``h`` [m], ``temperature`` [K] if not standard; ``pressure_ratio``, without which
+        h is a pressure altitude.
     """
     h, mach = (np.asarray(points[name], float) for name in ("h", "mach"))
     air = atmosphere(h)
@@ -41,40 +43,64 @@ def speed_axis(prior: xr.Dataset) -> str:
     """Return which corrected speed is an axis of a deck."""
     found = [name for name in SPEEDS if name in prior["value"].dims]
     if not found:
-        raise IdentificationError(f"the deck has the axes {' '.join(map(str, prior['value'].dims))}; one of {' '.join(SPEEDS)} is needed")
+        raise IdentificationError(
+            f"the deck has the axes {' '.join(map(str, prior['value'].dims))}; one of {' '.join(SPEEDS)} is needed"
+        )
     return found[0]
 
 
 def shares(prior: xr.Dataset, at: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Return the a-priori corrected thrust (point, breakpoint) by the speed to whose nodes it belongs. [N]"""
+    """Return the a-priori corrected thrust (point, breakpoint) by the speed to whose nodes it
+    belongs. [N]
+    """
     axis = speed_axis(prior)
     place = prior["value"].dims.index(axis)
     index = np.broadcast_to(
-        np.arange(prior.sizes[axis]).reshape([-1 if k == place else 1 for k in range(prior["value"].ndim)]), prior["value"].shape
+        np.arange(prior.sizes[axis]).reshape(
+            [-1 if k == place else 1 for k in range(prior["value"].ndim)]
+        ),
+        prior["value"].shape,
     )
     weights = basis(prior, at, outside="clamp").toarray() * prior["value"].values.ravel()
     return weights @ (index.ravel()[:, None] == np.arange(prior.sizes[axis]))
 
 
-def _inside(prior: xr.Dataset, points: xr.Dataset, name: str, remarks: list[str]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _inside(
+    prior: xr.Dataset, points: xr.Dataset, name: str, remarks: list[str]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Which points lie inside the deck; shares and pressure ratio of those."""
     axis = speed_axis(prior)
     theta, delta = ratios(points)
     speed = points[axis.removeprefix("corrected_")].values / np.sqrt(theta)
     at = {**{str(key): points[key].values for key in points.data_vars}, axis: speed}
-    inside = np.all([(at[str(a)] >= prior[a].values[0]) & (at[str(a)] <= prior[a].values[-1]) for a in prior["value"].dims], axis=0)
+    inside = np.all(
+        [
+            (at[str(a)] >= prior[a].values[0]) & (at[str(a)] <= prior[a].values[-1])
+            for a in prior["value"].dims
+        ],
+        axis=0,
+    )
     if not inside.any():
-        raise IdentificationError(f"{name}: no point inside the a-priori deck, {_range(prior)}; look at the units, or extend the deck")
+        raise IdentificationError(
+            f"{name}: no point inside the a-priori deck, {_range(prior)}; look at the units, or extend the deck"
+        )
     if not inside.all():
-        remarks.append(f"{name}: {np.count_nonzero(~inside)} of {len(inside)} points lie outside the a-priori deck and are left out")
+        remarks.append(
+            f"{name}: {np.count_nonzero(~inside)} of {len(inside)} points lie outside the a-priori deck and are left out"
+        )
     return inside, shares(prior, {key: value[inside] for key, value in at.items()}), delta[inside]
 
 
 def _range(prior: xr.Dataset) -> str:
-    return ", ".join(f"{dim} {prior[dim].values[0]:.4g} to {prior[dim].values[-1]:.4g}" for dim in prior["value"].dims)
+    return ", ".join(
+        f"{dim} {prior[dim].values[0]:.4g} to {prior[dim].values[-1]:.4g}"
+        for dim in prior["value"].dims
+    )
 
 
-def recorded_rows(prior: xr.Dataset, points: xr.Dataset, remarks: list[str]) -> tuple[np.ndarray, np.ndarray]:
+def recorded_rows(
+    prior: xr.Dataset, points: xr.Dataset, remarks: list[str]
+) -> tuple[np.ndarray, np.ndarray]:
     """Return rows (point, breakpoint + 2) and measured values, in parts of the a-priori thrust."""
     inside, P, delta = _inside(prior, points, "recorded thrust", remarks)
     size = np.abs(delta * P.sum(axis=1))
@@ -82,13 +108,19 @@ def recorded_rows(prior: xr.Dataset, points: xr.Dataset, remarks: list[str]) -> 
     return X, points["thrust"].values[inside] / size
 
 
-def equilibrium_rows(prior: xr.Dataset, points: xr.Dataset, S: float, engines: int, remarks: list[str]) -> tuple[np.ndarray, np.ndarray]:
-    """Return rows (point, breakpoint + 2) and measured values along the flight path, in parts of the median a-priori thrust."""
+def equilibrium_rows(
+    prior: xr.Dataset, points: xr.Dataset, S: float, engines: int, remarks: list[str]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return rows (point, breakpoint + 2) and measured values along the flight path, in parts of
+    the median a-priori thrust.
+    """
     inside, P, delta = _inside(prior, points, "equilibrium", remarks)
     at = {str(key): points[key].values[inside] for key in points.data_vars}
     q = 0.5 * GAMMA * P_STANDARD * delta * at["mach"] ** 2
     along = engines * np.cos(at.get("alpha", np.zeros(len(q)))) * delta
-    size = np.median(along * np.abs(P.sum(axis=1)))  # errors of mass, acceleration and climb do not go with the thrust
+    size = np.median(
+        along * np.abs(P.sum(axis=1))
+    )  # errors of mass, acceleration and climb do not go with the thrust
     force = at["mass"] * (at["V_dot"] + G0 * at["h_dot"] / at["V"])
     X = np.column_stack([along[:, None] * P, -q * S, -q * S * at["CL"] ** 2]) / size
     return X, force / size
@@ -98,7 +130,12 @@ NEEDED = ("mach", "h", "alpha", "mass", "ax", "az")
 
 
 def equilibrium_points(
-    states: xr.Dataset, prior: xr.Dataset, S: float, engines: int = 1, every: float = 1.0, i_T: float = 0.0
+    states: xr.Dataset,
+    prior: xr.Dataset,
+    S: float,
+    engines: int = 1,
+    every: float = 1.0,
+    i_T: float = 0.0,
 ) -> xr.Dataset:
     """Return means over short times of a record as points of equilibrium for `correct_deck`.
 
@@ -110,10 +147,12 @@ def equilibrium_points(
     Parameters
     ----------
     states : Dataset (time,)
-        ``mach``, ``h`` [m], ``alpha`` [rad], ``mass`` [kg], specific force ``ax``, ``az`` at the c.g. [m/s2], the speed ``n1`` or
-        ``n2`` [1] of the deck, and ``temperature`` [K], ``pressure_ratio`` where there are any.
+        ``mach``, ``h`` [m], ``alpha`` [rad], ``mass`` [kg], specific force ``ax``, ``az`` at the
+        c.g. [m/s2], the speed ``n1`` or ``n2`` [1] of the deck, and ``temperature`` [K],
+        ``pressure_ratio`` where there are any.
     prior : Dataset
-        ``corrected_thrust`` of the a-priori deck; the part of the lift that it carries is small. [N]
+        ``corrected_thrust`` of the a-priori deck; the part of the lift that it carries is small.
+        [N]
     S : float
         Reference area. [m2]
     engines : int
@@ -125,7 +164,8 @@ def equilibrium_points(
     Returns
     -------
     Dataset (point,)
-        For ``equilibrium`` of `correct_deck`: ``alpha`` is the angle of the thrust line to the path, ``V_dot`` is f_x and ``h_dot`` zero.
+        For ``equilibrium`` of `correct_deck`: ``alpha`` is the angle of the thrust line to the
+        path, ``V_dot`` is f_x and ``h_dot`` zero.
 
     Raises
     ------
@@ -139,17 +179,32 @@ def equilibrium_points(
             raise UnknownName(name, map(str, states.data_vars), "channel")
     step = float(np.median(np.diff(states["time"].values)))
     points = states.coarsen(time=max(round(every / step), 1), boundary="trim").mean()
-    at = {str(name): np.broadcast_to(points[name].values, points.sizes["time"]) for name in points.data_vars}
+    at = {
+        str(name): np.broadcast_to(points[name].values, points.sizes["time"])
+        for name in points.data_vars
+    }
     theta, delta = ratios(at)
     fx = at["ax"] * np.cos(at["alpha"]) + at["az"] * np.sin(at["alpha"])
     fz = at["ax"] * np.sin(at["alpha"]) - at["az"] * np.cos(at["alpha"])
     q = 0.5 * GAMMA * P_STANDARD * delta * at["mach"] ** 2
     thrust = engines * delta * shares(prior, at | {axis: at[speed] / np.sqrt(theta)}).sum(axis=1)
     lift = at["mass"] * fz - thrust * np.sin(at["alpha"] + i_T)
-    kept = {name: at[name] for name in (speed, "mach", "h", "temperature", "pressure_ratio", "mass") if name in at}
+    kept = {
+        name: at[name]
+        for name in (speed, "mach", "h", "temperature", "pressure_ratio", "mass")
+        if name in at
+    }
     V = np.ones(len(q))  # the rate of climb is in the specific force
-    columns = kept | {"alpha": at["alpha"] + i_T, "V": V, "V_dot": fx, "h_dot": 0.0 * V, "CL": lift / (q * S)}
-    return xr.Dataset({name: ("point", values) for name, values in columns.items()}, attrs=dict(states.attrs))
+    columns = kept | {
+        "alpha": at["alpha"] + i_T,
+        "V": V,
+        "V_dot": fx,
+        "h_dot": 0.0 * V,
+        "CL": lift / (q * S),
+    }
+    return xr.Dataset(
+        {name: ("point", values) for name, values in columns.items()}, attrs=dict(states.attrs)
+    )
 
 
 TERMS = ("1", "w", "M", "w M", "M^2")
@@ -178,10 +233,17 @@ class FuelThrust:
     mach: tuple[float, float]
 
     def predict(self, points: xr.Dataset) -> xr.Dataset:
-        """Return ``thrust`` and ``stderr`` [N] at points, and whether they lie ``inside`` what was fitted."""
+        """Return ``thrust`` and ``stderr`` [N] at points, and whether they lie ``inside`` what was
+        fitted.
+        """
         X, delta, w, mach = _rows(points)
         stderr = delta * np.sqrt(np.einsum("ij,jk,ik->i", X, self.covariance, X))
-        inside = (w >= self.fuel_flow[0]) & (w <= self.fuel_flow[1]) & (mach >= self.mach[0]) & (mach <= self.mach[1])
+        inside = (
+            (w >= self.fuel_flow[0])
+            & (w <= self.fuel_flow[1])
+            & (mach >= self.mach[0])
+            & (mach <= self.mach[1])
+        )
         columns = {"thrust": delta * (X @ self.coefficients), "stderr": stderr, "inside": inside}
         return xr.Dataset({name: ("point", values) for name, values in columns.items()})
 
@@ -192,7 +254,8 @@ def fit_fuel_thrust(points: xr.Dataset) -> FuelThrust:
     Parameters
     ----------
     points : Dataset (point,)
-        Of one engine: ``fuel_flow`` [kg/s], ``mach``, ``h`` [m], ``thrust`` [N], ``temperature`` [K] if not standard.
+        Of one engine: ``fuel_flow`` [kg/s], ``mach``, ``h`` [m], ``thrust`` [N], ``temperature``
+        [K] if not standard.
 
     Returns
     -------
@@ -206,10 +269,14 @@ def fit_fuel_thrust(points: xr.Dataset) -> FuelThrust:
     X, delta, w, mach = _rows(points)
     count = X.shape[1]
     if len(X) < FEWEST * count:
-        raise IdentificationError(f"{len(X)} points for {count} terms; at least {FEWEST * count} are needed")
+        raise IdentificationError(
+            f"{len(X)} points for {count} terms; at least {FEWEST * count} are needed"
+        )
     size = np.linalg.norm(X, axis=0)
     if np.linalg.cond(X / size) > 1e6:
-        raise IdentificationError("the points do not separate fuel flow and Mach number; add other powers or speeds")
+        raise IdentificationError(
+            "the points do not separate fuel flow and Mach number; add other powers or speeds"
+        )
     z = points["thrust"].values
     A = delta[:, None] * X
     theta = np.linalg.lstsq(A / size, z, rcond=None)[0] / size

@@ -1,4 +1,6 @@
-"""A table of an engine with the joint covariance of its nodes, and the form in which one is estimated."""
+"""A table of an engine with the joint covariance of its nodes, and the form in which one is
+estimated.
+"""
 
 from __future__ import annotations
 
@@ -25,21 +27,37 @@ from flightmech.units import quantity
 def _breakpoints(item: Any) -> dict[str, tuple[float, ...]]:
     """Breakpoints in SI units by their axis."""
     if not isinstance(item, dict):
-        raise ValueError('a table of axes and their breakpoints is needed, such as { h = ["0 ft", "20000 ft"] }')
+        raise ValueError(
+            'a table of axes and their breakpoints is needed, such as { h = ["0 ft", "20000 ft"] }'
+        )
     try:
-        found = {str(axis): tuple(quantity(point, lookup(str(axis)).units) for point in points) for axis, points in item.items()}
+        found = {
+            str(axis): tuple(quantity(point, lookup(str(axis)).units) for point in points)
+            for axis, points in item.items()
+        }
     except (AeromatchError, TypeError) as error:
         raise ValueError(str(error)) from error
     for axis, points in found.items():
         if len(points) < 2 or any(b <= a for a, b in pairwise(points)):
-            raise ValueError(f"{axis} = {list(points)}: at least two breakpoints, rising, are needed")
+            raise ValueError(
+                f"{axis} = {list(points)}: at least two breakpoints, rising, are needed"
+            )
     return found
 
 
 Breakpoints = Annotated[
     dict[str, tuple[float, ...]],
     BeforeValidator(_breakpoints),
-    WithJsonSchema({"type": "object", "additionalProperties": {"type": "array", "minItems": 2, "items": quantity_schema("of the axis")}}),
+    WithJsonSchema(
+        {
+            "type": "object",
+            "additionalProperties": {
+                "type": "array",
+                "minItems": 2,
+                "items": quantity_schema("of the axis"),
+            },
+        }
+    ),
 ]
 
 
@@ -56,22 +74,36 @@ class EngineStructure(Strict):
         As for `identify_engine`.
     """
 
-    height: str | None = Field(default=None, description="Channel of the height; without it the first of h, h_baro and h_gps.")
+    height: str | None = Field(
+        default=None,
+        description="Channel of the height; without it the first of h, h_baro and h_gps.",
+    )
     throttle: tuple[float, ...] | None = Field(
-        default=None, description="Breakpoints of the schedule over the lever; without them where the lever rested."
+        default=None,
+        description="Breakpoints of the schedule over the lever; without them where the lever rested.",
     )
     n2: tuple[float, ...] | None = Field(
-        default=None, description="Breakpoints of time constants and limits over the speed of the gas generator."
+        default=None,
+        description="Breakpoints of time constants and limits over the speed of the gas generator.",
     )
-    limits: bool = Field(default=False, description="Whether acceleration and deceleration have rate limits.")
-    fan: Literal["n2", "lever"] = Field(default="n2", description="What the fan speed follows: n2, or the lever.")
-    over: Breakpoints = Field(default_factory=dict, description="Axes with which schedule and dynamics change, and their breakpoints.")
+    limits: bool = Field(
+        default=False, description="Whether acceleration and deceleration have rate limits."
+    )
+    fan: Literal["n2", "lever"] = Field(
+        default="n2", description="What the fan speed follows: n2, or the lever."
+    )
+    over: Breakpoints = Field(
+        default_factory=dict,
+        description="Axes with which schedule and dynamics change, and their breakpoints.",
+    )
     tables: dict[str, Breakpoints] = Field(
         default_factory=dict,
         examples=[{"corrected_thrust": {"corrected_n2": [0.6, 0.8, 1.0]}}],
         description="Tables that whole flights identify: axes and breakpoints of each.",
     )
-    thrust_scale: float = Field(default=0.0, ge=0.0, description="Standard error of the factor of the recorded thrust.")
+    thrust_scale: float = Field(
+        default=0.0, ge=0.0, description="Standard error of the factor of the recorded thrust."
+    )
 
     def keywords(self) -> dict[str, Any]:
         """Return the keywords of `identify_engine`."""
@@ -93,7 +125,10 @@ def read_structure(path: str | Path) -> EngineStructure:
 
 def structure_schema() -> dict[str, Any]:
     """Return the JSON schema of such files."""
-    return file_schema(EngineStructure, "What the tables of an engine depend on, for the identification of the engine.")
+    return file_schema(
+        EngineStructure,
+        "What the tables of an engine depend on, for the identification of the engine.",
+    )
 
 
 FINE = 0.01  # distance of the nodes, in throttle and in speed
@@ -105,7 +140,8 @@ class Surface:
 
         y = p(x) + sum_c [ (1 - s) a_c + s b_c ],      s = (x - x_low) / (x_high - x_low)
 
-    p is a monotone cubic through knots.  At the first breakpoint of each condition a_c = b_c = 0, so p holds there.
+    p is a monotone cubic through knots.  At the first breakpoint of each condition a_c = b_c = 0,
+    so p holds there.
 
     Parameters
     ----------
@@ -115,7 +151,8 @@ class Surface:
     over : mapping of str to sequence of float
         Breakpoints of the flight condition, at least two each.
     spacing : float
-        Largest distance of the nodes between which the table is linear; infinite for nodes at the knots alone.
+        Largest distance of the nodes between which the table is linear; infinite for nodes at the
+        knots alone.
 
     Attributes
     ----------
@@ -127,8 +164,17 @@ class Surface:
         Nodes of the table.
     """
 
-    def __init__(self, axis: str, knots: np.ndarray, over: Mapping[str, Sequence[float]] | None = None, spacing: float = FINE):
-        self.knots, self.over = knots, {name: np.array(points, float) for name, points in (over or {}).items()}
+    def __init__(
+        self,
+        axis: str,
+        knots: np.ndarray,
+        over: Mapping[str, Sequence[float]] | None = None,
+        spacing: float = FINE,
+    ):
+        self.knots, self.over = (
+            knots,
+            {name: np.array(points, float) for name, points in (over or {}).items()},
+        )
         short = [name for name, points in self.over.items() if len(points) < 2]
         if short:
             raise IdentificationError(f"one breakpoint over {' '.join(short)}; give at least two")
@@ -142,7 +188,10 @@ class Surface:
         found = [f"{table} at {axis} {x:.4g}" for x in self.knots]
         ends = [f"{axis} {x:.4g}" for x in (self.knots[0], self.knots[-1])]
         return found + [
-            f"{table} from {name} {v[0]:.4g} to {x:.4g} at {end}" for name, v in self.over.items() for x in v[1:] for end in ends
+            f"{table} from {name} {v[0]:.4g} to {x:.4g} at {end}"
+            for name, v in self.over.items()
+            for x in v[1:]
+            for end in ends
         ]
 
     def start(self, at_knots: np.ndarray) -> np.ndarray:
@@ -156,9 +205,13 @@ class Surface:
         place = len(self.knots)
         value = PchipInterpolator(self.knots, theta[:place])(x).reshape(-1, *[1] * len(self.over))
         for k, points in enumerate(self.over.values()):
-            ends = np.vstack([np.zeros(2), theta[place : place + 2 * (len(points) - 1)].reshape(-1, 2)])
+            ends = np.vstack(
+                [np.zeros(2), theta[place : place + 2 * (len(points) - 1)].reshape(-1, 2)]
+            )
             change = np.outer(1.0 - s, ends[:, 0]) + np.outer(s, ends[:, 1])
-            value = value + change.reshape(len(x), *(len(points) if j == k else 1 for j in range(len(self.over))))
+            value = value + change.reshape(
+                len(x), *(len(points) if j == k else 1 for j in range(len(self.over)))
+            )
             place += 2 * (len(points) - 1)
         return value
 
@@ -179,7 +232,13 @@ class Curve:
     covariance: np.ndarray
 
     @classmethod
-    def of(cls, axes: Mapping[str, np.ndarray], nodes: Callable[[np.ndarray], np.ndarray], theta: np.ndarray, C: np.ndarray) -> Curve:
+    def of(
+        cls,
+        axes: Mapping[str, np.ndarray],
+        nodes: Callable[[np.ndarray], np.ndarray],
+        theta: np.ndarray,
+        C: np.ndarray,
+    ) -> Curve:
         """Return the table from unknowns with their covariance.
 
         Parameters
@@ -191,13 +250,18 @@ class Curve:
         theta, C : array (unknown,), (unknown, unknown)
         """
         value = nodes(theta)
-        slopes = np.column_stack([(nodes(theta + _STEP * e) - nodes(theta - _STEP * e)).ravel() for e in np.eye(len(theta))]) / (
-            2.0 * _STEP
-        )
+        slopes = np.column_stack(
+            [
+                (nodes(theta + _STEP * e) - nodes(theta - _STEP * e)).ravel()
+                for e in np.eye(len(theta))
+            ]
+        ) / (2.0 * _STEP)
         covariance = slopes @ C @ slopes.T
         stderr = np.sqrt(np.maximum(np.diag(covariance), 0.0)).reshape(value.shape)
         outside = "linear" if list(axes) == ["throttle"] else "hold"
-        return cls(make(value, dict(axes), stderr=stderr, source="flight", outside=outside), covariance)
+        return cls(
+            make(value, dict(axes), stderr=stderr, source="flight", outside=outside), covariance
+        )
 
     def lines(self, name: str, rows: int = 12) -> list[str]:
         """Return some of the nodes as lines of text, for each flight condition of the table."""
@@ -210,7 +274,9 @@ class Curve:
             where = "".join(f"  {dim} {float(self.leaf[dim][k]):.4g}" for dim, k in chosen.items())
             part = self.leaf.isel(chosen)
             found.append(f"{name}: {axis:>12}{'value':>12}{'stderr':>10}{where}")
-            nodes = zip(part[axis].values[some], part["value"].values[some], part["stderr"].values[some])
+            nodes = zip(
+                part[axis].values[some], part["value"].values[some], part["stderr"].values[some]
+            )
             found += [f"{x:>{len(name) + 14}.4f}{v:>12.5g}{s:>10.2g}" for x, v, s in nodes]
         return found
 
@@ -233,18 +299,29 @@ class Curve:
         at = {dims[0]: place, **condition}
         missing = [dim for dim in dims if dim not in at]
         if missing:
-            raise IdentificationError(f"the table depends on {' '.join(missing)} as well; give it by name")
+            raise IdentificationError(
+                f"the table depends on {' '.join(missing)} as well; give it by name"
+            )
         for dim in dims:
             points = self.leaf[dim].values
             if not points[0] - 0.01 <= at[dim] <= points[-1] + 0.01:
-                raise IdentificationError(f"identified for {dim} from {points[0]:.4g} to {points[-1]:.4g}; {at[dim]:.4g} is outside")
-        w = basis(self.leaf, {dim: np.array([at[dim]]) for dim in dims}, outside="clamp").toarray()[0]
+                raise IdentificationError(
+                    f"identified for {dim} from {points[0]:.4g} to {points[-1]:.4g}; {at[dim]:.4g} is outside"
+                )
+        w = basis(self.leaf, {dim: np.array([at[dim]]) for dim in dims}, outside="clamp").toarray()[
+            0
+        ]
         return float(w @ self.leaf["value"].values.ravel()), float(np.sqrt(w @ self.covariance @ w))
 
 
 def fine(knots: np.ndarray, spacing: float = FINE) -> np.ndarray:
     """Return nodes at and evenly between the knots, at most `spacing` apart."""
     if len(knots) < 2:
-        raise IdentificationError("one position of the lever, or one speed; add records at other powers")
-    parts = [np.linspace(a, b, max(int(np.ceil((b - a) / spacing)), 1), endpoint=False) for a, b in pairwise(knots)]
+        raise IdentificationError(
+            "one position of the lever, or one speed; add records at other powers"
+        )
+    parts = [
+        np.linspace(a, b, max(int(np.ceil((b - a) / spacing)), 1), endpoint=False)
+        for a, b in pairwise(knots)
+    ]
     return np.append(np.concatenate(parts), knots[-1])

@@ -41,17 +41,20 @@ def identify_ground_effect(
     names: Sequence[str] | None = None,
     exponents: tuple[float, float] = EXPONENTS,
 ) -> GroundEffect:
-    """Identify the ground effect of coefficients as C_free (1 + k h^s) per derivative, and k h^s (CL phi) of Cl.
+    """Identify the ground effect of coefficients as C_free (1 + k h^s) per derivative, and k h^s
+    (CL phi) of Cl.
 
     Parameters
     ----------
     models : sequence of Model
         The free-air terms of each coefficient, such as ``CL = 1 + alpha + qhat + delta_e``.
     data : sequence of Dataset (time,)
-        Landings up to the touch-down, low passes and free-air records of *one* configuration, as `coefficients` returns
-        them, with the height ``h_agl`` over the runway; a record without it counts as free air. [SI]
+        Landings up to the touch-down, low passes and free-air records of *one* configuration, as
+        `coefficients` returns them, with the height ``h_agl`` over the runway; a record without it
+        counts as free air. [SI]
     ground : mapping of str to sequence of str, optional
-        Terms that the ground may change, by coefficient; without it all terms of CL, CD and Cm, and ``CL*phi`` of Cl.
+        Terms that the ground may change, by coefficient; without it all terms of CL, CD and Cm, and
+        ``CL*phi`` of Cl.
     database : DataTree, optional
         Its tables of ground effect take part in the comparison of forms.
     hold : bool
@@ -68,7 +71,8 @@ def identify_ground_effect(
     Raises
     ------
     IdentificationError
-        No record with a height, one that goes below zero, two models of a coefficient, or terms that the data cannot distinguish.
+        No record with a height, one that goes below zero, two models of a coefficient, or terms
+        that the data cannot distinguish.
     UnknownName
         A coefficient or variable that database or data do not hold.
 
@@ -83,18 +87,28 @@ def identify_ground_effect(
     .. [LR743] Report LR-743, 1993, section 4.5.1, eq. (13), (14), table 2.
     """
     if hold and database is None:
-        raise IdentificationError("free-air terms are to be held, but there is no database to hold them at; give one")
+        raise IdentificationError(
+            "free-air terms are to be held, but there is no database to hold them at; give one"
+        )
     coefficients = [model.coefficient for model in models]
     if not coefficients or len(set(coefficients)) < len(coefficients):
-        raise IdentificationError(f"models of {' '.join(coefficients) or 'nothing'}; give one of each coefficient")
+        raise IdentificationError(
+            f"models of {' '.join(coefficients) or 'nothing'}; give one of each coefficient"
+        )
     for name in ground or {}:
         if name not in coefficients:
-            raise UnknownName(name, coefficients, "coefficient", "there are ground terms for it, but no model")
+            raise UnknownName(
+                name, coefficients, "coefficient", "there are ground terms for it, but no model"
+            )
     labels = list(names) if names is not None else [f"record {k + 1}" for k in range(len(data))]
     records = with_heights(data, labels)
     found = {}
     for model in models:
-        terms = tuple(Model(model.coefficient, ground[model.coefficient]).terms) if ground and model.coefficient in ground else None
+        terms = (
+            tuple(Model(model.coefficient, ground[model.coefficient]).terms)
+            if ground and model.coefficient in ground
+            else None
+        )
         one = _Coefficient(model, terms or ground_terms(model), records, database, hold, exponents)
         found[model.coefficient] = one.identified()
     return GroundEffect(found, held=hold)
@@ -103,15 +117,27 @@ def identify_ground_effect(
 class _Coefficient:
     """One coefficient on its way from records to identified terms."""
 
-    def __init__(self, model: Model, ground: Sequence[str], records, database, hold: bool, exponents: tuple[float, float]):
+    def __init__(
+        self,
+        model: Model,
+        ground: Sequence[str],
+        records,
+        database,
+        hold: bool,
+        exponents: tuple[float, float],
+    ):
         self.model, self.ground, self.hold, self.exponents = model, tuple(ground), hold, exponents
-        self.database = None if database is None else _database_parts(database, model.coefficient, records)
+        self.database = (
+            None if database is None else _database_parts(database, model.coefficient, records)
+        )
         self.records = records
         if hold and self.database is not None:
             self.records = _less(records, model.coefficient, self.database.free)
 
     def identified(self) -> CoefficientOverGround:
-        """Terms that the data can see, those that they cannot, and the form that the evidence chooses."""
+        """Terms that the data can see, those that they cannot, and the form that the evidence
+        chooses.
+        """
         name = self.model.coefficient
         fit, left, deleted = self.reduced()
         common = self.fit(left, common=True) if len(left) > 1 else None
@@ -124,12 +150,27 @@ class _Coefficient:
             forms["table"] = table.residual, table.parameters
         evidence = compared(forms, n)
         heights = float(h.min()), float(breakpoints(h)[-1])
-        return CoefficientOverGround(self.model, left, deleted, fit, common, self.references(), table, chosen(evidence), heights, evidence)
+        return CoefficientOverGround(
+            self.model,
+            left,
+            deleted,
+            fit,
+            common,
+            self.references(),
+            table,
+            chosen(evidence),
+            heights,
+            evidence,
+        )
 
-    def fit(self, ground: Sequence[str], common: bool = False, starts: Mapping[str, float] | None = None) -> SeparableFit:
+    def fit(
+        self, ground: Sequence[str], common: bool = False, starts: Mapping[str, float] | None = None
+    ) -> SeparableFit:
         """Fit one form of the model."""
         separable = model_over_ground(self.model, ground, self.hold, common, self.exponents, starts)
-        return regress_separable(separable, self.records, f"{self.model.coefficient} over the ground")
+        return regress_separable(
+            separable, self.records, f"{self.model.coefficient} over the ground"
+        )
 
     def reduced(self) -> tuple[SeparableFit | None, tuple[str, ...], dict[str, str]]:
         """Delete what the data cannot see, the least significant term first."""
@@ -157,30 +198,57 @@ class _Coefficient:
 
     def free_terms(self, samples: Samples) -> np.ndarray:
         """Regressors of the free-air terms that are estimated along, (samples, terms)."""
-        return np.zeros((samples.data.sizes["sample"], 0)) if self.hold else self.model.design(samples.data)
+        return (
+            np.zeros((samples.data.sizes["sample"], 0))
+            if self.hold
+            else self.model.design(samples.data)
+        )
 
-    def closed_forms(self, samples: Samples, fit: SeparableFit | None, common) -> dict[str, tuple[np.ndarray, int | None]]:
+    def closed_forms(
+        self, samples: Samples, fit: SeparableFit | None, common
+    ) -> dict[str, tuple[np.ndarray, int | None]]:
         """Residual and number of parameters of each form but the table."""
         name, X = self.model.coefficient, self.free_terms(samples)
-        found: dict[str, tuple[np.ndarray, int | None]] = {"none": (_rest(X, samples.data[name].values), X.shape[1])}
+        found: dict[str, tuple[np.ndarray, int | None]] = {
+            "none": (_rest(X, samples.data[name].values), X.shape[1])
+        }
         for form, one in (("k h^s", fit), ("k h^s, one s", common)):
             if one is not None:
                 found[form] = one.residuals[name], one.estimates.sizes["term"]
         if self.database is not None:
-            rest = stack(name, self.wanted, _less(self.records, name, self.database.over_ground), self.model).data[name].values
+            rest = (
+                stack(
+                    name,
+                    self.wanted,
+                    _less(self.records, name, self.database.over_ground),
+                    self.model,
+                )
+                .data[name]
+                .values
+            )
             found["database"] = _rest(X, rest), None if self.database.from_flight else X.shape[1]
         return found
 
-    def table(self, samples: Samples, left: Sequence[str], rest: np.ndarray, n: float) -> HeightTable | None:
-        """Tables over the height of the terms identified, and of others that lower the criterion; None where there are none."""
-        h, z, X = samples.data[HEIGHT].values, samples.data[self.model.coefficient].values, self.free_terms(samples)
+    def table(
+        self, samples: Samples, left: Sequence[str], rest: np.ndarray, n: float
+    ) -> HeightTable | None:
+        """Tables over the height of the terms identified, and of others that lower the criterion;
+        None where there are none.
+        """
+        h, z, X = (
+            samples.data[HEIGHT].values,
+            samples.data[self.model.coefficient].values,
+            self.free_terms(samples),
+        )
         found, least = None, criterion(rest, X.shape[1], n)
         for terms in (left, *((*left, term) for term in self.ground if term not in left)):
             terms = tuple(dict.fromkeys((*(found.terms if found else ()), *terms)))
             if not terms:
                 continue
             try:
-                trial = height_table(X, terms, regressors(terms, samples.data).T, h, z, samples, breakpoints(h))
+                trial = height_table(
+                    X, terms, regressors(terms, samples.data).T, h, z, samples, breakpoints(h)
+                )
             except IdentificationError:
                 continue
             if (own := criterion(trial.residual, trial.parameters, n)) < least:
@@ -192,9 +260,14 @@ class _Coefficient:
         if not self.hold or self.database is None:
             return {}
         name = self.model.coefficient
-        records = [one.assign({name: ("time", part)}) for one, part in zip(self.records, self.database.free)]
+        records = [
+            one.assign({name: ("time", part)})
+            for one, part in zip(self.records, self.database.free)
+        ]
         samples = stack(name, self.model.variables, records, self.model)
-        theta = np.linalg.lstsq(self.model.design(samples.data), samples.data[name].values, rcond=None)[0]
+        theta = np.linalg.lstsq(
+            self.model.design(samples.data), samples.data[name].values, rcond=None
+        )[0]
         return dict(zip(self.model.terms, map(float, theta)))
 
 
@@ -210,32 +283,49 @@ def _why(fit: SeparableFit, term: str) -> str:
         if text := str(e["why"].sel(term=name).values):
             return text
     value, stderr = fit.value(raised(term))
-    return "" if abs(value) > 2.0 * stderr else f"k is {abs(value) / stderr:.1f} standard errors from zero, 2 are needed"
+    return (
+        ""
+        if abs(value) > 2.0 * stderr
+        else f"k is {abs(value) / stderr:.1f} standard errors from zero, 2 are needed"
+    )
 
 
-def _less(records: Sequence[xr.Dataset], name: str, parts: Sequence[np.ndarray]) -> list[xr.Dataset]:
+def _less(
+    records: Sequence[xr.Dataset], name: str, parts: Sequence[np.ndarray]
+) -> list[xr.Dataset]:
     """Records whose coefficient has a part taken off."""
-    return [one.assign({name: ("time", one[name].values - part)}) for one, part in zip(records, parts)]
+    return [
+        one.assign({name: ("time", one[name].values - part)}) for one, part in zip(records, parts)
+    ]
 
 
 class _Database(NamedTuple):
-    """What a database states of a coefficient along the records: in free air, what its terms over the ground add, and whether
-    any node of these comes from flight."""
+    """What a database states of a coefficient along the records: in free air, what its terms over
+    the ground add, and whether any node of these comes from flight.
+    """
 
     free: list[np.ndarray]
     over_ground: list[np.ndarray]
     from_flight: bool
 
 
-def _database_parts(database: xr.DataTree, coefficient: str, records: Sequence[xr.Dataset]) -> _Database:
+def _database_parts(
+    database: xr.DataTree, coefficient: str, records: Sequence[xr.Dataset]
+) -> _Database:
     from aerodb.store.evaluation import contributions
     from aerodb.store.schema import terms
     from flightmech.terms import SOURCES, variables
 
-    leaves = {name: leaf for name, leaf in terms(database).items() if name.startswith(f"{coefficient}/") and HEIGHT in variables(leaf)}
+    leaves = {
+        name: leaf
+        for name, leaf in terms(database).items()
+        if name.startswith(f"{coefficient}/") and HEIGHT in variables(leaf)
+    }
     over_ground = {name.partition("/")[2] for name in leaves}
     flight = SOURCES.index("flight")
-    flown = any((leaf["source"].values == flight).any() for leaf in leaves.values() if "source" in leaf)
+    flown = any(
+        (leaf["source"].values == flight).any() for leaf in leaves.values() if "source" in leaf
+    )
     free, near = [], []
     for one in records:
         size = one.sizes["time"]

@@ -15,13 +15,23 @@ from flightmech.errors import SchemaError, UnknownName
 from flightmech.names import attrs
 from flighttest.regression.equation_error.model import Model
 from flighttest.regression.separable.fit import SeparableFit
-from flighttest.submodels.ground_effect.structure import BANK, HEIGHT, HeightTable, best, exponent, raised, spelled
+from flighttest.submodels.ground_effect.structure import (
+    BANK,
+    HEIGHT,
+    HeightTable,
+    best,
+    exponent,
+    raised,
+    spelled,
+)
 
 ORDER = ("none", "database", "k h^s, one s", "k h^s", "table")
 
 
 class GroundTerm(NamedTuple):
-    """One row of table 2: y = k y_inf h^s, or y = k h^s for the rolling moment (y_inf NaN); h in metres."""
+    """One row of table 2: y = k y_inf h^s, or y = k h^s for the rolling moment (y_inf NaN); h in
+    metres.
+    """
 
     term: str
     y_inf: float
@@ -53,7 +63,8 @@ class CoefficientOverGround:
     table : HeightTable or None
         Terms free over the height: those identified, and others that lower the criterion.
     form : str
-        The form that the evidence chooses: one of ``none``, ``database``, ``k h^s, one s``, ``k h^s``, ``table``.
+        The form that the evidence chooses: one of ``none``, ``database``, ``k h^s, one s``, ``k
+        h^s``, ``table``.
     heights : (float, float)
         Lowest height flown, and the one up to which the ground was searched. [m]
     evidence : DataFrame
@@ -87,7 +98,9 @@ class CoefficientOverGround:
         ratio, y_inf = self._factor(fit, term, common)
         values, C = fit.derived(ratio, name)
         k, s = map(float, np.sqrt(np.diag(C)))
-        return GroundTerm(term, y_inf, float(values[0]), k, float(values[1]), s, float(C[0, 1] / (k * s)))
+        return GroundTerm(
+            term, y_inf, float(values[0]), k, float(values[1]), s, float(C[0, 1] / (k * s))
+        )
 
     def factor(self, term: str, h, common: bool = False) -> xr.Dataset:
         """Return K(h) = k h^s of a term with its standard error.
@@ -108,13 +121,18 @@ class CoefficientOverGround:
         fit, name = self._fit(term, common)
         ratio, _ = self._factor(fit, term, common)
         h = np.asarray(h, float)
-        values, C = fit.derived(*(f"({ratio})*{max(one, self.heights[0])!r}^{name}" for one in h.tolist()))
-        found = xr.Dataset({"K": (HEIGHT, values), "stderr": (HEIGHT, np.sqrt(np.diag(C)))}, {HEIGHT: h})
+        values, C = fit.derived(
+            *(f"({ratio})*{max(one, self.heights[0])!r}^{name}" for one in h.tolist())
+        )
+        found = xr.Dataset(
+            {"K": (HEIGHT, values), "stderr": (HEIGHT, np.sqrt(np.diag(C)))}, {HEIGHT: h}
+        )
         found[HEIGHT].attrs = {"units": "m"}
         return found
 
     def tabled(self, term: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return heights [m], K and its standard error of a term as the table over the height has it.
+        """Return heights [m], K and its standard error of a term as the table over the height has
+        it.
 
         Raises
         ------
@@ -123,15 +141,26 @@ class CoefficientOverGround:
         """
         known = self.table.terms if self.table else ()
         if self.table is None or term not in known:
-            raise UnknownName(term, known, "ground term", f"{self.model.coefficient}: it has no table over the height")
+            raise UnknownName(
+                term,
+                known,
+                "ground term",
+                f"{self.model.coefficient}: it has no table over the height",
+            )
         row = known.index(term)
         free = self.references or dict(zip(self.model.terms, self.table.free.tolist()))
         scale = free.get(term, 1.0)
-        return self.table.heights, self.table.value[row] / scale, self.table.stderr[row] / abs(scale)
+        return (
+            self.table.heights,
+            self.table.value[row] / scale,
+            self.table.stderr[row] / abs(scale),
+        )
 
     def _fit(self, term: str, common: bool) -> tuple[SeparableFit, str]:
         if term not in self.ground or (common and self.common is None):
-            raise UnknownName(term, self.ground, "ground term", f"{self.model.coefficient}: it is not identified")
+            raise UnknownName(
+                term, self.ground, "ground term", f"{self.model.coefficient}: it is not identified"
+            )
         return (self.common, "s") if common else (self.fit, exponent(term))  # type: ignore[return-value]
 
     def _factor(self, fit: SeparableFit, term: str, common: bool) -> tuple[str, float]:
@@ -166,7 +195,11 @@ class GroundEffect:
     @property
     def not_identified(self) -> dict[str, str]:
         """Ground terms that the data cannot see, as ``CL:qhat``, and why."""
-        return {f"{name}:{term}": why for name, one in self.coefficients.items() for term, why in one.not_identified.items()}
+        return {
+            f"{name}:{term}": why
+            for name, one in self.coefficients.items()
+            for term, why in one.not_identified.items()
+        }
 
     def report(self, heights: Sequence[float] = ()) -> str:
         """Return table 2 of [LR743], K(h), what is not identified, and the forms compared, as text.
@@ -174,11 +207,16 @@ class GroundEffect:
         Parameters
         ----------
         heights : sequence of float, optional
-            Heights at which K(h) is printed; without them the lowest flown, and twice and five times that. [m]
+            Heights at which K(h) is printed; without them the lowest flown, and twice and five
+            times that. [m]
         """
         lines = ["Ground effect, y = k y_inf h^s; y = k h^s where there is no y_inf; h in metres"]
-        lines.append("free-air terms held at the database" if self.held else "free-air terms estimated along")
-        lines.append(f"{'':<14}{'y_inf':>10}{'k':>10}{'stderr':>9}{'s':>9}{'stderr':>9}{'corr.':>8}   K(h)")
+        lines.append(
+            "free-air terms held at the database" if self.held else "free-air terms estimated along"
+        )
+        lines.append(
+            f"{'':<14}{'y_inf':>10}{'k':>10}{'stderr':>9}{'s':>9}{'stderr':>9}{'corr.':>8}   K(h)"
+        )
         for name, one in self.coefficients.items():
             lines += _printed(name, one, heights)
         for name, one in self.coefficients.items():
@@ -187,7 +225,9 @@ class GroundEffect:
 
 
 def chosen(evidence: pd.DataFrame) -> str:
-    """Return the form that the evidence chooses; of near equals the simplest, and the closed form before the table."""
+    """Return the form that the evidence chooses; of near equals the simplest, and the closed form
+    before the table.
+    """
     return best(evidence, ORDER)
 
 
@@ -196,28 +236,56 @@ def _printed(name: str, one: CoefficientOverGround, heights: Sequence[float]) ->
     at = list(heights) or [one.heights[0] * m for m in (1.0, 2.0, 5.0)]
     for row in one.rows():
         K = one.factor(row.term, at)
-        cells = "  ".join(f"{h:.3g} m {k:.3f} ({s:.2g})" for h, k, s in zip(at, K["K"].values, K["stderr"].values))
+        cells = "  ".join(
+            f"{h:.3g} m {k:.3f} ({s:.2g})" for h, k, s in zip(at, K["K"].values, K["stderr"].values)
+        )
         y_inf = "-" if np.isnan(row.y_inf) else f"{row.y_inf:.4g}"
         numbers = f"{row.k:>10.4g}{row.k_stderr:>9.2g}{row.s:>9.3f}{row.s_stderr:>9.2g}{row.correlation:>8.2f}"
         lines.append(f"{name + ':' + row.term:<14}{y_inf:>10}{numbers}   {cells}")
-    lines += [f"{name + ':' + term:<14}k and s not identified: {why}" for term, why in one.not_identified.items()]
+    lines += [
+        f"{name + ':' + term:<14}k and s not identified: {why}"
+        for term, why in one.not_identified.items()
+    ]
     return lines
 
 
 def _evidence(name: str, one: CoefficientOverGround) -> list[str]:
     lines = [f"{name}: {'form':<16}{'parameters':>12}{'rms':>11}{'BIC':>10}"]
     for form, row in one.evidence.iterrows():
-        lines.append(f"{'':<{len(name) + 2}}{form!s:<16}{int(row['parameters']):>12}{row['rms']:>11.4g}{row['BIC']:>10.1f}")
-    of = f" of {', '.join(one.table.terms)}" if one.table is not None and one.form == "table" else ""
-    return [*lines, f"{'':<{len(name) + 2}}taken: {one.form}{of}, the simplest within 2 of the least criterion"]
+        lines.append(
+            f"{'':<{len(name) + 2}}{form!s:<16}{int(row['parameters']):>12}{row['rms']:>11.4g}{row['BIC']:>10.1f}"
+        )
+    of = (
+        f" of {', '.join(one.table.terms)}" if one.table is not None and one.form == "table" else ""
+    )
+    return [
+        *lines,
+        f"{'':<{len(name) + 2}}taken: {one.form}{of}, the simplest within 2 of the least criterion",
+    ]
 
 
-_CONFIGURATION = {"gear", "speedbrake", "delta_f", "delta_f_left", "delta_f_right", "i_h", "mach", "h", "alpha", "CT", "qbar", "x_cg"}
+_CONFIGURATION = {
+    "gear",
+    "speedbrake",
+    "delta_f",
+    "delta_f_left",
+    "delta_f_right",
+    "i_h",
+    "mach",
+    "h",
+    "alpha",
+    "CT",
+    "qbar",
+    "x_cg",
+}
 _TOGETHER = {"alphadothat": "qhat"}  # estimated in one
 
 
-def replace_ground_effect(database: xr.DataTree, found: GroundEffect, tables: bool = False) -> xr.DataTree:
-    """Return a database with the identified ground effect in the place of the terms over height that it had.
+def replace_ground_effect(
+    database: xr.DataTree, found: GroundEffect, tables: bool = False
+) -> xr.DataTree:
+    """Return a database with the identified ground effect in the place of the terms over height
+    that it had.
 
     Parameters
     ----------
@@ -245,16 +313,26 @@ def replace_ground_effect(database: xr.DataTree, found: GroundEffect, tables: bo
     for name, one in found.coefficients.items():
         if one.form in ("none", "database"):
             continue
-        old += [term for term, leaf in terms(database).items() if term.startswith(f"{name}/") and HEIGHT in _terms.variables(leaf)]
-        new |= {f"{name}/{contribution}": leaf for contribution, leaf in ground_terms_of(one, database, tables).items()}
+        old += [
+            term
+            for term, leaf in terms(database).items()
+            if term.startswith(f"{name}/") and HEIGHT in _terms.variables(leaf)
+        ]
+        new |= {
+            f"{name}/{contribution}": leaf
+            for contribution, leaf in ground_terms_of(one, database, tables).items()
+        }
     note = "ground effect identified from flight"
     gone = [term for term in old if term not in new]
     left = delete_terms(database, gone, note) if gone else database
     return replace_terms(left, new, note) if new else left
 
 
-def ground_terms_of(one: CoefficientOverGround, database: xr.DataTree, tables: bool = False) -> dict[str, xr.Dataset]:
-    """Return the terms of one coefficient over the ground by contribution, in the form that the evidence chose.
+def ground_terms_of(
+    one: CoefficientOverGround, database: xr.DataTree, tables: bool = False
+) -> dict[str, xr.Dataset]:
+    """Return the terms of one coefficient over the ground by contribution, in the form that the
+    evidence chose.
 
     Parameters
     ----------
@@ -267,7 +345,8 @@ def ground_terms_of(one: CoefficientOverGround, database: xr.DataTree, tables: b
     Returns
     -------
     dict of str to Dataset
-        ``ground_<term in free air>``, of a part of it ``ground_<term>_alpha``; ``ground`` for the rolling moment of bank.
+        ``ground_<term in free air>``, of a part of it ``ground_<term>_alpha``; ``ground`` for the
+        rolling moment of bank.
     """
     from aerodb.store.schema import terms
     from aerodb.update.posterior import without_posterior
@@ -280,9 +359,18 @@ def ground_terms_of(one: CoefficientOverGround, database: xr.DataTree, tables: b
     }
     found: dict[str, xr.Dataset] = {}
     for term in one.table.terms if one.form == "table" and one.table is not None else one.ground:
-        parts = {"ground": _terms.make(1.0, regressors=("CL", "phi"))} if term == BANK else dict(_parts(term, free))
+        parts = (
+            {"ground": _terms.make(1.0, regressors=("CL", "phi"))}
+            if term == BANK
+            else dict(_parts(term, free))
+        )
         if not parts:
-            raise SchemaError("ground effect", [f"{name}: no term of the database in free air belongs to {term}; it has {' '.join(free)}"])
+            raise SchemaError(
+                "ground effect",
+                [
+                    f"{name}: no term of the database in free air belongs to {term}; it has {' '.join(free)}"
+                ],
+            )
         found |= {label: _over_ground(leaf, one, term, tables) for label, leaf in parts.items()}
     return found
 
@@ -316,14 +404,21 @@ def _at_zero(leaf: xr.Dataset) -> xr.Dataset:
 def _beyond_zero(leaf: xr.Dataset) -> xr.Dataset:
     """A term less its value at zero angle of attack."""
     if "alpha" not in leaf["value"].dims:
-        raise SchemaError("ground effect", ["alpha is an axis of a factor K1 or K2; multiply it into the table first"])
+        raise SchemaError(
+            "ground effect",
+            ["alpha is an axis of a factor K1 or K2; multiply it into the table first"],
+        )
     found = leaf.drop_vars("source", errors="ignore").copy()
     found["value"] = (leaf["value"] - _at_zero(leaf)["value"]).transpose(*leaf["value"].dims)
     return found
 
 
-def _over_ground(leaf: xr.Dataset, one: CoefficientOverGround, term: str, tables: bool) -> xr.Dataset:
-    """A term in free air times its factor over the ground, as a power of the height or as a table over it."""
+def _over_ground(
+    leaf: xr.Dataset, one: CoefficientOverGround, term: str, tables: bool
+) -> xr.Dataset:
+    """A term in free air times its factor over the ground, as a power of the height or as a table
+    over it.
+    """
     floor, top = one.heights
     if one.form == "table":
         heights, K, stderr = one.tabled(term)
@@ -339,11 +434,21 @@ def _over_ground(leaf: xr.Dataset, one: CoefficientOverGround, term: str, tables
         leaf = in_ground_effect(leaf, row.k, row.s, floor)
         leaf = with_height_table(leaf, top) if tables else leaf
     own = leaf["stderr"].values if "stderr" in leaf else 0.0
-    size = leaf["value"].values * float(np.abs(leaf["K1"].values).max() if "K1" in leaf and HEIGHT in leaf["K1"].dims else 1.0)
+    size = leaf["value"].values * float(
+        np.abs(leaf["K1"].values).max() if "K1" in leaf and HEIGHT in leaf["K1"].dims else 1.0
+    )
     leaf = leaf.assign(stderr=(leaf["value"].dims, np.hypot(own, share * np.abs(size))))
-    leaf = leaf.assign(source=(leaf["value"].dims, np.full(leaf["value"].shape, _terms.SOURCES.index("flight"), np.uint8)))
+    leaf = leaf.assign(
+        source=(
+            leaf["value"].dims,
+            np.full(leaf["value"].shape, _terms.SOURCES.index("flight"), np.uint8),
+        )
+    )
     leaf["source"].attrs = dict(_terms.SOURCE_ATTRS)
-    return leaf.assign_attrs(references="[LR743] eq. (14)" if term == BANK else "[LR743] eq. (13)", comment=_comment(one, term))
+    return leaf.assign_attrs(
+        references="[LR743] eq. (14)" if term == BANK else "[LR743] eq. (13)",
+        comment=_comment(one, term),
+    )
 
 
 def _share(K: np.ndarray, stderr: np.ndarray) -> float:
@@ -356,7 +461,9 @@ def _with_factor(leaf: xr.Dataset, heights: np.ndarray, K: np.ndarray) -> xr.Dat
     """A term times a table over the height."""
     name = next((key for key in ("K1", "K2") if key not in leaf), None)
     if name is None:
-        raise SchemaError("ground effect", ["a term with two factors has no room for one over the height"])
+        raise SchemaError(
+            "ground effect", ["a term with two factors has no room for one over the height"]
+        )
     return leaf.assign({name: xr.DataArray(K, {HEIGHT: (HEIGHT, heights, attrs(HEIGHT))}, HEIGHT)})
 
 

@@ -1,7 +1,8 @@
 """Forms of ground effect compared on the same samples.
 
-The measure is Schwarz's criterion, BIC = n ln(rss / N) + p ln n, with the number n of *independent* samples: residuals are
-correlated in time, and with N itself every detail of a disturbance would seem significant.
+The measure is Schwarz's criterion, BIC = n ln(rss / N) + p ln n, with the number n of *independent*
+samples: residuals are correlated in time, and with N itself every detail of a disturbance would
+seem significant.
 
 References
 ----------
@@ -59,7 +60,13 @@ class HeightTable:
 
 
 def height_table(
-    X: np.ndarray, terms: tuple[str, ...], ground: np.ndarray, h: np.ndarray, z: np.ndarray, samples: Samples, heights: np.ndarray
+    X: np.ndarray,
+    terms: tuple[str, ...],
+    ground: np.ndarray,
+    h: np.ndarray,
+    z: np.ndarray,
+    samples: Samples,
+    heights: np.ndarray,
 ) -> HeightTable:
     """Return the ground terms as tables over the height, by least squares.
 
@@ -82,7 +89,9 @@ def height_table(
     IdentificationError
         A node that no sample determines.
     """
-    hats = np.array([np.interp(h, heights, np.eye(len(heights))[k]) for k in range(len(heights) - 1)]).T
+    hats = np.array(
+        [np.interp(h, heights, np.eye(len(heights))[k]) for k in range(len(heights) - 1)]
+    ).T
     tables = (ground[:, :, None] * hats[:, None, :]).reshape(len(h), -1)
     whole = np.hstack([X, tables])
     names = [f"free {k}" for k in range(X.shape[1])]
@@ -98,7 +107,9 @@ def height_table(
     return HeightTable(terms, heights, value, stderr, theta[: X.shape[1]], v)
 
 
-def breakpoints(h: np.ndarray, ratio: float = 1.5, least: int = 25, highest: float = 60.0) -> np.ndarray:
+def breakpoints(
+    h: np.ndarray, ratio: float = 1.5, least: int = 25, highest: float = 60.0
+) -> np.ndarray:
     """Return heights from the lowest that was flown up to free air. [m]
 
     Parameters
@@ -123,7 +134,9 @@ def breakpoints(h: np.ndarray, ratio: float = 1.5, least: int = 25, highest: flo
         if np.count_nonzero((h >= found[-1]) & (h < height)) >= least:
             found.append(float(height))
     if len(found) < 2:
-        raise IdentificationError(f"fewer than {least} samples between {lowest:.3g} and {highest * lowest:.3g} m")
+        raise IdentificationError(
+            f"fewer than {least} samples between {lowest:.3g} and {highest * lowest:.3g} m"
+        )
     return np.array(found)
 
 
@@ -140,8 +153,9 @@ def compared(residuals: dict[str, tuple[np.ndarray, int | None]], n: float) -> p
     Parameters
     ----------
     residuals : dict of str to (array (samples,), int or None)
-        Residual and number of parameters of each form.  None where the form has heard these flights already, as a database
-        whose nodes are from flight: it counts as many as the best of the others, so that the residual decides between them.
+        Residual and number of parameters of each form.  None where the form has heard these flights
+        already, as a database whose nodes are from flight: it counts as many as the best of the
+        others, so that the residual decides between them.
     n : float
         Independent samples.
 
@@ -150,13 +164,19 @@ def compared(residuals: dict[str, tuple[np.ndarray, int | None]], n: float) -> p
     DataFrame
         Index form; ``parameters``, ``rms``, ``BIC`` less that of the best.
     """
-    known = {form: criterion(v, count, n) for form, (v, count) in residuals.items() if count is not None}
+    known = {
+        form: criterion(v, count, n) for form, (v, count) in residuals.items() if count is not None
+    }
     like = residuals[min(known, key=lambda form: known[form])][1] or 0
     rows = {}
     for form, (v, count) in residuals.items():
         counted = like if count is None else count
         rows[form] = {"parameters": counted, "rms": rms(v), "BIC": criterion(v, counted, n)}
-    table = pd.DataFrame.from_dict(rows, orient="index").rename_axis("form").sort_values("BIC", kind="stable")
+    table = (
+        pd.DataFrame.from_dict(rows, orient="index")
+        .rename_axis("form")
+        .sort_values("BIC", kind="stable")
+    )
     table["BIC"] -= table["BIC"].min()
     return table
 
@@ -167,7 +187,9 @@ def criterion(v: np.ndarray, parameters: int, n: float) -> float:
 
 
 def best(table: pd.DataFrame, order: Sequence[str]) -> str:
-    """Return the form with the least criterion; of forms within two of it the one that stands first in `order`."""
+    """Return the form with the least criterion; of forms within two of it the one that stands first
+    in `order`.
+    """
     near = [str(form) for form, value in table["BIC"].items() if value <= 2.0]
     return min(near, key=list(order).index)
 
@@ -180,7 +202,8 @@ _LONGITUDINAL = ("CL", "CD", "Cm", "CX", "CZ")
 
 
 def ground_terms(model: Model) -> tuple[str, ...]:
-    """Return the terms that the ground may change: of CL, CD and Cm all, (13); of Cl the bank angle, (14).
+    """Return the terms that the ground may change: of CL, CD and Cm all, (13); of Cl the bank
+    angle, (14).
 
     Raises
     ------
@@ -191,11 +214,15 @@ def ground_terms(model: Model) -> tuple[str, ...]:
         return tuple(model.terms)
     if model.coefficient == "Cl":
         return (BANK,)
-    raise IdentificationError(f"no form of ground effect for {model.coefficient}; name its terms in `ground`, as {{'CY': ['beta']}}")
+    raise IdentificationError(
+        f"no form of ground effect for {model.coefficient}; name its terms in `ground`, as {{'CY': ['beta']}}"
+    )
 
 
 def exponent(term: str) -> str:
-    """Return the name of the exponent of a ground term: ``s_alpha`` of ``alpha``, ``s_0`` of the constant."""
+    """Return the name of the exponent of a ground term: ``s_alpha`` of ``alpha``, ``s_0`` of the
+    constant.
+    """
     return "s_" + ("0" if term == "1" else re.sub(r"\W+", "_", term.replace("**", "")).strip("_"))
 
 
@@ -237,11 +264,16 @@ def model_over_ground(
     name = "s" if common else None
     terms = [*(() if held else model.terms), *(raised(term, name) for term in ground)]
     names = dict.fromkeys(name or exponent(term) for term in ground)
-    return SeparableModel(model.coefficient, terms, {one: ShapeParameter(*exponents, (starts or {}).get(one)) for one in names})
+    return SeparableModel(
+        model.coefficient,
+        terms,
+        {one: ShapeParameter(*exponents, (starts or {}).get(one)) for one in names},
+    )
 
 
 def with_heights(data: Sequence[xr.Dataset], names: Sequence[str]) -> list[xr.Dataset]:
-    """Return manoeuvres that all have a height; one without counts as free air when its name is not informative else.
+    """Return manoeuvres that all have a height; one without counts as free air when its name is not
+    informative else.
 
     Raises
     ------

@@ -1,4 +1,6 @@
-"""Landing gear from flight: struts, tyres, brakes, rolling friction and nose-wheel steering, [LR743] 4.5.4."""
+"""Landing gear from flight: struts, tyres, brakes, rolling friction and nose-wheel steering,
+[LR743] 4.5.4.
+"""
 
 from flightmech.support.imports import attach_stub
 

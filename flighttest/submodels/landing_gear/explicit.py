@@ -1,13 +1,15 @@
-"""Explicit identification: struts, tyres, brakes and rolling friction from reconstructed wheel loads (type 2 of LR-743, Table 1).
+"""Explicit identification: struts, tyres, brakes and rolling friction from reconstructed wheel
+loads (type 2 of LR-743, Table 1).
 
     N  = K s + K2 s^2 + c s' + o s' |s'|                                                 c by the direction of s'
     Fx = - (rolling N + (brake + brake_friction N) pedal)                                in the axes of the wheel
     Fy = - mu N (1 - (1 - t)^3) sgn(slip),   t = C |tan slip| / (3 mu N)                 the kernel's brush, docs/landing-gear.md
     C  = g N / (1 + b (N / 10 kN)^2)                      C_max = g N_max / 2 at N_max = 10 kN / sqrt(b) of the aircraft file
 
-The side force is weighed by the speed: what limits it is the error of the lateral velocity, C dv / V.  The balances of all runs are
-one fit: loads, force along and across, yawing moment.  What the inputs may be wrong by, aerodynamics near the ground, thrust, and
-the wind of every run, is estimated along with a standard error of its own before the flights.
+The side force is weighed by the speed: what limits it is the error of the lateral velocity, C dv /
+V.  The balances of all runs are one fit: loads, force along and across, yawing moment.  What the
+inputs may be wrong by, aerodynamics near the ground, thrust, and the wind of every run, is
+estimated along with a standard error of its own before the flights.
 """
 
 from __future__ import annotations
@@ -23,10 +25,20 @@ from flightmech.aircraft.aircraft import Aircraft
 from flighttest.maximum_likelihood.residual_covariance import coloured_covariance
 from flighttest.maximum_likelihood.result import OutputError, noise_of, tabulated
 from flighttest.maximum_likelihood.search import Likelihood, Unknown, lay_out, search
-from flighttest.submodels.landing_gear.reconstructed_loads import WheelGroup, wheel_groups, wheels_of
+from flighttest.submodels.landing_gear.reconstructed_loads import (
+    WheelGroup,
+    wheel_groups,
+    wheels_of,
+)
 
 MOVING = 1.5  # speed above which tyres roll in the sense of the equations [m s-1]
-LEG = ("stiffness", "stiffness_square", "damping", "orifice", "damping_outwards")  # the last: damping_ext less damping
+LEG = (
+    "stiffness",
+    "stiffness_square",
+    "damping",
+    "orifice",
+    "damping_outwards",
+)  # the last: damping_ext less damping
 TYRE = ("brake", "brake_friction", "cornering", "bend")
 ROLLING, FRICTION = "rolling", "runway.mu_dry"  # of all wheels
 LOAD = 1e4  # unit of the load in the cornering stiffness [N]
@@ -42,7 +54,8 @@ def brush(load, tangent, C, mu, brake) -> np.ndarray:
     Parameters
     ----------
     load, tangent, C, mu, brake : array
-        Load [N], tangent of the slip angle, cornering stiffness [N rad-1], friction, braking force at the ground [N].
+        Load [N], tangent of the slip angle, cornering stiffness [N rad-1], friction, braking force
+        at the ground [N].
 
     Notes
     -----
@@ -94,7 +107,11 @@ class GroundRun:
         self.time = self.data["time"].values
         self.fields = {str(name): self.data[name].values for name in self.data.data_vars}
         self.sources = [str(name) for name in self.data["source"].values]
-        rolls = (self.fields["speed"] > MOVING) & np.isfinite(self.fields["force"]).all(axis=1) & (self.fields["along"] > 0.0).all(axis=1)
+        rolls = (
+            (self.fields["speed"] > MOVING)
+            & np.isfinite(self.fields["force"]).all(axis=1)
+            & (self.fields["along"] > 0.0).all(axis=1)
+        )
         self.measured = self.fields["force"].copy()
         self.measured[~rolls, len(names) :] = np.nan
         edge = max(1, round(0.5 / self.interval))  # where the low-pass has no samples to one side
@@ -103,12 +120,17 @@ class GroundRun:
         self.weight[:, len(names) + 1] = self.fields["speed"] / FAST
         self.measured *= self.weight
         tangent = self.fields["across"] / np.maximum(np.abs(self.fields["along"]), MOVING)
-        angle, own = self.fields["angle"], {name: self.fields[name] for name in ("compression", "rate", "pedal", "x", "y")}
+        angle, own = (
+            self.fields["angle"],
+            {name: self.fields[name] for name in ("compression", "rate", "pedal", "x", "y")},
+        )
         own |= {"tangent": tangent, "cos": np.cos(angle), "sin": np.sin(angle)}
         self.parts = []
         for group in wheel_groups(aircraft):
             members = [names.index(name) for name in group.names]
-            self.parts.append(_Wheels(group, members, **{key: values[:, members] for key, values in own.items()}))
+            self.parts.append(
+                _Wheels(group, members, **{key: values[:, members] for key, values in own.items()})
+            )
 
     def take(self, names: Sequence[str], number: int) -> None:
         """Learn what is estimated; ``wind_n@2`` is the wind of the second run."""
@@ -127,12 +149,16 @@ class GroundRun:
         Fx, Fy = tyre_forces(at, part.group, N, part.tangent, part.pedal)
         ahead, aside = Fx * part.cos - Fy * part.sin, Fx * part.sin + Fy * part.cos
         found[:, part.members] = N
-        for column, force in enumerate((ahead, aside, part.x * aside - part.y * ahead), len(self.wheels)):
+        for column, force in enumerate(
+            (ahead, aside, part.x * aside - part.y * ahead), len(self.wheels)
+        ):
             found[:, column] = force.sum(axis=1)
         return found
 
     def used_friction(self, at: Mapping[str, float]) -> float:
-        """Return the largest force along the runway over the load that carried it, with the constants `at`."""
+        """Return the largest force along the runway over the load that carried it, with the
+        constants `at`.
+        """
         most, values = 0.0, self.known | dict(at)
         for part in self.parts:
             N = np.maximum(leg_load(values, part.group, part.compression, part.rate), 0.0)
@@ -144,7 +170,8 @@ class GroundRun:
     def slopes(self, values: np.ndarray, steps: np.ndarray, central: bool) -> np.ndarray:
         """Return the slopes (time, output, unknown).
 
-        Those of the inputs' errors are exact, the others central differences of the wheels on which a constant acts.
+        Those of the inputs' errors are exact, the others central differences of the wheels on which
+        a constant acts.
         """
         at = self.known | dict(zip(self.names, values))
         S = np.zeros((*self.measured.shape, len(self.names)))
@@ -153,7 +180,10 @@ class GroundRun:
                 S[:, :, k] = -self.weight * self.fields["change"][:, :, self.sources.index(name)]
             for part in self.parts:
                 if name in part.constants:
-                    up, down = (self._of_group({**at, name: at[name] + side * step}, part) for side in (1.0, -1.0))
+                    up, down = (
+                        self._of_group({**at, name: at[name] + side * step}, part)
+                        for side in (1.0, -1.0)
+                    )
                     S[:, :, k] += self.weight * (up - down) / (2.0 * step)
         return S
 
@@ -179,24 +209,37 @@ class _Wheels(NamedTuple):
 
     def load(self, at: Mapping[str, float]) -> np.ndarray:
         """Return the loads of the legs. [N]"""
-        return np.where(self.compression > 0.0, np.maximum(leg_load(at, self.group, self.compression, self.rate), 0.0), 0.0)
+        return np.where(
+            self.compression > 0.0,
+            np.maximum(leg_load(at, self.group, self.compression, self.rate), 0.0),
+            0.0,
+        )
 
 
-def leg_load(at: Mapping[str, float], group: WheelGroup, s: np.ndarray, rate: np.ndarray) -> np.ndarray:
+def leg_load(
+    at: Mapping[str, float], group: WheelGroup, s: np.ndarray, rate: np.ndarray
+) -> np.ndarray:
     """Return the load of a leg from its compression and the rate of it. [N]"""
     stiffness, square, damping, orifice, out = (at.get(group.parameter(name), 0.0) for name in LEG)
-    return (stiffness + square * s) * s + (damping + orifice * np.abs(rate) + np.where(rate < 0.0, out, 0.0)) * rate
+    return (stiffness + square * s) * s + (
+        damping + orifice * np.abs(rate) + np.where(rate < 0.0, out, 0.0)
+    ) * rate
 
 
-def tyre_forces(at: Mapping[str, float], group: WheelGroup, N, tangent, pedal) -> tuple[np.ndarray, np.ndarray]:
+def tyre_forces(
+    at: Mapping[str, float], group: WheelGroup, N, tangent, pedal
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the force of the ground forward and to the right, in the axes of the wheel. [N]"""
     brake, share, cornering, bend = (at.get(group.parameter(name), 0.0) for name in TYRE)
     braking = at[ROLLING] * N + pedal * (brake + share * N)
-    return -braking, -brush(N, tangent, cornering * N / (1.0 + bend * (N / LOAD) ** 2), at[FRICTION], braking)
+    return -braking, -brush(
+        N, tangent, cornering * N / (1.0 + bend * (N / LOAD) ** 2), at[FRICTION], braking
+    )
 
 
 def explicit_fit(runs: Sequence[GroundRun], unknowns: Mapping[str, Unknown]) -> OutputError:
-    """Return the constants of a gear by least squares on its balances of force and moment, all runs together.
+    """Return the constants of a gear by least squares on its balances of force and moment, all runs
+    together.
 
     Parameters
     ----------
@@ -216,7 +259,13 @@ def explicit_fit(runs: Sequence[GroundRun], unknowns: Mapping[str, Unknown]) -> 
     outputs = [str(name) for name in runs[0].data["output"].values]
     estimates = tabulated(found, layout, covariance, {"method": "reconstructed wheel loads"})
     rest = tuple(
-        xr.Dataset({name: ("time", v[:, k]) for k, name in enumerate(outputs)}, {"time": run.time}, dict(run.data.attrs))
+        xr.Dataset(
+            {name: ("time", v[:, k]) for k, name in enumerate(outputs)},
+            {"time": run.time},
+            dict(run.data.attrs),
+        )
         for run, v in zip(runs, found.residuals)
     )
-    return OutputError(estimates, rest, noise_of(found, outputs, colours, [run.measured for run in runs]))
+    return OutputError(
+        estimates, rest, noise_of(found, outputs, colours, [run.measured for run in runs])
+    )

@@ -1,4 +1,6 @@
-"""An identified landing gear: constants with standard errors and source, as text, as numbers, and in an aircraft."""
+"""An identified landing gear: constants with standard errors and source, as text, as numbers, and
+in an aircraft.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +38,15 @@ _UNITS = {
     "brake": "N", "brake_friction": "1", "cornering": "1/rad", "bend": "1", "mu_dry": "1", "rolling": "1", "side_stiffness": "N/m",
     "trail": "m", "inertia": "kg m2", "arm_stiffness": "N m/rad", "arm_damping": "N m s/rad", "arm_inertia": "kg m2",
 }  # fmt: skip
-_STEERING = ("stiffness", "trail", "inertia", "damping", "arm_stiffness", "arm_damping", "arm_inertia")
+_STEERING = (
+    "stiffness",
+    "trail",
+    "inertia",
+    "damping",
+    "arm_stiffness",
+    "arm_damping",
+    "arm_inertia",
+)
 STEERED = "steering.trail"
 _FAR = 10.0  # load of the greatest cornering stiffness over the largest seen, where none was seen
 _TABLE = 9  # points of the table of a strut
@@ -66,7 +76,8 @@ class IdentifiedGear:
     ----------
     groups : tuple of WheelGroup
     constants : dict of str to GearConstant
-        By name: ``gear.left,right.stiffness``, ``rolling``, ``runway.mu_dry``, ``steering.stiffness`` ...
+        By name: ``gear.left,right.stiffness``, ``rolling``, ``runway.mu_dry``,
+        ``steering.stiffness`` ...
     undetermined : dict of str to str
         What the records cannot determine, and why; the aircraft keeps its value.
     loads : LoadFit
@@ -93,10 +104,11 @@ class IdentifiedGear:
         return self.constants[name].value, self.constants[name].stderr
 
     def aircraft(self, known: Aircraft) -> Aircraft:
-        """Return an aircraft with these constants; what is not determined stays as it is.  Its history has sources and standard errors.
+        """Return an aircraft with these constants; what is not determined stays as it is.  Its
+        history has sources and standard errors.
 
-        Where the records have one angle of the nose wheel, the trail becomes 0: the tyres were identified with that angle, and
-        ``delta_nw`` is that angle in a replay.
+        Where the records have one angle of the nose wheel, the trail becomes 0: the tyres were
+        identified with that angle, and ``delta_nw`` is that angle in a replay.
 
         Raises
         ------
@@ -105,18 +117,38 @@ class IdentifiedGear:
         """
         if known.gear is None or tuple(wheel_groups(known)) != self.groups:
             raise SchemaError(
-                known.name, [f"its wheels are not {'; '.join(group.label for group in self.groups)}; take the aircraft identified with"]
+                known.name,
+                [
+                    f"its wheels are not {'; '.join(group.label for group in self.groups)}; take the aircraft identified with"
+                ],
             )
         contacts = tuple(self._contact(contact) for contact in known.gear.contacts)
         steering: dict[str, Any] = self._of("steering", _STEERING)
         if STEERED in self.undetermined and known.gear.steering.stiffness > 0.0:
             steering["trail"] = 0.0
-        friction = {"mu_dry": self.constants[FRICTION].value} if FRICTION in self.constants else self._used()
-        gear = replace(known.gear, contacts=contacts, steering=replace(known.gear.steering, **steering), **friction)
-        values = ", ".join(f"{name} {one.value:.4g} ({one.stderr:.2g}, {one.source})" for name, one in self.constants.items())
-        lines = [known.history, f"landing gear identified from flight, standard errors and source in brackets: {values}"]
+        friction = (
+            {"mu_dry": self.constants[FRICTION].value}
+            if FRICTION in self.constants
+            else self._used()
+        )
+        gear = replace(
+            known.gear,
+            contacts=contacts,
+            steering=replace(known.gear.steering, **steering),
+            **friction,
+        )
+        values = ", ".join(
+            f"{name} {one.value:.4g} ({one.stderr:.2g}, {one.source})"
+            for name, one in self.constants.items()
+        )
+        lines = [
+            known.history,
+            f"landing gear identified from flight, standard errors and source in brackets: {values}",
+        ]
         if self.undetermined:
-            lines.append(f"landing gear, not determined by these records: {', '.join(self.undetermined)}")
+            lines.append(
+                f"landing gear, not determined by these records: {', '.join(self.undetermined)}"
+            )
         return replace(known, gear=gear, history="\n".join(filter(None, lines)))
 
     def _used(self) -> dict[str, Any]:
@@ -124,22 +156,34 @@ class IdentifiedGear:
         return {"mu_dry": self.loads.held[FRICTION]} if FRICTION in self.loads.held else {}
 
     def _of(self, prefix: str, names: tuple[str, ...]) -> dict[str, float]:
-        return {name: self.constants[f"{prefix}.{name}"].value for name in names if f"{prefix}.{name}" in self.constants}
+        return {
+            name: self.constants[f"{prefix}.{name}"].value
+            for name in names
+            if f"{prefix}.{name}" in self.constants
+        }
 
     def _contact(self, contact: Contact) -> Contact:
         group = next((group for group in self.groups if contact.name in group.names), None)
         if group is None:
             return contact
-        found: dict[str, Any] = self._of(f"gear.{group.label}", ("stiffness", "damping", "side_stiffness"))
+        found: dict[str, Any] = self._of(
+            f"gear.{group.label}", ("stiffness", "damping", "side_stiffness")
+        )
         at = dict(self.loads.held) | {name: one.value for name, one in self.constants.items()}
         if "damping" in found or group.parameter("orifice") in self.constants:
-            found["damping_ext"] = max(0.0, found.get("damping", 0.0) + at.get(group.parameter("damping_outwards"), 0.0))
+            found["damping_ext"] = max(
+                0.0, found.get("damping", 0.0) + at.get(group.parameter("damping_outwards"), 0.0)
+            )
             found["orifice"] = found["orifice_ext"] = at.get(group.parameter("orifice"), 0.0)
         if ROLLING in self.constants:
             found["rolling"] = self.constants[ROLLING].value
-        brakes = [name for name in ("brake", "brake_friction") if group.parameter(name) in self.constants]
+        brakes = [
+            name for name in ("brake", "brake_friction") if group.parameter(name) in self.constants
+        ]
         if brakes:
-            found |= {name: at.get(group.parameter(name), 0.0) for name in ("brake", "brake_friction")}
+            found |= {
+                name: at.get(group.parameter(name), 0.0) for name in ("brake", "brake_friction")
+            }
         if group.parameter("cornering") in self.constants:
             found |= self._cornering(group, at)
         square = at.get(group.parameter("stiffness_square"), 0.0)
@@ -153,7 +197,10 @@ class IdentifiedGear:
     def _cornering(self, group: WheelGroup, at: Mapping[str, float]) -> dict[str, float]:
         bend = at.get(group.parameter("bend"), 0.0)
         most = LOAD / np.sqrt(bend) if bend > 0.0 else _FAR * self._greatest("load", group)
-        return {"cornering_load": float(most), "cornering_stiffness": float(0.5 * at[group.parameter("cornering")] * most)}
+        return {
+            "cornering_load": float(most),
+            "cornering_stiffness": float(0.5 * at[group.parameter("cornering")] * most),
+        }
 
     def _greatest(self, what: str, group: WheelGroup) -> float:
         """Largest compression or load of a group in all records. [m, N]"""
@@ -161,35 +208,63 @@ class IdentifiedGear:
         found = []
         for one in self.loads.loads:
             values = (
-                one["compression"].sel(wheel=wheels) if what == "compression" else one["force"].sel(output=[f"load.{w}" for w in wheels])
+                one["compression"].sel(wheel=wheels)
+                if what == "compression"
+                else one["force"].sel(output=[f"load.{w}" for w in wheels])
             )
             found.append(float(np.nanmax(values.values)))
         return max(found)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return constants, what is not determined, and the errors of the inputs that were estimated along."""
-        constants = {name: {"value": one.value, "stderr": one.stderr, "source": one.source} for name, one in self.constants.items()}
-        return {"constants": constants, "not_determined": dict(self.undetermined), "errors_of_inputs": self._inputs()}
+        """Return constants, what is not determined, and the errors of the inputs that were
+        estimated along.
+        """
+        constants = {
+            name: {"value": one.value, "stderr": one.stderr, "source": one.source}
+            for name, one in self.constants.items()
+        }
+        return {
+            "constants": constants,
+            "not_determined": dict(self.undetermined),
+            "errors_of_inputs": self._inputs(),
+        }
 
     def _inputs(self) -> dict[str, list[float]]:
         e = self.loads.fit.estimates
         names = [str(name) for name in e["parameter"].values if str(name) not in self.constants]
-        return {name: [float(e[key].sel(parameter=name)) for key in ("estimate", "stderr")] for name in names}
+        return {
+            name: [float(e[key].sel(parameter=name)) for key in ("estimate", "stderr")]
+            for name in names
+        }
 
     def report(self) -> str:
         """Return the constants as a text table."""
         wide = max(len(name) for name in (*self.constants, *self.undetermined)) + 2
-        lines = [f"landing gear from {len(self.loads.loads)} records", f"{'':<{wide}}{'estimate':>12}{'stderr':>10}"]
+        lines = [
+            f"landing gear from {len(self.loads.loads)} records",
+            f"{'':<{wide}}{'estimate':>12}{'stderr':>10}",
+        ]
         for name, one in self.constants.items():
             unit = _UNITS.get(name.rpartition(".")[2], "")
-            lines.append(f"{name:<{wide}}{one.value:>12.5g}{one.stderr:>10.2g}  {f'{unit}, {one.source}' if unit else one.source}")
-        lines += [f"{name:<{wide}}  not determined: {why}" for name, why in self.undetermined.items()]
+            lines.append(
+                f"{name:<{wide}}{one.value:>12.5g}{one.stderr:>10.2g}  {f'{unit}, {one.source}' if unit else one.source}"
+            )
+        lines += [
+            f"{name:<{wide}}  not determined: {why}" for name, why in self.undetermined.items()
+        ]
         lines += ["", "errors of the inputs, estimated along"]
-        lines += [f"{name:<{wide}}{value:>12.4g}{stderr:>10.2g}" for name, (value, stderr) in self._inputs().items()]
+        lines += [
+            f"{name:<{wide}}{value:>12.4g}{stderr:>10.2g}"
+            for name, (value, stderr) in self._inputs().items()
+        ]
         noise = self.loads.fit.noise["stderr"].values
         outputs = [str(name) for name in self.loads.fit.noise["output"].values]
         rms = np.sqrt(np.mean(noise**2, axis=0))
-        lines += ["", "residual rms: " + ", ".join(f"{name} {value:.3g}" for name, value in zip(outputs, rms))]
+        lines += [
+            "",
+            "residual rms: "
+            + ", ".join(f"{name} {value:.3g}" for name, value in zip(outputs, rms)),
+        ]
         if self.flown is not None:
             scatter = np.sqrt(np.mean(self.flown.noise["stderr"].values ** 2, axis=0))
             names = [str(name) for name in self.flown.noise["output"].values]
@@ -224,8 +299,15 @@ def fit_strut(drops: Sequence[xr.Dataset], touching: float = 2e-3) -> dict[str, 
     UnknownName
         A variable that the data do not hold.
     """
-    model = SeparableModel.parse("load = s + s^2 + rate*abs(rate)", units={"load": "N", "s": "m", "rate": "m s-1"})
-    data = [drop.rename(compression="s").isel(time=np.flatnonzero(drop["compression"].values > touching)) for drop in drops]
+    model = SeparableModel.parse(
+        "load = s + s^2 + rate*abs(rate)", units={"load": "N", "s": "m", "rate": "m s-1"}
+    )
+    data = [
+        drop.rename(compression="s").isel(
+            time=np.flatnonzero(drop["compression"].values > touching)
+        )
+        for drop in drops
+    ]
     fit = regress_separable(model, data, "strut")
     terms = {"stiffness": "s", "stiffness_square": "s^2", "orifice": "rate*abs(rate)"}
     return {name: GearConstant(*fit.value(term), _SOURCE) for name, term in terms.items()}
@@ -237,7 +319,8 @@ def fit_side_force(points: xr.Dataset) -> dict[str, GearConstant]:
     Parameters
     ----------
     points : Dataset (time,) or (point,)
-        ``load`` [N], ``slip`` [rad], ``side_force`` (to the right for a wheel that moves to its left) [N].
+        ``load`` [N], ``slip`` [rad], ``side_force`` (to the right for a wheel that moves to its
+        left) [N].
 
     Returns
     -------
@@ -252,14 +335,30 @@ def fit_side_force(points: xr.Dataset) -> dict[str, GearConstant]:
     units = {"side_force": "N", "load": "N", "slip": "rad"}
     model = SeparableModel.parse("side_force = load*tanh(g*slip)", {"g": _STIFFEST}, units)
     (dim,) = points["load"].dims
-    time = {"time": points["time"].values if dim == "time" else np.arange(points.sizes[dim], dtype=float)}
-    data = xr.Dataset({name: ("time", points[name].values) for name in units if name in points}, time)
+    time = {
+        "time": points["time"].values
+        if dim == "time"
+        else np.arange(points.sizes[dim], dtype=float)
+    }
+    data = xr.Dataset(
+        {name: ("time", points[name].values) for name in units if name in points}, time
+    )
     fit = regress_separable(model, data, "side force")
     values, C = fit.derived("-[load*tanh(g*slip)]", "-[load*tanh(g*slip)]*g")
-    return {name: GearConstant(float(x), float(v**0.5), _SOURCE) for name, x, v in zip(("mu", "cornering"), values, C.diagonal())}
+    return {
+        name: GearConstant(float(x), float(v**0.5), _SOURCE)
+        for name, x, v in zip(("mu", "cornering"), values, C.diagonal())
+    }
 
 
-_FORCES = ("stiffness", "stiffness_square", "damping", "damping_outwards", "orifice", "brake")  # that grow with the mass
+_FORCES = (
+    "stiffness",
+    "stiffness_square",
+    "damping",
+    "damping_outwards",
+    "orifice",
+    "brake",
+)  # that grow with the mass
 
 
 def identify_landing_gear(
@@ -275,21 +374,25 @@ def identify_landing_gear(
     Parameters
     ----------
     records : sequence of Path or Dataset (time,)
-        Taxi turns, coast-down, brake stops, differential braking, take-off rolls, landings, all together: reconstructions, or their
-        states as `wheel_loads` needs them.  Reconstruct them: the side force of a taxi turn is as accurate as the lateral velocity.
+        Taxi turns, coast-down, brake stops, differential braking, take-off rolls, landings, all
+        together: reconstructions, or their states as `wheel_loads` needs them.  Reconstruct them:
+        the side force of a taxi turn is as accurate as the lateral velocity.
     aircraft : Aircraft
-        Places of the wheels, mass, engines; what the records do not determine stays as its gear has it.
+        Places of the wheels, mass, engines; what the records do not determine stays as its gear has
+        it.
     database : DataTree, optional
         Aerodynamics near the ground; without it the air exerts no force.
     errors : mapping of str to float, optional
-        Standard errors of what goes in: ``lift``, ``drag``, ``pitching`` (of the coefficients near the ground), ``thrust``, ``mass``
-        ``pedal`` (at its stop) (all relative), ``along`` (specific force along the runway, attitude included) [m s-2], ``timing``
-        (of compressions against accelerations) [s], ``wind`` (at most, of each record) [m s-1].  Zero holds one.
+        Standard errors of what goes in: ``lift``, ``drag``, ``pitching`` (of the coefficients near
+        the ground), ``thrust``, ``mass`` ``pedal`` (at its stop) (all relative), ``along``
+        (specific force along the runway, attitude included) [m s-2], ``timing`` (of compressions
+        against accelerations) [s], ``wind`` (at most, of each record) [m s-1].  Zero holds one.
     cutoff : float
         Low-pass of all states alike. [Hz]
     flown : bool
-        Whether side forces and steering, for which slip is a state, are estimated by output error on the gear of the kernel; needs a
-        database.  The order of the steering is that of the aircraft; it needs ``delta_nw`` (command) and ``gear.steering`` (angle).
+        Whether side forces and steering, for which slip is a state, are estimated by output error
+        on the gear of the kernel; needs a database.  The order of the steering is that of the
+        aircraft; it needs ``delta_nw`` (command) and ``gear.steering`` (angle).
 
     Returns
     -------
@@ -327,8 +430,14 @@ def identify_landing_gear(
     if result is None:
         return found
     by = _flown_constants(result)
-    constants = {**found.constants, **{name: one for name, one in by.items() if not isinstance(one, str)}}
-    undetermined = {**found.undetermined, **{name: one for name, one in by.items() if isinstance(one, str) and name not in constants}}
+    constants = {
+        **found.constants,
+        **{name: one for name, one in by.items() if not isinstance(one, str)},
+    }
+    undetermined = {
+        **found.undetermined,
+        **{name: one for name, one in by.items() if isinstance(one, str) and name not in constants},
+    }
     return replace(found, constants=constants, undetermined=undetermined, flown=result)
 
 
@@ -336,25 +445,34 @@ def _steering(records: Sequence) -> dict[str, str]:
     """Why the steering is not determined, where command and angle are not both recorded."""
     if all(has_angle(record) for record in records):
         return {}
-    return {STEERED: "the records have one angle of the nose wheel: it is taken for that of the wheel itself, without a trail"}
+    return {
+        STEERED: "the records have one angle of the nose wheel: it is taken for that of the wheel itself, without a trail"
+    }
 
 
 def _flown_constants(found: OutputError) -> dict[str, GearConstant | str]:
     """Estimates, or why there is none."""
     e = found.estimates
     constants: dict[str, GearConstant | str] = {}
-    for name, value, stderr, active in zip(map(str, e["parameter"].values), *(e[key].values for key in ("estimate", "stderr", "active"))):
+    for name, value, stderr, active in zip(
+        map(str, e["parameter"].values),
+        *(e[key].values for key in ("estimate", "stderr", "active")),
+    ):
         if active:
             constants[name] = f"at its bound {value:g}"
         elif abs(value) < T_NEEDED * stderr:
-            constants[name] = f"{value:.3g} +- {stderr:.2g}, {T_NEEDED:g} standard errors from zero are needed"
+            constants[name] = (
+                f"{value:.3g} +- {stderr:.2g}, {T_NEEDED:g} standard errors from zero are needed"
+            )
         else:
             constants[name] = GearConstant(float(value), float(stderr), "output error")
     return constants
 
 
 def _constants(found: LoadFit, errors: Mapping[str, float]) -> dict[str, GearConstant]:
-    """Estimates; their standard errors hold those of what no record shows: mass, pedals, forward specific force, clocks."""
+    """Estimates; their standard errors hold those of what no record shows: mass, pedals, forward
+    specific force, clocks.
+    """
     e = found.fit.estimates
     constants = {}
     for name in map(str, e["parameter"].values):

@@ -1,7 +1,9 @@
-"""A first case file for a record and a row of the tolerance table: what the record shows is filled in, the rest is reported.
+"""A first case file for a record and a row of the tolerance table: what the record shows is filled
+in, the rest is reported.
 
-The file is written only when it is a sound case (`read_case`).  Events that the record does not show get a place that keeps the
-file sound, a comment and a remark: they are for the engineer to set.
+The file is written only when it is a sound case (`read_case`).  Events that the record does not
+show get a place that keeps the file sound, a comment and a remark: they are for the engineer to
+set.
 """
 
 from __future__ import annotations
@@ -102,11 +104,26 @@ def case_text(draft: Draft, criteria: Sequence[Criterion]) -> str:
     ]
     lines += ["[case]", *(_line(key, draft.case[key]) for key in _ORDER if key in draft.case)]
     if criteria:
-        words = sorted({word for c in criteria if not c.applies for word in c.reason.removeprefix("applies only with ").split(", ")})
-        lines += [f"# features = [...]   rows that wait for a condition: {', '.join(words)}"] if words else []
+        words = sorted(
+            {
+                word
+                for c in criteria
+                if not c.applies
+                for word in c.reason.removeprefix("applies only with ").split(", ")
+            }
+        )
+        lines += (
+            [f"# features = [...]   rows that wait for a condition: {', '.join(words)}"]
+            if words
+            else []
+        )
     lines += ["", "[drive]", *(_line(key, value) for key, value in draft.drive.items())]
     if draft.conditions:
-        lines += ["", "[conditions]", *(_line(key, value) for key, value in draft.conditions.items())]
+        lines += [
+            "",
+            "[conditions]",
+            *(_line(key, value) for key, value in draft.conditions.items()),
+        ]
     if draft.events:
         lines += ["", "[events]  # [s]"]
         lines += [
@@ -117,7 +134,19 @@ def case_text(draft: Draft, criteria: Sequence[Criterion]) -> str:
 
 
 _ORDER = (
-    *("id", "standard", "edition", "name", "title", "description", "record", "names", "aircraft", "window", "shortened"),
+    *(
+        "id",
+        "standard",
+        "edition",
+        "name",
+        "title",
+        "description",
+        "record",
+        "names",
+        "aircraft",
+        "window",
+        "shortened",
+    ),
     "engine_parameter",
 )
 
@@ -135,16 +164,26 @@ def _rows(criteria: Sequence[Criterion]) -> str:
     """Return the rows that will be judged, as comments."""
     if not criteria:
         return ""
-    lines = ["", "# What is judged (rows of one group are alternatives, different groups must all pass):"]
+    lines = [
+        "",
+        "# What is judged (rows of one group are alternatives, different groups must all pass):",
+    ]
     for c in criteria:
         window = f"{c.window[0]:g} ... {c.window[1]:g} s"
-        lines.append(f"#   {c.name}: {c.band.text or 'no number'}, {c.measure} of {c.channel or 'no channel'}, {window}, group {c.group}")
-        lines.append(f"#       {c.provenance}: {c.source}{'; ' + c.note if c.note else ''}{'; ' + c.reason if c.reason else ''}")
+        lines.append(
+            f"#   {c.name}: {c.band.text or 'no number'}, {c.measure} of {c.channel or 'no channel'}, {window}, group {c.group}"
+        )
+        lines.append(
+            f"#       {c.provenance}: {c.source}{'; ' + c.note if c.note else ''}{'; ' + c.reason if c.reason else ''}"
+        )
     return "\n".join(lines) + "\n"
 
 
 LEAD = 1.0  # [s] of steady flight before the input
-HOMES = (".", "..")  # next to the record: folders in which its name map and its aircraft are looked for
+HOMES = (
+    ".",
+    "..",
+)  # next to the record: folders in which its name map and its aircraft are looked for
 LONGEST_LEAD = 5.0  # [s] that a row requires before its event
 _SPOILED = re.compile(r"[^a-z0-9]+")
 
@@ -173,9 +212,11 @@ def init_case(
     output : path
         The case file.
     names, aircraft : path, optional
-        Name map and aircraft; without them ``names.toml`` and ``aircraft.toml`` next to the record or one folder up.
+        Name map and aircraft; without them ``names.toml`` and ``aircraft.toml`` next to the record
+        or one folder up.
     window : tuple of float, optional
-        Where to look for the manoeuvre. [s]  Without it: where the record lists one that fits, else all of it.
+        Where to look for the manoeuvre. [s]  Without it: where the record lists one that fits, else
+        all of it.
     name : str, optional
         Of the case; by default that of the test.
     force : bool
@@ -195,17 +236,29 @@ def init_case(
     UnknownName
         No such standard, edition or test.
     SchemaError
-        The record cannot be read without a name map, has nothing that drives a model, or lists manoeuvres of which none fits the row.
+        The record cannot be read without a name map, has nothing that drives a model, or lists
+        manoeuvres of which none fits the row.
     """
     output = Path(output)
     if output.exists() and not force:
-        raise FileExistsError(f"{output} is there already; give another name, or --force to overwrite it")
+        raise FileExistsError(
+            f"{output} is there already; give another name, or --force to overwrite it"
+        )
     rows = table.rows_of(test, standard, edition)
     record = Path(record)
     map_file = _next_to(record, "names.toml", names)
-    if names is None and map_file is not None and path_states(str(record)) is None and not needs_names(record):
+    if (
+        names is None
+        and map_file is not None
+        and path_states(str(record)) is None
+        and not needs_names(record)
+    ):
         map_file = None  # a file of `flight convert`: the map next to it is that of the recording
-    files = {"record": record, "names": map_file, "aircraft": _next_to(record, "aircraft.toml", aircraft)}
+    files = {
+        "record": record,
+        "names": map_file,
+        "aircraft": _next_to(record, "aircraft.toml", aircraft),
+    }
     recorded = recorded_channels(record, files["names"])
     if window is None:
         demand_fitting(str(record), test, recorded.manoeuvres)
@@ -241,7 +294,11 @@ def recorded_channels(record: Path, names: Path | None) -> Recorded:
     states = path_states(str(record))
     if states is not None:
         time = states["time"].values.astype(float)
-        found = {str(name): (time, item.values.astype(float)) for name, item in states.data_vars.items() if item.dims == ("time",)}
+        found = {
+            str(name): (time, item.values.astype(float))
+            for name, item in states.data_vars.items()
+            if item.dims == ("time",)
+        }
         return Recorded(found, (float(time[0]), float(time[-1])))
     tree = flighttest.read(str(record), names=str(names) if names else None)
     return Recorded(_leaves(tree), _span(tree), _listed(tree), tree.attrs.get("latitude"))
@@ -254,30 +311,44 @@ def _leaves(tree: xr.DataTree) -> dict[str, tuple[np.ndarray, np.ndarray]]:
         for name, item in node.data_vars.items():
             known = np.isfinite(item.values.astype(float))
             if item.dims == ("time",) and known.any():
-                found[str(name)] = node["time"].values[known].astype(float), item.values[known].astype(float)
+                found[str(name)] = (
+                    node["time"].values[known].astype(float),
+                    item.values[known].astype(float),
+                )
     return found
 
 
 def _span(tree: xr.DataTree) -> tuple[float, float]:
     """Return what a reconstruction covers: the clock of the gyros, else what all leaves share. [s]"""
     leaves = [leaf.to_dataset() for leaf in tree.children.values()]
-    clocks = [leaf["time"].to_numpy() for leaf in leaves if "p" in leaf] or [leaf["time"].to_numpy() for leaf in leaves]
+    clocks = [leaf["time"].to_numpy() for leaf in leaves if "p" in leaf] or [
+        leaf["time"].to_numpy() for leaf in leaves
+    ]
     return max(float(clock[0]) for clock in clocks), min(float(clock[-1]) for clock in clocks)
 
 
 def _listed(tree: xr.DataTree) -> list[Manoeuvre]:
     rows = flighttest.manoeuvres(tree)
     return [
-        Manoeuvre(float(row["start"]), float(row["end"]), str(row.get("control", "")), str(row["manoeuvre"]))
+        Manoeuvre(
+            float(row["start"]),
+            float(row["end"]),
+            str(row.get("control", "")),
+            str(row["manoeuvre"]),
+        )
         for row in rows.to_dict("records")
     ]
 
 
-def draft_case(rows: Sequence[table.Row], recorded: Recorded, window: tuple[float, float] | None = None) -> Draft:
+def draft_case(
+    rows: Sequence[table.Row], recorded: Recorded, window: tuple[float, float] | None = None
+) -> Draft:
     """Return the draft of a case for the rows of one test."""
     test, title = rows[0]["test_id"], rows[0]["title"]
     remarks: list[str] = []
-    snapshot = all(row["measure"] == "steady" for row in rows if not unclaimed(row["condition"], ()))
+    snapshot = all(
+        row["measure"] == "steady" for row in rows if not unclaimed(row["condition"], ())
+    )
     search, limits = _search(test, recorded, window, remarks, snapshot)
     moved = movement(recorded, input_channels(test), search)
     applied = [row for row in rows if not unclaimed(row["condition"], ())]
@@ -286,7 +357,11 @@ def draft_case(rows: Sequence[table.Row], recorded: Recorded, window: tuple[floa
     start, stop = _window(applied, found, moved, limits, recorded.span)
     if _closed(applied, found, (start, stop)):
         start, stop = _window(applied, found, moved, recorded.span, recorded.span)
-    found = {name: time for name, time in found.items() if name not in _closed(applied, found, (start, stop))}
+    found = {
+        name: time
+        for name, time in found.items()
+        if name not in _closed(applied, found, (start, stop))
+    }
     events = _placed(applied, wanted, found, (start, stop), remarks)
     ground = on_ground(recorded, start)
     drive = _drive(rows, recorded, ground)
@@ -303,29 +378,45 @@ def draft_case(rows: Sequence[table.Row], recorded: Recorded, window: tuple[floa
         remarks.append(short)
     if any(row["measure"].startswith("response_") for row in applied):
         case["engine_parameter"] = recorded.first(("n1", "thrust")) or "engine1.n1"
-    latitude = {} if recorded.latitude is None else {"lat": f"{from_si(recorded.latitude, 'deg'):.6g} deg"}
+    latitude = (
+        {} if recorded.latitude is None else {"lat": f"{from_si(recorded.latitude, 'deg'):.6g} deg"}
+    )
     return Draft(case, drive, latitude, events, remarks)
 
 
 Stretch = tuple[float, float]
 
 
-def _search(test: str, recorded: Recorded, window: Stretch | None, remarks: list[str], snapshot: bool = False) -> tuple[Stretch, Stretch]:
-    """Return where events are looked for, and what the replay may cover: as asked, about the first manoeuvre that fits, or all. [s]"""
+def _search(
+    test: str,
+    recorded: Recorded,
+    window: Stretch | None,
+    remarks: list[str],
+    snapshot: bool = False,
+) -> tuple[Stretch, Stretch]:
+    """Return where events are looked for, and what the replay may cover: as asked, about the first
+    manoeuvre that fits, or all. [s]
+    """
     low, high = recorded.span
     if window is not None:
         inside = max(low, window[0]), min(high, window[1])
         if not inside[0] < inside[1]:
-            raise OutOfRange(f"window {window[0]:g} ... {window[1]:g} s lies outside the record, {low:g} ... {high:g} s; choose one inside")
+            raise OutOfRange(
+                f"window {window[0]:g} ... {window[1]:g} s lies outside the record, {low:g} ... {high:g} s; choose one inside"
+            )
         return inside, inside
-    inside_record = [each for each in recorded.manoeuvres if low <= each.start < each.end <= high + LEAD]
+    inside_record = [
+        each for each in recorded.manoeuvres if low <= each.start < each.end <= high + LEAD
+    ]
     found = fitting(test, inside_record)
     if not found:
         return (low, high), (low, high)
     start, end = max(low, found[0].start - 0.5 * LEAD), min(high, found[0].end)
     if len(found) > 1:
         others = ", ".join(f"{each.start:g} ... {each.end:g} s" for each in found[1:])
-        remarks.append(f"the record lists {len(found)} manoeuvres that fit; the first was taken, --window chooses another: {others}")
+        remarks.append(
+            f"the record lists {len(found)} manoeuvres that fit; the first was taken, --window chooses another: {others}"
+        )
     if test.startswith(WHOLE_RUNS):
         return (start, end), (low, high)
     if snapshot:
@@ -337,14 +428,31 @@ def _search(test: str, recorded: Recorded, window: Stretch | None, remarks: list
 def _wanted(rows: Sequence[table.Row]) -> list[str]:
     """Return the events that the rows of a test need."""
     bounds = [row[end] for row in rows for end in ("applies_from", "applies_to") if row[end]]
-    needed = [next(event for event in sorted(table.events(), key=len, reverse=True) if bound.startswith(event)) for bound in bounds]
-    return list(dict.fromkeys([*needed, *(["capture"] if any(row["measure"] == "steady" for row in rows) else [])]))
+    needed = [
+        next(
+            event
+            for event in sorted(table.events(), key=len, reverse=True)
+            if bound.startswith(event)
+        )
+        for bound in bounds
+    ]
+    return list(
+        dict.fromkeys(
+            [*needed, *(["capture"] if any(row["measure"] == "steady" for row in rows) else [])]
+        )
+    )
 
 
 def _window(
-    rows: Sequence[table.Row], found: dict[str, float], moved: Movement | None, limits: Stretch, span: Stretch
+    rows: Sequence[table.Row],
+    found: dict[str, float],
+    moved: Movement | None,
+    limits: Stretch,
+    span: Stretch,
 ) -> tuple[float, float]:
-    """Return start and end of the replay: what the rows require, with a second of steady flight before the input. [s]"""
+    """Return start and end of the replay: what the rows require, with a second of steady flight
+    before the input. [s]
+    """
     if "capture" in found and all(row["measure"] == "steady" for row in rows):
         return found["capture"] - HELD_STILL, found["capture"] + 1.0
     bounds = [[_bound(row[end], found) for row in rows] for end in ("applies_from", "applies_to")]
@@ -356,7 +464,11 @@ def _window(
     starts = first or [limits[0]]
     if "brake_release" in found:
         starts.append(found["brake_release"] - 4.0 * LEAD)
-    ends = [time for time in bounds[1] if time is not None] if all(row["applies_to"] for row in rows) else []
+    ends = (
+        [time for time in bounds[1] if time is not None]
+        if all(row["applies_to"] for row in rows)
+        else []
+    )
     start = max(min(starts), limits[0])
     stop = min(max(ends), limits[1]) if ends else limits[1]
     if not start < stop:
@@ -374,8 +486,14 @@ def _closed(rows: Sequence[table.Row], found: dict[str, float], window: Stretch)
     spoiled: set[str] = set()
     for row in rows:
         first, last = (_bound(row[end], found) for end in ("applies_from", "applies_to"))
-        if not max(window[0], window[0] if first is None else first) < min(window[1], window[1] if last is None else last):
-            spoiled |= {name for name in found if row["applies_from"].startswith(name) or row["applies_to"].startswith(name)}
+        if not max(window[0], window[0] if first is None else first) < min(
+            window[1], window[1] if last is None else last
+        ):
+            spoiled |= {
+                name
+                for name in found
+                if row["applies_from"].startswith(name) or row["applies_to"].startswith(name)
+            }
     return spoiled
 
 
@@ -387,9 +505,15 @@ def _bound(bound: str, found: dict[str, float]) -> float | None:
 
 
 def _placed(
-    rows: Sequence[table.Row], wanted: Sequence[str], found: dict[str, float], window: tuple[float, float], remarks: list[str]
+    rows: Sequence[table.Row],
+    wanted: Sequence[str],
+    found: dict[str, float],
+    window: tuple[float, float],
+    remarks: list[str],
 ) -> dict[str, tuple[float, bool]]:
-    """Return every wanted event, those that were not found where they keep the windows of the rows open."""
+    """Return every wanted event, those that were not found where they keep the windows of the rows
+    open.
+    """
     events = {}
     for name in wanted:
         if name in found:
@@ -399,12 +523,19 @@ def _placed(
         opens = any(row["applies_from"].startswith(name) for row in rows)
         ends = any(row["applies_to"].startswith(name) for row in rows)
         middle = 0.5 * (window[0] + window[1])
-        events[name] = round(middle if opens == ends else window[0] if opens else window[1], 2), False
-        remarks.append(f"{name} was not found in the record; it stands at {events[name][0]:g} s, set it by hand")
+        events[name] = (
+            round(middle if opens == ends else window[0] if opens else window[1], 2),
+            False,
+        )
+        remarks.append(
+            f"{name} was not found in the record; it stands at {events[name][0]:g} s, set it by hand"
+        )
     return events
 
 
-def _shortened(rows: Sequence[table.Row], events: dict[str, float], window: tuple[float, float]) -> str:
+def _shortened(
+    rows: Sequence[table.Row], events: dict[str, float], window: tuple[float, float]
+) -> str:
     """Return the words for a window that is shorter than the rows ask; empty when none is."""
     asked = [[_bound(row[end], events) for row in rows] for end in ("applies_from", "applies_to")]
     first = min([time for time in asked[0] if time is not None], default=window[0])
@@ -418,20 +549,36 @@ def _shortened(rows: Sequence[table.Row], events: dict[str, float], window: tupl
 
 
 def _drive(rows: Sequence[table.Row], recorded: Recorded, ground: bool) -> dict[str, object]:
-    """Return the levels of drive that the record can feed; forces first where the controls themselves are tested."""
-    order = ("force", "cockpit", "recorded") if rows[0]["test_id"].startswith(("2.a", "2.b")) else ("recorded", "cockpit", "force")
+    """Return the levels of drive that the record can feed; forces first where the controls
+    themselves are tested.
+    """
+    order = (
+        ("force", "cockpit", "recorded")
+        if rows[0]["test_id"].startswith(("2.a", "2.b"))
+        else ("recorded", "cockpit", "force")
+    )
     level = next((level for level in order if set(PRIMARY[level]) <= set(recorded.channels)), "")
     if not level:
         raise SchemaError(
-            "record", ["no complete set of controls: needs delta_e, delta_a, delta_r, or column, wheel, pedal, or their forces"]
+            "record",
+            [
+                "no complete set of controls: needs delta_e, delta_a, delta_r, or column, wheel, pedal, or their forces"
+            ],
         )
     engine = [row for row in rows if row["measure"].startswith("response_")]
     powers = ("throttle", "n1") if engine else ("thrust", "n1", "throttle")
     power = next((name for name in powers if f"engine1.{name}" in recorded.channels), "")
     if not power:
-        raise SchemaError("record", [f"no engine1.{', engine1.'.join(powers)}: one of them drives the engines; map it"])
+        raise SchemaError(
+            "record",
+            [f"no engine1.{', engine1.'.join(powers)}: one of them drives the engines; map it"],
+        )
     return {"surfaces": level, "engine": power, "trim": "ground" if ground else True}
 
 
 def _described(moved: Movement | None) -> str:
-    return "" if moved is None else f"{moved.channel} moves from {moved.start:.1f} to {moved.end:.1f} s."
+    return (
+        ""
+        if moved is None
+        else f"{moved.channel} moves from {moved.start:.1f} to {moved.end:.1f} s."
+    )

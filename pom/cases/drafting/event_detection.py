@@ -1,6 +1,8 @@
-"""Instants that a flight record shows by itself: where a control starts and stops moving, wheels, brakes, heights, a quiet stretch.
+"""Instants that a flight record shows by itself: where a control starts and stops moving, wheels,
+brakes, heights, a quiet stretch.
 
-They are proposals for the events of a case file (`pom.cases.drafting.draft`); the engineer who signs the case looks at them.
+They are proposals for the events of a case file (`pom.cases.drafting.draft`); the engineer who
+signs the case looks at them.
 """
 
 from __future__ import annotations
@@ -17,13 +19,18 @@ from flightmech.units import FOOT, KNOT
 from pom.tolerances.channels import plain_id
 
 QUIET_LEAD = 0.5  # [s] at the start of the searched stretch in which the controls still rest
-MOVED = 0.2  # share of the excursion that a control free to float does not reach: 12 % in a phugoid of the Citation II
+# share of the excursion that a control free to float does not reach: 12 % in a phugoid of the
+# Citation II
+MOVED = 0.2
 LONGEST_RAMP = 10.0  # [s] that a corner may lie before the passage of that share
 RAMP = 0.1  # of a movement: rest that has to follow it; less is the rounding of a ramp that goes on
 NOISE = 6.0  # standard deviations of its noise that a movement is larger than
-HELD = 0.9  # of the largest displacement: a control there is still in the hand (2.b.1: P0 counts from here)
+# of the largest displacement: a control there is still in the hand (2.b.1: P0 counts from here)
+HELD = 0.9
 PEDAL_UP = 0.02  # [1]
-HELD_STILL = 4.0  # [s] before the captured instant of a snapshot, one second after it (rule R5 of the table)
+HELD_STILL = (
+    4.0  # [s] before the captured instant of a snapshot, one second after it (rule R5 of the table)
+)
 
 ELEVATOR = ("delta_e", "column", "F_column")
 AILERON = ("delta_a", "wheel", "F_wheel")
@@ -78,7 +85,9 @@ class Recorded:
         return time[inside], y[inside]
 
     def first(self, names: Iterable[str]) -> str:
-        """Return the first of `names` that is recorded; of engine quantities that of the first engine.  Empty without any."""
+        """Return the first of `names` that is recorded; of engine quantities that of the first
+        engine.  Empty without any.
+        """
         for name in names:
             for choice in (name, f"engine1.{name}"):
                 if choice in self.channels:
@@ -96,15 +105,21 @@ class Movement:
 
 
 def input_channels(test: str) -> tuple[str, ...]:
-    """Return the controls whose movement is the input of a test, the likely ones first; elevator when nothing else is known."""
+    """Return the controls whose movement is the input of a test, the likely ones first; elevator
+    when nothing else is known.
+    """
     return INPUTS.get(test.replace("(", ".").replace(")", ""), ELEVATOR)
 
 
-def movement(recorded: Recorded, names: Iterable[str], window: tuple[float, float]) -> Movement | None:
-    """Return the movement of the first of `names` that moves, in its own noise, at least half as much as the one that moves most.
+def movement(
+    recorded: Recorded, names: Iterable[str], window: tuple[float, float]
+) -> Movement | None:
+    """Return the movement of the first of `names` that moves, in its own noise, at least half as
+    much as the one that moves most.
 
-    Rest is the median of the first half second, and of the last; the movement begins and ends where the lines through the
-    passages of 20 and 50 % of the excursion meet it.  None when nothing moves by more than six standard deviations of its noise.
+    Rest is the median of the first half second, and of the last; the movement begins and ends where
+    the lines through the passages of 20 and 50 % of the excursion meet it.  None when nothing moves
+    by more than six standard deviations of its noise.
     """
     found = []
     for name in dict.fromkeys(recorded.first([name]) for name in names):
@@ -121,19 +136,31 @@ def _stretch(time: np.ndarray, y: np.ndarray) -> tuple[float, float, float] | No
     """Return start, end and excursion (in its noise) of the movement of a channel."""
     if time.size < 20:
         return None
-    before, after = (float(np.median(y[part])) for part in (time <= time[0] + QUIET_LEAD, time >= time[-1] - QUIET_LEAD))
+    before, after = (
+        float(np.median(y[part]))
+        for part in (time <= time[0] + QUIET_LEAD, time >= time[-1] - QUIET_LEAD)
+    )
     noise = 1.4826 * float(np.median(np.abs(np.diff(y)))) / np.sqrt(2.0)
     excursion = float(np.max(np.abs(y - before)))
     if min(excursion, float(np.max(np.abs(y - after)))) <= max(NOISE * noise, 1e-9):
         return None
-    start, end = _corner(time, np.abs(y - before) / excursion), _corner(-time[::-1], np.abs(y - after)[::-1] / excursion)
+    start, end = (
+        _corner(time, np.abs(y - before) / excursion),
+        _corner(-time[::-1], np.abs(y - after)[::-1] / excursion),
+    )
     if start is None or end is None or not start < -end:
         return None
-    return max(start, float(time[0])), min(-end, float(time[-1])), excursion / max(noise, 1e-3 * excursion)
+    return (
+        max(start, float(time[0])),
+        min(-end, float(time[-1])),
+        excursion / max(noise, 1e-3 * excursion),
+    )
 
 
 def _corner(time: np.ndarray, away: np.ndarray) -> float | None:
-    """Return where the way out of rest begins: on the line through its first passages of 20 and 50 % of the excursion. [s]"""
+    """Return where the way out of rest begins: on the line through its first passages of 20 and 50
+    % of the excursion. [s]
+    """
     slightly, half = np.flatnonzero(away > MOVED), np.flatnonzero(away > 0.5)
     if not slightly.size or not half.size:
         return None
@@ -142,8 +169,12 @@ def _corner(time: np.ndarray, away: np.ndarray) -> float | None:
 
 
 def quiet_instant(recorded: Recorded, window: tuple[float, float]) -> float | None:
-    """Return the instant about which speed, attitude and rates stand stillest, from 4 s before to 1 s after it. [s]"""
-    names = [name for name in ("V_cas", "V", "theta", "phi", "p", "q", "r") if name in recorded.channels]
+    """Return the instant about which speed, attitude and rates stand stillest, from 4 s before to 1
+    s after it. [s]
+    """
+    names = [
+        name for name in ("V_cas", "V", "theta", "phi", "p", "q", "r") if name in recorded.channels
+    ]
     step, stretch = 0.1, round((HELD_STILL + 1.0) / 0.1)
     grid = np.arange(window[0], window[1] + 0.5 * step, step)
     if not names or grid.size <= stretch:
@@ -157,15 +188,24 @@ def quiet_instant(recorded: Recorded, window: tuple[float, float]) -> float | No
 
 
 def on_ground(recorded: Recorded, time: float) -> bool:
-    """Whether the aeroplane stands or rolls on its wheels at an instant: by its squat switches, else by its height over the runway."""
+    """Whether the aeroplane stands or rolls on its wheels at an instant: by its squat switches,
+    else by its height over the runway.
+    """
     switches = [name for name in ("wow_left", "wow_right") if name in recorded.channels]
     if switches:
         return all(float(np.interp(time, *recorded.channels[name])) > 0.5 for name in switches)
-    return "h_agl" in recorded.channels and float(np.interp(time, *recorded.channels["h_agl"])) < 6.0 * FOOT
+    return (
+        "h_agl" in recorded.channels
+        and float(np.interp(time, *recorded.channels["h_agl"])) < 6.0 * FOOT
+    )
 
 
 def find_events(
-    wanted: Iterable[str], test: str, recorded: Recorded, manoeuvre: tuple[float, float], window: tuple[float, float]
+    wanted: Iterable[str],
+    test: str,
+    recorded: Recorded,
+    manoeuvre: tuple[float, float],
+    window: tuple[float, float],
 ) -> dict[str, float]:
     """Return those of the wanted events that can be found. [s]
 
@@ -174,14 +214,17 @@ def find_events(
     wanted : iterable of str
         Events of the tolerance table (`pom.tolerances.rows.events`).
     test : str
-        Its number; determines which control is the input, and whether 200 ft are passed upward (take-off) or downward (landing).
+        Its number; determines which control is the input, and whether 200 ft are passed upward
+        (take-off) or downward (landing).
     manoeuvre, window : tuple of float
         Where to look for the input, and for all else. [s]
     """
     found = {}
     for name in wanted:
         finder = _FINDERS.get(name)
-        time = finder(recorded, test, manoeuvre if name in _OF_INPUT else window) if finder else None
+        time = (
+            finder(recorded, test, manoeuvre if name in _OF_INPUT else window) if finder else None
+        )
         if time is not None and window[0] <= time <= window[1]:
             found[name] = round(float(time), 2)
     return found
@@ -191,11 +234,16 @@ Finder = Callable[[Recorded, str, tuple[float, float]], float | None]
 
 
 def _input(end: str) -> Finder:
-    """Return the finder of an end of the input; a control that still moves as the stretch ends has none."""
+    """Return the finder of an end of the input; a control that still moves as the stretch ends has
+    none.
+    """
 
     def find(recorded: Recorded, test: str, window: tuple[float, float]) -> float | None:
         moved = movement(recorded, input_channels(test), window)
-        if moved is None or (end == "end" and window[1] - moved.end < max(2.0 * QUIET_LEAD, RAMP * (moved.end - moved.start))):
+        if moved is None or (
+            end == "end"
+            and window[1] - moved.end < max(2.0 * QUIET_LEAD, RAMP * (moved.end - moved.start))
+        ):
             return None
         return getattr(moved, end)
 
@@ -203,7 +251,9 @@ def _input(end: str) -> Finder:
 
 
 def _let_go(recorded: Recorded, test: str, window: tuple[float, float]) -> float | None:
-    """Return the instant at which a control held away from neutral is released; what follows is its own motion."""
+    """Return the instant at which a control held away from neutral is released; what follows is its
+    own motion.
+    """
     moved = movement(recorded, input_channels(test), window)
     if moved is None:
         return None
@@ -219,7 +269,9 @@ def _throttle(recorded: Recorded, test: str, window: tuple[float, float]) -> flo
 
 
 def _switch(names: tuple[str, ...], to: bool, all_of: bool = False) -> Finder:
-    """Return the finder of the instant at which the first (or the last) of some switches turns on or off."""
+    """Return the finder of the instant at which the first (or the last) of some switches turns on
+    or off.
+    """
 
     def find(recorded: Recorded, test: str, window: tuple[float, float]) -> float | None:
         turned = []
@@ -248,14 +300,20 @@ def _height(level: float) -> Finder:
             return None
         time, y = recorded.within(name, window)
         above = y >= level
-        passed = np.flatnonzero(above[1:] & ~above[:-1]) if test.startswith("1.") else np.flatnonzero(~above[1:] & above[:-1])
+        passed = (
+            np.flatnonzero(above[1:] & ~above[:-1])
+            if test.startswith("1.")
+            else np.flatnonzero(~above[1:] & above[:-1])
+        )
         return float(time[passed[0] + 1]) if passed.size else None
 
     return find
 
 
 def _slow(share: float | None) -> Finder:
-    """Return the finder of the instant, after touchdown or out of a roll, at which the ground speed has fallen to a share, or to a stop."""
+    """Return the finder of the instant, after touchdown or out of a roll, at which the ground speed
+    has fallen to a share, or to a stop.
+    """
 
     def find(recorded: Recorded, test: str, window: tuple[float, float]) -> float | None:
         if not {"vn", "ve"} <= set(recorded.channels):
@@ -274,30 +332,53 @@ def _slow(share: float | None) -> Finder:
 
 def _engine_fails(recorded: Recorded, test: str, window: tuple[float, float]) -> float | None:
     """Return the instant at which the engines part by more than a fifth of what they give."""
-    names = [name for name in recorded.channels if (match := _ENGINE.match(name)) and match.group(1) == "thrust"]
+    names = [
+        name
+        for name in recorded.channels
+        if (match := _ENGINE.match(name)) and match.group(1) == "thrust"
+    ]
     if len(names) < 2:
         return None
     time, first = recorded.within(names[0], window)
     other = np.interp(time, *recorded.channels[names[1]])
-    parted = np.flatnonzero(np.abs(first - other) > 0.2 * np.max(np.abs([first, other]), initial=0.0))
+    parted = np.flatnonzero(
+        np.abs(first - other) > 0.2 * np.max(np.abs([first, other]), initial=0.0)
+    )
     return float(time[max(parted[0] - 1, 0)]) if parted.size and parted[0] > 0 else None
 
 
 def _rotates(recorded: Recorded, test: str, window: tuple[float, float]) -> float | None:
-    """Return the start of the elevator movement that ends the roll, which is looked for while the wheels are on the ground."""
+    """Return the start of the elevator movement that ends the roll, which is looked for while the
+    wheels are on the ground.
+    """
     off = _FINDERS["main_gear_liftoff"](recorded, test, window)
-    moved = movement(recorded, ELEVATOR, (window[0], off)) if off is not None and off - window[0] > 2.0 else None
+    moved = (
+        movement(recorded, ELEVATOR, (window[0], off))
+        if off is not None and off - window[0] > 2.0
+        else None
+    )
     return None if moved is None else moved.start
 
 
 def _released(recorded: Recorded, test: str, window: tuple[float, float]) -> float | None:
     """Return the start of a marked stretch of free controls, else the end of the input."""
-    free = [each.start for each in recorded.manoeuvres if each.word in _FREE and window[0] <= each.start <= window[1]]
+    free = [
+        each.start
+        for each in recorded.manoeuvres
+        if each.word in _FREE and window[0] <= each.start <= window[1]
+    ]
     return free[0] if free else _input("end")(recorded, test, window)
 
 
 _FREE = ("controls_fixed", "controls_free", "release", "free_response")  # words of manoeuvres
-_OF_INPUT = ("input_start", "input_end", "change_start", "change_end", "control_release", "throttle_movement")
+_OF_INPUT = (
+    "input_start",
+    "input_end",
+    "change_start",
+    "change_end",
+    "control_release",
+    "throttle_movement",
+)
 _FINDERS: dict[str, Finder] = {
     "input_start": _input("start"),
     "input_end": _input("end"),
@@ -325,7 +406,17 @@ _HELD = ("trim", "cruise", "steady_flight", "at_rest")
 _DESCENTS = ("descent", "idle_descent", "emergency_descent", "glide")
 WORDS: dict[str, tuple[str, ...]] = {
     "1.a": ("steering", "taxi"),
-    "1.b": ("brakes_on", "ground_roll", "rotation", "takeoff", "take_off", "acceleration", "braking", "rejected", "engine_failure"),
+    "1.b": (
+        "brakes_on",
+        "ground_roll",
+        "rotation",
+        "takeoff",
+        "take_off",
+        "acceleration",
+        "braking",
+        "rejected",
+        "engine_failure",
+    ),
     "1.c": ("climb", "rotation_and_climb"),
     "1.d.1": ("level_acceleration",),
     "1.d.2": ("level_deceleration",),
@@ -371,20 +462,31 @@ QUASI_STEADY = (
     "to_neutral",
 )
 """Beginnings of words of manoeuvres that are no input with a response, though a control moves."""
-CONTROL_WORDS = {"delta_e": "elevator", "delta_a": "aileron", "delta_r": "rudder", "delta_f": "flap"}
+CONTROL_WORDS = {
+    "delta_e": "elevator",
+    "delta_a": "aileron",
+    "delta_r": "rudder",
+    "delta_f": "flap",
+}
 """Channel: what a list of manoeuvres calls it."""
 _ELEVATOR_INPUTS = ("2.b.4", "2.c.9", "2.c.10")
 
 
 def fitting(test: str, listed: Sequence[Manoeuvre]) -> list[Manoeuvre]:
-    """Return the manoeuvres that fit a row, in the order of the record; those of the likeliest control alone."""
+    """Return the manoeuvres that fit a row, in the order of the record; those of the likeliest
+    control alone.
+    """
     words = _of(test, WORDS)
     if words is None:
         dynamic = [each for each in listed if not each.word.startswith(QUASI_STEADY)]
-        return next((found for name in input_channels(test) if (found := _moving(name, dynamic))), [])
+        return next(
+            (found for name in input_channels(test) if (found := _moving(name, dynamic))), []
+        )
     found = [each for each in listed if each.word.startswith(words)]
     moved = [each for each in found if any(_moving(name, [each]) for name in ELEVATOR)]
-    return moved if moved and test.startswith(WHOLE_RUNS) else found  # the part in which the elevator moves holds the events
+    return (
+        moved if moved and test.startswith(WHOLE_RUNS) else found
+    )  # the part in which the elevator moves holds the events
 
 
 def demand_fitting(record: str, test: str, listed: Sequence[Manoeuvre]) -> None:
@@ -398,16 +500,23 @@ def demand_fitting(record: str, test: str, listed: Sequence[Manoeuvre]) -> None:
     known = _of(test, WORDS) is not None or plain_id(test) in (*INPUTS, *_ELEVATOR_INPUTS)
     if not listed or not known or fitting(test, listed):
         return
-    shown = ", ".join(f"{each.word}{f' ({each.control})' if each.control else ''} {each.start:g} ... {each.end:g} s" for each in listed)
+    shown = ", ".join(
+        f"{each.word}{f' ({each.control})' if each.control else ''} {each.start:g} ... {each.end:g} s"
+        for each in listed
+    )
     wanted = _of(test, WORDS) or [CONTROL_WORDS.get(name, name) for name in input_channels(test)]
     raise SchemaError(
         f"record {record}",
-        [f"no manoeuvre that it lists fits {test} ({', '.join(wanted)}); it lists {shown}; give another record, or --window START STOP"],
+        [
+            f"no manoeuvre that it lists fits {test} ({', '.join(wanted)}); it lists {shown}; give another record, or --window START STOP"
+        ],
     )
 
 
 def _moving(name: str, listed: Sequence[Manoeuvre]) -> list[Manoeuvre]:
-    return [each for each in listed if each.control and {name, CONTROL_WORDS.get(name)} & {each.control}]
+    return [
+        each for each in listed if each.control and {name, CONTROL_WORDS.get(name)} & {each.control}
+    ]
 
 
 def _of(test: str, table: dict[str, tuple[str, ...]]) -> tuple[str, ...] | None:

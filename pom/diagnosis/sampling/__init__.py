@@ -1,4 +1,6 @@
-"""Replays by draws from the posterior of database and instruments: the probability of a match, its spread, and which errors make it."""
+"""Replays by draws from the posterior of database and instruments: the probability of a match, its
+spread, and which errors make it.
+"""
 
 from flightmech.support.imports import attach_stub
 

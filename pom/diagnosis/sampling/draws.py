@@ -1,10 +1,12 @@
-"""Errors of the instruments: between what a record states of start, drive and motion and what an aeroplane did.
+"""Errors of the instruments: between what a record states of start, drive and motion and what an
+aeroplane did.
 
-The constants of a reconstruction leave common errors in its states (`flighttest.reconstruction.path_quantities`).
-Pick-ups of controls have a bias and a scale; mass, inertia and thrust have a relative error, as `flighttest.coefficients` takes
-them.  All are linear, so that a draw of a flight is one with a sum of shifts.  An error of one name is one error in all records of a
-programme, and in the tables that were identified from them (`aerodb.update.draw`).  Channels that are not smoothed have noise, which
-is that of the record.
+The constants of a reconstruction leave common errors in its states
+(`flighttest.reconstruction.path_quantities`). Pick-ups of controls have a bias and a scale; mass,
+inertia and thrust have a relative error, as `flighttest.coefficients` takes them.  All are linear,
+so that a draw of a flight is one with a sum of shifts.  An error of one name is one error in all
+records of a programme, and in the tables that were identified from them (`aerodb.update.draw`).
+Channels that are not smoothed have noise, which is that of the record.
 """
 
 from __future__ import annotations
@@ -48,12 +50,18 @@ def standard_normal(error: str, count: int, seed: int) -> np.ndarray:
 
 
 def noise_of(y: np.ndarray) -> float:
-    """Return the standard deviation of the white noise of a channel (time,): of its third differences, by their median.
+    """Return the standard deviation of the white noise of a channel (time,): of its third
+    differences, by their median.
 
-    A motion at 1 Hz in 50 samples per second has third differences of 0.2 % of its amplitude, noise of 4.5 of its standard deviations.
+    A motion at 1 Hz in 50 samples per second has third differences of 0.2 % of its amplitude, noise
+    of 4.5 of its standard deviations.
     """
     steps = np.diff(y, 3)
-    return float(np.median(np.abs(steps)) * MEDIAN / np.sqrt(20.0)) if np.isfinite(steps).all() and steps.size else 0.0
+    return (
+        float(np.median(np.abs(steps)) * MEDIAN / np.sqrt(20.0))
+        if np.isfinite(steps).all() and steps.size
+        else 0.0
+    )
 
 
 @dataclass(frozen=True)
@@ -95,21 +103,34 @@ class Instruments:
         ----------
         job : Job
         states : Dataset (time,)
-            Of the flight over the window; the errors of its constants are among them where the record was reconstructed.
+            Of the flight over the window; the errors of its constants are among them where the
+            record was reconstructed.
         aircraft : Aircraft or None
             Its instruments have the errors of the pick-ups; without it these are taken as exact.
         errors : mapping, optional
-            Relative standard errors of ``mass``, ``inertia`` and ``thrust`` other than the defaults of `flighttest.coefficients`.
+            Relative standard errors of ``mass``, ``inertia`` and ``thrust`` other than the defaults
+            of `flighttest.coefficients`.
         compared : collection of str, optional
             Channels whose noise counts; all without it.
         """
-        constants = [str(name) for name in states["error"].values] if "error" in states.coords else []
-        moved = [str(name).removeprefix(ERROR) for name in states.data_vars if str(name).startswith(ERROR)]
-        flight = {name: states[ERROR + name].values.astype(float) for name in moved if name in states}
+        constants = (
+            [str(name) for name in states["error"].values] if "error" in states.coords else []
+        )
+        moved = [
+            str(name).removeprefix(ERROR)
+            for name in states.data_vars
+            if str(name).startswith(ERROR)
+        ]
+        flight = {
+            name: states[ERROR + name].values.astype(float) for name in moved if name in states
+        }
         starts = [name for name in flight if f"init.{name}" in job.parameters]
         if job.parameters.get("mode.trim") == TRIM_GROUND:
             starts = [name for name in starts if name not in _FOUND_ON_GROUND]
-        parameters = {error: {f"init.{name}": float(flight[name][k, 0]) for name in starts} for k, error in enumerate(constants)}
+        parameters = {
+            error: {f"init.{name}": float(flight[name][k, 0]) for name in starts}
+            for k, error in enumerate(constants)
+        }
         sizes = {**ERRORS, **(errors or {})}
         inputs = _wind(constants, flight, states) if WIND[0] in job.inputs else {}
         for name, (bias, scale) in pick_up_errors(aircraft.instruments).items() if aircraft else ():
@@ -120,9 +141,17 @@ class Instruments:
             if match := _THRUST.match(name):
                 inputs[f"thrust{match.group(1)}"] = {name: sizes["thrust"] * values}
         for error, names in {"mass": ("mass.mass",), "inertia": INERTIA}.items():
-            if found := {name: sizes[error] * job.parameters[name] for name in names if name in job.parameters}:
+            if found := {
+                name: sizes[error] * job.parameters[name]
+                for name in names
+                if name in job.parameters
+            }:
                 parameters[error] = found
-        channels = [str(name) for name, item in states.data_vars.items() if item.dims == ("time",) and (not compared or name in compared)]
+        channels = [
+            str(name)
+            for name, item in states.data_vars.items()
+            if item.dims == ("time",) and (not compared or name in compared)
+        ]
         noise = {name: size for name in channels if (size := noise_of(states[name].values))}
         return cls(constants, flight, inputs, parameters, noise)
 
@@ -132,32 +161,48 @@ class Instruments:
         return sorted({*self.constants, *self.inputs, *self.parameters})
 
     def draws(self, count: int, seed: int) -> np.ndarray:
-        """Return standard normal numbers (count, error); an error of one name has the same ones in every case."""
+        """Return standard normal numbers (count, error); an error of one name has the same ones in
+        every case.
+        """
         columns = [standard_normal(name, count, seed) for name in self.names]
         return np.stack(columns, axis=1) if columns else np.zeros((count, 0))
 
     @cached_property
     def _shifts(self) -> dict[str, tuple[list[int], np.ndarray]]:
-        """By input: the errors that move it, and what one standard error of each changes (error, time). [SI]"""
+        """By input: the errors that move it, and what one standard error of each changes (error,
+        time). [SI]
+        """
         moved: dict[str, dict[int, np.ndarray]] = {}
         for k, error in enumerate(self.names):
             for name, shift in self.inputs.get(error, {}).items():
                 moved.setdefault(name, {})[k] = shift
-        return {name: (list(shifts), np.stack(list(shifts.values()))) for name, shifts in moved.items()}
+        return {
+            name: (list(shifts), np.stack(list(shifts.values()))) for name, shifts in moved.items()
+        }
 
     def job(self, job: Job, draw: np.ndarray) -> Job:
-        """Return the drive of an aeroplane whose record is `job`, with one draw (error,) of the errors."""
-        shifted = {name: job.inputs[name] + draw[errors] @ shifts for name, (errors, shifts) in self._shifts.items() if name in job.inputs}
+        """Return the drive of an aeroplane whose record is `job`, with one draw (error,) of the
+        errors.
+        """
+        shifted = {
+            name: job.inputs[name] + draw[errors] @ shifts
+            for name, (errors, shifts) in self._shifts.items()
+            if name in job.inputs
+        }
         parameters = dict(job.parameters)
         for name, size in zip(self.names, draw, strict=True):
             for key, step in self.parameters.get(name, {}).items():
                 parameters[key] += size * step
         return replace(job, inputs={**job.inputs, **shifted}, parameters=parameters)
 
-    def recorded(self, motion: Mapping[str, np.ndarray], draw: np.ndarray, random: np.random.Generator) -> dict[str, np.ndarray]:
-        """Return a motion (time,) as the instruments with one draw (error,) of their errors, and with noise, record it.
+    def recorded(
+        self, motion: Mapping[str, np.ndarray], draw: np.ndarray, random: np.random.Generator
+    ) -> dict[str, np.ndarray]:
+        """Return a motion (time,) as the instruments with one draw (error,) of their errors, and
+        with noise, record it.
 
-        A draw of an error is what the truth has beyond the reading, so that the reading has its negative beyond the truth.
+        A draw of an error is what the truth has beyond the reading, so that the reading has its
+        negative beyond the truth.
         """
         found = dict(motion)
         constants = draw[[self.names.index(name) for name in self.constants]]
@@ -168,15 +213,21 @@ class Instruments:
             channel = name.replace("thrust_drive", "thrust")
             if channel in found:
                 found[channel] = found[channel] - draw[errors] @ shifts
-        noise = {name: size * random.standard_normal(motion[name].size) for name, size in self.noise.items() if name in motion}
+        noise = {
+            name: size * random.standard_normal(motion[name].size)
+            for name, size in self.noise.items()
+            if name in motion
+        }
         return {**found, **{name: found[name] + values for name, values in noise.items()}}
 
 
-def _wind(constants: Sequence[str], flight: Mapping[str, np.ndarray], states: xr.Dataset) -> dict[str, dict[str, np.ndarray]]:
+def _wind(
+    constants: Sequence[str], flight: Mapping[str, np.ndarray], states: xr.Dataset
+) -> dict[str, dict[str, np.ndarray]]:
     """Return what the error of each constant changes in the wind (time,). [m s-1]
 
-    The velocity over the ground is measured by itself and the error of a constant hardly moves it: what it moves in the velocity
-    through the air is wind.
+    The velocity over the ground is measured by itself and the error of a constant hardly moves it:
+    what it moves in the velocity through the air is wind.
     """
     if not set(_AIR) <= set(flight):
         return {}
@@ -188,9 +239,18 @@ def _wind(constants: Sequence[str], flight: Mapping[str, np.ndarray], states: xr
     return found
 
 
-def _air_velocity(V: np.ndarray, alpha: np.ndarray, beta: np.ndarray, phi: np.ndarray, theta: np.ndarray, psi: np.ndarray) -> np.ndarray:
+def _air_velocity(
+    V: np.ndarray,
+    alpha: np.ndarray,
+    beta: np.ndarray,
+    phi: np.ndarray,
+    theta: np.ndarray,
+    psi: np.ndarray,
+) -> np.ndarray:
     """Return the velocity through the air in north-east-down axes, (time, 3). [m s-1]"""
-    U = V[:, None] * np.stack([np.cos(alpha) * np.cos(beta), np.sin(beta), np.sin(alpha) * np.cos(beta)], axis=1)
+    U = V[:, None] * np.stack(
+        [np.cos(alpha) * np.cos(beta), np.sin(beta), np.sin(alpha) * np.cos(beta)], axis=1
+    )
     return (rotation(np.stack([phi, theta, psi], axis=1)) @ U[:, :, None])[:, :, 0]
 
 
@@ -218,7 +278,9 @@ class DrawnModels:
     source: str
 
     @classmethod
-    def of(cls, fmu: str | Path, database: str | Path | xr.DataTree, count: int, seed: int = 0) -> DrawnModels:
+    def of(
+        cls, fmu: str | Path, database: str | Path | xr.DataTree, count: int, seed: int = 0
+    ) -> DrawnModels:
         """Return draws for a model.
 
         Parameters
@@ -234,20 +296,37 @@ class DrawnModels:
         Raises
         ------
         SchemaError
-            An FMU of another program, a database without standard errors, or one whose values the FMU does not hold.
+            An FMU of another program, a database without standard errors, or one whose values the
+            FMU does not hold.
         """
         model = flown_model(fmu)
         if model is None:
-            raise SchemaError(str(fmu), ["the FMU holds no tables of this program; samples need a model of `aeromatch`"])
+            raise SchemaError(
+                str(fmu),
+                ["the FMU holds no tables of this program; samples need a model of `aeromatch`"],
+            )
         db = database if isinstance(database, xr.DataTree) else aerodb.open(database)
-        called = str(db.attrs.get("title", "")) if isinstance(database, xr.DataTree) else _called(Path(database))
-        common = {name: standard_normal(name, count, seed) for name in aerodb.update.common_errors(db)}
+        called = (
+            str(db.attrs.get("title", ""))
+            if isinstance(database, xr.DataTree)
+            else _called(Path(database))
+        )
+        common = {
+            name: standard_normal(name, count, seed) for name in aerodb.update.common_errors(db)
+        }
         nodes = aerodb.update.draw(db, count, seed, common=common)
         if not nodes:
-            raise SchemaError(called, ["no term has standard errors, there is nothing to draw; give the identified database"])
+            raise SchemaError(
+                called,
+                [
+                    "no term has standard errors, there is nothing to draw; give the identified database"
+                ],
+            )
         leaves = aerodb.terms(db)
         held = table_values(model, {name: leaves[name]["value"].shape for name in nodes})
-        other = [name for name in nodes if not np.array_equal(held[name], leaves[name]["value"].values)]
+        other = [
+            name for name in nodes if not np.array_equal(held[name], leaves[name]["value"].values)
+        ]
         if other:
             text = f"{called}: {len(other)} terms have other values than in {fmu} ({', '.join(other[:3])}); give the database of this FMU"
             raise SchemaError("database of a model", [text])
@@ -261,7 +340,10 @@ class DrawnModels:
     @cached_property
     def models(self) -> list[SimModel]:
         """One model per draw."""
-        return [with_table_values(self.model, {name: values[k] for name, values in self.nodes.items()}) for k in range(self.count)]
+        return [
+            with_table_values(self.model, {name: values[k] for name, values in self.nodes.items()})
+            for k in range(self.count)
+        ]
 
 
 def _called(file: Path) -> str:

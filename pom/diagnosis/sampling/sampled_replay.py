@@ -1,7 +1,8 @@
 """One case flown by the draws of one model.
 
-Given the flights, the aeroplane is a draw of the posterior.  Each draw is flown in the place of the aeroplane: with the inputs, start and
-mass that the record states less the errors of the instruments, recorded with these errors, and the model is judged against it.
+Given the flights, the aeroplane is a draw of the posterior.  Each draw is flown in the place of the
+aeroplane: with the inputs, start and mass that the record states less the errors of the
+instruments, recorded with these errors, and the model is judged against it.
 """
 
 from __future__ import annotations
@@ -51,7 +52,8 @@ def sampled(
     errors: Mapping[str, float] | None = None,
     jobs: int = 1,
 ) -> Samples:
-    """Fly a case by every draw of the aeroplane and judge the model against each as `pom.replay` judges it against the flight.
+    """Fly a case by every draw of the aeroplane and judge the model against each as `pom.replay`
+    judges it against the flight.
 
     Parameters
     ----------
@@ -71,24 +73,48 @@ def sampled(
     from joblib import Parallel, delayed
 
     if plan.job.law is not None:
-        raise SchemaError("samples", [f"case {plan.case.name}: its control law is an FMU, which the kernel does not fly"])
+        raise SchemaError(
+            "samples",
+            [f"case {plan.case.name}: its control law is an FMU, which the kernel does not fly"],
+        )
     plan = replace(plan, job=with_inertia(plan.job, models.model))
-    compared = {source for channel in shown_channels(plan.case, plan.states) for source in (channel, *sources(channel))}
-    bench = Bench.of(plan, models.model, Instruments.of(plan.job, plan.states, aircraft, errors, compared))
+    compared = {
+        source
+        for channel in shown_channels(plan.case, plan.states)
+        for source in (channel, *sources(channel))
+    }
+    bench = Bench.of(
+        plan, models.model, Instruments.of(plan.job, plan.states, aircraft, errors, compared)
+    )
     bench.own  # noqa: B018 - once, before the threads
     sizes = bench.instruments.draws(models.count, models.seed)
     with Parallel(n_jobs=jobs, backend="threading") as pool:
-        noise = np.random.default_rng([models.seed, zlib.crc32(plan.case.name.encode())]).spawn(models.count)
-        runs = list(pool(delayed(bench.matched)(*draw) for draw in zip(models.models, sizes, noise, strict=True)))
-    names = [criterion.name for criterion in plan.case.criteria if any(np.isfinite(run.signed(criterion.name)) for run in runs)]
-    changes = contributions(models.database, models.nodes, plan.states, plan.case.drive.level != "recorded")
+        noise = np.random.default_rng([models.seed, zlib.crc32(plan.case.name.encode())]).spawn(
+            models.count
+        )
+        runs = list(
+            pool(
+                delayed(bench.matched)(*draw)
+                for draw in zip(models.models, sizes, noise, strict=True)
+            )
+        )
+    names = [
+        criterion.name
+        for criterion in plan.case.criteria
+        if any(np.isfinite(run.signed(criterion.name)) for run in runs)
+    ]
+    changes = contributions(
+        models.database, models.nodes, plan.states, plan.case.drive.level != "recorded"
+    )
     found = regressors(changes, dict(zip(bench.instruments.names, sizes.T, strict=True)))
     return Samples(
         seed=models.seed,
         database=models.source,
         status=tuple(run.status for run in runs),
         decides=np.array([run.decides for run in runs]),
-        ratio=pd.DataFrame({name: [run.ratio(name) for run in runs] for name in names}, dtype=float),
+        ratio=pd.DataFrame(
+            {name: [run.ratio(name) for run in runs] for name in names}, dtype=float
+        ),
         shares=shares({name: bench.signed(name, runs) for name in names}, found),
         fan=bench.fan(runs),
     )
@@ -111,8 +137,20 @@ class Run:
         Trim quantities, against a draw what they differ by, over their limits. [1]
     """
 
-    def __init__(self, outputs: Traces, difference: Traces, outcomes: Mapping[str, Outcome], status: str, groups: Mapping[str, str]):
-        self.outputs, self.difference, self.outcomes, self.status = outputs, difference, outcomes, status
+    def __init__(
+        self,
+        outputs: Traces,
+        difference: Traces,
+        outcomes: Mapping[str, Outcome],
+        status: str,
+        groups: Mapping[str, str],
+    ):
+        self.outputs, self.difference, self.outcomes, self.status = (
+            outputs,
+            difference,
+            outcomes,
+            status,
+        )
         self.trim: dict[str, float] = {}
         self.failure = ""
         best: dict[str, float] = {}
@@ -124,34 +162,78 @@ class Run:
     def ratio(self, criterion: str) -> float:
         """Return the ratio of a criterion; NaN where it is not judged."""
         outcome = self.outcomes.get(criterion)
-        return outcome.worst_ratio if outcome is not None and outcome.verdict in ("pass", "fail") else math.nan
+        return (
+            outcome.worst_ratio
+            if outcome is not None and outcome.verdict in ("pass", "fail")
+            else math.nan
+        )
 
     def signed(self, criterion: str) -> float:
         """Return the ratio with the sign of model minus flight."""
         ratio = self.ratio(criterion)
-        return math.copysign(ratio, self.outcomes[criterion].worst) if math.isfinite(ratio) else ratio
+        return (
+            math.copysign(ratio, self.outcomes[criterion].worst) if math.isfinite(ratio) else ratio
+        )
 
 
 class Bench:
-    """A case on which models are judged: against its flight, and against those that draws of the aeroplane would have given."""
+    """A case on which models are judged: against its flight, and against those that draws of the
+    aeroplane would have given.
+    """
 
-    def __init__(self, plan: Plan, model: SimModel, channels: list[str], flight: Traces, instruments: Instruments):
-        self.plan, self.model, self.channels, self.flight, self.instruments = plan, model, channels, flight, instruments
+    def __init__(
+        self,
+        plan: Plan,
+        model: SimModel,
+        channels: list[str],
+        flight: Traces,
+        instruments: Instruments,
+    ):
+        self.plan, self.model, self.channels, self.flight, self.instruments = (
+            plan,
+            model,
+            channels,
+            flight,
+            instruments,
+        )
         self.limits = trim_limits(plan.case, flight)
-        sizes = {name: limit.size if limit.allowed else min(limit.size, limit.usual) for name, limit in self.limits.items()}
+        sizes = {
+            name: limit.size if limit.allowed else min(limit.size, limit.usual)
+            for name, limit in self.limits.items()
+        }
         self.trim_sizes = {name: size for name, size in sizes.items() if math.isfinite(size)}
         self.tolerance = bands(plan.case, plan.job.time, flight)
         judged = [c for c in plan.case.criteria if c.applies and c.measure != "setup"]
         self.groups = {criterion.name: criterion.group for criterion in judged}
-        self.traced = {c.name: c.channel for c in judged if c.measure == "trace" and c.channel in self.tolerance}
+        self.traced = {
+            c.name: c.channel
+            for c in judged
+            if c.measure == "trace" and c.channel in self.tolerance
+        }
 
     @classmethod
     def of(cls, plan: Plan, model: SimModel, instruments: Instruments) -> Bench:
         """Return the bench of a case; any model of the same aircraft and terms can be flown on it."""
         count = plan.job.time.size
-        flight = {str(name): np.broadcast_to(item.values, count) for name, item in plan.states.items() if item.ndim < 2}
-        wanted = {*(output_of(channel, model.outputs) for channel in shown_channels(plan.case, plan.states)), *OBSERVED}
-        return cls(plan, model, sorted(name for name in wanted if name in model.outputs), flight, instruments)
+        flight = {
+            str(name): np.broadcast_to(item.values, count)
+            for name, item in plan.states.items()
+            if item.ndim < 2
+        }
+        wanted = {
+            *(
+                output_of(channel, model.outputs)
+                for channel in shown_channels(plan.case, plan.states)
+            ),
+            *OBSERVED,
+        }
+        return cls(
+            plan,
+            model,
+            sorted(name for name in wanted if name in model.outputs),
+            flight,
+            instruments,
+        )
 
     @cached_property
     def own(self) -> tuple[Traces, str]:
@@ -164,32 +246,73 @@ class Bench:
         return _as_applied(found, job), failure
 
     def run(self, model: SimModel, draw: np.ndarray) -> Run:
-        """Return a model, flown with the drive of one draw (error,) of the instruments and judged against the flight."""
+        """Return a model, flown with the drive of one draw (error,) of the instruments and judged
+        against the flight.
+        """
         outputs, failure = self.flown(model, self.instruments.job(self.plan.job, draw))
         trim = {name: values for name, values in outputs.items() if name.startswith("trim.")}
         return self._judged(self.plan.case, self.flight, outputs, outputs, trim, failure)
 
     def matched(self, model: SimModel, draw: np.ndarray, random: np.random.Generator) -> Run:
-        """Return the model itself, judged against the record of a draw: an aeroplane `model` and errors (error,) of the instruments."""
+        """Return the model itself, judged against the record of a draw: an aeroplane `model` and
+        errors (error,) of the instruments.
+        """
         own, refused = self.own
         outputs, failure = self.flown(model, self.instruments.job(self.plan.job, draw))
         flight = self.instruments.recorded(self._as_flight(outputs), draw, random)
-        trim = {name: own[name] - values for name, values in outputs.items() if name.startswith("trim.")}
-        return self._judged(self._with_events(outputs), flight, own, outputs, trim, refused or failure)
+        trim = {
+            name: own[name] - values for name, values in outputs.items() if name.startswith("trim.")
+        }
+        return self._judged(
+            self._with_events(outputs), flight, own, outputs, trim, refused or failure
+        )
 
-    def _judged(self, case: PomCase, flight: Traces, model: Traces, shown: Traces, trim: Traces, failure: str) -> Run:
-        """Return a model judged against a flight; a failed run and a trim beyond what the case demands carry no judgement."""
+    def _judged(
+        self,
+        case: PomCase,
+        flight: Traces,
+        model: Traces,
+        shown: Traces,
+        trim: Traces,
+        failure: str,
+    ) -> Run:
+        """Return a model judged against a flight; a failed run and a trim beyond what the case
+        demands carry no judgement.
+        """
         outcomes = judge_all(case, self.plan.job.time, flight, model)
-        refused = failure or "; ".join(remark.text for remark in beyond_limits(self.limits, trim, demanded=True))
-        exceeded = bool([remark for remark in beyond_limits(self.limits, trim, demanded=False) if remark.kind == "trim"])
-        verdicts = {c.name: "invalid" if refused and c.applies else outcomes[c.name].verdict for c in case.criteria}
+        refused = failure or "; ".join(
+            remark.text for remark in beyond_limits(self.limits, trim, demanded=True)
+        )
+        exceeded = bool(
+            [
+                remark
+                for remark in beyond_limits(self.limits, trim, demanded=False)
+                if remark.kind == "trim"
+            ]
+        )
+        verdicts = {
+            c.name: "invalid" if refused and c.applies else outcomes[c.name].verdict
+            for c in case.criteria
+        }
         if refused:
-            outcomes = {name: replace(outcome, verdict=verdicts[name]) for name, outcome in outcomes.items()}
-        off = {c: difference(c, flight[c], model[c]) for c in self.traced.values() if c in model and c in flight}
+            outcomes = {
+                name: replace(outcome, verdict=verdicts[name]) for name, outcome in outcomes.items()
+            }
+        off = {
+            c: difference(c, flight[c], model[c])
+            for c in self.traced.values()
+            if c in model and c in flight
+        }
         kept = {name: shown[name] for name in self.tolerance if name in shown}
-        run = Run(kept, off, outcomes, status_of(group_verdicts(case, verdicts), exceeded), self.groups)
+        run = Run(
+            kept, off, outcomes, status_of(group_verdicts(case, verdicts), exceeded), self.groups
+        )
         run.failure = refused
-        run.trim = {name: float(trim[f"trim.{name}"][0]) / size for name, size in self.trim_sizes.items() if f"trim.{name}" in trim}
+        run.trim = {
+            name: float(trim[f"trim.{name}"][0]) / size
+            for name, size in self.trim_sizes.items()
+            if f"trim.{name}" in trim
+        }
         return run
 
     def _as_flight(self, outputs: Traces) -> Traces:
@@ -198,7 +321,9 @@ class Bench:
         return {name: seen.get(name, values) for name, values in self.flight.items()}
 
     def _with_events(self, outputs: Traces) -> PomCase:
-        """Return the case with what the aeroplane does (touchdown, full stop) at the instants of the draw."""
+        """Return the case with what the aeroplane does (touchdown, full stop) at the instants of
+        the draw.
+        """
         case, time = self.plan.case, self.plan.job.time
         events = dict(case.events)
         match = Match.of(case, time, self.flight, outputs)
@@ -211,7 +336,9 @@ class Bench:
         """Return the criterion of every group that is the best of its alternatives in a run."""
         best: dict[str, str] = {}
         for name, group in self.groups.items():
-            if math.isfinite(run.ratio(name)) and (group not in best or run.ratio(name) < run.ratio(best[group])):
+            if math.isfinite(run.ratio(name)) and (
+                group not in best or run.ratio(name) < run.ratio(best[group])
+            ):
                 best[group] = name
         return list(best.values())
 
@@ -222,25 +349,41 @@ class Bench:
     def signed(self, criterion: str, runs: list[Run]) -> np.ndarray:
         """Return the signed ratio of a criterion over the draws.
 
-        Of a time history at the instant where its mean square over the draws is largest: the instant of the worst changes from draw to
-        draw, and its ratio, which has no sign, is not linear in the errors.
+        Of a time history at the instant where its mean square over the draws is largest: the
+        instant of the worst changes from draw to draw, and its ratio, which has no sign, is not
+        linear in the errors.
         """
         channel = self.traced.get(criterion, "")
         if not all(channel in run.difference for run in runs):
             return np.array([run.signed(criterion) for run in runs])
         with np.errstate(invalid="ignore", divide="ignore"):
-            ratio = np.stack([run.difference[channel] for run in runs]) / self.tolerance[channel].values
+            ratio = (
+                np.stack([run.difference[channel] for run in runs]) / self.tolerance[channel].values
+            )
         ratio[:, ~np.isfinite(self.tolerance[channel].values)] = 0.0
-        square = np.nanmean(np.square(ratio), axis=0) if np.isfinite(ratio).any() else np.zeros(ratio.shape[1])
+        square = (
+            np.nanmean(np.square(ratio), axis=0)
+            if np.isfinite(ratio).any()
+            else np.zeros(ratio.shape[1])
+        )
         return ratio[:, int(np.argmax(square))]
 
     def fan(self, runs: list[Run]) -> xr.Dataset:
         """Return the quantiles of the channels with a band."""
         found = {}
         for name in map(str, self.tolerance):
-            traces = [run.outputs[name] for run in runs if name in run.outputs and np.isfinite(run.outputs[name]).all()]
+            traces = [
+                run.outputs[name]
+                for run in runs
+                if name in run.outputs and np.isfinite(run.outputs[name]).all()
+            ]
             if traces:
-                values = np.stack([unwrapped_near(trace, self.flight[name]) if name in WRAPPED else trace for trace in traces])
+                values = np.stack(
+                    [
+                        unwrapped_near(trace, self.flight[name]) if name in WRAPPED else trace
+                        for trace in traces
+                    ]
+                )
                 found[name] = (("quantile", "time"), np.quantile(values, QUANTILES, axis=0))
         return xr.Dataset(found, coords={"quantile": list(QUANTILES), "time": self.plan.job.time})
 
@@ -274,14 +417,16 @@ def replay_sampled(
     progress: Callable[[PomResult], None] | None = None,
     **options: Any,
 ) -> list[PomResult]:
-    """Replay every case by every model and judge it, as `replay_all`, and then by draws of the models whose databases are given.
+    """Replay every case by every model and judge it, as `replay_all`, and then by draws of the
+    models whose databases are given.
 
     Parameters
     ----------
     cases, runs, paths, names, biases, jobs, resume, timeout, progress
         As in `replay_all`.
     databases : mapping of str to path or DataTree
-        Name of a model to the database that its FMU was made from, with standard errors; a model without is not sampled.
+        Name of a model to the database that its FMU was made from, with standard errors; a model
+        without is not sampled.
     count : int
         Number of draws.
     seed : int
@@ -293,7 +438,8 @@ def replay_sampled(
     Returns
     -------
     list of PomResult
-        In the order of the cases, with ``samples``; the same for any number of jobs.  A case with a control law has none.
+        In the order of the cases, with ``samples``; the same for any number of jobs.  A case with a
+        control law has none.
 
     Raises
     ------
@@ -306,15 +452,23 @@ def replay_sampled(
     if unknown:
         raise UnknownName(unknown[0], runs, "model", "a database is that of a model")
     for name, database in databases.items():
-        drawn_models(runs[name], database, count, seed)  # what they refuse is reported before the flights
+        drawn_models(
+            runs[name], database, count, seed
+        )  # what they refuse is reported before the flights
     kept = Path(resume).resolve() if resume is not None else None
     states = flown(cases, paths or {}, KeptStates(kept, biases), jobs)
     given: dict[str, Any] = {case.record: path for case, path in zip(cases, states, strict=True)}
-    results = replay_all(cases, runs, given, names=names, jobs=jobs, resume=resume, timeout=timeout, **options)
+    results = replay_all(
+        cases, runs, given, names=names, jobs=jobs, resume=resume, timeout=timeout, **options
+    )
     draw = {"count": count, "seed": seed, "errors": errors, "names": names, "timeout": timeout}
     found = []
     for case, result in zip(cases, results, strict=True):
-        samples = {} if case.law else samples_of_case(case, given[case.record], runs, databases, draw, jobs)
+        samples = (
+            {}
+            if case.law
+            else samples_of_case(case, given[case.record], runs, databases, draw, jobs)
+        )
         found.append(replace(result, samples=samples))
         if progress is not None:
             progress(found[-1])
@@ -329,7 +483,8 @@ def samples_of_case(
     draw: Mapping[str, Any],
     jobs: int,
 ) -> dict[str, Samples]:
-    """Return the samples of one case by model; a model whose trim surfaces cannot be solved has none.
+    """Return the samples of one case by model; a model whose trim surfaces cannot be solved has
+    none.
 
     Parameters
     ----------
@@ -338,25 +493,42 @@ def samples_of_case(
     draw : mapping
         ``count``, ``seed``, ``errors``, ``names`` and ``timeout`` of `replay_sampled`.
     """
-    models, aircraft = Models(runs, draw.get("names")).of(case), _aircraft(case.aircraft) if case.aircraft else None
+    models, aircraft = (
+        Models(runs, draw.get("names")).of(case),
+        _aircraft(case.aircraft) if case.aircraft else None,
+    )
     samples: dict[str, Samples] = {}
     for name, database in databases.items():
         plan = plan_of(case, path)
-        job, _, failure = solved(plan.job, plan.case.drive.trim_surfaces, models[name], draw.get("timeout", 60.0))
+        job, _, failure = solved(
+            plan.job, plan.case.drive.trim_surfaces, models[name], draw.get("timeout", 60.0)
+        )
         if not failure:
             drawn = drawn_models(runs[name], database, draw["count"], draw["seed"])
-            samples[name] = sampled(Plan(plan.case, plan.states, job), drawn, aircraft, draw.get("errors"), jobs)
+            samples[name] = sampled(
+                Plan(plan.case, plan.states, job), drawn, aircraft, draw.get("errors"), jobs
+            )
     return samples
 
 
-def drawn_models(fmu: str | Path, database: str | Path | xr.DataTree, count: int, seed: int) -> DrawnModels:
+def drawn_models(
+    fmu: str | Path, database: str | Path | xr.DataTree, count: int, seed: int
+) -> DrawnModels:
     """Return `DrawnModels.of`, made once in a process for all cases of a batch."""
     files = [Path(item) for item in (fmu, database) if not isinstance(item, xr.DataTree)]
-    key = (*(FileState.of(file) for file in files), id(database) if isinstance(database, xr.DataTree) else 0, count, seed)
+    key = (
+        *(FileState.of(file) for file in files),
+        id(database) if isinstance(database, xr.DataTree) else 0,
+        count,
+        seed,
+    )
     if key not in _drawn:
         while len(_drawn) >= _MOST_DRAWN:
             _drawn.pop(next(iter(_drawn)))
-        _drawn[key] = (DrawnModels.of(fmu, database, count, seed), database)  # the database keeps its identity as long as this
+        _drawn[key] = (
+            DrawnModels.of(fmu, database, count, seed),
+            database,
+        )  # the database keeps its identity as long as this
     return _drawn[key][0]
 
 

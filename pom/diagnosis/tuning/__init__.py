@@ -1,4 +1,6 @@
-"""Tuning of a model inside its standard errors: rows pass by the changes that the flight evidence contradicts least."""
+"""Tuning of a model inside its standard errors: rows pass by the changes that the flight evidence
+contradicts least.
+"""
 
 from flightmech.support.imports import attach_stub
 

@@ -1,8 +1,9 @@
 """Terms moved as little as the flight evidence allows, so that rows pass.
 
-The evidence is a database with its covariance V.  The tuned model is the one nearest to it, (g - e)' V^-1 (g - e) least, whose replays
-are within tolerance: the ratios are linearised in the directions that the flights determine (`Directions`), the shortest step inside all
-linear limits is taken (`least_distance`), flown, and linearised again.
+The evidence is a database with its covariance V.  The tuned model is the one nearest to it, (g -
+e)' V^-1 (g - e) least, whose replays are within tolerance: the ratios are linearised in the
+directions that the flights determine (`Directions`), the shortest step inside all linear limits is
+taken (`least_distance`), flown, and linearised again.
 """
 
 from __future__ import annotations
@@ -58,10 +59,11 @@ def tune(
         The model.
     aircraft : Aircraft
     wanted : sequence of str, optional
-        Names of the cases that must pass; without it those that fail.  Cases that pass must go on doing so; what becomes of every
-        case is reported.
+        Names of the cases that must pass; without it those that fail.  Cases that pass must go on
+        doing so; what becomes of every case is reported.
     evidence : DataTree, optional
-        What flight found, with standard errors and the axes of the model; the model itself without it.
+        What flight found, with standard errors and the axes of the model; the model itself without
+        it.
     rationale : mapping of str to str, optional
         By term: why it may leave the bound.
     bound : float
@@ -72,19 +74,22 @@ def tune(
     Returns
     -------
     Tuning
-        With a refusal, and no database, when the rows cannot pass inside the bounds; ``moves`` and ``rows`` then are what it would
-        take.  Nothing moves where the wanted cases pass.
+        With a refusal, and no database, when the rows cannot pass inside the bounds; ``moves`` and
+        ``rows`` then are what it would take.  Nothing moves where the wanted cases pass.
 
     Raises
     ------
     UnknownName
         A wanted case or a term with a rationale that is not there.
     SchemaError
-        A case with a control law or with trim surfaces to solve for, a wanted case that cannot be flown or judged, an evidence without
-        standard errors or with a table that the model does not have, a rationale without words; a bound that is not positive.
+        A case with a control law or with trim surfaces to solve for, a wanted case that cannot be
+        flown or judged, an evidence without standard errors or with a table that the model does not
+        have, a rationale without words; a bound that is not positive.
     """
     if not bound > 0.0:
-        raise SchemaError("tuning", [f"the bound is {bound:g} standard errors; give a number above 0"])
+        raise SchemaError(
+            "tuning", [f"the bound is {bound:g} standard errors; give a number above 0"]
+        )
     tuner = _Tuner.of(plans, database, aircraft, wanted, evidence, dict(rationale or {}), jobs)
     before = tuner.fly(None, tuner.benches)
     tuner.demanded = wanted = _wanted(before, wanted)
@@ -111,9 +116,13 @@ def _wanted(before: Mapping[str, Run], wanted: Sequence[str] | None) -> list[str
     problems = []
     for name in wanted:
         if before[name].status == "invalid":
-            problems.append(f"{name}: the model cannot be flown or judged: {before[name].failure or 'the record lacks what is judged'}")
+            problems.append(
+                f"{name}: the model cannot be flown or judged: {before[name].failure or 'the record lacks what is judged'}"
+            )
         elif before[name].status == "not_tested":
-            problems.append(f"{name}: nothing of it is judged, no change of the model can make it pass")
+            problems.append(
+                f"{name}: nothing of it is judged, no change of the model can make it pass"
+            )
     if problems:
         raise SchemaError("rows to tune", problems)
     return list(dict.fromkeys(wanted))
@@ -126,7 +135,9 @@ class _Tuner:
         self.benches: dict[str, Bench] = benches
         self.demanded: list[str] = []
         self.database: xr.DataTree = database
-        self.evidence: dict[str, xr.Dataset] = {n: leaf for n, leaf in aerodb.terms(evidence).items() if n in directions.nodes}
+        self.evidence: dict[str, xr.Dataset] = {
+            n: leaf for n, leaf in aerodb.terms(evidence).items() if n in directions.nodes
+        }
         self.found: xr.DataTree = evidence
         self.directions: Directions = directions
         self.sim = sim
@@ -144,20 +155,27 @@ class _Tuner:
         hinges = any(plan.case.drive.level != "recorded" for plan in plans)
         directions = Directions.along(found, [plan.states for plan in plans], hinges)
         if not directions.of:
-            raise SchemaError("evidence", ["no term that the cases use has standard errors, nothing can be moved"])
+            raise SchemaError(
+                "evidence", ["no term that the cases use has standard errors, nothing can be moved"]
+            )
         return cls(benches, database, found, directions, sim, rationale, jobs)
 
     def nodes(self, z: np.ndarray) -> dict[str, np.ndarray]:
         """Return the values of the terms for amounts z of the directions, from the evidence."""
         change = self.directions.change(z)
-        return {name: leaf["value"].values + change[name].reshape(leaf["value"].shape) for name, leaf in self.evidence.items()}
+        return {
+            name: leaf["value"].values + change[name].reshape(leaf["value"].shape)
+            for name, leaf in self.evidence.items()
+        }
 
     def fly(self, z: np.ndarray | None, names: Iterable[str]) -> dict[str, Run]:
         """Return the runs of cases; of the model itself without z."""
         sim = self.sim if z is None else with_table_values(self.sim, self.nodes(z))
         return {name: self.benches[name].run(sim, np.zeros(0)) for name in names}
 
-    def reached(self, before: Mapping[str, Run], bound: float) -> tuple[np.ndarray, dict[str, Run], bool]:
+    def reached(
+        self, before: Mapping[str, Run], bound: float
+    ) -> tuple[np.ndarray, dict[str, Run], bool]:
         """Return the amounts, the runs of all cases with them, and whether the demanded cases pass.
 
         Cases that pass with the model as it is, and no longer with the amounts, are demanded too.
@@ -165,7 +183,11 @@ class _Tuner:
         while True:
             z, passed = self.search(bound)
             after = self.fly(z, self.benches)
-            lost = [name for name, run in after.items() if before[name].status == "pass" != run.status and name not in self.demanded]
+            lost = [
+                name
+                for name, run in after.items()
+                if before[name].status == "pass" != run.status and name not in self.demanded
+            ]
             if not passed or not lost:
                 return z, after, passed
             self.demanded = [*self.demanded, *lost]
@@ -184,7 +206,9 @@ class _Tuner:
         return z, _pass(self.fly(z, self.demanded))
 
     def step(self, z: np.ndarray, runs: Mapping[str, Run], bound: float) -> np.ndarray | None:
-        """Return the shortest amounts inside all limits linearised about z; None when there are none."""
+        """Return the shortest amounts inside all limits linearised about z; None when there are
+        none.
+        """
         from joblib import Parallel, delayed
 
         now = self.limited(runs)
@@ -207,10 +231,13 @@ class _Tuner:
             G, h = np.vstack([G, -rows]), np.concatenate([h, np.full(len(rows), -bound)])
         return None
 
-    def limited(self, runs: Mapping[str, Run], chosen: Mapping[str, Run] | None = None) -> np.ndarray:
+    def limited(
+        self, runs: Mapping[str, Run], chosen: Mapping[str, Run] | None = None
+    ) -> np.ndarray:
         """Return the signed ratios that must be inside tolerances and limits of the trim.
 
-        Of each group of criteria the alternative that is best in `chosen`; of a time history some samples and the worst of `chosen`.
+        Of each group of criteria the alternative that is best in `chosen`; of a time history some
+        samples and the worst of `chosen`.
         """
         found = []
         for name, run in runs.items():
@@ -223,14 +250,20 @@ class _Tuner:
                 half = bench.tolerance[channel].values
                 inside = np.flatnonzero(np.isfinite(half))
                 at = inside[np.unique(np.linspace(0, len(inside) - 1, SAMPLES).astype(int))]
-                worst = inside[np.argmax(np.abs((chosen or runs)[name].difference[channel][inside]) / half[inside])]
+                worst = inside[
+                    np.argmax(
+                        np.abs((chosen or runs)[name].difference[channel][inside]) / half[inside]
+                    )
+                ]
                 at = np.append(at, worst)
                 found.append(run.difference[channel][at] / half[at])
             found.append(np.array([run.trim[quantity] for quantity in (chosen or runs)[name].trim]))
         return np.concatenate(found)
 
     def beyond(self, z: np.ndarray, bound: float) -> np.ndarray:
-        """Return the limits, one row (direction,) each, that the nodes farthest beyond the bound call for."""
+        """Return the limits, one row (direction,) each, that the nodes farthest beyond the bound
+        call for.
+        """
         rows = []
         for name, D in self.directions.nodes.items():
             sd = self.evidence[name]["stderr"].values.ravel()
@@ -248,15 +281,28 @@ class _Tuner:
         rows = ", ".join(wanted) + (f" (with {', '.join(kept)} still passing)" if kept else "")
         if not passed:
             return f"{rows}: no change of the terms with standard errors was found that makes all pass; look for the cause in what has none"
-        sizes = self.sizes(self.nodes(z), {name: leaf["value"].values for name, leaf in self.evidence.items()})
-        far = {name: size for name, size in sorted(sizes.items(), key=lambda item: -item[1]) if size > bound}
-        price = ", ".join(f"{name} {size:.1f}" for name, size in far.items() if name not in self.rationale)
+        sizes = self.sizes(
+            self.nodes(z), {name: leaf["value"].values for name, leaf in self.evidence.items()}
+        )
+        far = {
+            name: size
+            for name, size in sorted(sizes.items(), key=lambda item: -item[1])
+            if size > bound
+        }
+        price = ", ".join(
+            f"{name} {size:.1f}" for name, size in far.items() if name not in self.rationale
+        )
         what = f"it would take {price} standard errors, distance {np.linalg.norm(z):.1f}: write a rationale for these terms"
         return f"{rows}: cannot pass within {bound:g} standard error{'' if bound == 1.0 else 's'}; {what}"
 
-    def sizes(self, new: Mapping[str, np.ndarray], old: Mapping[str, np.ndarray]) -> dict[str, float]:
+    def sizes(
+        self, new: Mapping[str, np.ndarray], old: Mapping[str, np.ndarray]
+    ) -> dict[str, float]:
         """Return the largest change of a node by term. [standard errors of the evidence]"""
-        return {name: float(self.size(name, new[name], old[name]).max(initial=0.0)) for name in self.evidence}
+        return {
+            name: float(self.size(name, new[name], old[name]).max(initial=0.0))
+            for name in self.evidence
+        }
 
     def size(self, name: str, new: np.ndarray, old: np.ndarray) -> np.ndarray:
         """Return the change of the nodes of a term. [standard errors of the evidence]"""
@@ -282,10 +328,16 @@ class _Tuner:
                     "at": _place(leaves[name]["value"], size),
                     "rationale": self.rationale.get(name, ""),
                 }
-        return pd.DataFrame.from_dict(rows, orient="index", columns=["moved", "from_evidence", "share", "nodes", "at", "rationale"])
+        return pd.DataFrame.from_dict(
+            rows,
+            orient="index",
+            columns=["moved", "from_evidence", "share", "nodes", "at", "rationale"],
+        )
 
     def shares(self, change: Mapping[str, np.ndarray]) -> dict[str, float]:
-        """Return the share of every term in the squared Mahalanobis distance of a change of the nodes."""
+        """Return the share of every term in the squared Mahalanobis distance of a change of the
+        nodes.
+        """
         parts: dict[str, float] = {}
         for head in dict.fromkeys(name.split("/")[0] for name in change):
             slices, V = aerodb.update.covariance(self.found, head)
@@ -296,12 +348,16 @@ class _Tuner:
             free = sd > 0.0
             x = dg[free] / sd[free]
             weight = np.zeros(len(V))
-            weight[free] = x * np.linalg.solve(V[np.ix_(free, free)] / np.outer(sd[free], sd[free]) + 1e-6 * np.eye(free.sum()), x)
+            weight[free] = x * np.linalg.solve(
+                V[np.ix_(free, free)] / np.outer(sd[free], sd[free]) + 1e-6 * np.eye(free.sum()), x
+            )
             parts |= {name: float(weight[rows].sum()) for name, rows in slices.items()}
         total = sum(parts.values())
         return {name: part / total if total > 0.0 else 0.0 for name, part in parts.items()}
 
-    def rows(self, wanted: Sequence[str], before: Mapping[str, Run], after: Mapping[str, Run]) -> pd.DataFrame:
+    def rows(
+        self, wanted: Sequence[str], before: Mapping[str, Run], after: Mapping[str, Run]
+    ) -> pd.DataFrame:
         """Return what became of every case."""
         found = {
             name: {
@@ -320,18 +376,26 @@ class _Tuner:
         return pd.DataFrame.from_dict(found, orient="index")
 
     def tuned(self, z: np.ndarray, moves: pd.DataFrame, wanted: Sequence[str]) -> xr.DataTree:
-        """Return the tuned database; every moved term states by how much and why, and its moved nodes have the source judgement."""
+        """Return the tuned database; every moved term states by how much and why, and its moved
+        nodes have the source judgement.
+        """
         leaves, nodes = aerodb.terms(self.database), self.nodes(z)
         rows, new = ", ".join(wanted), {}
         for name, move in zip(map(str, moves.index), moves.to_dict("records"), strict=True):
             leaf = leaves[name].assign(value=leaves[name]["value"].copy(data=nodes[name]))
             if "source" in leaf:
                 far = self.size(name, nodes[name], leaves[name]["value"].values) > STATED
-                leaf["source"] = leaf["source"].copy(data=np.where(far, _JUDGEMENT, leaf["source"]).astype(np.uint8))
+                leaf["source"] = leaf["source"].copy(
+                    data=np.where(far, _JUDGEMENT, leaf["source"]).astype(np.uint8)
+                )
             why = f"; rationale: {move['rationale']}" if move["rationale"] else ""
             text = f"{move['nodes']} of {leaf['value'].size} nodes moved, by {move['moved']:.2f} standard errors at most"
-            line = f"pom tune for {rows}: {text}, {move['from_evidence']:.2f} from the evidence{why}"
-            new[name] = leaf.assign_attrs(history="\n".join(filter(None, (leaf.attrs.get("history", ""), line))))
+            line = (
+                f"pom tune for {rows}: {text}, {move['from_evidence']:.2f} from the evidence{why}"
+            )
+            new[name] = leaf.assign_attrs(
+                history="\n".join(filter(None, (leaf.attrs.get("history", ""), line)))
+            )
         note = f"pom tune for {rows}: {len(new)} terms moved, distance {np.linalg.norm(z):.2f} from the evidence"
         return aerodb.replace_terms(self.database, new, note)
 
@@ -340,5 +404,11 @@ def _place(value: xr.DataArray, size: np.ndarray) -> str:
     """Return the breakpoints of the node that moved most: ``mach 0.2, alpha 4 deg``."""
     at = np.unravel_index(int(size.argmax()), size.shape)
     units = {axis: lookup(str(axis)).display_units for axis in value.dims}
-    points = {axis: from_si(float(value[axis][k]), units[axis]) for axis, k in zip(value.dims, at, strict=True)}
-    return ", ".join(f"{axis} {x:.4g}{'' if units[axis] == '1' else f' {units[axis]}'}" for axis, x in points.items())
+    points = {
+        axis: from_si(float(value[axis][k]), units[axis])
+        for axis, k in zip(value.dims, at, strict=True)
+    }
+    return ", ".join(
+        f"{axis} {x:.4g}{'' if units[axis] == '1' else f' {units[axis]}'}"
+        for axis, x in points.items()
+    )

@@ -1,4 +1,6 @@
-"""The log of a tuning: what moved, by how much, and what became of every row; plain data for a file and the report, and text."""
+"""The log of a tuning: what moved, by how much, and what became of every row; plain data for a file
+and the report, and text.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,18 @@ MISSING = "\N{EN DASH}"
 LEAST = 0.05  # standard errors: what moved less is counted in the text, not listed
 _NEEDED = {"kind", "refusal", "bound", "distance", "model", "files", "moves", "rows"}
 _OF_MOVES = {"term", "moved", "from_evidence", "share", "nodes", "at", "rationale"}
-_OF_ROWS = {"case", "id", "title", "wanted", "before", "after", "ratio_before", "ratio_after", "criterion_before", "criterion_after"}
+_OF_ROWS = {
+    "case",
+    "id",
+    "title",
+    "wanted",
+    "before",
+    "after",
+    "ratio_before",
+    "ratio_after",
+    "criterion_before",
+    "criterion_after",
+}
 
 
 @dataclass(frozen=True)
@@ -35,12 +48,13 @@ class Tuning:
     database : DataTree or None
         The tuned one, with its moves in history and undo history; None when it was refused.
     moves : DataFrame
-        Index term: ``moved`` and ``from_evidence``, the largest change of a node against model and evidence, ``share`` of the squared
-        distance from the model that the term takes, ``nodes`` that moved, ``at``, where the largest change is, in SI, ``rationale``.
-        [standard errors, 1]
+        Index term: ``moved`` and ``from_evidence``, the largest change of a node against model and
+        evidence, ``share`` of the squared distance from the model that the term takes, ``nodes``
+        that moved, ``at``, where the largest change is, in SI, ``rationale``. [standard errors, 1]
     rows : DataFrame
-        Index case: ``id``, ``title``, ``wanted``, ``before`` and ``after`` (status), ``ratio_before`` and ``ratio_after`` of the criteria
-        that decide, ``criterion_before`` and ``criterion_after``. [1]
+        Index case: ``id``, ``title``, ``wanted``, ``before`` and ``after`` (status),
+        ``ratio_before`` and ``ratio_after`` of the criteria that decide, ``criterion_before`` and
+        ``criterion_after``. [1]
     distance : float
         Mahalanobis distance of the tuned model from the evidence.
     bound : float
@@ -56,15 +70,19 @@ class Tuning:
     bound: float
     refusal: str = ""
 
-    def document(self, model: str = "", files: Mapping[str, Mapping[str, str]] | None = None) -> dict[str, Any]:
+    def document(
+        self, model: str = "", files: Mapping[str, Mapping[str, str]] | None = None
+    ) -> dict[str, Any]:
         """Return the log as plain data.
 
         Parameters
         ----------
         model : str
-            SHA-256 of the tables of the tuned model (`flightmech.simulation.nodes_digest`), by which an FMU of it is known.
+            SHA-256 of the tables of the tuned model (`flightmech.simulation.nodes_digest`), by
+            which an FMU of it is known.
         files : mapping of str to mapping, optional
-            ``name`` and ``sha256`` of the files it rests on: `BASES`, ``case NAME`` and ``record of NAME``.
+            ``name`` and ``sha256`` of the files it rests on: `BASES`, ``case NAME`` and ``record of
+            NAME``.
         """
         return plain(
             {
@@ -91,7 +109,11 @@ def headline(log: Mapping[str, Any]) -> str:
     wanted = ", ".join(row["case"] for row in log["rows"] if row["wanted"])
     if not log["moves"]:
         found = "the wanted rows pass as they are" if wanted else "no row fails"
-        left = [f"{status_text(row['before'])} {row['case']}" for row in log["rows"] if row["before"] in ("invalid", "not_tested")]
+        left = [
+            f"{status_text(row['before'])} {row['case']}"
+            for row in log["rows"]
+            if row["before"] in ("invalid", "not_tested")
+        ]
         return "; ".join([f"nothing moved: {found}", *left])
     far = max(log["moves"], key=lambda move: move["from_evidence"])
     largest = f"largest move from it {far['from_evidence']:.2f} standard errors, {far['term']}"
@@ -104,7 +126,9 @@ NUMBERS = ("moved", "from evidence", "share", "nodes", "ratio before", "ratio af
 
 
 def moves_of(log: Mapping[str, Any]) -> tuple[list[tuple[str, ...]], str]:
-    """Return the cells of `MOVES` for every term that moved by more than `LEAST`, and a sentence on the others."""
+    """Return the cells of `MOVES` for every term that moved by more than `LEAST`, and a sentence on
+    the others.
+    """
     found: list[tuple[str, ...]] = [
         (
             move["term"],
@@ -119,7 +143,12 @@ def moves_of(log: Mapping[str, Any]) -> tuple[list[tuple[str, ...]], str]:
         if move["moved"] >= LEAST
     ]
     rest = len(log["moves"]) - len(found)
-    return found, f"{rest} further term{'s' if rest > 1 else ''} by less than {LEAST:g} standard errors" if rest else ""
+    return (
+        found,
+        f"{rest} further term{'s' if rest > 1 else ''} by less than {LEAST:g} standard errors"
+        if rest
+        else "",
+    )
 
 
 def rows_of(log: Mapping[str, Any]) -> list[tuple[str, ...]]:
@@ -145,9 +174,7 @@ def lines(log: Mapping[str, Any]) -> Iterator[str]:
     moves, rest = moves_of(log)
     for term, moved, away, share, nodes, at, why in moves:
         verb, place = "would move" if log["refusal"] else "moved", f", most at {at}" if at else ""
-        text = (
-            f"{term}: {verb} by {moved} standard errors at most ({nodes} nodes{place}), {away} from the evidence, {share} of the distance"
-        )
+        text = f"{term}: {verb} by {moved} standard errors at most ({nodes} nodes{place}), {away} from the evidence, {share} of the distance"
         yield f"{text}; rationale: {why}" if why else text
     if rest:
         yield rest
@@ -171,16 +198,25 @@ def read_log(path: str | os.PathLike) -> dict[str, Any]:
         raise SchemaError(str(path), [f"no JSON text ({error}); {expected}"]) from error
     kind = log.get("kind") if isinstance(log, dict) else None
     if kind != KIND:
-        raise SchemaError(str(path), [f"no log of a tuning (kind is {kind!r}, {KIND!r} is needed); {expected}"])
+        raise SchemaError(
+            str(path), [f"no log of a tuning (kind is {kind!r}, {KIND!r} is needed); {expected}"]
+        )
     problems = [f"{name} is missing" for name in sorted(_NEEDED - set(log))]
     for part, needed in (("moves", _OF_MOVES), ("rows", _OF_ROWS)):
         problems += [
-            f"{part}[{k}] lacks {', '.join(sorted(needed - set(item)))}" for k, item in enumerate(log.get(part, ())) if needed - set(item)
+            f"{part}[{k}] lacks {', '.join(sorted(needed - set(item)))}"
+            for k, item in enumerate(log.get(part, ()))
+            if needed - set(item)
         ]
     if problems:
-        raise SchemaError(str(path), [f"{problem}; write the log again with aeromatch pom tune" for problem in problems])
+        raise SchemaError(
+            str(path),
+            [f"{problem}; write the log again with aeromatch pom tune" for problem in problems],
+        )
     if log["refusal"]:
-        raise SchemaError(str(path), [f"the log of a refusal, no model was tuned: {log['refusal']}"])
+        raise SchemaError(
+            str(path), [f"the log of a refusal, no model was tuned: {log['refusal']}"]
+        )
     return log
 
 

@@ -1,4 +1,6 @@
-"""The child process: jobs come on stdin, replies leave on a private copy of stdout; what the FMU prints goes to stderr."""
+"""The child process: jobs come on stdin, replies leave on a private copy of stdout; what the FMU
+prints goes to stderr.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,9 @@ from pom.fmu.worker.messages import columns_of, reply_bytes
 
 
 def main(path: str, folder: str, parent: str, memory: str, written: str, unpacked: str) -> None:
-    """Answer jobs until stdin ends, or the process with the number `parent`; 0: somebody else watches over it."""
+    """Answer jobs until stdin ends, or the process with the number `parent`; 0: somebody else
+    watches over it.
+    """
     if int(parent):
         threading.Thread(target=_end_with, args=(int(parent), folder), daemon=True).start()
     replies = os.dup(1)
@@ -64,7 +68,9 @@ def _limit(kind: str, size: int) -> None:
 
 
 def _end_with(parent: int, folder: str) -> None:
-    """End with the parent, and all processes of the FMU, even when it hangs and reads no input any more."""
+    """End with the parent, and all processes of the FMU, even when it hangs and reads no input any
+    more.
+    """
     while os.getppid() == parent:
         time.sleep(1.0)
     shutil.rmtree(folder, ignore_errors=True)

@@ -15,14 +15,23 @@ _LONGEST = 65536  # bytes of a text
 
 
 def moved_controls(job: Mapping[str, Any]) -> list[str]:
-    """Return the controls that the math pilot and the control law move, in the order of their columns behind the outputs."""
-    return [*(job["pilot"]["move"] if job.get("pilot") else ()), *(job["law"]["moves"] if job.get("law") else ())]
+    """Return the controls that the math pilot and the control law move, in the order of their
+    columns behind the outputs.
+    """
+    return [
+        *(job["pilot"]["move"] if job.get("pilot") else ()),
+        *(job["law"]["moves"] if job.get("law") else ()),
+    ]
 
 
 def columns_of(job: Mapping[str, Any], reply: Mapping[str, Any]) -> np.ndarray:
-    """Return the numbers of a reply of `pom.fmu.worker.replay` (time, column); NaN for what did not come."""
+    """Return the numbers of a reply of `pom.fmu.worker.replay` (time, column); NaN for what did not
+    come.
+    """
     nothing = np.full(len(job["time"]), np.nan)
-    return np.column_stack([reply["outputs"], *(reply["moved"].get(name, nothing) for name in moved_controls(job))])
+    return np.column_stack(
+        [reply["outputs"], *(reply["moved"].get(name, nothing) for name in moved_controls(job))]
+    )
 
 
 def reply_bytes(number: int, error: str, columns: np.ndarray) -> bytes:
@@ -37,11 +46,16 @@ def reply_bytes(number: int, error: str, columns: np.ndarray) -> bytes:
     columns : array (time, column)
         Empty when there are none.
     """
-    text, values = error.encode("utf-8", "replace")[:_LONGEST], np.ascontiguousarray(columns, "<f8").tobytes()
+    text, values = (
+        error.encode("utf-8", "replace")[:_LONGEST],
+        np.ascontiguousarray(columns, "<f8").tobytes(),
+    )
     return _HEAD.pack(_MAGIC, number, len(text), len(values)) + text + values
 
 
-def read_reply(read: Callable[[int], bytes], number: int, shape: tuple[int, int]) -> tuple[str, np.ndarray | None]:
+def read_reply(
+    read: Callable[[int], bytes], number: int, shape: tuple[int, int]
+) -> tuple[str, np.ndarray | None]:
     """Return text and numbers of a reply; None where there are no numbers.
 
     Parameters
@@ -65,7 +79,9 @@ def read_reply(read: Callable[[int], bytes], number: int, shape: tuple[int, int]
     if magic != _MAGIC or answered != number or length > _LONGEST or size not in (0, wanted):
         raise ValueError("no reply to this job")
     text, values = _exactly(read, length).decode("utf-8", "replace"), _exactly(read, size)
-    return text, np.frombuffer(values, "<f8").reshape(shape).astype(float) if size or not wanted else None
+    return text, np.frombuffer(values, "<f8").reshape(shape).astype(
+        float
+    ) if size or not wanted else None
 
 
 def _exactly(read: Callable[[int], bytes], count: int) -> bytes:
@@ -82,7 +98,8 @@ REAL = ("Real", "Float32", "Float64")
 
 
 class Ports:
-    """Variables of an instance that are set and read together, type by type; every number is a float outside.
+    """Variables of an instance that are set and read together, type by type; every number is a
+    float outside.
 
     Parameters
     ----------
@@ -102,7 +119,15 @@ class Ports:
         for kind in dict.fromkeys(kinds):
             columns = [i for i, other in enumerate(kinds) if other == kind]
             references = [variables[i].valueReference for i in columns]
-            self.groups.append((kind, columns, references, getattr(instance, f"set{kind}"), getattr(instance, f"get{kind}")))
+            self.groups.append(
+                (
+                    kind,
+                    columns,
+                    references,
+                    getattr(instance, f"set{kind}"),
+                    getattr(instance, f"get{kind}"),
+                )
+            )
 
     def put(self, values: Sequence[float] | np.ndarray) -> None:
         """Set all; a Boolean is true from one half on, an Integer is rounded."""
@@ -129,7 +154,9 @@ class Ports:
 
 
 def _kind(word: str, version: int) -> str:
-    """Return the type by which a variable is set: an Enumeration is an Integer, in FMI 3.0 an Int64."""
+    """Return the type by which a variable is set: an Enumeration is an Integer, in FMI 3.0 an
+    Int64.
+    """
     if word == "Enumeration":
         return "Int64" if version == 3 else "Integer"
     return word
@@ -140,7 +167,8 @@ def _whole(kind: str, value: float) -> int | bool:
 
 
 class Course:
-    """Inputs over time: linear between samples; what is no continuous Real keeps the value of a sample until the next.
+    """Inputs over time: linear between samples; what is no continuous Real keeps the value of a
+    sample until the next.
 
     Parameters
     ----------
@@ -166,11 +194,15 @@ class Course:
         return self.values[k] + self.added
 
     def middle(self, k: int) -> np.ndarray:
-        """Return what is held best from sample `k` to the next: the middle, whose error is of second order."""
+        """Return what is held best from sample `k` to the next: the middle, whose error is of
+        second order.
+        """
         return self._middles[k] + self.added
 
     def slope(self, k: int) -> np.ndarray:
-        """Return the rates of change from sample `k` to the next; zero for what is no continuous Real. [1/s]"""
+        """Return the rates of change from sample `k` to the next; zero for what is no continuous
+        Real. [1/s]
+        """
         return self._slopes[k]
 
     def between(self, t: float) -> np.ndarray:
@@ -179,11 +211,22 @@ class Course:
         if k == len(self.time) - 1:
             return self.at(k)
         share = max(t - self.time[k], 0.0) / (self.time[k + 1] - self.time[k])
-        return np.where(self.continuous, (1.0 - share) * self.values[k] + share * self.values[k + 1], self.values[k]) + self.added
+        return (
+            np.where(
+                self.continuous,
+                (1.0 - share) * self.values[k] + share * self.values[k + 1],
+                self.values[k],
+            )
+            + self.added
+        )
 
 
 def course_of(time: np.ndarray, columns: Sequence[np.ndarray], variables: Sequence[Any]) -> Course:
-    """Return the course of inputs given by columns, one per variable; time is counted from its first sample."""
+    """Return the course of inputs given by columns, one per variable; time is counted from its
+    first sample.
+    """
     values = np.column_stack(columns) if len(columns) else np.zeros((len(time), 0))
-    continuous = [v.type in REAL and v.variability not in ("discrete", "tunable", "fixed") for v in variables]
+    continuous = [
+        v.type in REAL and v.variability not in ("discrete", "tunable", "fixed") for v in variables
+    ]
     return Course(time - time[0], values, np.array(continuous, bool))

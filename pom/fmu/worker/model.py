@@ -10,10 +10,16 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-_CAPABILITIES = ("canHandleVariableCommunicationStepSize", "canInterpolateInputs", "canBeInstantiatedOnlyOncePerProcess")
+_CAPABILITIES = (
+    "canHandleVariableCommunicationStepSize",
+    "canInterpolateInputs",
+    "canBeInstantiatedOnlyOncePerProcess",
+)
 
 
-_LARGEST = 64_000_000  # bytes of modelDescription.xml; 100 times those of models with 10 000 variables
+_LARGEST = (
+    64_000_000  # bytes of modelDescription.xml; 100 times those of models with 10 000 variables
+)
 
 
 def demand_size(path: str | Path, most: int) -> None:
@@ -26,11 +32,14 @@ def demand_size(path: str | Path, most: int) -> None:
     with zipfile.ZipFile(path) as file:
         size = sum(item.file_size for item in file.infolist())
     if most and size > most:
-        raise ValueError(f"its files have {size / 1e6:.0f} MB unpacked, allowed are {most / 1e6:.0f} MB (AEROMATCH_FMU_UNPACKED)")
+        raise ValueError(
+            f"its files have {size / 1e6:.0f} MB unpacked, allowed are {most / 1e6:.0f} MB (AEROMATCH_FMU_UNPACKED)"
+        )
 
 
 def platform_problem(path: str | Path, description: Any) -> str:
-    """Return that an FMU has no library for this platform, with the platforms that it has one for; empty if it has one.
+    """Return that an FMU has no library for this platform, with the platforms that it has one for;
+    empty if it has one.
 
     Parameters
     ----------
@@ -44,11 +53,23 @@ def platform_problem(path: str | Path, description: Any) -> str:
     here = fmpy.platform_tuple if description.fmiVersion.startswith("3") else fmpy.platform
     with zipfile.ZipFile(path) as file:
         names = [name.replace("\\", "/") for name in file.namelist()]
-    held = sorted({name.split("/")[1] for name in names if name.startswith("binaries/") and not name.endswith("/") and name.count("/") > 1})
+    held = sorted(
+        {
+            name.split("/")[1]
+            for name in names
+            if name.startswith("binaries/") and not name.endswith("/") and name.count("/") > 1
+        }
+    )
     if here in held:
         return ""
     sources = any(name.startswith("sources/") and name.endswith(".c") for name in names)
-    there = f"a library for {', '.join(held)}" if held else "C sources and no library" if sources else "no library"
+    there = (
+        f"a library for {', '.join(held)}"
+        if held
+        else "C sources and no library"
+        if sources
+        else "no library"
+    )
     return f"the FMU has {there}; this platform is {here}: export the FMU for {here}, or run it on another machine"
 
 
@@ -98,7 +119,8 @@ class Model:
     exchange : bool
         Model exchange: there is no co-simulation, so an integrator of ours steps it.
     takes_records : bool
-        The arrays ``replay.n replay.t replay.u replay.y``, as `flightmech.write_fmu` makes them, take a whole record in one step.
+        The arrays ``replay.n replay.t replay.u replay.y``, as `flightmech.write_fmu` makes them,
+        take a whole record in one step.
     most : int
         As given. [byte]
     messages : deque of str
@@ -123,7 +145,11 @@ class Model:
         self.inputs = [v for v in scalars if v.causality == "input"]
         self.outputs = [v for v in scalars if v.causality == "output"]
         sizes = self._columns("replay.u"), self._columns("replay.y")
-        self.takes_records = self.version == 3 and not self.exchange and sizes == (len(self.inputs), len(self.outputs))
+        self.takes_records = (
+            self.version == 3
+            and not self.exchange
+            and sizes == (len(self.inputs), len(self.outputs))
+        )
 
     def open(self) -> Any:
         """Return a new instance of FMPy's class for the version and kind.
@@ -148,29 +174,43 @@ class Model:
         return found
 
     def _bound(self) -> Any:
-        """Return an object of FMPy's class, whose functions are those of the library, without an instance."""
+        """Return an object of FMPy's class, whose functions are those of the library, without an
+        instance.
+        """
         from fmpy import fmi1, fmi2, fmi3
 
-        classes = {1: (fmi1.FMU1Slave, fmi1.FMU1Model), 2: (fmi2.FMU2Slave, fmi2.FMU2Model), 3: (fmi3.FMU3Slave, fmi3.FMU3Model)}
+        classes = {
+            1: (fmi1.FMU1Slave, fmi1.FMU1Model),
+            2: (fmi2.FMU2Slave, fmi2.FMU2Model),
+            3: (fmi3.FMU3Slave, fmi3.FMU3Model),
+        }
         kind = self.description.modelExchange if self.exchange else self.description.coSimulation
         return classes[self.version][self.exchange](
-            guid=self.description.guid, unzipDirectory=self.folder, modelIdentifier=kind.modelIdentifier, instanceName="model"
+            guid=self.description.guid,
+            unzipDirectory=self.folder,
+            modelIdentifier=kind.modelIdentifier,
+            instanceName="model",
         )
 
     def _bound_again(self) -> Any:
-        """Return what `_bound` does; FMPy looks at the signatures of all functions once, which takes as long as a flight of some seconds.
+        """Return what `_bound` does; FMPy looks at the signatures of all functions once, which
+        takes as long as a flight of some seconds.
 
-        The library stays loaded.  That of an FMU that takes records holds nothing outside its instances; one of another origin is loaded
-        anew for each of them.
+        The library stays loaded.  That of an FMU that takes records holds nothing outside its
+        instances; one of another origin is loaded anew for each of them.
         """
         if self._kept is None:
             self._kept = self._bound()
         found = copy(self._kept)
-        found.dll = cdll.LoadLibrary(found.dll._name)  # a handle of its own, which the end of the instance gives back
+        found.dll = cdll.LoadLibrary(
+            found.dll._name
+        )  # a handle of its own, which the end of the instance gives back
         return found
 
     def _columns(self, name: str) -> int:
-        """Return the number of columns of an array with one row per sample of ``replay.n``; 0: there is none."""
+        """Return the number of columns of an array with one row per sample of ``replay.n``; 0:
+        there is none.
+        """
         variable = self.variables.get(name)
         dimensions = getattr(variable, "dimensions", None) or []
         rows = dimensions[0].variable if len(dimensions) == 2 else None
@@ -178,7 +218,9 @@ class Model:
 
     def _callbacks1(self, fmi1) -> Any:
         callbacks = fmi1.fmi1CallbackFunctions()
-        callbacks.logger = fmi1.fmi1CallbackLoggerTYPE(lambda _, name, status, category, message: self._log(status, message))
+        callbacks.logger = fmi1.fmi1CallbackLoggerTYPE(
+            lambda _, name, status, category, message: self._log(status, message)
+        )
         callbacks.allocateMemory = fmi1.fmi1CallbackAllocateMemoryTYPE(fmi1.calloc)
         callbacks.freeMemory = fmi1.fmi1CallbackFreeMemoryTYPE(fmi1.free)
         callbacks.stepFinished = None
@@ -186,7 +228,9 @@ class Model:
 
     def _callbacks2(self, fmi2) -> Any:
         callbacks = fmi2.fmi2CallbackFunctions()
-        callbacks.logger = fmi2.fmi2CallbackLoggerTYPE(lambda _, name, status, category, message: self._log(status, message))
+        callbacks.logger = fmi2.fmi2CallbackLoggerTYPE(
+            lambda _, name, status, category, message: self._log(status, message)
+        )
         callbacks.allocateMemory = fmi2.fmi2CallbackAllocateMemoryTYPE(fmi2.calloc)
         callbacks.freeMemory = fmi2.fmi2CallbackFreeMemoryTYPE(fmi2.free)
         return _with_formatted_messages(callbacks)
@@ -200,7 +244,9 @@ class Model:
 
 
 def _with_formatted_messages(callbacks: Any) -> Any:
-    """Return callbacks whose logger gets the finished text; FMPy's native proxy puts in the variadic arguments."""
+    """Return callbacks whose logger gets the finished text; FMPy's native proxy puts in the
+    variadic arguments.
+    """
     from fmpy.logging import addLoggerProxy
 
     addLoggerProxy(byref(callbacks))
@@ -210,7 +256,8 @@ def _with_formatted_messages(callbacks: Any) -> Any:
 def _repair_status(instance: Any) -> None:
     """Have the functions of FMI 1.0 return their status.
 
-    FMPy 0.3 declares the result of most of them as a text; a status other than zero would be read as an address.
+    FMPy 0.3 declares the result of most of them as a text; a status other than zero would be read
+    as an address.
     """
     from ctypes import c_char_p, c_int
 

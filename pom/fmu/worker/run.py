@@ -1,10 +1,12 @@
 """One replay on one instance, from the job of the parent to its reply.
 
-Before outputs are read the inputs of that instant are set, so a direct feed-through is not one step late.  The math pilot is called
-once per sample, with the outputs of that sample; what it adds stays until the next.
+Before outputs are read the inputs of that instant are set, so a direct feed-through is not one step
+late.  The math pilot is called once per sample, with the outputs of that sample; what it adds stays
+until the next.
 
-A control law is a second FMU, coupled sample by sample: over a step it sees the outputs of the model at its beginning, and what it
-gives at its end drives the model over the next step.  The feedback is one step late.
+A control law is a second FMU, coupled sample by sample: over a step it sees the outputs of the
+model at its beginning, and what it gives at its end drives the model over the next step.  The
+feedback is one step late.
 """
 
 from __future__ import annotations
@@ -27,17 +29,20 @@ def replay(model: Model, job: dict[str, Any]) -> dict[str, Any]:
     ----------
     model : Model
     job : dict
-        ``time`` (time,), ``inputs`` (name to array), ``parameters`` (name to number), ``outputs`` (names); with a math pilot ``pilot``:
-        its ``loops`` and ``targets``, ``sense`` (channel to column of the outputs, factor and offset to SI) and ``move`` (control to
-        column of the inputs and factor to SI).  With a control law ``law``: its ``fmu``, its ``inputs`` (names) with their recorded
-        ``values`` (time, input), ``start`` (input,) and ``parameters``; ``feedback``, rows (input, column of the outputs, factor, offset);
-        ``outputs`` (names), and ``moves``, by control (column of the inputs, factor and offset to the model, factor and offset to SI).
+        ``time`` (time,), ``inputs`` (name to array), ``parameters`` (name to number), ``outputs``
+        (names); with a math pilot ``pilot``: its ``loops`` and ``targets``, ``sense`` (channel to
+        column of the outputs, factor and offset to SI) and ``move`` (control to column of the
+        inputs and factor to SI).  With a control law ``law``: its ``fmu``, its ``inputs`` (names)
+        with their recorded ``values`` (time, input), ``start`` (input,) and ``parameters``;
+        ``feedback``, rows (input, column of the outputs, factor, offset); ``outputs`` (names), and
+        ``moves``, by control (column of the inputs, factor and offset to the model, factor and
+        offset to SI).
 
     Returns
     -------
     dict
-        ``outputs`` (time, output), NaN behind a failure; ``moved``, what the pilot added and where the law moved (control to array, SI);
-        ``error``, empty when all went well.
+        ``outputs`` (time, output), NaN behind a failure; ``moved``, what the pilot added and where
+        the law moved (control to array, SI); ``error``, empty when all went well.
     """
     model.messages.clear()
     if model.takes_records and len(job["time"]) > 1 and not job.get("pilot") and not job.get("law"):
@@ -57,7 +62,9 @@ def _in_one_step(model: Model, job: dict[str, Any]) -> dict[str, Any]:
         place = "the replay"
         record.fly()
     except Exception as error:
-        return _reply(record.read() if place == "the replay" else nothing, _text(place, error, model))
+        return _reply(
+            record.read() if place == "the replay" else nothing, _text(place, error, model)
+        )
     found = record.read()
     record.close()
     return _reply(found, "")
@@ -73,7 +80,9 @@ def _step_by_step(model: Model, job: dict[str, Any]) -> dict[str, Any]:
     try:
         law = _ControlLaw(job, course, model.folder, model.most) if job.get("law") else None
         flown = (Exchange if model.exchange else CoSimulation)(model, variables, course)
-        outputs = Ports(flown.instance, model.version, [model.variables[name] for name in job["outputs"]])
+        outputs = Ports(
+            flown.instance, model.version, [model.variables[name] for name in job["outputs"]]
+        )
     except Exception as error:
         return _reply(found, _text("instantiation", error, model))
     place = "initialisation"
@@ -110,7 +119,10 @@ class _Hand:
         self.sense, self.move, self.course = given["sense"], given["move"], course
 
     def act(self, k: int, outputs: np.ndarray) -> None:
-        seen = {name: outputs[column] * factor + offset for name, (column, factor, offset) in self.sense.items()}
+        seen = {
+            name: outputs[column] * factor + offset
+            for name, (column, factor, offset) in self.sense.items()
+        }
         added = np.zeros_like(self.course.added)
         for name, correction in self.pilot.controls(k, seen).items():
             column, factor = self.move[name]
@@ -121,7 +133,8 @@ class _Hand:
 class _ControlLaw:
     """The FMU of a control law, in its own units, and the inputs of the model that it moves.
 
-    Everything it sees is held from sample to sample, as a computer samples it; a law in model exchange sees the record linear between.
+    Everything it sees is held from sample to sample, as a computer samples it; a law in model
+    exchange sees the record linear between.
     """
 
     def __init__(self, job: dict[str, Any], course: Course, folder: str, most: int):
@@ -131,7 +144,9 @@ class _ControlLaw:
         time, values = np.asarray(job["time"], float), np.asarray(given["values"], float)
         held = Course(time - time[0], values, np.zeros(len(variables), bool))
         self.course = course_of(time, list(values.T), variables) if self.model.exchange else held
-        self.flown = (Exchange if self.model.exchange else CoSimulation)(self.model, variables, self.course)
+        self.flown = (Exchange if self.model.exchange else CoSimulation)(
+            self.model, variables, self.course
+        )
         outputs = [self.model.variables[name] for name in given["outputs"]]
         self.outputs, self.driven = Ports(self.flown.instance, self.model.version, outputs), course
         self.moved = {name: np.full(len(time), np.nan) for name in given["moves"]}
@@ -139,11 +154,18 @@ class _ControlLaw:
     def start(self) -> None:
         """Initialise with the record at the first sample, and set what the law gives there."""
         self.course.added = np.asarray(self.given["start"], float) - self.course.values[0]
-        self.flown.start([(self.model.variables[name], value) for name, value in self.given["parameters"].items()])
+        self.flown.start(
+            [
+                (self.model.variables[name], value)
+                for name, value in self.given["parameters"].items()
+            ]
+        )
         self._put(0)
 
     def act(self, k: int, outputs: np.ndarray) -> None:
-        """Step from sample k to k + 1 with the outputs of the model at k, and set what the law gives in the end."""
+        """Step from sample k to k + 1 with the outputs of the model at k, and set what the law
+        gives in the end.
+        """
         added = np.zeros(self.course.values.shape[1])
         for place, column, factor, offset in self.given["feedback"]:
             added[place] = factor * outputs[column] + offset
@@ -153,7 +175,9 @@ class _ControlLaw:
 
     def _put(self, k: int) -> None:
         added = self.driven.added.copy()
-        for (name, (column, factor, offset, to_si, origin)), value in zip(self.given["moves"].items(), self.outputs.get(), strict=True):
+        for (name, (column, factor, offset, to_si, origin)), value in zip(
+            self.given["moves"].items(), self.outputs.get(), strict=True
+        ):
             added[column] = factor * value + offset
             self.moved[name][k] = to_si * value + origin
         self.driven.added = added
@@ -176,7 +200,9 @@ def _unpacked(law: dict[str, Any], folder: str, most: int) -> Model:
     return _LAWS[key]
 
 
-def _reply(outputs: np.ndarray, error: str, pilot: _Hand | None = None, law: _ControlLaw | None = None) -> dict[str, Any]:
+def _reply(
+    outputs: np.ndarray, error: str, pilot: _Hand | None = None, law: _ControlLaw | None = None
+) -> dict[str, Any]:
     moved = {**(pilot.pilot.moved if pilot else {}), **(law.moved if law else {})}
     return {"outputs": outputs, "moved": moved, "error": error}
 

@@ -1,4 +1,6 @@
-"""Model exchange of FMI 1.0, 2.0 and 3.0: FMPy's CVode integrates the states of the FMU from sample to sample."""
+"""Model exchange of FMI 1.0, 2.0 and 3.0: FMPy's CVode integrates the states of the FMU from sample
+to sample.
+"""
 
 from __future__ import annotations
 
@@ -74,8 +76,15 @@ class CoSimulation:
             return
         from ctypes import c_double, c_int, c_uint
 
-        n = len(slopes)  # FMPy 0.3 calls fmiInitializeSlave where it means fmiSetRealInputDerivatives
-        arguments = (c_uint * n)(*self.references), n, (c_int * n)(*[1] * n), (c_double * n)(*slopes)
+        n = len(
+            slopes
+        )  # FMPy 0.3 calls fmiInitializeSlave where it means fmiSetRealInputDerivatives
+        arguments = (
+            (c_uint * n)(*self.references),
+            n,
+            (c_int * n)(*[1] * n),
+            (c_double * n)(*slopes),
+        )
         self.instance._call("fmi1SetRealInputDerivatives", self.instance.component, *arguments)
 
     def close(self) -> None:
@@ -86,7 +95,9 @@ class CoSimulation:
 
 def set_parameters(instance: Any, version: int, parameters: Sequence[tuple[Any, float]]) -> None:
     """Set variables to values before initialisation."""
-    Ports(instance, version, [variable for variable, _ in parameters]).put([value for _, value in parameters])
+    Ports(instance, version, [variable for variable, _ in parameters]).put(
+        [value for _, value in parameters]
+    )
 
 
 TOLERANCE = 1e-8
@@ -98,8 +109,9 @@ NEAR = 1e-9
 class Exchange:
     """One instance in model exchange; parameters as `CoSimulation`.
 
-    FMPy's own loop applies inputs at the ends of steps only: its right-hand side never sees them change.  Here the clock of the
-    solver sets them too.  No step is longer than a sample, so that a short input cannot be stepped over.
+    FMPy's own loop applies inputs at the ends of steps only: its right-hand side never sees them
+    change.  Here the clock of the solver sets them too.  No step is longer than a sample, so that a
+    short input cannot be stepped over.
     """
 
     def __init__(self, model: Model, inputs: Sequence[Any], course: Course):
@@ -124,7 +136,9 @@ class Exchange:
             self.inputs.put(self.course.at(0))
             self._heed(self.instance.initialize()[3:])
         else:
-            self.instance.enterInitializationMode(**({} if self.model.version == 2 else {"startTime": 0.0, "stopTime": duration}))
+            self.instance.enterInitializationMode(
+                **({} if self.model.version == 2 else {"startTime": 0.0, "stopTime": duration})
+            )
             self.inputs.put(self.course.at(0))
             self.instance.exitInitializationMode()
             self._update_discrete()
@@ -140,9 +154,13 @@ class Exchange:
             nz=description.numberOfEventIndicators,
             get_x=fmu.getContinuousStates,
             set_x=fmu.setContinuousStates,
-            get_dx=fmu.getContinuousStateDerivatives if self.model.version == 3 else fmu.getDerivatives,
+            get_dx=fmu.getContinuousStateDerivatives
+            if self.model.version == 3
+            else fmu.getDerivatives,
             get_z=fmu.getEventIndicators,
-            get_nominals=fmu.getNominalContinuousStates if self.model.version == 1 else fmu.getNominalsOfContinuousStates,
+            get_nominals=fmu.getNominalContinuousStates
+            if self.model.version == 1
+            else fmu.getNominalsOfContinuousStates,
             set_time=self._at,
             input=self,
             startTime=0.0,
@@ -155,16 +173,20 @@ class Exchange:
         self.apply(t)
 
     def apply(self, t: float) -> None:
-        """Set the continuous inputs of an instant; the solver requests it before it looks for events."""
+        """Set the continuous inputs of an instant; the solver requests it before it looks for
+        events.
+        """
         self.continuous.put(self.course.between(t)[self.places])
 
     def advance(self, k: int) -> None:
-        """Integrate from sample k to k + 1, through all events on the way; the inputs of k + 1 are set in the end.
+        """Integrate from sample k to k + 1, through all events on the way; the inputs of k + 1 are
+        set in the end.
 
         Raises
         ------
         RuntimeError
-            The FMU asks to end, the integration fails, or a function of FMPy reports that a call failed.
+            The FMU asks to end, the integration fails, or a function of FMPy reports that a call
+            failed.
         """
         goal = float(self.course.time[k + 1])
         if self.added is not self.course.added:  # the math pilot has moved
@@ -182,12 +204,18 @@ class Exchange:
                 self._at(self.time)
             if self._completed() or happened or due:
                 self._event()
-        if not np.array_equal(self.course.at(k)[~self.course.continuous], self.course.at(k + 1)[~self.course.continuous]):
+        if not np.array_equal(
+            self.course.at(k)[~self.course.continuous],
+            self.course.at(k + 1)[~self.course.continuous],
+        ):
             self._event(self.course.at(k + 1))
 
     def _completed(self) -> bool:
         """Notify the FMU that a step is done; return whether it wants an event."""
-        if self.model.version > 1 and not self.model.description.modelExchange.needsCompletedIntegratorStep:
+        if (
+            self.model.version > 1
+            and not self.model.description.modelExchange.needsCompletedIntegratorStep
+        ):
             return False
         answer = self.instance.completedIntegratorStep()
         if self.model.version == 1:
@@ -213,7 +241,11 @@ class Exchange:
         self.solver.reset(self.time)
 
     def _update_discrete(self) -> None:
-        update = self.instance.newDiscreteStates if self.model.version == 2 else self.instance.updateDiscreteStates
+        update = (
+            self.instance.newDiscreteStates
+            if self.model.version == 2
+            else self.instance.updateDiscreteStates
+        )
         again = True
         while again:
             again, ends, _, _, has_next, following = update()
@@ -252,7 +284,11 @@ class Record:
 
     def start(self) -> None:
         """Set parameters and leave initialisation."""
-        set_parameters(self.slave, 3, [(self.model.variables[name], value) for name, value in self.job["parameters"].items()])
+        set_parameters(
+            self.slave,
+            3,
+            [(self.model.variables[name], value) for name, value in self.job["parameters"].items()],
+        )
         self.slave.enterInitializationMode(startTime=0.0, stopTime=self.duration)
         self.slave.setFloat64([v.valueReference for v in self.model.inputs], self.first.tolist())
         self.slave.exitInitializationMode()
@@ -275,4 +311,10 @@ class Record:
 
     def _array(self, function: str, name: str, values: np.ndarray) -> None:
         reference = (c_uint * 1)(self.model.variables[name].valueReference)
-        getattr(self.slave, function)(self.slave.component, reference, 1, values.ctypes.data_as(POINTER(c_double)), values.size)
+        getattr(self.slave, function)(
+            self.slave.component,
+            reference,
+            1,
+            values.ctypes.data_as(POINTER(c_double)),
+            values.size,
+        )

@@ -1,7 +1,9 @@
-"""Free motion of a control after its release (2.b.1-2.b.3): P0, Pn, An, number of overshoots, time of an overdamped one.
+"""Free motion of a control after its release (2.b.1-2.b.3): P0, Pn, An, number of overshoots, time
+of an overdamped one.
 
-The steady (neutral) values of the two records are overlaid first, each being subtracted from its own record; then
-everything is measured in fractions of the first displacement Ad.  Overshoots within 5 % of Ad are not significant.
+The steady (neutral) values of the two records are overlaid first, each being subtracted from its
+own record; then everything is measured in fractions of the first displacement Ad.  Overshoots
+within 5 % of Ad are not significant.
 """
 
 from __future__ import annotations
@@ -48,14 +50,17 @@ class Branch:
         return np.interp(x, self.x[order], self.y[order], left=np.nan, right=np.nan)
 
     def together(self, other: Branch) -> float:
-        """Return for how long two branches of the same direction run at the same time; negative when they do not. [s]"""
+        """Return for how long two branches of the same direction run at the same time; negative
+        when they do not. [s]
+        """
         if self.direction != other.direction:
             return -np.inf
         return float(min(self.time[-1], other.time[-1]) - max(self.time[0], other.time[0]))
 
 
 def curve(criterion: Criterion, match: Match) -> Outcome:
-    """Judge y over x of a slow sweep: at every flight sample, the model at equal x on the same branch.
+    """Judge y over x of a slow sweep: at every flight sample, the model at equal x on the same
+    branch.
 
     A percentage is of the flight value at that x.
     """
@@ -64,18 +69,23 @@ def curve(criterion: Criterion, match: Match) -> Outcome:
 
 
 def force_increment(criterion: Criterion, match: Match) -> Outcome:
-    """Judge the force of a moderate or rapid sweep above that of the slow one, at equal position and direction.
+    """Judge the force of a moderate or rapid sweep above that of the slow one, at equal position
+    and direction.
 
     The slow (static) sweep lies between the events ``static_sweep_start`` and ``static_sweep_end``.
     """
     mask = inside_window(match.time, criterion.window)
-    slow = inside_window(match.time, (event_time(match, "static_sweep_start"), event_time(match, "static_sweep_end")))
+    slow = inside_window(
+        match.time, (event_time(match, "static_sweep_start"), event_time(match, "static_sweep_end"))
+    )
     runs = zip(_branches(criterion, match, mask), _branches(criterion, match, slow), strict=True)
     flight, model = (_above(rapid, static) for rapid, static in runs)
     return _compare(criterion, flight, model)
 
 
-def _branches(criterion: Criterion, match: Match, mask: np.ndarray) -> tuple[list[Branch], list[Branch]]:
+def _branches(
+    criterion: Criterion, match: Match, mask: np.ndarray
+) -> tuple[list[Branch], list[Branch]]:
     """Return the branches of flight and model, without the samples next to a turn."""
     time, *xs = match.over(mask, criterion.abscissa)
     _, *ys = match.over(mask, criterion.channel)
@@ -86,19 +96,26 @@ def _branches(criterion: Criterion, match: Match, mask: np.ndarray) -> tuple[lis
             raise Invalid(f"{who} does not move {criterion.abscissa}")
         way = directions(x, TURN * travel)
         parts = np.split(np.arange(x.size), np.flatnonzero(np.diff(way)) + 1)
-        kept = [part[_progress(int(way[part[0]]) * (x[part] - x[part[0]]), SLACK * travel)] for part in parts]
+        kept = [
+            part[_progress(int(way[part[0]]) * (x[part] - x[part[0]]), SLACK * travel)]
+            for part in parts
+        ]
         found.append([Branch(int(way[k[0]]), time[k], x[k], y[k]) for k in kept if k.size > 1])
     return found[0], found[1]
 
 
 def _progress(moved: np.ndarray, slack: float) -> np.ndarray:
-    """Return the samples beyond `slack` that go further than all before; while a control stands still its force may be any."""
+    """Return the samples beyond `slack` that go further than all before; while a control stands
+    still its force may be any.
+    """
     before = np.maximum.accumulate(np.concatenate([[0.0], moved[:-1]]))
     return (moved > slack) & (moved > before)
 
 
 def directions(x: np.ndarray, least: float) -> np.ndarray:
-    """Return 1 where x is on its way up, -1 on its way down; it turns at an extreme from which it moves back by `least`."""
+    """Return 1 where x is on its way up, -1 on its way down; it turns at an extreme from which it
+    moves back by `least`.
+    """
     way = np.zeros(x.size, int)
     current, extreme, since = 0, 0, 0
     low = high = 0
@@ -124,10 +141,15 @@ def _above(rapid: list[Branch], static: list[Branch]) -> list[Branch]:
     for branch in rapid:
         same = [other for other in static if other.direction == branch.direction]
         levels = [other.at(branch.x) for other in same] or [np.full(branch.x.size, np.nan)]
-        increment = branch.y - np.array(levels)[np.argmax(np.isfinite(levels), axis=0), np.arange(branch.x.size)]
+        increment = (
+            branch.y
+            - np.array(levels)[np.argmax(np.isfinite(levels), axis=0), np.arange(branch.x.size)]
+        )
         there = np.isfinite(increment)
         if there.sum() > 1:
-            found.append(Branch(branch.direction, branch.time[there], branch.x[there], increment[there]))
+            found.append(
+                Branch(branch.direction, branch.time[there], branch.x[there], increment[there])
+            )
     return found
 
 
@@ -136,13 +158,17 @@ def _compare(criterion: Criterion, flight: list[Branch], model: list[Branch]) ->
     for branch in flight:
         partner = max(model, key=branch.together, default=None)
         if partner is None or branch.together(partner) <= 0.0:
-            raise Invalid(f"the model does not move {criterion.abscissa} as the flight does, {DIRECTIONS[branch.direction]}")
+            raise Invalid(
+                f"the model does not move {criterion.abscissa} as the flight does, {DIRECTIONS[branch.direction]}"
+            )
         theirs = partner.at(branch.x)
         there = np.isfinite(theirs)
         share = np.ptp(branch.x[there]) / np.ptp(branch.x) if there.any() else 0.0
         if share < COVER:
             way = DIRECTIONS[branch.direction]
-            raise Invalid(f"the model comes through {100.0 * share:.0f} % of the flight's {way} travel of {criterion.abscissa}")
+            raise Invalid(
+                f"the model comes through {100.0 * share:.0f} % of the flight's {way} travel of {criterion.abscissa}"
+            )
         times.append(branch.time[there])
         values.append(branch.y[there])
         widths.append(half_width(criterion, branch.y[there]))
@@ -172,7 +198,9 @@ def _branch_remark(count: int, abscissa: str) -> RowRemark:
 
 
 def breakout(criterion: Criterion, match: Match) -> Outcome:
-    """Judge the force at the first movement from the position at the start, in both directions where the sweep has both."""
+    """Judge the force at the first movement from the position at the start, in both directions
+    where the sweep has both.
+    """
     mask = inside_window(match.time, criterion.window)
     time, *xs = match.over(mask, criterion.abscissa)
     _, *forces = match.over(mask, criterion.channel)
@@ -185,7 +213,9 @@ def breakout(criterion: Criterion, match: Match) -> Outcome:
         if model is None:
             raise Invalid(f"the model does not move {criterion.abscissa} {way}")
         text = f"{way}: {flight:.1f} N in flight, {model:.1f} N in the model"
-        remark = RowRemark("values", text, criterion.channel, {"flight": flight, "model": model}, "N")
+        remark = RowRemark(
+            "values", text, criterion.channel, {"flight": flight, "model": model}, "N"
+        )
         judged.append(scalar(criterion, flight, model, float(time[0]), (remark,)))
     if not judged:
         raise Invalid(f"the flight does not move {criterion.abscissa}")
@@ -194,7 +224,9 @@ def breakout(criterion: Criterion, match: Match) -> Outcome:
 
 
 def _first_force(x: np.ndarray, force: np.ndarray, direction: int, least: float) -> float | None:
-    """Return the force when the control first leaves its start by `least` in a direction; None when it does not."""
+    """Return the force when the control first leaves its start by `least` in a direction; None when
+    it does not.
+    """
     away = direction * (x - x[0])
     if not (away > least).any():
         return None
@@ -203,20 +235,30 @@ def _first_force(x: np.ndarray, force: np.ndarray, direction: int, least: float)
 
 
 def dead_band(criterion: Criterion, match: Match) -> Outcome:
-    """Judge the dead band of the nose-wheel steering: how far the wheel lags between the two branches at pedals neutral."""
+    """Judge the dead band of the nose-wheel steering: how far the wheel lags between the two
+    branches at pedals neutral.
+    """
     mask = inside_window(match.time, criterion.window)
     bands = []
     for who, branches in zip(WHO, _branches(criterion, match, mask), strict=True):
-        angles = {branch.direction: angle for branch in branches if np.isfinite(angle := float(branch.at(np.zeros(1))[0]))}
+        angles = {
+            branch.direction: angle
+            for branch in branches
+            if np.isfinite(angle := float(branch.at(np.zeros(1))[0]))
+        }
         if len(angles) < 2:
-            raise Invalid(f"{who} does not bring {criterion.abscissa} through neutral in both directions")
+            raise Invalid(
+                f"{who} does not bring {criterion.abscissa} through neutral in both directions"
+            )
         bands.append(abs(angles[-1] - angles[1]))
     return scalar(criterion, bands[0], bands[1], criterion.window[0])
 
 
 RESIDUAL = 0.05  # of Ad: the residual band; smaller overshoots are not significant
 FROM, TO = 0.9, 0.1  # of Ad
-LATE = 1.5  # half cycles: a crossing in the residual band that comes later belongs to a drift, not to the oscillation; ours
+# half cycles: a crossing in the residual band that comes later belongs to a drift, not to the
+# oscillation; ours
+LATE = 1.5
 NEUTRAL = 0.5  # [s] at the end of the window, over which the neutral value is the mean; ours
 SETTLED = 0.02  # of Ad: standard deviation over that time within which a control stands still; ours
 
@@ -234,8 +276,8 @@ class FreeMotion:
     Ad : float
         First displacement from neutral. [SI]
     crossings : array (crossing,)
-        Times at which it passes neutral: once between two excursions beyond the residual band, and after the last while it
-        oscillates on. [s]
+        Times at which it passes neutral: once between two excursions beyond the residual band, and
+        after the last while it oscillates on. [s]
     overshoots : array (overshoot,)
         Sizes of the significant overshoots over Ad.
     """
@@ -247,18 +289,27 @@ class FreeMotion:
     overshoots: np.ndarray
 
     def falls_to(self, level: float) -> float | None:
-        """Return when the displacement first comes down to a fraction of Ad; None when it does not. [s]"""
+        """Return when the displacement first comes down to a fraction of Ad; None when it does not.
+        [s]
+        """
         below = self.y <= level
         if not below.any() or below[0]:
             return None
         k = int(np.argmax(below))
-        return float(self.time[k - 1] + (self.y[k - 1] - level) / (self.y[k - 1] - self.y[k]) * (self.time[k] - self.time[k - 1]))
+        return float(
+            self.time[k - 1]
+            + (self.y[k - 1] - level)
+            / (self.y[k - 1] - self.y[k])
+            * (self.time[k] - self.time[k - 1])
+        )
 
     @property
     def p0(self) -> float | None:
         """Time from 0.9 Ad to the first crossing of neutral. [s]"""
         start = self.falls_to(FROM)
-        return None if start is None or not self.crossings.size else float(self.crossings[0]) - start
+        return (
+            None if start is None or not self.crossings.size else float(self.crossings[0]) - start
+        )
 
     def overshoot(self, n: int) -> float:
         """Return the size of the n-th overshoot, significant or not; zero when there is none. [SI]"""
@@ -271,12 +322,20 @@ class FreeMotion:
         return float(np.abs(self.y[excursion]).max(initial=0.0)) * abs(self.Ad)
 
     def period(self, n: int) -> float | None:
-        """Return the n-th full cycle after the first crossing; None when the record does not hold it. [s]"""
+        """Return the n-th full cycle after the first crossing; None when the record does not hold
+        it. [s]
+        """
         last = 2 * n
-        return float(self.crossings[last] - self.crossings[last - 2]) if last < self.crossings.size else None
+        return (
+            float(self.crossings[last] - self.crossings[last - 2])
+            if last < self.crossings.size
+            else None
+        )
 
 
-def free_motion(criterion: Criterion, time: np.ndarray, x: np.ndarray, who: str = "flight") -> FreeMotion:
+def free_motion(
+    criterion: Criterion, time: np.ndarray, x: np.ndarray, who: str = "flight"
+) -> FreeMotion:
     """Measure the motion of a control from its release at the start of the window.
 
     Parameters
@@ -298,7 +357,9 @@ def free_motion(criterion: Criterion, time: np.ndarray, x: np.ndarray, who: str 
     neutral = float(x[rest].mean())
     Ad = float(x[0] - neutral)
     if abs(Ad) < 1e-9 or np.std(x[rest]) > SETTLED * abs(Ad):
-        raise Invalid(f"{who}: the control is not displaced at the start of the window, or not at rest in its last {NEUTRAL:g} s")
+        raise Invalid(
+            f"{who}: the control is not displaced at the start of the window, or not at rest in its last {NEUTRAL:g} s"
+        )
     y = (x - neutral) / Ad
     crossings, overshoots = _excursions(t, y)
     return FreeMotion(t, y, Ad, crossings, overshoots)
@@ -307,11 +368,14 @@ def free_motion(criterion: Criterion, time: np.ndarray, x: np.ndarray, who: str 
 def _excursions(t: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the crossings of neutral and the sizes of the overshoots.
 
-    Between two excursions beyond the residual band noise may pass neutral several times; the crossing is in the middle.
+    Between two excursions beyond the residual band noise may pass neutral several times; the
+    crossing is in the middle.
     """
     side = np.where(y > RESIDUAL, 1, np.where(y < -RESIDUAL, -1, 0))
     outside = np.flatnonzero(side)
-    turns = np.flatnonzero(np.diff(side[outside]))  # last sample of an excursion before one on the other side
+    turns = np.flatnonzero(
+        np.diff(side[outside])
+    )  # last sample of an excursion before one on the other side
     starts, stops = outside[turns], outside[turns + 1]
     crossings = [_middle(t, y, a, b) for a, b in zip(starts, stops, strict=True)]
     ends = [*outside[turns[1:]], outside[-1]] if turns.size else []
@@ -321,7 +385,9 @@ def _excursions(t: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _residual_crossings(crossings: list[float], after: np.ndarray) -> list[float]:
-    """Return the crossings after the last excursion that still belong to the oscillation; one that comes late is a creep to neutral."""
+    """Return the crossings after the last excursion that still belong to the oscillation; one that
+    comes late is a creep to neutral.
+    """
     if not crossings:
         return [float(time) for time in after]
     half = crossings[-1] - crossings[-2] if len(crossings) > 1 else 2.0 * crossings[-1]
@@ -375,7 +441,8 @@ def time_90_to_10(criterion: Criterion, match: Match) -> Outcome:
 
 
 def period_n(criterion: Criterion, match: Match) -> Outcome:
-    """Judge every full cycle alone against the same cycle in flight; the n-th has n + 1 times the printed percentage.
+    """Judge every full cycle alone against the same cycle in flight; the n-th has n + 1 times the
+    printed percentage.
 
     Cycles count while both their overshoots are significant in flight.
     """
@@ -397,8 +464,8 @@ def period_n(criterion: Criterion, match: Match) -> Outcome:
 def overshoot_n(criterion: Criterion, match: Match) -> Outcome:
     """Judge the size of every significant overshoot of the flight.
 
-    The percentage is of the first overshoot where the row states so (FAA), else of each overshoot; ``a1`` is the first
-    alone, ``an`` with a base of its own the second and later (CCAR-60).
+    The percentage is of the first overshoot where the row states so (FAA), else of each overshoot;
+    ``a1`` is the first alone, ``an`` with a base of its own the second and later (CCAR-60).
     """
     flight, model = _motions(criterion, match)
     of_first = criterion.band.base == "first_overshoot"
@@ -416,21 +483,37 @@ def overshoot_n(criterion: Criterion, match: Match) -> Outcome:
 
 
 def overshoot_count(criterion: Criterion, match: Match) -> Outcome:
-    """Judge the number of significant overshoots; the first one of the flight has to be there whatever the width."""
+    """Judge the number of significant overshoots; the first one of the flight has to be there
+    whatever the width.
+    """
     flight, model = _motions(criterion, match)
-    outcome = scalar(criterion, float(flight.overshoots.size), float(model.overshoots.size), criterion.window[0])
+    outcome = scalar(
+        criterion, float(flight.overshoots.size), float(model.overshoots.size), criterion.window[0]
+    )
     if flight.overshoots.size and not model.overshoots.size:
-        return replace(outcome, verdict="fail", remarks=(RowRemark("lacking", "the model lacks the first overshoot"),))
+        return replace(
+            outcome,
+            verdict="fail",
+            remarks=(RowRemark("lacking", "the model lacks the first overshoot"),),
+        )
     return outcome
 
 
 def _lacking(criterion: Criterion, flight: float, text: str, cycle: int = 0) -> Outcome:
     width = float(half_width(criterion, flight, cycle)[0])
-    return Outcome("fail", width=width, at=criterion.window[0], remarks=(RowRemark("lacking", text),), flight=flight)
+    return Outcome(
+        "fail",
+        width=width,
+        at=criterion.window[0],
+        remarks=(RowRemark("lacking", text),),
+        flight=flight,
+    )
 
 
 def _worst(judged: list[Outcome], nothing: str) -> Outcome:
-    """Return the outcome that decides: one without a number, else the largest ratio; with the remarks of all."""
+    """Return the outcome that decides: one without a number, else the largest ratio; with the
+    remarks of all.
+    """
     if not judged:
         raise Invalid(nothing)
     lacking = [outcome for outcome in judged if np.isnan(outcome.worst_ratio)]

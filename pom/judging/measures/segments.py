@@ -10,7 +10,16 @@ from flightmech.names import lookup
 from flightmech.units import FOOT, KNOT
 from pom.judging.measures.control_forces import dead_band
 from pom.judging.signals import WHO, Match, crossing, event_time, find, level_at
-from pom.tolerances.bands import Invalid, NotJudged, Outcome, RowRemark, demand_finite, half_width, inside_window, scalar
+from pom.tolerances.bands import (
+    Invalid,
+    NotJudged,
+    Outcome,
+    RowRemark,
+    demand_finite,
+    half_width,
+    inside_window,
+    scalar,
+)
 from pom.tolerances.channels import plain_id, written
 from pom.tolerances.criteria import LEVELS, Criterion
 
@@ -32,7 +41,9 @@ class Span:
 
 @dataclass(frozen=True)
 class Gate:
-    """The end of a run: the level of a signal, the direction in which it is passed, and when the flight does."""
+    """The end of a run: the level of a signal, the direction in which it is passed, and when the
+    flight does.
+    """
 
     channel: str
     level: float
@@ -43,13 +54,16 @@ class Gate:
 def elapsed(criterion: Criterion, match: Match) -> Outcome:
     """Judge time, distance or fuel between two events.
 
-    The model's run ends where its own signal passes the level of the event (speed at rotation, height at touchdown,
-    standstill).  Where a test allows a part of the run to be recorded and the model has not come to its end, both are
-    compared up to the level that it has reached; less than the part required is invalid.
+    The model's run ends where its own signal passes the level of the event (speed at rotation,
+    height at touchdown, standstill).  Where a test allows a part of the run to be recorded and the
+    model has not come to its end, both are compared up to the level that it has reached; less than
+    the part required is invalid.
     """
     if criterion.parameter == "flare_time_tf":
         flare, touchdown = find(match, "flare"), find(match, "touchdown")
-        span = Span((flare.flight, touchdown.flight), (flare.model, touchdown.model), touchdown.remarks)
+        span = Span(
+            (flare.flight, touchdown.flight), (flare.model, touchdown.model), touchdown.remarks
+        )
     else:
         start = _start(criterion, match)
         gate = _gate(criterion, match, start[0])
@@ -57,12 +71,16 @@ def elapsed(criterion: Criterion, match: Match) -> Outcome:
         if common is None:
             return _never(criterion, match, start, gate)
         span = common
-    amounts = [_amount(criterion, match, i, ends) for i, ends in enumerate((span.flight, span.model))]
+    amounts = [
+        _amount(criterion, match, i, ends) for i, ends in enumerate((span.flight, span.model))
+    ]
     return scalar(criterion, amounts[0], amounts[1], span.flight[1], span.remarks)
 
 
 def _start(criterion: Criterion, match: Match) -> tuple[float, float]:
-    """Return when the run starts in flight and model; a segment without events where both have the same height or speed. [s]"""
+    """Return when the run starts in flight and model; a segment without events where both have the
+    same height or speed. [s]
+    """
     if criterion.bounds[0]:
         found = find(match, criterion.bounds[0])
         return found.flight, found.model
@@ -72,28 +90,40 @@ def _start(criterion: Criterion, match: Match) -> tuple[float, float]:
     level, end = np.interp(criterion.window, match.time, match.flight[channel])
     reached = crossing(match.time, match.model[channel], float(level), 1 if end > level else -1)
     if reached is None:
-        raise Invalid(f"the model does not pass {written(channel, float(level))}, where the segment starts")
+        raise Invalid(
+            f"the model does not pass {written(channel, float(level))}, where the segment starts"
+        )
     return start, reached
 
 
 def _gate(criterion: Criterion, match: Match, start: float) -> Gate:
-    """Return the end of the run as the flight has it; where its record stops early, what the flight has come to."""
+    """Return the end of the run as the flight has it; where its record stops early, what the flight
+    has come to.
+    """
     end = match.time[-1]
     if not criterion.bounds[1]:
         return _progress_gate(criterion, match)
     event = criterion.bounds[1]
     channel, direction = LEVELS[event]
     if channel not in match.flight or channel not in match.model:
-        raise NotJudged(f"{event} is detected by {channel}, and flight and model do not both have it")
+        raise NotJudged(
+            f"{event} is detected by {channel}, and flight and model do not both have it"
+        )
     instant = event_time(match, event)
     if instant <= end + 1e-9:
         level = level_at(match, event, instant)
-        stood = crossing(match.time, match.flight[channel], level, direction, start) if event == "full_stop" else None
+        stood = (
+            crossing(match.time, match.flight[channel], level, direction, start)
+            if event == "full_stop"
+            else None
+        )
         return Gate(channel, level, direction, instant if stood is None else stood)
     required = SHARE.get(plain_id(match.case.id), 1.0)
     share = (end - start) / (instant - start)
     if share < required:
-        raise Invalid(f"{100.0 * share:.0f} % of the run is recorded, {100.0 * required:.0f} % have to be")
+        raise Invalid(
+            f"{100.0 * share:.0f} % of the run is recorded, {100.0 * required:.0f} % have to be"
+        )
     return Gate(channel, float(match.flight[channel][-1]), direction, float(end))
 
 
@@ -114,14 +144,20 @@ def _progress_gate(criterion: Criterion, match: Match) -> Gate:
     return Gate(channel, float(y[-1]), 1 if covered > 0.0 else -1, criterion.window[1])
 
 
-def _span(criterion: Criterion, match: Match, start: tuple[float, float], gate: Gate) -> Span | None:
-    """Return the run up to the gate, or up to what the model has reached; None when it never comes near enough."""
+def _span(
+    criterion: Criterion, match: Match, start: tuple[float, float], gate: Gate
+) -> Span | None:
+    """Return the run up to the gate, or up to what the model has reached; None when it never comes
+    near enough.
+    """
     signal = match.model[gate.channel]
     demand_finite("the model", match.time, signal)
     reached = crossing(match.time, signal, gate.level, gate.direction, start[1])
     if reached is not None:
         return Span(
-            (start[0], gate.flight), (start[1], reached), (_span_remark(gate, gate.level, f"to {written(gate.channel, gate.level)}"),)
+            (start[0], gate.flight),
+            (start[1], reached),
+            (_span_remark(gate, gate.level, f"to {written(gate.channel, gate.level)}"),),
         )
     level = gate.direction * float(np.max(gate.direction * signal))
     there = crossing(match.time, match.flight[gate.channel], level, gate.direction, start[0])
@@ -131,7 +167,11 @@ def _span(criterion: Criterion, match: Match, start: tuple[float, float], gate: 
     own = crossing(match.time, signal, level, gate.direction, start[1])
     share = 100.0 * (there - start[0]) / (gate.flight - start[0])
     text = f"the model reaches {written(gate.channel, level)}; both are compared up to there, {share:.0f} % of the run"
-    return Span((start[0], there), (start[1], match.time[-1] if own is None else own), (_span_remark(gate, level, text),))
+    return Span(
+        (start[0], there),
+        (start[1], match.time[-1] if own is None else own),
+        (_span_remark(gate, level, text),),
+    )
 
 
 def _span_remark(gate: Gate, level: float, text: str) -> RowRemark:
@@ -139,7 +179,9 @@ def _span_remark(gate: Gate, level: float, text: str) -> RowRemark:
 
 
 def _never(criterion: Criterion, match: Match, start: tuple[float, float], gate: Gate) -> Outcome:
-    """Judge a model that does not come to the end: a failure when it is late by more than the tolerance, else too short a record."""
+    """Judge a model that does not come to the end: a failure when it is late by more than the
+    tolerance, else too short a record.
+    """
     flight = _amount(criterion, match, 0, (start[0], gate.flight))
     so_far = _amount(criterion, match, 1, (start[1], float(match.time[-1])))
     width = half_width(criterion, flight)
@@ -155,7 +197,9 @@ def _amount(criterion: Criterion, match: Match, which: int, ends: tuple[float, f
     signals, time = (match.flight, match.model)[which], match.time
     if criterion.channel == "time":
         return ends[1] - ends[0]
-    if criterion.channel == "fuel_used" and set(match.flight.fuel_flow) != set(match.model.fuel_flow):
+    if criterion.channel == "fuel_used" and set(match.flight.fuel_flow) != set(
+        match.model.fuel_flow
+    ):
         raise NotJudged("flight and model do not report the fuel flow of the same engines")
     part = (time >= ends[0] - 1e-9) & (time <= ends[1] + 1e-9)
     demand_finite(WHO[which], time[part], signals[criterion.channel][part])
@@ -184,7 +228,9 @@ def segment_mean(criterion: Criterion, match: Match) -> Outcome:
 
 
 def demand_height(criterion: Criterion, match: Match) -> tuple[RowRemark, ...]:
-    """Return a remark on the height that the flight covers; less than the table requires is invalid without a reason in the case."""
+    """Return a remark on the height that the flight covers; less than the table requires is invalid
+    without a reason in the case.
+    """
     required = LEAST.get(plain_id(match.case.id), 0.0)
     if "h" not in match.flight:
         return ()
@@ -192,16 +238,19 @@ def demand_height(criterion: Criterion, match: Match) -> tuple[RowRemark, ...]:
     covered = abs(float(flight[-1] - flight[0])) / FOOT
     text = f"segment of {covered:.0f} ft"
     if covered < required and not match.case.shortened:
-        raise Invalid(f"{text}; the table requires {required:.0f} ft or more: widen the window, or give the reason in case.shortened")
+        raise Invalid(
+            f"{text}; the table requires {required:.0f} ft or more: widen the window, or give the reason in case.shortened"
+        )
     text = text if covered >= required else f"{text} of {required:.0f} ft required"
     return (RowRemark("span", text, "h", {"covered": covered, "required": required}, "ft"),)
 
 
 def floor(criterion: Criterion, match: Match) -> Outcome:
-    """Judge the gradient of the model's climb against the certified one, below which it fails even inside its band.
+    """Judge the gradient of the model's climb against the certified one, below which it fails even
+    inside its band.
 
-    Gradient is height gained over horizontal distance through the air, so that wind does not count.  The ratio of the
-    outcome is the certified gradient over that of the model.
+    Gradient is height gained over horizontal distance through the air, so that wind does not count.
+    The ratio of the outcome is the certified gradient over that of the model.
     """
     certified = match.case.certified.get(criterion.parameter)
     if certified is None:
@@ -213,7 +262,16 @@ def floor(criterion: Criterion, match: Match) -> Outcome:
         worst=gradients[1] - certified,
         worst_ratio=certified / gradients[1] if gradients[1] > 0.0 else float("inf"),
         at=criterion.window[1],
-        remarks=(RowRemark("certified", "below the certified gradient", values={"certified": certified}, unit="1"),) if short else (),
+        remarks=(
+            RowRemark(
+                "certified",
+                "below the certified gradient",
+                values={"certified": certified},
+                unit="1",
+            ),
+        )
+        if short
+        else (),
         flight=gradients[0],
         model=gradients[1],
         applied=f"not below {100.0 * certified:.4g} %",
@@ -240,7 +298,9 @@ def number(criterion: Criterion, match: Match) -> Outcome:
 
 
 def _radii(criterion: Criterion, match: Match) -> list[float]:
-    """Return the radii of the paths of the c.g.: distance over the ground per change of heading. [m]"""
+    """Return the radii of the paths of the c.g.: distance over the ground per change of heading.
+    [m]
+    """
     _, *distances = match.both(criterion, "distance")
     _, *headings = match.both(criterion, "psi")
     radii = []
@@ -248,7 +308,9 @@ def _radii(criterion: Criterion, match: Match) -> list[float]:
         smooth = np.unwrap(psi)
         turned = abs(float(smooth[-1] - smooth[0]))
         if turned < LEAST_TURN:
-            raise Invalid(f"{who} turns by {np.degrees(turned):.0f} deg; at least {np.degrees(LEAST_TURN):.0f} deg determine a radius")
+            raise Invalid(
+                f"{who} turns by {np.degrees(turned):.0f} deg; at least {np.degrees(LEAST_TURN):.0f} deg determine a radius"
+            )
         radii.append(float(distance[-1] - distance[0]) / turned)
     return radii
 
@@ -260,7 +322,9 @@ def _rates(criterion: Criterion, match: Match) -> list[float]:
     for who, y in zip(WHO, surfaces, strict=True):
         travel = float(y[-1] - y[0])
         direction = 1 if travel > 0.0 else -1
-        passed = [crossing(time, y, float(y[0]) + share * travel, direction) for share in (0.1, 0.9)]
+        passed = [
+            crossing(time, y, float(y[0]) + share * travel, direction) for share in (0.1, 0.9)
+        ]
         if travel == 0.0 or passed[0] is None or passed[1] is None:
             raise Invalid(f"{who} does not move {criterion.abscissa}")
         rates.append(0.8 * travel / (passed[1] - passed[0]))

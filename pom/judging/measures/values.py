@@ -1,4 +1,6 @@
-"""Correct trend and magnitude: the stated criteria, and the engineer's tick that alone makes them a pass (rule R16)."""
+"""Correct trend and magnitude: the stated criteria, and the engineer's tick that alone makes them a
+pass (rule R16).
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,18 @@ import numpy as np
 from flightmech.names import lookup
 from flightmech.units import DEGREE, from_si
 from pom.judging.signals import WHO, Instant, Match, crossing, event_time, find
-from pom.tolerances.bands import Invalid, NotJudged, Outcome, RowRemark, demand_finite, difference, half_width, inside_window, scalar, trace
+from pom.tolerances.bands import (
+    Invalid,
+    NotJudged,
+    Outcome,
+    RowRemark,
+    demand_finite,
+    difference,
+    half_width,
+    inside_window,
+    scalar,
+    trace,
+)
 from pom.tolerances.criteria import OF_PARAMETER, Criterion
 
 if TYPE_CHECKING:
@@ -23,9 +36,9 @@ LEVEL = 1.0  # [s] over which the end level is averaged; ours
 def response(criterion: Criterion, match: Match) -> Outcome:
     """Judge Ti or Tt, counted from the first movement of the lever.
 
-    Ti is the time to 10 % of the change, each record between its own levels.  Tt is the time to 90 % of the go-around
-    power of the *flight*, or, when power falls, to a 90 % decay of its starting power.  Levels: the value at the lever
-    movement, and the mean of the last second of the window.
+    Ti is the time to 10 % of the change, each record between its own levels.  Tt is the time to 90
+    % of the go-around power of the *flight*, or, when power falls, to a 90 % decay of its starting
+    power.  Levels: the value at the lever movement, and the mean of the last second of the window.
     """
     time, flight, model = match.both(criterion)
     moved = max(match.case.events.get("throttle_movement", float(time[0])), float(time[0]))
@@ -37,12 +50,24 @@ def response(criterion: Criterion, match: Match) -> Outcome:
     else:
         rises = _end(time, flight) > flight[0]
         levels = [0.9 * _end(time, flight) if rises else 0.1 * flight[0]] * 2
-        level = "90 % of the end level of the flight" if rises else "90 % decay of the start level of the flight"
-    times = [_time_to(who, time, y, float(level)) for who, y, level in zip(WHO, (flight, model), levels, strict=True)]
+        level = (
+            "90 % of the end level of the flight"
+            if rises
+            else "90 % decay of the start level of the flight"
+        )
+    times = [
+        _time_to(who, time, y, float(level))
+        for who, y, level in zip(WHO, (flight, model), levels, strict=True)
+    ]
     values = RowRemark(
-        "values", f"flight {times[0]:.2f} s, model {times[1]:.2f} s", values={"flight": times[0], "model": times[1]}, unit="s"
+        "values",
+        f"flight {times[0]:.2f} s, model {times[1]:.2f} s",
+        values={"flight": times[0], "model": times[1]},
+        unit="s",
     )
-    return scalar(criterion, times[0], times[1], float(time[0]), (values, RowRemark("method", level)))
+    return scalar(
+        criterion, times[0], times[1], float(time[0]), (values, RowRemark("method", level))
+    )
 
 
 def _end(time: np.ndarray, y: np.ndarray) -> float:
@@ -58,28 +83,48 @@ def _time_to(who: str, time: np.ndarray, y: np.ndarray, level: float) -> float:
 
 
 def event_value(criterion: Criterion, match: Match) -> Outcome:
-    """Judge the value at an event: stall warning, buffet, stall, touchdown, flare, minimum control speed."""
+    """Judge the value at an event: stall warning, buffet, stall, touchdown, flare, minimum control
+    speed.
+    """
     found = find(match, OF_PARAMETER[criterion.parameter], criterion.channel)
     flight, model = _values(criterion, match, found)
-    return scalar(criterion, flight, model, found.flight, found.remarks and (*found.remarks, _times(found)))
+    return scalar(
+        criterion, flight, model, found.flight, found.remarks and (*found.remarks, _times(found))
+    )
 
 
 def setup(criterion: Criterion, match: Match) -> Outcome:
-    """Check a precondition, e.g. the engine failure speed: outside it the test is not valid, which is not a failure."""
+    """Check a precondition, e.g. the engine failure speed: outside it the test is not valid, which
+    is not a failure.
+    """
     found = find(match, OF_PARAMETER[criterion.parameter], criterion.channel)
     flight, model = _values(criterion, match, found)
-    outcome = scalar(criterion, flight, model, found.flight, (RowRemark("precondition", "a precondition of the test"),))
+    outcome = scalar(
+        criterion,
+        flight,
+        model,
+        found.flight,
+        (RowRemark("precondition", "a precondition of the test"),),
+    )
     if outcome.verdict == "pass":
         return outcome
-    remark = RowRemark("precondition", "a precondition of the test does not hold: the test is not valid")
+    remark = RowRemark(
+        "precondition", "a precondition of the test does not hold: the test is not valid"
+    )
     return replace(outcome, verdict="invalid", remarks=(remark,))
 
 
 def _values(criterion: Criterion, match: Match, found: Instant) -> tuple[float, float]:
     """Return the values of flight and model, each at its own instant. [SI]"""
     values = []
-    for who, signals, time in zip(WHO, (match.flight, match.model), (found.flight, found.model), strict=True):
-        demand_finite(who, np.array([time]), value := np.interp([time], match.time, signals[criterion.channel]))
+    for who, signals, time in zip(
+        WHO, (match.flight, match.model), (found.flight, found.model), strict=True
+    ):
+        demand_finite(
+            who,
+            np.array([time]),
+            value := np.interp([time], match.time, signals[criterion.channel]),
+        )
         values.append(value)
     if criterion.parameter.startswith("descent_rate"):
         values = [-value for value in values]
@@ -92,7 +137,10 @@ def _times(found: Instant) -> RowRemark:
     return RowRemark("event", text, values={"flight": found.flight, "model": found.model}, unit="s")
 
 
-BEFORE, AFTER = 4.0, 1.0  # [s] rule R5: a steady state from 4 s before to 1 s after the captured instant
+BEFORE, AFTER = (
+    4.0,
+    1.0,
+)  # [s] rule R5: a steady state from 4 s before to 1 s after the captured instant
 STEADY = 1.0 / 3.0  # of the tolerance; the rule gives no number for "steady", this is ours
 SLOW_PART = 0.1  # of the speed range: the low-speed end of a record; ours
 
@@ -113,9 +161,14 @@ def steady(criterion: Criterion, match: Match) -> Outcome:
 
 
 def change(criterion: Criterion, match: Match) -> Outcome:
-    """Judge the change of a level between the event ``trim`` and ``capture``, e.g. elevator per load factor or speed."""
+    """Judge the change of a level between the event ``trim`` and ``capture``, e.g. elevator per
+    load factor or speed.
+    """
     start, capture = event_time(match, "trim"), event_time(match, "capture")
-    before, after = _levels(match, criterion.channel, start), _levels(match, criterion.channel, capture)
+    before, after = (
+        _levels(match, criterion.channel, start),
+        _levels(match, criterion.channel, capture),
+    )
     changes = [late[0] - early[0] for early, late in zip(before, after, strict=True)]
     width = float(half_width(criterion, changes[0])[0])
     for pair in (before, after):
@@ -123,7 +176,9 @@ def change(criterion: Criterion, match: Match) -> Outcome:
     return scalar(criterion, changes[0], changes[1], capture, (remark,))
 
 
-def _levels(match: Match, channel: str, capture: float) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+def _levels(
+    match: Match, channel: str, capture: float
+) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
     """Return (mean, drift, spread) of flight and model around an instant. [SI]"""
     mask = inside_window(match.time, (capture - BEFORE, capture + AFTER))
     time, *runs = match.over(mask, channel)
@@ -131,7 +186,10 @@ def _levels(match: Match, channel: str, capture: float) -> tuple[tuple[float, fl
     for y in runs:
         smooth = difference(channel, np.zeros_like(y), y)
         line = np.polynomial.Polynomial.fit(time, smooth, 1)
-        drift, spread = abs(float(line(time[-1]) - line(time[0]))), float(np.std(smooth - line(time)))
+        drift, spread = (
+            abs(float(line(time[-1]) - line(time[0]))),
+            float(np.std(smooth - line(time))),
+        )
         found.append((float(smooth.mean()), drift, spread))
     return found[0], found[1]
 
@@ -148,7 +206,9 @@ def _demand_steady(width: float, *levels: tuple[float, float, float]) -> RowRema
             raise Invalid(f"{who} is not steady: {text} of the tolerance (1/3 allowed)")
         shares |= {f"{who} drift": drift / width, f"{who} spread": spread / width}
         parts.append(f"{who} {text}")
-    return RowRemark("steady", f"steady: {'; '.join(parts)} of the tolerance", values=shares, unit="1")
+    return RowRemark(
+        "steady", f"steady: {'; '.join(parts)} of the tolerance", values=shares, unit="1"
+    )
 
 
 def end_value(criterion: Criterion, match: Match) -> Outcome:
@@ -165,7 +225,9 @@ def end_value(criterion: Criterion, match: Match) -> Outcome:
 
 
 def low_speed_end(criterion: Criterion, match: Match) -> Outcome:
-    """Judge the last part of a deceleration: from where the flight is within a tenth of its speed range of the lowest speed."""
+    """Judge the last part of a deceleration: from where the flight is within a tenth of its speed
+    range of the lowest speed.
+    """
     speed = next((name for name in ("V_ground", "V_cas") if name in match.flight), None)
     if speed is None:
         raise NotJudged("the flight record has no speed")
@@ -178,7 +240,9 @@ def low_speed_end(criterion: Criterion, match: Match) -> Outcome:
         raise Invalid("the record does not end at its lowest speed")
     outcome = trace(criterion, *match.over(mask, criterion.channel))
     start = float(match.time[mask][0])
-    remark = RowRemark("method", f"low-speed end, from {start:.1f} s on", values={"start": start}, unit="s")
+    remark = RowRemark(
+        "method", f"low-speed end, from {start:.1f} s on", values={"start": start}, unit="s"
+    )
     return replace(outcome, remarks=(remark, *outcome.remarks))
 
 
@@ -187,26 +251,32 @@ RATIO = (0.5, 2.0)  # amplitude of the model over that of the flight
 CLEAR = 0.2  # of the range: a peak that counts as an event of its own
 SCATTER = 3.0  # standard deviations of the flight's own scatter: a change below is no trend
 SPAN = 1.0  # [s] over which scatter is separated from motion
-RESOLVED = {"rad": 0.1 * DEGREE, "rad s-1": 0.1 * DEGREE}  # least dead band by unit: what is read off a recorded attitude or rate
+RESOLVED = {
+    "rad": 0.1 * DEGREE,
+    "rad s-1": 0.1 * DEGREE,
+}  # least dead band by unit: what is read off a recorded attitude or rate
 
 
 def trend(criterion: Criterion, match: Match) -> Outcome:
     """Compare direction, order of events, shape and size of a change.
 
-    Four criteria are stated: the largest departure from the start has the same sign; highest and lowest value come in
-    the same order; the correlation is at least 0.8; the amplitude ratio lies between 0.5 and 2.  One that is not met fails
-    the row.  All met is advice: a tick of an engineer (``[ticks]`` of the case) makes it a pass that names him, and he may
-    decide against shape and size, not against the sign.
+    Four criteria are stated: the largest departure from the start has the same sign; highest and
+    lowest value come in the same order; the correlation is at least 0.8; the amplitude ratio lies
+    between 0.5 and 2.  One that is not met fails the row.  All met is advice: a tick of an engineer
+    (``[ticks]`` of the case) makes it a pass that names him, and he may decide against shape and
+    size, not against the sign.
 
-    A flight that changes by less than the dead band (`dead_band`) shows no trend, and no direction is the wrong one; then the
-    departure of the model stays within the tolerance that the row has on the channel, or within twice the dead band where it
-    has none.
+    A flight that changes by less than the dead band (`dead_band`) shows no trend, and no direction
+    is the wrong one; then the departure of the model stays within the tolerance that the row has on
+    the channel, or within twice the dead band where it has none.
     """
     time, flight, model = match.both(criterion)
     model = flight + difference(criterion.channel, flight, model)
     departures = [y - y[0] for y in (flight, model)]
     extremes = [float(d[np.argmax(np.abs(d))]) for d in departures]
-    dead = match.once(("dead band", criterion.name), lambda: dead_band(criterion.channel, time, flight))
+    dead = match.once(
+        ("dead band", criterion.name), lambda: dead_band(criterion.channel, time, flight)
+    )
     shown = [_shown(criterion.channel, value) for value in (*extremes, dead)]
     if abs(extremes[0]) <= dead:
         allowed = _allowed(match.case, criterion.channel, flight) or RATIO[1] * dead
@@ -227,9 +297,19 @@ def trend(criterion: Criterion, match: Match) -> Outcome:
     failed = [name for name, good in met.items() if not good]
     text += f"; not met: {', '.join(failed)}" if failed else "; all criteria of trend are met"
     verdict, ticked = _verdict(match.case.ticks.get(criterion.name, ""), failed)
-    remarks = (RowRemark("trend", text, criterion.channel, measured, "1"), RowRemark("tick", ticked))
+    remarks = (
+        RowRemark("trend", text, criterion.channel, measured, "1"),
+        RowRemark("tick", ticked),
+    )
     applied = "correct trend, no number"
-    return Outcome(verdict, at=float(time[0]), remarks=remarks, flight=extremes[0], model=extremes[1], applied=applied)
+    return Outcome(
+        verdict,
+        at=float(time[0]),
+        remarks=remarks,
+        flight=extremes[0],
+        model=extremes[1],
+        applied=applied,
+    )
 
 
 def _verdict(tick: str, failed: list[str]) -> tuple[str, str]:
@@ -241,14 +321,24 @@ def _verdict(tick: str, failed: list[str]) -> tuple[str, str]:
             "fail",
             f"the tick ({tick}) does not hold: {'the model moves the other way' if 'sign' in failed else 'the flight has no trend'}",
         )
-    return ("fail", "an engineer may tick it with his reason") if failed else ("advisory", "to be ticked by an engineer")
+    return (
+        ("fail", "an engineer may tick it with his reason")
+        if failed
+        else ("advisory", "to be ticked by an engineer")
+    )
 
 
 def _allowed(case: PomCase, channel: str, flight: np.ndarray) -> float:
-    """Return the narrowest half width that other rows of the case have on a channel; 0 when none has one."""
+    """Return the narrowest half width that other rows of the case have on a channel; 0 when none
+    has one.
+    """
     widths = []
     for criterion in case.criteria:
-        if criterion.channel == channel and criterion.applies and criterion.measure in ("trace", "end_value"):
+        if (
+            criterion.channel == channel
+            and criterion.applies
+            and criterion.measure in ("trace", "end_value")
+        ):
             with suppress(NotJudged):
                 widths.append(float(half_width(criterion, flight).min()))
     return min(widths, default=0.0)
@@ -257,12 +347,19 @@ def _allowed(case: PomCase, channel: str, flight: np.ndarray) -> float:
 def dead_band(channel: str, time: np.ndarray, flight: np.ndarray) -> float:
     """Return the change of a flight trace below which it shows no trend. [SI]
 
-    Three standard deviations of its scatter about straight lines over one second, the median of all such stretches; at least
-    0.1 deg or 0.1 deg/s for attitudes and rates.  The rule has no number, these are ours.
+    Three standard deviations of its scatter about straight lines over one second, the median of all
+    such stretches; at least 0.1 deg or 0.1 deg/s for attitudes and rates.  The rule has no number,
+    these are ours.
     """
     step = max(round(SPAN / float(np.median(np.diff(time)))), 3)
-    stretches = [slice(start, start + step + 1) for start in range(0, max(time.size - step, 1), step)]
-    scatters = [np.std(y - np.polynomial.Polynomial.fit(t, y, 1)(t)) for t, y in ((time[s], flight[s]) for s in stretches) if t.size > 2]
+    stretches = [
+        slice(start, start + step + 1) for start in range(0, max(time.size - step, 1), step)
+    ]
+    scatters = [
+        np.std(y - np.polynomial.Polynomial.fit(t, y, 1)(t))
+        for t, y in ((time[s], flight[s]) for s in stretches)
+        if t.size > 2
+    ]
     scatter = float(np.median(scatters)) if scatters else 0.0
     return max(SCATTER * scatter, RESOLVED.get(lookup(channel).units, 0.0))
 
@@ -277,7 +374,11 @@ def _order(departure: np.ndarray) -> str:
 
 
 def _correlation(flight: np.ndarray, model: np.ndarray) -> float:
-    return float(np.corrcoef(flight, model)[0, 1]) if np.ptp(flight) > 0.0 and np.ptp(model) > 0.0 else 0.0
+    return (
+        float(np.corrcoef(flight, model)[0, 1])
+        if np.ptp(flight) > 0.0 and np.ptp(model) > 0.0
+        else 0.0
+    )
 
 
 def _shown(channel: str, value: float) -> str:

@@ -1,4 +1,6 @@
-"""The static figure of a case: the same panels as the page's script draws, for print and for readers without a script."""
+"""The static figure of a case: the same panels as the page's script draws, for print and for
+readers without a script.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +9,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from flightmech.support.figures import WIDTH, Frame, area, axes, clipped, curve, line, rect, spaced, svg, text
+from flightmech.support.figures import (
+    WIDTH,
+    Frame,
+    area,
+    axes,
+    clipped,
+    curve,
+    line,
+    rect,
+    spaced,
+    svg,
+    text,
+)
 from pom.report.case.panels import Panel, description
 from pom.report.presentation.quantities import SYMBOLS, fixed
 from pom.report.presentation.traces import LANE, beyond, exit_ticks, fan
@@ -20,9 +34,14 @@ RESIDUAL = 1.6
 
 
 def figures(
-    key: str, time: np.ndarray, panels: Sequence[Panel], styles: Mapping[str, str], events: Mapping[str, float] | None = None
+    key: str,
+    time: np.ndarray,
+    panels: Sequence[Panel],
+    styles: Mapping[str, str],
+    events: Mapping[str, float] | None = None,
 ) -> list[str]:
-    """Return the figures of a case, each at most one page high: what is judged and the inputs, then the rest.
+    """Return the figures of a case, each at most one page high: what is judged and the inputs, then
+    the rest.
 
     Parameters
     ----------
@@ -37,7 +56,9 @@ def figures(
         Name to instant, marked in every panel. [s]
     """
     first = [p for p in panels if p.kind != "shown"]
-    pages = [page for part in (first, [p for p in panels if p.kind == "shown"]) for page in _pages(part)]
+    pages = [
+        page for part in (first, [p for p in panels if p.kind == "shown"]) for page in _pages(part)
+    ]
     return [_figure(f"{key}-{i}", time, page, styles, events or {}) for i, page in enumerate(pages)]
 
 
@@ -60,7 +81,13 @@ def _pages(panels: Sequence[Panel]) -> list[list[Panel]]:
     return pages
 
 
-def _figure(name: str, time: np.ndarray, panels: Sequence[Panel], styles: Mapping[str, str], events: Mapping[str, float]) -> str:
+def _figure(
+    name: str,
+    time: np.ndarray,
+    panels: Sequence[Panel],
+    styles: Mapping[str, str],
+    events: Mapping[str, float],
+) -> str:
     heads = len(panels) * (HEAD + GAP) + FOOT + 24.0
     bodies = sum(_height(p) - HEAD - GAP for p in panels)
     scale = min(1.0, (PAGE - heads) / bodies)
@@ -70,7 +97,15 @@ def _figure(name: str, time: np.ndarray, panels: Sequence[Panel], styles: Mappin
         body, top = _panel(f"{name}-{i}", time, panel, styles, top, scale, last)
         parts.append(body)
     parts.append(_events(time, top - GAP, events))
-    parts.append(text(LEFT + (WIDTH - LEFT - RIGHT) / 2, top + 22, "time, s (clock of the record)", "caption", "middle"))
+    parts.append(
+        text(
+            LEFT + (WIDTH - LEFT - RIGHT) / 2,
+            top + 22,
+            "time, s (clock of the record)",
+            "caption",
+            "middle",
+        )
+    )
     return svg(top + FOOT, "".join(parts), " ".join(description(p) + "." for p in panels))
 
 
@@ -89,7 +124,14 @@ def _legend(panels: Sequence[Panel], styles: Mapping[str, str]) -> str:
 
 def _events(time: np.ndarray, bottom: float, events: Mapping[str, float]) -> str:
     """Return a line through all panels at every event, named beneath them."""
-    frame = Frame(LEFT, 24.0 + HEAD, WIDTH - LEFT - RIGHT, bottom - 24.0 - HEAD, (float(time[0]), float(time[-1])), (0.0, 1.0))
+    frame = Frame(
+        LEFT,
+        24.0 + HEAD,
+        WIDTH - LEFT - RIGHT,
+        bottom - 24.0 - HEAD,
+        (float(time[0]), float(time[-1])),
+        (0.0, 1.0),
+    )
     parts = []
     for i, (name, at) in enumerate(events.items()):
         if time[0] < at < time[-1]:
@@ -101,31 +143,52 @@ def _events(time: np.ndarray, bottom: float, events: Mapping[str, float]) -> str
     return "".join(parts)
 
 
-def _panel(name, time, panel: Panel, styles, top: float, scale: float, last: bool) -> tuple[str, float]:
+def _panel(
+    name, time, panel: Panel, styles, top: float, scale: float, last: bool
+) -> tuple[str, float]:
     height = (MAIN if panel.kind == "judged" else SMALL) * scale
     x = (float(time[0]), float(time[-1]))
     frame = Frame(LEFT, top + HEAD, WIDTH - LEFT - RIGHT, height, x, panel.scale)
     parts = [_head(panel, top + 12), axes(frame, x_labels=last and panel.half is None)]
     parts.append(clipped(frame, name, _inside(frame, time, panel, styles)))
     clear = replace(frame, height=frame.height - LANE * sum(map(bool, panel.exits.values())))
-    parts += [beyond(clear, time, values, styles[run]) for run, values in panel.traces.items() if run != "flight"]
+    parts += [
+        beyond(clear, time, values, styles[run])
+        for run, values in panel.traces.items()
+        if run != "flight"
+    ]
     bottom = frame.bottom
     if panel.half is not None:
         low = Frame(LEFT, bottom + GAP, frame.width, STRIP * scale, x, (-RESIDUAL, RESIDUAL))
-        parts += [exit_ticks(frame, panel.exits, styles), _residual(low, f"{name}-e", time, panel, panel.half, styles, last)]
+        parts += [
+            exit_ticks(frame, panel.exits, styles),
+            _residual(low, f"{name}-e", time, panel, panel.half, styles, last),
+        ]
         bottom = low.bottom
     return "".join(parts), bottom + GAP
 
 
 def _head(panel: Panel, y: float) -> str:
     shown = panel.label
-    pieces = [] if shown.is_word else [(shown.base, "symbol"), *([(shown.sub, "sub")] if shown.sub else []), ("\N{EN SPACE}", "")]
+    pieces = (
+        []
+        if shown.is_word
+        else [
+            (shown.base, "symbol"),
+            *([(shown.sub, "sub")] if shown.sub else []),
+            ("\N{EN SPACE}", ""),
+        ]
+    )
     unit = f", {shown.unit}" if shown.unit else ""
     pieces.append((f"{shown.words or shown.name}{unit}", "title"))
     body = spaced(LEFT, y, pieces)
     rows = [row for row in panel.rows if row["measure"] == "trace"]
-    words = [f"{row['run']} {SYMBOLS[row['verdict']]} {fixed(row['worst_ratio'], 2)}" for row in rows]
-    return body + (text(WIDTH - RIGHT, y, "\N{EM SPACE}".join(words), "caption", "end") if words else "")
+    words = [
+        f"{row['run']} {SYMBOLS[row['verdict']]} {fixed(row['worst_ratio'], 2)}" for row in rows
+    ]
+    return body + (
+        text(WIDTH - RIGHT, y, "\N{EM SPACE}".join(words), "caption", "end") if words else ""
+    )
 
 
 def _inside(frame: Frame, time, panel: Panel, styles) -> str:
@@ -139,7 +202,10 @@ def _inside(frame: Frame, time, panel: Panel, styles) -> str:
                 parts.append(_exceedance(frame, time, values, low, high))
     parts += [fan(frame, time, quantiles, styles[run]) for run, quantiles in panel.fans.items()]
     if panel.window:
-        parts += [line(float(frame.px(t)), frame.top, float(frame.px(t)), frame.bottom, "window") for t in panel.window]
+        parts += [
+            line(float(frame.px(t)), frame.top, float(frame.px(t)), frame.bottom, "window")
+            for t in panel.window
+        ]
     for run, values in panel.traces.items():
         parts.append(curve(frame, time, values, f"trace {styles[run]}"))
     return "".join(parts)
@@ -156,10 +222,15 @@ def _exceedance(frame: Frame, time, values, low, high) -> str:
     return shapes
 
 
-def _residual(frame: Frame, name: str, time, panel: Panel, half: np.ndarray, styles, last: bool) -> str:
+def _residual(
+    frame: Frame, name: str, time, panel: Panel, half: np.ndarray, styles, last: bool
+) -> str:
     flight = panel.traces["flight"]
     unit_band = np.where(np.isfinite(half), 1.0, np.nan)
-    parts = [axes(frame, x_labels=last, y_ticks=(-1.0, 0.0, 1.0)), text(6, frame.top + frame.height / 2 + 3.5, "e/t", "caption")]
+    parts = [
+        axes(frame, x_labels=last, y_ticks=(-1.0, 0.0, 1.0)),
+        text(6, frame.top + frame.height / 2 + 3.5, "e/t", "caption"),
+    ]
     body = area(frame, time, -unit_band, unit_band, "band")
     for run, values in panel.traces.items():
         if run != "flight":

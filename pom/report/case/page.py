@@ -26,7 +26,9 @@ from pom.report.presentation.verdict_text import MODAL, Verdict, reason, verdict
 from pom.result import PASSED, PomResult, exceeds, is_on_faulty_record, notices, results_name
 
 
-def data(result: PomResult, panels: Sequence[Panel], crosses: Sequence[Cross], styles: Mapping[str, str]) -> tuple[dict[str, Any], bytes]:
+def data(
+    result: PomResult, panels: Sequence[Panel], crosses: Sequence[Cross], styles: Mapping[str, str]
+) -> tuple[dict[str, Any], bytes]:
     """Return the description of the plots, and the traces it points into."""
     pack = Pack.empty()
     rows = _rows(result)
@@ -66,7 +68,13 @@ def _rows(result: PomResult) -> list[dict[str, Any]]:
 
 def _quantity(shown: Label) -> dict[str, str]:
     symbol = ("", "") if shown.is_word else (shown.base, shown.sub)
-    return {"channel": shown.name, "base": symbol[0], "sub": symbol[1], "words": shown.words, "unit": shown.unit}
+    return {
+        "channel": shown.name,
+        "base": symbol[0],
+        "sub": symbol[1],
+        "words": shown.words,
+        "unit": shown.unit,
+    }
 
 
 def _panel(panel: Panel, pack: Pack, rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
@@ -80,11 +88,23 @@ def _panel(panel: Panel, pack: Pack, rows: Sequence[Mapping[str, Any]]) -> dict[
         "span": panel.label.least_span,
         "decimals": _decimals(step),
         "window": panel.window,
-        "exits": {run: [[round(t, 3) for t in span] for span in found] for run, found in panel.exits.items() if found},
-        "verdicts": [row for row in rows if row["channel"] == panel.channel and row["measure"] == "trace"] if panel.rows else [],
+        "exits": {
+            run: [[round(t, 3) for t in span] for span in found]
+            for run, found in panel.exits.items()
+            if found
+        },
+        "verdicts": [
+            row for row in rows if row["channel"] == panel.channel and row["measure"] == "trace"
+        ]
+        if panel.rows
+        else [],
         "traces": {run: pack.add(values, step) for run, values in panel.traces.items()},
         "half": None if panel.half is None else pack.add(panel.half, step),
-        "fans": {f"{run} {k}": pack.add(values, step) for run, fan in panel.fans.items() for k, values in enumerate(fan)},
+        "fans": {
+            f"{run} {k}": pack.add(values, step)
+            for run, fan in panel.fans.items()
+            for k, values in enumerate(fan)
+        },
     }
 
 
@@ -122,7 +142,9 @@ def line_styles(runs: Iterable[str]) -> dict[str, str]:
 
 
 def keys(results: Sequence[PomResult]) -> list[str]:
-    """Return a name per case, fit for an address and a file: unique without regard to case, as Windows and macOS compare them."""
+    """Return a name per case, fit for an address and a file: unique without regard to case, as
+    Windows and macOS compare them.
+    """
     found: dict[str, str] = {}
     for result in results:
         stem = re.sub(r"[^A-Za-z0-9._-]+", "-", result.case.name).strip("-") or "case"
@@ -143,7 +165,9 @@ def case_page(
     modes: pd.DataFrame,
     with_figures: bool,
 ) -> dict[str, Any]:
-    """Return everything the templates need for one case; `with_figures` draws those for readers without a script."""
+    """Return everything the templates need for one case; `with_figures` draws those for readers
+    without a script.
+    """
     styles = line_styles(result.runs)
     shown, time = panels(result), result.signals["time"].values
     lines = {**styles, "applied": "run-0"}
@@ -173,7 +197,9 @@ def case_page(
         "results": (name := results_name([result])),
         "signatures": signature_rows(result.case.signatures, provenance.get("date", ""), name),
         "styles": styles,
-        "plain": figures(f"{key}-plain", time, judged, lines, result.case.events) if with_figures else [],
+        "plain": figures(f"{key}-plain", time, judged, lines, result.case.events)
+        if with_figures
+        else [],
         "head": head,
         "body": body,
     }
@@ -191,7 +217,10 @@ def outcomes(result: PomResult, styles: Mapping[str, str]) -> list[dict[str, Any
         if (
             status not in PASSED and not worst.get("worst_ratio", 0.0) > 1.0
         ):  # decided without a number, such as by a mode that is not there
-            worst = next((row for row in mine if row["verdict"] == status and row["criterion"] in applying), worst)
+            worst = next(
+                (row for row in mine if row["verdict"] == status and row["criterion"] in applying),
+                worst,
+            )
         ratio = worst.get("worst_ratio", math.nan)
         at = math.nan if worst.get("measure") in MODAL else worst.get("at", math.nan)
         rows.append(
@@ -213,13 +242,21 @@ def outcomes(result: PomResult, styles: Mapping[str, str]) -> list[dict[str, Any
 
 
 def provenance_of(result: PomResult, provenance: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what the page of one case shows of the provenance of a report: a change elsewhere leaves it as it is."""
+    """Return what the page of one case shows of the provenance of a report: a change elsewhere
+    leaves it as it is.
+    """
     record = PurePath(result.case.record).name
     return {
         "date": provenance.get("date", ""),
         "versions": provenance.get("versions", {}),
-        "inputs": {file: digest for file, digest in provenance.get("inputs", {}).items() if PurePath(file).name == record},
-        "models": {run: model for run, model in provenance.get("models", {}).items() if run in result.runs},
+        "inputs": {
+            file: digest
+            for file, digest in provenance.get("inputs", {}).items()
+            if PurePath(file).name == record
+        },
+        "models": {
+            run: model for run, model in provenance.get("models", {}).items() if run in result.runs
+        },
     }
 
 
@@ -230,18 +267,23 @@ def digests(result: PomResult, provenance: Mapping[str, Any]) -> list[tuple[str,
     known = [digest for file, digest in inputs.items() if PurePath(file).name == record]
     rows = [("flight record", record, known[0] if len(known) == 1 else "")]
     for run in result.runs:
-        model = provenance.get("models", {}).get(run) or _flown(str(result.signals.attrs.get(f"model.{run}", "")))
+        model = provenance.get("models", {}).get(run) or _flown(
+            str(result.signals.attrs.get(f"model.{run}", ""))
+        )
         rows.append((f"model {run}", model.get("file", ""), model.get("sha256", "")))
     return rows
 
 
 def _flown(text: str) -> dict[str, str]:
-    """Return file and hash of what `pom.replay` states of a model: ``final.fmu, FMI 2.0, sha256 ...``."""
+    """Return file and hash of what `pom.replay` states of a model: ``final.fmu, FMI 2.0, sha256
+    ...``.
+    """
     file, _, rest = text.partition(", ")
     return {"file": file, "sha256": rest.partition("sha256 ")[2]}
 
 
-# figures for readers without a script take 10 kB a case: only a report that is short enough to be read that way has them
+# figures for readers without a script take 10 kB a case: only a report that is short enough to be
+# read that way has them
 MOST_WITH_FIGURES = 30
 
 
@@ -292,23 +334,43 @@ class PackedPage:
     @property
     def fail(self) -> bool:
         """Whether a model failed, or passed with limits exceeded."""
-        return any(cell["status"] in ("fail", "limits_exceeded", "record_error") for cell in self.outcome)
+        return any(
+            cell["status"] in ("fail", "limits_exceeded", "record_error") for cell in self.outcome
+        )
 
 
 def packed_page(
-    position: int, key: str, result: PomResult, heading: Heading, diagnosis: pd.DataFrame | None, modes: pd.DataFrame
+    position: int,
+    key: str,
+    result: PomResult,
+    heading: Heading,
+    diagnosis: pd.DataFrame | None,
+    modes: pd.DataFrame,
 ) -> PackedPage:
     """Return the page of the case at `position`, counted from one; `modes` is its table of modes."""
     made_from = heading.provenance
     outcome = outcomes(result, line_styles(result.runs))
-    page = case_page(key, result, outcome, made_from, diagnosis, modes, with_figures=heading.count <= MOST_WITH_FIGURES)
+    page = case_page(
+        key,
+        result,
+        outcome,
+        made_from,
+        diagnosis,
+        modes,
+        with_figures=heading.count <= MOST_WITH_FIGURES,
+    )
     context = {
         "title": heading.title,
         "revision": heading.revision,
         "count": heading.count,
-        "origin": {"date": made_from.get("date", ""), "versions": sorted(made_from.get("versions", {}).items())},
+        "origin": {
+            "date": made_from.get("date", ""),
+            "versions": sorted(made_from.get("versions", {}).items()),
+        },
         "models": heading.with_databases,
         "page": {**page, "position": position},
     }
-    whole, brief = (page_templates().get_template(name).render(context) for name in ("case.html", "brief.html"))
+    whole, brief = (
+        page_templates().get_template(name).render(context) for name in ("case.html", "brief.html")
+    )
     return PackedPage(key, outcome, brief, parcel({**page["head"], "page": whole}, page["body"]))

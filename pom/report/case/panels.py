@@ -1,4 +1,6 @@
-"""Which panels a case shows, in which order and on which scale: the one description that page script and print share."""
+"""Which panels a case shows, in which order and on which scale: the one description that page
+script and print share.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,9 @@ from pom.tolerances.criteria import Criterion
 
 @dataclass(frozen=True)
 class Cross:
-    """One cross plot; `x`, `y` by run over the window of the criterion, `half` the half width at the flight samples. [display units]"""
+    """One cross plot; `x`, `y` by run over the window of the criterion, `half` the half width at
+    the flight samples. [display units]
+    """
 
     criteria: tuple[str, ...]
     abscissa: Label
@@ -39,11 +43,15 @@ class Cross:
         x = np.concatenate(list(self.x.values()))
         span = float(np.nanmax(x) - np.nanmin(x)) or 1.0
         y = np.concatenate(list(self.y.values()))
-        return span / (2 * STEPS_PER_HEIGHT), step_of(self.half, (float(np.nanmin(y)), float(np.nanmax(y))))
+        return span / (2 * STEPS_PER_HEIGHT), step_of(
+            self.half, (float(np.nanmin(y)), float(np.nanmax(y)))
+        )
 
 
 def crosses(result: PomResult) -> list[Cross]:
-    """Return the cross plots of the criteria that compare curves; several criteria on one pair of channels share a plot."""
+    """Return the cross plots of the criteria that compare curves; several criteria on one pair of
+    channels share a plot.
+    """
     curves = [c for c in result.case.criteria if c.abscissa and c.channel and c.applies]
     if not curves:
         return []
@@ -52,7 +60,9 @@ def crosses(result: PomResult) -> list[Cross]:
     found: dict[tuple[str, str], Cross] = {}
     for criterion in curves:
         pair = criterion.abscissa, criterion.channel
-        runs = {run: signals for run, signals in held.items() if all(name in signals for name in pair)}
+        runs = {
+            run: signals for run, signals in held.items() if all(name in signals for name in pair)
+        }
         if pair not in found and "flight" in runs:
             found[pair] = _cross(result, criterion, runs, inside_window(time, criterion.window))
     return list(found.values())
@@ -63,15 +73,24 @@ def _signals(result: PomResult, run: str, time: np.ndarray) -> Signals:
     return signals_of(result.case, traces_of(result.signals, run), time)
 
 
-def _cross(result: PomResult, criterion: Criterion, runs: Mapping[str, Signals], inside: np.ndarray) -> Cross:
-    names = tuple(c.name for c in result.case.criteria if (c.abscissa, c.channel) == (criterion.abscissa, criterion.channel))
+def _cross(
+    result: PomResult, criterion: Criterion, runs: Mapping[str, Signals], inside: np.ndarray
+) -> Cross:
+    names = tuple(
+        c.name
+        for c in result.case.criteria
+        if (c.abscissa, c.channel) == (criterion.abscissa, criterion.channel)
+    )
     x, y = label(criterion.abscissa), label(criterion.channel)
     flight = runs["flight"][criterion.channel][inside]
     try:
         half = y.width(np.broadcast_to(half_width(criterion, flight), flight.shape))
     except NotJudged:
         half = np.full(flight.shape, np.nan)
-    xs, ys = ({run: shown.shown(signals[shown.name][inside]) for run, signals in runs.items()} for shown in (x, y))
+    xs, ys = (
+        {run: shown.shown(signals[shown.name][inside]) for run, signals in runs.items()}
+        for shown in (x, y)
+    )
     return Cross(names, x, y, xs, ys, half)
 
 
@@ -82,7 +101,8 @@ LEAST_BAND = 0.05
 MARGIN = 0.05
 # a panel takes the scale of its window when the rest of the record would squeeze that by more
 SQUEEZED = 2.0
-# an input whose half-second mean moves less than this share of a panel's least height is a constant with noise
+# an input whose half-second mean moves less than this share of a panel's least height is a constant
+# with noise
 STILL = 0.5
 
 
@@ -107,7 +127,8 @@ class Panel:
     limits : tuple of float
         Scale over the whole record. [display unit]
     scale : tuple of float
-        That, or the scale of the window where the rest of the record would squeeze it: an angle of attack at standstill.
+        That, or the scale of the window where the rest of the record would squeeze it: an angle of
+        attack at standstill.
     fans : dict of str to array (quantile, time)
         Run name to the quantiles of its draws, the lowest first. [display unit]
     """
@@ -130,7 +151,9 @@ class Panel:
 
 
 def panels(result: PomResult) -> list[Panel]:
-    """Return the panels of a case: judged channels, then the inputs that move, then what proves the condition."""
+    """Return the panels of a case: judged channels, then the inputs that move, then what proves the
+    condition.
+    """
     channels = [str(name) for name in result.signals.data_vars]
     rows = result.rows
     judged = [str(c) for c in dict.fromkeys(row["channel"] for row in rows) if c in channels]
@@ -150,7 +173,9 @@ def panels(result: PomResult) -> list[Panel]:
 
 
 def _driven(name: str, channels: Sequence[str]) -> str:
-    """Return the channel that shows an input in flight and models: one that a pilot moves, or thrust that drives."""
+    """Return the channel that shows an input in flight and models: one that a pilot moves, or
+    thrust that drives.
+    """
     driven_by = name.removesuffix("_drive")
     return driven_by if driven_by in channels else ""
 
@@ -176,24 +201,58 @@ def _split_inputs(result: PomResult) -> tuple[list[str], list[str]]:
     return moving, [name for name in names if name not in moving]
 
 
-def _compared(result: PomResult, name: str, kind: str, rows: Sequence[Mapping[Hashable, Any]]) -> Panel:
+def _compared(
+    result: PomResult, name: str, kind: str, rows: Sequence[Mapping[Hashable, Any]]
+) -> Panel:
     shown = label(name)
     time = result.signals["time"].values
-    traces = dict(zip(map(str, result.signals["run"].values), shown.shown(result.signals.variables[name].values), strict=True))
+    traces = dict(
+        zip(
+            map(str, result.signals["run"].values),
+            shown.shown(result.signals.variables[name].values),
+            strict=True,
+        )
+    )
     traces = {run: values for run, values in traces.items() if np.isfinite(values).any()}
     rows = [row for row in rows if row["channel"] == name]
-    half = shown.width(result.tolerance.variables[name].values) if name in result.tolerance else None
+    half = (
+        shown.width(result.tolerance.variables[name].values) if name in result.tolerance else None
+    )
     exits: dict[str, list[tuple[float, float]]] = {}
     if half is not None and "flight" in traces:
-        exits = {run: spans(time, outside(values, traces["flight"], half)) for run, values in traces.items() if run != "flight"}
+        exits = {
+            run: spans(time, outside(values, traces["flight"], half))
+            for run, values in traces.items()
+            if run != "flight"
+        }
     inside = np.isfinite(half) if half is not None else np.zeros(len(time), bool)
     window = (float(time[inside][0]), float(time[inside][-1])) if inside.any() else _window(rows)
     whole = limits(traces, half, shown.least_span)
-    fans = {run: shown.shown(found.fan[name].values) for run, found in result.samples.items() if name in found.fan}
-    return Panel(kind, shown, traces, half, window, exits, rows, whole, _scale(whole, traces, half, shown.least_span), fans)
+    fans = {
+        run: shown.shown(found.fan[name].values)
+        for run, found in result.samples.items()
+        if name in found.fan
+    }
+    return Panel(
+        kind,
+        shown,
+        traces,
+        half,
+        window,
+        exits,
+        rows,
+        whole,
+        _scale(whole, traces, half, shown.least_span),
+        fans,
+    )
 
 
-def _scale(whole: tuple[float, float], traces: dict[str, np.ndarray], half: np.ndarray | None, least_span: float) -> tuple[float, float]:
+def _scale(
+    whole: tuple[float, float],
+    traces: dict[str, np.ndarray],
+    half: np.ndarray | None,
+    least_span: float,
+) -> tuple[float, float]:
     """Return the scale of the whole record, or of the window where the rest would squeeze it."""
     if half is None or not np.isfinite(half).any():
         return whole
@@ -210,14 +269,20 @@ def _window(rows: Sequence[Mapping[Hashable, Any]]) -> tuple[float, float] | Non
 
 def _input(result: PomResult, name: str) -> Panel:
     shown = label(name)
-    values = np.interp(result.signals["time"].values, result.inputs["time"].values, shown.shown(result.inputs.variables[name].values))
+    values = np.interp(
+        result.signals["time"].values,
+        result.inputs["time"].values,
+        shown.shown(result.inputs.variables[name].values),
+    )
     traces = {"applied": values}
     scale = limits(traces, None, shown.least_span)
     return Panel("input", shown, traces, None, None, {}, [], scale, scale)
 
 
 def outside(model: np.ndarray, flight: np.ndarray, half: np.ndarray) -> np.ndarray:
-    """Return where a model is outside the band; a missing value inside the window counts as outside."""
+    """Return where a model is outside the band; a missing value inside the window counts as
+    outside.
+    """
     with np.errstate(invalid="ignore"):
         return np.isfinite(half) & ~(np.abs(model - flight) <= half * (1.0 + 1e-12))
 
@@ -227,11 +292,14 @@ def spans(time: np.ndarray, mask: np.ndarray) -> list[tuple[float, float]]:
     return [(float(time[a]), float(time[b - 1])) for a, b in stretches(mask)]
 
 
-def limits(traces: dict[str, np.ndarray], half: np.ndarray | None, least_span: float) -> tuple[float, float]:
-    """Return the scale of a panel: flight and band always fit, a model's outlier is clipped before it squeezes them.
+def limits(
+    traces: dict[str, np.ndarray], half: np.ndarray | None, least_span: float
+) -> tuple[float, float]:
+    """Return the scale of a panel: flight and band always fit, a model's outlier is clipped before
+    it squeezes them.
 
-    The models may widen the scale by `ROOM` of the height on each side, as long as half a band keeps `LEAST_BAND` of the
-    panel.
+    The models may widen the scale by `ROOM` of the height on each side, as long as half a band
+    keeps `LEAST_BAND` of the panel.
     """
     base = traces.get("flight", next(iter(traces.values()), np.zeros(1)))
     width = np.where(np.isfinite(half), half, 0.0) if half is not None else 0.0
@@ -264,7 +332,11 @@ def description(panel: Panel) -> str:
     parts = []
     for row in panel.rows:
         if row["verdict"] in ("pass", "fail"):
-            state = {"pass": "within tolerance throughout", "fail": "outside tolerance"}[row["verdict"]]
+            state = {"pass": "within tolerance throughout", "fail": "outside tolerance"}[
+                row["verdict"]
+            ]
             at = f" at {fixed(row['at'], 1)} s" if np.isfinite(row["at"]) else ""
-            parts.append(f"{row['run']}: {row['criterion'].replace('_', ' ')} {state}, {fixed(row['worst_ratio'], 2)} of the tolerance{at}")
+            parts.append(
+                f"{row['run']}: {row['criterion'].replace('_', ' ')} {state}, {fixed(row['worst_ratio'], 2)} of the tolerance{at}"
+            )
     return f"{head}. " + "; ".join(parts) if parts else head

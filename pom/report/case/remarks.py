@@ -13,18 +13,30 @@ from pom.cases.case import PomCase
 from pom.cases.resolve import LIMIT_UNITS
 from pom.replaying.run_remarks import drift, pilot_activity
 from pom.replaying.trim import FOUND, LEFT, SHOWN_UNITS, limits_of
-from pom.report.presentation.quantities import MISSING, fixed, has_ends, label, measured, number, short
+from pom.report.presentation.quantities import (
+    MISSING,
+    fixed,
+    has_ends,
+    label,
+    measured,
+    number,
+    short,
+)
 from pom.report.presentation.verdict_text import MARKS, MODAL, remark_text, words
 from pom.result import PomResult, records
 from pom.samples import Samples
 from pom.tolerances.rows import rows
 
 
-def mode_table(result: PomResult, modes: pd.DataFrame, styles: dict[str, str]) -> list[dict[str, Any]]:
+def mode_table(
+    result: PomResult, modes: pd.DataFrame, styles: dict[str, str]
+) -> list[dict[str, Any]]:
     """Return one block per fitted channel and window, flight first."""
     fitted: dict[tuple[str, float, float], list[dict[Any, Any]]] = {}
     for row in records(modes):
-        fitted.setdefault((str(row["channel"]), row["window_start"], row["window_stop"]), []).append(row)
+        fitted.setdefault(
+            (str(row["channel"]), row["window_start"], row["window_stop"]), []
+        ).append(row)
     blocks = []
     for (channel, start, stop), fits in fitted.items():
         shown = label(channel)
@@ -45,7 +57,9 @@ def _row(row: dict[Any, Any], shown, styles: dict[str, str]) -> dict[str, Any]:
         "run": row["run"],
         "style": styles[row["run"]],
         "period": fixed(row["period"], 2),
-        "t_half": MISSING if half != half else f"{fixed(abs(half), 2)}{' to double' if half < 0 else ''}",
+        "t_half": MISSING
+        if half != half
+        else f"{fixed(abs(half), 2)}{' to double' if half < 0 else ''}",
         "damping": fixed(row["damping_ratio"], 4),
         "cycles": fixed(row["cycles"], 1),
         "amplitude": number(float(shown.width(row["amplitude"])), 3),
@@ -97,7 +111,9 @@ def spread(samples: Samples, criterion: str = "") -> str:
 
 def sources(samples: Samples, criterion: str, most: int = SOURCES) -> str:
     """Return the terms and instruments whose errors make most of the spread, with their shares."""
-    return ", ".join(f"{source} {100.0 * share:.0f} %" for source, share in samples.dominant(criterion, most))
+    return ", ".join(
+        f"{source} {100.0 * share:.0f} %" for source, share in samples.dominant(criterion, most)
+    )
 
 
 IN_MODE_TABLE = ("values", "cycles", "no_mode")
@@ -116,26 +132,51 @@ def notes(result: PomResult) -> list[str]:
     if case.reference in _REFERENCES:
         found.append(_REFERENCES[case.reference].format(share=share(case.fraction)))
     elif case.fraction != 1.0:
-        found.append(f"{share(case.fraction)} of the tolerance is applied, as the case file states.")
+        found.append(
+            f"{share(case.fraction)} of the tolerance is applied, as the case file states."
+        )
     if case.shortened:
         found.append(f"The window is shorter than the table requires: {case.shortened}.")
     if case.conditions:
-        given = ", ".join(f"{label(name).words or name} {_given(value, name)}" for name, value in case.conditions.items())
+        given = ", ".join(
+            f"{label(name).words or name} {_given(value, name)}"
+            for name, value in case.conditions.items()
+        )
         found.append(f"From the case file, not from the record: {given}.")
-    found += list(dict.fromkeys(remark.text for row in result.rows for remark in row["remarks"] if remark.kind == "record"))
+    found += list(
+        dict.fromkeys(
+            remark.text
+            for row in result.rows
+            for remark in row["remarks"]
+            if remark.kind == "record"
+        )
+    )
     found += _of_rows(result)
     marks = sorted({MARKS[p] for p in result.verdict["provenance"] if p in ("memory", "partial")})
     if marks:
-        found.append(f"Rows marked “{'” or “'.join(marks)}” were not read word for word in the regulation; check them there first.")
+        found.append(
+            f"Rows marked “{'” or “'.join(marks)}” were not read word for word in the regulation; check them there first."
+        )
     return list(dict.fromkeys(found))
 
 
 def objective(case: PomCase) -> str:
-    """Return the objective of a case: that of the case file, else what its entry of the tolerance table compares."""
+    """Return the objective of a case: that of the case file, else what its entry of the tolerance
+    table compares.
+    """
     if case.objective:
         return case.objective
-    judged = ", ".join(dict.fromkeys(words(criterion.name) for criterion in case.criteria if criterion.applies))
-    title = next((row["title"] for row in rows() if (row["standard"], row["test_id"]) == (case.standard, case.id)), case.title)
+    judged = ", ".join(
+        dict.fromkeys(words(criterion.name) for criterion in case.criteria if criterion.applies)
+    )
+    title = next(
+        (
+            row["title"]
+            for row in rows()
+            if (row["standard"], row["test_id"]) == (case.standard, case.id)
+        ),
+        case.title,
+    )
     if case.reference == "footprint":
         return f"{title}: {judged} of the device, kept for later comparison."
     other = "an engineering simulator" if case.reference == "engineering" else "flight"
@@ -154,16 +195,22 @@ def share(fraction: float) -> str:
 
 
 def _of_rows(result: PomResult) -> list[str]:
-    """Return the remarks of the verdict rows, each once, behind the criteria and models it is about."""
+    """Return the remarks of the verdict rows, each once, behind the criteria and models it is
+    about.
+    """
     places: dict[str, list[tuple[str, str]]] = {}
     longest: dict[str, list[str]] = {}
     for row in result.rows:
         fitted = row["measure"] in MODAL and row["verdict"] in ("pass", "fail")
         for remark in row["remarks"]:
             if remark.kind == "outside":
-                longest.setdefault(row["run"], []).append(f"{words(row['criterion'])} {remark.values['longest']:.2f} s")
+                longest.setdefault(row["run"], []).append(
+                    f"{words(row['criterion'])} {remark.values['longest']:.2f} s"
+                )
             elif remark.kind != "record" and not (fitted and remark.kind in IN_MODE_TABLE):
-                places.setdefault(remark_text(remark), []).append((words(row["criterion"]), row["run"]))
+                places.setdefault(remark_text(remark), []).append(
+                    (words(row["criterion"]), row["run"])
+                )
     found: dict[str, list[str]] = {}
     for text, where in places.items():
         found.setdefault(_where(where, result), []).append(text)
@@ -176,12 +223,17 @@ def _given(value: float, name: str) -> str:
     shown = label(name)
     if has_ends(name):
         return measured(value, name)
-    return f"{short(float(shown.shown(value)))}\N{NO-BREAK SPACE}{shown.unit}".rstrip("\N{NO-BREAK SPACE}")
+    return f"{short(float(shown.shown(value)))}\N{NO-BREAK SPACE}{shown.unit}".rstrip(
+        "\N{NO-BREAK SPACE}"
+    )
 
 
 def _where(found: Sequence[tuple[str, str]], result: PomResult) -> str:
     """Return what a remark is about: criteria and models, each left out when it is all of them."""
-    criteria, runs = list(dict.fromkeys(c for c, _ in found)), list(dict.fromkeys(r for _, r in found))
+    criteria, runs = (
+        list(dict.fromkeys(c for c, _ in found)),
+        list(dict.fromkeys(r for _, r in found)),
+    )
     every = len(criteria) == result.verdict["criterion"].nunique() and len(runs) < len(result.runs)
     parts = ([] if every else criteria) + ([] if len(runs) == len(result.runs) else runs)
     return ", ".join(parts or criteria)
@@ -193,7 +245,9 @@ def rationales(result: PomResult) -> list[tuple[str, str]]:
 
 
 def ticks(result: PomResult) -> list[dict[str, Any]]:
-    """Return the criteria that an engineer judges, with the tick of the case file where there is one."""
+    """Return the criteria that an engineer judges, with the tick of the case file where there is
+    one.
+    """
     wanted = result.verdict.loc[result.verdict["verdict"] == "advisory", "criterion"]
     names = dict.fromkeys([*wanted, *result.case.ticks])
     return [{"criterion": words(name), "tick": result.case.ticks.get(name, "")} for name in names]
@@ -203,14 +257,19 @@ def data_source(result: PomResult) -> list[tuple[str, str]]:
     """Return where the flight data come from, and how fast they were sampled: (what, words)."""
     time = result.signals["time"].values
     rate = (len(time) - 1) / (time[-1] - time[0])
-    return [*((words(key), text) for key, text in result.case.source.items()), ("samples", f"{len(time)} at {short(rate, 3)} per second")]
+    return [
+        *((words(key), text) for key, text in result.case.source.items()),
+        ("samples", f"{len(time)} at {short(rate, 3)} per second"),
+    ]
 
 
 _RATES = ("V_cas", "h", "psi")
 
 
 def sampled_line(result: PomResult, run: str) -> str:
-    """Return what the draws of a model show of a case, in one line: probability, spread, and what makes that of the deciding criterion."""
+    """Return what the draws of a model show of a case, in one line: probability, spread, and what
+    makes that of the deciding criterion.
+    """
     samples, worst = result.samples[run], result.worst(run)
     decides = str(worst["criterion"]) if worst is not None else ""
     made = sources(samples, decides, 3) if decides in samples.ratio else ""
@@ -219,8 +278,12 @@ def sampled_line(result: PomResult, run: str) -> str:
 
 
 def run_notes(result: PomResult, run: str) -> list[str]:
-    """Return the lines of a run: ``trim ...``, ``pilot ...`` for every control that a math pilot moved, ``drift ...``."""
-    return [line for line in (_trim(result, run), *_pilot(result, run), _drift(result, run)) if line]
+    """Return the lines of a run: ``trim ...``, ``pilot ...`` for every control that a math pilot
+    moved, ``drift ...``.
+    """
+    return [
+        line for line in (_trim(result, run), *_pilot(result, run), _drift(result, run)) if line
+    ]
 
 
 def _trim(result: PomResult, run: str) -> str:
@@ -233,7 +296,9 @@ def _trim(result: PomResult, run: str) -> str:
         unit = SHOWN_UNITS.get(LIMIT_UNITS[name], LIMIT_UNITS[name])
         text = f"{name} {from_si(value, unit):+.3g}{'' if unit == '1' else f' {unit}'}"
         if name in limits and abs(value) > limits[name].size:
-            words.append(f"{text} (limit {from_si(limits[name].size, unit):.3g}{', of the case file' if limits[name].demanded else ''})")
+            words.append(
+                f"{text} (limit {from_si(limits[name].size, unit):.3g}{', of the case file' if limits[name].demanded else ''})"
+            )
         elif quantity in FOUND and value != 0.0:
             words.append(text)
     return f"trim   {', '.join(words)}" if words else ""

@@ -1,4 +1,6 @@
-"""The start of a case: configuration, atmosphere, the trimmed state, what the trim found and what it left."""
+"""The start of a case: configuration, atmosphere, the trimmed state, what the trim found and what
+it left.
+"""
 
 from __future__ import annotations
 
@@ -33,22 +35,65 @@ from pom.report.presentation.quantities import (
 )
 from pom.result import PomResult, records
 
-_CONFIGURATION = ("mass", "x_cg", "x_cg_b", "y_cg_b", "z_cg_b", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz", "delta_f", "gear", "speedbrake")
-_ATMOSPHERE = ("h", "h_agl", "h_baro", "p_static", "temperature", "rho", "delta_T", "qnh", "runway_elevation", "wind", "a_sound")
+_CONFIGURATION = (
+    "mass",
+    "x_cg",
+    "x_cg_b",
+    "y_cg_b",
+    "z_cg_b",
+    "Ixx",
+    "Iyy",
+    "Izz",
+    "Ixy",
+    "Ixz",
+    "Iyz",
+    "delta_f",
+    "gear",
+    "speedbrake",
+)
+_ATMOSPHERE = (
+    "h",
+    "h_agl",
+    "h_baro",
+    "p_static",
+    "temperature",
+    "rho",
+    "delta_T",
+    "qnh",
+    "runway_elevation",
+    "wind",
+    "a_sound",
+)
 _LONG = 20.0  # [s] from which small errors of force add up
 _CALM = 0.05  # [m/s] a vertical wind below this is not printed
 
 
-def conditions(found: Mapping[str, float], printed: Collection[str]) -> list[tuple[str, list[tuple[Label, str]]]]:
-    """Return the conditions by part of the table; the flight state stands in the table of the trim, which has `printed` it."""
-    parts: dict[str, list[tuple[Label, str]]] = {"Configuration": [], "Atmosphere": [], "Flight": []}
+def conditions(
+    found: Mapping[str, float], printed: Collection[str]
+) -> list[tuple[str, list[tuple[Label, str]]]]:
+    """Return the conditions by part of the table; the flight state stands in the table of the trim,
+    which has `printed` it.
+    """
+    parts: dict[str, list[tuple[Label, str]]] = {
+        "Configuration": [],
+        "Atmosphere": [],
+        "Flight": [],
+    }
     for name, value in found.items():
         stem = name.rpartition(".")[2]
-        part = "Configuration" if stem in _CONFIGURATION else "Atmosphere" if stem in _ATMOSPHERE else "Flight"
+        part = (
+            "Configuration"
+            if stem in _CONFIGURATION
+            else "Atmosphere"
+            if stem in _ATMOSPHERE
+            else "Flight"
+        )
         if not stem.startswith("wind_") and (part != "Flight" or stem not in printed):
             parts[part].append((label(name), measured(value, name)))
     if {"wind_n", "wind_e"} <= set(found):
-        parts["Atmosphere"].append((_WIND, wind(found["wind_n"], found["wind_e"], found.get("wind_d", 0.0))))
+        parts["Atmosphere"].append(
+            (_WIND, wind(found["wind_n"], found["wind_e"], found.get("wind_d", 0.0)))
+        )
     for part, names in (("Configuration", _CONFIGURATION), ("Atmosphere", _ATMOSPHERE)):
         parts[part] = sorted(parts[part], key=_place_among(names))
     return [(part, rows) for part, rows in parts.items() if rows]
@@ -78,30 +123,63 @@ def wind(north: float, east: float, down: float = 0.0) -> str:
     if knots < 0.05:
         return "calm"
     bearing = round(math.degrees(math.atan2(-east, -north))) % 360 or 360
-    rising = f", {'down' if down > 0 else 'up'} {measured(abs(down), 'wind_d')}" if abs(down) >= _CALM else ""
+    rising = (
+        f", {'down' if down > 0 else 'up'} {measured(abs(down), 'wind_d')}"
+        if abs(down) >= _CALM
+        else ""
+    )
     return f"from {bearing:03d}° true at {fixed(knots, 1)} kt{rising}"
 
 
 def trim(result: PomResult) -> dict[str, Any]:
-    """Return the table of the trim in its parts; a bias or an acceleration beyond its limit is marked."""
+    """Return the table of the trim in its parts; a bias or an acceleration beyond its limit is
+    marked.
+    """
     parts: dict[str, list[Any]] = {"State": [], "Controls as applied": [], _FOUND: [], _LEFT: []}
     table = result.trim
     limits = limits_of(result)
     standing = "V" in table.index and float(table.iloc[:, 0]["V"]) < SLOWEST
     for name, held in zip(map(str, table.index), table.to_numpy(float), strict=True):
         shown, stem = label(name), name.rpartition(".")[2]
-        found, left = name.startswith("trim.") and not name.endswith("_dot"), name.startswith("trim.") and name.endswith("_dot")
+        found, left = (
+            name.startswith("trim.") and not name.endswith("_dot"),
+            name.startswith("trim.") and name.endswith("_dot"),
+        )
         if (found and not np.nan_to_num(held).any()) or (standing and name in FLOW):
             continue
-        part = _FOUND if found else _LEFT if left or "." in name else "Controls as applied" if stem in CONTROLS else "State"
+        part = (
+            _FOUND
+            if found
+            else _LEFT
+            if left or "." in name
+            else "Controls as applied"
+            if stem in CONTROLS
+            else "State"
+        )
         limit = limits[stem].size if (found or left) and stem in limits else math.inf
-        cells = [(_value(v, shown), abs(si) > limit) for v, si in zip(shown.shown(held), held, strict=True)]
-        differences = [] if found or left else [_difference(v, shown) for v in shown.width(held[1:] - held[0])]
+        cells = [
+            (_value(v, shown), abs(si) > limit)
+            for v, si in zip(shown.shown(held), held, strict=True)
+        ]
+        differences = (
+            []
+            if found or left
+            else [_difference(v, shown) for v in shown.width(held[1:] - held[0])]
+        )
         shown_limit = f"± {short(float(shown.width(limit)), 3)}" if math.isfinite(limit) else ""
         parts[part].append(
-            {"label": shown, "words": label(stem).words or stem, "cells": cells, "differences": differences, "limit": shown_limit}
+            {
+                "label": shown,
+                "words": label(stem).words or stem,
+                "cells": cells,
+                "differences": differences,
+                "limit": shown_limit,
+            }
         )
-    return {"columns": list(map(str, table.columns)), "parts": [(title, rows) for title, rows in parts.items() if rows]}
+    return {
+        "columns": list(map(str, table.columns)),
+        "parts": [(title, rows) for title, rows in parts.items() if rows],
+    }
 
 
 _FOUND, _LEFT = "Biases found by the trim", "Accelerations left after the trim"
@@ -117,7 +195,9 @@ def _difference(value: float, shown: Label) -> str:
 
 
 def calibration(result: PomResult) -> list[tuple[str, str]]:
-    """Return the constants of the instruments by which the flight data were corrected, with their standard errors."""
+    """Return the constants of the instruments by which the flight data were corrected, with their
+    standard errors.
+    """
     rows: list[tuple[str, str]] = []
     if CALIBRATION not in result.signals.attrs:
         return rows
@@ -158,7 +238,9 @@ def _constant(parameter: str) -> str:
 
 
 def drift(result: PomResult) -> list[tuple[Label, str, str, str]]:
-    """Return how fast speed, height and heading of every model leave those of the flight in a long run: channel, run, rate, spread."""
+    """Return how fast speed, height and heading of every model leave those of the flight in a long
+    run: channel, run, rate, spread.
+    """
     time = result.signals["time"].values
     if time[-1] - time[0] < _LONG:
         return []
@@ -193,7 +275,11 @@ _WIND_INPUTS = {
     "measured": "as measured in the record, an input of the model",
     "none": "calm air",
 }
-_SOURCES = {"recorded": "recorded surface", "cockpit": "recorded position", "force": "recorded force"}
+_SOURCES = {
+    "recorded": "recorded surface",
+    "cockpit": "recorded position",
+    "force": "recorded force",
+}
 
 
 def driving(result: PomResult) -> dict[str, Any]:
@@ -210,7 +296,12 @@ def driving(result: PomResult) -> dict[str, Any]:
     moving, still = split_inputs(result)
     inputs = [(label(name), _source(result, name), "moves, plotted") for name in moving]
     inputs += [(label(name), _source(result, name), _steady(result, name)) for name in still]
-    return {"how": how, "inputs": inputs, "loops": [_loop(loop) for loop in drive.pilot], "activity": _activity(result)}
+    return {
+        "how": how,
+        "inputs": inputs,
+        "loops": [_loop(loop) for loop in drive.pilot],
+        "activity": _activity(result),
+    }
 
 
 def _feedback(result: PomResult) -> str:
@@ -220,7 +311,9 @@ def _feedback(result: PomResult) -> str:
         return f"closed loop: the control law of the airplane ({law}) moves {moved}; it sees the outputs of the model one sample late"
     if not result.case.drive.pilot:
         return "none: open loop, nothing corrects the model during the run"
-    moved = ", ".join(dict.fromkeys(label(loop.control).words or loop.control for loop in result.case.drive.pilot))
+    moved = ", ".join(
+        dict.fromkeys(label(loop.control).words or loop.control for loop in result.case.drive.pilot)
+    )
     return f"closed loop: the math pilot moves {moved}"
 
 

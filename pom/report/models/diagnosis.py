@@ -1,4 +1,6 @@
-"""The cause of a mismatch: the term swaps of `pom.diagnose` in words, numbers and bars, after LR-743 section 5.2."""
+"""The cause of a mismatch: the term swaps of `pom.diagnose` in words, numbers and bars, after
+LR-743 section 5.2.
+"""
 
 from __future__ import annotations
 
@@ -22,10 +24,18 @@ from pom.result import PomResult, status_text
 
 MOST_PANELS = 4  # criteria next to the total
 LEAST_NAMED = 0.005  # of the gap: smaller shares are left out of the alternative text
-_NAMES, _TOTAL, _GAP = 116.0, 210.0, 10.0  # widths of the names, of the panel of the total with its numbers, between panels
+_NAMES, _TOTAL, _GAP = (
+    116.0,
+    210.0,
+    10.0,
+)  # widths of the names, of the panel of the total with its numbers, between panels
 _NUMBER, _WITH_ERROR = 36.0, 58.0  # width of the numbers next to a panel
 _HEAD, _ROW, _BAR = 36.0, 17.0, 10.0
-_LEGEND = (("run-2-area", "explains, taken by the corrected model"), ("band", "explains, not needed"), ("exit", "adds to the mismatch"))
+_LEGEND = (
+    ("run-2-area", "explains, taken by the corrected model"),
+    ("band", "explains, not needed"),
+    ("exit", "adds to the mismatch"),
+)
 
 
 @dataclass(frozen=True)
@@ -40,10 +50,12 @@ class _Bar:
 
 
 def cause_figure(table: pd.DataFrame) -> str:
-    """Return the waterfall as SVG with its alternative text; empty when the diagnosis has no shares.
+    """Return the waterfall as SVG with its alternative text; empty when the diagnosis has no
+    shares.
 
-    One row per term, first the a-priori model, last the final one.  A bar begins where the one above it ends; solid: a term that
-    the corrected model takes; open: not needed; hatched: it adds to the mismatch.  Whiskers: one standard error of a sampled share.
+    One row per term, first the a-priori model, last the final one.  A bar begins where the one
+    above it ends; solid: a term that the corrected model takes; open: not needed; hatched: it adds
+    to the mismatch.  Whiskers: one standard error of a sampled share.
     """
     total = waterfall(table)
     if total.empty:
@@ -60,20 +72,35 @@ def alternative(table: pd.DataFrame) -> str:
     for name in ("", *_shown(table)):
         steps = waterfall(table, name)
         large = [step for step in steps.to_dict("records") if abs(step["explained"]) >= LEAST_NAMED]
-        parts = [f"{_bar_name(step['term'])} {_share(step['explained'], step['stderr'])}" for step in large]
-        way = f"{fixed(steps['start'].iloc[0], 2)} to {fixed(steps['stop'].iloc[-1], 2)} half widths"
-        sentences.append(f"{name.replace('_', ' ') or 'all criteria'}, from {way}: {', '.join(parts) or 'no share of half a percent'}")
-    return f"Waterfall of the mismatch from the a-priori to the final model. {'. '.join(sentences)}."
+        parts = [
+            f"{_bar_name(step['term'])} {_share(step['explained'], step['stderr'])}"
+            for step in large
+        ]
+        way = (
+            f"{fixed(steps['start'].iloc[0], 2)} to {fixed(steps['stop'].iloc[-1], 2)} half widths"
+        )
+        sentences.append(
+            f"{name.replace('_', ' ') or 'all criteria'}, from {way}: {', '.join(parts) or 'no share of half a percent'}"
+        )
+    return (
+        f"Waterfall of the mismatch from the a-priori to the final model. {'. '.join(sentences)}."
+    )
 
 
 def _shown(table: pd.DataFrame) -> list[str]:
-    """Return the criteria that have a gap, the largest mismatch of the a-priori model first; none when there is but one criterion."""
+    """Return the criteria that have a gap, the largest mismatch of the a-priori model first; none
+    when there is but one criterion.
+    """
     found = {name: waterfall(table, name) for name in criteria_of(table)}
-    shown = [name for name, steps in found.items() if len(found) > 1 and steps["explained"].notna().all()]
+    shown = [
+        name for name, steps in found.items() if len(found) > 1 and steps["explained"].notna().all()
+    ]
     return sorted(shown, key=lambda name: -found[name]["start"].iloc[0])[:MOST_PANELS]
 
 
-def _panels(table: pd.DataFrame, total: pd.DataFrame, needed: Collection[str], bottom: float) -> list[str]:
+def _panels(
+    table: pd.DataFrame, total: pd.DataFrame, needed: Collection[str], bottom: float
+) -> list[str]:
     shown = _shown(table)
     number = _WITH_ERROR if (total["stderr"] > 0.0).any() else _NUMBER
     width = _TOTAL if shown else svg_chart.WIDTH - _NAMES
@@ -87,29 +114,70 @@ def _panels(table: pd.DataFrame, total: pd.DataFrame, needed: Collection[str], b
     return drawn
 
 
-def _panel(title: str, steps: pd.DataFrame, needed: Collection[str], place: tuple[float, float, float], main: bool) -> str:
+def _panel(
+    title: str,
+    steps: pd.DataFrame,
+    needed: Collection[str],
+    place: tuple[float, float, float],
+    main: bool,
+) -> str:
     """Return one column: title, scale and bars; `place` is left edge, width and lower edge."""
     first, last = steps["start"].iloc[0], steps["stop"].iloc[-1]
     bars = [_Bar(0.0, first, "run-1-area", fixed(first, 2))]
     for step in steps.to_dict("records"):
         start, stop, stderr = step["start"], step["stop"], step["stderr"]
         css = "exit" if stop > start else "run-2-area" if step["term"] in needed else "band"
-        bars.append(_Bar(start, stop, css, _share(step["explained"], stderr if main else 0.0), stderr * abs(first - last)))
+        bars.append(
+            _Bar(
+                start,
+                stop,
+                css,
+                _share(step["explained"], stderr if main else 0.0),
+                stderr * abs(first - last),
+            )
+        )
     bars.append(_Bar(0.0, last, "run-3-area", fixed(last, 2)))
     left, width, bottom = place
-    ends = [end for bar in bars for end in (bar.start - bar.stderr, bar.stop - bar.stderr, bar.start + bar.stderr, bar.stop + bar.stderr)]
-    frame = Frame(left, _HEAD, width, bottom - _HEAD, (min(0.0, *ends), 1.02 * max(ends)), (0.0, 1.0))
+    ends = [
+        end
+        for bar in bars
+        for end in (
+            bar.start - bar.stderr,
+            bar.stop - bar.stderr,
+            bar.start + bar.stderr,
+            bar.stop + bar.stderr,
+        )
+    ]
+    frame = Frame(
+        left, _HEAD, width, bottom - _HEAD, (min(0.0, *ends), 1.02 * max(ends)), (0.0, 1.0)
+    )
     lines = _two_lines(title, 20 if main else max(int((width + _NUMBER) / 5.6), 8))
-    heading = [svg_chart.text(left, _HEAD - 8.0 - 12.0 * (len(lines) - 1 - k), line) for k, line in enumerate(lines)]
-    below = svg_chart.text(left, bottom + 26.0, "mismatch, in half widths of the tolerance", "caption") if main else ""
-    return "".join([*heading, _scale(frame), *(_bar_row(frame, k, bar) for k, bar in enumerate(bars)), _joints(frame, bars), below])
+    heading = [
+        svg_chart.text(left, _HEAD - 8.0 - 12.0 * (len(lines) - 1 - k), line)
+        for k, line in enumerate(lines)
+    ]
+    below = (
+        svg_chart.text(left, bottom + 26.0, "mismatch, in half widths of the tolerance", "caption")
+        if main
+        else ""
+    )
+    return "".join(
+        [
+            *heading,
+            _scale(frame),
+            *(_bar_row(frame, k, bar) for k, bar in enumerate(bars)),
+            _joints(frame, bars),
+            below,
+        ]
+    )
 
 
 def _scale(frame: Frame) -> str:
     marks = svg_chart.ticks(*frame.x, max(2, int(frame.width / 40)))
     grid = "".join(f"M{frame.px(mark):.1f},{frame.top:.1f}v{frame.height:.1f}" for mark in marks)
     words = "".join(
-        svg_chart.text(float(frame.px(v)), frame.bottom + 12, w) for v, w in zip(marks, svg_chart.tick_text(marks), strict=True)
+        svg_chart.text(float(frame.px(v)), frame.bottom + 12, w)
+        for v, w in zip(marks, svg_chart.tick_text(marks), strict=True)
     )
     zero = float(frame.px(0.0))
     axis = svg_chart.line(zero, frame.top, zero, frame.bottom, "frame")
@@ -120,22 +188,39 @@ def _bar_row(frame: Frame, k: int, bar: _Bar) -> str:
     """Return the bar of row `k`, its whisker, and the number next to the panel."""
     a, b = sorted((float(frame.px(bar.start)), float(frame.px(bar.stop))))
     middle = frame.top + _ROW * (k + 0.5)
-    parts = [svg_chart.rect(a, middle - 0.5 * _BAR, max(b - a, 0.8), _BAR, f"{bar.css} frame" if bar.css == "band" else bar.css)]
+    parts = [
+        svg_chart.rect(
+            a,
+            middle - 0.5 * _BAR,
+            max(b - a, 0.8),
+            _BAR,
+            f"{bar.css} frame" if bar.css == "band" else bar.css,
+        )
+    ]
     if bar.stderr > 0.0:
         low, high = (float(frame.px(bar.stop + side * bar.stderr)) for side in (-1.0, 1.0))
-        parts.append(f'<path class="frame" d="M{low:.1f},{middle - 3:.1f}v6m0,-3H{high:.1f}m0,-3v6"/>')
+        parts.append(
+            f'<path class="frame" d="M{low:.1f},{middle - 3:.1f}v6m0,-3H{high:.1f}m0,-3v6"/>'
+        )
     parts.append(svg_chart.text(frame.right + _GAP - 4.0, middle + 3.8, bar.words, "tick"))
     return "".join(parts)
 
 
 def _joints(frame: Frame, bars: list[_Bar]) -> str:
     """Return the short lines from the end of each bar to the next one."""
-    places = [(float(frame.px(bar.stop)), frame.top + _ROW * (k + 0.5) + 0.5 * _BAR) for k, bar in enumerate(bars[:-1])]
+    places = [
+        (float(frame.px(bar.stop)), frame.top + _ROW * (k + 0.5) + 0.5 * _BAR)
+        for k, bar in enumerate(bars[:-1])
+    ]
     return f'<path class="frame" d="{"".join(f"M{x:.1f},{y:.1f}v{_ROW - _BAR:.1f}" for x, y in places)}"/>'
 
 
 def _names(steps: pd.DataFrame, needed: Collection[str]) -> str:
-    words = [("a-priori model", False), *((_bar_name(term), term in needed) for term in steps["term"]), ("final model", False)]
+    words = [
+        ("a-priori model", False),
+        *((_bar_name(term), term in needed) for term in steps["term"]),
+        ("final model", False),
+    ]
     lines = []
     for k, (text, strong) in enumerate(words):
         style = ' style="font-weight:600"' if strong else ""
@@ -148,7 +233,9 @@ def _legend(y: float) -> str:
     parts, x = [], svg_chart.WIDTH
     for css, label in reversed(_LEGEND):
         x -= 6.6 * len(label) + 22.0  # a wide font, as DejaVu Sans
-        parts.append(svg_chart.rect(x, y - 9.0, 14.0, _BAR, f"{css} frame" if css == "band" else css))
+        parts.append(
+            svg_chart.rect(x, y - 9.0, 14.0, _BAR, f"{css} frame" if css == "band" else css)
+        )
         parts.append(svg_chart.text(x + 18.0, y, label, "caption"))
     return "".join(parts)
 
@@ -180,7 +267,9 @@ NOTE = (
 )
 
 
-def context(tunings: Mapping[str, Mapping[str, Any]], results: Sequence[PomResult]) -> list[dict[str, Any]]:
+def context(
+    tunings: Mapping[str, Mapping[str, Any]], results: Sequence[PomResult]
+) -> list[dict[str, Any]]:
     """Return per tuned model its outcome in a sentence, what moved, the rows, and further words."""
     return [_of(run, log, results) for run, log in tunings.items()]
 
@@ -191,14 +280,28 @@ def _of(run: str, log: Mapping[str, Any], results: Sequence[PomResult]) -> dict[
     rows = tuple((*cells, flown.get(cells[1], MISSING)) for cells in rows_of(log))
     grids = [Grid("What moved", MOVES, tuple(moves))] if moves else []
     grids.append(Grid("What it did to every case", (*ROWS, FLOWN), rows))
-    files = ", ".join(f"{role} {file['name']} ({file['sha256'][:16]})" for role, file in log["files"].items() if role in BASES)
+    files = ", ".join(
+        f"{role} {file['name']} ({file['sha256'][:16]})"
+        for role, file in log["files"].items()
+        if role in BASES
+    )
     remarks = [*([rest] if rest else []), f"files, SHA-256: {files}"]
-    return {"run": run, "headline": headline(log), "grids": grids, "remarks": remarks, "numbers": {*NUMBERS, FLOWN}}
+    return {
+        "run": run,
+        "headline": headline(log),
+        "grids": grids,
+        "remarks": remarks,
+        "numbers": {*NUMBERS, FLOWN},
+    }
 
 
 def _flown(result: PomResult, run: str) -> str:
     worst = result.worst(run)
-    return f"{fixed(worst['worst_ratio'], 2)} {status_text(result.status(run))}" if worst is not None else status_text(result.status(run))
+    return (
+        f"{fixed(worst['worst_ratio'], 2)} {status_text(result.status(run))}"
+        if worst is not None
+        else status_text(result.status(run))
+    )
 
 
 LEAST_SHOWN = 0.01  # a single term that explains less is counted only, a group is left out
@@ -228,20 +331,37 @@ def cause(result: PomResult, table: pd.DataFrame | None) -> dict[str, Any] | Non
     stages = []
     for stage, title in _TITLES.items():
         rows = by_stage[stage]
-        felt = [row for row in rows if stage not in ("single", "group") or not abs(row["explained"]) < LEAST_SHOWN]
+        felt = [
+            row
+            for row in rows
+            if stage not in ("single", "group") or not abs(row["explained"]) < LEAST_SHOWN
+        ]
         kept = felt[: _MOST.get(stage, len(rows))]
-        starts = [0.0, *(row["explained"] for row in rows)] if stage == "sequence" else [0.0] * (len(rows) + 1)
+        starts = (
+            [0.0, *(row["explained"] for row in rows)]
+            if stage == "sequence"
+            else [0.0] * (len(rows) + 1)
+        )
         shown = [_row(row, start, criteria) for row, start in zip(kept, starts, strict=False)]
         hidden = len(rows) - len(kept) if stage == "single" else 0
         if shown or hidden:
-            stages.append({"title": title, "named": stage not in ("prior", "final"), "rows": shown, "hidden": hidden})
+            stages.append(
+                {
+                    "title": title,
+                    "named": stage not in ("prior", "final"),
+                    "rows": shown,
+                    "hidden": hidden,
+                }
+            )
     return {
         "criteria": criteria,
         "stages": stages,
         "idle": _idle(table),
         "story": story(table),
         "figure": Markup(cause_figure(table)),
-        "linked": [row["term"] for row in by_stage["single"] if str(row["term"]).startswith("C")],  # terms of coefficients, no parts
+        "linked": [
+            row["term"] for row in by_stage["single"] if str(row["term"]).startswith("C")
+        ],  # terms of coefficients, no parts
         "columns": 4 + 2 * len(criteria),
     }
 
@@ -279,7 +399,9 @@ def story(table: pd.DataFrame) -> str:
         return f"The a-priori model is within tolerance; no term has to be taken from the final model.{more}"
     if by["prior"][0]["verdict"] == "not_tested":
         return "No criterion of this case carries a verdict, so there is no mismatch to explain."
-    sentences = [f"The a-priori model {'could not be judged' if by['prior'][0]['verdict'] == 'invalid' else 'is out of tolerance'}."]
+    sentences = [
+        f"The a-priori model {'could not be judged' if by['prior'][0]['verdict'] == 'invalid' else 'is out of tolerance'}."
+    ]
     singles = [row for row in by["single"] if row["explained"] >= LEAST_SHOWN]
     if singles:
         best = singles[0]
@@ -296,20 +418,32 @@ def story(table: pd.DataFrame) -> str:
         missed = f"explains {_percent(last['explained'])} and is still out of tolerance"
         state = f"is within tolerance{beyond}" if last["verdict"] in MATCHED else missed
         taken = _called(chosen[0]) if len(chosen) == 1 else _listed(chosen)
-        sentences.append(f"With {'the ' if len(chosen) == 1 else ''}{taken} from the final model, the corrected a-priori model {state}.")
+        sentences.append(
+            f"With {'the ' if len(chosen) == 1 else ''}{taken} from the final model, the corrected a-priori model {state}."
+        )
     if by["joint"]:
         sentences.append(_joint(by["joint"]))
     if by["pair"] and abs(by["pair"][0]["interaction"]) >= LEAST_INTERACTION:
-        sentences.append(_interaction(by["pair"][0], {row["term"]: row["explained"] for row in by["single"]}))
+        sentences.append(
+            _interaction(by["pair"][0], {row["term"]: row["explained"] for row in by["single"]})
+        )
     return " ".join(sentences)
 
 
 def _joint(rows: Sequence[Mapping[Hashable, Any]]) -> str:
     """Return the sentence about what the corrected model of all cases takes for this one."""
     added = [str(row["term"]) for row in rows if row["term"]]
-    before = {"pass": "within tolerance", "limits_exceeded": "within tolerance with a trim beyond its limits", "invalid": "not judged"}
+    before = {
+        "pass": "within tolerance",
+        "limits_exceeded": "within tolerance with a trim beyond its limits",
+        "invalid": "not judged",
+    }
     made = "make" if len(added) > 1 else "makes"
-    after = f"{made} it pass" if rows[-1]["verdict"] == "pass" else f"{made} it as good as the final model"
+    after = (
+        f"{made} it pass"
+        if rows[-1]["verdict"] == "pass"
+        else f"{made} it as good as the final model"
+    )
     state = before.get(rows[0]["verdict"], "out of tolerance")
     return f"With the sequences of all cases together the corrected model is {state} here; {_listed(added)}, added for this case, {after}."
 
@@ -335,7 +469,9 @@ def _percent(share: float, stderr: float = 0.0) -> str:
     return f"{fixed(100.0 * share, 0)}{error} %" if math.isfinite(share) else MISSING
 
 
-def _row(row: Mapping[Hashable, Any], start: float, criteria: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+def _row(
+    row: Mapping[Hashable, Any], start: float, criteria: Sequence[Mapping[str, Any]]
+) -> dict[str, Any]:
     term, is_share = str(row["term"]), row["stage"] == "share"
     cells = []
     for c in criteria:
@@ -355,8 +491,12 @@ def _row(row: Mapping[Hashable, Any], start: float, criteria: Sequence[Mapping[s
 
 
 def _bar(start: float, stop: float) -> tuple[float, float] | None:
-    """Return left end and width of a bar, in percent of the column; a sequence's bar begins where the one before ends."""
+    """Return left end and width of a bar, in percent of the column; a sequence's bar begins where
+    the one before ends.
+    """
     if not (math.isfinite(start) and math.isfinite(stop)):
         return None
-    a, b = (100.0 * (min(max(x, _LOW), _HIGH) - _LOW) / (_HIGH - _LOW) for x in sorted((start, stop)))
+    a, b = (
+        100.0 * (min(max(x, _LOW), _HIGH) - _LOW) / (_HIGH - _LOW) for x in sorted((start, stop))
+    )
     return round(a, 1), round(max(b - a, 0.6), 1)

@@ -1,4 +1,6 @@
-"""The report on paper: a tagged PDF/A-3 document, typeset by typst, its panels drawn by our own SVG writer."""
+"""The report on paper: a tagged PDF/A-3 document, typeset by typst, its panels drawn by our own SVG
+writer.
+"""
 
 from flightmech.support.imports import attach_stub
 

@@ -1,4 +1,6 @@
-"""What stands in the document, as plain data for the templates of typst: the same words and numbers as on the HTML page."""
+"""What stands in the document, as plain data for the templates of typst: the same words and numbers
+as on the HTML page.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,16 @@ from pom.report.case.page import digests, line_styles, outcomes
 from pom.report.case.panels import Panel, crosses, panels
 from pom.report.case.start_and_inputs import driving
 from pom.report.models.diagnosis import story
-from pom.report.pdf.drawings import LEAST, MOST_PANELS, Drawing, arranged, cross_drawing, drawing, legend, waterfall
+from pom.report.pdf.drawings import (
+    LEAST,
+    MOST_PANELS,
+    Drawing,
+    arranged,
+    cross_drawing,
+    drawing,
+    legend,
+    waterfall,
+)
 from pom.report.presentation.quantities import Label
 from pom.report.presentation.verdict_text import Verdict, verdict_table, words
 from pom.report.submodels.section import Grid, Section
@@ -53,33 +64,62 @@ def front(
         "command": provenance.get("command", ""),
         "tool": provenance.get("versions", {}).get("aeromatch", ""),
         "results": source["results"],
-        "signatures": signature_rows(provenance.get("signatures", {}), provenance.get("date", ""), source["results"]),
-        "standards": list(dict.fromkeys(f"{r.case.standard}, edition {r.case.edition}" for r in results)),
-        "kinds": list(dict.fromkeys(_REFERENCES.get(r.case.reference, r.case.reference) for r in results)),
-        "airplanes": list(dict.fromkeys(str(db.attrs["aircraft"]) for db in databases.values() if "aircraft" in db.attrs)),
+        "signatures": signature_rows(
+            provenance.get("signatures", {}), provenance.get("date", ""), source["results"]
+        ),
+        "standards": list(
+            dict.fromkeys(f"{r.case.standard}, edition {r.case.edition}" for r in results)
+        ),
+        "kinds": list(
+            dict.fromkeys(_REFERENCES.get(r.case.reference, r.case.reference) for r in results)
+        ),
+        "airplanes": list(
+            dict.fromkeys(
+                str(db.attrs["aircraft"]) for db in databases.values() if "aircraft" in db.attrs
+            )
+        ),
         "index": matrix,
         "record_errors": source["record_errors"],
         "coverage": overview.coverage(results, tolerance_rows()),
         "references": {
             "versions": source["versions"],
             "inputs": source["inputs"],
-            "models": [(run, model.get("file", ""), model.get("sha256", "")) for run, model in source["models"]],
+            "models": [
+                (run, model.get("file", ""), model.get("sha256", ""))
+                for run, model in source["models"]
+            ],
             "records": _joined(source["records"]),
-            "databases": [(name, str(db.attrs.get("title", "")), str(db.attrs.get("source", ""))) for name, db in databases.items()],
-            "absent": _joined((name, ", ".join(terms) or "none") for name, terms in source["absent"]),
+            "databases": [
+                (name, str(db.attrs.get("title", "")), str(db.attrs.get("source", "")))
+                for name, db in databases.items()
+            ],
+            "absent": _joined(
+                (name, ", ".join(terms) or "none") for name, terms in source["absent"]
+            ),
             "documents": _documents(results),
             "notices": source["notices"],
         },
-        "glossary": [{**quantity(q), "name": q.name, "meaning": q.meaning, "sign": q.sign} for q in source["glossary"]],
+        "glossary": [
+            {**quantity(q), "name": q.name, "meaning": q.meaning, "sign": q.sign}
+            for q in source["glossary"]
+        ],
     }
 
 
 def case(
-    position: int, key: str, result: PomResult, provenance: Mapping[str, Any], diagnosis: pd.DataFrame | None, modes: pd.DataFrame
+    position: int,
+    key: str,
+    result: PomResult,
+    provenance: Mapping[str, Any],
+    diagnosis: pd.DataFrame | None,
+    modes: pd.DataFrame,
 ) -> dict[str, Any]:
     """Return what the pages of one case show in addition to the drawings."""
     case, styles = result.case, line_styles(result.runs)
-    shown_rows, table = initial_conditions.conditions(result.conditions, result.trim.index), verdict_table(result)
+    shown_rows, table = (
+        initial_conditions.conditions(result.conditions, result.trim.index),
+        verdict_table(result),
+    )
     return {
         "position": position,
         "key": key,
@@ -97,14 +137,26 @@ def case(
         "source": remarks.data_source(result),
         "calibration": initial_conditions.calibration(result),
         "window": [case.window[0], case.window[1]],
-        "events": [(words(name), f"{at:.2f} s") for name, at in sorted(case.events.items(), key=lambda item: item[1])],
-        "conditions": [(part, [(quantity(shown), value) for shown, value in rows]) for part, rows in shown_rows],
-        "glance": ";  ".join(f"{_name(shown)} {value}" for _, rows in shown_rows for shown, value in rows if shown.name in _GLANCE),
+        "events": [
+            (words(name), f"{at:.2f} s")
+            for name, at in sorted(case.events.items(), key=lambda item: item[1])
+        ],
+        "conditions": [
+            (part, [(quantity(shown), value) for shown, value in rows]) for part, rows in shown_rows
+        ],
+        "glance": ";  ".join(
+            f"{_name(shown)} {value}"
+            for _, rows in shown_rows
+            for shown, value in rows
+            if shown.name in _GLANCE
+        ),
         "drive": _drive(result),
         "trim": _trim(result),
         "drift": _drift(result),
         "verdicts": [_block(block) for block in table["blocks"]],
-        "left_out": [(block["criterion"], block["printed"], block["left_out"]) for block in table["left_out"]],
+        "left_out": [
+            (block["criterion"], block["printed"], block["left_out"]) for block in table["left_out"]
+        ],
         "values": table["values"],
         "modes": [_mode(block) for block in modal.mode_table(result, modes, styles)],
         "probability": probability.probability_table(result),
@@ -119,13 +171,33 @@ def case(
     }
 
 
-_GLANCE = ("mass", "x_cg", "x_cg_b", "delta_f", "gear", "speedbrake", "h", "h_agl", "delta_T", "wind", "V", "V_cas", "mach")
+_GLANCE = (
+    "mass",
+    "x_cg",
+    "x_cg_b",
+    "delta_f",
+    "gear",
+    "speedbrake",
+    "h",
+    "h_agl",
+    "delta_T",
+    "wind",
+    "V",
+    "V_cas",
+    "mach",
+)
 
 
 def quantity(shown: Label) -> dict[str, Any]:
     """Return a quantity as the templates write it: symbol with subscript, words, unit."""
     word = shown.is_word
-    return {"base": shown.base, "sub": shown.sub, "word": word, "words": shown.words, "unit": shown.unit}
+    return {
+        "base": shown.base,
+        "sub": shown.sub,
+        "word": word,
+        "words": shown.words,
+        "unit": shown.unit,
+    }
 
 
 def _name(shown: Label) -> str:
@@ -133,34 +205,65 @@ def _name(shown: Label) -> str:
 
 
 def _texts(case: Any) -> list[tuple[str, str]]:
-    return [("Procedure, automatic", case.procedure), ("Procedure, manual", case.manual), ("Method of evaluation", case.evaluation)]
+    return [
+        ("Procedure, automatic", case.procedure),
+        ("Procedure, manual", case.manual),
+        ("Method of evaluation", case.evaluation),
+    ]
 
 
 def _outcome(item: Mapping[str, Any]) -> dict[str, Any]:
     at = f" at {item['at_text']} s" if item["at"] == item["at"] else ""
     verdict: Verdict = item["verdict"]
     count = len(item["notices"])
-    parts = (f"{item['criterion']}{at}" if item["criterion"] else "", f"{count} notice{'s' if count > 1 else ''}" if count else "")
+    parts = (
+        f"{item['criterion']}{at}" if item["criterion"] else "",
+        f"{count} notice{'s' if count > 1 else ''}" if count else "",
+    )
     decides = ", ".join(filter(None, parts))
-    return {"run": item["run"], "style": item["style"], "ratio": item["ratio_text"], "decides": decides, **_verdict(verdict)}
+    return {
+        "run": item["run"],
+        "style": item["style"],
+        "ratio": item["ratio_text"],
+        "decides": decides,
+        **_verdict(verdict),
+    }
 
 
 def _verdict(verdict: Verdict) -> dict[str, str]:
-    return {"word": verdict.word, "symbol": verdict.symbol, "state": verdict.css.removeprefix("is-")}
+    return {
+        "word": verdict.word,
+        "symbol": verdict.symbol,
+        "state": verdict.css.removeprefix("is-"),
+    }
 
 
 def submodel(section: Section) -> dict[str, Any]:
     """Return what the chapter on submodels shows of one next to its figures."""
     grids = [table_of(grid) for grid in section.grids]
-    return {"name": section.name, "techniques": section.techniques, "grids": grids, "remarks": section.remarks}
+    return {
+        "name": section.name,
+        "techniques": section.techniques,
+        "grids": grids,
+        "remarks": section.remarks,
+    }
 
 
 def tuning(one: Mapping[str, Any]) -> dict[str, Any]:
     """Return what the chapter on tuning shows of one model."""
     grids = [
-        {**(table_of(grid) or {}), "align": ["right" if cell in one["numbers"] else "left" for cell in grid.head]} for grid in one["grids"]
+        {
+            **(table_of(grid) or {}),
+            "align": ["right" if cell in one["numbers"] else "left" for cell in grid.head],
+        }
+        for grid in one["grids"]
     ]
-    return {"run": one["run"], "headline": one["headline"], "grids": grids, "remarks": one["remarks"]}
+    return {
+        "run": one["run"],
+        "headline": one["headline"],
+        "grids": grids,
+        "remarks": one["remarks"],
+    }
 
 
 def table_of(grid: Grid | None) -> dict[str, Any] | None:
@@ -168,16 +271,34 @@ def table_of(grid: Grid | None) -> dict[str, Any] | None:
     return {"caption": grid.caption, "head": grid.head, "rows": grid.rows} if grid else None
 
 
-def _matrix(keys: Sequence[str], results: Sequence[PomResult], cells: Sequence[Sequence[Mapping[str, Any]]]) -> dict[str, Any]:
+def _matrix(
+    keys: Sequence[str], results: Sequence[PomResult], cells: Sequence[Sequence[Mapping[str, Any]]]
+) -> dict[str, Any]:
     runs = list(dict.fromkeys(run for result in results for run in result.runs))
     rows = []
     for key, result, found in zip(keys, results, cells, strict=True):
         by = {cell["run"]: _outcome(cell) for cell in found}
-        rows.append({"key": key, "id": result.case.id, "title": result.case.title, "cells": [by.get(run) for run in runs]})
+        rows.append(
+            {
+                "key": key,
+                "id": result.case.id,
+                "title": result.case.title,
+                "cells": [by.get(run) for run in runs],
+            }
+        )
     shown = overview.shown_statuses(results)
-    counts = [[run, *(sum(r.status(run) == word for r in results if run in r.runs) for word in shown)] for run in runs]
+    counts = [
+        [run, *(sum(r.status(run) == word for r in results if run in r.runs) for word in shown)]
+        for run in runs
+    ]
     heads = [Verdict.of(word).word for word in shown]
-    return {"runs": runs, "rows": rows, "counts": counts, "heads": heads, "styles": line_styles(runs)}
+    return {
+        "runs": runs,
+        "rows": rows,
+        "counts": counts,
+        "heads": heads,
+        "styles": line_styles(runs),
+    }
 
 
 def _joined(pairs: Iterable[tuple[str, str]]) -> list[tuple[str, str]]:
@@ -192,14 +313,20 @@ def _drift(result: PomResult) -> list[dict[str, Any]]:
     """Return the drift of every channel, a cell per model."""
     rows: dict[str, dict[str, Any]] = {}
     for shown, run, rate, spread in initial_conditions.drift(result):
-        row = rows.setdefault(shown.name, {"label": quantity(shown), "cells": dict.fromkeys(result.runs, "")})
+        row = rows.setdefault(
+            shown.name, {"label": quantity(shown), "cells": dict.fromkeys(result.runs, "")}
+        )
         row["cells"][run] = f"{rate} ± {spread}"
     return [{"label": row["label"], "cells": list(row["cells"].values())} for row in rows.values()]
 
 
 def _documents(results: Sequence[PomResult]) -> list[str]:
     """Return the documents that the case files name as the source of their flight data, each once."""
-    return list(dict.fromkeys(result.case.source["document"] for result in results if "document" in result.case.source))
+    return list(
+        dict.fromkeys(
+            result.case.source["document"] for result in results if "document" in result.case.source
+        )
+    )
 
 
 def _drive(result: PomResult) -> dict[str, Any]:
@@ -207,23 +334,38 @@ def _drive(result: PomResult) -> dict[str, Any]:
     return {
         "how": found["how"],
         "inputs": [(quantity(shown), *rest) for shown, *rest in found["inputs"]],
-        "loops": [{**loop, "control": quantity(loop["control"]), "channel": quantity(loop["channel"])} for loop in found["loops"]],
+        "loops": [
+            {**loop, "control": quantity(loop["control"]), "channel": quantity(loop["channel"])}
+            for loop in found["loops"]
+        ],
         "activity": [{**row, "control": quantity(row["control"])} for row in found["activity"]],
     }
 
 
 def _trim(result: PomResult) -> dict[str, Any]:
     found = initial_conditions.trim(result)
-    parts = [(title, [{**row, "label": quantity(row["label"])} for row in rows]) for title, rows in found["parts"]]
+    parts = [
+        (title, [{**row, "label": quantity(row["label"])} for row in rows])
+        for title, rows in found["parts"]
+    ]
     return {"columns": found["columns"], "parts": parts}
 
 
 def _block(block: Mapping[str, Any]) -> dict[str, Any]:
     rows = [
-        {key: item for key, item in row.items() if key not in ("at", "exit", "verdict")} | _verdict(row["verdict"]) for row in block["rows"]
+        {key: item for key, item in row.items() if key not in ("at", "exit", "verdict")}
+        | _verdict(row["verdict"])
+        for row in block["rows"]
     ]
-    applied = block["applied"].removeprefix(f"{block['printed']}: ")  # the number alone where the printed tolerance stands next to it
-    return {**block, "label": quantity(block["label"]) if block["label"] else None, "rows": rows, "applied": applied}
+    applied = block["applied"].removeprefix(
+        f"{block['printed']}: "
+    )  # the number alone where the printed tolerance stands next to it
+    return {
+        **block,
+        "label": quantity(block["label"]) if block["label"] else None,
+        "rows": rows,
+        "applied": applied,
+    }
 
 
 def _mode(block: Mapping[str, Any]) -> dict[str, Any]:
@@ -249,7 +391,9 @@ def case_on_paper(
     modes: pd.DataFrame,
     paper: str,
 ) -> dict[str, Any]:
-    """Return the data of the case at `position`, counted from one, and write its drawings into `folder`."""
+    """Return the data of the case at `position`, counted from one, and write its drawings into
+    `folder`.
+    """
     page = case(position, key, result, provenance, diagnosis, modes)
     return page | _drawings(folder, position, result, diagnosis, _room(page, paper), _COLUMN[paper])
 
@@ -261,7 +405,9 @@ def saved(folder: Path, name: str, drawn: Drawing) -> dict[str, Any]:
 
 
 def _room(page: Mapping[str, Any], paper: str) -> float:
-    """Return the height that the head of a case leaves for its panels, in units; the layout shrinks them by what this is short."""
+    """Return the height that the head of a case leaves for its panels, in units; the layout shrinks
+    them by what this is short.
+    """
     wide = _TEXT[paper]
     lines = (
         _lines(page["objective"], wide - 12)
@@ -269,7 +415,10 @@ def _room(page: Mapping[str, Any], paper: str) -> float:
         + _lines(page["glance"], wide + 20)
         + _lines(page["failure"], wide - 20)
     )
-    cells = sum(max(_lines(block["printed"], 36), _lines(_first(block), 25), _lines(block["applied"], 20)) for block in page["verdicts"])
+    cells = sum(
+        max(_lines(block["printed"], 36), _lines(_first(block), 25), _lines(block["applied"], 20))
+        for block in page["verdicts"]
+    )
     millimetres = 29.0 + 3.7 * lines + 3.15 * (len(page["outcomes"]) + cells)
     return _COLUMN[paper] - millimetres / _UNIT
 
@@ -282,8 +431,17 @@ def _lines(text: str, wide: int) -> int:
     return -(-len(text) // wide)
 
 
-def _drawings(folder: Path, position: int, result: PomResult, diagnosis: pd.DataFrame | None, room: float, column: float) -> dict[str, Any]:
-    """Write the drawings of a case: those of the first page, below its head, then those of further pages."""
+def _drawings(
+    folder: Path,
+    position: int,
+    result: PomResult,
+    diagnosis: pd.DataFrame | None,
+    room: float,
+    column: float,
+) -> dict[str, Any]:
+    """Write the drawings of a case: those of the first page, below its head, then those of further
+    pages.
+    """
     shown, time = panels(result), result.signals["time"].values
     styles = {**line_styles(result.runs), "applied": "run-0"}
     pages: list[list[Any]] = []
@@ -291,7 +449,16 @@ def _drawings(folder: Path, position: int, result: PomResult, diagnosis: pd.Data
     def draw(part: Sequence[Panel], height: float) -> None:
         place = f"c{position}-{len(pages)}"
         drawn = [
-            drawing(f"{place}-{i}", time, panel, styles, result.case.events, height, i == 0, i == len(part) - 1)
+            drawing(
+                f"{place}-{i}",
+                time,
+                panel,
+                styles,
+                result.case.events,
+                height,
+                i == 0,
+                i == len(part) - 1,
+            )
             for i, panel in enumerate(part)
         ]
         pages.append([saved(folder, f"{place}-{i}.svg", item) for i, item in enumerate(drawn)])
@@ -307,7 +474,10 @@ def _drawings(folder: Path, position: int, result: PomResult, diagnosis: pd.Data
     for start in range(0, len(rest), MOST_PANELS):
         draw(rest[start : start + MOST_PANELS], FURTHER)
     rows = result.rows
-    curves = [cross_drawing(f"c{position}-x{i}", cross, styles, rows) for i, cross in enumerate(crosses(result))]
+    curves = [
+        cross_drawing(f"c{position}-x{i}", cross, styles, rows)
+        for i, cross in enumerate(crosses(result))
+    ]
     fall = waterfall(diagnosis) if diagnosis is not None and len(diagnosis) else None
     code = legend({run: style for run, style in styles.items() if run != "applied"})
     return {

@@ -1,6 +1,8 @@
-"""The document: drawings and data laid out in a folder, typeset by typst to a tagged PDF/A-3b with the data attached.
+"""The document: drawings and data laid out in a folder, typeset by typst to a tagged PDF/A-3b with
+the data attached.
 
-Fonts come with this package and system fonts are off; the date comes from the results: equal input gives equal bytes.
+Fonts come with this package and system fonts are off; the date comes from the results: equal input
+gives equal bytes.
 """
 
 from __future__ import annotations
@@ -70,15 +72,22 @@ def pdf_pages(
     """
     front = content.front(results, names, title, revision, provenance, chapters.roots)
     front["attached"] = _attach(folder, attached)
-    chapter = [content.submodel(one) | {"pictures": _pictures(folder, i, one)} for i, one in enumerate(chapters.submodels)]
+    chapter = [
+        content.submodel(one) | {"pictures": _pictures(folder, i, one)}
+        for i, one in enumerate(chapters.submodels)
+    ]
     data = {
         **front,
         "cases": cases,
         "submodels": chapter,
         "tunings": [content.tuning(one) for one in tunings],
         "tuning_note": NOTE,
-        "identification": _identification(folder, chapters.identification if "identification" in chapters.on_paper else None),
-        "databases": _databases(folder, chapters.compared if "database" in chapters.on_paper else None),
+        "identification": _identification(
+            folder, chapters.identification if "identification" in chapters.on_paper else None
+        ),
+        "databases": _databases(
+            folder, chapters.compared if "database" in chapters.on_paper else None
+        ),
         "needed": content.table_of(chapters.needed),
         "paper": {"a4": "a4", "letter": "us-letter"}[paper],
     }
@@ -89,11 +98,16 @@ def pdf_pages(
 
 
 def _set(folder: Path, date: datetime.datetime) -> bytes:
-    """Typeset the folder; texts in scripts that our fonts lack take those of the system, and what no font has becomes ``?``."""
+    """Typeset the folder; texts in scripts that our fonts lack take those of the system, and what
+    no font has becomes ``?``.
+    """
     try:
         import typst
     except ImportError as error:
-        raise SchemaError("report.pdf", ["typst is not installed; pip install it, or leave the PDF out (--no-pdf, paper=None)"]) from error
+        raise SchemaError(
+            "report.pdf",
+            ["typst is not installed; pip install it, or leave the PDF out (--no-pdf, paper=None)"],
+        ) from error
     for ours_only in (True, False, False):
         try:
             return typst.compile(
@@ -118,7 +132,11 @@ def _missing(words: str) -> set[str]:
     """Return the characters that typst found in no font; it writes marks and controls as ``\\u{301}``."""
     found = "".join(_GLYPHLESS.findall(words))
     escaped = {chr(int(code, 16)) for code in _ESCAPED.findall(found)}
-    return {character for character in escaped | set(_ESCAPED.sub("", found)) if not " " <= character <= "~"}
+    return {
+        character
+        for character in escaped | set(_ESCAPED.sub("", found))
+        if not " " <= character <= "~"
+    }
 
 
 def _replace(folder: Path, missing: set[str]) -> None:
@@ -142,17 +160,27 @@ def _attach(folder: Path, attached: Mapping[str, bytes]) -> list[dict[str, str]]
     rows = []
     for name, body in attached.items():
         (folder / name).write_bytes(body)
-        rows.append({"name": name, "mime": _MIME.get(Path(name).suffix, "application/octet-stream"), "sha256": sha256(body).hexdigest()})
+        rows.append(
+            {
+                "name": name,
+                "mime": _MIME.get(Path(name).suffix, "application/octet-stream"),
+                "sha256": sha256(body).hexdigest(),
+            }
+        )
     return rows
 
 
 def _pictures(folder: Path, position: int, section: Section) -> list[dict[str, Any]]:
     """Return the figures of a submodel, drawn for paper."""
-    return [_on_paper(folder, f"s{position}-{i}.svg", one) for i, one in enumerate(section.pictures)]
+    return [
+        _on_paper(folder, f"s{position}-{i}.svg", one) for i, one in enumerate(section.pictures)
+    ]
 
 
 def _on_paper(folder: Path, name: str, picture: Picture) -> dict[str, Any]:
-    return saved(folder, name, Drawing(svg(picture.height, picture.body), picture.height, picture.words))
+    return saved(
+        folder, name, Drawing(svg(picture.height, picture.body), picture.height, picture.words)
+    )
 
 
 def _identification(folder: Path, chapter: Mapping[str, Any] | None) -> dict[str, Any] | None:
@@ -161,8 +189,18 @@ def _identification(folder: Path, chapter: Mapping[str, Any] | None) -> dict[str
     fits = []
     for fit in chapter["fits"]:
         shown = {key: value for key, value in fit.items() if key != "drawing"}
-        fits.append(shown | {"picture": _on_paper(folder, f"i{fit['index']}.svg", fit["drawing"]) if fit["drawing"] else None})
-    return {"fits": fits, "map": _on_paper(folder, "i-map.svg", chapter["map"]) if chapter["map"] else None}
+        fits.append(
+            shown
+            | {
+                "picture": _on_paper(folder, f"i{fit['index']}.svg", fit["drawing"])
+                if fit["drawing"]
+                else None
+            }
+        )
+    return {
+        "fits": fits,
+        "map": _on_paper(folder, "i-map.svg", chapter["map"]) if chapter["map"] else None,
+    }
 
 
 def _databases(folder: Path, chapter: Mapping[str, Any] | None) -> dict[str, Any] | None:
@@ -170,13 +208,25 @@ def _databases(folder: Path, chapter: Mapping[str, Any] | None) -> dict[str, Any
         return None
     terms = []
     for i, term in enumerate(chapter["terms"]):
-        pictures = [_on_paper(folder, f"d{i}-{k}.svg", one) for k, one in enumerate(term["figures"])]
-        terms.append({key: term.get(key) for key in ("term", "words", "state", "factors", "scalars")} | {"pictures": pictures})
+        pictures = [
+            _on_paper(folder, f"d{i}-{k}.svg", one) for k, one in enumerate(term["figures"])
+        ]
+        terms.append(
+            {key: term.get(key) for key in ("term", "words", "state", "factors", "scalars")}
+            | {"pictures": pictures}
+        )
     changes = chapter["changes"]
     if changes is not None:
         columns = ("term", "words", "change", "errors", "where", "flown")
         changes = {**changes, "rows": [[row[key] for key in columns] for row in changes["rows"]]}
     same = [
-        [item["term"], item["words"], item["leaf"]["shape"], item["leaf"]["regressors"], item["leaf"]["source"]] for item in chapter["same"]
+        [
+            item["term"],
+            item["words"],
+            item["leaf"]["shape"],
+            item["leaf"]["regressors"],
+            item["leaf"]["source"],
+        ]
+        for item in chapter["same"]
     ]
     return {"terms": terms, "changes": changes, "same": same, "roots": chapter["databases"]}

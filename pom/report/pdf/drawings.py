@@ -1,8 +1,9 @@
 """Panels for paper: one SVG per panel, so that each carries its own alternative text.
 
-Built from the primitives of `flightmech.support.figures`; lengths are its units, 720 of them across the column (182 mm on A4), so
-that text of 10 units is 7.2 pt.  Order of drawing: band, exits, flight on top of the band, models, and the flight again as a hair line, so
-that no model hides it.  What must be seen in grey has a pattern or a dash in addition to its colour.
+Built from the primitives of `flightmech.support.figures`; lengths are its units, 720 of them across
+the column (182 mm on A4), so that text of 10 units is 7.2 pt.  Order of drawing: band, exits,
+flight on top of the band, models, and the flight again as a hair line, so that no model hides it.
+What must be seen in grey has a pattern or a dash in addition to its colour.
 """
 
 from __future__ import annotations
@@ -15,7 +16,20 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from flightmech.support.figures import WIDTH, Frame, area, axes, clipped, curve, line, rect, spaced, text, tick_text, ticks
+from flightmech.support.figures import (
+    WIDTH,
+    Frame,
+    area,
+    axes,
+    clipped,
+    curve,
+    line,
+    rect,
+    spaced,
+    text,
+    tick_text,
+    ticks,
+)
 from pom.diagnosis.swap_runs import OTHERS
 from pom.diagnosis.swap_runs import waterfall as steps_of
 from pom.report.case.panels import Cross, Panel, description, limits
@@ -88,7 +102,8 @@ SQUEEZED = 2.0  # scale of the whole record over that of the window
 LEAST, MOST = 30.0, 160.0  # height of an input panel
 MOST_PANELS = 7  # on a page
 _INSTANTS = ("end_value", "steady")
-_SPACE = "\N{NO-BREAK SPACE}"  # the font has no wider one, and one glyph from elsewhere changes the font of its whole line
+# the font has no wider one, and one glyph from elsewhere changes the font of its whole line
+_SPACE = "\N{NO-BREAK SPACE}"
 JUDGED = 2.0  # a judged panel has so many heights of an input panel
 
 
@@ -102,11 +117,17 @@ class Drawing:
 
 
 def arranged(panels: Sequence[Panel], room: float) -> tuple[int, float]:
-    """Return how many of the panels go on a page with `room` units of height, and the height of an input panel there."""
+    """Return how many of the panels go on a page with `room` units of height, and the height of an
+    input panel there.
+    """
     for count in range(min(MOST_PANELS, len(panels)), 0, -1):
         chosen = panels[:count]
         shares = sum(JUDGED if panel.kind == "judged" else 1.0 for panel in chosen)
-        height = (room - FOOT - sum(HEAD + GAP + (STRIP + GAP if panel.half is not None else 0.0) for panel in chosen)) / shares
+        height = (
+            room
+            - FOOT
+            - sum(HEAD + GAP + (STRIP + GAP if panel.half is not None else 0.0) for panel in chosen)
+        ) / shares
         if height >= LEAST:
             return count, min(height, MOST)
     return 0, 0.0
@@ -144,31 +165,69 @@ def drawing(
     main = height * (JUDGED if panel.kind == "judged" else 1.0)
     frame = Frame(LEFT, HEAD, WIDTH - LEFT - RIGHT, main, x, panel.limits)
     parts = [_head(panel), axes(frame, x_labels=last and panel.half is None, x_most=10)]
-    parts += [clipped(frame, name, _inside(frame, time, panel, styles)), _marks(frame, time, events, first)]
-    clear = Frame(frame.left, frame.top, frame.width, main - LANE * sum(map(bool, panel.exits.values())), x, panel.limits)
-    parts += [beyond(clear, time, values, styles[run]) for run, values in whole.traces.items() if run != "flight"]
+    parts += [
+        clipped(frame, name, _inside(frame, time, panel, styles)),
+        _marks(frame, time, events, first),
+    ]
+    clear = Frame(
+        frame.left,
+        frame.top,
+        frame.width,
+        main - LANE * sum(map(bool, panel.exits.values())),
+        x,
+        panel.limits,
+    )
+    parts += [
+        beyond(clear, time, values, styles[run])
+        for run, values in whole.traces.items()
+        if run != "flight"
+    ]
     bottom = frame.bottom
     if panel.half is not None:
         low = Frame(LEFT, bottom + GAP, frame.width, STRIP, x, (-RESIDUAL, RESIDUAL))
-        parts += [exit_ticks(frame, panel.exits, styles), _residual(low, f"{name}-e", time, panel, panel.half, styles, last)]
+        parts += [
+            exit_ticks(frame, panel.exits, styles),
+            _residual(low, f"{name}-e", time, panel, panel.half, styles, last),
+        ]
         bottom = low.bottom
     if last:
-        parts.append(text(LEFT + frame.width / 2, bottom + 23.5, "time, s (clock of the record)", "caption", "middle"))
+        parts.append(
+            text(
+                LEFT + frame.width / 2,
+                bottom + 23.5,
+                "time, s (clock of the record)",
+                "caption",
+                "middle",
+            )
+        )
     full = bottom + (FOOT if last else GAP)
     return Drawing(svg(full, "".join(parts)), full, description(panel))
 
 
 def _scaled(panel: Panel) -> Panel:
-    """Return a judged panel on the scale of its window, where the rest would squeeze it; of the rest what leaves the scale is left out."""
+    """Return a judged panel on the scale of its window, where the rest would squeeze it; of the
+    rest what leaves the scale is left out.
+    """
     if panel.half is None:
         return panel
     inside = np.isfinite(panel.half)
-    own = limits({run: values[inside] for run, values in panel.traces.items()}, panel.half[inside], panel.label.least_span)
+    own = limits(
+        {run: values[inside] for run, values in panel.traces.items()},
+        panel.half[inside],
+        panel.label.least_span,
+    )
     squeezed = panel.limits[1] - panel.limits[0] > SQUEEZED * (own[1] - own[0])
     if not squeezed:
         return panel
-    fits = {run: inside | ((values >= own[0]) & (values <= own[1])) for run, values in panel.traces.items()}
-    return replace(panel, limits=own, traces={run: np.where(fits[run], values, np.nan) for run, values in panel.traces.items()})
+    fits = {
+        run: inside | ((values >= own[0]) & (values <= own[1]))
+        for run, values in panel.traces.items()
+    }
+    return replace(
+        panel,
+        limits=own,
+        traces={run: np.where(fits[run], values, np.nan) for run, values in panel.traces.items()},
+    )
 
 
 def svg(height: float, body: str) -> str:
@@ -178,16 +237,32 @@ def svg(height: float, body: str) -> str:
 
 def _head(panel: Panel) -> str:
     shown = panel.label
-    pieces = [] if shown.is_word else [(shown.base, "symbol"), *([(shown.sub, "sub")] if shown.sub else []), (2 * _SPACE, "")]
-    pieces.append((f"{shown.words or shown.name}{f', {shown.unit}' if shown.unit else ''}", "title"))
+    pieces = (
+        []
+        if shown.is_word
+        else [
+            (shown.base, "symbol"),
+            *([(shown.sub, "sub")] if shown.sub else []),
+            (2 * _SPACE, ""),
+        ]
+    )
+    pieces.append(
+        (f"{shown.words or shown.name}{f', {shown.unit}' if shown.unit else ''}", "title")
+    )
     body = spaced(LEFT, HEAD - 4.0, pieces)
-    traced = sorted((row for row in panel.rows if row["measure"] == "trace"), key=lambda row: float(np.nan_to_num(row["worst_ratio"])))
+    traced = sorted(
+        (row for row in panel.rows if row["measure"] == "trace"),
+        key=lambda row: float(np.nan_to_num(row["worst_ratio"])),
+    )
     worst = {row["run"]: row for row in traced}  # of several criteria on the channel the worst
     rows = [worst[run] for run in panel.traces if run in worst]
     words: list[tuple[str, str]] = []
     for row in rows:
         gap, verdict = 3 * _SPACE if words else "", row["verdict"]
-        words += [(f"{gap}{row['run']} ", "caption"), (WORDS[verdict], "title" if verdict == "fail" else "caption")]
+        words += [
+            (f"{gap}{row['run']} ", "caption"),
+            (WORDS[verdict], "title" if verdict == "fail" else "caption"),
+        ]
         words.append((f" {fixed(row['worst_ratio'], 2)}", "caption"))
     return body + (spaced(WIDTH - RIGHT, HEAD - 4.0, words, "end") if words else "")
 
@@ -197,19 +272,31 @@ def _inside(frame: Frame, time: np.ndarray, panel: Panel, styles: Mapping[str, s
     if panel.half is not None and flight is not None:
         low, high = flight - panel.half, flight + panel.half
         parts.append(area(frame, time, low, high, "band"))
-        parts += [_exceedance(frame, time, values, low, high) for run, values in panel.traces.items() if panel.exits.get(run)]
+        parts += [
+            _exceedance(frame, time, values, low, high)
+            for run, values in panel.traces.items()
+            if panel.exits.get(run)
+        ]
     parts += [fan(frame, time, quantiles, styles[run]) for run, quantiles in panel.fans.items()]
     parts.append(_scalars(frame, time, panel))
     if panel.window:
-        parts += [line(float(frame.px(t)), frame.top, float(frame.px(t)), frame.bottom, "window") for t in panel.window]
-    curves = {run: curve(frame, time, values, f"trace {styles[run]}") for run, values in panel.traces.items()}
+        parts += [
+            line(float(frame.px(t)), frame.top, float(frame.px(t)), frame.bottom, "window")
+            for t in panel.window
+        ]
+    curves = {
+        run: curve(frame, time, values, f"trace {styles[run]}")
+        for run, values in panel.traces.items()
+    }
     parts += curves.values()
     if len(curves) > 1 and "flight" in curves:
         parts.append(curves["flight"].replace(f"trace {styles['flight']}", "hair"))
     return "".join(parts)
 
 
-def _exceedance(frame: Frame, time: np.ndarray, values: np.ndarray, low: np.ndarray, high: np.ndarray) -> str:
+def _exceedance(
+    frame: Frame, time: np.ndarray, values: np.ndarray, low: np.ndarray, high: np.ndarray
+) -> str:
     """Return the hatched area between band and trace where the trace is outside."""
     with np.errstate(invalid="ignore"):
         above, below = np.where(values > high, values, high), np.where(values < low, values, low)
@@ -229,7 +316,15 @@ def _marks(frame: Frame, time: np.ndarray, events: Mapping[str, float], named: b
             anchor, shift = ("end", -3) if x > frame.left + 0.85 * frame.width else ("start", 3)
             parts.append(line(x, frame.top, x, frame.bottom, "event"))
             if named:
-                parts.append(text(x + shift, frame.top + 9 + 10 * (i % 2), name.replace("_", " "), "tick halo", anchor))
+                parts.append(
+                    text(
+                        x + shift,
+                        frame.top + 9 + 10 * (i % 2),
+                        name.replace("_", " "),
+                        "tick halo",
+                        anchor,
+                    )
+                )
     return "".join(parts)
 
 
@@ -237,7 +332,9 @@ def _scalars(frame: Frame, time: np.ndarray, panel: Panel) -> str:
     """Return a bar of tolerance about the flight value of what is judged at one instant."""
     parts = []
     for at, half in {
-        (row["at"], row["width"]) for row in panel.rows if row["measure"] in _INSTANTS and pretty_unit(row["unit"]) == panel.label.unit
+        (row["at"], row["width"])
+        for row in panel.rows
+        if row["measure"] in _INSTANTS and pretty_unit(row["unit"]) == panel.label.unit
     }:
         if "flight" in panel.traces and np.isfinite(at) and np.isfinite(half):
             x, middle = float(frame.px(at)), float(np.interp(at, time, panel.traces["flight"]))
@@ -246,7 +343,15 @@ def _scalars(frame: Frame, time: np.ndarray, panel: Panel) -> str:
     return "".join(sorted(parts))
 
 
-def _residual(frame: Frame, name: str, time: np.ndarray, panel: Panel, half: np.ndarray, styles: Mapping[str, str], last: bool) -> str:
+def _residual(
+    frame: Frame,
+    name: str,
+    time: np.ndarray,
+    panel: Panel,
+    half: np.ndarray,
+    styles: Mapping[str, str],
+    last: bool,
+) -> str:
     """Return the strip of differences over tolerance."""
     flight, unit_band = panel.traces["flight"], np.where(np.isfinite(half), 1.0, np.nan)
     parts = [axes(frame, x_labels=last, x_most=10, y_ticks=(-1.0, 1.0))]
@@ -263,22 +368,33 @@ def _residual(frame: Frame, name: str, time: np.ndarray, panel: Panel, half: np.
 def legend(styles: Mapping[str, str]) -> Drawing:
     """Return the line code of a case with the samples of band, exit and window."""
     samples = [(run, 30.0, line(0, 8, 30, 8, f"trace {style}")) for run, style in styles.items()]
-    samples += [("tolerance", 30.0, rect(0, 2.5, 30, 11, "band")), ("out of tolerance", 30.0, rect(0, 2.5, 30, 11, "exit"))]
+    samples += [
+        ("tolerance", 30.0, rect(0, 2.5, 30, 11, "band")),
+        ("out of tolerance", 30.0, rect(0, 2.5, 30, 11, "exit")),
+    ]
     samples.append(("window", 4.0, line(2, 1, 2, 15, "window")))
     parts, x, y = [], 0.0, 0.0
     for name, wide, sample in samples:
         needed = wide + 20.0 + 5.0 * len(name)
         if x + needed > WIDTH and x > 0.0:
             x, y = 0.0, y + 15.0
-        parts.append(f'<g transform="translate({x:.1f},{y:.1f})">{sample}{text(wide + 4, 11.5, name, "caption")}</g>')
+        parts.append(
+            f'<g transform="translate({x:.1f},{y:.1f})">{sample}{text(wide + 4, 11.5, name, "caption")}</g>'
+        )
         x += needed
-    return Drawing(svg(y + 16.0, "".join(parts)), y + 16.0, "Line code: " + ", ".join(name for name, _, _ in samples))
+    return Drawing(
+        svg(y + 16.0, "".join(parts)),
+        y + 16.0,
+        "Line code: " + ", ".join(name for name, _, _ in samples),
+    )
 
 
 HEIGHT, CROSS_PLOT_FOOT, MARGIN = 230.0, 30.0, 0.05
 
 
-def cross_drawing(name: str, cross: Cross, styles: Mapping[str, str], rows: Sequence[Mapping[Hashable, Any]]) -> Drawing:
+def cross_drawing(
+    name: str, cross: Cross, styles: Mapping[str, str], rows: Sequence[Mapping[Hashable, Any]]
+) -> Drawing:
     """Return a cross plot.
 
     Parameters
@@ -296,17 +412,37 @@ def cross_drawing(name: str, cross: Cross, styles: Mapping[str, str], rows: Sequ
     y = _limits([*cross.y.values(), flight_y - half, flight_y + half])
     frame = Frame(LEFT, HEAD, WIDTH - LEFT - RIGHT, HEIGHT, x, y)
     body = (
-        _path(frame, np.append(flight_x, flight_x[::-1]), np.append(flight_y + half, (flight_y - half)[::-1]), "band", "z")
+        _path(
+            frame,
+            np.append(flight_x, flight_x[::-1]),
+            np.append(flight_y + half, (flight_y - half)[::-1]),
+            "band",
+            "z",
+        )
         if half.any()
         else ""
     )
-    body += "".join(_path(frame, cross.x[run], cross.y[run], f"trace {styles[run]}") for run in cross.x)
+    body += "".join(
+        _path(frame, cross.x[run], cross.y[run], f"trace {styles[run]}") for run in cross.x
+    )
     body += _path(frame, flight_x, flight_y, "hair")
-    parts = [spaced(LEFT, HEAD - 4.0, _title(cross.ordinate)), axes(frame, x_labels=True, x_most=10), clipped(frame, name, body)]
-    parts.append(text(LEFT + frame.width / 2, frame.bottom + 24.0, _words(cross.abscissa), "caption", "middle"))
+    parts = [
+        spaced(LEFT, HEAD - 4.0, _title(cross.ordinate)),
+        axes(frame, x_labels=True, x_most=10),
+        clipped(frame, name, body),
+    ]
+    parts.append(
+        text(
+            LEFT + frame.width / 2, frame.bottom + 24.0, _words(cross.abscissa), "caption", "middle"
+        )
+    )
     judged = [f"{row['run']}: {words(row['criterion'])} {row['verdict'].replace('_', ' ')}, {fixed(row['worst_ratio'], 2)} of the tolerance"
             for row in rows if row["criterion"] in cross.criteria]  # fmt: skip
-    return Drawing(svg(frame.bottom + CROSS_PLOT_FOOT, "".join(parts)), frame.bottom + CROSS_PLOT_FOOT, ". ".join([cross.words, *judged]))
+    return Drawing(
+        svg(frame.bottom + CROSS_PLOT_FOOT, "".join(parts)),
+        frame.bottom + CROSS_PLOT_FOOT,
+        ". ".join([cross.words, *judged]),
+    )
 
 
 def _limits(values: Any) -> tuple[float, float]:
@@ -317,18 +453,32 @@ def _limits(values: Any) -> tuple[float, float]:
 
 
 def _path(frame: Frame, x: np.ndarray, y: np.ndarray, css: str, end: str = "") -> str:
-    """Return a line through points whose abscissa may turn back; points nearer than half a unit to the last one are left out."""
+    """Return a line through points whose abscissa may turn back; points nearer than half a unit to
+    the last one are left out.
+    """
     good = np.isfinite(x) & np.isfinite(y)
     px, py = frame.px(x[good]), frame.py(y[good])
     kept: list[tuple[float, float]] = []
     for point in zip(px.tolist(), py.tolist(), strict=True):
         if not kept or abs(point[0] - kept[-1][0]) + abs(point[1] - kept[-1][1]) > 0.5:
             kept.append(point)
-    return f'<path class="{css}" d="M{" ".join(f"{a:.1f},{b:.1f}" for a, b in kept)}{end}"/>' if kept else ""
+    return (
+        f'<path class="{css}" d="M{" ".join(f"{a:.1f},{b:.1f}" for a, b in kept)}{end}"/>'
+        if kept
+        else ""
+    )
 
 
 def _title(shown: Label) -> list[tuple[str, str]]:
-    pieces = [] if shown.is_word else [(shown.base, "symbol"), *([(shown.sub, "sub")] if shown.sub else []), (2 * "\N{NO-BREAK SPACE}", "")]
+    pieces = (
+        []
+        if shown.is_word
+        else [
+            (shown.base, "symbol"),
+            *([(shown.sub, "sub")] if shown.sub else []),
+            (2 * "\N{NO-BREAK SPACE}", ""),
+        ]
+    )
     return [*pieces, (_words(shown), "title")]
 
 
@@ -350,7 +500,8 @@ def waterfall(table: pd.DataFrame) -> Drawing | None:
     Returns
     -------
     Drawing or None
-        None when the diagnosis has no shares: the a-priori model passes, or the final one is no better.
+        None when the diagnosis has no shares: the a-priori model passes, or the final one is no
+        better.
     """
     steps = steps_of(table).dropna(subset=["start", "stop"]).to_dict("records")
     if not steps:
@@ -358,7 +509,15 @@ def waterfall(table: pd.DataFrame) -> Drawing | None:
     bars = [("a-priori model", 0.0, steps[0]["start"], "total", "")]
     for step in steps:
         css = "bar" if step["stop"] <= step["start"] else "rise"
-        bars.append((_called(str(step["term"])), step["start"], step["stop"], css, _share(step["explained"], step["stderr"])))
+        bars.append(
+            (
+                _called(str(step["term"])),
+                step["start"],
+                step["stop"],
+                css,
+                _share(step["explained"], step["stderr"]),
+            )
+        )
     bars.append(("final model", 0.0, steps[-1]["stop"], "total", ""))
     edges = np.array([(start, stop) for _, start, stop, _, _ in bars])
     low, high = float(min(edges.min(), 0.0)), float(edges.max()) * 1.02
@@ -369,16 +528,32 @@ def waterfall(table: pd.DataFrame) -> Drawing | None:
 
     bottom, marks = WATERFALL_HEAD + ROW * len(bars), ticks(low, high, 5)
     parts = [line(at(x), WATERFALL_HEAD - 3, at(x), bottom, "grid") for x in marks]
-    parts += [text(at(x), WATERFALL_HEAD - 5, word, "tick", "middle") for x, word in zip(marks, tick_text(marks), strict=True)]
-    parts.append(text(WATERFALL_LEFT - 20, WATERFALL_HEAD - 5, "total mismatch, in half widths", "caption", "end"))
+    parts += [
+        text(at(x), WATERFALL_HEAD - 5, word, "tick", "middle")
+        for x, word in zip(marks, tick_text(marks), strict=True)
+    ]
+    parts.append(
+        text(
+            WATERFALL_LEFT - 20,
+            WATERFALL_HEAD - 5,
+            "total mismatch, in half widths",
+            "caption",
+            "end",
+        )
+    )
     for i, (name, start, stop, css, share) in enumerate(bars):
         y = WATERFALL_HEAD + ROW * i
         a, b = sorted((at(start), at(stop)))
-        parts += [text(WATERFALL_LEFT - 8, y + 11.5, _fit(name), "", "end"), rect(a, y + 2.5, max(b - a, 1.0), ROW - 5.0, css)]
+        parts += [
+            text(WATERFALL_LEFT - 8, y + 11.5, _fit(name), "", "end"),
+            rect(a, y + 2.5, max(b - a, 1.0), ROW - 5.0, css),
+        ]
         parts.append(text(b + 5, y + 11.5, share or fixed(stop, 2), "tick"))
         if i + 1 < len(bars):
             parts.append(line(at(stop), y + ROW - 2.5, at(stop), y + ROW + 2.5, "joint"))
-    steps_in_words = "; ".join(f"{name}: {share or fixed(stop, 2)}" for name, _, stop, _, share in bars)
+    steps_in_words = "; ".join(
+        f"{name}: {share or fixed(stop, 2)}" for name, _, stop, _, share in bars
+    )
     alternative = f"Shares of the terms in the total mismatch, in half widths. {steps_in_words}."
     return Drawing(svg(bottom + 3.0, "".join(parts)), bottom + 3.0, alternative)
 
@@ -391,7 +566,9 @@ def _called(term: str) -> str:
 
 
 def _share(explained: float, stderr: float) -> str:
-    """Return the share of the gap that a term explains, with its standard error when it was sampled."""
+    """Return the share of the gap that a term explains, with its standard error when it was
+    sampled.
+    """
     if not math.isfinite(explained):
         return ""
     tail = f" ± {fixed(100.0 * stderr, 0)}" if math.isfinite(stderr) and stderr > 0.0 else ""

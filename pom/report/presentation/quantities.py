@@ -19,7 +19,15 @@ from flightmech.names import SIGNS, lookup
 from flightmech.support.figures import MINUS
 
 MISSING = "\N{EN DASH}"
-SYMBOLS = {"pass": "✓", "limits_exceeded": "✓!", "record_error": "✓?", "fail": "✗", "invalid": "!", "not_tested": "–", "advisory": "○"}
+SYMBOLS = {
+    "pass": "✓",
+    "limits_exceeded": "✓!",
+    "record_error": "✓?",
+    "fail": "✗",
+    "invalid": "!",
+    "not_tested": "–",
+    "advisory": "○",
+}
 """Verdicts as marks: never colour alone."""
 
 _GREEK = {
@@ -32,7 +40,11 @@ _GREEK = {
     "psi": "ψ",
     "rho": "ρ",
 }
-_HAT, _BAR, _DOT = "\N{COMBINING CIRCUMFLEX ACCENT}", "\N{COMBINING MACRON}", "\N{COMBINING DOT ABOVE}"
+_HAT, _BAR, _DOT = (
+    "\N{COMBINING CIRCUMFLEX ACCENT}",
+    "\N{COMBINING MACRON}",
+    "\N{COMBINING DOT ABOVE}",
+)
 # symbols that the rules of `symbol` would not find: base, subscript
 _SYMBOLS = {
     "qbar": ("q" + _BAR, ""),
@@ -53,13 +65,34 @@ _SYMBOLS = {
     **{f"{axis}_cg_b": (axis, "cg") for axis in "xyz"},
     "V_cas": ("V", "CAS"),
     "V_eas": ("V", "EAS"),
-    **{name: (name[0], name[1:]) for name in ("ax", "ay", "az", "nz", "vn", "ve", "vd", "n1", "n2", "CL", "CD", "CY", "CX", "CZ")},
+    **{
+        name: (name[0], name[1:])
+        for name in (
+            "ax",
+            "ay",
+            "az",
+            "nz",
+            "vn",
+            "ve",
+            "vd",
+            "n1",
+            "n2",
+            "CL",
+            "CD",
+            "CY",
+            "CX",
+            "CZ",
+        )
+    },
     **{name: ("C", name[1]) for name in ("Cl", "Cm", "Cn")},
     **{name: ("I", name[1:]) for name in ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")},
 }
 # derivatives the vocabulary leaves out; trim residuals carry them
 _EXTRA = {
-    **{f"{x}_dot": (f"body acceleration along {axis}", "m s-2", "m s-2") for x, axis in (("u", "x"), ("v", "y"), ("w", "z"))},
+    **{
+        f"{x}_dot": (f"body acceleration along {axis}", "m s-2", "m s-2")
+        for x, axis in (("u", "x"), ("v", "y"), ("w", "z"))
+    },
     "thrust_drive": ("net thrust that drives the model", "N", "lbf"),
     "qnh": ("pressure setting of the altimeter", "Pa", "hPa"),
     "V_dot": ("rate of true airspeed", "m s-2", "m s-2"),
@@ -77,7 +110,10 @@ _SHORT = {
     "x_cg_b": "c.g. forward of moment reference",
     "y_cg_b": "c.g. right of moment reference",
     "z_cg_b": "c.g. below moment reference",
-    **{f"wind_{axis}": f"wind, velocity {way}" for axis, way in (("n", "north"), ("e", "east"), ("d", "down"))},
+    **{
+        f"wind_{axis}": f"wind, velocity {way}"
+        for axis, way in (("n", "north"), ("e", "east"), ("d", "down"))
+    },
 }
 # what has two ends: the words for 0 and 1
 _ENDS = {"gear": ("up", "down"), "speedbrake": ("in", "out")}
@@ -114,16 +150,27 @@ _SILENT = {"init", "mass", "env"}
 _SUPER = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 _POWER = re.compile(r"([A-Za-z%])(\d)")
 # a panel never zooms in further than this on a quantity without tolerance
-_LEAST_SPAN = {"deg": 1.0, "deg/s": 1.0, "kt": 2.0, "ft": 10.0, "g": 0.04, "ft/min": 100.0, "%": 2.0, "lbf": 10.0, "m/s": 0.5, "": 0.02}
+_LEAST_SPAN = {
+    "deg": 1.0,
+    "deg/s": 1.0,
+    "kt": 2.0,
+    "ft": 10.0,
+    "g": 0.04,
+    "ft/min": 100.0,
+    "%": 2.0,
+    "lbf": 10.0,
+    "m/s": 0.5,
+    "": 0.02,
+}
 
 
 @dataclass(frozen=True)
 class Label:
     """A quantity as shown.
 
-    ``base`` and ``sub`` make the symbol, ``words`` the name on a page, ``meaning`` the definition, ``unit`` the display unit
-    as printed (empty for a pure number), ``sign`` the positive sense in words; ``factor`` and ``offset`` give
-    display = SI * factor + offset.
+    ``base`` and ``sub`` make the symbol, ``words`` the name on a page, ``meaning`` the definition,
+    ``unit`` the display unit as printed (empty for a pure number), ``sign`` the positive sense in
+    words; ``factor`` and ``offset`` give display = SI * factor + offset.
     """
 
     name: str
@@ -146,7 +193,9 @@ class Label:
         """The symbol with its subscript; a plain name stays upright."""
         if self.is_word:
             return Markup("{}").format(self.words or self.name)
-        return Markup("<i>{}</i>{}").format(self.base, Markup("<sub>{}</sub>").format(self.sub) if self.sub else "")
+        return Markup("<i>{}</i>{}").format(
+            self.base, Markup("<sub>{}</sub>").format(self.sub) if self.sub else ""
+        )
 
     @property
     def least_span(self) -> float:
@@ -158,13 +207,25 @@ class Label:
         return np.asarray(si, float) * self.factor + self.offset
 
     def width(self, si):
-        """Return an SI difference or half width in display units: the offset of a temperature stays out."""
+        """Return an SI difference or half width in display units: the offset of a temperature stays
+        out.
+        """
         return np.asarray(si, float) * self.factor
 
 
 def pretty_unit(unit: str) -> str:
-    """Return a unit as printed: ``m s-1`` becomes ``m/s``, ``kg m2`` becomes ``kg m²``, ``1`` becomes nothing."""
-    text = {"1": "", "-": "", "m s-1": "m/s", "m s-2": "m/s2", "kg m-3": "kg/m3", "degC": "°C", "rad s-1": "rad/s"}.get(unit, unit)
+    """Return a unit as printed: ``m s-1`` becomes ``m/s``, ``kg m2`` becomes ``kg m²``, ``1``
+    becomes nothing.
+    """
+    text = {
+        "1": "",
+        "-": "",
+        "m s-1": "m/s",
+        "m s-2": "m/s2",
+        "kg m-3": "kg/m3",
+        "degC": "°C",
+        "rad s-1": "rad/s",
+    }.get(unit, unit)
     return _POWER.sub(lambda m: m.group(1) + m.group(2).translate(_SUPER), text)
 
 
@@ -182,7 +243,8 @@ def symbol(name: str) -> tuple[str, str]:
 
 @cache
 def label(name: str) -> Label:
-    """Return how the quantity `name` is shown; a name outside the vocabulary keeps its own text and SI value.
+    """Return how the quantity `name` is shown; a name outside the vocabulary keeps its own text and
+    SI value.
 
     Prefixes of the simulation's names (``engine1.``, ``trim.``, ``residual.`` ...) become words.
     """
@@ -191,7 +253,11 @@ def label(name: str) -> Label:
         return Label(name, name, "", "scale of the term", "", "", 1.0, 0.0)
     if prefixes[:1] == ["trim"] and stem.endswith("_dot"):
         prefixes = ["left"]
-    notes = [f"engine {p.removeprefix('engine')}" if p.startswith("engine") else _WORDS.get(p, p) for p in prefixes if p not in _SILENT]
+    notes = [
+        f"engine {p.removeprefix('engine')}" if p.startswith("engine") else _WORDS.get(p, p)
+        for p in prefixes
+        if p not in _SILENT
+    ]
     try:
         row = lookup(stem)
     except UnknownName:
@@ -202,11 +268,21 @@ def label(name: str) -> Label:
     else:
         words, si_unit, display, sign = row.long_name, row.units, row.display_units, row.sign
     base, sub = symbol(stem)
-    sub = " ".join([sub, *(p.removeprefix("engine") for p in prefixes if p.startswith("engine"))]).strip()
+    sub = " ".join(
+        [sub, *(p.removeprefix("engine") for p in prefixes if p.startswith("engine"))]
+    ).strip()
     factor, offset = _conversion(display)
     unit = "g" if stem in _IN_G else pretty_unit(display if display != "1" else si_unit)
     return Label(
-        name, base, sub, ", ".join([_SHORT.get(stem, words), *notes]), unit, _spelt(sign), factor, offset, ", ".join([words, *notes])
+        name,
+        base,
+        sub,
+        ", ".join([_SHORT.get(stem, words), *notes]),
+        unit,
+        _spelt(sign),
+        factor,
+        offset,
+        ", ".join([words, *notes]),
     )
 
 
@@ -220,7 +296,8 @@ def _conversion(display: str) -> tuple[float, float]:
 
 
 def number(value, digits: int = 3) -> str:
-    """Return a number with `digits` significant digits, never in powers of ten between 1e-4 and 1e6; NaN becomes a dash.
+    """Return a number with `digits` significant digits, never in powers of ten between 1e-4 and
+    1e6; NaN becomes a dash.
 
     Examples
     --------
@@ -277,21 +354,29 @@ def short(value: float, digits: int = 4) -> str:
 
 
 def measured(si: float, name: str) -> str:
-    """Return a value with its display unit, e.g. for a table of conditions; an undercarriage is up, down or on its way."""
+    """Return a value with its display unit, e.g. for a table of conditions; an undercarriage is up,
+    down or on its way.
+    """
     shown = label(name)
     stem = name.rpartition(".")[2]
     if stem in _ENDS and (end := round(si)) in (0, 1) and abs(si - end) < AT_END:
         return _ENDS[stem][end]
-    return f"{plainly(float(shown.shown(si)), shown.unit)}\N{NO-BREAK SPACE}{shown.unit}".rstrip("\N{NO-BREAK SPACE}")
+    return f"{plainly(float(shown.shown(si)), shown.unit)}\N{NO-BREAK SPACE}{shown.unit}".rstrip(
+        "\N{NO-BREAK SPACE}"
+    )
 
 
 def has_ends(name: str) -> bool:
-    """Whether a quantity is printed by the words of its ends, such as an undercarriage that is up or down."""
+    """Whether a quantity is printed by the words of its ends, such as an undercarriage that is up
+    or down.
+    """
     return name.rpartition(".")[2] in _ENDS
 
 
 def plainly(value: float, unit: str) -> str:
-    """Return a measured value with the decimals that its display unit deserves, trailing zeros kept."""
+    """Return a measured value with the decimals that its display unit deserves, trailing zeros
+    kept.
+    """
     return fixed(value, _DECIMALS[unit]) if unit in _DECIMALS else number(value)
 
 
@@ -357,7 +442,8 @@ _WHOLE = {
 
 
 def term_words(term: str) -> str:
-    """Return a term, a group of terms or a part of the aircraft in words; an unknown name gives an empty text.
+    """Return a term, a group of terms or a part of the aircraft in words; an unknown name gives an
+    empty text.
 
     Examples
     --------

@@ -1,9 +1,10 @@
 """Traces for the page: quantised to a step, differenced, compressed.
 
-A trace is stored as integers k with value = k * step: differences of a noisy trace, differences of differences of a
-smooth one, in the fewest bytes that hold them (8, 16 or 32 bits).  With a step of tolerance/500 the error is at most
-tolerance/1000, far below a pixel; the numbers a reader sees come from the verdict table, never from here.  A parcel
-is what a page waits as: its text and what its plots need as JSON, a zero, the traces, all gzipped and written in base64.
+A trace is stored as integers k with value = k * step: differences of a noisy trace, differences of
+differences of a smooth one, in the fewest bytes that hold them (8, 16 or 32 bits).  With a step of
+tolerance/500 the error is at most tolerance/1000, far below a pixel; the numbers a reader sees come
+from the verdict table, never from here.  A parcel is what a page waits as: its text and what its
+plots need as JSON, a zero, the traces, all gzipped and written in base64.
 """
 
 from __future__ import annotations
@@ -44,8 +45,12 @@ def _template(name: str) -> str:
 LANE = 4.0  # height of one run's bar of exits above the time axis
 
 
-def exit_ticks(frame: Frame, exits: Mapping[str, Sequence[tuple[float, float]]], styles: Mapping[str, str]) -> str:
-    """Return bars along the time axis where runs are out, one lane per run, with a mark at each first exit."""
+def exit_ticks(
+    frame: Frame, exits: Mapping[str, Sequence[tuple[float, float]]], styles: Mapping[str, str]
+) -> str:
+    """Return bars along the time axis where runs are out, one lane per run, with a mark at each
+    first exit.
+    """
     parts, lane = [], 0
     for run, found in exits.items():
         if not found:
@@ -61,12 +66,16 @@ def exit_ticks(frame: Frame, exits: Mapping[str, Sequence[tuple[float, float]]],
 
 
 def fan(frame: Frame, time: np.ndarray, quantiles: np.ndarray, css: str) -> str:
-    """Return nested areas between the quantiles (quantile, time) of the draws of a run: the outermost pair, the next pair inside it."""
+    """Return nested areas between the quantiles (quantile, time) of the draws of a run: the
+    outermost pair, the next pair inside it.
+    """
     pairs = zip(quantiles[: len(quantiles) // 2], quantiles[::-1], strict=False)
     return "".join(area(frame, time, low, high, f"fan {css}-area") for low, high in pairs)
 
 
-def beyond(frame: Frame, time: np.ndarray, values: np.ndarray, css: str, with_value: bool = True) -> str:
+def beyond(
+    frame: Frame, time: np.ndarray, values: np.ndarray, css: str, with_value: bool = True
+) -> str:
     """Return an arrow, and the extreme value, where a trace leaves the scale of `frame`."""
     parts: list[str] = []
     if not np.isfinite(values).any():
@@ -102,19 +111,34 @@ class Pack:
         return cls(bytearray())
 
     def add(self, values: np.ndarray, step: float) -> dict[str, Any]:
-        """Append an array (NaN allowed) quantised to `step` and return its entry: type, order of difference, place, count, first, step."""
+        """Append an array (NaN allowed) quantised to `step` and return its entry: type, order of
+        difference, place, count, first, step.
+        """
         first, order, differences = quantise(values, step)
         kind, count = str(differences.dtype), len(differences)
-        entry = {"type": kind, "order": order, "at": len(self.body), "count": count, "first": first, "step": step}
+        entry = {
+            "type": kind,
+            "order": order,
+            "at": len(self.body),
+            "count": count,
+            "first": first,
+            "step": step,
+        }
         self.body += differences.astype(differences.dtype.newbyteorder("<")).tobytes()
         return entry
 
 
 def parcel(head: Mapping[str, Any], body: bytes = b"") -> str:
-    """Return a page as base64 of gzip; the header holds neither time nor system, so equal input gives equal text."""
-    text = json.dumps(plain(head), sort_keys=True, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
+    """Return a page as base64 of gzip; the header holds neither time nor system, so equal input
+    gives equal text.
+    """
+    text = json.dumps(
+        plain(head), sort_keys=True, ensure_ascii=False, separators=(",", ":"), allow_nan=False
+    )
     squeeze = zlib.compressobj(6, zlib.DEFLATED, 31, 9, zlib.Z_FILTERED)
-    return base64.b64encode(squeeze.compress(text.encode() + b"\0" + body) + squeeze.flush()).decode("ascii")
+    return base64.b64encode(
+        squeeze.compress(text.encode() + b"\0" + body) + squeeze.flush()
+    ).decode("ascii")
 
 
 def opened(text: str) -> tuple[dict[str, Any], bytes]:
@@ -124,7 +148,9 @@ def opened(text: str) -> tuple[dict[str, Any], bytes]:
 
 
 def step_of(half_width: np.ndarray | None, scale: tuple[float, float]) -> float:
-    """Return the step for a channel: tolerance/500 at its narrowest, or a 500th of the height of its panel without tolerance."""
+    """Return the step for a channel: tolerance/500 at its narrowest, or a 500th of the height of
+    its panel without tolerance.
+    """
     if half_width is not None:
         widths = half_width[np.isfinite(half_width) & (half_width > 0)]
         if len(widths):
@@ -133,7 +159,9 @@ def step_of(half_width: np.ndarray | None, scale: tuple[float, float]) -> float:
 
 
 def quantise(values: np.ndarray, step: float) -> tuple[int, int, np.ndarray]:
-    """Return the first level, the order of difference (1 or 2) and the differences; NaN becomes the type's least number."""
+    """Return the first level, the order of difference (1 or 2) and the differences; NaN becomes the
+    type's least number.
+    """
     values = np.asarray(values, float)
     good = np.isfinite(values)
     if not good.any():
@@ -147,13 +175,23 @@ def quantise(values: np.ndarray, step: float) -> tuple[int, int, np.ndarray]:
     once = np.diff(level, prepend=first)
     twice = np.diff(once, prepend=0)
     # over a gap only the level itself is held, so its differences are of first order
-    order = 2 if whole and once.any() and np.log2(1 + np.abs(twice)).sum() < np.log2(1 + np.abs(once)).sum() else 1
+    order = (
+        2
+        if whole
+        and once.any()
+        and np.log2(1 + np.abs(twice)).sum() < np.log2(1 + np.abs(once)).sum()
+        else 1
+    )
     differences = once if order == 1 else twice
     largest = int(np.abs(differences if whole else differences[good]).max())
     kind = next((kind for kind, least in _MISSING.items() if largest < -least), "")
     if not kind:
         raise OverflowError(f"a jump of {largest} steps of {step:g} does not fit 32 bits")
-    return first, order, (differences if whole else np.where(good, differences, _MISSING[kind])).astype(kind)
+    return (
+        first,
+        order,
+        (differences if whole else np.where(good, differences, _MISSING[kind])).astype(kind),
+    )
 
 
 def restore(entry: Mapping[str, Any], body: bytes) -> np.ndarray:

@@ -9,7 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from pom.report.presentation.quantities import MINUS, MISSING, SYMBOLS, fixed, label, number, percent, pretty_unit
+from pom.report.presentation.quantities import (
+    MINUS,
+    MISSING,
+    SYMBOLS,
+    fixed,
+    label,
+    number,
+    percent,
+    pretty_unit,
+)
 from pom.result import PomResult
 from pom.tolerances.bands import ALLOWED, RowRemark
 
@@ -69,7 +78,11 @@ def remark_text(remark: RowRemark) -> str:
     if remark.kind not in ("trim", "trim_allowed"):
         return remark.text
     name, unit = remark.quantity, "" if remark.unit == "1" else f" {remark.unit}"
-    what = label(f"trim.{name}").words if name.endswith("_dot") else f"{label(name).words or name} biased by the trim"
+    what = (
+        label(f"trim.{name}").words
+        if name.endswith("_dot")
+        else f"{label(name).words or name} biased by the trim"
+    )
     found, limit = remark.values["found"], remark.values["limit"]
     allowed = "".join(remark.text.partition(ALLOWED)[1:])
     return f"{what}: {MINUS if found < 0.0 else '+'}{_three_digits(abs(found))}{unit}, beyond {_three_digits(limit)}{unit}{allowed}"
@@ -82,7 +95,8 @@ def _three_digits(value: float) -> str:
 
 
 def reason(remarks: Sequence[RowRemark]) -> str:
-    """Return why a row is not judged, or fails without a number: its first remark that is not of the values alone.
+    """Return why a row is not judged, or fails without a number: its first remark that is not of
+    the values alone.
 
     Examples
     --------
@@ -93,11 +107,16 @@ def reason(remarks: Sequence[RowRemark]) -> str:
 
 
 def verdict_table(result: PomResult) -> dict[str, Any]:
-    """Return one block per criterion with one row per model; alternatives of one group follow each other."""
+    """Return one block per criterion with one row per model; alternatives of one group follow each
+    other.
+    """
     records: list[dict[Hashable, Any]] = [{**row, "index": i} for i, row in enumerate(result.rows)]
     applying = {c.name: c.group for c in result.case.criteria if c.applies}
     groups = list(dict.fromkeys(row["group"] for row in records))
-    names = sorted(dict.fromkeys((row["group"], row["criterion"]) for row in records), key=lambda pair: groups.index(pair[0]))
+    names = sorted(
+        dict.fromkeys((row["group"], row["criterion"]) for row in records),
+        key=lambda pair: groups.index(pair[0]),
+    )
     blocks: list[dict[str, Any]] = []
     for group, name in names:
         rows = [row for row in records if row["criterion"] == name]
@@ -121,11 +140,17 @@ def verdict_table(result: PomResult) -> dict[str, Any]:
         )
     judged = [block for block in blocks if not block["left_out"]]
     left_out = [block for block in blocks if block["left_out"]]
-    return {"blocks": judged, "left_out": left_out, "values": any(row["has_value"] for block in judged for row in block["rows"])}
+    return {
+        "blocks": judged,
+        "left_out": left_out,
+        "values": any(row["has_value"] for block in judged for row in block["rows"]),
+    }
 
 
 def _verdict_row(row: Mapping[Hashable, Any]) -> dict[str, Any]:
-    at = math.nan if row["measure"] in MODAL else float(row["at"])  # a mode is of the whole window, not of an instant
+    at = (
+        math.nan if row["measure"] in MODAL else float(row["at"])
+    )  # a mode is of the whole window, not of an instant
     return {
         "index": row["index"],
         "run": row["run"],
@@ -148,7 +173,11 @@ def _sized(value: float, row: Mapping[Hashable, Any], with_unit: bool = False) -
     if not math.isfinite(value):
         return MISSING
     resolved = math.isfinite(row["width"]) and row["width"] > 0.0
-    text = fixed(value, max(0, math.ceil(2.0 - math.log10(row["width"])))) if resolved else number(value)
+    text = (
+        fixed(value, max(0, math.ceil(2.0 - math.log10(row["width"]))))
+        if resolved
+        else number(value)
+    )
     return f"{text} {pretty_unit(row['unit'])}".strip() if with_unit else text
 
 

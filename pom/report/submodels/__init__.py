@@ -1,1 +1,3 @@
-"""Submodels identified from flight: engine, control loading, ground effect, as sections for page and paper."""
+"""Submodels identified from flight: engine, control loading, ground effect, as sections for page
+and paper.
+"""

@@ -1,4 +1,6 @@
-"""What a section on a submodel consists of, the same for the HTML page and for paper, and how its figures are drawn."""
+"""What a section on a submodel consists of, the same for the HTML page and for paper, and how its
+figures are drawn.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +9,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flightmech.support.figures import WIDTH, Frame, area, axes, clipped, curve, dots, limits, line, text
+from flightmech.support.figures import (
+    WIDTH,
+    Frame,
+    area,
+    axes,
+    clipped,
+    curve,
+    dots,
+    limits,
+    line,
+    text,
+)
 from pom.report.presentation.quantities import MISSING, number
 
 LEFT, GAP, TOP, HEIGHT, FOOT = 54.0, 62.0, 34.0, 150.0, 34.0
@@ -33,7 +46,9 @@ class Grid:
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure of `WIDTH` units: its content without the frame of a page or drawing, its height, and its words."""
+    """A figure of `WIDTH` units: its content without the frame of a page or drawing, its height,
+    and its words.
+    """
 
     body: str
     height: float
@@ -48,7 +63,8 @@ class Section:
     ----------
     name : str
     techniques : tuple of (str, str, str)
-        Part of the submodel, technique by which it was identified ([LR743] table 1), and what it leaves as a residual.
+        Part of the submodel, technique by which it was identified ([LR743] table 1), and what it
+        leaves as a residual.
     grids : tuple of Grid
     pictures : tuple of Picture
     remarks : tuple of str
@@ -66,7 +82,9 @@ OUTPUT_ERROR, EQUATION_ERROR = "type 1, output error", "type 2, equation error"
 
 @dataclass(frozen=True)
 class Curve:
-    """A line of a panel: abscissas, ordinates, class of its line code, one standard error where it has one."""
+    """A line of a panel: abscissas, ordinates, class of its line code, one standard error where it
+    has one.
+    """
 
     x: np.ndarray
     y: np.ndarray
@@ -89,7 +107,9 @@ def estimate(value: float, stderr: float) -> tuple[str, str]:
     return number(value, 4), number(stderr, 2) if np.isfinite(stderr) else MISSING
 
 
-def picture(name: str, panels: Sequence[PanelOf], key: Sequence[tuple[str, str]], words: str) -> Picture:
+def picture(
+    name: str, panels: Sequence[PanelOf], key: Sequence[tuple[str, str]], words: str
+) -> Picture:
     """Return panels side by side with a key of line codes above them.
 
     Parameters
@@ -125,8 +145,16 @@ def picture(name: str, panels: Sequence[PanelOf], key: Sequence[tuple[str, str]]
 
 
 def _drawn(frame: Frame, c: Curve) -> str:
-    body = area(frame, c.x, c.y - c.stderr, c.y + c.stderr, f"error {c.css}-area") if c.stderr is not None else ""
-    return body + (dots(frame, c.x, c.y, f"node {c.css}") if c.marks else curve(frame, c.x, c.y, f"trace {c.css}"))
+    body = (
+        area(frame, c.x, c.y - c.stderr, c.y + c.stderr, f"error {c.css}-area")
+        if c.stderr is not None
+        else ""
+    )
+    return body + (
+        dots(frame, c.x, c.y, f"node {c.css}")
+        if c.marks
+        else curve(frame, c.x, c.y, f"trace {c.css}")
+    )
 
 
 def _edges(c: Curve) -> tuple[np.ndarray, ...]:

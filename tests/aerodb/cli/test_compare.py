@@ -25,7 +25,10 @@ def files(small, tmp_path):
 
 @pytest.fixture
 def path(tmp_path):
-    states = {name: ("time", np.full(3, value)) for name, value in {"mach": 0.3, "alpha": 0.0, "delta_f": np.radians(40.0)}.items()}
+    states = {
+        name: ("time", np.full(3, value))
+        for name, value in {"mach": 0.3, "alpha": 0.0, "delta_f": np.radians(40.0)}.items()
+    }
     xr.Dataset({**states, "qhat": ("time", [0.0, 0.01, 0.0])}, {"time": [0.0, 1.0, 2.0]}).to_netcdf(
         tmp_path / "path.nc", group="states", engine="h5netcdf"
     )
@@ -42,7 +45,19 @@ def row(text, name):
 
 def test_terms_and_coefficients_are_printed(files):
     text = run("compare", *files).stdout
-    assert row(text, "CL/flap")[1:] == ["both", "0.18", "0.36", "0.54", "0.1189", "2.57", "2.57", "1.82", "delta_f", "40", "deg"]
+    assert row(text, "CL/flap")[1:] == [
+        "both",
+        "0.18",
+        "0.36",
+        "0.54",
+        "0.1189",
+        "2.57",
+        "2.57",
+        "1.82",
+        "delta_f",
+        "40",
+        "deg",
+    ]
     assert row(text, "Cm/qhat")[1:6] == ["both", "-33", "-17", "-50", "33"]
     assert row(text, "CL")[1:3] == ["both", "0.18"]
     assert "no difference: CL/basic CL/qhat" in text
@@ -79,7 +94,11 @@ def test_along_a_flight_the_shares_are_printed(files, path):
 def test_figures_of_what_differs(files, path, tmp_path):
     folder = tmp_path / "figures"
     text = run("compare", *files, "--along", path, "--figures", str(folder)).stdout
-    assert sorted(file.name for file in folder.iterdir()) == ["lift-flap.svg", "lift.svg", "pitch.svg"]
+    assert sorted(file.name for file in folder.iterdir()) == [
+        "lift-flap.svg",
+        "lift.svg",
+        "pitch.svg",
+    ]
     assert "written: 3 figures in" in text
     assert not list(tmp_path.glob(".*.part"))
     with pytest.raises(SchemaError, match="is there and not empty; name a new folder"):
@@ -89,8 +108,13 @@ def test_figures_of_what_differs(files, path, tmp_path):
 @pytest.mark.slow
 def test_two_axis_terms_get_a_map(small, tmp_path):
     leaf = aerodb.terms(small)["CL/basic"]
-    databases = {"a": small, "b": aerodb.replace_terms(small, {"CL/basic": leaf.assign(value=leaf["value"] * 1.1)})}
-    made = aerodb.figures.write_comparison(databases, tmp_path / "figures", "png", coefficients=["CL"])
+    databases = {
+        "a": small,
+        "b": aerodb.replace_terms(small, {"CL/basic": leaf.assign(value=leaf["value"] * 1.1)}),
+    }
+    made = aerodb.figures.write_comparison(
+        databases, tmp_path / "figures", "png", coefficients=["CL"]
+    )
     assert [file.name for file in made] == ["lift.png", "lift-basic.png", "lift-basic-map.png"]
     assert all(file.read_bytes().startswith(b"\x89PNG") for file in made)
 
@@ -120,10 +144,25 @@ def test_what_cannot_be_compared_is_stated(small, tmp_path):
 @pytest.mark.slow
 def test_plot_of_one_term(files, path, tmp_path):
     target = tmp_path / "lift.svg"
-    arguments = ("plot", files[0], "--term", "CL", "--family", "delta_f", "--at", "mach=0.4", "--at", "qhat=0", "--along", path)
+    arguments = (
+        "plot",
+        files[0],
+        "--term",
+        "CL",
+        "--family",
+        "delta_f",
+        "--at",
+        "mach=0.4",
+        "--at",
+        "qhat=0",
+        "--along",
+        path,
+    )
     assert run(*arguments, "-o", str(target)).stdout == f"written: {target}\n"
     assert target.read_text().startswith("<?xml")
-    with pytest.raises(SchemaError, match="found 'mach'; give NAME=VALUE, such as delta_f='40 deg'"):
+    with pytest.raises(
+        SchemaError, match="found 'mach'; give NAME=VALUE, such as delta_f='40 deg'"
+    ):
         run("plot", files[0], "--term", "CL", "--at", "mach", "-o", str(target))
     with pytest.raises(UnknownName, match="unknown term 'CL/flop'"):
         run("plot", files[0], "--term", "CL/flop", "-o", str(target))

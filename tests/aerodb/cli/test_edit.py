@@ -36,7 +36,9 @@ def test_scale(file, output):
     words = [word for key, item in options.items() for word in (f"--{key}", str(item))]
     result = run("edit", file, "scale", "CL/flap", "--by", "1.2", *words, "-o", output)
     assert result.stdout == f"scale: CL/flap by 1.2 +- 0.05 (run 21)\nwritten: {output}\n"
-    assert aerodb.open(output).identical(aerodb.edit.scale(aerodb.open(file), "CL/flap", 1.2, **options))
+    assert aerodb.open(output).identical(
+        aerodb.edit.scale(aerodb.open(file), "CL/flap", 1.2, **options)
+    )
     run("edit", file, "scale", "CL/basic", "--by", "1 2", "--over", "alpha=4, 12 deg", "-o", output)
     np.testing.assert_allclose(np.degrees(leaf(output, "CL/basic")["alpha"]), [-8, 0, 4, 8, 12, 16])
 
@@ -49,20 +51,69 @@ def test_shift_takes_negative_numbers_and_states_warnings(file, output):
 
 
 def test_regrid_and_extend_take_units(file, output):
-    result = run("edit", file, "regrid", "CL/basic", "--axis", "alpha=-8 16 deg", "--axis", "mach=0.2 0.4", "-o", output)
-    assert result.stdout.startswith("regrid: CL/basic on alpha 2 for 4 breakpoints, mach 2 for 2 breakpoints, differs by up to ")
+    result = run(
+        "edit",
+        file,
+        "regrid",
+        "CL/basic",
+        "--axis",
+        "alpha=-8 16 deg",
+        "--axis",
+        "mach=0.2 0.4",
+        "-o",
+        output,
+    )
+    assert result.stdout.startswith(
+        "regrid: CL/basic on alpha 2 for 4 breakpoints, mach 2 for 2 breakpoints, differs by up to "
+    )
     with pytest.raises(OutOfRange, match="outside"):
         run("edit", file, "regrid", "CL/basic", "--axis", "alpha=-8 20 deg", "-o", output)
-    assert run("edit", file, "extend", "CL/basic", "--axis", "alpha=20 24 deg", "--how", "linear", "-o", output).exit_code == 0
-    np.testing.assert_allclose(leaf(output, "CL/basic")["value"].isel(mach=0, alpha=-1), 0.2 + 5 * np.radians(24))
-    run("edit", file, "extend", "CL/flap", "--axis", "delta_f=50 deg", "--values", "0.4", "--stderr", "0.1", "-o", output)
+    assert (
+        run(
+            "edit",
+            file,
+            "extend",
+            "CL/basic",
+            "--axis",
+            "alpha=20 24 deg",
+            "--how",
+            "linear",
+            "-o",
+            output,
+        ).exit_code
+        == 0
+    )
+    np.testing.assert_allclose(
+        leaf(output, "CL/basic")["value"].isel(mach=0, alpha=-1), 0.2 + 5 * np.radians(24)
+    )
+    run(
+        "edit",
+        file,
+        "extend",
+        "CL/flap",
+        "--axis",
+        "delta_f=50 deg",
+        "--values",
+        "0.4",
+        "--stderr",
+        "0.1",
+        "-o",
+        output,
+    )
     assert float(leaf(output, "CL/flap")["value"][-1]) == 0.4
 
 
 def test_move_reference_takes_units_and_keeps_the_other_coordinates(file, output):
-    assert run("edit", file, "move-reference", "--x", "-9.5 ft", "--z", "0.1", "-o", output).exit_code == 0
+    assert (
+        run("edit", file, "move-reference", "--x", "-9.5 ft", "--z", "0.1", "-o", output).exit_code
+        == 0
+    )
     attributes = aerodb.open(output).attrs
-    assert [float(attributes[key]) for key in ("x_ref", "y_ref", "z_ref")] == [-9.5 * FOOT, 0.0, 0.1]
+    assert [float(attributes[key]) for key in ("x_ref", "y_ref", "z_ref")] == [
+        -9.5 * FOOT,
+        0.0,
+        0.1,
+    ]
 
 
 def test_blend_prints_how_well_they_agree(file, output, small, tmp_path):
@@ -77,7 +128,10 @@ def test_delete_and_replace(file, output):
     run("edit", file, "delete", "CL/*", "--note", "could not be identified", "-o", output)
     assert list(aerodb.terms(aerodb.open(output))) == ["Cm/qhat"]
     again = output.replace("new", "again")
-    assert "replace_terms: added CL/flap" in run("edit", output, "replace", file, "CL/flap", "-o", again).stdout
+    assert (
+        "replace_terms: added CL/flap"
+        in run("edit", output, "replace", file, "CL/flap", "-o", again).stdout
+    )
     np.testing.assert_array_equal(leaf(again, "CL/flap")["value"], leaf(file, "CL/flap")["value"])
 
 
@@ -86,9 +140,21 @@ def test_history_previous_forget(file, output, small, tmp_path):
     run("edit", file, "scale", "CL/flap", "--by", "2", "-o", output)
     run("edit", output, "scale", "CL/flap", "--by", "3", "--note", "again", "-o", output)
     lines = [line.strip() for line in run("history", output).stdout.splitlines()]
-    assert lines == ["edit  what was done", "by hand", "1  scale: CL/flap by 2", "2  scale: CL/flap by 3 (again)"]
+    assert lines == [
+        "edit  what was done",
+        "by hand",
+        "1  scale: CL/flap by 2",
+        "2  scale: CL/flap by 3 (again)",
+    ]
     rows = json.loads(run("history", output, "--json").stdout)
-    assert rows[2] == {"line": 3, "edit": 2, "verb": "scale", "terms": "CL/flap", "note": "again", "text": "scale: CL/flap by 3 (again)"}
+    assert rows[2] == {
+        "line": 3,
+        "edit": 2,
+        "verb": "scale",
+        "terms": "CL/flap",
+        "note": "again",
+        "text": "scale: CL/flap by 3 (again)",
+    }
     assert rows[0]["edit"] is None
     assert run("previous", output, "--steps", "2", "-o", back).stdout == f"written: {back}\n"
     assert aerodb.open(back).identical(small)
@@ -102,9 +168,24 @@ def test_history_previous_forget(file, output, small, tmp_path):
 
 def test_set(file, output):
     result = run(
-        "edit", file, "set", "CL/basic", "--at", "alpha=8 deg", "--at", "mach=0.4", "--value", "-0.5", "--note", "run 7", "-o", output
+        "edit",
+        file,
+        "set",
+        "CL/basic",
+        "--at",
+        "alpha=8 deg",
+        "--at",
+        "mach=0.4",
+        "--value",
+        "-0.5",
+        "--note",
+        "run 7",
+        "-o",
+        output,
     )
-    wanted = aerodb.edit.set_nodes(aerodb.open(file), "CL/basic", {"alpha": np.radians(8.0), "mach": 0.4}, -0.5, note="run 7")
+    wanted = aerodb.edit.set_nodes(
+        aerodb.open(file), "CL/basic", {"alpha": np.radians(8.0), "mach": 0.4}, -0.5, note="run 7"
+    )
     assert aerodb.open(output).identical(wanted)
     assert result.stdout == f"{wanted.attrs['history'].splitlines()[-1]}\nwritten: {output}\n"
     for places in (("--at", "alpha=0 8 deg"), ("--at", "alpha=0 deg", "--at", "alpha=8 deg")):

@@ -27,7 +27,9 @@ def run(*arguments):
     return CliRunner().invoke(db, arguments, catch_exceptions=False)
 
 
-@pytest.mark.parametrize(("fmt", "name"), [("netcdf", "x.h5"), ("matlab", "x.mat"), ("csv", "x"), ("daveml", "x.dml")])
+@pytest.mark.parametrize(
+    ("fmt", "name"), [("netcdf", "x.h5"), ("matlab", "x.mat"), ("csv", "x"), ("daveml", "x.dml")]
+)
 def test_export_and_import_recognise_the_format(small, file, tmp_path, fmt, name):
     place, back = str(tmp_path / name), str(tmp_path / "back.nc")
     assert run("export", file, "--to", fmt, "-o", place).stdout == f"written: {place}\n"
@@ -42,13 +44,33 @@ def test_export_and_import_recognise_the_format(small, file, tmp_path, fmt, name
 def test_a_formula_over_the_height_is_exported_as_a_table(small, tmp_path):
     closed = in_ground_effect(terms.make(0.8, regressors=["alpha"], stderr=0.01), 0.6, -1.45, 2.0)
     aerodb.save(aerodb.replace_terms(small, {"CL/ground": closed}), tmp_path / "ground.nc")
-    done = run("export", str(tmp_path / "ground.nc"), "--to", "daveml", "-o", str(tmp_path / "x.dml"), "--height", "50 m")
+    done = run(
+        "export",
+        str(tmp_path / "ground.nc"),
+        "--to",
+        "daveml",
+        "-o",
+        str(tmp_path / "x.dml"),
+        "--height",
+        "50 m",
+    )
     assert done.exit_code == 0, done.output
     assert "1 terms with a formula over the height are written as tables up to 50 m" in done.stderr
     back = aerodb.terms(aerodb.exchange.import_daveml(tmp_path / "x.dml"))["CL/ground"]
     at = {"alpha": 0.1, "h_agl": np.array([1.0, 2.0, 3.7, 11.0, 50.0])}
-    np.testing.assert_allclose(terms.evaluate(back, at, outside="clamp"), terms.evaluate(closed, at), rtol=1e-3)
-    done = run("export", str(tmp_path / "ground.nc"), "--to", "csv", "-o", str(tmp_path / "x"), "--height", "50 m")
+    np.testing.assert_allclose(
+        terms.evaluate(back, at, outside="clamp"), terms.evaluate(closed, at), rtol=1e-3
+    )
+    done = run(
+        "export",
+        str(tmp_path / "ground.nc"),
+        "--to",
+        "csv",
+        "-o",
+        str(tmp_path / "x"),
+        "--height",
+        "50 m",
+    )
     assert done.exit_code == 2
     assert "--height belongs to jsbsim and daveml; leave it out for csv" in done.stderr
 
@@ -56,7 +78,10 @@ def test_a_formula_over_the_height_is_exported_as_a_table(small, tmp_path):
 @pytest.mark.slow
 def test_answers_for_programs(file, tmp_path):
     place = str(tmp_path / "x.mat")
-    assert json.loads(run("export", file, "--to", "matlab", "-o", place, "--json").stdout) == {"file": place, "format": "matlab"}
+    assert json.loads(run("export", file, "--to", "matlab", "-o", place, "--json").stdout) == {
+        "file": place,
+        "format": "matlab",
+    }
     found = json.loads(run("import", place, "-o", str(tmp_path / "back.nc"), "--json").stdout)
     assert found["format"] == "matlab"
     assert [row["term"] for row in found["terms"]] == ["CL/basic", "CL/qhat", "CL/flap", "Cm/qhat"]
@@ -89,7 +114,10 @@ def test_options_that_do_not_fit_are_reported(file, tmp_path, arguments, message
     [
         (b"\x89HDF\r\n\x1a\n...", "netcdf"),
         (b"MATLAB 5.0 MAT-file", "matlab"),
-        (b'<?xml version="1.0"?>\n<!-- > --><?a b?>\n<!DOCTYPE DAVEfunc SYSTEM "x" [ <!ENTITY a "b"> ]>\n<DAVEfunc>', "daveml"),
+        (
+            b'<?xml version="1.0"?>\n<!-- > --><?a b?>\n<!DOCTYPE DAVEfunc SYSTEM "x" [ <!ENTITY a "b"> ]>\n<DAVEfunc>',
+            "daveml",
+        ),
         (b'\xef\xbb\xbf<fdm_config name="x">', "jsbsim"),
         (b'<d:DAVEfunc xmlns:d="http://daveml.org/2010/DAVEML">', "daveml"),
     ],
@@ -133,6 +161,15 @@ def test_the_t37_of_jsbsim_on_the_command_line(tmp_path):
     jsbsim = pytest.importorskip("jsbsim", reason="jsbsim is not installed: pip install jsbsim")
     place = Path(jsbsim.get_default_root_dir()) / "aircraft" / "T37" / "T37.xml"
     written = tmp_path / "t37.nc"
-    run("import", str(place), "--travel", "delta_f=40 deg", "--without", "aero/coefficient/DCnbDf", "-o", str(written))
+    run(
+        "import",
+        str(place),
+        "--travel",
+        "delta_f=40 deg",
+        "--without",
+        "aero/coefficient/DCnbDf",
+        "-o",
+        str(written),
+    )
     whole = aerodb.exchange.import_jsbsim(place, travel={"delta_f": 40 * DEGREE})
     assert set(aerodb.terms(whole)) > set(aerodb.terms(aerodb.open(written)))

@@ -47,16 +47,29 @@ def test_show_as_json(file):
     assert found["terms"][0]["source"] == {"datcom": 1.0}
 
 
-@pytest.mark.parametrize("options", [(), ("--json",), *(("--term", name) for name in ("CL/basic", "CL/qhat", "CL/flap", "Cm/qhat"))])
+@pytest.mark.parametrize(
+    "options",
+    [
+        (),
+        ("--json",),
+        *(("--term", name) for name in ("CL/basic", "CL/qhat", "CL/flap", "Cm/qhat")),
+    ],
+)
 def test_show_prints_what_the_whole_reading_prints(file, options, tmp_path):
     """Without its seal a file is one of another program, which is read and checked whole."""
     content = Path(file).read_bytes()
     (tmp_path / "unsealed.nc").write_bytes(content[: content.rindex(b"\noverview")])
-    assert run("show", file, *options).stdout == run("show", str(tmp_path / "unsealed.nc"), *options).stdout
+    assert (
+        run("show", file, *options).stdout
+        == run("show", str(tmp_path / "unsealed.nc"), *options).stdout
+    )
 
 
 def resealed(content):
-    return content + b"\nsha256 of the bytes above: %s\n" % hashlib.sha256(content).hexdigest().encode()
+    return (
+        content
+        + b"\nsha256 of the bytes above: %s\n" % hashlib.sha256(content).hexdigest().encode()
+    )
 
 
 @pytest.mark.parametrize("options", [(), ("--json",)])
@@ -65,7 +78,10 @@ def test_without_an_overview_that_it_knows_show_reads_the_terms(file, options, k
     """Files of older versions have none, those of later ones may have one of other rules."""
     content = Path(file).read_bytes()
     (tmp_path / "other.nc").write_bytes(resealed(content[: content.rindex(b"\noverview")] + kept))
-    assert run("show", file, *options).stdout == run("show", str(tmp_path / "other.nc"), *options).stdout
+    assert (
+        run("show", file, *options).stdout
+        == run("show", str(tmp_path / "other.nc"), *options).stdout
+    )
 
 
 def test_the_overview_is_what_show_prints(file):
@@ -77,12 +93,22 @@ def test_the_overview_is_what_show_prints(file):
 
 
 def test_what_the_overview_of_number_1_holds():
-    """A change of what `facts` gives, other than for other terms, requires a new number: files carry what older rules gave."""
+    """A change of what `facts` gives, other than for other terms, requires a new number: files
+    carry what older rules gave.
+    """
     power = terms.Power("h_agl", -2.0, 0.5)
     leaf = terms.make(
-        [[1.0, 2.0], [3.0, 5.0]], {"mach": [0.1, 0.2], "alpha": [0.0, 0.1]}, ["qhat"], stderr=0.5, source="flight", power=power
+        [[1.0, 2.0], [3.0, 5.0]],
+        {"mach": [0.1, 0.2], "alpha": [0.0, 0.1]},
+        ["qhat"],
+        stderr=0.5,
+        source="flight",
+        power=power,
     )
-    axes = [{"name": "mach", "points": [0.1, 0.2], "units": "1"}, {"name": "alpha", "points": [0.0, 0.1], "units": "rad"}]
+    axes = [
+        {"name": "mach", "points": [0.1, 0.2], "units": "1"},
+        {"name": "alpha", "points": [0.0, 0.1], "units": "rad"},
+    ]
     row = {
         "term": "CL/qhat",
         "axes": axes,
@@ -94,7 +120,15 @@ def test_what_the_overview_of_number_1_holds():
     assert overview.OVERVIEW == "1"
     assert overview.facts({"CL/qhat": leaf}) == [{**row, "source": {"flight": 1.0}}]
     assert overview.facts({"CL/qhat": terms.make(2.0)}) == [
-        {"term": "CL/qhat", "axes": [], "regressors": [], "power": "", "value": [2.0, 2.0], "stderr": None, "source": {}}
+        {
+            "term": "CL/qhat",
+            "axes": [],
+            "regressors": [],
+            "power": "",
+            "value": [2.0, 2.0],
+            "stderr": None,
+            "source": {},
+        }
     ]
 
 
@@ -102,7 +136,9 @@ def test_a_program_that_changes_the_file_in_place_cuts_the_overview_off(file):
     with h5py.File(file, "a") as changed:
         changed["CL/basic/value"][...] = 7.0
     assert b"overview" not in Path(file).read_bytes()
-    assert "7 " in next(line for line in run("show", file).stdout.splitlines() if line.startswith("CL/basic "))
+    assert "7 " in next(
+        line for line in run("show", file).stdout.splitlines() if line.startswith("CL/basic ")
+    )
 
 
 def packed(leaf):

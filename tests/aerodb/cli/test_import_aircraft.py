@@ -13,7 +13,9 @@ from aerodb.cli.group import db
 from flightmech.errors import ParseError
 from flightmech.units import POUND, SLUG
 
-MODELS = Path(__file__).parents[3] / ".." / "shared" / "data" / "flight" / "nesc_checkcases" / "models"
+MODELS = (
+    Path(__file__).parents[3] / ".." / "shared" / "data" / "flight" / "nesc_checkcases" / "models"
+)
 samples = pytest.mark.skipif(not MODELS.exists(), reason="needs the DAVE-ML samples of ../shared")
 
 JSBSIM = """<fdm_config name="trainer" version="2.0"><metrics><wingarea unit="FT2">180</wingarea><wingspan unit="FT">30</wingspan>
@@ -41,13 +43,29 @@ def trainer(tmp_path):
 
 
 def test_a_jsbsim_aircraft_becomes_database_and_aircraft_file(trainer, tmp_path):
-    done = run(trainer, "-o", tmp_path / "out.nc", "--sample", "1e-3", "--grid", "alpha=-10 20 deg", "--x-ref-mac", "0.3")
+    done = run(
+        trainer,
+        "-o",
+        tmp_path / "out.nc",
+        "--sample",
+        "1e-3",
+        "--grid",
+        "alpha=-10 20 deg",
+        "--x-ref-mac",
+        "0.3",
+    )
     assert done.exit_code == 0, done.output
     assert "nodes: largest difference seen" in done.stdout
     assert "engines, landing gear and limits of the controls are not read" in done.stdout
     craft = flightmech.read_aircraft(tmp_path / "out.toml")
-    assert (craft.name, craft.mass, craft.x_ref_mac) == ("trainer", pytest.approx(3500.0 * POUND, rel=1e-12), 0.3)
-    assert float(aerodb.evaluate(aerodb.open(tmp_path / "out.nc"), "CL", alpha=0.1)) == pytest.approx(np.sin(0.1), abs=1e-3)
+    assert (craft.name, craft.mass, craft.x_ref_mac) == (
+        "trainer",
+        pytest.approx(3500.0 * POUND, rel=1e-12),
+        0.3,
+    )
+    assert float(
+        aerodb.evaluate(aerodb.open(tmp_path / "out.nc"), "CL", alpha=0.1)
+    ) == pytest.approx(np.sin(0.1), abs=1e-3)
 
 
 def test_mass_cg_and_inertia_are_those_with_which_jsbsim_starts(trainer, tmp_path):
@@ -67,19 +85,41 @@ def test_mass_cg_and_inertia_are_those_with_which_jsbsim_starts(trainer, tmp_pat
         )  # its pounds per slug
     assert craft.Ixz == pytest.approx(-program["inertia/ixz-slugs_ft2"] * slug_ft2, rel=1e-7)
     place = np.array(craft.cg) + craft.reference
-    assert place == pytest.approx(np.array([-1, 1, -1]) * [program[f"inertia/cg-{axis}-in"] * 0.0254 for axis in "xyz"], abs=1e-12)
+    assert place == pytest.approx(
+        np.array([-1, 1, -1]) * [program[f"inertia/cg-{axis}-in"] * 0.0254 for axis in "xyz"],
+        abs=1e-12,
+    )
 
 
 @pytest.mark.slow
 @samples
 def test_a_daveml_package_becomes_database_and_aircraft_file(tmp_path):
-    files = MODELS / "F16_aero.dml", "--inertia", MODELS / "F16_inertia.dml", "--propulsion", MODELS / "F16_prop.dml"
-    options = "--at", "CG_PCT_MAC=25", "--x-ref-mac", "0.35", "--name", "F-16", "-o", tmp_path / "f16.nc"
+    files = (
+        MODELS / "F16_aero.dml",
+        "--inertia",
+        MODELS / "F16_inertia.dml",
+        "--propulsion",
+        MODELS / "F16_prop.dml",
+    )
+    options = (
+        "--at",
+        "CG_PCT_MAC=25",
+        "--x-ref-mac",
+        "0.35",
+        "--name",
+        "F-16",
+        "-o",
+        tmp_path / "f16.nc",
+    )
     done = run(*files, *options, "--json")
     assert done.exit_code == 0, done.output
     assert json.loads(done.stdout)["aircraft"] == str(tmp_path / "f16.toml")
     craft = flightmech.read_aircraft(tmp_path / "f16.toml")
-    assert (craft.name, len(craft.engines), craft.cg[0]) == ("F-16", 1, pytest.approx(0.1 * craft.cbar))
+    assert (craft.name, len(craft.engines), craft.cg[0]) == (
+        "F-16",
+        1,
+        pytest.approx(0.1 * craft.cbar),
+    )
     assert len(flightmech.compile(craft, aerodb.open(tmp_path / "f16.nc")).terms) == 24
     before = (tmp_path / "f16.nc").read_bytes()
     again = run(*files, *options)
@@ -91,7 +131,17 @@ def test_a_daveml_package_becomes_database_and_aircraft_file(tmp_path):
 
 @samples
 def test_a_sampled_coefficient_prints_how_well(tmp_path):
-    done = CliRunner().invoke(db, ["import", str(MODELS / "twostage_aero.dml"), "--sample", "0.02", "-o", str(tmp_path / "x.nc")])
+    done = CliRunner().invoke(
+        db,
+        [
+            "import",
+            str(MODELS / "twostage_aero.dml"),
+            "--sample",
+            "0.02",
+            "-o",
+            str(tmp_path / "x.nc"),
+        ],
+    )
     assert done.exit_code == 0, done.output
     assert "CD/basic: totalCoefficientOfDrag sampled on " in done.stdout
     assert "CD differs from the file by at most 0.0" in done.stdout
@@ -102,8 +152,14 @@ def test_a_sampled_coefficient_prints_how_well(tmp_path):
     [
         (["--inertia", "trainer.xml"], "--inertia belongs to daveml; leave it out for jsbsim"),
         (["--grid", "alpha=-10 20 deg"], "give --sample, the largest difference allowed, with it"),
-        (["--sample", "0.1", "--grid", "alpha=-10 0 20 deg"], "for jsbsim give the two ends of a range"),
-        (["-o", "out.toml"], "is the aircraft file's name; give that of the database, such as out.nc"),
+        (
+            ["--sample", "0.1", "--grid", "alpha=-10 0 20 deg"],
+            "for jsbsim give the two ends of a range",
+        ),
+        (
+            ["-o", "out.toml"],
+            "is the aircraft file's name; give that of the database, such as out.nc",
+        ),
     ],
 )
 def test_options_that_do_not_fit_are_refused(trainer, tmp_path, arguments, text, monkeypatch):

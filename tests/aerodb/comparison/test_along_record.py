@@ -11,7 +11,12 @@ from flightmech.errors import ParseError, UnknownName
 @pytest.fixture
 def states():
     return xr.Dataset(
-        {"mach": ("time", [0.3, 0.31]), "alpha": ("time", [0.05, 0.06]), "qhat": ("time", [0.0, 0.001]), "nz": ("time", [1.0, 1.4])},
+        {
+            "mach": ("time", [0.3, 0.31]),
+            "alpha": ("time", [0.05, 0.06]),
+            "qhat": ("time", [0.0, 0.001]),
+            "nz": ("time", [1.0, 1.4]),
+        },
         {"time": [0.0, 0.02]},
     )
 
@@ -26,7 +31,9 @@ def equipped(small):
     return aerodb.replace_terms(small, more)
 
 
-def test_devices_that_were_not_recorded_are_at_rest_and_that_is_reported(states, equipped, tmp_path):
+def test_devices_that_were_not_recorded_are_at_rest_and_that_is_reported(
+    states, equipped, tmp_path
+):
     states.to_netcdf(tmp_path / "path.nc", group="states", engine="h5netcdf")
     found, messages = aerodb.comparison.read_conditions(tmp_path / "path.nc", equipped)
     assert messages == [
@@ -49,12 +56,17 @@ def test_a_manoeuvre_in_the_root_will_do(states, small, tmp_path):
 
 def test_states_that_a_table_needs_must_be_there(states, small, tmp_path):
     states.drop_vars("qhat").to_netcdf(tmp_path / "path.nc", group="states", engine="h5netcdf")
-    with pytest.raises(UnknownName, match=r"unknown condition 'qhat'.*CL/qhat needs it and the record does not hold it"):
+    with pytest.raises(
+        UnknownName,
+        match=r"unknown condition 'qhat'.*CL/qhat needs it and the record does not hold it",
+    ):
         aerodb.comparison.read_conditions(tmp_path / "path.nc", small)
 
 
 def test_other_files_are_refused(small, tmp_path):
-    with pytest.raises(FileNotFoundError, match="no such file; `aeromatch flight reconstruct` writes a path"):
+    with pytest.raises(
+        FileNotFoundError, match="no such file; `aeromatch flight reconstruct` writes a path"
+    ):
         aerodb.comparison.read_conditions(tmp_path / "missing.nc", small)
     (tmp_path / "text.nc").write_text("nothing")
     with pytest.raises(ParseError, match="no netCDF-4 file"):
@@ -66,7 +78,9 @@ def test_other_files_are_refused(small, tmp_path):
 
 def test_lift_that_multiplies_a_moment_comes_from_the_terms(states, small, tmp_path):
     """A record may hold the lift coefficient itself, and that one is taken then."""
-    roll = aerodb.replace_terms(small, {"Cl/ground": aerodb.transform.bank_in_ground_effect(-0.078, -1.09, 1.7)})
+    roll = aerodb.replace_terms(
+        small, {"Cl/ground": aerodb.transform.bank_in_ground_effect(-0.078, -1.09, 1.7)}
+    )
     low = states.assign(delta_f=0.0, h_agl=3.0, phi=("time", [0.1, 0.1]))
     low.to_netcdf(tmp_path / "path.nc", group="states", engine="h5netcdf")
     found, messages = aerodb.comparison.read_conditions(tmp_path / "path.nc", roll)
@@ -75,7 +89,9 @@ def test_lift_that_multiplies_a_moment_comes_from_the_terms(states, small, tmp_p
     np.testing.assert_allclose(found["CL"], lift, rtol=1e-15)
     assert found["CL"].dims == ("time",)
     frame = aerodb.compare(roll, roll, found)
-    assert frame.loc["Cl/ground", "value_a"] == pytest.approx(float(-0.078 * 3.0**-1.09 * 0.1 * lift[0]))
+    assert frame.loc["Cl/ground", "value_a"] == pytest.approx(
+        float(-0.078 * 3.0**-1.09 * 0.1 * lift[0])
+    )
     given, messages = completed(low.assign(CL=1.0), roll)
     assert messages == []
     assert float(given["CL"]) == 1.0

@@ -20,20 +20,41 @@ AXES = {  # ranges of the tables; conditions are drawn inside
     "delta_f": (0.0, 0.7),
     "h_agl": (0.0, 40.0),
 }
-CAUSES = {"basic": (), "flap": (), "elevator": (), "beta": ("beta",), "qhat": ("qhat",), "slope": ("alpha", "delta_r"), "gear": ("gear",)}
+CAUSES = {
+    "basic": (),
+    "flap": (),
+    "elevator": (),
+    "beta": ("beta",),
+    "qhat": ("qhat",),
+    "slope": ("alpha", "delta_r"),
+    "gear": ("gear",),
+}
 REACH = {"qhat": 0.02, "delta_r": 0.3, "gear": 1.0}
-ROOT = {"title": "drawn", "aircraft": "none", "S": 20.0, "cbar": 1.7, "b": 11.0, "x_ref": -3.0, "y_ref": 0.0, "z_ref": 0.2}
+ROOT = {
+    "title": "drawn",
+    "aircraft": "none",
+    "S": 20.0,
+    "cbar": 1.7,
+    "b": 11.0,
+    "x_ref": -3.0,
+    "y_ref": 0.0,
+    "z_ref": 0.2,
+}
 seeds = st.integers(0, 2**32 - 1)
 thorough = settings(max_examples=6, deadline=None)
 
 
 def drawn(rng, force_axes="stability", zeros=True, most=3):
-    """Return a random database: tables of few axes, some with a factor K1, without standard error or without source."""
+    """Return a random database: tables of few axes, some with a factor K1, without standard error
+    or without source.
+    """
     leaves = {}
     for coefficient in FORCE_AXES[force_axes]:
         for cause in rng.choice(list(CAUSES), rng.integers(1, 4), replace=False):
             leaves[f"{coefficient}/{cause}"] = leaf(rng, CAUSES[cause], zeros, most)
-    return aerodb.database(leaves, **ROOT, force_axes=force_axes, history="drawn", absent="CL/power")
+    return aerodb.database(
+        leaves, **ROOT, force_axes=force_axes, history="drawn", absent="CL/power"
+    )
 
 
 def leaf(rng, regressors, zeros, most):
@@ -47,9 +68,18 @@ def leaf(rng, regressors, zeros, most):
         K1 = xr.DataArray(rng.normal(size=len(x)), {factor: x}, factor)
     sd = rng.uniform(0.01, 0.3, shape) * (rng.random(shape) > 0.2 if zeros else 1.0)
     new = terms.make(
-        rng.normal(size=shape), points, regressors, stderr=sd if rng.random() < 0.8 or not zeros else None, source="datcom", K1=K1
+        rng.normal(size=shape),
+        points,
+        regressors,
+        stderr=sd if rng.random() < 0.8 or not zeros else None,
+        source="datcom",
+        K1=K1,
     )
-    new["source"] = new["value"].dims, rng.integers(0, 3, shape).astype(np.uint8), new["source"].attrs
+    new["source"] = (
+        new["value"].dims,
+        rng.integers(0, 3, shape).astype(np.uint8),
+        new["source"].attrs,
+    )
     return new if rng.random() < 0.8 else new.drop_vars("source")
 
 
@@ -101,12 +131,16 @@ def any_edit(rng, db, name):
         "scale": lambda: aerodb.edit.scale(db, name, *table(rng, leaf), stderr=0.1),
         "shift": lambda: aerodb.edit.shift(db, name, *table(rng, leaf), stderr=0.1, note="a\nnote"),
         "delete": lambda: aerodb.delete_terms(db, [name]),
-        "replace": lambda: aerodb.replace_terms(db, {name: terms.make(0.5), "CL/new_one": terms.make(1.0)}),
+        "replace": lambda: aerodb.replace_terms(
+            db, {name: terms.make(0.5), "CL/new_one": terms.make(1.0)}
+        ),
     }
     if own:
         axis = str(rng.choice(list(own)))
         edits["regrid"] = lambda: aerodb.edit.regrid(db, name, {axis: own[axis][[0, -1]]})
-        edits["extend"] = lambda: aerodb.edit.extend(db, name, axis, [own[axis][-1] + 0.3, own[axis][-1] + 0.5], "linear", note="further")
+        edits["extend"] = lambda: aerodb.edit.extend(
+            db, name, axis, [own[axis][-1] + 0.3, own[axis][-1] + 0.5], "linear", note="further"
+        )
     return edits[str(rng.choice(list(edits)))]()
 
 
@@ -143,10 +177,14 @@ def test_a_factor_multiplies_everywhere(seed, tenths, hundredths):
     db = drawn(rng)
     name, at = str(rng.choice(list(aerodb.terms(db)))), conditions(rng)
     new = aerodb.edit.scale(db, name, f, stderr=sd)
-    np.testing.assert_allclose(value(new, name, at), f * value(db, name, at), rtol=1e-12, atol=1e-13)
+    np.testing.assert_allclose(
+        value(new, name, at), f * value(db, name, at), rtol=1e-12, atol=1e-13
+    )
     old, leaf = aerodb.terms(db)[name], aerodb.terms(new)[name]
     if "stderr" in old:
-        np.testing.assert_allclose(leaf["stderr"], np.sqrt((f * old["stderr"]) ** 2 + (sd * old["value"]) ** 2), rtol=1e-12)
+        np.testing.assert_allclose(
+            leaf["stderr"], np.sqrt((f * old["stderr"]) ** 2 + (sd * old["value"]) ** 2), rtol=1e-12
+        )
     else:
         assert ("stderr" in leaf) == (sd > 0)
 
@@ -161,10 +199,16 @@ def test_a_factor_table_multiplies_the_nodes(seed):
     numbers, points = table(rng, old)
     new = aerodb.edit.scale(db, name, numbers, points)
     leaf, factor = aerodb.terms(new)[name], terms.make(numbers, points)
-    nodes = dict(zip(axes_of(leaf), np.meshgrid(*axes_of(leaf).values(), indexing="ij"))) if axes_of(leaf) else {}
+    nodes = (
+        dict(zip(axes_of(leaf), np.meshgrid(*axes_of(leaf).values(), indexing="ij")))
+        if axes_of(leaf)
+        else {}
+    )
     bare = [part[["value"]].assign_attrs(regressors="") for part in (old, leaf)]
     before, after = (terms.evaluate(part, nodes) for part in bare)
-    np.testing.assert_allclose(after, before * terms.evaluate(factor, nodes, "clamp"), rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(
+        after, before * terms.evaluate(factor, nodes, "clamp"), rtol=1e-9, atol=1e-12
+    )
     for axis, own in axes_of(old).items():
         assert {*own} <= {*axes_of(leaf)[axis]}
 
@@ -180,7 +224,12 @@ def test_a_factor_over_another_axis_multiplies_everywhere(seed):
     points = np.linspace(*AXES[other], 4)
     numbers = rng.normal(size=4)
     new = aerodb.edit.scale(db, name, numbers, {other: points})
-    np.testing.assert_allclose(value(new, name, at), np.interp(at[other], points, numbers) * value(db, name, at), rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(
+        value(new, name, at),
+        np.interp(at[other], points, numbers) * value(db, name, at),
+        rtol=1e-9,
+        atol=1e-12,
+    )
 
 
 @thorough
@@ -192,8 +241,12 @@ def test_an_amount_adds_everywhere(seed):
     old = aerodb.terms(db)[name]
     numbers, points = table(rng, old)
     new = aerodb.edit.shift(db, name, numbers, points, stderr=0.2)
-    more = terms.evaluate(terms.make(numbers, points, terms.regressors(old), K1=old.get("K1")), at, "clamp")
-    np.testing.assert_allclose(value(new, name, at), value(db, name, at) + more, rtol=1e-9, atol=1e-12)
+    more = terms.evaluate(
+        terms.make(numbers, points, terms.regressors(old), K1=old.get("K1")), at, "clamp"
+    )
+    np.testing.assert_allclose(
+        value(new, name, at), value(db, name, at) + more, rtol=1e-9, atol=1e-12
+    )
     assert (aerodb.terms(new)[name]["stderr"] > 0.2).all()
 
 
@@ -214,7 +267,10 @@ def test_the_error_of_a_regrid_is_the_largest_difference_there_is(seed):
     error = aerodb.edit.regrid_error(db, name, {axis: points})
     new = aerodb.edit.regrid(db, name, {axis: points}, tolerance=error)
     at = conditions(rng, 300) | dict.fromkeys((*REACH,), 1.0)
-    bare = {key: aerodb.terms(tree)[name].assign_attrs(regressors="") for key, tree in (("old", db), ("new", new))}
+    bare = {
+        key: aerodb.terms(tree)[name].assign_attrs(regressors="")
+        for key, tree in (("old", db), ("new", new))
+    }
     differences = np.abs(terms.evaluate(bare["new"], at) - terms.evaluate(bare["old"], at))
     assert differences.max() <= error * (1 + 1e-9) + 1e-12
     np.testing.assert_allclose(aerodb.terms(new)[name][axis], points)
@@ -239,34 +295,53 @@ def test_an_extended_table_is_the_old_one_inside_and_follows_the_rule_outside(se
     at = conditions(rng)
     np.testing.assert_allclose(value(new, name, at), value(db, name, at), rtol=1e-9, atol=1e-12)
     at[axis] = np.concatenate([rng.uniform(low - 0.3, low, 20), rng.uniform(high, high + 0.5, 20)])
-    without_factor = [leaf.drop_vars("K1", errors="ignore") for leaf in (old.assign_attrs(outside=how), aerodb.terms(new)[name])]
+    without_factor = [
+        leaf.drop_vars("K1", errors="ignore")
+        for leaf in (old.assign_attrs(outside=how), aerodb.terms(new)[name])
+    ]
     expected, found = (terms.evaluate(leaf, at, "clamp") for leaf in without_factor)
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)
     leaf = aerodb.terms(new)[name]
     assert (leaf["source"].sel({axis: [low - 0.3, high + 0.1, high + 0.5]}) == 2).all()
     inside = leaf["source"].sel({axis: old[axis]})
-    np.testing.assert_array_equal(inside, old["source"] if "source" in old else np.full(inside.shape, 2))
+    np.testing.assert_array_equal(
+        inside, old["source"] if "source" in old else np.full(inside.shape, 2)
+    )
     if "stderr" in old:
         ends = old["stderr"].sel({axis: [low, high, high]}).values
-        assert (leaf["stderr"].sel({axis: [low - 0.3, high + 0.1, high + 0.5]}).values >= ends).all()
+        assert (
+            leaf["stderr"].sel({axis: [low - 0.3, high + 0.1, high + 0.5]}).values >= ends
+        ).all()
 
 
 def body_forces(db, at):
     """Return the force coefficients in body axes (samples, 3), by matrices."""
     force_axes = db.attrs["force_axes"]
     names = FORCE_AXES[force_axes][:3]
-    c = {name: np.broadcast_to(aerodb.evaluate(db, name, "clamp", **at), at["alpha"].shape) for name in names}
+    c = {
+        name: np.broadcast_to(aerodb.evaluate(db, name, "clamp", **at), at["alpha"].shape)
+        for name in names
+    }
     if force_axes == "body":
         return np.stack([c["CX"], c["CY"], c["CZ"]], axis=-1)
     along = np.stack([-c["CD"], c["CY"], -c["CL"]], axis=-1)
     if force_axes == "wind":  # wind axes to stability axes: a turn by -beta about z
         s, k = np.sin(at["beta"]), np.cos(at["beta"])
-        along = np.stack([along[:, 0] * k - along[:, 1] * s, along[:, 0] * s + along[:, 1] * k, along[:, 2]], axis=-1)
+        along = np.stack(
+            [along[:, 0] * k - along[:, 1] * s, along[:, 0] * s + along[:, 1] * k, along[:, 2]],
+            axis=-1,
+        )
     return axes.to_body(along, at["alpha"])
 
 
 def moments(db, at):
-    return np.stack([np.broadcast_to(aerodb.evaluate(db, c, "clamp", **at), at["alpha"].shape) for c in ("Cl", "Cm", "Cn")], axis=-1)
+    return np.stack(
+        [
+            np.broadcast_to(aerodb.evaluate(db, c, "clamp", **at), at["alpha"].shape)
+            for c in ("Cl", "Cm", "Cn")
+        ],
+        axis=-1,
+    )
 
 
 def size(leaf):
@@ -275,7 +350,9 @@ def size(leaf):
 
 def bound(db, at, d, tolerance):
     """Return what the tolerance allows at each sample, times the length of the moment."""
-    leaves = {n: leaf for n, leaf in aerodb.terms(db).items() if n.split("/")[0] not in ("Cl", "Cm", "Cn")}
+    leaves = {
+        n: leaf for n, leaf in aerodb.terms(db).items() if n.split("/")[0] not in ("Cl", "Cm", "Cn")
+    }
     kinds = {n: (n.split("/")[0], *sorted(terms.regressors(leaf))) for n, leaf in leaves.items()}
     total = np.zeros(at["alpha"].shape)
     for name, leaf in leaves.items():
@@ -295,7 +372,12 @@ def test_moments_about_another_point_are_those_of_the_cross_product(seed, force_
     sound(db, new, db.copy(deep=True))
     d = np.array([-3.0, 0.0, 0.2]) - point
     lengths = np.array([11.0, 1.7, 11.0])
-    expected = axes.transfer_moment(moments(db, at) * lengths, body_forces(db, at), [-3.0, 0.0, 0.2], point) / lengths
+    expected = (
+        axes.transfer_moment(
+            moments(db, at) * lengths, body_forces(db, at), [-3.0, 0.0, 0.2], point
+        )
+        / lengths
+    )
     off = np.abs(moments(new, at) - expected) * lengths
     assert (off <= bound(db, at, d, tolerance)[:, None] + 1e-11).all()
     np.testing.assert_array_equal(body_forces(new, at), body_forces(db, at))
@@ -305,7 +387,9 @@ def test_moments_about_another_point_are_those_of_the_cross_product(seed, force_
     assert {n: leaf for n, leaf in aerodb.terms(back).items()}.keys() == aerodb.terms(db).keys()
     for name, leaf in aerodb.terms(back).items():
         xr.testing.assert_identical(leaf, aerodb.terms(db)[name])
-    back = aerodb.transform.move_reference(aerodb.store.forget(new), [-3.0, 0.0, 0.2], tolerance=tolerance)
+    back = aerodb.transform.move_reference(
+        aerodb.store.forget(new), [-3.0, 0.0, 0.2], tolerance=tolerance
+    )
     np.testing.assert_allclose(moments(back, at), moments(db, at), rtol=0, atol=1e-12)
 
 
@@ -322,14 +406,20 @@ def test_a_blend_is_no_worse_than_either(seed, rule):
     sound(db, new, db.copy(deep=True))
     unchanged_apart_from(db, new, [name])
     ours, theirs, joined = (aerodb.terms(tree)[name] for tree in (db, other, new))
-    assert (joined["stderr"].values <= np.minimum(ours["stderr"], theirs["stderr"]).values * (1 + 1e-9)).all()
+    assert (
+        joined["stderr"].values <= np.minimum(ours["stderr"], theirs["stderr"]).values * (1 + 1e-9)
+    ).all()
     if rule == "inverse_variance":
         w1, w2 = ours["stderr"].values ** -2, theirs["stderr"].values ** -2
-        np.testing.assert_allclose(joined["value"], (w1 * ours["value"] + w2 * theirs["value"]) / (w1 + w2), rtol=1e-9)
+        np.testing.assert_allclose(
+            joined["value"], (w1 * ours["value"] + w2 * theirs["value"]) / (w1 + w2), rtol=1e-9
+        )
         np.testing.assert_allclose(joined["stderr"], (w1 + w2) ** -0.5, rtol=1e-9)
     same = aerodb.edit.blend(other, db, name)
     np.testing.assert_allclose(
-        aerodb.terms(same)[name]["value"], aerodb.terms(aerodb.edit.blend(db, other, name))[name]["value"], rtol=1e-9
+        aerodb.terms(same)[name]["value"],
+        aerodb.terms(aerodb.edit.blend(db, other, name))[name]["value"],
+        rtol=1e-9,
     )
 
 
@@ -340,7 +430,9 @@ def test_edited_files_come_back_whole(tmp_path_factory, seed):
     rng = np.random.default_rng(seed)
     db = drawn(rng, zeros=False)
     name = next(iter(aerodb.terms(db)))
-    new = aerodb.transform.move_reference(aerodb.edit.scale(db, name, 1.2, note="größer"), [-2.9, 0.0, 0.2])
+    new = aerodb.transform.move_reference(
+        aerodb.edit.scale(db, name, 1.2, note="größer"), [-2.9, 0.0, 0.2]
+    )
     path = tmp_path_factory.mktemp("edited") / "edited.nc"
     aerodb.save(new, path)
     again = aerodb.open(path)
@@ -352,5 +444,7 @@ def test_edited_files_come_back_whole(tmp_path_factory, seed):
 def test_nodes_that_are_zero_by_definition_are_watched(small):
     with pytest.warns(AeromatchWarning, match="1 nodes of CL/flap were zero by definition"):
         aerodb.edit.shift(small, "CL/flap", 0.01)
-    new = aerodb.edit.shift(small, "CL/flap", [0.0, 0.01, 0.01], {"delta_f": np.radians([0, 20, 40])})
+    new = aerodb.edit.shift(
+        small, "CL/flap", [0.0, 0.01, 0.01], {"delta_f": np.radians([0, 20, 40])}
+    )
     np.testing.assert_allclose(aerodb.terms(new)["CL/flap"]["value"], [0.0, 0.21, 0.37])

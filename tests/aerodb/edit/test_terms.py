@@ -28,7 +28,9 @@ def test_the_old_tree_stays_as_it_was(small):
 def test_a_faulty_term_is_refused_with_all_faults(small):
     with pytest.raises(SchemaError) as caught:
         aerodb.replace_terms(small, {"CL/gear": xr.Dataset(), "Cq/basic": terms.make(1.0)})
-    assert any(text.startswith("CL/gear: has no variable 'value'") for text in caught.value.problems)
+    assert any(
+        text.startswith("CL/gear: has no variable 'value'") for text in caught.value.problems
+    )
     assert any("unknown coefficient 'Cq'" in text for text in caught.value.problems)
 
 
@@ -45,5 +47,12 @@ def test_swapping_a_term_there_and_back_restores_the_numbers(small):
     old = aerodb.terms(small)["CL/basic"]
     new = aerodb.replace_terms(small, {"CL/basic": terms.make(0.5)})
     back = aerodb.replace_terms(new, {"CL/basic": old})
-    conditions = {"mach": np.array([0.2, 0.3]), "alpha": np.array([0.0, 0.1]), "qhat": 0.01, "delta_f": 0.2}
-    np.testing.assert_array_equal(aerodb.evaluate(back, "CL", **conditions), aerodb.evaluate(small, "CL", **conditions))
+    conditions = {
+        "mach": np.array([0.2, 0.3]),
+        "alpha": np.array([0.0, 0.1]),
+        "qhat": 0.01,
+        "delta_f": 0.2,
+    }
+    np.testing.assert_array_equal(
+        aerodb.evaluate(back, "CL", **conditions), aerodb.evaluate(small, "CL", **conditions)
+    )

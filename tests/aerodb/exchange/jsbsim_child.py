@@ -1,9 +1,11 @@
 """Run JSBSim apart from the tests, because it ends the whole process when it does not like a file.
 
-Reads from standard input a JSON object: ``file``, ``shipped`` (an aircraft of the package), ``make`` (properties that another program
-would have made), ``states`` (a list of {property: value} set before the start), ``commands`` (a list of the same length, set after
-it), ``settle`` (evaluations at the state reached, without a step), ``follow`` (properties that then take a multiple of others, as
-[target, source, factor]) and ``read``.  Writes the list of readings after one step of each.
+Reads from standard input a JSON object: ``file``, ``shipped`` (an aircraft of the package),
+``make`` (properties that another program would have made), ``states`` (a list of {property: value}
+set before the start), ``commands`` (a list of the same length, set after it), ``settle``
+(evaluations at the state reached, without a step), ``follow`` (properties that then take a multiple
+of others, as [target, source, factor]) and ``read``.  Writes the list of readings after one step of
+each.
 """
 
 import json
@@ -21,7 +23,11 @@ def main() -> None:
     fdm = jsbsim.FGFDMExec(None)
     fdm.set_debug_level(0)
     folders = [str(path.parent)] * 3
-    if not (fdm.load_model(path.stem) if job["shipped"] else fdm.load_model_with_paths(path.stem, *folders, False)):
+    if not (
+        fdm.load_model(path.stem)
+        if job["shipped"]
+        else fdm.load_model_with_paths(path.stem, *folders, False)
+    ):
         sys.exit(f"JSBSim does not load {path}")
     properties = fdm.get_property_manager()
     for name in job["make"]:
@@ -41,7 +47,9 @@ def main() -> None:
 
 
 def rest(fdm: jsbsim.FGFDMExec, count: int, follow: list) -> None:
-    """Evaluate the same state again and again, until the controls are at rest and the lift of the step before is that of the step."""
+    """Evaluate the same state again and again, until the controls are at rest and the lift of the
+    step before is that of the step.
+    """
     fdm.suspend_integration()
     for _ in range(count):
         fdm.run()

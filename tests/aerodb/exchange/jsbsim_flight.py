@@ -1,4 +1,6 @@
-"""What an exported file and JSBSim itself make of random states, compared with the database at the same states."""
+"""What an exported file and JSBSim itself make of random states, compared with the database at the
+same states.
+"""
 
 import json
 import subprocess
@@ -41,12 +43,17 @@ READ = {
     **{f"{axis}_cg": (f"inertia/cg-{axis}-in", INCH) for axis in "xyz"},
     **{f"{axis}_rp": (f"metrics/aero-rp-{axis}-in", INCH) for axis in "xyz"},
 }
-COMMANDS = tuple(f"fcs/{name}-cmd-norm" for name in ("elevator", "aileron", "rudder", "pitch-trim", "roll-trim", "yaw-trim"))
+COMMANDS = tuple(
+    f"fcs/{name}-cmd-norm"
+    for name in ("elevator", "aileron", "rudder", "pitch-trim", "roll-trim", "yaw-trim")
+)
 ONE_SIDED = ("fcs/flap-cmd-norm", "gear/gear-cmd-norm", "fcs/speedbrake-cmd-norm")
 
 
 def states(count, seed, speeds=(60.0, 320.0)):
-    """Return random states and commands: either side of the ground-effect heights, angles well beyond ordinary flight."""
+    """Return random states and commands: either side of the ground-effect heights, angles well
+    beyond ordinary flight.
+    """
     draw = np.random.default_rng(seed).uniform
     given, commands = [], []
     for _ in range(count):
@@ -65,33 +72,66 @@ def states(count, seed, speeds=(60.0, 320.0)):
                 "ic/r-rad_sec": draw(-0.5, 0.5),
             }
         )
-        commands.append({name: draw(0.0 if name in ONE_SIDED else -1.0, 1.0) for name in (*COMMANDS, *ONE_SIDED)})
+        commands.append(
+            {
+                name: draw(0.0 if name in ONE_SIDED else -1.0, 1.0)
+                for name in (*COMMANDS, *ONE_SIDED)
+            }
+        )
     return given, commands
 
 
 def fly(path, given, commands, more=(), shipped=False, settle=0, follow=(), make=()):
-    """Return what JSBSim reads at each state: every quantity in SI, its forces [N] and moments [N m] about the c.g."""
+    """Return what JSBSim reads at each state: every quantity in SI, its forces [N] and moments [N
+    m] about the c.g.
+    """
     names = [name for name, _ in READ.values()]
-    job = {"file": str(path), "shipped": shipped, "states": given, "commands": commands, "read": [*names, *FORCES, *MOMENTS, *more]}
+    job = {
+        "file": str(path),
+        "shipped": shipped,
+        "states": given,
+        "commands": commands,
+        "read": [*names, *FORCES, *MOMENTS, *more],
+    }
     job |= {"settle": settle, "follow": follow, "make": make}
     child = Path(__file__).with_name("jsbsim_child.py")
-    with tempfile.TemporaryDirectory() as elsewhere:  # aircraft files may name files that JSBSim writes
+    with (
+        tempfile.TemporaryDirectory() as elsewhere
+    ):  # aircraft files may name files that JSBSim writes
         ran = subprocess.run(
-            [sys.executable, str(child)], input=json.dumps(job), capture_output=True, text=True, timeout=1200, cwd=elsewhere
+            [sys.executable, str(child)],
+            input=json.dumps(job),
+            capture_output=True,
+            text=True,
+            timeout=1200,
+            cwd=elsewhere,
         )
     assert ran.returncode == 0, ran.stdout[-2000:] + ran.stderr[-2000:]
     rows = np.array(json.loads(ran.stdout.splitlines()[-1]))
     found = {name: rows[:, i] * factor for i, (name, (_, factor)) in enumerate(READ.items())}
     found |= {name: rows[:, len(names) + 6 + i] for i, name in enumerate(more)}
-    return found, rows[:, len(names) : len(names) + 3] * POUND_FORCE, rows[:, len(names) + 3 : len(names) + 6] * POUND_FORCE * FOOT
+    return (
+        found,
+        rows[:, len(names) : len(names) + 3] * POUND_FORCE,
+        rows[:, len(names) + 3 : len(names) + 6] * POUND_FORCE * FOOT,
+    )
 
 
 def conditions(found, aircraft):
     """Return the model variables of the states."""
     V, b, cbar = found["V"], aircraft.b, aircraft.cbar
-    arm = np.stack([found["x_cg"] - found["x_rp"], found["y_rp"] - found["y_cg"], found["z_cg"] - found["z_rp"]], -1)
+    arm = np.stack(
+        [
+            found["x_cg"] - found["x_rp"],
+            found["y_rp"] - found["y_cg"],
+            found["z_cg"] - found["z_rp"],
+        ],
+        -1,
+    )
     phi, theta = found["phi"], found["theta"]
-    down = -np.sin(theta) * arm[:, 0] + np.cos(theta) * (np.sin(phi) * arm[:, 1] + np.cos(phi) * arm[:, 2])
+    down = -np.sin(theta) * arm[:, 0] + np.cos(theta) * (
+        np.sin(phi) * arm[:, 1] + np.cos(phi) * arm[:, 2]
+    )
     return {
         **found,
         "phat": found["p"] * b / (2 * V),
@@ -108,7 +148,9 @@ def conditions(found, aircraft):
 
 
 def loads(db, at, aircraft):
-    """Return forces [N] and moments [N m] about the c.g., body axes, that a database gives at conditions."""
+    """Return forces [N] and moments [N m] about the c.g., body axes, that a database gives at
+    conditions.
+    """
     zero = np.zeros_like(at["alpha"])
     C = {name: zero + aerodb.evaluate(db, name, outside="clamp", **at) for name in coefficients(db)}
     ca, sa, cb, sb = (f(at[angle]) for angle in ("alpha", "beta") for f in (np.cos, np.sin))
@@ -126,5 +168,7 @@ def loads(db, at, aircraft):
 
 
 def worst(ours, theirs):
-    """Return the largest difference of the components, each state by itself, over the length of its vector."""
+    """Return the largest difference of the components, each state by itself, over the length of its
+    vector.
+    """
     return (np.abs(ours - theirs) / np.linalg.norm(theirs, axis=1, keepdims=True)).max(0)

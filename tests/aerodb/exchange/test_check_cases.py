@@ -18,7 +18,9 @@ def table(small, tmp_path):
 
 def columns(table):
     lines = [line for line in table.read_text().splitlines() if not line.startswith("#")]
-    return dict(zip(lines[0].split(","), np.array([line.split(",") for line in lines[1:]], float).T))
+    return dict(
+        zip(lines[0].split(","), np.array([line.split(",") for line in lines[1:]], float).T)
+    )
 
 
 def test_another_implementation_meets_the_table(table):
@@ -32,7 +34,13 @@ def test_another_implementation_meets_the_table(table):
     slope = np.interp(x["mach [1]"], [0.2, 0.4], [5.0, 5.4])
     flap = np.interp(x["delta_f [rad]"], np.radians([0.0, 20.0, 40.0]), [0.0, 0.2, 0.36])
     qhat = np.interp(x["mach [1]"], [0.2, 0.4], [8.0, 8.4]) * x["qhat [1]"]
-    expected = {"CL/basic": 0.2 + slope * alpha, "CL/qhat": qhat, "CL/flap": flap, "Cm": -17.0 * x["qhat [1]"], "CD": 0.0 * flap}
+    expected = {
+        "CL/basic": 0.2 + slope * alpha,
+        "CL/qhat": qhat,
+        "CL/flap": flap,
+        "Cm": -17.0 * x["qhat [1]"],
+        "CD": 0.0 * flap,
+    }
     expected["CL"] = expected["CL/basic"] + qhat + flap
     for name, values in expected.items():
         np.testing.assert_allclose(x[name], values, rtol=0.0, atol=1e-13, err_msg=name)
@@ -77,7 +85,9 @@ def test_a_column_in_degrees_is_converted(small, table):
     head = next(i for i, line in enumerate(lines) if line.startswith("case"))
     rows = [line.split(",") for line in lines[head + 1 :]]
     turned = [",".join([row[0], repr(float(np.degrees(float(row[1])))), *row[2:]]) for row in rows]
-    table.write_text("\n".join([*lines[:head], lines[head].replace("alpha [rad]", "alpha [deg]"), *turned, ""]))
+    table.write_text(
+        "\n".join([*lines[:head], lines[head].replace("alpha [rad]", "alpha [deg]"), *turned, ""])
+    )
     assert aerodb.exchange.run_checkcases(small, table)["agrees"].all()
 
 
@@ -107,7 +117,8 @@ def test_checks_travel_and_are_run(small, tmp_path):
     xr.testing.assert_identical(aerodb.store.with_checks(checked, count=50), checked)
     checked["Cm/qhat"]["value"][...] = -17.1
     with pytest.raises(
-        SchemaError, match=r"checks: Cm differs by .* in case \d+ \(\d+ of 50 cases fail\); the terms were changed"
+        SchemaError,
+        match=r"checks: Cm differs by .* in case \d+ \(\d+ of 50 cases fail\); the terms were changed",
     ) as caught:
         aerodb.save(checked, path)
     assert len(caught.value.problems) == 2  # the term and its coefficient
@@ -117,15 +128,27 @@ def test_checks_travel_and_are_run(small, tmp_path):
 
 
 def test_cases_of_another_source_hold_by_their_own_tolerance(small):
-    """As a DAVE-ML file gives them: no contributions, a tolerance each, an input missing in one case."""
-    states = {"alpha": [0.0, 0.1, np.nan], "mach": [0.3] * 3, "delta_f": [0.0] * 3, "qhat": [0.0] * 3}
+    """As a DAVE-ML file gives them: no contributions, a tolerance each, an input missing in one
+    case.
+    """
+    states = {
+        "alpha": [0.0, 0.1, np.nan],
+        "mach": [0.3] * 3,
+        "delta_f": [0.0] * 3,
+        "qhat": [0.0] * 3,
+    }
     expected = 0.2 + 5.2 * np.array([0.0, 0.1, 0.2])
     cases = xr.Dataset({name: ("case", x) for name, x in states.items()}, {"case": [1, 2, 3]})
-    cases["CL"], cases["CL_tolerance"] = ("case", expected + [0.0, 0.009, 5.0]), ("case", [0.01] * 3)
+    cases["CL"], cases["CL_tolerance"] = (
+        ("case", expected + [0.0, 0.009, 5.0]),
+        ("case", [0.01] * 3),
+    )
     db = xr.DataTree.from_dict({**small.to_dict(), "/checks": cases})
     assert failing_checks(db) == []
     db["checks"]["CL_tolerance"][1] = 0.008
-    assert failing_checks(db)[0].startswith("checks: CL differs by -0.009 in case 2 (1 of 2 cases fail)")
+    assert failing_checks(db)[0].startswith(
+        "checks: CL differs by -0.009 in case 2 (1 of 2 cases fail)"
+    )
 
 
 def test_a_database_without_variables_has_cases_too(root):

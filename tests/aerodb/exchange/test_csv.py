@@ -29,14 +29,23 @@ def edited(file, old, new):
 
 
 def test_what_stands_in_the_files(folder):
-    assert sorted(os.listdir(folder)) == ["001_CL_basic.csv", "002_CL_qhat.csv", "003_CL_flap.csv", "004_Cm_qhat.csv", "index.csv"]
+    assert sorted(os.listdir(folder)) == [
+        "001_CL_basic.csv",
+        "002_CL_qhat.csv",
+        "003_CL_flap.csv",
+        "004_Cm_qhat.csv",
+        "index.csv",
+    ]
     assert (folder / "002_CL_qhat.csv").read_text() == (
         "# CL/qhat, value\n# regressors: qhat\n# outside: hold\nmach [1],value,stderr,source\n0.2,8.0,2.0,datcom\n0.4,8.4,2.1,datcom\n"
     )
     index = (folder / "index.csv").read_text().splitlines()
     assert index[0] == "# aeromatch terms, format 1"
     assert "# S = 16.9" in index
-    assert index[-2:] == ["003_CL_flap.csv,CL/flap,value,delta_f,,3", "004_Cm_qhat.csv,Cm/qhat,value,,qhat,1"]
+    assert index[-2:] == [
+        "003_CL_flap.csv,CL/flap,value,delta_f,,3",
+        "004_Cm_qhat.csv,Cm/qhat,value,,qhat,1",
+    ]
 
 
 def test_degrees_are_converted_and_the_history_states_so(small, folder):
@@ -46,7 +55,9 @@ def test_degrees_are_converted_and_the_history_states_so(small, folder):
     edited(file, angle, "40")
     edited(file, repr(float(np.radians(20.0))), "20")
     found = aerodb.terms(aerodb.exchange.import_csv(folder))["CL/flap"]
-    np.testing.assert_allclose(found["delta_f"], aerodb.terms(small)["CL/flap"]["delta_f"], rtol=1e-15)
+    np.testing.assert_allclose(
+        found["delta_f"], aerodb.terms(small)["CL/flap"]["delta_f"], rtol=1e-15
+    )
     np.testing.assert_array_equal(found["value"], aerodb.terms(small)["CL/flap"]["value"])
     assert found.attrs["history"] == "import_csv: 003_CL_flap.csv gives delta_f in deg"
     assert found["delta_f"].attrs["units"] == "rad"
@@ -85,10 +96,18 @@ def test_all_faults_are_reported_with_file_and_line(folder):
 @pytest.mark.parametrize(
     ("old", "new", "fault"),
     [
-        ("0.4,0.0,", "0.2,0.0,", r"001_CL_basic.csv, lines 7, 11: the same node mach 0.2 alpha 0; every node stands once"),
+        (
+            "0.4,0.0,",
+            "0.2,0.0,",
+            r"001_CL_basic.csv, lines 7, 11: the same node mach 0.2 alpha 0; every node stands once",
+        ),
         ("0.4,0.0,", "0.2,0.0,", r"1 of 8 nodes have no row, the first is mach 0.4 alpha 0"),
         ("0.4,0.0,", "# 0.4,0.0,", r"001_CL_basic.csv, line 11: found '# 0.4,0.0,"),
-        ("alpha [rad]", "alpha", r"column 'alpha'; allowed: axes with their unit in brackets, value, stderr, source"),
+        (
+            "alpha [rad]",
+            "alpha",
+            r"column 'alpha'; allowed: axes with their unit in brackets, value, stderr, source",
+        ),
         ("alpha [rad]", "alfa [rad]", r"axis: unknown quantity 'alfa'; near it: alpha"),
         ("alpha [rad]", "mach [1]", r"the columns mach stand twice"),
         ("value,stderr", "wert,stderr", r"no column 'value'"),
@@ -110,7 +129,9 @@ def test_a_long_list_of_points_that_is_no_grid_takes_no_memory(folder):
     rows = "".join(f"{i},{i},1.0,0.1,datcom\n" for i in range(2000))
     head = file.read_text().split("datcom\n")[0].rsplit("\n", 1)[0]
     file.write_text(f"{head}\n{rows}")
-    with pytest.raises(SchemaError, match="2000 rows for 2000 x 2000 = 4000000 nodes; every node needs a row"):
+    with pytest.raises(
+        SchemaError, match="2000 rows for 2000 x 2000 = 4000000 nodes; every node needs a row"
+    ):
         aerodb.exchange.import_csv(folder)
 
 
@@ -143,7 +164,10 @@ def test_the_index_is_read_strictly(folder, row, fault):
 
 
 def test_folders_that_are_none_of_ours(small, tmp_path):
-    with pytest.raises(FileNotFoundError, match=r"no index.csv there; name a folder that aerodb.exchange.export_csv wrote"):
+    with pytest.raises(
+        FileNotFoundError,
+        match=r"no index.csv there; name a folder that aerodb.exchange.export_csv wrote",
+    ):
         aerodb.exchange.import_csv(tmp_path)
     (tmp_path / "index.csv").write_text("a,b\n1,2\n")
     with pytest.raises(ParseError, match="aeromatch terms, format 1"):
@@ -192,10 +216,29 @@ def test_facts_come_back(tmp_path_factory, facts):
 
 
 def export_killed_at_each_call(folder):
-    """Export one database over another and be killed; the folder is one of the two, and the next export removes what the kill left."""
-    root = {"S": 16.9, "cbar": 1.667, "b": 10.31, "x_ref": -3.0, "y_ref": 0.0, "z_ref": 0.0, "force_axes": "stability"}
-    root |= {"aircraft": "test", "source": "by hand", "history": "by hand", "absent": "", "title": "killed"}
-    old, new = (aerodb.database({f"CL/t{i}": terms.make(float(i)) for i in range(n)}, **root) for n in (2, 4))
+    """Export one database over another and be killed; the folder is one of the two, and the next
+    export removes what the kill left.
+    """
+    root = {
+        "S": 16.9,
+        "cbar": 1.667,
+        "b": 10.31,
+        "x_ref": -3.0,
+        "y_ref": 0.0,
+        "z_ref": 0.0,
+        "force_axes": "stability",
+    }
+    root |= {
+        "aircraft": "test",
+        "source": "by hand",
+        "history": "by hand",
+        "absent": "",
+        "title": "killed",
+    }
+    old, new = (
+        aerodb.database({f"CL/t{i}": terms.make(float(i)) for i in range(n)}, **root)
+        for n in (2, 4)
+    )
     target = folder / "terms"
     aerodb.exchange.export_csv(old, target)
     seen = []

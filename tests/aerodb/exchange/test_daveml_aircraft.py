@@ -1,4 +1,6 @@
-"""Mass properties and thrust of DAVE-ML files as an aircraft; the F-16 of the check cases flies with it in tests/published."""
+"""Mass properties and thrust of DAVE-ML files as an aircraft; the F-16 of the check cases flies
+with it in tests/published.
+"""
 
 import numpy as np
 import pytest
@@ -58,12 +60,23 @@ def db():
 
 
 def test_mass_properties(db, file):
-    craft = aerodb.exchange.import_daveml_aircraft(db, file("inertia.dml", INERTIA), inputs={"vrsPositionOfCM": 25.0})
-    assert (craft.name, craft.S, craft.cbar, craft.b, craft.reference, craft.engines) == ("ours", 20.0, 2.0, 8.0, (-1.0, 0.0, 0.0), ())
+    craft = aerodb.exchange.import_daveml_aircraft(
+        db, file("inertia.dml", INERTIA), inputs={"vrsPositionOfCM": 25.0}
+    )
+    assert (craft.name, craft.S, craft.cbar, craft.b, craft.reference, craft.engines) == (
+        "ours",
+        20.0,
+        2.0,
+        8.0,
+        (-1.0, 0.0, 0.0),
+        (),
+    )
     assert craft.mass == pytest.approx(100.0 * SLUG)
     moments = (craft.Ixx, craft.Iyy, craft.Izz, craft.Ixz, craft.Ixy)
     assert moments == pytest.approx(np.array([1000.0, 2000.0, 2500.0, 50.0, 0.0]) * SLUG * FOOT**2)
-    assert craft.cg == pytest.approx((1.0 * FOOT, 0.0, -0.5 * FOOT))  # 10 per cent forward; the file counts z upwards
+    assert craft.cg == pytest.approx(
+        (1.0 * FOOT, 0.0, -0.5 * FOOT)
+    )  # 10 per cent forward; the file counts z upwards
 
 
 def test_inputs_keep_the_initial_value_of_the_file(db, file):
@@ -72,7 +85,9 @@ def test_inputs_keep_the_initial_value_of_the_file(db, file):
 
 def test_thrust_over_lever_and_height(db, file):
     propulsion = file("thrust.dml", THRUST.replace("FORCE", LINEAR).replace("SIDE", "0"))
-    (engine,) = aerodb.exchange.import_daveml_aircraft(db, file("inertia.dml", INERTIA), propulsion).engines
+    (engine,) = aerodb.exchange.import_daveml_aircraft(
+        db, file("inertia.dml", INERTIA), propulsion
+    ).engines
     assert engine.thrust["throttle"].values.tolist() == [0.0, 1.0]
     np.testing.assert_allclose(engine.thrust["h"], np.array([0.0, 10e3, 20e3, 40e3]) * FOOT)
     # a quarter of the lever at 15 000 ft: idle 62.5, full 700 lbf
@@ -83,21 +98,43 @@ def test_thrust_over_lever_and_height(db, file):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("FORCE", SQUARE, "FX is not linear in throttle, h between breakpoints: a table is up to .* N off"),
-        ("SIDE", "3", "FZ are not zero; give position and direction of the engines in the aircraft file"),
+        (
+            "FORCE",
+            SQUARE,
+            "FX is not linear in throttle, h between breakpoints: a table is up to .* N off",
+        ),
+        (
+            "SIDE",
+            "3",
+            "FZ are not zero; give position and direction of the engines in the aircraft file",
+        ),
         ("altitudeMSL", "fuelFlow", r"the input ALT \(fuelFlow\) is none of throttle, mach, h"),
-        ('name="thrustBodyForce_X"', 'name="push"', "0 outputs are thrustBodyForce_X; one is needed"),
+        (
+            'name="thrustBodyForce_X"',
+            'name="push"',
+            "0 outputs are thrustBodyForce_X; one is needed",
+        ),
     ],
 )
 def test_thrust_that_is_no_table_is_refused(old, new, message, db, file):
     content = THRUST.replace(old, new).replace("FORCE", LINEAR).replace("SIDE", "0")
     with pytest.raises(SchemaError, match=message):
-        aerodb.exchange.import_daveml_aircraft(db, file("inertia.dml", INERTIA), file("thrust.dml", content))
+        aerodb.exchange.import_daveml_aircraft(
+            db, file("inertia.dml", INERTIA), file("thrust.dml", content)
+        )
 
 
 def test_what_an_inertia_file_lacks_is_reported(db, file):
-    lacking = file("inertia.dml", INERTIA.replace("totalMass", "grossWeight").replace(' initialValue="35.0"', ""))
-    with pytest.raises(SchemaError, match=r"the input CG \(vrsPositionOfCM\) has no initial value(.|\n)*no output is mass"):
+    lacking = file(
+        "inertia.dml",
+        INERTIA.replace("totalMass", "grossWeight").replace(' initialValue="35.0"', ""),
+    )
+    with pytest.raises(
+        SchemaError,
+        match=r"the input CG \(vrsPositionOfCM\) has no initial value(.|\n)*no output is mass",
+    ):
         aerodb.exchange.import_daveml_aircraft(db, lacking)
     with pytest.raises(UnknownName, match="unknown variable 'CG_PCT'"):
-        aerodb.exchange.import_daveml_aircraft(db, file("inertia.dml", INERTIA), inputs={"CG_PCT": 25.0})
+        aerodb.exchange.import_daveml_aircraft(
+            db, file("inertia.dml", INERTIA), inputs={"CG_PCT": 25.0}
+        )

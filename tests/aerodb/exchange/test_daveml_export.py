@@ -18,7 +18,8 @@ from flightmech import terms
 from flightmech.errors import SchemaError
 from flightmech.names import attrs
 
-# Content models of the elements we write, from DAVEfunc.dtd 2.0.2 of 12 July 2011, as regular expressions over the children
+# Content models of the elements we write, from DAVEfunc.dtd 2.0.2 of 12 July 2011, as regular
+# expressions over the children
 CONTENT = {
     "DAVEfunc": "fileHeader (variableDef )+(breakpointDef )*(griddedTableDef )*(ungriddedTableDef )*(function )*(checkData )?",
     "fileHeader": "(author )+(creationDate |fileCreationDate )(fileVersion )?(description )?(reference )*(modificationRecord )*"
@@ -46,7 +47,14 @@ REQUIRED = {
     "uncertainty": ("effect",), "normalPDF": ("numSigmas",), "griddedTableRef": ("gtID",), "bpRef": ("bpID",),
 }  # fmt: skip
 IDENTIFIERS = ("varID", "bpID", "gtID", "refID", "modID", "provID")
-DEFINITIONS = {"variableDef", "breakpointDef", "griddedTableDef", "reference", "modificationRecord", "provenance"}
+DEFINITIONS = {
+    "variableDef",
+    "breakpointDef",
+    "griddedTableDef",
+    "reference",
+    "modificationRecord",
+    "provenance",
+}
 
 
 @dataclass(frozen=True)
@@ -71,7 +79,13 @@ def rich(root):
     random = np.random.default_rng(4)
     alpha, mach = np.radians([-8.0, 0.0, 8.0, 16.0]), np.array([0.2, 0.4])
     table = random.normal(size=(2, 4)) / 3.0
-    sources = terms.make(table, {"mach": mach, "alpha": alpha}, stderr=abs(table) / 7.0, source="datcom", references="a <b> & c.out, 12")
+    sources = terms.make(
+        table,
+        {"mach": mach, "alpha": alpha},
+        stderr=abs(table) / 7.0,
+        source="datcom",
+        references="a <b> & c.out, 12",
+    )
     sources["source"].values[1, 2:] = (1, 2)
     leaves = {
         "CL/basic": sources,
@@ -94,7 +108,11 @@ def rich(root):
         "Ch_e/alpha": terms.make(-0.2, regressors=["alpha"]),
         "CL/jet": terms.make([1e-6, 2e-6], {"engine1.throttle": [0.0, 1.0]}, ["engine2.thrust"]),
     }  # fmt: skip
-    root |= {"references": "First, 1993; Second", "history": 'built 2024-05-06\nedited: <x> & "y"', "comment": "é ∂\n| a line"}
+    root |= {
+        "references": "First, 1993; Second",
+        "history": 'built 2024-05-06\nedited: <x> & "y"',
+        "comment": "é ∂\n| a line",
+    }
     return aerodb.database(leaves, **root, edits=3)
 
 
@@ -125,7 +143,9 @@ def test_a_database_comes_back_term_by_term(rich, tmp_path):
     assert set(back.children) == {"CL", "CD", "Cl", "Cm", "Cn", "Ch_e"}
     for name, leaf in mine.items():
         xr.testing.assert_identical(found[name], leaf)
-    assert back.attrs.pop("history").startswith(f"{rich.attrs['history']}\nimport_daveml: db.dml, version aeromatch ")
+    assert back.attrs.pop("history").startswith(
+        f"{rich.attrs['history']}\nimport_daveml: db.dml, version aeromatch "
+    )
     assert isinstance(back.attrs["edits"], int)
     assert dict(back.attrs) == {key: item for key, item in rich.attrs.items() if key != "history"}
 
@@ -135,12 +155,21 @@ def test_the_file_gives_the_coefficients_of_the_database(rich, tmp_path):
     model, state = read(tmp_path / "db.dml"), states()
     S, cbar, b = (float(rich.attrs[name]) for name in ("S", "cbar", "b"))
     V = state["V"]
-    reduced = {"phat": state["p"] * b / 2 / V, "qhat": state["q"] * cbar / 2 / V, "rhat": state["r"] * b / 2 / V}
-    reduced |= {"alphadothat": state["alpha_dot"] * cbar / 2 / V, "betadothat": state["beta_dot"] * b / 2 / V}
+    reduced = {
+        "phat": state["p"] * b / 2 / V,
+        "qhat": state["q"] * cbar / 2 / V,
+        "rhat": state["r"] * b / 2 / V,
+    }
+    reduced |= {
+        "alphadothat": state["alpha_dot"] * cbar / 2 / V,
+        "betadothat": state["beta_dot"] * b / 2 / V,
+    }
     given = model.evaluate(state)
     for coefficient in ("CL", "CD", "CY", "Cl", "Cm", "Cn"):
         expected = aerodb.evaluate(rich, coefficient, outside="clamp", **state, **reduced)
-        assert given[coefficient] == pytest.approx(np.broadcast_to(expected, V.shape), abs=1e-13)  # of sums of size 1 to 20
+        assert given[coefficient] == pytest.approx(
+            np.broadcast_to(expected, V.shape), abs=1e-13
+        )  # of sums of size 1 to 20
     assert given["S"][0] == S
     assert model.variables["CL"].name == "liftCoefficient"
     assert model.variables["p"].name == "bodyAngularRate_Roll"
@@ -153,7 +182,9 @@ def test_the_file_follows_the_dtd(rich, tmp_path):
     root, seen, used = parse(tmp_path / "db.dml", doctype=True), set(), set()
     for element in elements(root):
         if element.tag in CONTENT:
-            assert re.fullmatch(CONTENT[element.tag], "".join(f"{child.tag} " for child in element.children)), element.tag
+            assert re.fullmatch(
+                CONTENT[element.tag], "".join(f"{child.tag} " for child in element.children)
+            ), element.tag
         assert set(REQUIRED.get(element.tag, ())) <= set(element.attributes), element.tag
         for key in set(IDENTIFIERS) & set(element.attributes):
             if element.tag in DEFINITIONS:
@@ -163,16 +194,24 @@ def test_the_file_follows_the_dtd(rich, tmp_path):
             else:
                 used.add(element.attributes[key])
     assert used <= seen
-    assert (tmp_path / "db.dml").read_text(encoding="utf-8").startswith('<?xml version="1.0" standalone="no"?>\n<!DOCTYPE DAVEfunc PUBLIC')
+    assert (
+        (tmp_path / "db.dml")
+        .read_text(encoding="utf-8")
+        .startswith('<?xml version="1.0" standalone="no"?>\n<!DOCTYPE DAVEfunc PUBLIC')
+    )
 
 
 def test_equal_tables_and_breakpoints_are_written_once(rich, tmp_path):
     aerodb.exchange.export_daveml(rich, tmp_path / "db.dml")
     root = parse(tmp_path / "db.dml", doctype=True)
     tables = {e.attributes["name"]: e for e in root.all("griddedTableDef")}
-    assert "CL/ground value" in tables  # its values are those of CL/basic, whose standard errors it does not have
+    assert (
+        "CL/ground value" in tables
+    )  # its values are those of CL/basic, whose standard errors it does not have
     assert "CD/held K1" not in tables  # the same as CD/speedbrake K1
-    assert sum(e.attributes["name"] == "mach" for e in root.all("breakpointDef")) == 2  # 0.2, 0.4 and 0.1, 0.9
+    assert (
+        sum(e.attributes["name"] == "mach" for e in root.all("breakpointDef")) == 2
+    )  # 0.2, 0.4 and 0.1, 0.9
 
 
 def test_standard_errors_and_rules_beyond_the_tables_are_attributes(rich, tmp_path):
@@ -180,14 +219,25 @@ def test_standard_errors_and_rules_beyond_the_tables_are_attributes(rich, tmp_pa
     model = read(tmp_path / "db.dml")
     spread = model.functions["CL_basic__value"].uncertainty
     assert (spread.effect, spread.sigmas) == ("additive", 1.0)
-    assert spread.bounds[0] == pytest.approx(aerodb.terms(rich)["CL/basic"]["stderr"].values.ravel(), rel=0.0)
+    assert spread.bounds[0] == pytest.approx(
+        aerodb.terms(rich)["CL/basic"]["stderr"].values.ravel(), rel=0.0
+    )
     assert model.variables["CL_square__value"].uncertainty.bounds[0].tolist() == [0.07]
     assert model.functions["CL_qhat__value"].uncertainty is None
-    rules = {name: {axis.extrapolate for axis in function.axes} for name, function in model.functions.items()}
+    rules = {
+        name: {axis.extrapolate for axis in function.axes}
+        for name, function in model.functions.items()
+    }
     assert rules["CL_basic__value"] == {"neither"}
     assert rules["CL_qhat__value"] == {"both"}
-    assert [m.description for m in model.header.modifications] == ["built 2024-05-06", 'edited: <x> & "y"']
-    assert (model.header.modifications[0].modID, model.header.modifications[0].date) == ("A", "2024-05-06")
+    assert [m.description for m in model.header.modifications] == [
+        "built 2024-05-06",
+        'edited: <x> & "y"',
+    ]
+    assert (model.header.modifications[0].modID, model.header.modifications[0].date) == (
+        "A",
+        "2024-05-06",
+    )
     assert [r.title for r in model.header.references] == ["First, 1993", "Second"]
 
 
@@ -195,7 +245,9 @@ def test_check_cases_are_spread_over_the_tables_and_beyond_and_always_the_same(r
     aerodb.exchange.export_daveml(rich, tmp_path / "db.dml", shots=24)
     model = read(tmp_path / "db.dml")
     assert len(model.shots) == 24
-    alpha = np.array([next(s.value for s in shot.inputs if s.key == "angleOfAttack") for shot in model.shots])
+    alpha = np.array(
+        [next(s.value for s in shot.inputs if s.key == "angleOfAttack") for shot in model.shots]
+    )
     low, high = np.radians((-8.0, 16.0))
     margin = BEYOND * (high - low)
     assert ((alpha[::2] >= low) & (alpha[::2] <= high)).all()
@@ -217,7 +269,9 @@ def test_a_wrong_digit_in_a_table_is_found_by_the_check_cases(rich, tmp_path):
     node = repr(float(aerodb.terms(rich)["CL/basic"]["value"].values[0, 1]))
     text = path.read_text(encoding="utf-8")
     assert node in text
-    path.write_text(text.replace(node, node[:6] + ("1" if node[6] != "1" else "2") + node[7:]), encoding="utf-8")
+    path.write_text(
+        text.replace(node, node[:6] + ("1" if node[6] != "1" else "2") + node[7:]), encoding="utf-8"
+    )
     with pytest.raises(SchemaError, match=r"check cases of .* that fail"):
         read(path)
 
@@ -234,14 +288,25 @@ def test_check_cases_of_the_database_travel_with_their_own_numbers(rich, tmp_pat
         ("betadothat", "beta_dot", b),
     ):
         state[name] = "case", state[rate][1] * length / (2.0 * V)
-    expected = aerodb.evaluate(rich, "CL", outside="clamp", **{name: column for name, (_, column) in state.items()})
-    measured = {"CL": ("case", expected + [0.004, 0.004, 0.006]), "CL_tolerance": ("case", [0.005] * 3)}
+    expected = aerodb.evaluate(
+        rich, "CL", outside="clamp", **{name: column for name, (_, column) in state.items()}
+    )
+    measured = {
+        "CL": ("case", expected + [0.004, 0.004, 0.006]),
+        "CL_tolerance": ("case", [0.005] * 3),
+    }
     cases = xr.Dataset({**state, **measured}, {"case": [1, 2, 3]}, {"names": "one\ntwo\nmissed"})
     db = xr.DataTree.from_dict({**rich.to_dict(), "/checks": cases})
     aerodb.exchange.export_daveml(db, tmp_path / "db.dml")
-    stored = {shot.name: shot for shot in read(tmp_path / "db.dml").shots if shot.name.startswith("checks: ")}
+    stored = {
+        shot.name: shot
+        for shot in read(tmp_path / "db.dml").shots
+        if shot.name.startswith("checks: ")
+    }
     assert list(stored) == ["checks: one", "checks: two"]  # the third is not met by the database
-    lift = next(signal for signal in stored["checks: one"].outputs if signal.key == "liftCoefficient")
+    lift = next(
+        signal for signal in stored["checks: one"].outputs if signal.key == "liftCoefficient"
+    )
     assert lift.value == pytest.approx(float(expected[0]) + 0.004, rel=1e-15)
     assert lift.tolerance == 0.005
     aerodb.save(aerodb.exchange.import_daveml(tmp_path / "db.dml"), tmp_path / "db.nc")
@@ -252,10 +317,17 @@ def test_check_cases_of_the_database_travel_with_their_own_numbers(rich, tmp_pat
 
 def test_an_aircraft_bounds_the_check_cases_and_must_be_the_same(rich, tmp_path):
     aerodb.exchange.export_daveml(rich, tmp_path / "db.dml", Craft())
-    deflections = [signal.value for shot in read(tmp_path / "db.dml").shots for signal in shot.inputs if signal.key == "elevatorDeflection"]
+    deflections = [
+        signal.value
+        for shot in read(tmp_path / "db.dml").shots
+        for signal in shot.inputs
+        if signal.key == "elevatorDeflection"
+    ]
     assert max(deflections) <= 0.3 + BEYOND * 0.65
     assert max(deflections) > 0.2
-    with pytest.raises(SchemaError, match=r"b is 10\.31 in the database and 11 in the aircraft; they must agree"):
+    with pytest.raises(
+        SchemaError, match=r"b is 10\.31 in the database and 11 in the aircraft; they must agree"
+    ):
         aerodb.exchange.export_daveml(rich, tmp_path / "other.dml", Craft(b=11.0))
     assert not (tmp_path / "other.dml").exists()
 
@@ -278,13 +350,19 @@ def test_a_term_over_a_coefficient_is_refused(root, tmp_path):
         "CD/polar": terms.make([0.02, 0.05], {"CL": [0.0, 1.0]}),
         "Cm/drag": terms.make(0.1, regressors=["CD"]),
     }
-    with pytest.raises(SchemaError, match=r"CD/polar: CL is an output of the file and no input(.|\n)*Cm/drag: CD is an output"):
+    with pytest.raises(
+        SchemaError,
+        match=r"CD/polar: CL is an output of the file and no input(.|\n)*Cm/drag: CD is an output",
+    ):
         aerodb.exchange.export_daveml(aerodb.store.database(leaves, **root), tmp_path / "polar.dml")
 
 
 def test_body_axes_and_contributions_with_like_names(root, tmp_path):
     root["force_axes"] = "body"
-    leaves = {f"CX/{name}": terms.make([0.1, 0.2], {"alpha": [0.0, 1.0]}) for name in ("basic", "basic__value", "basic__K1")}
+    leaves = {
+        f"CX/{name}": terms.make([0.1, 0.2], {"alpha": [0.0, 1.0]})
+        for name in ("basic", "basic__value", "basic__K1")
+    }
     db = aerodb.database(leaves, **root)
     aerodb.exchange.export_daveml(db, tmp_path / "db.dml")
     back = aerodb.exchange.import_daveml(tmp_path / "db.dml")
@@ -295,13 +373,19 @@ def test_body_axes_and_contributions_with_like_names(root, tmp_path):
 
 def test_characters_that_xml_does_not_allow_are_replaced(root, tmp_path):
     root["title"] = 'bell \x07 & "quote" <tag> ]]>'
-    aerodb.exchange.export_daveml(aerodb.database({"CL/basic": terms.make(0.1)}, **root), tmp_path / "db.dml")
-    assert aerodb.exchange.import_daveml(tmp_path / "db.dml").attrs["title"] == 'bell ? & "quote" <tag> ]]>'
+    aerodb.exchange.export_daveml(
+        aerodb.database({"CL/basic": terms.make(0.1)}, **root), tmp_path / "db.dml"
+    )
+    assert (
+        aerodb.exchange.import_daveml(tmp_path / "db.dml").attrs["title"]
+        == 'bell ? & "quote" <tag> ]]>'
+    )
 
 
 @given(
     st.dictionaries(
-        st.from_regex("[a-z_]{1,8}", fullmatch=True), st.text(st.characters(min_codepoint=32, max_codepoint=0x2FF)) | st.floats(-1e9, 1e9)
+        st.from_regex("[a-z_]{1,8}", fullmatch=True),
+        st.text(st.characters(min_codepoint=32, max_codepoint=0x2FF)) | st.floats(-1e9, 1e9),
     )
 )
 def test_descriptions_come_back(attributes):

@@ -1,6 +1,7 @@
 """DAVE-ML files: content, values, what is refused.
 
-The sample files are third-party material: NASA's F-16 and check-case models, and the examples of the DAVE-ML schema.
+The sample files are third-party material: NASA's F-16 and check-case models, and the examples of
+the DAVE-ML schema.
 """
 
 from pathlib import Path
@@ -11,7 +12,14 @@ import pytest
 from aerodb.exchange.daveml.document.reading import read
 from aerodb.exchange.daveml.document.tables import Axis, Gridded
 from aerodb.exchange.daveml.document.units import code_of, same_units, unit_of_code
-from flightmech.errors import AeromatchWarning, OutOfRange, ParseError, SchemaError, UnitError, UnknownName
+from flightmech.errors import (
+    AeromatchWarning,
+    OutOfRange,
+    ParseError,
+    SchemaError,
+    UnitError,
+    UnknownName,
+)
 from flightmech.names import VOCABULARY
 from flightmech.units import parse
 
@@ -33,7 +41,10 @@ HEADER = '<fileHeader name="test"><author name="A" org="B"/><creationDate date="
 
 def document(tmp_path, body, head=HEADER, name="test.dml"):
     path = tmp_path / name
-    path.write_text(f'<?xml version="1.0"?>\n<DAVEfunc xmlns="http://daveml.org/2010/DAVEML">{head}{body}</DAVEfunc>', encoding="utf-8")
+    path.write_text(
+        f'<?xml version="1.0"?>\n<DAVEfunc xmlns="http://daveml.org/2010/DAVEML">{head}{body}</DAVEfunc>',
+        encoding="utf-8",
+    )
     return path
 
 
@@ -49,9 +60,9 @@ def calculation(math):
 def calculated(tmp_path, math, inputs=("a", "b", "c"), **values):
     """Return what a calculation gives."""
     given = "".join(variable(name, "<isInput/>") for name in inputs)
-    return read(document(tmp_path, given + variable("y", calculation(math) + "<isOutput/>"))).evaluate(
-        {**dict.fromkeys(inputs, 0.0), **values}
-    )["y"]
+    return read(
+        document(tmp_path, given + variable("y", calculation(math) + "<isOutput/>"))
+    ).evaluate({**dict.fromkeys(inputs, 0.0), **values})["y"]
 
 
 def apply(operator, *arguments):
@@ -68,7 +79,11 @@ def cn(value):
 
 def function(tmp_path, attributes, element="independentVarRef"):
     """Return a model with the table of the reference manual's figures, y over x."""
-    points, values, given = "1, 3, 4, 6, 7.5", "2, 6, 5, 7, 1.5", variable("x", "<isInput/>") + variable("y")
+    points, values, given = (
+        "1, 3, 4, 6, 7.5",
+        "2, 6, 5, 7, 1.5",
+        variable("x", "<isInput/>") + variable("y"),
+    )
     if element == "independentVarPts":
         return read(document(tmp_path, given + simple({"x": points}, values, attributes)))
     return read(
@@ -83,8 +98,13 @@ def function(tmp_path, attributes, element="independentVarRef"):
 
 def simple(points, values, attributes=""):
     """Return a function that carries its points itself."""
-    axes = "".join(f'<independentVarPts varID="{name}" {attributes}>{text}</independentVarPts>' for name, text in points.items())
-    return f'<function name="f">{axes}<dependentVarPts varID="y">{values}</dependentVarPts></function>'
+    axes = "".join(
+        f'<independentVarPts varID="{name}" {attributes}>{text}</independentVarPts>'
+        for name, text in points.items()
+    )
+    return (
+        f'<function name="f">{axes}<dependentVarPts varID="y">{values}</dependentVarPts></function>'
+    )
 
 
 # ---- the samples
@@ -107,7 +127,9 @@ def test_every_check_case_of_every_sample_passes(path):
 @samples
 def test_mass_propulsion_and_control_models_evaluate():
     inertia = read(NESC / "F16_inertia.dml").evaluate({"CG_PCT_MAC": [25.0, 35.0]})
-    assert inertia["DXCG"] == pytest.approx([1.132, 0.0], abs=1e-12)  # (35 - 25) % of 11.32 ft, TM-2015-218675: c.g. at 25 %
+    assert inertia["DXCG"] == pytest.approx(
+        [1.132, 0.0], abs=1e-12
+    )  # (35 - 25) % of 11.32 ft, TM-2015-218675: c.g. at 25 %
     assert inertia["XMASS"].tolist() == [637.1595, 637.1595]
     thrust = read(NESC / "F16_prop.dml").evaluate({"PWR": [50.0, 100.0], "ALT": 0.0, "RMACH": 0.0})
     assert thrust["FEX"] == pytest.approx([12680.0, 20000.0])  # the nodes of T_MIL and T_MAX
@@ -138,7 +160,9 @@ def test_uncertainties_and_old_forms_are_read():
     assert (uneven.sigmas, [float(b[0]) for b in uneven.bounds]) == (0.0, [0.5, 0.0])
     old = read(EXAMPLES / "twoD_table.dml")
     assert "<griddedTable> is deprecated since DAVE-ML 2.0; read all the same" in old.notes
-    assert old.evaluate({"MACH": 0.1, "ALPHA": 0.0})["CL"] == pytest.approx(0.25 * 0.61543 + 0.75 * 0.79194)  # limited to Mach 0.3
+    assert old.evaluate({"MACH": 0.1, "ALPHA": 0.0})["CL"] == pytest.approx(
+        0.25 * 0.61543 + 0.75 * 0.79194
+    )  # limited to Mach 0.3
 
 
 # ---- mathematics
@@ -193,14 +217,21 @@ def test_operators(tmp_path, math, expected):
     assert calculated(tmp_path, math, a=2.0, b=3.0, c=0.0) == pytest.approx(expected, rel=1e-14)
 
 
-def test_pieces_are_tried_in_order_over_arrays_and_a_branch_that_does_not_count_may_divide_by_zero(tmp_path):
+def test_pieces_are_tried_in_order_over_arrays_and_a_branch_that_does_not_count_may_divide_by_zero(
+    tmp_path,
+):
     pieces = (
         f"<piece>{cn(10)}{apply('gt', ci('a'), cn(2))}</piece><piece>{apply('divide', cn(1), ci('a'))}{apply('gt', ci('a'), cn(0))}</piece>"
         f"<otherwise>{cn(-1)}</otherwise>"
     )
-    math = f"<apply><piecewise>{pieces}</piecewise></apply>"  # with an apply around it, as NASA's files have it
+    # with an apply around it, as NASA's files have it
+    math = f"<apply><piecewise>{pieces}</piecewise></apply>"
     assert calculated(tmp_path, math, a=[3.0, 0.5, 0.0]) == pytest.approx([10.0, 2.0, -1.0])
-    assert np.isnan(calculated(tmp_path, f"<piecewise><piece>{cn(1)}{apply('gt', ci('a'), cn(0))}</piece></piecewise>"))
+    assert np.isnan(
+        calculated(
+            tmp_path, f"<piecewise><piece>{cn(1)}{apply('gt', ci('a'), cn(0))}</piece></piecewise>"
+        )
+    )
 
 
 @pytest.mark.parametrize(
@@ -209,7 +240,10 @@ def test_pieces_are_tried_in_order_over_arrays_and_a_branch_that_does_not_count_
         (apply("factorial", cn(3)), "the operator factorial; expected one of plus, minus"),
         (apply("divide", cn(3)), "divide with 1 arguments; expected 2"),
         ("<apply/>", "an empty <apply>"),
-        ("<piecewise><otherwise><cn>1</cn></otherwise></piecewise>", "<piecewise> with something else"),
+        (
+            "<piecewise><otherwise><cn>1</cn></otherwise></piecewise>",
+            "<piecewise> with something else",
+        ),
         ("<cn base='2'>101</cn>", "a number to the base 2"),
         ("<cn>1_0</cn>", "'1_0'; expected finite numbers"),
         ("<cn>nan</cn>", "'nan'; expected finite numbers"),
@@ -244,7 +278,9 @@ def test_look_up_of_the_manuals_table(tmp_path, attributes, x, expected):
     assert model.evaluate({"x": x})["y"] == pytest.approx(expected, abs=1e-12)
 
 
-@pytest.mark.parametrize(("rule", "expected"), [("floor", [2.0, 2.0, 6.0, 1.5]), ("ceiling", [2.0, 6.0, 6.0, 1.5])])
+@pytest.mark.parametrize(
+    ("rule", "expected"), [("floor", [2.0, 2.0, 6.0, 1.5]), ("ceiling", [2.0, 6.0, 6.0, 1.5])]
+)
 def test_floor_and_ceiling_are_meant_as_the_words_state(tmp_path, rule, expected):
     x = [0.0, 1.1, 3.0, 9.0]
     simple = function(tmp_path, f'interpolate="{rule}"', "independentVarPts")
@@ -263,22 +299,33 @@ def test_cubic_splines_are_natural_where_held_and_follow_the_end_slope_where_ope
     for axis in (held, both):
         assert table.look_up([axis], [x]) == pytest.approx(values, abs=1e-12)
     at = [np.array([0.0, step, 2.0 * step])]
-    assert np.diff(table.look_up([held], at), 2)[0] / step**2 == pytest.approx(0.0, abs=1e-2)  # second derivative, f''' step
+    assert np.diff(table.look_up([held], at), 2)[0] / step**2 == pytest.approx(
+        0.0, abs=1e-2
+    )  # second derivative, f''' step
     assert table.look_up([both], [np.array([-1.0, 5.0])]) == pytest.approx([-1.0, -1.0])
     assert table.look_up([held], [np.array([-1.0, 5.0])]) == pytest.approx([1.0, 0.0])
-    polynomial = Gridded(np.add.outer(x**2, x))  # a spline along one axis, straight lines along the other
-    assert polynomial.look_up([held, Axis(points)], [np.array([1.0]), np.array([3.0])]) == pytest.approx([4.0])
+    polynomial = Gridded(
+        np.add.outer(x**2, x)
+    )  # a spline along one axis, straight lines along the other
+    assert polynomial.look_up(
+        [held, Axis(points)], [np.array([1.0]), np.array([3.0])]
+    ) == pytest.approx([4.0])
 
 
 def test_tables_have_the_last_index_fastest_and_answer_broadcast_inputs(tmp_path):
     table = simple({"p": "0 1", "q": "0,1;2"}, "0 1 2 <!-- row --> 10, 11, 12")
     body = variable("p", "<isInput/>") + variable("q", "<isInput/>") + variable("y") + table
-    found = read(document(tmp_path, body)).evaluate({"p": np.array([[0.0], [1.0]]), "q": np.array([0.0, 1.0, 2.0])})["y"]
+    found = read(document(tmp_path, body)).evaluate(
+        {"p": np.array([[0.0], [1.0]]), "q": np.array([0.0, 1.0, 2.0])}
+    )["y"]
     assert found.tolist() == [[0.0, 1.0, 2.0], [10.0, 11.0, 12.0]]
 
 
 def test_an_ungridded_table_is_held_at_its_box_and_refuses_holes(tmp_path):
-    points = "".join(f"<dataPoint>{x} {y} {x + 2 * y}</dataPoint>" for x, y in [(0, 0), (1, 0), (0, 1), (0.4, 0.4)])
+    points = "".join(
+        f"<dataPoint>{x} {y} {x + 2 * y}</dataPoint>"
+        for x, y in [(0, 0), (1, 0), (0, 1), (0.4, 0.4)]
+    )
     body = (
         f'{variable("p")}{variable("q")}{variable("y")}<ungriddedTableDef utID="U">{points}</ungriddedTableDef><function name="f">'
         '<independentVarRef varID="p"/><independentVarRef varID="q"/><dependentVarRef varID="y"/><functionDefn>'
@@ -296,12 +343,20 @@ def test_an_ungridded_table_is_held_at_its_box_and_refuses_holes(tmp_path):
 def test_limits_hold_for_inputs_and_results(tmp_path):
     result = variable("y", calculation(apply("times", ci("a"), cn(2))), maxValue="3")
     body = variable("a", "<isInput/>", minValue="-1", maxValue="2") + result
-    assert read(document(tmp_path, body)).evaluate({"a": [-9.0, 1.0, 9.0]})["y"].tolist() == [-2.0, 2.0, 3.0]
+    assert read(document(tmp_path, body)).evaluate({"a": [-9.0, 1.0, 9.0]})["y"].tolist() == [
+        -2.0,
+        2.0,
+        3.0,
+    ]
 
 
 def test_order_in_the_file_does_not_matter_and_constants_may_be_changed(tmp_path):
     twice = variable("y", calculation(apply("times", ci("x"), ci("k"))))
-    body = twice + variable("k", initialValue="2").replace('name="k"', 'name="factor"') + variable("x", "<isInput/>")
+    body = (
+        twice
+        + variable("k", initialValue="2").replace('name="k"', 'name="factor"')
+        + variable("x", "<isInput/>")
+    )
     model = read(document(tmp_path, body))
     assert (model.inputs, model.outputs) == (("x",), ("y",))
     assert float(model.evaluate({"x": 3.0})["y"]) == 6.0
@@ -315,7 +370,9 @@ def test_order_in_the_file_does_not_matter_and_constants_may_be_changed(tmp_path
 
 
 def shot(value, tolerance, units="nd"):
-    signal = f"<signalName>a</signalName><signalUnits>{units}</signalUnits><signalValue>3</signalValue>"
+    signal = (
+        f"<signalName>a</signalName><signalUnits>{units}</signalUnits><signalValue>3</signalValue>"
+    )
     answer = f"<signalID>y</signalID><signalValue>{value}</signalValue><tol>{tolerance}</tol>"
     return (
         f'{variable("a", "<isInput/>")}{variable("y", calculation(apply("times", ci("a"), cn(2))))}<checkData><staticShot name="one">'
@@ -326,7 +383,10 @@ def shot(value, tolerance, units="nd"):
 def test_a_check_case_that_fails_stops_the_reading_unless_it_is_ignored(tmp_path):
     assert read(document(tmp_path, shot(6.05, 0.1))).check()["passed"].all()
     path = document(tmp_path, shot(6.2, 0.1))
-    with pytest.raises(SchemaError, match=r"(?s)check cases of .*1 of 1 values.*one: y is 6, expected 6.2 within 0.1"):
+    with pytest.raises(
+        SchemaError,
+        match=r"(?s)check cases of .*1 of 1 values.*one: y is 6, expected 6.2 within 0.1",
+    ):
         read(path)
     table = read(path, checks="ignore").check()
     assert table.loc[0, ["found", "passed"]].tolist() == [6.0, False]
@@ -337,17 +397,29 @@ def test_a_check_case_that_fails_stops_the_reading_unless_it_is_ignored(tmp_path
 
 
 def test_the_name_of_a_signal_counts_before_a_varid_that_is_the_same_word(tmp_path):
-    both = variable("y", initialValue="8").replace('varID="y"', 'varID="z"')  # named y, next to the variable with the varID y
-    body = shot(8.0, 0.1).replace("<signalID>y</signalID>", "<signalName>y</signalName><signalUnits>nd</signalUnits>")
+    both = variable("y", initialValue="8").replace(
+        'varID="y"', 'varID="z"'
+    )  # named y, next to the variable with the varID y
+    body = shot(8.0, 0.1).replace(
+        "<signalID>y</signalID>", "<signalName>y</signalName><signalUnits>nd</signalUnits>"
+    )
     body = body.replace('name="y" varID="y"', 'name="doubled" varID="y"')
     assert read(document(tmp_path, both + body)).check()["variable"].tolist() == ["z"]
 
 
 def two_angles(units, value):
-    """A check case that gives an angle by name, of which the file has one in degrees and one in radians; y is their sum."""
-    body = variable("angleOfAttack", "<isInput/>", units="deg").replace('varID="angleOfAttack"', 'varID="ALD"')
-    body += variable("angleOfAttack", "<isInput/>", units="rad", initialValue="0.5").replace('varID="angleOfAttack"', 'varID="ALR"')
-    body += variable("y", calculation(apply("plus", ci("ALD"), apply("times", cn(1000), ci("ALR")))))
+    """A check case that gives an angle by name, of which the file has one in degrees and one in
+    radians; y is their sum.
+    """
+    body = variable("angleOfAttack", "<isInput/>", units="deg").replace(
+        'varID="angleOfAttack"', 'varID="ALD"'
+    )
+    body += variable("angleOfAttack", "<isInput/>", units="rad", initialValue="0.5").replace(
+        'varID="angleOfAttack"', 'varID="ALR"'
+    )
+    body += variable(
+        "y", calculation(apply("plus", ci("ALD"), apply("times", cn(1000), ci("ALR"))))
+    )
     given = [("angleOfAttack", "deg", 3), ("angleOfAttack", units, value)]
     signals = "".join(
         f"<signal><signalName>{name}</signalName><signalUnits>{unit}</signalUnits><signalValue>{number}</signalValue></signal>"
@@ -359,21 +431,35 @@ def two_angles(units, value):
 
 
 def test_of_variables_with_one_name_a_signal_is_the_one_in_its_units(tmp_path):
-    table = read(document(tmp_path, two_angles("rad", 0.2))).check()  # by name alone the file was refused: two variables have it
+    table = read(
+        document(tmp_path, two_angles("rad", 0.2))
+    ).check()  # by name alone the file was refused: two variables have it
     assert table["passed"].all()
-    with pytest.raises(SchemaError, match="ALD in deg, ALR in rad have this name, the signal is in ft; give signalUnits of one of them"):
+    with pytest.raises(
+        SchemaError,
+        match="ALD in deg, ALR in rad have this name, the signal is in ft; give signalUnits of one of them",
+    ):
         read(document(tmp_path, two_angles("ft", 0.2)))
 
 
 def test_check_values_in_other_units_of_the_same_quantity_are_converted(tmp_path):
-    speed = shot(6.0, 0.1, "km_h").replace('units="nd"', 'units="m_s"')  # a = 3 km/h, y = 2 a in m/s
-    speed = speed.replace("<signalID>y</signalID>", "<signalID>y</signalID><signalUnits>km_h</signalUnits>")
+    speed = shot(6.0, 0.1, "km_h").replace(
+        'units="nd"', 'units="m_s"'
+    )  # a = 3 km/h, y = 2 a in m/s
+    speed = speed.replace(
+        "<signalID>y</signalID>", "<signalID>y</signalID><signalUnits>km_h</signalUnits>"
+    )
     row = read(document(tmp_path, speed)).check().loc[0]
     assert row["passed"]
-    assert row[["expected", "found", "tolerance"]].tolist() == pytest.approx([6.0 / 3.6, 6.0 / 3.6, 0.1 / 3.6], rel=1e-14)
+    assert row[["expected", "found", "tolerance"]].tolist() == pytest.approx(
+        [6.0 / 3.6, 6.0 / 3.6, 0.1 / 3.6], rel=1e-14
+    )
     with pytest.raises(SchemaError, match=r"y is 1\.66666667, expected 1\.38888889 within"):
         read(document(tmp_path, speed.replace("<signalValue>6.0", "<signalValue>5.0")))
-    with pytest.raises(SchemaError, match="given in deg, the variable is in nd: no conversion between them; correct signalUnits"):
+    with pytest.raises(
+        SchemaError,
+        match="given in deg, the variable is in nd: no conversion between them; correct signalUnits",
+    ):
         read(document(tmp_path, shot(6.0, 0.1, "deg")))  # an angle is no plain number
 
 
@@ -409,13 +495,28 @@ def test_every_unit_of_the_vocabulary_can_be_written_and_read():
 @pytest.mark.parametrize(
     ("body", "text"),
     [
-        ('<variableDef name="x" varID="x" units="nd" initialValue="1,5 2"/>', "'1,5 2'; expected one number"),
-        ('<variableDef varID="x" units="nd"/>', "<variableDef> without the attribute name"),
-        ('<variableDef name="x" varID="x" units="nd"/><variableDef name="y" varID="x" units="nd"/>', "a second varID 'x'"),
-        ('<variableDef name="x" varID="x" units="nd" minValue="2" maxValue="1"/>', "minValue 2 over maxValue 1"),
-        ("".join(variable(a, calculation(apply("plus", ci(b)))) for a, b in ("xy", "yz", "zx")), "variables computed from each other: "),
         (
-            variable("x") + simple({"x": "0 1"}, "").replace("<dependentVarPts", "<noPts").replace("/dependentVarPts", "/noPts"),
+            '<variableDef name="x" varID="x" units="nd" initialValue="1,5 2"/>',
+            "'1,5 2'; expected one number",
+        ),
+        ('<variableDef varID="x" units="nd"/>', "<variableDef> without the attribute name"),
+        (
+            '<variableDef name="x" varID="x" units="nd"/><variableDef name="y" varID="x" units="nd"/>',
+            "a second varID 'x'",
+        ),
+        (
+            '<variableDef name="x" varID="x" units="nd" minValue="2" maxValue="1"/>',
+            "minValue 2 over maxValue 1",
+        ),
+        (
+            "".join(variable(a, calculation(apply("plus", ci(b)))) for a, b in ("xy", "yz", "zx")),
+            "variables computed from each other: ",
+        ),
+        (
+            variable("x")
+            + simple({"x": "0 1"}, "")
+            .replace("<dependentVarPts", "<noPts")
+            .replace("/dependentVarPts", "/noPts"),
             "<function> without <dependentVarPts>",
         ),
         (variable("x", "<isInput/>" + calculation(cn(1))), "the input x with a calculation"),
@@ -434,7 +535,12 @@ def test_files_that_break_the_rules_are_refused(tmp_path, body, text):
         ("0 1 2", "0 1", "", "2 values; expected 3, as the breakpoints have it"),
         ("", "", "", "no breakpoints"),
         ("0 1", "0 1", 'interpolate="quadraticSpline"', "quadratic splines are not unique"),
-        ("0 1", "0 1", 'extrapolate="none"', "extrapolate='none'; expected neither, min, max, both"),
+        (
+            "0 1",
+            "0 1",
+            'extrapolate="none"',
+            "extrapolate='none'; expected neither, min, max, both",
+        ),
         ("0 1", "0 x", "", "'x'; expected finite numbers"),
         ("0 1", "0 inf", "", "'inf'; expected finite numbers"),
     ],
@@ -452,10 +558,22 @@ BOMB = "".join(f'<!ENTITY l{i} "{f"&l{i - 1};" * 10}">' for i in range(1, 12))
 @pytest.mark.parametrize(
     ("content", "text"),
     [
-        (f'<!DOCTYPE DAVEfunc [<!ENTITY l0 "lol">{BOMB}]><DAVEfunc>&l11;</DAVEfunc>', "a declaration of the entity 'l0'"),
-        ('<!DOCTYPE DAVEfunc [<!ENTITY x SYSTEM "file:///etc/hostname">]><DAVEfunc>&x;</DAVEfunc>', "a declaration of the entity 'x'"),
-        ('<!DOCTYPE DAVEfunc [<!ENTITY % x SYSTEM "http://127.0.0.1:9/x">%x;]><DAVEfunc/>', "a declaration of the entity 'x'"),
-        ('<!DOCTYPE DAVEfunc SYSTEM "http://127.0.0.1:9/x.dtd"><DAVEfunc>&alpha;</DAVEfunc>', "the entity 'alpha'; expected plain text"),
+        (
+            f'<!DOCTYPE DAVEfunc [<!ENTITY l0 "lol">{BOMB}]><DAVEfunc>&l11;</DAVEfunc>',
+            "a declaration of the entity 'l0'",
+        ),
+        (
+            '<!DOCTYPE DAVEfunc [<!ENTITY x SYSTEM "file:///etc/hostname">]><DAVEfunc>&x;</DAVEfunc>',
+            "a declaration of the entity 'x'",
+        ),
+        (
+            '<!DOCTYPE DAVEfunc [<!ENTITY % x SYSTEM "http://127.0.0.1:9/x">%x;]><DAVEfunc/>',
+            "a declaration of the entity 'x'",
+        ),
+        (
+            '<!DOCTYPE DAVEfunc SYSTEM "http://127.0.0.1:9/x.dtd"><DAVEfunc>&alpha;</DAVEfunc>',
+            "the entity 'alpha'; expected plain text",
+        ),
         ("<a>" * 100_000, "elements nested more than 200 deep"),
         ("<DAVEfunc>" + "<a/>" * 200_000, "more than 200000 elements"),
         ("<DAVEfunc>" * 50, "broken XML"),
@@ -489,7 +607,12 @@ def test_every_truncation_and_wrong_bytes_end_in_an_error(tmp_path):
 
 
 def test_other_encodings_are_read(tmp_path):
-    text = document(tmp_path, shot(6.0, 0.1)).read_text().replace('<?xml version="1.0"?>', "").replace('name="test"', 'name="Flügel"')
+    text = (
+        document(tmp_path, shot(6.0, 0.1))
+        .read_text()
+        .replace('<?xml version="1.0"?>', "")
+        .replace('name="test"', 'name="Flügel"')
+    )
     for name, declared in (("utf-16", "utf-16"), ("latin-1", "ISO-8859-1")):
         path = tmp_path / "other.dml"
         path.write_bytes(f'<?xml version="1.0" encoding="{declared}"?>{text}'.encode(name))

@@ -1,4 +1,6 @@
-"""The aerodynamics subset of JSBSim files: round trips, the aircraft that come with JSBSim, and functions one by one."""
+"""The aerodynamics subset of JSBSim files: round trips, the aircraft that come with JSBSim, and
+functions one by one.
+"""
 
 import importlib.util
 from pathlib import Path
@@ -34,7 +36,9 @@ ALPHA = LINE.format("aero/alpha-rad")
 
 def file(folder, body, more="", metrics=METRICS):
     path = folder / "some.xml"
-    path.write_text(f"<fdm_config name='some'>{metrics}<aerodynamics>{more}{body}</aerodynamics></fdm_config>")
+    path.write_text(
+        f"<fdm_config name='some'>{metrics}<aerodynamics>{more}{body}</aerodynamics></fdm_config>"
+    )
     return path
 
 
@@ -62,7 +66,10 @@ def test_round_trip(force_axes, jsbsim_min, tmp_path):
     ours, theirs = aerodb.terms(db), aerodb.terms(back)
     assert set(ours) == set(theirs)
     for name, leaf in ours.items():
-        leaf, found = leaf.squeeze(drop=True), theirs[name]  # an axis of one breakpoint carries no information
+        leaf, found = (
+            leaf.squeeze(drop=True),
+            theirs[name],
+        )  # an axis of one breakpoint carries no information
         assert found.attrs["regressors"] == leaf.attrs["regressors"], name
         for table in ("value", "K1", "K2"):
             assert (table in found) == (table in leaf), name
@@ -80,7 +87,9 @@ def test_round_trip(force_axes, jsbsim_min, tmp_path):
 
 @pytest.mark.parametrize("name", ["T37", "A320", "c310", "f15", "pa28"])
 def test_shipped_aircraft_fly_equal(name):
-    """Whole aircraft of the package, JSBSim's forces and moments at random states; flaps out are taken as 40 deg."""
+    """Whole aircraft of the package, JSBSim's forces and moments at random states; flaps out are
+    taken as 40 deg.
+    """
     jsbsim = pytest.importorskip("jsbsim", reason="jsbsim is not installed: pip install jsbsim")
     path = Path(jsbsim.get_default_root_dir()) / "aircraft" / name / f"{name}.xml"
     db = aerodb.exchange.import_jsbsim(path, travel={"delta_f": 40 * DEGREE})
@@ -97,14 +106,18 @@ def test_shipped_aircraft_fly_equal(name):
 
 @pytest.mark.slow
 def test_induced_drag_flies_equal():
-    """The A-4's CDi = k CL^2: with the lift of JSBSim's step before, and at rest, when that is the lift of the same instant."""
+    """The A-4's CDi = k CL^2: with the lift of JSBSim's step before, and at rest, when that is the
+    lift of the same instant.
+    """
     jsbsim = pytest.importorskip("jsbsim", reason="jsbsim is not installed: pip install jsbsim")
     path = Path(jsbsim.get_default_root_dir()) / "aircraft" / "A4" / "A4.xml"
     db = aerodb.exchange.import_jsbsim(path)
     craft = SimpleNamespace(**{key: db.attrs[key] for key in ("S", "cbar", "b")}, x_ref_mac=0.25)
     given, commands = flight.states(8, seed=2)
     for settle, exact in ((0, False), (2000, True)):
-        found, F, M = flight.fly(path, given, commands, ("aero/cl-squared",), shipped=True, settle=settle)
+        found, F, M = flight.fly(
+            path, given, commands, ("aero/cl-squared",), shipped=True, settle=settle
+        )
         at = flight.conditions(found, craft) | {"delta_a": -found["left"]}
         force, moment = flight.loads(db, at | {"CL": np.sqrt(found["aero/cl-squared"])}, craft)
         assert flight.worst(force, F).max() < ROUNDING
@@ -117,9 +130,15 @@ def test_the_list_of_aircraft_that_are_read():
     """Every row of docs/jsbsim-aircraft.md."""
     jsbsim = pytest.importorskip("jsbsim", reason="jsbsim is not installed: pip install jsbsim")
     page = (HERE.parents[2] / "docs" / "jsbsim-aircraft.md").read_text()
-    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in page.splitlines() if line.startswith("| ")][2:]
+    rows = [
+        [cell.strip() for cell in line.split("|")[1:-1]]
+        for line in page.splitlines()
+        if line.startswith("| ")
+    ][2:]
     folder = Path(jsbsim.get_default_root_dir()) / "aircraft"
-    assert sorted(row[0] for row in rows) == sorted(path.name for path in folder.iterdir() if path.is_dir())
+    assert sorted(row[0] for row in rows) == sorted(
+        path.name for path in folder.iterdir() if path.is_dir()
+    )
     for name, state, travel, *figures in rows:
         given = dict.fromkeys(travel.split(), 0.5)
         try:
@@ -136,7 +155,10 @@ def test_t37_by_name(tmp_path):
     """Numbers as they stand in T37.xml, 41 functions on its axes."""
     jsbsim = pytest.importorskip("jsbsim", reason="jsbsim is not installed: pip install jsbsim")
     path = Path(jsbsim.get_default_root_dir()) / "aircraft" / "T37" / "T37.xml"
-    with pytest.raises(SchemaError, match=r"CDflap: fcs/flap-pos-norm is a fraction .* give travel = \{'delta_f': angle where it is 1\}"):
+    with pytest.raises(
+        SchemaError,
+        match=r"CDflap: fcs/flap-pos-norm is a fraction .* give travel = \{'delta_f': angle where it is 1\}",
+    ):
         aerodb.exchange.import_jsbsim(path)
     db = aerodb.exchange.import_jsbsim(path, travel={"delta_f": 0.7})
     leaves = aerodb.terms(db)
@@ -145,10 +167,14 @@ def test_t37_by_name(tmp_path):
     assert leaves["Cm/Cmq"].attrs["regressors"] == "qhat"
     assert float(leaves["Cm/Cmq"]["value"]) == pytest.approx(-50.0, rel=1e-15)
     assert float(leaves["Cl/Clr"]["value"]) == pytest.approx(0.0926, rel=1e-15)
-    np.testing.assert_allclose(leaves["CL/CLalpha"]["value"], [-0.64, 0.08, 1.339, 0.448], rtol=1e-15)
+    np.testing.assert_allclose(
+        leaves["CL/CLalpha"]["value"], [-0.64, 0.08, 1.339, 0.448], rtol=1e-15
+    )
     assert leaves["CL/CLalpha"]["K1"].dims == ("h_agl",)
     assert leaves["CL/CLalpha"]["h_agl"].values[-1] == pytest.approx(1.1 * 33.83 * FOOT, rel=1e-15)
-    assert float(leaves["CL/dCLflap"]["value"].max()) * 0.7 == pytest.approx(0.35 * 1.061, rel=1e-14)
+    assert float(leaves["CL/dCLflap"]["value"].max()) * 0.7 == pytest.approx(
+        0.35 * 1.061, rel=1e-14
+    )
     assert leaves["Cn/DCnbDg"].attrs["regressors"] == "gear"
     assert leaves["CL/CLalpha"].attrs["references"].endswith("aero/coefficient/CLalpha")
     assert leaves["CL/CLalpha"].attrs["comment"] == "Lift_due_to_alpha"
@@ -172,24 +198,43 @@ def test_what_is_no_term_is_named():
 
 def test_units_and_reduced_rates(tmp_path):
     """Degrees, feet and knots become SI; a rate over 2V/b is the reduced one, a rate alone stays."""
-    assert value(lift(tmp_path, prop("fcs/elevator-pos-deg"), "<value>0.01</value>"), delta_e=10 * DEGREE) == pytest.approx(0.1)
-    assert value(lift(tmp_path, LINE.format("aero/alpha-deg")), alpha=0.5 * DEGREE) == pytest.approx(2.0)
-    assert value(lift(tmp_path, LINE.format("position/h-sl-ft")), h=0.25 * FOOT) == pytest.approx(1.5)
-    assert value(lift(tmp_path, LINE.format("aero/h_b-mac-ft")), h_agl=0.5 * B * FOOT) == pytest.approx(2.0)
+    assert value(
+        lift(tmp_path, prop("fcs/elevator-pos-deg"), "<value>0.01</value>"), delta_e=10 * DEGREE
+    ) == pytest.approx(0.1)
+    assert value(
+        lift(tmp_path, LINE.format("aero/alpha-deg")), alpha=0.5 * DEGREE
+    ) == pytest.approx(2.0)
+    assert value(lift(tmp_path, LINE.format("position/h-sl-ft")), h=0.25 * FOOT) == pytest.approx(
+        1.5
+    )
+    assert value(
+        lift(tmp_path, LINE.format("aero/h_b-mac-ft")), h_agl=0.5 * B * FOOT
+    ) == pytest.approx(2.0)
     assert value(lift(tmp_path, prop("velocities/vt-fps")), V=7 * FOOT) == pytest.approx(7.0)
-    assert value(lift(tmp_path, prop("aero/ci2vel"), prop("velocities/q-rad_sec")), qhat=0.01) == 0.01
-    assert value(lift(tmp_path, prop("aero/bi2vel"), prop("velocities/q-rad_sec")), qhat=0.01) == pytest.approx(0.01 * B / CBAR)
+    assert (
+        value(lift(tmp_path, prop("aero/ci2vel"), prop("velocities/q-rad_sec")), qhat=0.01) == 0.01
+    )
+    assert value(
+        lift(tmp_path, prop("aero/bi2vel"), prop("velocities/q-rad_sec")), qhat=0.01
+    ) == pytest.approx(0.01 * B / CBAR)
     assert value(lift(tmp_path, prop("velocities/p-aero-rad_sec")), p=0.3) == 0.3
     # alpha-dot exists reduced only: alphadot = alphadothat 2V/c
-    assert value(lift(tmp_path, prop("aero/alphadot-rad_sec")), alphadothat=0.02, V=100.0) == pytest.approx(0.02 * 200 / (CBAR * FOOT))
+    assert value(
+        lift(tmp_path, prop("aero/alphadot-rad_sec")), alphadothat=0.02, V=100.0
+    ) == pytest.approx(0.02 * 200 / (CBAR * FOOT))
     assert value(lift(tmp_path, prop("metrics/Sh-sqft")), alpha=0.0) == 40.0
 
 
 def test_signs(tmp_path):
-    """The left aileron, a minus before a property, AXIAL and NORMAL, and X and Z of the stability frame, which are drag and lift."""
+    """The left aileron, a minus before a property, AXIAL and NORMAL, and X and Z of the stability
+    frame, which are drag and lift.
+    """
     left = lift(tmp_path, prop("fcs/left-aileron-pos-rad"))
     assert value(left, delta_a=0.2) == -0.2
-    assert left.attrs["comment"] == "both ailerons are taken to move by the same angle, left = -delta_a and right = delta_a"
+    assert (
+        left.attrs["comment"]
+        == "both ailerons are taken to move by the same angle, left = -delta_a and right = delta_a"
+    )
     assert value(lift(tmp_path, prop("-aero/alpha-rad")), alpha=0.2) == -0.2
     table = lift(tmp_path, LINE.format("fcs/left-aileron-pos-rad"))
     assert value(table, delta_a=-0.5) == 2.0
@@ -203,23 +248,33 @@ def test_signs(tmp_path):
     db = aerodb.exchange.import_jsbsim(file(tmp_path, axes))
     assert db.attrs["force_axes"] == "stability"
     assert [float(aerodb.evaluate(db, name)) for name in ("CD", "CY", "CL")] == [2.0, 2.0, 2.0]
-    assert [db.attrs[f"{axis}_ref"] for axis in "xyz"] == pytest.approx([-100 * INCH, 2 * INCH, 5 * INCH], rel=1e-15)
+    assert [db.attrs[f"{axis}_ref"] for axis in "xyz"] == pytest.approx(
+        [-100 * INCH, 2 * INCH, 5 * INCH], rel=1e-15
+    )
 
 
 def test_sums_become_terms(tmp_path):
-    """Products of sums are multiplied out, differences and constant quotients too; names are numbered."""
+    """Products of sums are multiplied out, differences and constant quotients too; names are
+    numbered.
+    """
     sum_ = f"<sum><value>0.5</value><product>{ALPHA}{prop('aero/beta-rad')}</product></sum>"
     ratio = "<quotient><difference><property>velocities/mach</property><value>1</value></difference><value>4</value></quotient>"
     db = lift(tmp_path, sum_, ratio)
     assert set(aerodb.terms(db)) == {"CL/CLx", "CL/CLx_2", "CL/CLx_3", "CL/CLx_4"}
     at = {"alpha": 0.3, "beta": 0.2, "mach": 0.6}
     assert value(db, **at) == pytest.approx((0.5 + 1.6 * 0.2) * (0.6 - 1) / 4)
-    assert value(lift(tmp_path, f"<pow>{prop('aero/beta-rad')}<value>2</value></pow>"), beta=0.3) == pytest.approx(0.09)
-    assert value(lift(tmp_path, f"<avg><value>1</value>{prop('aero/beta-rad')}</avg><pi/>"), beta=0.5) == pytest.approx(0.75 * np.pi)
+    assert value(
+        lift(tmp_path, f"<pow>{prop('aero/beta-rad')}<value>2</value></pow>"), beta=0.3
+    ) == pytest.approx(0.09)
+    assert value(
+        lift(tmp_path, f"<avg><value>1</value>{prop('aero/beta-rad')}</avg><pi/>"), beta=0.5
+    ) == pytest.approx(0.75 * np.pi)
 
 
 def test_functions_that_others_use(tmp_path):
-    """A ground-effect factor by name becomes a factor table, and so does one through another; a circle is found."""
+    """A ground-effect factor by name becomes a factor table, and so does one through another; a
+    circle is found.
+    """
     kge = f"<function name='aero/function/k'>{LINE.format('aero/h_b-mac-ft')}</function>"
     twice = f"<function name='aero/function/k2'><product><value>2</value>{prop('aero/function/k')}</product></function>"
     db = lift(tmp_path, prop("aero/function/k2"), ALPHA, more=kge + twice)
@@ -236,30 +291,48 @@ def test_magnitudes_and_third_factors_are_tables(tmp_path):
     beta = np.array([-1.2, -0.1, 0.0, 0.7])
     db = lift(tmp_path, prop("aero/mag-beta-rad"))
     np.testing.assert_allclose(aerodb.evaluate(db, "CL", beta=beta), np.abs(beta), rtol=1e-15)
-    db = lift(tmp_path, f"<abs><product><value>-2</value>{prop('fcs/rudder-pos-deg')}</product></abs>")
-    np.testing.assert_allclose(aerodb.evaluate(db, "CL", delta_r=beta), 2 * np.abs(beta) / DEGREE, rtol=1e-14)
+    db = lift(
+        tmp_path, f"<abs><product><value>-2</value>{prop('fcs/rudder-pos-deg')}</product></abs>"
+    )
+    np.testing.assert_allclose(
+        aerodb.evaluate(db, "CL", delta_r=beta), 2 * np.abs(beta) / DEGREE, rtol=1e-14
+    )
     db = lift(tmp_path, LINE.format("aero/mag-beta-rad"))
-    np.testing.assert_allclose(aerodb.evaluate(db, "CL", beta=beta, outside="clamp"), 1 + 2 * np.minimum(np.abs(beta), 1), rtol=1e-15)
+    np.testing.assert_allclose(
+        aerodb.evaluate(db, "CL", beta=beta, outside="clamp"),
+        1 + 2 * np.minimum(np.abs(beta), 1),
+        rtol=1e-15,
+    )
     db = lift(tmp_path, *map(prop, ("aero/alpha-rad", "gear/gear-pos-norm", "aero/beta-rad")))
     assert aerodb.terms(db)["CL/CLx"].attrs["regressors"] == "alpha beta"
     assert value(db, alpha=0.2, beta=0.3, gear=0.5) == pytest.approx(0.03)
 
 
 def test_many_tables_are_multiplied_out(tmp_path):
-    names = ("aero/alpha-rad", "velocities/mach", "aero/beta-rad", "fcs/flap-pos-rad", "fcs/rudder-pos-rad")
+    names = (
+        "aero/alpha-rad",
+        "velocities/mach",
+        "aero/beta-rad",
+        "fcs/flap-pos-rad",
+        "fcs/rudder-pos-rad",
+    )
     db = lift(tmp_path, *(LINE.format(name) for name in names))
     at = dict(zip(("alpha", "mach", "beta", "delta_f", "delta_r"), (0.1, 0.2, 0.3, 0.4, 0.5)))
     assert value(db, **at) == pytest.approx(np.prod([1 + 2 * x for x in at.values()]))
 
 
 def test_blocks_with_breakpoints_of_their_own(tmp_path):
-    """JSBSim looks each block up by itself: the union of the breakpoints is the same function, beyond the ends too."""
+    """JSBSim looks each block up by itself: the union of the breakpoints is the same function,
+    beyond the ends too.
+    """
     blocks = (
         "<tableData breakPoint='0'>\n 0 1\n0 0 1\n1 2 4\n</tableData>",
         "<tableData breakPoint='2'>\n 0 0.5 2\n-1 1 1 3\n0.5 1 2 5\n</tableData>",
     )
     axes = zip(("row", "column", "table"), ("aero/alpha-rad", "aero/beta-rad", "velocities/mach"))
-    table = "".join(f"<independentVar lookup='{lookup}'>{name}</independentVar>" for lookup, name in axes)
+    table = "".join(
+        f"<independentVar lookup='{lookup}'>{name}</independentVar>" for lookup, name in axes
+    )
     db = lift(tmp_path, f"<table>{table}{''.join(blocks)}</table>")
     # first block at (0.9, 0.8): rows 0 and 1 give 0.8 and 3.6; second one held at row 0.5 of it
     first, second = 0.1 * 0.8 + 0.9 * 3.6, 2.0 + 3.0 * (0.8 - 0.5) / 1.5
@@ -268,18 +341,28 @@ def test_blocks_with_breakpoints_of_their_own(tmp_path):
 
 
 def test_sampling_only_on_demand(tmp_path):
-    """A sine times a table over the same angle: refused with what to do, or put onto a table within the bound."""
+    """A sine times a table over the same angle: refused with what to do, or put onto a table within
+    the bound.
+    """
     parts = (f"<sin>{prop('aero/alpha-rad')}</sin>", ALPHA, LINE.format("velocities/mach"))
-    with pytest.raises(SchemaError, match=r"CLx: <sin> x table\(alpha\) is no product of tables .* give sample = largest difference"):
+    with pytest.raises(
+        SchemaError,
+        match=r"CLx: <sin> x table\(alpha\) is no product of tables .* give sample = largest difference",
+    ):
         lift(tmp_path, *parts)
     db = lift(tmp_path, *parts, sample=1e-4)
     alpha = np.linspace(0.0, 1.0, 777)
     found = aerodb.evaluate(db, "CL", alpha=alpha, mach=0.5)
-    assert np.abs(found - 2.0 * np.sin(alpha) * (1 + 2 * alpha)).max() < 2e-4  # the bound times the factor over Mach, 2
+    assert (
+        np.abs(found - 2.0 * np.sin(alpha) * (1 + 2 * alpha)).max() < 2e-4
+    )  # the bound times the factor over Mach, 2
     leaf = aerodb.terms(db)["CL/CLx"]
     assert leaf["K1"].dims == ("mach",)
     assert "sampled on" in leaf.attrs["comment"]
-    with pytest.raises(SchemaError, match=r"no table states how far beta goes; give box = \{'beta': \(low, high\)\}"):
+    with pytest.raises(
+        SchemaError,
+        match=r"no table states how far beta goes; give box = \{'beta': \(low, high\)\}",
+    ):
         lift(tmp_path, f"<cos>{prop('aero/beta-rad')}</cos>", sample=1e-3)
     test = f"<gt>{prop('aero/beta-rad')}<value>9</value></gt>"
     curved = f"<ifthen>{test}<value>1</value><exp>{prop('aero/beta-rad')}</exp></ifthen>"
@@ -287,8 +370,15 @@ def test_sampling_only_on_demand(tmp_path):
     assert value(db, beta=0.31) == pytest.approx(np.exp(0.31), abs=1e-3)
     with pytest.raises(SchemaError, match="needs more than 100000 nodes"):
         lift(tmp_path, curved, sample=1e-13, box={"beta": (-0.5, 0.5)})
-    with pytest.raises(SchemaError, match=r"it jumps near beta = 0\.2; a table cannot follow it"):  # breakpoints were added without end
-        lift(tmp_path, curved.replace("<value>9", "<value>0.2"), sample=1e-3, box={"beta": (-0.5, 0.5)})
+    with pytest.raises(
+        SchemaError, match=r"it jumps near beta = 0\.2; a table cannot follow it"
+    ):  # breakpoints were added without end
+        lift(
+            tmp_path,
+            curved.replace("<value>9", "<value>0.2"),
+            sample=1e-3,
+            box={"beta": (-0.5, 0.5)},
+        )
 
 
 def test_the_square_of_the_lift_is_a_polar(tmp_path):
@@ -315,19 +405,41 @@ def test_a_polar_is_written_as_the_square_of_the_lift(tmp_path):
 
 
 def test_the_travel_that_a_file_states(tmp_path):
-    """A scaling of the position to its fraction: 35 deg of flap; what differs by side, or starts elsewhere, states none."""
+    """A scaling of the position to its fraction: 35 deg of flap; what differs by side, or starts
+    elsewhere, states none.
+    """
     flap, elevator = (
         f"<aerosurface_scale><input>fcs/{name}-pos-{unit}</input>{ends}<output>fcs/{name}-pos-norm</output></aerosurface_scale>"
         for name, unit, ends in (
-            ("flap", "deg", "<domain><min>0</min><max>35</max></domain><range><min>0</min><max>1</max></range>"),
+            (
+                "flap",
+                "deg",
+                "<domain><min>0</min><max>35</max></domain><range><min>0</min><max>1</max></range>",
+            ),
             ("elevator", "rad", "<domain><min>-0.4</min><max>0.3</max></domain>"),
         )
     )
-    path = file(tmp_path, f"<axis name='LIFT'><function name='a'><product>{FORCE}{prop('fcs/flap-pos-norm')}</product></function></axis>")
+    path = file(
+        tmp_path,
+        f"<axis name='LIFT'><function name='a'><product>{FORCE}{prop('fcs/flap-pos-norm')}</product></function></axis>",
+    )
     text = path.read_text()
-    path.write_text(text.replace("<aerodynamics>", f"<flight_control>{flap}{elevator}</flight_control><aerodynamics>"))
-    assert value(aerodb.exchange.import_jsbsim(path), delta_f=35 * DEGREE) == pytest.approx(1.0, rel=1e-14)
-    assert value(aerodb.exchange.import_jsbsim(path, travel={"delta_f": 0.5}), delta_f=0.5) == pytest.approx(1.0, rel=1e-14)
-    path.write_text(path.read_text().replace("fcs/flap-pos-norm</property>", "fcs/elevator-pos-norm</property>"))
-    with pytest.raises(SchemaError, match="fcs/elevator-pos-norm is a fraction and the file does not state of which angle"):
+    path.write_text(
+        text.replace(
+            "<aerodynamics>", f"<flight_control>{flap}{elevator}</flight_control><aerodynamics>"
+        )
+    )
+    assert value(aerodb.exchange.import_jsbsim(path), delta_f=35 * DEGREE) == pytest.approx(
+        1.0, rel=1e-14
+    )
+    assert value(
+        aerodb.exchange.import_jsbsim(path, travel={"delta_f": 0.5}), delta_f=0.5
+    ) == pytest.approx(1.0, rel=1e-14)
+    path.write_text(
+        path.read_text().replace("fcs/flap-pos-norm</property>", "fcs/elevator-pos-norm</property>")
+    )
+    with pytest.raises(
+        SchemaError,
+        match="fcs/elevator-pos-norm is a fraction and the file does not state of which angle",
+    ):
         aerodb.exchange.import_jsbsim(path)

@@ -19,18 +19,37 @@ pytestmark = pytest.mark.usefixtures("mat_files_in_this_process")
 def build_up(small, root):
     """Return a database with every shape of term: 0 to 3 axes, factor tables, two regressors."""
     rng = np.random.default_rng(3)
-    alpha, mach, flap = np.radians([-8.0, 0.0, 5.0, 16.0]), [0.2, 0.4, 0.5], np.radians([0.0, 20.0, 40.0])
+    alpha, mach, flap = (
+        np.radians([-8.0, 0.0, 5.0, 16.0]),
+        [0.2, 0.4, 0.5],
+        np.radians([0.0, 20.0, 40.0]),
+    )
     x_cg = xr.DataArray([1.1, 0.9], coords={"x_cg": [0.2, 0.35]}, dims="x_cg")
     height = xr.DataArray(
-        [[1.0, 0.8], [0.2, 0.1], [0.0, 0.0]], coords={"h_agl": [0.0, 5.0, 30.0], "delta_f": [0.0, 0.7]}, dims=("h_agl", "delta_f")
+        [[1.0, 0.8], [0.2, 0.1], [0.0, 0.0]],
+        coords={"h_agl": [0.0, 5.0, 30.0], "delta_f": [0.0, 0.7]},
+        dims=("h_agl", "delta_f"),
     )
     leaves = {
-        "CL/flap": terms.make(rng.normal(size=(3, 3, 4)), {"delta_f": flap, "mach": mach, "alpha": alpha}, stderr=0.1, source="datcom"),
-        "CL/elevator": terms.make(rng.normal(size=(3, 4)), {"mach": mach, "alpha": alpha}, ["delta_e"], stderr=0.2, source="flight"),
+        "CL/flap": terms.make(
+            rng.normal(size=(3, 3, 4)),
+            {"delta_f": flap, "mach": mach, "alpha": alpha},
+            stderr=0.1,
+            source="datcom",
+        ),
+        "CL/elevator": terms.make(
+            rng.normal(size=(3, 4)),
+            {"mach": mach, "alpha": alpha},
+            ["delta_e"],
+            stderr=0.2,
+            source="flight",
+        ),
         "CL/ground": terms.make(rng.normal(size=4), {"alpha": alpha}, K1=height, outside="linear"),
         "Cm/qhat": terms.make(rng.normal(size=3), {"mach": mach}, ["qhat"], K1=x_cg),
         "CD/basic": terms.make(0.02, comment="one number"),
-        "CD/flap_slope": terms.make([0.0, 0.1, 0.4], {"delta_f": flap}, ["alpha", "alpha"], source="judgement"),
+        "CD/flap_slope": terms.make(
+            [0.0, 0.1, 0.4], {"delta_f": flap}, ["alpha", "alpha"], source="judgement"
+        ),
     }
     return aerodb.database(leaves, **root)
 
@@ -82,25 +101,45 @@ save('-v7', 'found.mat', 'found');
 def test_octave_interpolates_the_same_contributions(build_up, tmp_path):
     leaves = aerodb.terms(build_up)
     rng = np.random.default_rng(5)
-    ends = {str(axis): (leaf[axis].values[0], leaf[axis].values[-1]) for leaf in leaves.values() for axis in leaf.dims}
+    ends = {
+        str(axis): (leaf[axis].values[0], leaf[axis].values[-1])
+        for leaf in leaves.values()
+        for axis in leaf.dims
+    }
     names = {name for leaf in leaves.values() for name in terms.variables(leaf)}
     points = {name: rng.uniform(*ends.get(name, (-0.1, 0.1)), size=300) for name in sorted(names)}
     aerodb.exchange.export_matlab(build_up, tmp_path / "db.mat")
     columns = {name: x[:, None] for name, x in points.items()}
     savemat(tmp_path / "points.mat", {"points": {**columns, "case": np.zeros((300, 1))}})
     (tmp_path / "contributions.m").write_text(_SCRIPT)
-    subprocess.run(["octave", "--no-gui", "--norc", "-q", "contributions.m"], cwd=tmp_path, check=True, capture_output=True, timeout=1200)
+    subprocess.run(
+        ["octave", "--no-gui", "--norc", "-q", "contributions.m"],
+        cwd=tmp_path,
+        check=True,
+        capture_output=True,
+        timeout=1200,
+    )
     found = loadmat(tmp_path / "found.mat")["found"]
     assert found.shape == (300, len(leaves))
     for column, (name, leaf) in zip(found.T, leaves.items()):
-        np.testing.assert_allclose(column, terms.evaluate(leaf, points), rtol=1e-12, atol=1e-13, err_msg=name)
+        np.testing.assert_allclose(
+            column, terms.evaluate(leaf, points), rtol=1e-12, atol=1e-13, err_msg=name
+        )
 
 
 @pytest.mark.skipif(shutil.which("octave") is None, reason="needs GNU Octave")
 def test_a_file_that_octave_saved_is_read(small, tmp_path):
     aerodb.exchange.export_matlab(small, tmp_path / "db.mat")
-    script = "load('db.mat'); terms(1).values(2,3) = 0.5; save('-v7', 'back.mat', 'terms', 'database')"
-    subprocess.run(["octave", "--no-gui", "--norc", "-q", "--eval", script], cwd=tmp_path, check=True, capture_output=True, timeout=1200)
+    script = (
+        "load('db.mat'); terms(1).values(2,3) = 0.5; save('-v7', 'back.mat', 'terms', 'database')"
+    )
+    subprocess.run(
+        ["octave", "--no-gui", "--norc", "-q", "--eval", script],
+        cwd=tmp_path,
+        check=True,
+        capture_output=True,
+        timeout=1200,
+    )
     expected = small.copy(deep=True)
     expected["CL/basic"]["value"][1, 2] = 0.5
     xr.testing.assert_identical(aerodb.exchange.import_matlab(tmp_path / "back.mat"), expected)
@@ -117,8 +156,12 @@ def test_files_that_are_none_of_ours(tmp_path):
     savemat(path, {"terms": 1.0, "database": {"S": 1.0}})
     with pytest.raises(ParseError, match="structures 'terms' and 'database'"):
         aerodb.exchange.import_matlab(path)
-    path.write_bytes(b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM" + b"\x89HDF\r\n\x1a\n" + bytes(400))
-    with pytest.raises(ParseError, match=r"version 7\.3; expected version 5 to 7; save it with save -v7"):
+    path.write_bytes(
+        b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM" + b"\x89HDF\r\n\x1a\n" + bytes(400)
+    )
+    with pytest.raises(
+        ParseError, match=r"version 7\.3; expected version 5 to 7; save it with save -v7"
+    ):
         aerodb.exchange.import_matlab(path)
 
 

@@ -11,7 +11,9 @@ from flightmech.units import DEGREE
 
 @pytest.fixture
 def other(small):
-    """The small database with other lift: 0.1 less at alpha 16 deg, from flight there, no Mach number 0.4."""
+    """The small database with other lift: 0.1 less at alpha 16 deg, from flight there, no Mach
+    number 0.4.
+    """
     leaf = aerodb.terms(small)["CL/basic"].isel(mach=[0])
     leaf["value"] = leaf["value"] - [0.0, 0.0, 0.0, 0.1]
     leaf["source"] = leaf["source"].copy(data=np.array([[0, 0, 0, 1]], np.uint8))
@@ -30,7 +32,10 @@ def test_curves_pass_through_the_nodes(small, other):
 
 
 def test_members_that_repeat_are_left_out(small):
-    flat = aerodb.replace_terms(small, {"CL/basic": terms.make([[0.1, 0.3]] * 3, {"mach": [0.2, 0.3, 0.4], "alpha": [0.0, 0.2]})})
+    flat = aerodb.replace_terms(
+        small,
+        {"CL/basic": terms.make([[0.1, 0.3]] * 3, {"mach": [0.2, 0.3, 0.4], "alpha": [0.0, 0.2]})},
+    )
     assert family({"a": flat}, "CL/basic").members == (0.2,)
 
 
@@ -59,7 +64,9 @@ def test_a_coefficient_is_the_sum_of_its_terms_at_rest(small):
 
 def test_factor_tables_are_axes_too(small):
     factor = xr.DataArray([1.0, 0.0], {"h_agl": [1.0, 20.0]}, "h_agl")
-    db = aerodb.replace_terms(small, {"CL/ground": terms.make([0.1, 0.2], {"alpha": [0.0, 0.1]}, K1=factor)})
+    db = aerodb.replace_terms(
+        small, {"CL/ground": terms.make([0.1, 0.2], {"alpha": [0.0, 0.1]}, K1=factor)}
+    )
     f = family({"a": db}, "CL/ground")
     assert (f.by, f.members) == ("h_agl", (1.0, 20.0))
     np.testing.assert_allclose(f.curves["a"][0].y[[0, -1]], [0.1, 0.2])
@@ -73,7 +80,9 @@ def test_flight_samples_belong_to_the_nearest_member(small):
     np.testing.assert_array_equal(supporting(flown, f, 1), [0.02])
     assert len(supporting(None, f, 0)) == 0
     whole = family({"a": small}, "CL")
-    assert len(supporting({**flown, "delta_f": 35 * DEGREE}, whole, 0)) == 0  # flown with flaps, drawn without
+    assert (
+        len(supporting({**flown, "delta_f": 35 * DEGREE}, whole, 0)) == 0
+    )  # flown with flaps, drawn without
 
 
 def test_surface_is_last_less_first(small, other):
@@ -90,16 +99,29 @@ def test_what_cannot_be_drawn_is_stated(small, other):
         family(both, "CL/flop")
     with pytest.raises(UnknownName, match="unknown coefficient 'CN'"):
         family(both, "CN")
-    with pytest.raises(UnknownName, match="unknown axis 'delta_f'; allowed: mach; CL/basic has curves by these, over alpha"):
+    with pytest.raises(
+        UnknownName,
+        match="unknown axis 'delta_f'; allowed: mach; CL/basic has curves by these, over alpha",
+    ):
         family(both, "CL/basic", by="delta_f")
     with pytest.raises(UnknownName, match="unknown axis 'beta'"):
         family(both, "CL/basic", over="beta")
-    with pytest.raises(UnknownName, match="unknown variable 'mach'; allowed: none; CL/basic is held at values of these"):
+    with pytest.raises(
+        UnknownName,
+        match="unknown variable 'mach'; allowed: none; CL/basic is held at values of these",
+    ):
         family(both, "CL/basic", at={"mach": 0.3})
-    with pytest.raises(SchemaError, match="Cm/qhat: 1 problem\n  - has no axis and therefore no curve"):
+    with pytest.raises(
+        SchemaError, match="Cm/qhat: 1 problem\n  - has no axis and therefore no curve"
+    ):
         family(both, "Cm/qhat")
-    swapped = aerodb.replace_terms(small, {"CL/qhat": terms.make([1.0, 2.0], {"mach": [0.2, 0.4]}, ["alphadothat"])})
-    with pytest.raises(SchemaError, match="regressors differ: a has qhat, b has alphadothat; compare the coefficient CL instead"):
+    swapped = aerodb.replace_terms(
+        small, {"CL/qhat": terms.make([1.0, 2.0], {"mach": [0.2, 0.4]}, ["alphadothat"])}
+    )
+    with pytest.raises(
+        SchemaError,
+        match="regressors differ: a has qhat, b has alphadothat; compare the coefficient CL instead",
+    ):
         family({"a": small, "b": swapped}, "CL/qhat")
     with pytest.raises(SchemaError, match="has the one axis mach; a map needs two"):
         surface(both, "CL/qhat")

@@ -16,7 +16,9 @@ from flightmech.units import DEGREE
 
 @pytest.fixture
 def final(small):
-    """The small database after a flight: CL/basic 0.1 lower at alpha 16 deg, which the flight reached at Mach 0.4."""
+    """The small database after a flight: CL/basic 0.1 lower at alpha 16 deg, which the flight
+    reached at Mach 0.4.
+    """
     leaf = aerodb.terms(small)["CL/basic"].copy(deep=True)
     leaf["value"][:, -1] -= 0.1
     leaf["source"][1, -1] = 1
@@ -52,25 +54,43 @@ def test_families_side_by_side_in_equal_scales(both):
     assert datcom.get_xlim() == final.get_xlim()
     fast = line(final, "final $M$ = 0.4")
     np.testing.assert_allclose(np.interp(8.0, *fast.get_data()), 0.2 + 5.4 * 8 * DEGREE)
-    assert (line(datcom, "datcom $M$ = 0.2").get_linestyle(), fast.get_linestyle()) == ("--", "-")  # dotted is a dash pattern
-    assert [label.get_text() for label in final.texts if label.get_text() in ("0.2", "0.4")] == ["0.2", "0.4"]
+    assert (line(datcom, "datcom $M$ = 0.2").get_linestyle(), fast.get_linestyle()) == (
+        "--",
+        "-",
+    )  # dotted is a dash pattern
+    assert [label.get_text() for label in final.texts if label.get_text() in ("0.2", "0.4")] == [
+        "0.2",
+        "0.4",
+    ]
     assert datcom.get_xlabel() == r"$\alpha$ [deg]"
     assert datcom.get_ylabel() == "$C_{L}$ [1]"
 
 
 def test_a_member_has_all_databases_bands_nodes_and_the_difference(both):
     main, strip = panel(aerodb.figures.plot_comparison(both, "CL/basic"), "$M$ = 0.4")
-    np.testing.assert_allclose(np.interp(16.0, *line(main, "datcom").get_data()), 0.2 + 5.4 * 16 * DEGREE)
-    np.testing.assert_allclose(np.interp(16.0, *line(main, "final").get_data()), 0.1 + 5.4 * 16 * DEGREE)
+    np.testing.assert_allclose(
+        np.interp(16.0, *line(main, "datcom").get_data()), 0.2 + 5.4 * 16 * DEGREE
+    )
+    np.testing.assert_allclose(
+        np.interp(16.0, *line(main, "final").get_data()), 0.1 + 5.4 * 16 * DEGREE
+    )
     np.testing.assert_allclose(line(main, "final nodes 0").get_xdata(), [-8.0, 0.0, 8.0])
     np.testing.assert_allclose(line(main, "final nodes 1").get_xdata(), [16.0])
     assert line(main, "final nodes 0").get_markerfacecolor() == "white"
     assert line(main, "final nodes 1").get_markerfacecolor() != "white"
-    band = next(item for item in main.collections if item.get_label() == "datcom error").get_paths()[0].vertices
+    band = (
+        next(item for item in main.collections if item.get_label() == "datcom error")
+        .get_paths()[0]
+        .vertices
+    )
     edges = band[np.isclose(band[:, 0], 8.0), 1]
-    np.testing.assert_allclose([edges.min(), edges.max()], 0.2 + 5.4 * 8 * DEGREE + np.array([-0.05, 0.05]))
+    np.testing.assert_allclose(
+        [edges.min(), edges.max()], 0.2 + 5.4 * 8 * DEGREE + np.array([-0.05, 0.05])
+    )
     x, difference = line(strip, "final").get_data()
-    np.testing.assert_allclose(np.interp([8.0, 12.0, 16.0], x, difference), [0.0, -0.05, -0.1], atol=1e-15)
+    np.testing.assert_allclose(
+        np.interp([8.0, 12.0, 16.0], x, difference), [0.0, -0.05, -0.1], atol=1e-15
+    )
 
 
 def test_flight_samples_are_ticks_in_their_panel(both):
@@ -79,13 +99,18 @@ def test_flight_samples_are_ticks_in_their_panel(both):
     for title, places in (("$M$ = 0.2", [2.0, 4.0]), ("$M$ = 0.4", [9.0])):
         main, _ = panel(figure, title)
         ticks = next(item for item in main.collections if item.get_label() == "flight sample")
-        np.testing.assert_allclose([segment[0, 0] for segment in ticks.get_segments()], places, atol=0.05)
+        np.testing.assert_allclose(
+            [segment[0, 0] for segment in ticks.get_segments()], places, atol=0.05
+        )
     assert "flight sample" in [text.get_text() for text in figure.legends[0].get_texts()]
 
 
 def test_the_foot_states_what_numbers_refer_to(both, small):
     foot = " ".join(texts(aerodb.figures.plot_comparison(both, "CL/basic")).split("\n"))
-    assert "S = 16.9 m², cbar = 1.667 m, b = 10.31 m; moments about (−3, 0, 0) m from the drawing datum" in foot
+    assert (
+        "S = 16.9 m², cbar = 1.667 m, b = 10.31 m; moments about (−3, 0, 0) m from the drawing datum"
+        in foot
+    )
     assert "forces in stability axes, moments and rates in body axes" in foot
     assert "CL positive up" in foot
     assert "Lower strips: difference to datcom" in foot
@@ -107,7 +132,9 @@ def test_a_term_of_one_database(small):
 
 def test_a_database_that_lacks_the_term_is_named(small, final):
     gear = aerodb.terms(small)["CL/flap"]
-    figure = aerodb.figures.plot_comparison({"datcom": small, "final": aerodb.replace_terms(final, {"CD/flap": gear})}, "CD/flap")
+    figure = aerodb.figures.plot_comparison(
+        {"datcom": small, "final": aerodb.replace_terms(final, {"CD/flap": gear})}, "CD/flap"
+    )
     assert "Without this term: datcom." in texts(figure)
 
 
@@ -133,20 +160,28 @@ def test_map_of_the_difference(both):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["svg", *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("png", "pdf"))])
+@pytest.mark.parametrize(
+    "kind", ["svg", *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("png", "pdf"))]
+)
 def test_equal_figures_give_equal_bytes(both, tmp_path, kind):
     for name in ("one", "two"):
-        aerodb.figures.save_figure(aerodb.figures.plot_comparison(both, "CL/basic"), tmp_path / f"{name}.{kind}")
+        aerodb.figures.save_figure(
+            aerodb.figures.plot_comparison(both, "CL/basic"), tmp_path / f"{name}.{kind}"
+        )
     assert (tmp_path / f"one.{kind}").read_bytes() == (tmp_path / f"two.{kind}").read_bytes()
     assert sorted(path.name for path in tmp_path.iterdir()) == [f"one.{kind}", f"two.{kind}"]
 
 
 @pytest.mark.slow
 def test_svg_is_well_formed_and_states_what_it_shows(both, tmp_path):
-    aerodb.figures.save_figure(aerodb.figures.plot_comparison(both, "CL/basic"), tmp_path / "lift.svg")
+    aerodb.figures.save_figure(
+        aerodb.figures.plot_comparison(both, "CL/basic"), tmp_path / "lift.svg"
+    )
     root = ElementTree.parse(tmp_path / "lift.svg").getroot()
     assert root.tag == "{http://www.w3.org/2000/svg}svg"
-    assert "CL/basic, lift coefficient: clean aeroplane in steady flight" in "".join(root.itertext())
+    assert "CL/basic, lift coefficient: clean aeroplane in steady flight" in "".join(
+        root.itertext()
+    )
     assert b"<dc:date>" not in (tmp_path / "lift.svg").read_bytes()
 
 
@@ -179,17 +214,28 @@ def test_matplotlib_is_needed_only_when_a_figure_is_drawn():
         "try:\n    aerodb.figures.plot_term\n"
         "except Exception as error:\n    print(type(error).__name__, error)"
     )
-    printed = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
-    assert printed == "AeromatchError figures need matplotlib, which is not installed; run: pip install 'aeromatch[figures]'\n"
+    printed = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    ).stdout
+    assert (
+        printed
+        == "AeromatchError figures need matplotlib, which is not installed; run: pip install 'aeromatch[figures]'\n"
+    )
 
 
 @pytest.mark.parametrize("databases", [1, 2, 3])
 def test_labels_at_the_ends_of_curves_are_whole(small, databases):
     """No text leaves the sheet: a label cut at its edge reads as another number, 0.15 as 0.1."""
     mach = [0.15, 0.2125, 0.25]
-    leaf = terms.make(np.outer([0.2, 0.21, 0.3], [-1.0, 0.0, 1.0]), {"mach": mach, "alpha": np.radians([-8.0, 0.0, 8.0])}, stderr=0.05)
+    leaf = terms.make(
+        np.outer([0.2, 0.21, 0.3], [-1.0, 0.0, 1.0]),
+        {"mach": mach, "alpha": np.radians([-8.0, 0.0, 8.0])},
+        stderr=0.05,
+    )
     db = aerodb.replace_terms(small, {"CL/basic": leaf})
-    figure = aerodb.figures.plot_comparison({f"model {k}": db for k in range(databases)}, "CL/basic", "mach")
+    figure = aerodb.figures.plot_comparison(
+        {f"model {k}": db for k in range(databases)}, "CL/basic", "mach"
+    )
     panels = figure.axes[:databases]
     for axes in panels:
         assert {"0.15", "0.2125", "0.25"} <= {item.get_text() for item in axes.texts}

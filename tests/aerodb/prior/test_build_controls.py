@@ -1,6 +1,7 @@
 """Spoilers, differential tail, stabilizer, hinge moments and tabs of a jet against their pages.
 
-A printed number is known to half a unit of its last digit; tolerances are that, unless stated otherwise.
+A printed number is known to half a unit of its last digit; tolerances are that, unless stated
+otherwise.
 """
 
 import dataclasses
@@ -30,17 +31,25 @@ def clean(corpus):
 @pytest.fixture(scope="module")
 def spoiled(jet, corpus, clean):
     with pytest.warns(AeromatchWarning, match="Cl 0.008136 is printed for a spoiler of no height"):
-        return aerodb.from_datcom(jet, clean=clean, spoilers=corpus("spoilers_diff_tail", "FLAP SPOILER ON WING"))
+        return aerodb.from_datcom(
+            jet, clean=clean, spoilers=corpus("spoilers_diff_tail", "FLAP SPOILER ON WING")
+        )
 
 
 @pytest.fixture(scope="module")
 def tailed(jet, corpus, clean):
-    return aerodb.from_datcom(jet, clean=clean, differential_tail=corpus("spoilers_diff_tail", "DIFFERENTIAL HORIZONTAL STABILIZER"))
+    return aerodb.from_datcom(
+        jet,
+        clean=clean,
+        differential_tail=corpus("spoilers_diff_tail", "DIFFERENTIAL HORIZONTAL STABILIZER"),
+    )
 
 
 @pytest.fixture(scope="module")
 def hinged(jet, corpus, clean):
-    """Return the database of control_tab.pdas.out: (CH)A -4.871E-03, (CH)D -8.157E-03 at -20 and -7.535E-03 at 10 deg, per degree."""
+    """Return the database of control_tab.pdas.out: (CH)A -4.871E-03, (CH)D -8.157E-03 at -20 and
+    -7.535E-03 at 10 deg, per degree.
+    """
     listing = corpus("control_tab", build=".pdas")
     return aerodb.from_datcom(jet, clean=clean, elevator=listing, tabs=listing)
 
@@ -58,26 +67,39 @@ def in_stability_axes(db, contribution, alpha, **where):
 
 def flown(jet):
     """Return an aircraft file's aeroplane with the reference quantities of the jet."""
-    return dataclasses.replace(flightmech.read_aircraft(AIRCRAFT), S=jet.S, cbar=jet.cbar, b=jet.b, reference=jet.reference)
+    return dataclasses.replace(
+        flightmech.read_aircraft(AIRCRAFT), S=jet.S, cbar=jet.cbar, b=jet.b, reference=jet.reference
+    )
 
 
-@pytest.mark.parametrize(("mach", "Cl", "Cn"), [(0.3, 1.3049e-2, 3.408e-3), (1.6, 5.0671e-3, 3.132e-3)])
+@pytest.mark.parametrize(
+    ("mach", "Cl", "Cn"), [(0.3, 1.3049e-2, 3.408e-3), (1.6, 5.0671e-3, 3.132e-3)]
+)
 def test_left_spoiler_rolls_left(spoiled, mach, Cl, Cn):
-    """spoilers_diff_tail.out, DS/C 0.09: (CL)ROLL 1.3049E-02 and CN 3.408E-03 at Mach 0.3, 5.0671E-03 and 3.132E-03 at Mach 1.6."""
+    """spoilers_diff_tail.out, DS/C 0.09: (CL)ROLL 1.3049E-02 and CN 3.408E-03 at Mach 0.3,
+    5.0671E-03 and 3.132E-03 at Mach 1.6.
+    """
     for side in (1.0, -1.0):
         found = in_stability_axes(spoiled, "spoiler", 8 * DEGREE, mach=mach, delta_s=side * 0.09)
         assert found == pytest.approx((-side * Cl, -side * Cn), abs=5e-7)
 
 
 def test_no_height_no_moment(spoiled):
-    """6.9082E-03 is printed at DS/C 0, 0.03 and 0.06 alike: the first is zero by definition, the others stay as printed."""
-    roll = [float(in_stability_axes(spoiled, "spoiler", 0.0, mach=0.3, delta_s=height)[0]) for height in (0.0, 0.03, 0.06)]
+    """6.9082E-03 is printed at DS/C 0, 0.03 and 0.06 alike: the first is zero by definition, the
+    others stay as printed.
+    """
+    roll = [
+        float(in_stability_axes(spoiled, "spoiler", 0.0, mach=0.3, delta_s=height)[0])
+        for height in (0.0, 0.03, 0.06)
+    ]
     assert roll == pytest.approx([0.0, -6.9082e-3, -6.9082e-3], abs=5e-8)
     assert (spoiled["Cl/spoiler"]["stderr"].sel(delta_s=0.0) == 0.0).all()
 
 
 def test_a_yawing_moment_without_method_leaves_the_roll(spoiled):
-    """Mach 0.7 prints CN NDM: it is no node of Cn, and counts as zero in the roll, 1.5369E-02, turned to body axes."""
+    """Mach 0.7 prints CN NDM: it is no node of Cn, and counts as zero in the roll, 1.5369E-02,
+    turned to body axes.
+    """
     np.testing.assert_array_equal(spoiled["Cn/spoiler"]["mach"], [0.0, 0.3, 1.6])
     found = table(spoiled, "Cl/spoiler", mach=0.7, alpha=8 * DEGREE, delta_s=-0.09)
     assert found == pytest.approx(1.5369e-2 * np.cos(8 * DEGREE), abs=5e-7)
@@ -97,12 +119,16 @@ def test_a_spoiler_rolls_the_aeroplane_in_flight(spoiled, jet):
 
 @pytest.mark.slow
 def test_slot_deflector_of_another_case_of_the_file(jet, corpus, clean):
-    """SPOILER SLOT DEFLECTOR, Mach 0.3, DS/C 0.06: the heading names DD/C too; 0.01082 is printed at height zero of Mach 0.3 or 0.7."""
+    """SPOILER SLOT DEFLECTOR, Mach 0.3, DS/C 0.06: the heading names DD/C too; 0.01082 is printed
+    at height zero of Mach 0.3 or 0.7.
+    """
     case = corpus("spoilers_diff_tail", "SPOILER SLOT DEFLECTOR")
     page = case.to_datatree()["spoiler"].to_dataset().isel(condition=0, deflection=3)
     with pytest.warns(AeromatchWarning, match="is printed for a spoiler of no height"):
         db = aerodb.from_datcom(jet, clean=clean, spoilers=case)
-    assert table(db, "Cl/spoiler", mach=0.3, alpha=0.0, delta_s=-0.09) == pytest.approx(float(page["Cl"]), abs=1e-12)
+    assert table(db, "Cl/spoiler", mach=0.3, alpha=0.0, delta_s=-0.09) == pytest.approx(
+        float(page["Cl"]), abs=1e-12
+    )
     assert db["Cl/spoiler"].attrs["comment"].startswith("spoiler-slot-deflector")
 
 
@@ -116,42 +142,65 @@ def test_right_trailing_edge_down_rolls_left(tailed):
 
 def test_the_transonic_list_holds_for_every_alpha(tailed):
     """Mach 0.7 lists 1.8687E-02 for left 10 and right -10 deg, without alpha."""
-    found = tailed["Cl/differential_tail"]["value"].sel(mach=0.7).sel(delta_d=-10 * DEGREE, method="nearest")
+    found = (
+        tailed["Cl/differential_tail"]["value"]
+        .sel(mach=0.7)
+        .sel(delta_d=-10 * DEGREE, method="nearest")
+    )
     inner = found["alpha"].values[1:-1]  # the ends are those of CL/basic, their values held
     np.testing.assert_allclose(found[1:-1], 1.8687e-2 * np.cos(inner), atol=5e-7)
-    assert "mach 0.7: the page prints one value for all alphas" in tailed["Cl/differential_tail"].attrs["comment"]
+    assert (
+        "mach 0.7: the page prints one value for all alphas"
+        in tailed["Cl/differential_tail"].attrs["comment"]
+    )
 
 
 def test_it_is_no_aileron_and_an_aileron_is_no_tail(jet, corpus, clean):
     with pytest.raises(SchemaError, match="ailerons are needed"):
-        aerodb.from_datcom(jet, clean=clean, aileron=corpus("spoilers_diff_tail", "DIFFERENTIAL HORIZONTAL STABILIZER"))
+        aerodb.from_datcom(
+            jet,
+            clean=clean,
+            aileron=corpus("spoilers_diff_tail", "DIFFERENTIAL HORIZONTAL STABILIZER"),
+        )
     with pytest.raises(SchemaError, match="ailerons go to aileron="):
         aerodb.from_datcom(jet, clean=clean, differential_tail=corpus("ce500_aileron"))
 
 
 @pytest.mark.slow
 def test_stabilizer_meets_the_tail_lift_at_trim(jet, corpus, clean):
-    """ce500_trim.out, second case, Mach 0.25: the slope of the tail alone gives the printed tail lift at the printed incidence of trim.
+    """ce500_trim.out, second case, Mach 0.25: the slope of the tail alone gives the printed tail
+    lift at the printed incidence of trim.
 
-    The incidence has one decimal, worth 0.001 of lift, the lift three; 0.0012 seen between -8 and 8 deg.
+    The incidence has one decimal, worth 0.001 of lift, the lift three; 0.0012 seen between -8 and 8
+    deg.
     """
     case = corpus("ce500_trim").cases[1]
     db = aerodb.from_datcom(jet, clean=clean, elevator=case, altitude=0.0)
     tree = case.to_datatree()
-    page, flow = (tree[leaf].to_dataset().isel(condition=0) for leaf in ("trim_stabilizer", "downwash"))
+    page, flow = (
+        tree[leaf].to_dataset().isel(condition=0) for leaf in ("trim_stabilizer", "downwash")
+    )
     inside = np.abs(page["alpha"].values) < 8.5 * DEGREE
     CL = table(db, "CL/elevator", mach=0.25) * (page["alpha"] - flow["epsilon"] + page["i_tail"])
     np.testing.assert_allclose(CL[inside], page["CL_tail_trim"][inside], atol=0.0016)
-    arm = float(db["Cm/elevator"]["value"].sel(mach=0.25) / db["CL/elevator"]["value"].sel(mach=0.25))
-    assert arm == pytest.approx(-0.1143 / 0.044, rel=0.03)  # alpha 8, tail at trim: CM -0.1143, CL 0.044 with two digits
+    arm = float(
+        db["Cm/elevator"]["value"].sel(mach=0.25) / db["CL/elevator"]["value"].sel(mach=0.25)
+    )
+    assert arm == pytest.approx(
+        -0.1143 / 0.044, rel=0.03
+    )  # alpha 8, tail at trim: CM -0.1143, CL 0.044 with two digits
     assert db["CL/elevator"].attrs["regressors"] == "delta_e"
     assert (db["CL/elevator"]["source"] == 2).all()
 
 
 @pytest.mark.slow
 def test_hinge_moment_of_deflection(hinged):
-    assert table(hinged, "Ch_e/delta", mach=0.25, delta_e=-20 * DEGREE) == pytest.approx(20 * 8.157e-3, abs=20 * 5e-7)
-    assert table(hinged, "Ch_e/delta", mach=0.25, delta_e=10 * DEGREE) == pytest.approx(-10 * 7.535e-3, abs=10 * 5e-7)
+    assert table(hinged, "Ch_e/delta", mach=0.25, delta_e=-20 * DEGREE) == pytest.approx(
+        20 * 8.157e-3, abs=20 * 5e-7
+    )
+    assert table(hinged, "Ch_e/delta", mach=0.25, delta_e=10 * DEGREE) == pytest.approx(
+        -10 * 7.535e-3, abs=10 * 5e-7
+    )
     assert table(hinged, "Ch_e/delta", mach=0.25, delta_e=0.0) == 0.0
     assert (hinged["Ch_e/delta"]["stderr"].sel(delta_e=0.0) == 0.0).all()
 
@@ -167,7 +216,9 @@ def test_hinge_moment_of_the_tails_own_angle_of_attack(hinged):
 def test_hinge_moments_do_not_depend_on_the_reference_of_the_aeroplane(jet, corpus, clean, hinged):
     listing = corpus("control_tab", build=".pdas")
     with pytest.warns(AeromatchWarning, match="not the reference quantities"):
-        other = aerodb.from_datcom(dataclasses.replace(jet, S=30.0, cbar=2.2), clean=clean, elevator=listing, tabs=listing)
+        other = aerodb.from_datcom(
+            dataclasses.replace(jet, S=30.0, cbar=2.2), clean=clean, elevator=listing, tabs=listing
+        )
     for name in ("Ch_e/alpha", "Ch_e/delta", "Ch_e/tab", "Ch_e/tab_gearing"):
         np.testing.assert_array_equal(other[name]["value"], hinged[name]["value"])
 
@@ -179,9 +230,13 @@ def test_tab_gives_the_engineer_his_B4_back(hinged):
 
 
 def test_gearing_of_the_tab(hinged):
-    """DUE TO GEARING, first line, alpha -6: -20 deg stands with one decimal, -15 deg as 6.74E-02, -10 deg as 4.49E-02."""
+    """DUE TO GEARING, first line, alpha -6: -20 deg stands with one decimal, -15 deg as 6.74E-02,
+    -10 deg as 4.49E-02.
+    """
     for delta, value in ((-15, 6.74e-2), (-10, 4.49e-2)):
-        assert table(hinged, "Ch_e/tab_gearing", alpha=-6 * DEGREE, delta_e=delta * DEGREE) == pytest.approx(value, abs=5e-5)
+        assert table(
+            hinged, "Ch_e/tab_gearing", alpha=-6 * DEGREE, delta_e=delta * DEGREE
+        ) == pytest.approx(value, abs=5e-5)
 
 
 @pytest.mark.slow
@@ -200,11 +255,20 @@ def test_hinge_moments_are_evaluated_and_do_not_move_the_aeroplane(hinged, jet):
     assert set(parts) == {"alpha", "delta", "tab", "tab_gearing"}
     assert parts["tab"] == pytest.approx(-0.06, rel=2e-3)
     sim = flightmech.compile(flown(jet), hinged)
-    bare = flightmech.compile(flown(jet), aerodb.delete_terms(hinged, [name for name in aerodb.terms(hinged) if name.startswith("Ch_")]))
-    assert {name for name in sim.terms if name.startswith("Ch_")} == {f"Ch_e/{name}" for name in parts}
+    bare = flightmech.compile(
+        flown(jet),
+        aerodb.delete_terms(
+            hinged, [name for name in aerodb.terms(hinged) if name.startswith("Ch_")]
+        ),
+    )
+    assert {name for name in sim.terms if name.startswith("Ch_")} == {
+        f"Ch_e/{name}" for name in parts
+    }
     inputs = xr.Dataset({"delta_e": ("time", [0.0, -0.05, 0.0])}, {"time": [0.0, 0.2, 0.4]})
     at = {"init.V": 100.0, "init.h": 1000.0, "mode.engine": 2.0}
-    assert flightmech.simulate(sim, inputs, at)["q"].equals(flightmech.simulate(bare, inputs, at)["q"])
+    assert flightmech.simulate(sim, inputs, at)["q"].equals(
+        flightmech.simulate(bare, inputs, at)["q"]
+    )
 
 
 @pytest.mark.slow
@@ -214,7 +278,10 @@ def test_without_downwash_the_angle_of_attack_of_the_tail_is_not_known(jet, corp
         del tree["downwash"]
     with pytest.warns(AeromatchWarning) as caught:
         db = aerodb.from_datcom(jet, clean=trees[0], elevator=trees[1])
-    assert any("no listing with downwash is at hand; Ch_e/alpha is left absent" in str(warning.message) for warning in caught)
+    assert any(
+        "no listing with downwash is at hand; Ch_e/alpha is left absent" in str(warning.message)
+        for warning in caught
+    )
     assert "Ch_e/alpha" in db.attrs["absent"].split()
     assert "Ch_e/delta" in aerodb.terms(db)
 
@@ -228,7 +295,9 @@ def test_aileron_hinge_from_a_flap_page_of_the_wing(jet, corpus, clean):
     assert float(page["mach"]) == 0.15
     assert table(db, "Ch_a/alpha", mach=0.15) == float(page["Ch_alpha"][0])
     last = page.isel(delta=-1)
-    assert table(db, "Ch_a/delta", mach=0.15, delta_a=float(last["delta"])) == pytest.approx(float(last["Ch_delta"] * last["delta"]))
+    assert table(db, "Ch_a/delta", mach=0.15, delta_a=float(last["delta"])) == pytest.approx(
+        float(last["Ch_delta"] * last["delta"])
+    )
     assert "CL/flap" in db.attrs["absent"].split()
     with pytest.raises(SchemaError, match="the deflected surface is the tail, the wing is needed"):
         aerodb.from_datcom(jet, clean=clean, aileron_hinge=corpus("ce500_elevator"))
@@ -236,7 +305,9 @@ def test_aileron_hinge_from_a_flap_page_of_the_wing(jet, corpus, clean):
 
 @pytest.mark.slow
 def test_one_case_of_a_file_on_the_command_line(corpus, tmp_path):
-    clean, tail = (str(CORPUS / name / f"{name}.out") for name in ("ce500_clean", "spoilers_diff_tail"))
+    clean, tail = (
+        str(CORPUS / name / f"{name}.out") for name in ("ce500_clean", "spoilers_diff_tail")
+    )
     corpus("ce500_clean")  # skips without listings
     case = "DIFFERENTIAL HORIZONTAL STABILIZER"
     arguments = [

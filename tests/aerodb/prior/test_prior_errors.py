@@ -18,9 +18,16 @@ def test_every_figure_belongs_to_a_term_with_a_method():
 def test_a_node_has_the_error_of_its_regime():
     table = xr.DataArray([0.2, 0.2, 0.2, 0.2], {"mach": [0.5, 0.8, 1.2, 2.0]}, "mach")
     base = np.hypot(0.08 * 0.2, 0.05)
-    np.testing.assert_allclose(errors_with(None).stderr("CL/basic", table), base * np.array([1.0, 2.0, 2.0, 1.25]))
-    np.testing.assert_allclose(errors_with(None, 0.9, 1.2).stderr("CL/basic", table), base * np.array([1.0, 1.0, 1.25, 1.25]))
-    np.testing.assert_allclose(errors_with(None).stderr("CL/basic", table.isel(mach=2, drop=True)), base)  # no Mach axis
+    np.testing.assert_allclose(
+        errors_with(None).stderr("CL/basic", table), base * np.array([1.0, 2.0, 2.0, 1.25])
+    )
+    np.testing.assert_allclose(
+        errors_with(None, 0.9, 1.2).stderr("CL/basic", table),
+        base * np.array([1.0, 1.0, 1.25, 1.25]),
+    )
+    np.testing.assert_allclose(
+        errors_with(None).stderr("CL/basic", table.isel(mach=2, drop=True)), base
+    )  # no Mach axis
 
 
 def test_terms_and_classes_may_be_overridden():
@@ -32,11 +39,15 @@ def test_terms_and_classes_may_be_overridden():
 
 
 def test_wrong_overrides_are_refused():
-    with pytest.raises(UnknownName, match="unknown term 'transonic dynamics'; near it: transonic dynamic"):
+    with pytest.raises(
+        UnknownName, match="unknown term 'transonic dynamics'; near it: transonic dynamic"
+    ):
         errors_with({"transonic dynamics": 3.0})
     with pytest.raises(UnknownName, match="subsonic static"):
         errors_with({"subsonic static": 3.0})
-    with pytest.raises(SchemaError, match=r"transonic static is -1\.0; give a factor of zero or more"):
+    with pytest.raises(
+        SchemaError, match=r"transonic static is -1\.0; give a factor of zero or more"
+    ):
         errors_with({"transonic static": -1.0})
     with pytest.raises(SchemaError, match=r"CL/basic is \(0.1,\); give \(relative, absolute\)"):
         errors_with({"CL/basic": (0.1,)})

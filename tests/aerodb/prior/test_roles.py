@@ -1,4 +1,6 @@
-"""Roles found from the listings of a light aircraft in the layouts that listings come in (tests/aerodb/listings), and of the T-37."""
+"""Roles found from the listings of a light aircraft in the layouts that listings come in
+(tests/aerodb/listings), and of the T-37.
+"""
 
 import dataclasses
 import json
@@ -75,37 +77,59 @@ def test_every_case_of_a_listing_gets_its_role(read):
 def test_without_a_clean_case_the_elevator_case_gives_its_static_pages(read, light):
     found = assign_roles(read("plus"))
     assert [item.roles for item in found] == [("flaps",), ("aileron",), ("clean", "elevator"), ()]
-    assert "left out as clean: conditions of plus.out:3" in found[3].reason  # SAVE behind the last case computes it again
+    assert (
+        "left out as clean: conditions of plus.out:3" in found[3].reason
+    )  # SAVE behind the last case computes it again
     with pytest.warns(AeromatchWarning, match="no dynamic page"):
         saved = aerodb.from_datcom(light, **by_role(assign_roles([read("plus")])))
     clean = aerodb.from_datcom(light, **by_role(assign_roles([read("multi")])))
-    assert {"CL/basic", "Cn/beta", "CL/flap", "Cm/elevator", "Cl/aileron"} <= set(aerodb.terms(saved)) < set(aerodb.terms(clean))
+    assert (
+        {"CL/basic", "Cn/beta", "CL/flap", "Cm/elevator", "Cl/aileron"}
+        <= set(aerodb.terms(saved))
+        < set(aerodb.terms(clean))
+    )
     for term, leaf in aerodb.terms(saved).items():  # the last case of plus has no DAMP, so no rates
         np.testing.assert_array_equal(leaf["value"], clean[term]["value"], err_msg=term)
 
 
 def test_several_aircraft_are_refused(read):
     with pytest.raises(
-        SchemaError, match=r"two_aircraft\.out:1 'LIGHT SINGLE A' and two_aircraft\.out:2 .* differ in WGPLNF; give one with"
+        SchemaError,
+        match=r"two_aircraft\.out:1 'LIGHT SINGLE A' and two_aircraft\.out:2 .* differ in WGPLNF; give one with",
     ):
         assign_roles(read("two_aircraft"))
 
 
 def test_a_whole_listing_in_one_role_is_refused_with_the_way_out(read, light):
-    with pytest.raises(SchemaError, match=r"elevator: 4 cases cannot be joined(?s:.*)let the roles be found"):
+    with pytest.raises(
+        SchemaError, match=r"elevator: 4 cases cannot be joined(?s:.*)let the roles be found"
+    ):
         aerodb.from_datcom(light, clean=read("multi")[0], elevator=read("multi"))
 
 
 def test_of_equal_conditions_the_shortest_flap_run_is_taken(t37):
-    names = ("elevator", "elevator_one_by_one", "clean", "build", "ground_flap_one_by_one", "ground_flap", "ground")
-    looped, *single, clean, build_up, flap_0, flap_20, flap_40, together, ground = assign_roles(t37[name] for name in names)
+    names = (
+        "elevator",
+        "elevator_one_by_one",
+        "clean",
+        "build",
+        "ground_flap_one_by_one",
+        "ground_flap",
+        "ground",
+    )
+    looped, *single, clean, build_up, flap_0, flap_20, flap_40, together, ground = assign_roles(
+        t37[name] for name in names
+    )
     assert looped.roles == build_up.roles == ()
     assert "conditions of t37_elevator_one_by_one.pdas.out:1" in looped.reason
     assert [item.roles for item in single] == [("elevator",)] * 6
     assert (clean.roles, ground.roles) == (("clean",), ("ground",))
     assert [item.roles for item in (flap_0, flap_20, flap_40)] == [("ground_flap",)] * 3
     assert together.roles == ()
-    assert "only the first of several deflections of a run is right; run one at a time (datcom split)" in together.reason
+    assert (
+        "only the first of several deflections of a run is right; run one at a time (datcom split)"
+        in together.reason
+    )
 
 
 def test_another_flap_is_no_part_of_the_first(read, corpus):
@@ -121,7 +145,10 @@ def test_a_folder_of_listings_is_built(aircraft, tmp_path):
     done = build(tmp_path, "-o", tmp_path / "db.nc")
     assert done.exit_code == 0
     rows = [line.split() for line in done.stdout.splitlines()[1:6]]
-    assert [(row[0], row[1]) for row in rows] == [*(("multi.out", str(number)) for number in range(1, 5)), ("wing_body.out", "1")]
+    assert [(row[0], row[1]) for row in rows] == [
+        *(("multi.out", str(number)) for number in range(1, 5)),
+        ("wing_body.out", "1"),
+    ]
     assert "WING-BODY: a part of WING-BODY-VERTICAL TAIL-HORIZONTAL TAIL" in done.stdout
     found = aerodb.terms(aerodb.open(tmp_path / "db.nc"))
     assert {"CL/flap", "Cm/elevator", "Cl/aileron"} <= set(found)
@@ -144,7 +171,10 @@ def test_what_a_folder_lacks_is_reported(aircraft, tmp_path):
 @pytest.mark.parametrize("option", ["", "--clean"])
 def test_a_wing_body_is_no_whole_aircraft_unless_stated(aircraft, tmp_path, option):
     place = [option, LISTINGS / "wing_body.out"] if option else [LISTINGS / "wing_body.out"]
-    with pytest.raises(SchemaError, match=r"are those of WING-BODY, not of the whole aeroplane: .*; give the case with HTPLNF and VTPLNF"):
+    with pytest.raises(
+        SchemaError,
+        match=r"are those of WING-BODY, not of the whole aeroplane: .*; give the case with HTPLNF and VTPLNF",
+    ):
         build(aircraft, *place, "-o", tmp_path / "db.nc")
     assert build(aircraft, *place, "--tailless", "-o", tmp_path / "db.nc").exit_code == 0
 
@@ -155,7 +185,9 @@ def test_without_reference_that_of_the_cards_is_taken(aircraft, tmp_path, read, 
     done = build(aircraft, f"{LISTINGS / 'multi.out'}:1", "-o", tmp_path / "db.nc")
     assert "XCG 2.195 m, ZCG 0.03048 m" in done.stderr
     found = aerodb.open(tmp_path / "db.nc")
-    assert [found.attrs[name] for name in ("x_ref", "y_ref", "z_ref")] == pytest.approx([-7.2 * FOOT, 0.0, -0.1 * FOOT])
+    assert [found.attrs[name] for name in ("x_ref", "y_ref", "z_ref")] == pytest.approx(
+        [-7.2 * FOOT, 0.0, -0.1 * FOOT]
+    )
     stated = aerodb.from_datcom(light, clean=read("multi")[0])
     np.testing.assert_array_equal(values(found, "Cm/basic"), values(stated, "Cm/basic"))
 
@@ -163,16 +195,24 @@ def test_without_reference_that_of_the_cards_is_taken(aircraft, tmp_path, read, 
 @pytest.mark.slow
 def test_a_reference_far_from_the_cards_is_an_error_unless_stated(light, read):
     clean = read("multi")[0]
-    near, far = (dataclasses.replace(light, reference=(-7.2 * FOOT - d * light.cbar, 0.0, -0.1 * FOOT)) for d in (0.09, 0.11))
+    near, far = (
+        dataclasses.replace(light, reference=(-7.2 * FOOT - d * light.cbar, 0.0, -0.1 * FOOT))
+        for d in (0.09, 0.11)
+    )
     aerodb.from_datcom(near, clean=clean)
     with pytest.raises(
-        SchemaError, match=r"lies 0\.11 chords from the moment centre of multi\.out \(XCG 2\.195 m, .*; clean\); correct it"
+        SchemaError,
+        match=r"lies 0\.11 chords from the moment centre of multi\.out \(XCG 2\.195 m, .*; clean\); correct it",
     ):
         aerodb.from_datcom(far, clean=clean)
     moved = aerodb.from_datcom(far, clean=clean, move_reference=True)
     here = aerodb.from_datcom(light, clean=clean)
     CN = values(here, "CL/basic").sel(alpha=0.0)  # at alpha 0 the normal force is the lift
-    np.testing.assert_allclose(values(moved, "Cm/basic").sel(alpha=0.0), values(here, "Cm/basic").sel(alpha=0.0) + 0.11 * CN, atol=1e-12)
+    np.testing.assert_allclose(
+        values(moved, "Cm/basic").sel(alpha=0.0),
+        values(here, "Cm/basic").sel(alpha=0.0) + 0.11 * CN,
+        atol=1e-12,
+    )
 
 
 @pytest.mark.slow
@@ -187,13 +227,21 @@ def test_powered_and_unpowered_cases_of_one_listing_are_separated(light, read, k
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("kind", "words"), [("jet", "jet power at CT = 0.12"), ("prop", "propeller power at CT = 0.1")])
+@pytest.mark.parametrize(
+    ("kind", "words"), [("jet", "jet power at CT = 0.12"), ("prop", "propeller power at CT = 0.1")]
+)
 def test_powered_pages_are_used_when_stated(light, read, kind, words):
-    """The thrust itself is off; the remainder lies within two of the inflated standard errors of the page without power."""
+    """The thrust itself is off; the remainder lies within two of the inflated standard errors of
+    the page without power.
+    """
     free, powered = read(f"{kind}_pair")
-    with pytest.raises(SchemaError, match=r"are computed with power .*state `powered` \(--powered\)"):
+    with pytest.raises(
+        SchemaError, match=r"are computed with power .*state `powered` \(--powered\)"
+    ):
         aerodb.from_datcom(light, clean=powered)
-    with pytest.warns(AeromatchWarning, match=f"CL, CD and Cm are computed with {words}: thrust itself taken off"):
+    with pytest.warns(
+        AeromatchWarning, match=f"CL, CD and Cm are computed with {words}: thrust itself taken off"
+    ):
         db = aerodb.from_datcom(light, clean=powered, powered=True)
     without = aerodb.from_datcom(light, clean=free)
     printed = powered.to_datatree()["static"].to_dataset().isel(condition=0)
@@ -208,7 +256,9 @@ def test_powered_pages_are_used_when_stated(light, read, kind, words):
         assert bool((stderr > 1.05 * usual).any()) == ((kind, term) != ("jet", "CD/basic"))
     for term in ("Cl/beta", "Cm/qhat", "Cn/rhat"):
         np.testing.assert_array_equal(values(db, term), values(without, term))
-    assert float(values(db, "CL/basic").sel(alpha=4.0 * DEGREE, method="nearest")) != float(printed["CL"][2])
+    assert float(values(db, "CL/basic").sel(alpha=4.0 * DEGREE, method="nearest")) != float(
+        printed["CL"][2]
+    )
 
 
 def test_powered_pages_cannot_be_clean_and_power_at_once(light, read):
@@ -218,9 +268,13 @@ def test_powered_pages_cannot_be_clean_and_power_at_once(light, read):
 
 
 def test_an_increment_printed_alone_is_taken_out(jet, corpus):
-    """ce500_jet.out, Mach 0.2, alpha 18 to 22: no CM without power, CM -0.0699 ... is the increment alone; CMA shows NA."""
+    """ce500_jet.out, Mach 0.2, alpha 18 to 22: no CM without power, CM -0.0699 ... is the increment
+    alone; CMA shows NA.
+    """
     with pytest.warns(AeromatchWarning):
         db = aerodb.from_datcom(jet, clean=corpus("ce500_jet"), powered=True)
     Cm = db["Cm/basic"].to_dataset().sel(mach=0.2)
     assert float(Cm["alpha"].max()) == pytest.approx(22 * DEGREE)
-    assert float(Cm["value"].sel(alpha=22 * DEGREE, method="nearest")) == float(Cm["value"].sel(alpha=16 * DEGREE, method="nearest"))
+    assert float(Cm["value"].sel(alpha=22 * DEGREE, method="nearest")) == float(
+        Cm["value"].sel(alpha=16 * DEGREE, method="nearest")
+    )

@@ -7,12 +7,19 @@ from flightmech.terms import make
 
 
 def test_contributions_by_hand(small):
-    given = {"mach": 0.3, "alpha": np.radians([0.0, 4.0]), "qhat": 0.01, "delta_f": np.radians(30.0)}
+    given = {
+        "mach": 0.3,
+        "alpha": np.radians([0.0, 4.0]),
+        "qhat": 0.01,
+        "delta_f": np.radians(30.0),
+    }
     parts = aerodb.contributions(small, "CL", given)
     np.testing.assert_allclose(parts["basic"], 0.2 + 5.2 * np.radians([0.0, 4.0]), rtol=1e-14)
     np.testing.assert_allclose(parts["qhat"], 8.2 * 0.01, rtol=1e-14)
     np.testing.assert_allclose(parts["flap"], 0.28, rtol=1e-14)
-    np.testing.assert_allclose(aerodb.evaluate(small, "CL", **given), sum(parts.values()), rtol=1e-14)
+    np.testing.assert_allclose(
+        aerodb.evaluate(small, "CL", **given), sum(parts.values()), rtol=1e-14
+    )
 
 
 def test_a_coefficient_without_terms_is_zero(small):
@@ -20,7 +27,9 @@ def test_a_coefficient_without_terms_is_zero(small):
 
 
 def test_beyond_a_table_the_term_is_named(small):
-    with pytest.raises(OutOfRange, match=r"CL/flap: delta_f = 0.8 lies outside 0 ... 0.698132 in 1 of 2 samples") as caught:
+    with pytest.raises(
+        OutOfRange, match=r"CL/flap: delta_f = 0.8 lies outside 0 ... 0.698132 in 1 of 2 samples"
+    ) as caught:
         aerodb.evaluate(small, "CL", mach=0.3, alpha=0.0, qhat=0.0, delta_f=np.array([0.1, 0.8]))
     np.testing.assert_array_equal(caught.value.mask, [False, True])
     held = aerodb.evaluate(small, "CL", outside="clamp", mach=0.3, alpha=0.0, qhat=0.0, delta_f=0.8)
@@ -54,7 +63,9 @@ def test_a_drag_polar_follows_the_lift(root):
     assert float(aerodb.evaluate(db, "CD", alpha=0.1)) == pytest.approx(0.06, rel=1e-14)
     assert float(aerodb.evaluate(db, "Cm", alpha=0.1)) == pytest.approx(0.12, rel=1e-14)
     assert float(aerodb.evaluate(db, "Cm", CL=1.0)) == pytest.approx(0.3, rel=1e-14)
-    assert aerodb.contributions(db, "CD", {"alpha": 0.1})["induced"] == pytest.approx(0.025, rel=1e-14)
+    assert aerodb.contributions(db, "CD", {"alpha": 0.1})["induced"] == pytest.approx(
+        0.025, rel=1e-14
+    )
 
 
 def test_drag_of_a_database_in_body_axes(root):
@@ -71,7 +82,8 @@ def test_a_loop_among_coefficients_is_refused_with_its_path(root):
         "Cm/drag": make(1.0, regressors=["CD"]),
     }
     with pytest.raises(
-        SchemaError, match=r"CL -> CD -> Cm -> CL \(terms CD/polar, Cm/drag, CL/flow\): a coefficient cannot depend on itself"
+        SchemaError,
+        match=r"CL -> CD -> Cm -> CL \(terms CD/polar, Cm/drag, CL/flow\): a coefficient cannot depend on itself",
     ):
         aerodb.store.database(leaves, **root)
 

@@ -19,13 +19,18 @@ from flightmech.errors import SchemaError
 AXES = ("mach", "alpha", "delta_e", "delta_f", "h_agl")
 REGRESSORS = ("qhat", "beta", "alpha", "gear")
 NUMBERS = st.floats(-1e6, 1e6, allow_subnormal=False)
-TEXT = st.text(st.characters(codec="utf-8", exclude_characters="\0", exclude_categories=["Cs"]), max_size=30)
+TEXT = st.text(
+    st.characters(codec="utf-8", exclude_characters="\0", exclude_categories=["Cs"]), max_size=30
+)
 
 
 @st.composite
 def leaves(draw):
     axes = draw(st.lists(st.sampled_from(AXES), max_size=3, unique=True))
-    points = {axis: np.array(sorted(draw(st.lists(NUMBERS, min_size=1, max_size=4, unique=True)))) for axis in axes}
+    points = {
+        axis: np.array(sorted(draw(st.lists(NUMBERS, min_size=1, max_size=4, unique=True))))
+        for axis in axes
+    }
     shape = tuple(len(p) for p in points.values())
     count = int(np.prod(shape))
     values = np.array(draw(st.lists(NUMBERS, min_size=count, max_size=count))).reshape(shape)
@@ -33,11 +38,20 @@ def leaves(draw):
     regressors = draw(st.lists(st.sampled_from(REGRESSORS), max_size=2))
     source = draw(st.none() | st.sampled_from(terms.SOURCES))
     outside = draw(st.sampled_from(["hold", "linear"]))
-    K1 = xr.DataArray([0.5, draw(NUMBERS)], coords={"x_cg": [0.1, 0.3]}, dims="x_cg") if draw(st.booleans()) else None
+    K1 = (
+        xr.DataArray([0.5, draw(NUMBERS)], coords={"x_cg": [0.1, 0.3]}, dims="x_cg")
+        if draw(st.booleans())
+        else None
+    )
     more = {"history": draw(TEXT)} if draw(st.booleans()) else {}
-    power = draw(st.none() | st.builds(terms.Power, st.just("h_agl"), st.floats(-10.0, 10.0), st.floats(1e-3, 1e3)))
+    power = draw(
+        st.none()
+        | st.builds(terms.Power, st.just("h_agl"), st.floats(-10.0, 10.0), st.floats(1e-3, 1e3))
+    )
     facts = {"outside": outside, "comment": draw(TEXT), **more}
-    leaf = terms.make(values, points, regressors, stderr=stderr, source=source, K1=K1, power=power, **facts)
+    leaf = terms.make(
+        values, points, regressors, stderr=stderr, source=source, K1=K1, power=power, **facts
+    )
     if draw(st.booleans()):
         leaf["value"].attrs["formula"] = draw(TEXT)
         leaf.attrs |= {"order": draw(st.integers(-(2**53), 2**53)), "weight": draw(NUMBERS)}
@@ -46,15 +60,35 @@ def leaves(draw):
 
 @st.composite
 def databases(draw):
-    names = draw(st.lists(st.sampled_from(["CL/basic", "CL/gear", "CD/basic", "Cl/beta", "Cm/qhat"]), min_size=1, unique=True))
-    attributes = {"title": draw(TEXT), "aircraft": "any", "S": draw(st.floats(1e-3, 1e3)), "cbar": 1.5, "b": 10.0}
-    place = {"x_ref": draw(NUMBERS), "y_ref": 0.0, "z_ref": 0.0, "force_axes": "stability", "comment": draw(TEXT)}
+    names = draw(
+        st.lists(
+            st.sampled_from(["CL/basic", "CL/gear", "CD/basic", "Cl/beta", "Cm/qhat"]),
+            min_size=1,
+            unique=True,
+        )
+    )
+    attributes = {
+        "title": draw(TEXT),
+        "aircraft": "any",
+        "S": draw(st.floats(1e-3, 1e3)),
+        "cbar": 1.5,
+        "b": 10.0,
+    }
+    place = {
+        "x_ref": draw(NUMBERS),
+        "y_ref": 0.0,
+        "z_ref": 0.0,
+        "force_axes": "stability",
+        "comment": draw(TEXT),
+    }
     return aerodb.database({name: draw(leaves()) for name in names}, **attributes, **place)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("fmt", ["netcdf", "matlab", "csv"])
-@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 @given(db=databases())
 def test_there_and_back_gives_the_same_tree(mat_files_in_this_process, tmp_path, db, fmt):
     write, read = {
@@ -73,11 +107,16 @@ def test_there_and_back_gives_the_same_tree(mat_files_in_this_process, tmp_path,
 
 
 @pytest.mark.slow
-@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 @given(db=databases())
 def test_a_look_at_a_file_shows_what_the_whole_tree_holds(tmp_path, db):
     path = tmp_path / "any.nc"
-    aerodb.save(aerodb.store.with_checks(aerodb.edit.scale(db, [next(iter(aerodb.terms(db)))], 2.0), 1), path)
+    aerodb.save(
+        aerodb.store.with_checks(aerodb.edit.scale(db, [next(iter(aerodb.terms(db)))], 2.0), 1),
+        path,
+    )
     whole = aerodb.open(path)
     attributes, leaves = look(path, SHOWN)
     assert attributes == whole.attrs
@@ -93,11 +132,17 @@ def test_a_look_at_a_file_shows_what_the_whole_tree_holds(tmp_path, db):
 
 
 @pytest.mark.slow
-@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 @given(db=databases(), count=st.integers(1, 5), seed=st.integers(0, 9))
 def test_check_cases_and_previous_states_travel_with_the_file(tmp_path, db, count, seed):
     name = next(iter(aerodb.terms(db)))
-    edited = aerodb.delete_terms(db, [name]) if len(aerodb.terms(db)) > 1 else aerodb.edit.scale(db, [name], 2.0)
+    edited = (
+        aerodb.delete_terms(db, [name])
+        if len(aerodb.terms(db)) > 1
+        else aerodb.edit.scale(db, [name], 2.0)
+    )
     edited = aerodb.store.with_checks(edited, count, seed)
     aerodb.save(edited, tmp_path / "any.nc")
     back = aerodb.open(tmp_path / "any.nc")
@@ -125,11 +170,24 @@ def test_plain_h5py_reads_the_file(small, tmp_path):
         assert leaf["alpha"].attrs["units"] == "rad"
         assert file["CL/qhat"].attrs["regressors"] == "qhat"
         assert leaf["source"].attrs["flag_meanings"] == "datcom flight judgement"
-        assert [axis[0].name for axis in leaf["value"].dims] == ["/CL/basic/mach", "/CL/basic/alpha"]
+        assert [axis[0].name for axis in leaf["value"].dims] == [
+            "/CL/basic/mach",
+            "/CL/basic/alpha",
+        ]
         assert [axis.label for axis in file["CL/qhat/stderr"].dims] == [""]
         assert list(file) == ["CL", "Cm"]
-        scales = [leaf[axis] for leaf in file["CL"].values() for axis in leaf if axis in ("mach", "alpha", "delta_f")]
-        assert sorted(scale.attrs["_Netcdf4Dimid"] for scale in scales) == [0, 1, 2, 3]  # netCDF finds dimensions by this number
+        scales = [
+            leaf[axis]
+            for leaf in file["CL"].values()
+            for axis in leaf
+            if axis in ("mach", "alpha", "delta_f")
+        ]
+        assert sorted(scale.attrs["_Netcdf4Dimid"] for scale in scales) == [
+            0,
+            1,
+            2,
+            3,
+        ]  # netCDF finds dimensions by this number
         assert list(file["CL"]) == ["basic", "qhat", "flap"]
 
 
@@ -174,7 +232,10 @@ def test_of_two_editors_of_one_database_the_second_is_refused(small, tmp_path):
     ours, theirs = aerodb.open(path), aerodb.edit.scale(small, "CL/flap", 2.0)
     saved_by_another_process(theirs, path)
     ours = aerodb.edit.scale(ours, "CL/flap", 1.5)
-    with pytest.raises(SchemaError, match="was saved by another program after it was read here; open it again and repeat the edit"):
+    with pytest.raises(
+        SchemaError,
+        match="was saved by another program after it was read here; open it again and repeat the edit",
+    ):
         aerodb.save(ours, path)
     xr.testing.assert_identical(aerodb.open(path), theirs)
     assert [file.name for file in tmp_path.iterdir()] == ["a.nc"]
@@ -182,7 +243,9 @@ def test_of_two_editors_of_one_database_the_second_is_refused(small, tmp_path):
     aerodb.save(theirs, path)
 
 
-def test_a_database_that_was_saved_again_with_the_same_content_is_the_one_that_was_read(small, tmp_path):
+def test_a_database_that_was_saved_again_with_the_same_content_is_the_one_that_was_read(
+    small, tmp_path
+):
     path = tmp_path / "a.nc"
     aerodb.save(small, path)
     aerodb.open(path)

@@ -26,19 +26,44 @@ def file(small, tmp_path):
 @pytest.fixture(scope="module")
 def saved(tmp_path_factory):
     """Return a database, the bytes of its file, and a place for harmed copies."""
-    root = {"title": "t", "aircraft": "a", "S": 1.0, "cbar": 1.0, "b": 1.0, "x_ref": 0.0, "y_ref": 0.0, "z_ref": 0.0}
-    basic = terms.make([[1.0, 2.0], [3.0, 4.0]], {"mach": [0.1, 0.2], "alpha": [0.0, 0.1]}, stderr=0.1, source="datcom", history="one\ntwo")
-    db = aerodb.database({"CL/basic": basic, "Cm/qhat": terms.make(-3.0, regressors=["qhat"])}, force_axes="stability", **root)
+    root = {
+        "title": "t",
+        "aircraft": "a",
+        "S": 1.0,
+        "cbar": 1.0,
+        "b": 1.0,
+        "x_ref": 0.0,
+        "y_ref": 0.0,
+        "z_ref": 0.0,
+    }
+    basic = terms.make(
+        [[1.0, 2.0], [3.0, 4.0]],
+        {"mach": [0.1, 0.2], "alpha": [0.0, 0.1]},
+        stderr=0.1,
+        source="datcom",
+        history="one\ntwo",
+    )
+    db = aerodb.database(
+        {"CL/basic": basic, "Cm/qhat": terms.make(-3.0, regressors=["qhat"])},
+        force_axes="stability",
+        **root,
+    )
     path = tmp_path_factory.mktemp("harmed") / "a.nc"
     aerodb.save(db, path)
     return SimpleNamespace(db=db, content=path.read_bytes(), path=path)
 
 
-@settings(max_examples=3 * settings.default.max_examples, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=3 * settings.default.max_examples,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
 @given(data=st.data())
 def test_flipped_bytes_are_a_clear_error(saved, data):
     content = bytearray(saved.content)
-    places = data.draw(st.lists(st.integers(0, len(content) - 1), min_size=1, max_size=4, unique=True))
+    places = data.draw(
+        st.lists(st.integers(0, len(content) - 1), min_size=1, max_size=4, unique=True)
+    )
     for place in places:
         content[place] ^= data.draw(st.integers(1, 255))
     saved.path.write_bytes(content)
@@ -46,7 +71,11 @@ def test_flipped_bytes_are_a_clear_error(saved, data):
         aerodb.open(saved.path)
 
 
-@settings(max_examples=settings.default.max_examples, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=settings.default.max_examples,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
 @given(data=st.data())
 def test_a_file_that_ends_early_is_a_clear_error(saved, data):
     keep = data.draw(st.integers(0, len(saved.content) - 1))
@@ -58,7 +87,11 @@ def test_a_file_that_ends_early_is_a_clear_error(saved, data):
         aerodb.open(saved.path)
 
 
-@settings(max_examples=2 * settings.default.max_examples // 3, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=2 * settings.default.max_examples // 3,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
 @given(data=st.data())
 def test_a_tail_of_zeros_is_a_clear_error(saved, data):
     """What a copy that broke off leaves in a file of the full length."""
@@ -84,7 +117,9 @@ def test_any_layout_of_hdf5_is_read(small, tmp_path, monkeypatch, layout):
 
 
 def test_files_that_are_no_database(tmp_path):
-    with pytest.raises(FileNotFoundError, match=r"nowhere.nc: no such file; `aeromatch db build` writes a database"):
+    with pytest.raises(
+        FileNotFoundError, match=r"nowhere.nc: no such file; `aeromatch db build` writes a database"
+    ):
         aerodb.open(tmp_path / "nowhere.nc")
     for content in (b"", b"not a database"):
         (tmp_path / "text.nc").write_bytes(content)
@@ -96,7 +131,9 @@ def test_files_that_are_no_database(tmp_path):
     xr.Dataset({"x": ("time", [1.0])}, {"time": [0.0]}).to_netcdf(other, engine="h5netcdf")
     with pytest.raises(SchemaError, match="root holds the variables x") as caught:
         aerodb.open(other)
-    assert len(caught.value.problems) > 8  # with the root attributes that a database has and this file lacks
+    assert (
+        len(caught.value.problems) > 8
+    )  # with the root attributes that a database has and this file lacks
 
 
 def test_files_of_another_kind_are_called_by_it(tmp_path):
@@ -108,7 +145,9 @@ def test_files_of_another_kind_are_called_by_it(tmp_path):
     }
     for verb, groups in kinds.items():
         xr.DataTree.from_dict(groups).to_netcdf(tmp_path / "other.nc", engine="h5netcdf")
-        with pytest.raises(SchemaError, match=rf"\(`aeromatch {verb}` reads it\), no aero database") as caught:
+        with pytest.raises(
+            SchemaError, match=rf"\(`aeromatch {verb}` reads it\), no aero database"
+        ) as caught:
             aerodb.open(tmp_path / "other.nc")
         assert len(caught.value.problems) == 1
 
@@ -119,7 +158,9 @@ def test_a_database_that_xarray_wrote_is_one(small, tmp_path):
 
 
 def test_a_dimension_without_breakpoints_is_reported(small, tmp_path):
-    tree = xr.DataTree.from_dict({**small.to_dict(), "/CL/flap": xr.Dataset({"value": ("delta_f", [0.0, 0.2])})})
+    tree = xr.DataTree.from_dict(
+        {**small.to_dict(), "/CL/flap": xr.Dataset({"value": ("delta_f", [0.0, 0.2])})}
+    )
     tree.to_netcdf(tmp_path / "x.nc", engine="h5netcdf")
     with pytest.raises(SchemaError) as caught:
         aerodb.open(tmp_path / "x.nc")
@@ -207,16 +248,25 @@ def no_numbers(file):
     [
         (objects, "CL/flap/note holds objects or texts; tables hold numbers"),
         (five_axes, "CD/basic: value has 5 axes; at most 4 are allowed"),
-        (unnamed, "CD/basic/value: dimension 2 has no name; attach the dimension scale of its axis"),
+        (
+            unnamed,
+            "CD/basic/value: dimension 2 has no name; attach the dimension scale of its axis",
+        ),
         (endless, "CD/basic/value has the shape (1099511627776,); a table has at most 128 MiB"),
         (outside, "CD is a link to another place; a database holds its tables itself"),
         (outside, "CL/again is a link to another place; a database holds its tables itself"),
         (circle, "CL/flap/again: linked to more than once; a database holds each group once"),
         (circle, "CL/root: linked to more than once; a database holds each group once"),
-        (packed, "CL/flap/value is packed (attribute scale_factor); unpack the numbers before you write them"),
+        (
+            packed,
+            "CL/flap/value is packed (attribute scale_factor); unpack the numbers before you write them",
+        ),
         (lists, "CL/flap: attribute references is neither a text nor a number"),
         (lists, "root: attribute note is neither a text nor a number"),
-        (virtual, "CD/basic/value keeps its numbers in another file; a database holds its tables itself"),
+        (
+            virtual,
+            "CD/basic/value keeps its numbers in another file; a database holds its tables itself",
+        ),
         (no_numbers, "CD/basic/value has the shape None; a table has at most 128 MiB"),
     ],
 )
@@ -228,7 +278,9 @@ def test_what_is_no_table_is_named(file, harm, problem):
     assert problem in caught.value.problems
 
 
-@pytest.mark.skipif(shutil.which("ncdump") is None, reason="needs ncdump (Debian package netcdf-bin)")
+@pytest.mark.skipif(
+    shutil.which("ncdump") is None, reason="needs ncdump (Debian package netcdf-bin)"
+)
 def test_ncdump_reads_the_file(file):
     text = os.popen(f"ncdump -k {file} && ncdump -h {file}").read()
     assert text.startswith("netCDF-4")
@@ -238,19 +290,41 @@ def test_ncdump_reads_the_file(file):
 @pytest.mark.parametrize(
     ("change", "problem"),
     [
-        (lambda db: db.attrs.update(note="a\0b"), "root: attribute note holds a character that no file can carry"),
-        (lambda db: db.attrs.update(note="\ud800"), "root: attribute note holds a character that no file can carry"),
-        (lambda db: db["CL/flap"]["value"].attrs.update(fine=True), "CL/flap: attribute fine of value is a bool; only text"),
-        (lambda db: db["CL/flap"].attrs.update(CLASS="x"), "CL/flap: attribute 'CLASS' has a name that the file format keeps for itself"),
-        (lambda db: db.update({"checks": xr.DataTree(xr.Dataset({"CL": ("case", [1.0])}))}), "checks: CL has the dimension case without"),
-        (lambda db: db.update({"checks": xr.DataTree(xr.Dataset({"CL": "text"}))}), "checks: CL holds <U4; a file holds numbers"),
+        (
+            lambda db: db.attrs.update(note="a\0b"),
+            "root: attribute note holds a character that no file can carry",
+        ),
+        (
+            lambda db: db.attrs.update(note="\ud800"),
+            "root: attribute note holds a character that no file can carry",
+        ),
+        (
+            lambda db: db["CL/flap"]["value"].attrs.update(fine=True),
+            "CL/flap: attribute fine of value is a bool; only text",
+        ),
+        (
+            lambda db: db["CL/flap"].attrs.update(CLASS="x"),
+            "CL/flap: attribute 'CLASS' has a name that the file format keeps for itself",
+        ),
+        (
+            lambda db: db.update({"checks": xr.DataTree(xr.Dataset({"CL": ("case", [1.0])}))}),
+            "checks: CL has the dimension case without",
+        ),
+        (
+            lambda db: db.update({"checks": xr.DataTree(xr.Dataset({"CL": "text"}))}),
+            "checks: CL holds <U4; a file holds numbers",
+        ),
     ],
 )
-def test_what_no_file_can_hold_is_refused_before_anything_is_written(small, tmp_path, change, problem):
+def test_what_no_file_can_hold_is_refused_before_anything_is_written(
+    small, tmp_path, change, problem
+):
     change(small)
     with pytest.raises(SchemaError) as caught:
         aerodb.save(small, tmp_path / "small.nc")
-    assert [text for text in caught.value.problems if text.startswith(problem)], caught.value.problems
+    assert [text for text in caught.value.problems if text.startswith(problem)], (
+        caught.value.problems
+    )
     assert not list(tmp_path.iterdir())
 
 

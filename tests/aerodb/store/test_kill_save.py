@@ -1,4 +1,6 @@
-"""A process that is killed while it saves, and a disk that is full: the older file or the new one is there, whole, never a third thing."""
+"""A process that is killed while it saves, and a disk that is full: the older file or the new one
+is there, whole, never a third thing.
+"""
 
 import os
 import resource
@@ -29,9 +31,20 @@ pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork and 
 
 def make_pair():
     """Return two databases that differ in every number."""
-    small = aerodb.database({"CL/basic": terms.make([0.1, 0.9], {"alpha": [0.0, 0.2]}), "Cm/qhat": terms.make(-17.0)}, title="one", **ROOT)
-    changed = {name: leaf.assign(value=leaf["value"] * 2.0 + 1.0) for name, leaf in aerodb.terms(small).items()}
-    big = terms.make([[float(i + j) for i in range(60)] for j in range(60)], {"mach": range(60), "alpha": range(60)}, history="y" * 20_000)
+    small = aerodb.database(
+        {"CL/basic": terms.make([0.1, 0.9], {"alpha": [0.0, 0.2]}), "Cm/qhat": terms.make(-17.0)},
+        title="one",
+        **ROOT,
+    )
+    changed = {
+        name: leaf.assign(value=leaf["value"] * 2.0 + 1.0)
+        for name, leaf in aerodb.terms(small).items()
+    }
+    big = terms.make(
+        [[float(i + j) for i in range(60)] for j in range(60)],
+        {"mach": range(60), "alpha": range(60)},
+        history="y" * 20_000,
+    )
     changed["CD/basic"] = big
     return small, aerodb.database(changed, **{**small.attrs, "title": "another"})
 
@@ -42,7 +55,9 @@ def pair():
 
 
 def save_killed_at_each_call(folder):
-    """Save one database over another and be killed; the file is one of the two, and the next save removes what the kill left."""
+    """Save one database over another and be killed; the file is one of the two, and the next save
+    removes what the kill left.
+    """
     (old, new), path = make_pair(), folder / "db.nc"
     aerodb.save(old, path)
     seen = []
@@ -53,7 +68,9 @@ def save_killed_at_each_call(folder):
         aerodb.save(old, path)
         assert os.listdir(folder) == ["db.nc"], f"call {number}"
     assert aerodb.open(path).identical(new)
-    assert seen == sorted(seen, reverse=True), "once the new file is in place, the old one does not return"
+    assert seen == sorted(seen, reverse=True), (
+        "once the new file is in place, the old one does not return"
+    )
     assert len(seen) > 4, seen
 
 

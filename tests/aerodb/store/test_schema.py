@@ -19,7 +19,13 @@ def test_check_lists_every_fault_at_once(small_terms, root):
     faulty["value"] = faulty["value"].where(faulty["mach"] > 0.3)
     attributes = {**root, "S": -1.0, "force_axes": "sideways", "comment": ["a", "list"]}
     del attributes["title"]
-    tree = xr.DataTree.from_dict({"/": xr.Dataset(attrs=attributes), "/CL/basic": faulty, "/CX/deep/er": small_terms["CL/qhat"]})
+    tree = xr.DataTree.from_dict(
+        {
+            "/": xr.Dataset(attrs=attributes),
+            "/CL/basic": faulty,
+            "/CX/deep/er": small_terms["CL/qhat"],
+        }
+    )
     text = "\n".join(aerodb.check(tree))
     assert "root attribute title is None; a text is needed" in text
     assert "root attribute S is -1.0; it must be positive" in text
@@ -30,9 +36,17 @@ def test_check_lists_every_fault_at_once(small_terms, root):
 
 
 def test_a_coefficient_of_other_axes_is_refused(root):
-    with pytest.raises(SchemaError, match="unknown coefficient 'CZ'; with these force_axes allowed: CL, CD, CY, Cl, Cm, Cn"):
+    with pytest.raises(
+        SchemaError,
+        match="unknown coefficient 'CZ'; with these force_axes allowed: CL, CD, CY, Cl, Cm, Cn",
+    ):
         aerodb.database({"CZ/basic": terms.make(0.1)}, **root)
-    assert aerodb.check(aerodb.database({"CZ/basic": terms.make(0.1)}, **{**root, "force_axes": "body"})) == []
+    assert (
+        aerodb.check(
+            aerodb.database({"CZ/basic": terms.make(0.1)}, **{**root, "force_axes": "body"})
+        )
+        == []
+    )
 
 
 def test_check_cases_in_the_file_are_no_terms(small):
@@ -51,14 +65,19 @@ def test_what_edits_replaced_is_no_term(small, small_terms):
 def test_hinge_moments_go_with_any_force_axes(small_terms, root):
     hinge = terms.make(-0.3, regressors=["delta_e"])
     for axes, name in (("stability", "CL/basic"), ("wind", "CL/basic"), ("body", "CZ/basic")):
-        db = aerodb.database({name: small_terms["CL/basic"], "Ch_e/delta": hinge, "Ch_r/beta": hinge}, **{**root, "force_axes": axes})
+        db = aerodb.database(
+            {name: small_terms["CL/basic"], "Ch_e/delta": hinge, "Ch_r/beta": hinge},
+            **{**root, "force_axes": axes},
+        )
         assert aerodb.check(db) == []
     with pytest.raises(SchemaError, match="unknown coefficient 'Ch_x'"):
         aerodb.database({"Ch_x/delta": hinge}, **root)
 
 
 def test_an_empty_tree_is_no_database(root):
-    assert aerodb.check(xr.DataTree(xr.Dataset(attrs=root))) == ["holds no term; a database has leaves such as CL/basic"]
+    assert aerodb.check(xr.DataTree(xr.Dataset(attrs=root))) == [
+        "holds no term; a database has leaves such as CL/basic"
+    ]
 
 
 def test_terms_keep_their_own_breakpoints(small):
@@ -70,4 +89,9 @@ def test_terms_keep_their_own_breakpoints(small):
 
 def test_import_of_the_package_is_fast():
     code = "import sys, aerodb; print([m for m in ('xarray', 'pandas', 'scipy', 'numpy') if m in sys.modules])"
-    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == "[]"
+    assert (
+        subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, check=True
+        ).stdout.strip()
+        == "[]"
+    )

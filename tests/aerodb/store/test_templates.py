@@ -12,7 +12,8 @@ from aerodb.store.templates import lr743, make, scheme_table
 from flightmech import terms
 from flightmech.errors import SchemaError, UnknownName
 
-# every symbol of the right-hand sides of LR-743 eq. (2) to (11): term, K, axes of the report, regressors
+# every symbol of the right-hand sides of LR-743 eq. (2) to (11): term, K, axes of the report,
+# regressors
 EQUATIONS = {
     "(2)": [("altitude", "", "mach h", "alpha"), ("flap", "", "alpha delta_f", "")],
     "(3)": [("basic", "", "alpha mach", "")],
@@ -24,9 +25,15 @@ EQUATIONS = {
     ],
     "(5)": [("tab", "", "alpha mach", "delta_t")],
     "(6)": [("qhat", "x_cg", "mach h", "qhat"), ("qhat_flap", "x_cg", "mach delta_f", "qhat")],
-    "(7)": [("alphadothat", "x_cg", "mach h", "alphadothat"), ("alphadothat_flap", "x_cg", "mach delta_f", "alphadothat")],
+    "(7)": [
+        ("alphadothat", "x_cg", "mach h", "alphadothat"),
+        ("alphadothat_flap", "x_cg", "mach delta_f", "alphadothat"),
+    ],
     "(8)": [("load_factor", "", "mach h", "dnz"), ("load_factor_flap", "", "mach delta_f", "dnz")],
-    "(9)": [("speedbrake", "speedbrake", "alpha mach", ""), ("speedbrake_flap", "speedbrake", "alpha delta_f", "")],
+    "(9)": [
+        ("speedbrake", "speedbrake", "alpha mach", ""),
+        ("speedbrake_flap", "speedbrake", "alpha delta_f", ""),
+    ],
     "(10)": [("gear", "gear", "alpha delta_f", ""), ("gear_mach", "gear", "alpha", "mach")],
     "(11)": [
         ("ground", "h_agl", "alpha delta_f", ""),
@@ -82,14 +89,23 @@ def test_the_kernel_knows_the_variables_of_the_build_up():
     from flightmech.simulation.kernel import VARIABLE, known
 
     flown = {name.pattern for name in known(VARIABLE) if not name.group}
-    assert not [name for name, slot in lr743().items() if not {*slot.axes, *slot.regressors, *filter(None, [slot.K1])} <= flown]
+    assert not [
+        name
+        for name, slot in lr743().items()
+        if not {*slot.axes, *slot.regressors, *filter(None, [slot.K1])} <= flown
+    ]
 
 
 def test_an_extension_multiplies_where_no_factor_is_given():
     gear = make("CL/gear", {"alpha": [0.0, 0.2]}, value=[0.01, 0.02])
     assert terms.regressors(gear) == ("gear",)
     np.testing.assert_allclose(terms.evaluate(gear, {"alpha": 0.1, "gear": 0.5}), 0.0075)
-    curved = make("CL/gear", {"alpha": [0.0, 0.2]}, value=[0.01, 0.02], K1={"gear": ([0.0, 0.5, 1.0], [0.0, 0.8, 1.0])})
+    curved = make(
+        "CL/gear",
+        {"alpha": [0.0, 0.2]},
+        value=[0.01, 0.02],
+        K1={"gear": ([0.0, 0.5, 1.0], [0.0, 0.8, 1.0])},
+    )
     assert terms.regressors(curved) == ()
     np.testing.assert_allclose(terms.evaluate(curved, {"alpha": 0.1, "gear": 0.5}), 0.012)
     with_mach = make("CL/gear_mach", {"alpha": [0.0, 0.2]}, value=0.1)
@@ -106,19 +122,29 @@ def test_a_control_may_be_an_axis_instead_of_a_factor():
 
 
 def test_wrong_axes_are_errors():
-    with pytest.raises(SchemaError, match=r"CL/gear(.|\n)*the axis mach does not belong here; allowed: alpha, delta_f, gear"):
+    with pytest.raises(
+        SchemaError,
+        match=r"CL/gear(.|\n)*the axis mach does not belong here; allowed: alpha, delta_f, gear",
+    ):
         make("CL/gear", {"mach": [0.2, 0.4]})
     with pytest.raises(SchemaError, match="K1 over x_cg does not belong here; it goes over gear"):
         make("CL/gear", {}, K1={"x_cg": ([0.2, 0.3], [1.0, 1.1])})
-    with pytest.raises(SchemaError, match="K1 over gear does not belong here; the term has no factor"):
+    with pytest.raises(
+        SchemaError, match="K1 over gear does not belong here; the term has no factor"
+    ):
         make("CL/basic", {}, K1={"gear": ([0.0, 1.0], [0.0, 1.0])})
     with pytest.raises(SchemaError, match="gear is an axis of K1 and of the table"):
         make("CL/gear", {"gear": [0.0, 1.0]}, K1={"gear": ([0.0, 1.0], [0.0, 1.0])})
     with pytest.raises(SchemaError, match="is no pair of breakpoints and as many factors"):
         make("CL/gear", {}, K1={"gear": ([0.0, 1.0], [0.0])})
-    with pytest.raises(SchemaError, match="depends on no height; give K1 over h_agl, h_agl among the breakpoints, or a power of it"):
+    with pytest.raises(
+        SchemaError,
+        match="depends on no height; give K1 over h_agl, h_agl among the breakpoints, or a power of it",
+    ):
         make("CL/ground", {"alpha": [0.0, 0.2]})
-    with pytest.raises(SchemaError, match=r"value has the shape \(3,\), the breakpoints alpha have \(2,\)"):
+    with pytest.raises(
+        SchemaError, match=r"value has the shape \(3,\), the breakpoints alpha have \(2,\)"
+    ):
         make("CL/basic", {"alpha": [0.0, 0.2]}, value=[1.0, 2.0, 3.0])
     with pytest.raises(UnknownName, match="unknown term 'CL/gaer'; near it: CL/gear"):
         make("CL/gaer")
@@ -126,13 +152,18 @@ def test_wrong_axes_are_errors():
 
 def test_the_page_of_the_model_names_every_contribution():
     page = (Path(__file__).parents[3] / "docs" / "aero-model.md").read_text(encoding="utf-8")
-    assert {name.split("/")[1] for name in lr743()} == {name.split("/")[1] for name in lr743() if f"`{name.split('/')[1]}`" in page}
+    assert {name.split("/")[1] for name in lr743()} == {
+        name.split("/")[1] for name in lr743() if f"`{name.split('/')[1]}`" in page
+    }
 
 
 def test_the_scheme_as_a_table_and_on_the_command_line():
     frame = scheme_table()
     assert list(frame.index) == list(aerodb.store.templates.lr743())
-    assert frame.loc["Cl/ground", "identified"] == "Cl = k h^s CL phi, k -0.078, s -1.09 at 40 deg of flap (Table 2)"
+    assert (
+        frame.loc["Cl/ground", "identified"]
+        == "Cl = k h^s CL phi, k -0.078, s -1.09 at 40 deg of flap (Table 2)"
+    )
     assert frame.loc["CD/elevator", "from_datcom"] == "SYMFLP on the tail, D(CD MIN) + D(CDI)"
     assert frame.loc["CY/rhat", "from_datcom"] == "no method"
     shown = CliRunner().invoke(group, ["scheme", "CL"])

@@ -25,7 +25,11 @@ def checked(small):
 
 
 def test_the_group_of_an_edit_holds_what_it_replaced(small):
-    new = aerodb.replace_terms(aerodb.edit.scale(small, "CL/flap", 2.0), {"CL/gear": aerodb.terms(small)["CL/flap"]}, note="by guess")
+    new = aerodb.replace_terms(
+        aerodb.edit.scale(small, "CL/flap", 2.0),
+        {"CL/gear": aerodb.terms(small)["CL/flap"]},
+        note="by guess",
+    )
     assert sorted(new["previous"].children) == ["e001", "e002"]
     np.testing.assert_allclose(new["previous/e001/CL/flap"]["value"], [0.0, 0.2, 0.36])
     assert new["previous/e002"].attrs["added"] == "CL/gear"
@@ -37,17 +41,31 @@ def test_history_holds_the_edits(small):
     new = aerodb.delete_terms(aerodb.edit.scale(small, "CL/*", 2.0, note="twice"), ["Cm/qhat"])
     rows = aerodb.store.history(new)
     assert rows.loc[1].to_list() == [None, "", "", "", "by hand"]
-    assert rows.loc[2].to_list() == [1, "scale", "CL/basic CL/qhat CL/flap", "twice", "scale: CL/basic CL/qhat CL/flap by 2 (twice)"]
+    assert rows.loc[2].to_list() == [
+        1,
+        "scale",
+        "CL/basic CL/qhat CL/flap",
+        "twice",
+        "scale: CL/basic CL/qhat CL/flap by 2 (twice)",
+    ]
     assert rows.loc[3].to_list() == [2, "delete_terms", "Cm/qhat", "", "delete_terms: Cm/qhat"]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("sealed", [True, False])
 def test_the_history_in_a_file_is_that_of_its_tree(small, tmp_path, sealed):
-    """Of a sealed file the undo entries are listed without reading tables; a file of another program is opened."""
-    scaled = aerodb.edit.scale(aerodb.store.with_checks(small, 2), "C*/q*", 2.0, note="twice")  # sets the check cases aside
-    new = aerodb.replace_terms(aerodb.store.with_checks(scaled, 2), {"CL/gear": aerodb.terms(small)["CL/flap"]})
-    for number, db in enumerate((small, scaled, new, aerodb.delete_terms(new, ["CL/qhat"]), aerodb.store.forget(new))):
+    """Of a sealed file the undo entries are listed without reading tables; a file of another
+    program is opened.
+    """
+    scaled = aerodb.edit.scale(
+        aerodb.store.with_checks(small, 2), "C*/q*", 2.0, note="twice"
+    )  # sets the check cases aside
+    new = aerodb.replace_terms(
+        aerodb.store.with_checks(scaled, 2), {"CL/gear": aerodb.terms(small)["CL/flap"]}
+    )
+    for number, db in enumerate(
+        (small, scaled, new, aerodb.delete_terms(new, ["CL/qhat"]), aerodb.store.forget(new))
+    ):
         path = tmp_path / f"{number}.nc"
         aerodb.save(db, path)
         content = path.read_bytes()
@@ -63,7 +81,9 @@ def test_a_group_that_no_edit_wrote_is_named_in_a_file_too(small, tmp_path):
     with h5py.File(path, "a") as file:
         file["previous"].move("e001", "before")
     whole = path.read_bytes()
-    path.write_bytes(whole + b"\nsha256 of the bytes above: %s\n" % hashlib.sha256(whole).hexdigest().encode())
+    path.write_bytes(
+        whole + b"\nsha256 of the bytes above: %s\n" % hashlib.sha256(whole).hexdigest().encode()
+    )
     with pytest.raises(SchemaError, match="/previous/before is not the undo entry of an edit"):
         list_edits(path)
 
@@ -87,14 +107,18 @@ def test_attributes_that_were_not_there_go_again(small):
 
 
 def test_numbers_go_on_after_forgetting(small):
-    released = aerodb.store.forget(aerodb.edit.scale(aerodb.edit.scale(small, "CL/flap", 2.0), "CL/flap", 2.0))
+    released = aerodb.store.forget(
+        aerodb.edit.scale(aerodb.edit.scale(small, "CL/flap", 2.0), "CL/flap", 2.0)
+    )
     assert released.attrs["history"].count("scale") == 2
     with pytest.raises(OutOfRange, match="1 edits cannot be undone; the undo history holds 0"):
         aerodb.store.previous(released)
     new = aerodb.edit.scale(released, "CL/flap", 0.25)
     assert list(aerodb.store.history(new)["edit"]) == [None, None, None, 3]
     assert aerodb.store.previous(new, edit=3).identical(released)
-    with pytest.raises(UnknownName, match=r"unknown edit '1'; allowed: 3; aerodb\.store\.history lists"):
+    with pytest.raises(
+        UnknownName, match=r"unknown edit '1'; allowed: 3; aerodb\.store\.history lists"
+    ):
         aerodb.store.previous(new, edit=1)
     with pytest.raises(OutOfRange, match="0 edits cannot"):
         aerodb.store.previous(new, steps=0)
@@ -120,20 +144,36 @@ def test_an_edit_that_changes_nothing_keeps_the_check_cases(checked):
 @pytest.mark.parametrize("name", ["e001", "before", "e-01"])
 def test_a_group_that_no_edit_wrote_is_named(small, name):
     nodes = {node.path: node.to_dataset(inherit=False) for node in small.subtree}
-    foreign = xr.DataTree.from_dict({**nodes, f"/previous/{name}/CL/flap": aerodb.terms(small)["CL/flap"]})
-    for ask in (aerodb.store.history, aerodb.store.previous, lambda db: aerodb.edit.scale(db, "CL/flap", 2.0)):
-        with pytest.raises(SchemaError, match=rf"/previous/{name} is not the undo entry of an edit; aerodb\.store\.forget drops"):
+    foreign = xr.DataTree.from_dict(
+        {**nodes, f"/previous/{name}/CL/flap": aerodb.terms(small)["CL/flap"]}
+    )
+    for ask in (
+        aerodb.store.history,
+        aerodb.store.previous,
+        lambda db: aerodb.edit.scale(db, "CL/flap", 2.0),
+    ):
+        with pytest.raises(
+            SchemaError,
+            match=rf"/previous/{name} is not the undo entry of an edit; aerodb\.store\.forget drops",
+        ):
             ask(foreign)
     assert aerodb.store.forget(foreign).identical(small)
 
 
 def test_files_keep_the_states_and_the_simulation_does_not_see_them(small, tmp_path):
-    aircraft = flightmech.Aircraft("t", 16.9, 1.667, 10.31, 2000.0, 9e3, 8e3, 15e3, reference=(-3.0, 0.0, 0.0))
+    aircraft = flightmech.Aircraft(
+        "t", 16.9, 1.667, 10.31, 2000.0, 9e3, 8e3, 15e3, reference=(-3.0, 0.0, 0.0)
+    )
     plain = aerodb.replace_terms(small, {"CL/flap": aerodb.terms(small)["CL/flap"]})
-    new = aerodb.delete_terms(aerodb.edit.scale(aerodb.edit.scale(small, "CL/flap", 2.0), "CL/flap", 0.5), ["CL/qhat"])
+    new = aerodb.delete_terms(
+        aerodb.edit.scale(aerodb.edit.scale(small, "CL/flap", 2.0), "CL/flap", 0.5), ["CL/qhat"]
+    )
     aerodb.save(new, tmp_path / "new.nc")
     again = aerodb.open(tmp_path / "new.nc")
     assert again.identical(new)
     assert aerodb.store.previous(again, 3).identical(small)
     plain = aerodb.delete_terms(plain, ["CL/qhat"])
-    assert flightmech.compile(aircraft, again).terms == flightmech.compile(aircraft, aerodb.store.forget(plain)).terms
+    assert (
+        flightmech.compile(aircraft, again).terms
+        == flightmech.compile(aircraft, aerodb.store.forget(plain)).terms
+    )

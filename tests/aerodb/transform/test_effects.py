@@ -6,7 +6,9 @@ import xarray as xr
 
 from aerodb.store.effects import Effect, rates_to_body, rereference, rolled_to_body, transferred
 
-ALPHA = xr.DataArray(np.radians([-5.0, 0.0, 10.0, 20.0]), dims="alpha").pipe(lambda a: a.assign_coords(alpha=a))
+ALPHA = xr.DataArray(np.radians([-5.0, 0.0, 10.0, 20.0]), dims="alpha").pipe(
+    lambda a: a.assign_coords(alpha=a)
+)
 
 
 def table(*values):
@@ -15,7 +17,9 @@ def table(*values):
 
 def test_rates_turn_as_a_tensor():
     D_s = np.array([[-0.46, 0.08], [-0.02, -0.09]])  # rows Cl, Cn; columns p, r; stability axes
-    roll = Effect("phat", {"CY": table(-0.06), "Cl": table(D_s[0, 0]), "Cn": table(D_s[1, 0])}, "phat")
+    roll = Effect(
+        "phat", {"CY": table(-0.06), "Cl": table(D_s[0, 0]), "Cn": table(D_s[1, 0])}, "phat"
+    )
     yaw = Effect("rhat", {"Cl": table(D_s[0, 1]), "Cn": table(D_s[1, 1])}, "rhat")
     roll_b, yaw_b = rates_to_body(roll, yaw)
     for i, alpha in enumerate(ALPHA.values):
@@ -28,7 +32,8 @@ def test_rates_turn_as_a_tensor():
 
 
 def test_moments_of_a_fin_turn_to_constant_arms():
-    # a fin force CY at (x, z) of body axes: in stability axes the arms depend on alpha, in body axes they do not
+    # a fin force CY at (x, z) of body axes: in stability axes the arms depend on alpha, in body
+    # axes they do not
     x, z, b, CY = -4.53, -1.11, 10.31, -0.2163
     s, c = np.sin(ALPHA), np.cos(ALPHA)
     x_s, z_s = x * c + z * s, -x * s + z * c
@@ -50,15 +55,23 @@ def test_a_derivative_without_method_counts_as_zero_and_stays_absent():
 @pytest.mark.parametrize("d", [(0.3, 0.0, 0.0), (0.0, 0.0, -0.2), (-0.4, 0.0, 0.15)])
 def test_moment_transfer_is_a_cross_product(d):
     cbar, b = 1.6, 10.0
-    CL, CD, Cm = table(-0.2, 0.3, 1.1, 1.4), table(0.03, 0.02, 0.09, 0.2), table(0.2, 0.05, -0.1, -0.4)
+    CL, CD, Cm = (
+        table(-0.2, 0.3, 1.1, 1.4),
+        table(0.03, 0.02, 0.09, 0.2),
+        table(0.2, 0.05, -0.1, -0.4),
+    )
     side = Effect("beta", {"CY": table(-0.4), "Cl": table(-0.07), "Cn": table(0.05)}, "beta")
     lift = transferred(Effect("basic", {"CL": CL, "CD": CD, "Cm": Cm}), d, cbar, b, ALPHA)
     fin = transferred(side, d, cbar, b, ALPHA)
     for i, alpha in enumerate(ALPHA.values):
         # forces along stability axes -CD, -CL turned to body axes by the rotation matrix about y
-        R = np.array([[np.cos(alpha), 0, -np.sin(alpha)], [0, 1, 0], [np.sin(alpha), 0, np.cos(alpha)]])
+        R = np.array(
+            [[np.cos(alpha), 0, -np.sin(alpha)], [0, 1, 0], [np.sin(alpha), 0, np.cos(alpha)]]
+        )
         F = R @ [-CD.values[i], 0.0, -CL.values[i]]
-        np.testing.assert_allclose(lift.tables["Cm"].values[i], Cm.values[i] + np.cross(d, F)[1] / cbar, atol=1e-14)
+        np.testing.assert_allclose(
+            lift.tables["Cm"].values[i], Cm.values[i] + np.cross(d, F)[1] / cbar, atol=1e-14
+        )
         M = np.cross(d, [0.0, -0.4, 0.0]) / b
         np.testing.assert_allclose(fin.tables["Cl"].values[i], -0.07 + M[0], atol=1e-15)
         np.testing.assert_allclose(fin.tables["Cn"].values[i], 0.05 + M[2], atol=1e-15)
@@ -72,17 +85,22 @@ def test_other_reference_quantities_give_the_same_forces_and_moments():
     there = rereference(effect, old, new)
     for c, length in (("CL", ""), ("Cm", "cbar")):
         force = [
-            qbar * r["S"] * r.get(length, 1.0) * e.tables[c].values * q * r["cbar"] / (2 * V) for e, r in ((effect, old), (there, new))
+            qbar * r["S"] * r.get(length, 1.0) * e.tables[c].values * q * r["cbar"] / (2 * V)
+            for e, r in ((effect, old), (there, new))
         ]
         np.testing.assert_allclose(force[1], force[0], rtol=1e-14)
     rolling = rereference(Effect("phat", {"Cl": table(-0.46)}, "phat"), old, new)
-    np.testing.assert_allclose(rolling.tables["Cl"], -0.46 * (16 / 18) * (10 / 10.5) ** 2, rtol=1e-14)
+    np.testing.assert_allclose(
+        rolling.tables["Cl"], -0.46 * (16 / 18) * (10 / 10.5) ** 2, rtol=1e-14
+    )
     steady = rereference(Effect("beta", {"Cn": table(0.05)}, "beta"), old, new)
     np.testing.assert_allclose(steady.tables["Cn"], 0.05 * (16 / 18) * (10 / 10.5), rtol=1e-14)
 
 
 def test_tables_keep_their_own_alphas():
-    other = xr.DataArray([0.1, 0.2], {"alpha": [0.01, 0.11]}, "alpha")  # not among those of the basic tables
+    other = xr.DataArray(
+        [0.1, 0.2], {"alpha": [0.01, 0.11]}, "alpha"
+    )  # not among those of the basic tables
     moved = transferred(Effect("ground", {"CL": other}), (0.5, 0.0, 0.0), 1.0, 10.0, ALPHA)
     np.testing.assert_allclose(moved.tables["Cm"], 0.5 * other * np.cos(other["alpha"]))
     flat = xr.DataArray([0.0, -0.05], {"delta_a": [0.0, 0.3]}, "delta_a")

@@ -10,7 +10,14 @@ H, ALPHA = [1.0, 3.0, 20.0], [0.0, 0.1, 0.2, 0.3]
 
 def test_a_product_is_found_again():
     K, increment = np.array([1.0, 0.4, 0.0]), np.array([0.1, 0.15, 0.2, 0.22])
-    leaf = terms.make(np.outer(K, increment), {"h_agl": H, "alpha": ALPHA}, ["delta_e"], stderr=0.02, source="datcom", history="built")
+    leaf = terms.make(
+        np.outer(K, increment),
+        {"h_agl": H, "alpha": ALPHA},
+        ["delta_e"],
+        stderr=0.02,
+        source="datcom",
+        history="built",
+    )
     split, worst = aerodb.transform.factored(leaf, "h_agl")
     assert worst == pytest.approx(0.0, abs=1e-15)
     np.testing.assert_allclose(split["K1"], K, atol=1e-14)
@@ -18,7 +25,10 @@ def test_a_product_is_found_again():
     assert terms.check(split) == []
     assert terms.regressors(split) == ("delta_e",)
     np.testing.assert_allclose(split["stderr"], 0.02)
-    assert split.attrs["history"].splitlines() == ["built", f"factored: K1 over h_agl, largest difference {worst:.4g}"]
+    assert split.attrs["history"].splitlines() == [
+        "built",
+        f"factored: K1 over h_agl, largest difference {worst:.4g}",
+    ]
     given = {"h_agl": 2.2, "alpha": 0.17, "delta_e": 0.1}
     assert terms.evaluate(split, given) == pytest.approx(terms.evaluate(leaf, given))
 
@@ -35,7 +45,9 @@ def test_what_is_no_product_states_how_far_it_is_off():
 
 @pytest.mark.slow
 def test_the_ground_effect_of_the_t37_is_nearly_a_product(t37_db):
-    """LR-743 (11) writes K_GE(h) times an increment; of the computed lift increments, up to 0.404, the product is off by at most 0.0285."""
+    """LR-743 (11) writes K_GE(h) times an increment; of the computed lift increments, up to 0.404,
+    the product is off by at most 0.0285.
+    """
     split, worst = aerodb.transform.factored(aerodb.terms(t37_db)["CL/ground"], "h_agl")
     assert worst == pytest.approx(0.0284, abs=1e-4)
     assert float(split["K1"][0]) == 1.0
@@ -43,5 +55,8 @@ def test_the_ground_effect_of_the_t37_is_nearly_a_product(t37_db):
 
 
 def test_only_a_table_over_the_axis_and_another_can_be_split():
-    with pytest.raises(SchemaError, match="needs a table over h_agl and another axis, without K1; this one goes over alpha"):
+    with pytest.raises(
+        SchemaError,
+        match="needs a table over h_agl and another axis, without K1; this one goes over alpha",
+    ):
         aerodb.transform.factored(terms.make([1.0, 2.0], {"alpha": [0.0, 0.1]}), "h_agl")

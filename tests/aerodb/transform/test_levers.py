@@ -9,7 +9,9 @@ ALPHA, BETA, ARM = 0.31, 0.23, np.array([0.7, -0.4, 1.3])
 
 
 def axis_of(force):
-    """Return the direction of a force coefficient of wind axes in body axes: turned by beta about z, then by -alpha about y."""
+    """Return the direction of a force coefficient of wind axes in body axes: turned by beta about
+    z, then by -alpha about y.
+    """
     ca, sa, cb, sb = np.cos(ALPHA), np.sin(ALPHA), np.cos(BETA), np.sin(BETA)
     turned_by_beta = np.array([[cb, -sb, 0.0], [sb, cb, 0.0], [0.0, 0.0, 1.0]])
     turned_by_alpha = np.array([[ca, 0.0, -sa], [0.0, 1.0, 0.0], [sa, 0.0, ca]])

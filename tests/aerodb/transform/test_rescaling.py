@@ -1,4 +1,6 @@
-"""Databases of similar aircraft: coefficients kept, lengths changed, uncertainty inflated, everything reported."""
+"""Databases of similar aircraft: coefficients kept, lengths changed, uncertainty inflated,
+everything reported.
+"""
 
 from dataclasses import replace
 
@@ -15,17 +17,23 @@ from flightmech.errors import SchemaError, UnknownName
 
 @pytest.fixture
 def known():
-    return Aircraft("test", 16.9, 1.667, 10.31, 2400.0, 1.0e4, 8e3, 1.5e4, reference=(-3.0, 0.0, 0.0))
+    return Aircraft(
+        "test", 16.9, 1.667, 10.31, 2400.0, 1.0e4, 8e3, 1.5e4, reference=(-3.0, 0.0, 0.0)
+    )
 
 
 @pytest.fixture
 def larger(known):
-    return replace(known, name="larger", S=4 * 16.9, cbar=2 * 1.667, b=2 * 10.31, reference=(-6.0, 0.0, 0.0))
+    return replace(
+        known, name="larger", S=4 * 16.9, cbar=2 * 1.667, b=2 * 10.31, reference=(-6.0, 0.0, 0.0)
+    )
 
 
 @pytest.fixture
 def db(small):
-    ground = terms.make([[0.1, 0.0]], {"alpha": [0.0], "h_agl": [2.0, 20.0]}, stderr=0.0, source="datcom")
+    ground = terms.make(
+        [[0.1, 0.0]], {"alpha": [0.0], "h_agl": [2.0, 20.0]}, stderr=0.0, source="datcom"
+    )
     gear = xr.DataArray([1.0, 0.0], coords={"h_agl": [1.0, 10.0]}, dims="h_agl")
     more = {
         "CL/ground": ground,
@@ -44,7 +52,9 @@ def test_one_keeps_every_number(db, known):
     for name, leaf in aerodb.terms(db).items():
         xr.testing.assert_equal(aerodb.terms(same)[name][["value"]], leaf[["value"]])
         if "stderr" in leaf:
-            np.testing.assert_allclose(aerodb.terms(same)[name]["stderr"], leaf["stderr"], rtol=1e-15)
+            np.testing.assert_allclose(
+                aerodb.terms(same)[name]["stderr"], leaf["stderr"], rtol=1e-15
+            )
     assert {key: same.attrs[key] for key in ("S", "cbar", "b", "x_ref", "force_axes")} == {
         key: db.attrs[key] for key in ("S", "cbar", "b", "x_ref", "force_axes")
     }
@@ -52,7 +62,10 @@ def test_one_keeps_every_number(db, known):
 
 def test_there_and_back(db, known, larger):
     back = aerodb.transform.rescale(
-        aerodb.transform.rescale(db, larger, {"Cm/elevator": 2.0}, NOTHING), known, {"Cm/elevator": 0.5}, NOTHING
+        aerodb.transform.rescale(db, larger, {"Cm/elevator": 2.0}, NOTHING),
+        known,
+        {"Cm/elevator": 0.5},
+        NOTHING,
     )
     for name, leaf in aerodb.terms(db).items():
         xr.testing.assert_allclose(aerodb.terms(back)[name][["value"]], leaf[["value"]], rtol=1e-14)
@@ -61,7 +74,12 @@ def test_there_and_back(db, known, larger):
 def test_lengths_change_and_coefficients_stay(db, larger):
     found = aerodb.transform.rescale(db, larger)
     assert aerodb.check(found) == []
-    assert (found.attrs["S"], found.attrs["cbar"], found.attrs["b"], found.attrs["x_ref"]) == (4 * 16.9, 2 * 1.667, 2 * 10.31, -6.0)
+    assert (found.attrs["S"], found.attrs["cbar"], found.attrs["b"], found.attrs["x_ref"]) == (
+        4 * 16.9,
+        2 * 1.667,
+        2 * 10.31,
+        -6.0,
+    )
     assert found.attrs["aircraft"] == "larger"
     np.testing.assert_array_equal(found["CL/basic"]["value"], db["CL/basic"]["value"])
     assert found["CL/ground"]["h_agl"].values.tolist() == [4.0, 40.0]  # heights go with the span
@@ -72,8 +90,14 @@ def test_lengths_change_and_coefficients_stay(db, larger):
 def test_standard_errors_widen_and_sources_are_judgement(db, larger):
     found = aerodb.transform.rescale(db, larger)
     old, new = db["CL/basic"], found["CL/basic"]
-    np.testing.assert_allclose(new["stderr"], np.sqrt(old["stderr"] ** 2 + (0.05 * old["value"]) ** 2 + 0.02**2), rtol=1e-12)
-    assert float(found["CL/ground"]["stderr"][0, 1]) == 0.0  # an increment that is zero stays certain
+    np.testing.assert_allclose(
+        new["stderr"],
+        np.sqrt(old["stderr"] ** 2 + (0.05 * old["value"]) ** 2 + 0.02**2),
+        rtol=1e-12,
+    )
+    assert (
+        float(found["CL/ground"]["stderr"][0, 1]) == 0.0
+    )  # an increment that is zero stays certain
     assert float(found["Cm/elevator"]["stderr"]) == pytest.approx(np.hypot(0.1, 0.15 * 1.2))
     for leaf in aerodb.terms(found).values():
         assert (leaf["source"] == terms.SOURCES.index("judgement")).all()
@@ -84,7 +108,9 @@ def test_standard_errors_widen_and_sources_are_judgement(db, larger):
 
 
 def test_factors_on_terms_and_groups(db, larger):
-    found = aerodb.transform.rescale(db, larger, {"horizontal_tail": 1.2, "Cm/qhat": 1.5}, note="longer tail")
+    found = aerodb.transform.rescale(
+        db, larger, {"horizontal_tail": 1.2, "Cm/qhat": 1.5}, note="longer tail"
+    )
     assert float(found["Cm/elevator"]["value"]) == pytest.approx(-1.44)
     assert float(found["Cm/qhat"]["value"]) == pytest.approx(-17.0 * 1.2 * 1.5)
     np.testing.assert_array_equal(found["CD/basic"]["value"], db["CD/basic"]["value"])
@@ -92,7 +118,9 @@ def test_factors_on_terms_and_groups(db, larger):
 
 
 def test_bad_factors_are_refused(db, larger):
-    with pytest.raises(UnknownName, match="unknown term or group 'horizontal_tale'; near it: horizontal_tail"):
+    with pytest.raises(
+        UnknownName, match="unknown term or group 'horizontal_tale'; near it: horizontal_tail"
+    ):
         aerodb.transform.rescale(db, larger, {"horizontal_tale": 1.2})
     with pytest.raises(SchemaError, match="Cm/qhat is nan; give a finite number"):
         aerodb.transform.rescale(db, larger, {"Cm/qhat": float("nan")})

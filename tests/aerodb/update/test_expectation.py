@@ -14,7 +14,17 @@ from flighttest.regression.equation_error.model import Model
 from flighttest.regression.equation_error.time_domain import regress
 
 DEG = np.pi / 180
-ROOT = dict(title="test", aircraft="test", S=16.0, cbar=1.6, b=10.0, x_ref=0.0, y_ref=0.0, z_ref=0.0, force_axes="stability")
+ROOT = dict(
+    title="test",
+    aircraft="test",
+    S=16.0,
+    cbar=1.6,
+    b=10.0,
+    x_ref=0.0,
+    y_ref=0.0,
+    z_ref=0.0,
+    force_axes="stability",
+)
 
 
 @pytest.fixture(scope="module")
@@ -22,31 +32,62 @@ def prior():
     alpha, mach = np.arange(-4, 13, 4.0) * DEG, np.array([0.2, 0.4])
     basic = np.repeat(0.2 + 5.0 * alpha[:, None], 2, axis=1)
     leaves = {
-        "CL/basic": terms.make(basic, {"alpha": alpha, "mach": mach}, stderr=np.full(basic.shape, 0.05), source="datcom"),
-        "CL/qhat": terms.make(np.full(2, 8.0), {"mach": mach}, ("qhat",), stderr=2.0, source="datcom"),
+        "CL/basic": terms.make(
+            basic,
+            {"alpha": alpha, "mach": mach},
+            stderr=np.full(basic.shape, 0.05),
+            source="datcom",
+        ),
+        "CL/qhat": terms.make(
+            np.full(2, 8.0), {"mach": mach}, ("qhat",), stderr=2.0, source="datcom"
+        ),
         "CL/elevator": terms.make(0.5, {}, ("delta_e",), stderr=0.1, source="datcom"),
     }
     return database(leaves, **ROOT)
 
 
 def fit(seed, alpha, mach, bias=0.0, shift=0.0):
-    """A local fit whose lift and incidence have an error of the instruments in common; `shift` is of the lift of this flight alone."""
+    """A local fit whose lift and incidence have an error of the instruments in common; `shift` is
+    of the lift of this flight alone.
+    """
     rng = np.random.default_rng(seed)
     t = np.arange(0.0, 8.0, 0.05)
-    d = {"alpha": alpha + 2 * DEG * np.sin(t), "mach": mach + 0.0 * t, "qhat": 0.002 * np.sin(2.3 * t), "delta_e": 0.05 * np.cos(3.1 * t)}
-    d["CL"] = shift + 0.25 + 5.2 * d["alpha"] + 7.0 * d["qhat"] + 0.45 * d["delta_e"] + 0.005 * rng.normal(size=len(t))
+    d = {
+        "alpha": alpha + 2 * DEG * np.sin(t),
+        "mach": mach + 0.0 * t,
+        "qhat": 0.002 * np.sin(2.3 * t),
+        "delta_e": 0.05 * np.cos(3.1 * t),
+    }
+    d["CL"] = (
+        shift
+        + 0.25
+        + 5.2 * d["alpha"]
+        + 7.0 * d["qhat"]
+        + 0.45 * d["delta_e"]
+        + 0.005 * rng.normal(size=len(t))
+    )
     data = xr.Dataset({name: ("time", x) for name, x in d.items()}, {"time": t})
     if bias:
         shares = {"CL_error": 0.01 * d["CL"], "alpha_error": np.full(len(t), bias)}
-        data = data.assign({name: (("error", "time"), x[None]) for name, x in shares.items()}).assign_coords(error=["bias.alpha"])
+        data = data.assign(
+            {name: (("error", "time"), x[None]) for name, x in shares.items()}
+        ).assign_coords(error=["bias.alpha"])
     return regress(Model.parse("CL = 1 + alpha + qhat + delta_e"), data, f"fit {seed}")
 
 
 @pytest.mark.parametrize("held", [(), ("CL/elevator",)])
 def test_it_is_what_tabulate_gives_with_the_weights_before_learning(prior, held, monkeypatch):
-    fits = [fit(1, 1 * DEG, 0.22, bias=0.003), fit(2, 5 * DEG, 0.36, bias=0.003), fit(3, 3 * DEG, 0.3)]
+    fits = [
+        fit(1, 1 * DEG, 0.22, bias=0.003),
+        fit(2, 5 * DEG, 0.36, bias=0.003),
+        fit(3, 3 * DEG, 0.3),
+    ]
     tables = 3 - len(held)
-    monkeypatch.setattr(tabulation, "_learnt", lambda y, *_: (np.append(np.tile(list(SHARES.values()), tables), 1.0), None))
+    monkeypatch.setattr(
+        tabulation,
+        "_learnt",
+        lambda y, *_: (np.append(np.tile(list(SHARES.values()), tables), 1.0), None),
+    )
     monkeypatch.setattr(tabulation, "_HUBER", 1e9)
     expected = Expectation(prior, held).stderr(fits)
     found = tabulate(fits, prior, held)
@@ -71,15 +112,25 @@ def test_with_what_tabulate_learnt_it_is_what_tabulate_gives(prior, held, shift)
     learnt = Expectation(prior, held, learnt=found).stderr(fits)
     a_priori = Expectation(prior, held).stderr(fits)
     for name, leaf in found.items():
-        np.testing.assert_allclose(learnt[name], leaf["stderr"].values, rtol=1e-7)  # differences of close variances
-    assert max(np.abs(a_priori[name] / leaf["stderr"].values - 1.0).max() for name, leaf in found.items()) > 0.05
+        np.testing.assert_allclose(
+            learnt[name], leaf["stderr"].values, rtol=1e-7
+        )  # differences of close variances
+    assert (
+        max(
+            np.abs(a_priori[name] / leaf["stderr"].values - 1.0).max()
+            for name, leaf in found.items()
+        )
+        > 0.05
+    )
 
 
 def test_some_nodes_are_what_they_are_among_all(prior):
     fits = [fit(1, 1 * DEG, 0.22), fit(2, 5 * DEG, 0.36)]
     some = np.zeros((5, 2), bool)
     some[2, 1] = some[4, 0] = True
-    every, chosen = (Expectation(prior).stderr(fits, wanted) for wanted in (None, {"CL/basic": some}))
+    every, chosen = (
+        Expectation(prior).stderr(fits, wanted) for wanted in (None, {"CL/basic": some})
+    )
     assert set(chosen) == {"CL/basic"}
     np.testing.assert_allclose(chosen["CL/basic"][some], every["CL/basic"][some], rtol=1e-9)
     assert np.isnan(chosen["CL/basic"][~some]).all()

@@ -16,7 +16,17 @@ from flightmech import terms
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
 
 DEG = np.pi / 180
-ROOT = dict(title="test", aircraft="test", S=16.0, cbar=1.6, b=10.0, x_ref=0.0, y_ref=0.0, z_ref=0.0, force_axes="stability")
+ROOT = dict(
+    title="test",
+    aircraft="test",
+    S=16.0,
+    cbar=1.6,
+    b=10.0,
+    x_ref=0.0,
+    y_ref=0.0,
+    z_ref=0.0,
+    force_axes="stability",
+)
 NOISE = 0.002
 
 
@@ -43,8 +53,13 @@ def flown(truth, seed, low=0.0, high=6.0, count=800, **attrs):
     rng = np.random.default_rng(seed)
     alpha = rng.uniform(low, high, count) * DEG
     data = {"alpha": alpha, "delta_e": rng.uniform(-0.1, 0.1, count)}
-    data["CL"] = sum(terms.evaluate(leaf, data, "clamp") for leaf in truth.values()) + NOISE * rng.normal(size=count)
-    return xr.Dataset({name: ("sample", x) for name, x in data.items()}, attrs={"coefficient": "CL", "name": f"flight {seed}", **attrs})
+    data["CL"] = sum(
+        terms.evaluate(leaf, data, "clamp") for leaf in truth.values()
+    ) + NOISE * rng.normal(size=count)
+    return xr.Dataset(
+        {name: ("sample", x) for name, x in data.items()},
+        attrs={"coefficient": "CL", "name": f"flight {seed}", **attrs},
+    )
 
 
 def white(samples, X, v):
@@ -52,17 +67,33 @@ def white(samples, X, v):
 
 
 def test_the_nodes_are_those_of_the_information_form():
-    """Three nodes, all of whose directions are kept: (P^-1 + B'B/sigma^2)^-1 written out, with the weights that were learnt."""
-    prior = {"CL/basic": terms.make([0.2, 0.3, 0.5], {"alpha": [0.0, 0.05, 0.1]}, stderr=[0.05, 0.06, 0.07], source="datcom")}
+    """Three nodes, all of whose directions are kept: (P^-1 + B'B/sigma^2)^-1 written out, with the
+    weights that were learnt.
+    """
+    prior = {
+        "CL/basic": terms.make(
+            [0.2, 0.3, 0.5], {"alpha": [0.0, 0.05, 0.1]}, stderr=[0.05, 0.06, 0.07], source="datcom"
+        )
+    }
     one = flown(prior, 1, 0.5, 5.0).drop_vars("delta_e")
     found = regress_tables([one], database(prior, **ROOT), white)
     assert found.compatibility.loc["CL", "count"] == 3
-    P = np.einsum("k,kij->ij", found.report.loc["CL/basic", list(PARTS)].to_numpy(float), prior_parts(prior["CL/basic"], np.ones(3)))
+    P = np.einsum(
+        "k,kij->ij",
+        found.report.loc["CL/basic", list(PARTS)].to_numpy(float),
+        prior_parts(prior["CL/basic"], np.ones(3)),
+    )
     B = terms.basis(prior["CL/basic"], {"alpha": one["alpha"].values}, "clamp").toarray()
     information = B.T @ B / (NOISE * found.compatibility.loc["CL", "inflation"]) ** 2
     posterior = np.linalg.inv(np.linalg.inv(P) + information)
     g0 = prior["CL/basic"]["value"].values
-    g = g0 + posterior @ B.T @ (one["CL"].values - B @ g0) / (NOISE * found.compatibility.loc["CL", "inflation"]) ** 2
+    g = (
+        g0
+        + posterior
+        @ B.T
+        @ (one["CL"].values - B @ g0)
+        / (NOISE * found.compatibility.loc["CL", "inflation"]) ** 2
+    )
     np.testing.assert_allclose(found["CL/basic"]["value"], g, atol=1e-8)
     np.testing.assert_allclose(found["CL/basic"]["stderr"], np.sqrt(np.diag(posterior)), atol=1e-8)
 
@@ -74,23 +105,42 @@ def test_a_known_aeroplane_is_found_where_it_was_flown():
     z = (found["CL/basic"]["value"] - truth["CL/basic"]["value"]) / found["CL/basic"]["stderr"]
     assert float(np.abs(z).max()) < 3.0
     here = dict(alpha=[0.0, 2 * DEG, 4 * DEG, 6 * DEG], method="nearest")
-    assert float(np.abs(found["CL/basic"]["value"] - truth["CL/basic"]["value"]).sel(**here).max()) < 0.002  # of 0.05; 0.0005 measured
+    assert (
+        float(np.abs(found["CL/basic"]["value"] - truth["CL/basic"]["value"]).sel(**here).max())
+        < 0.002
+    )  # of 0.05; 0.0005 measured
     assert float(np.abs(found["CL/elevator"]["value"] - truth["CL/elevator"]["value"])) < 0.01
     assert (found["CL/basic"]["source"].sel(**here) == terms.SOURCES.index("flight")).all()
-    assert int(found["CL/basic"]["source"].sel(alpha=12 * DEG, method="nearest")) == terms.SOURCES.index("datcom")
-    assert found["CL/basic"].attrs["history"].endswith("regress_tables: from the samples of 2 groups of manoeuvres")
+    assert int(
+        found["CL/basic"]["source"].sel(alpha=12 * DEG, method="nearest")
+    ) == terms.SOURCES.index("datcom")
+    assert (
+        found["CL/basic"]
+        .attrs["history"]
+        .endswith("regress_tables: from the samples of 2 groups of manoeuvres")
+    )
     assert list(found.points.index) == [("CL", "flight 2"), ("CL", "flight 3")]
 
 
 def test_an_error_of_a_variable_is_common_to_all_samples():
-    """An incidence that may be wrong by 0.1 deg leaves lift open by 0.1 deg of slope, however many samples there are."""
+    """An incidence that may be wrong by 0.1 deg leaves lift open by 0.1 deg of slope, however many
+    samples there are.
+    """
     prior = leaves()
     wrong = 0.1 * DEG
-    errors = {"CL_error": (("error", "sample"), np.zeros((1, 800))), "alpha_error": (("error", "sample"), np.full((1, 800), wrong))}
-    several = [flown(prior, k, name=str(k)).assign_coords(error=["bias.alpha"]).assign(errors) for k in (2, 3, 4)]
+    errors = {
+        "CL_error": (("error", "sample"), np.zeros((1, 800))),
+        "alpha_error": (("error", "sample"), np.full((1, 800), wrong)),
+    }
+    several = [
+        flown(prior, k, name=str(k)).assign_coords(error=["bias.alpha"]).assign(errors)
+        for k in (2, 3, 4)
+    ]
     found = regress_tables(several, database(prior, **ROOT), white)["CL/basic"]
     at = dict(alpha=[2 * DEG, 4 * DEG], method="nearest")
-    np.testing.assert_allclose(found["stderr"].sel(**at), 5.0 * wrong, rtol=0.1)  # less what the prior knows of it, 0.94 and 0.96
+    np.testing.assert_allclose(
+        found["stderr"].sel(**at), 5.0 * wrong, rtol=0.1
+    )  # less what the prior knows of it, 0.94 and 0.96
 
 
 def test_a_held_term_stays_and_its_error_counts():
@@ -99,19 +149,29 @@ def test_a_held_term_stays_and_its_error_counts():
     held = {**prior, "CL/altitude": terms.make(0.0, {}, stderr=0.02, source="datcom")}
     found = regress_tables(several, database(held, **ROOT), white, held=["CL/altitude"])
     assert "CL/altitude" not in found
-    assert float(found["CL/basic"]["stderr"].sel(alpha=2 * DEG, method="nearest")) == pytest.approx(0.02, rel=0.1)
+    assert float(found["CL/basic"]["stderr"].sel(alpha=2 * DEG, method="nearest")) == pytest.approx(
+        0.02, rel=0.1
+    )
 
 
 def test_published_values_count_as_they_do_among_fits():
     """A lift of 0.30 +/- 0.001 at 1 deg, known from elsewhere, next to a flight at 6 deg and above."""
     prior = leaves()
     values = xr.Dataset(
-        {"estimate": ("term", [0.30]), "covariance": (("term", "term_"), [[1e-6]]), "systematic": (("term", "error"), np.zeros((1, 0)))},
+        {
+            "estimate": ("term", [0.30]),
+            "covariance": (("term", "term_"), [[1e-6]]),
+            "systematic": (("term", "error"), np.zeros((1, 0))),
+        },
         coords={"term": ["1"], "term_": ["1"], "error": np.array([], dtype=str)},
         attrs={"coefficient": "CL", "name": "report"},
     )
-    data = xr.Dataset({"alpha": ("sample", [1 * DEG]), "delta_e": ("sample", [0.0]), "CL": ("sample", [0.30])})
-    one = SimpleNamespace(estimates=values, data=data, design=xr.DataArray([[1.0]], dims=("sample", "term")))
+    data = xr.Dataset(
+        {"alpha": ("sample", [1 * DEG]), "delta_e": ("sample", [0.0]), "CL": ("sample", [0.30])}
+    )
+    one = SimpleNamespace(
+        estimates=values, data=data, design=xr.DataArray([[1.0]], dims=("sample", "term"))
+    )
     found = regress_tables([flown(prior, 2, 6.0, 10.0)], database(prior, **ROOT), white, fits=[one])
     lift = 0.5 * float(found["CL/basic"]["value"].sel(alpha=[0.0, 2 * DEG], method="nearest").sum())
     assert lift == pytest.approx(0.30, abs=0.002)  # the tables have 0.287
@@ -140,7 +200,11 @@ def test_unusable_input_is_refused():
     with pytest.raises(UnknownName, match="unknown held term 'CL/tab'"):
         regress_tables([flown(prior, 2)], db, white, held=["CL/tab"])
     with pytest.raises(SchemaError, match="CL/basic has no stderr"):
-        regress_tables([flown(prior, 2)], database({**prior, "CL/basic": prior["CL/basic"].drop_vars("stderr")}, **ROOT), white)
+        regress_tables(
+            [flown(prior, 2)],
+            database({**prior, "CL/basic": prior["CL/basic"].drop_vars("stderr")}, **ROOT),
+            white,
+        )
     with pytest.raises(UnknownName, match="delta_e"):
         regress_tables(
             [flown(prior, 2).drop_vars("delta_e")],
@@ -153,7 +217,10 @@ def wavy():
     """A lift curve that falls between 4 and 6 deg."""
     truth = moved(leaves())
     basic = truth["CL/basic"]
-    return {**truth, "CL/basic": basic.assign(value=basic["value"] - 0.25 * (basic["alpha"] > 5 * DEG))}
+    return {
+        **truth,
+        "CL/basic": basic.assign(value=basic["value"] - 0.25 * (basic["alpha"] > 5 * DEG)),
+    }
 
 
 def found(shapes=None, truth=None):
@@ -163,7 +230,10 @@ def found(shapes=None, truth=None):
 
 def test_a_shape_that_the_flights_support_changes_nothing():
     true = moved(leaves())
-    plain, risen = (found(shapes, true) for shapes in (None, {"CL/basic": [Shape("rising", "alpha", high=8 * DEG)]}))
+    plain, risen = (
+        found(shapes, true)
+        for shapes in (None, {"CL/basic": [Shape("rising", "alpha", high=8 * DEG)]})
+    )
     for name in plain:
         np.testing.assert_array_equal(risen[name]["value"], plain[name]["value"])
     assert risen.report.loc["CL/basic", "shape_bounds"] == 0
@@ -171,7 +241,9 @@ def test_a_shape_that_the_flights_support_changes_nothing():
     assert "shape_bounds" not in plain.report
 
 
-@pytest.mark.filterwarnings("ignore:incompatible fits")  # measured tables that fall, against a prior that rises
+@pytest.mark.filterwarnings(
+    "ignore:incompatible fits"
+)  # measured tables that fall, against a prior that rises
 def test_nodes_are_the_most_probable_ones_that_rise():
     """Against the quadratic programme solved by SciPy's general solver."""
     from scipy.optimize import minimize
@@ -181,7 +253,10 @@ def test_nodes_are_the_most_probable_ones_that_rise():
     g = np.concatenate([plain[name]["value"].values.ravel() for name in names])
     scale = np.sqrt(np.diag(V))
     P = np.linalg.inv(V / np.outer(scale, scale))
-    rise = [{"type": "ineq", "fun": lambda x, k=k: (g + scale * x)[k + 1] - (g + scale * x)[k]} for k in range(8)]
+    rise = [
+        {"type": "ineq", "fun": lambda x, k=k: (g + scale * x)[k + 1] - (g + scale * x)[k]}
+        for k in range(8)
+    ]
     best = minimize(
         lambda x: 0.5 * x @ P @ x,
         np.zeros(len(g)),
@@ -220,7 +295,17 @@ def test_a_demand_that_makes_no_sense_is_refused():
         found({"CL/basic": [Shape("rising", "mach")]})
     known = leaves()
     known["CL/basic"] = terms.make(
-        -known["CL/basic"]["value"].values, {"alpha": known["CL/basic"]["alpha"].values}, stderr=0.0, source="datcom"
+        -known["CL/basic"]["value"].values,
+        {"alpha": known["CL/basic"]["alpha"].values},
+        stderr=0.0,
+        source="datcom",
     )
-    with pytest.raises(IdentificationError, match="CL/basic: nodes with standard error 0 contradict"):
-        regress_tables([flown(known, 2)], database(known, **ROOT), white, shapes={"CL/basic": [Shape("rising", "alpha")]})
+    with pytest.raises(
+        IdentificationError, match="CL/basic: nodes with standard error 0 contradict"
+    ):
+        regress_tables(
+            [flown(known, 2)],
+            database(known, **ROOT),
+            white,
+            shapes={"CL/basic": [Shape("rising", "alpha")]},
+        )

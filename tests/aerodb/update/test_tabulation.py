@@ -18,9 +18,26 @@ from flighttest.regression.equation_error.time_domain import regress
 
 DEG = np.pi / 180
 STEP = 0.02
-POINTS = [(6, 1.5, 0.18), (2, 1.0, 0.28), (0, 1.0, 0.38), (7, 1.5, 0.25), (3, 1.0, 0.38), (1, 1.0, 0.5)]  # alpha, its amplitude, Mach
+POINTS = [
+    (6, 1.5, 0.18),
+    (2, 1.0, 0.28),
+    (0, 1.0, 0.38),
+    (7, 1.5, 0.25),
+    (3, 1.0, 0.38),
+    (1, 1.0, 0.5),
+]  # alpha, its amplitude, Mach
 LOCAL = Model.parse("CL = 1 + alpha + alpha**2 + qhat + delta_e")
-ROOT = dict(title="test", aircraft="test", S=16.0, cbar=1.6, b=10.0, x_ref=0.0, y_ref=0.0, z_ref=0.0, force_axes="stability")
+ROOT = dict(
+    title="test",
+    aircraft="test",
+    S=16.0,
+    cbar=1.6,
+    b=10.0,
+    x_ref=0.0,
+    y_ref=0.0,
+    z_ref=0.0,
+    force_axes="stability",
+)
 
 
 def prior_leaves():
@@ -29,8 +46,12 @@ def prior_leaves():
     sd = np.hypot(0.05, 0.08 * 5.4 * np.abs(alpha))[:, None] * np.ones_like(basic)
     return {
         "CL/basic": terms.make(basic, {"alpha": alpha, "mach": mach}, stderr=sd, source="datcom"),
-        "CL/qhat": terms.make(8.0 + 2 * mach, {"mach": mach}, ("qhat",), stderr=2.0, source="datcom"),
-        "CL/elevator": terms.make(np.full(len(alpha), 0.5), {"alpha": alpha}, ("delta_e",), stderr=0.1, source="datcom"),
+        "CL/qhat": terms.make(
+            8.0 + 2 * mach, {"mach": mach}, ("qhat",), stderr=2.0, source="datcom"
+        ),
+        "CL/elevator": terms.make(
+            np.full(len(alpha), 0.5), {"alpha": alpha}, ("delta_e",), stderr=0.1, source="datcom"
+        ),
     }
 
 
@@ -49,18 +70,29 @@ def record(truth, rng, point, duration=30.0, noise=0.004, extra=None):
     t, k = np.arange(0, duration, STEP), np.arange(1, 16)
 
     def multisine():
-        return np.cos(2 * np.pi * np.outer(t, k) / 30 + rng.uniform(0, 2 * np.pi, len(k))).sum(axis=1) / np.sqrt(len(k))
+        return np.cos(2 * np.pi * np.outer(t, k) / 30 + rng.uniform(0, 2 * np.pi, len(k))).sum(
+            axis=1
+        ) / np.sqrt(len(k))
 
-    d = {"alpha": (alpha + amplitude * multisine()) * DEG, "qhat": 0.002 * multisine(), "delta_e": 0.04 * multisine()}
+    d = {
+        "alpha": (alpha + amplitude * multisine()) * DEG,
+        "qhat": 0.002 * multisine(),
+        "delta_e": 0.04 * multisine(),
+    }
     d |= {"mach": mach + 0.005 * multisine(), **(extra or {})}
     c = np.exp(-STEP / 0.3)
     e = noise * lfilter([np.sqrt(1 - c * c)], [1, -c], rng.normal(size=len(t) + 500))[500:]
     d["CL"] = sum(terms.evaluate(leaf, d, "clamp") for leaf in truth.values()) + e
-    return xr.Dataset({name: ("time", np.broadcast_to(v, t.shape)) for name, v in d.items()}, coords={"time": t})
+    return xr.Dataset(
+        {name: ("time", np.broadcast_to(v, t.shape)) for name, v in d.items()}, coords={"time": t}
+    )
 
 
 def local_fits(truth, rng, **more):
-    return [regress(LOCAL, record(truth, rng, point, **more), f"point {i}") for i, point in enumerate(POINTS)]
+    return [
+        regress(LOCAL, record(truth, rng, point, **more), f"point {i}")
+        for i, point in enumerate(POINTS)
+    ]
 
 
 @pytest.fixture(scope="module")
@@ -79,9 +111,15 @@ def study():
 @pytest.mark.slow
 @pytest.mark.nightly
 def test_two_standard_errors_cover_the_nodes(study):
-    """95 % measured, 79 nodes per seed; nodes of one seed are strongly correlated, so allow 90 to 99 %."""
+    """95 % measured, 79 nodes per seed; nodes of one seed are strongly correlated, so allow 90 to
+    99 %.
+    """
     _, found = study
-    z = [(new[name]["value"] - truth[name]["value"]).values / new[name]["stderr"].values for truth, new in found for name in new]
+    z = [
+        (new[name]["value"] - truth[name]["value"]).values / new[name]["stderr"].values
+        for truth, new in found
+        for name in new
+    ]
     assert 0.90 < np.mean(np.abs(np.concatenate([x.ravel() for x in z])) < 2) < 0.99
 
 
@@ -108,22 +146,31 @@ def test_only_flown_nodes_change_their_source(study):
     _, new = found[0]
     source = new["CL/basic"]["source"]
     assert (source.sel(alpha=20 * DEG, method="nearest") == terms.SOURCES.index("datcom")).all()
-    assert (source.sel(alpha=2 * DEG, mach=0.3, method="nearest") == terms.SOURCES.index("flight")).all()
+    assert (
+        source.sel(alpha=2 * DEG, mach=0.3, method="nearest") == terms.SOURCES.index("flight")
+    ).all()
     ratio = new["CL/basic"]["stderr"] / leaves["CL/basic"]["stderr"]
     assert float(ratio.where(source == terms.SOURCES.index("flight")).max()) < 0.9
 
 
 def test_a_prior_that_was_overconfident_is_inflated_everywhere():
-    """Pitch-rate term six standard errors off: found where it was flown, and confessed where it was not."""
+    """Pitch-rate term six standard errors off: found where it was flown, and confessed where it was
+    not.
+    """
     leaves = prior_leaves()
     truth = {**leaves, "CL/qhat": leaves["CL/qhat"].assign(value=leaves["CL/qhat"]["value"] - 12.0)}
     rng = np.random.default_rng(40)
-    fits = [regress(LOCAL, record(truth, rng, (a, 1.0, m)), f"{a} {m}") for a, m in ((2, 0.17), (4, 0.2), (3, 0.25), (5, 0.17))]
+    fits = [
+        regress(LOCAL, record(truth, rng, (a, 1.0, m)), f"{a} {m}")
+        for a, m in ((2, 0.17), (4, 0.2), (3, 0.25), (5, 0.17))
+    ]
     new = tabulate(fits, database(leaves, **ROOT))
     assert 2.0 < new.report.loc["CL/qhat", "prior_inflation"] <= 5.0
     assert new.report.loc["CL/elevator", "prior_inflation"] < 1.5
     after = new["CL/qhat"]
-    assert abs(float((after["value"] - truth["CL/qhat"]["value"]).sel(mach=0.15))) < 2 * float(after["stderr"].sel(mach=0.15))
+    assert abs(float((after["value"] - truth["CL/qhat"]["value"]).sel(mach=0.15))) < 2 * float(
+        after["stderr"].sel(mach=0.15)
+    )
     assert float(after["stderr"].sel(mach=0.6)) > float(leaves["CL/qhat"]["stderr"].sel(mach=0.6))
 
 
@@ -131,15 +178,19 @@ def test_a_prior_that_was_overconfident_is_inflated_everywhere():
 def test_the_new_tables_fit_the_flown_samples_down_to_the_noise(study):
     _, found = study
     points = pd.concat([new.points for _, new in found])
-    assert points["rms"].median() == pytest.approx(0.004, rel=0.1)  # the disturbance that was put in
+    assert points["rms"].median() == pytest.approx(
+        0.004, rel=0.1
+    )  # the disturbance that was put in
     assert points["rms_prior"].median() > 0.015
     assert not points["suspect"].any()
 
 
 @pytest.mark.slow
 def test_the_compatibility_statistic_is_chi_squared(study):
-    """Fits against a prior that is true, 30 estimates: the mean of 20 values scatters by sqrt(60/20) = 1.7; standard errors
-    of single records are 10 to 15 % small (coverage 91 %), which lifts it a little."""
+    """Fits against a prior that is true, 30 estimates: the mean of 20 values scatters by
+    sqrt(60/20) = 1.7; standard errors of single records are 10 to 15 % small (coverage 91 %), which
+    lifts it a little.
+    """
     _, found = study
     statistic = [new.compatibility.loc["CL", "chi2"] for _, new in found]
     assert 24 < np.mean(statistic) < 42
@@ -147,26 +198,49 @@ def test_the_compatibility_statistic_is_chi_squared(study):
 
 
 def test_the_posterior_is_that_of_the_information_form():
-    """The closed form against (P^-1 + H' C^-1 H)^-1 written out, one fit, no robust weights at work."""
-    leaves = {"CL/basic": terms.make([0.2, 0.3, 0.5], {"alpha": [0.0, 0.05, 0.1]}, stderr=[0.05, 0.06, 0.07], source="datcom")}
+    """The closed form against (P^-1 + H' C^-1 H)^-1 written out, one fit, no robust weights at
+    work.
+    """
+    leaves = {
+        "CL/basic": terms.make(
+            [0.2, 0.3, 0.5], {"alpha": [0.0, 0.05, 0.1]}, stderr=[0.05, 0.06, 0.07], source="datcom"
+        )
+    }
     rng = np.random.default_rng(1)
-    fit = regress(Model.parse("CL = 1 + alpha"), record(leaves, rng, (3, 1.0, 0.3), extra={}), "one")
+    fit = regress(
+        Model.parse("CL = 1 + alpha"), record(leaves, rng, (3, 1.0, 0.3), extra={}), "one"
+    )
     found = tabulate([fit], database(leaves, **ROOT))
     new = found["CL/basic"]
-    X, B = fit.design.values, terms.basis(leaves["CL/basic"], {"alpha": fit.data["alpha"].values}, "clamp").toarray()
-    H, C = np.linalg.lstsq(X, B, rcond=None)[0], fit.estimates["covariance"].values * found.compatibility.loc["CL", "inflation"] ** 2
+    X, B = (
+        fit.design.values,
+        terms.basis(leaves["CL/basic"], {"alpha": fit.data["alpha"].values}, "clamp").toarray(),
+    )
+    H, C = (
+        np.linalg.lstsq(X, B, rcond=None)[0],
+        fit.estimates["covariance"].values * found.compatibility.loc["CL", "inflation"] ** 2,
+    )
     flown = new["source"].values == terms.SOURCES.index("flight")
-    P = np.einsum("k,kij->ij", found.report.loc["CL/basic", list(PARTS)].to_numpy(float), prior_parts(leaves["CL/basic"], flown))
+    P = np.einsum(
+        "k,kij->ij",
+        found.report.loc["CL/basic", list(PARTS)].to_numpy(float),
+        prior_parts(leaves["CL/basic"], flown),
+    )
     posterior = np.linalg.inv(np.linalg.inv(P) + H.T @ np.linalg.solve(C, H))
     g0 = leaves["CL/basic"]["value"].values
-    g = posterior @ (np.linalg.solve(P, g0) + H.T @ np.linalg.solve(C, fit.estimates["estimate"].values))
+    g = posterior @ (
+        np.linalg.solve(P, g0) + H.T @ np.linalg.solve(C, fit.estimates["estimate"].values)
+    )
     np.testing.assert_allclose(new["value"], g, atol=1e-8)
     np.testing.assert_allclose(new["stderr"], np.sqrt(np.diag(posterior)), atol=1e-8)
 
 
 def test_held_terms_stay_and_count():
     leaves = prior_leaves()
-    truth = {**leaves, "CL/elevator": leaves["CL/elevator"].assign(value=leaves["CL/elevator"]["value"] + 0.05)}
+    truth = {
+        **leaves,
+        "CL/elevator": leaves["CL/elevator"].assign(value=leaves["CL/elevator"]["value"] + 0.05),
+    }
     fits = local_fits(truth, np.random.default_rng(30))
     new = tabulate(fits, database(truth, **ROOT), held=["CL/elevator"])
     assert "CL/elevator" not in new
@@ -179,11 +253,18 @@ def test_errors_of_held_terms_count_among_those_of_the_others():
         "CL/basic": terms.make(0.5, {}, stderr=0.1, source="datcom"),
         "CL/altitude": terms.make(0.0, {}, stderr=0.01, source="datcom"),
     }
-    fit = regress(Model.parse("CL = 1"), record(leaves, np.random.default_rng(31), (3, 1.0, 0.3)), "one")
+    fit = regress(
+        Model.parse("CL = 1"), record(leaves, np.random.default_rng(31), (3, 1.0, 0.3)), "one"
+    )
     exact = {**leaves, "CL/altitude": leaves["CL/altitude"].drop_vars("stderr")}
-    found, known = (tabulate([fit], database(x, **ROOT), held=["CL/altitude"])["CL/basic"] for x in (leaves, exact))
+    found, known = (
+        tabulate([fit], database(x, **ROOT), held=["CL/altitude"])["CL/basic"]
+        for x in (leaves, exact)
+    )
     assert float(known["stderr"]) < 0.003
-    assert float(found["stderr"]) == pytest.approx(np.hypot(0.01, float(known["stderr"])), rel=0.01)  # less 0.5 % that the prior knows
+    assert float(found["stderr"]) == pytest.approx(
+        np.hypot(0.01, float(known["stderr"])), rel=0.01
+    )  # less 0.5 % that the prior knows
 
 
 @pytest.mark.slow
@@ -195,7 +276,9 @@ def test_the_flown_region_grows_with_the_samples_without_a_step():
     for weight in np.linspace(0.0, 1.0, 2001):
         P = prior_parts(leaf, np.array([1.0, 1.0, 1.0, weight]))[PARTS.index("reach")]
         like.append(P[2, 3] / np.sqrt(P[2, 2] * P[3, 3]))
-    assert like[0] == pytest.approx(np.exp(-2.0 * 2.0 / 5.0), rel=1e-6)  # one cell of 2 deg, correlation length 5 deg
+    assert like[0] == pytest.approx(
+        np.exp(-2.0 * 2.0 / 5.0), rel=1e-6
+    )  # one cell of 2 deg, correlation length 5 deg
     assert like[-1] == pytest.approx(1.0, rel=1e-6)
     assert np.diff(like).min() >= 0.0
     assert np.diff(like).max() < 0.01
@@ -203,10 +286,15 @@ def test_the_flown_region_grows_with_the_samples_without_a_step():
 
 def test_a_term_that_starts_from_zero_is_brought_in():
     leaves = prior_leaves()
-    zero = terms.make(0.0, {}, ("gear",), stderr=0.1, source="judgement", comment="Not in the prior.")
+    zero = terms.make(
+        0.0, {}, ("gear",), stderr=0.1, source="judgement", comment="Not in the prior."
+    )
     truth = {**leaves, "CL/gear": zero.assign(value=zero["value"] - 0.06)}
     rng = np.random.default_rng(31)
-    clean, down = (regress(LOCAL, record(truth, rng, POINTS[1], extra={"gear": g}), f"gear {g:.0f}") for g in (0.0, 1.0))
+    clean, down = (
+        regress(LOCAL, record(truth, rng, POINTS[1], extra={"gear": g}), f"gear {g:.0f}")
+        for g in (0.0, 1.0)
+    )
     new = tabulate([clean, down], database({**leaves, "CL/gear": zero}, **ROOT))
     leaf = new["CL/gear"]
     assert abs(float(leaf["value"]) + 0.06) < 3 * float(leaf["stderr"])
@@ -224,40 +312,68 @@ def test_a_test_point_that_contradicts_the_others_is_suspected_and_outvoted():
     points = [(a, 1.0, 0.3) for a in (1, 2, 3, 2, 1, 3, 2)]
     data = [record(leaves, rng, point) for point in points]
     data[3]["CL"] = data[3]["CL"] + 0.2  # a wrong trim mass, say
-    new = tabulate([regress(LOCAL, d, f"point {i}") for i, d in enumerate(data)], database(leaves, **ROOT))
+    new = tabulate(
+        [regress(LOCAL, d, f"point {i}") for i, d in enumerate(data)], database(leaves, **ROOT)
+    )
     assert new.points["suspect"].tolist() == [False, False, False, True, False, False, False]
     at = dict(alpha=2 * DEG, mach=0.3, method="nearest")
-    assert abs(float(new["CL/basic"]["value"].sel(**at) - leaves["CL/basic"]["value"].sel(**at))) < 0.02
+    assert (
+        abs(float(new["CL/basic"]["value"].sel(**at) - leaves["CL/basic"]["value"].sel(**at)))
+        < 0.02
+    )
 
 
 def test_errors_common_to_all_fits_do_not_average_out():
-    """Six fits at one point, all with a dynamic pressure that may be 5 % wrong: the lift is no better known than that."""
+    """Six fits at one point, all with a dynamic pressure that may be 5 % wrong: the lift is no
+    better known than that.
+    """
     leaves = prior_leaves()
     rng = np.random.default_rng(33)
     data = [record(leaves, rng, (alpha, 1.0, 0.3)) for alpha in (1, 2, 3, 2, 1, 3)]
-    wrong = [d.assign_coords(error=["qbar"]).assign(CL_error=(("error", "time"), 0.05 * d["CL"].values[None])) for d in data]
+    wrong = [
+        d.assign_coords(error=["qbar"]).assign(
+            CL_error=(("error", "time"), 0.05 * d["CL"].values[None])
+        )
+        for d in data
+    ]
     db = database(leaves, **ROOT)
-    free, common = (tabulate([regress(LOCAL, d) for d in parts], db)["CL/basic"] for parts in (data, wrong))
+    free, common = (
+        tabulate([regress(LOCAL, d) for d in parts], db)["CL/basic"] for parts in (data, wrong)
+    )
     at = dict(alpha=2 * DEG, mach=0.3, method="nearest")
     lift = float(leaves["CL/basic"]["value"].sel(**at))
     assert float(free["stderr"].sel(**at)) < 0.005
     assert float(common["stderr"].sel(**at)) == pytest.approx(0.05 * lift, rel=0.15)
-    # considered, not estimated: the tables move by what the learnt weights change only, a fraction of the common error
+    # considered, not estimated: the tables move by what the learnt weights change only, a fraction
+    # of the common error
     assert (np.abs(common["value"] - free["value"]) < 0.2 * common["stderr"]).all()
 
 
 def test_an_estimate_with_a_large_common_error_does_not_bend_the_tables():
-    """One fit whose damping a lag of the vanes has falsified by 25, by its budget: lift against incidence stays what was measured."""
+    """One fit whose damping a lag of the vanes has falsified by 25, by its budget: lift against
+    incidence stays what was measured.
+    """
     leaves = prior_leaves()
     alpha = leaves["CL/basic"]["alpha"].values
-    truth = {**leaves, "CL/basic": leaves["CL/basic"].assign(value=leaves["CL/basic"]["value"] - 0.06 - 0.6 * alpha[:, None])}
+    truth = {
+        **leaves,
+        "CL/basic": leaves["CL/basic"].assign(
+            value=leaves["CL/basic"]["value"] - 0.06 - 0.6 * alpha[:, None]
+        ),
+    }
     data = record(truth, np.random.default_rng(5), (2, 1.5, 0.3), duration=12.0, noise=0.002)
     lag = 25.0 * data["qhat"]
-    data = data.assign_coords(error=["lag.vanes"]).assign(CL=data["CL"] - lag, CL_error=(("error", "time"), lag.values[None]))
-    new = tabulate([regress(Model.parse("CL = 1 + alpha + qhat + delta_e"), data)], database(leaves, **ROOT))["CL/basic"]
+    data = data.assign_coords(error=["lag.vanes"]).assign(
+        CL=data["CL"] - lag, CL_error=(("error", "time"), lag.values[None])
+    )
+    new = tabulate(
+        [regress(Model.parse("CL = 1 + alpha + qhat + delta_e"), data)], database(leaves, **ROOT)
+    )["CL/basic"]
     flown = dict(alpha=[0.0, 2 * DEG, 4 * DEG], mach=0.3)
     error = (new["value"] - truth["CL/basic"]["value"]).sel(flown, method="nearest")
-    assert float(np.abs(error).max()) < 0.01  # a fifth of the a-priori standard error; weighed by the scatter alone it was 0.015
+    assert (
+        float(np.abs(error).max()) < 0.01
+    )  # a fifth of the a-priori standard error; weighed by the scatter alone it was 0.015
 
 
 def test_a_constant_error_has_its_two_parts():
@@ -272,23 +388,36 @@ def test_a_constant_error_has_its_two_parts():
 
 def test_an_error_of_effectiveness_turns_with_the_deflection():
     delta = np.array([-20.0, -10.0, 0.0, 10.0]) * DEG
-    P = prior_covariance(terms.make(0.5 * delta, {"delta_e": delta}, stderr=0.2 * 0.5 * np.abs(delta), source="datcom"), level=1.0)
+    P = prior_covariance(
+        terms.make(
+            0.5 * delta, {"delta_e": delta}, stderr=0.2 * 0.5 * np.abs(delta), source="datcom"
+        ),
+        level=1.0,
+    )
     np.testing.assert_allclose(P, np.outer(0.1 * delta, 0.1 * delta), atol=1e-12)
 
 
 def test_slope_and_offset_errors_are_distinguished_by_the_standard_errors():
     alpha = np.arange(-8, 21, 2.0) * DEG
     value = 0.1 + 5.0 * alpha
-    P = prior_covariance(terms.make(value, {"alpha": alpha}, stderr=np.hypot(0.05, 0.08 * value), source="datcom"), level=1.0)
+    P = prior_covariance(
+        terms.make(value, {"alpha": alpha}, stderr=np.hypot(0.05, 0.08 * value), source="datcom"),
+        level=1.0,
+    )
     np.testing.assert_allclose(P, 0.05**2 + 0.08**2 * np.outer(value, value), rtol=1e-9)
     assert np.linalg.eigvalsh(prior_covariance(prior_leaves()["CL/basic"])).min() > -1e-12
 
 
-@pytest.mark.filterwarnings("ignore:incompatible fits")  # an elevator that is stated as exact and is not
+@pytest.mark.filterwarnings(
+    "ignore:incompatible fits"
+)  # an elevator that is stated as exact and is not
 def test_nodes_with_no_error_are_facts():
     leaves = prior_leaves()
     leaves["CL/elevator"] = leaves["CL/elevator"].assign(stderr=leaves["CL/elevator"]["stderr"] * 0)
-    new = tabulate(local_fits(drawn(prior_leaves(), np.random.default_rng(34)), np.random.default_rng(34)), database(leaves, **ROOT))
+    new = tabulate(
+        local_fits(drawn(prior_leaves(), np.random.default_rng(34)), np.random.default_rng(34)),
+        database(leaves, **ROOT),
+    )
     np.testing.assert_array_equal(new["CL/elevator"]["value"], leaves["CL/elevator"]["value"])
 
 
@@ -296,7 +425,9 @@ def test_unusable_input_is_refused_with_all_reasons():
     leaves, rng = prior_leaves(), np.random.default_rng(35)
     fit = regress(LOCAL, record(leaves, rng, POINTS[0]))
     bare = {name: leaf.drop_vars("stderr") for name, leaf in leaves.items()}
-    with pytest.raises(SchemaError, match=r"(?s)prior: 3 problems.*CL/basic has no stderr.*CL/qhat has no stderr"):
+    with pytest.raises(
+        SchemaError, match=r"(?s)prior: 3 problems.*CL/basic has no stderr.*CL/qhat has no stderr"
+    ):
         tabulate([fit], database(bare, **ROOT))
     with pytest.raises(SchemaError, match="fits are of stability axes"):
         tabulate([fit], database(leaves, **{**ROOT, "force_axes": "wind"}))
@@ -310,18 +441,26 @@ def test_unusable_input_is_refused_with_all_reasons():
 
 
 def test_a_few_nodes_with_large_errors_do_not_decide_the_kind_of_the_others():
-    """Nodes held beyond the listing carry doubled errors; the constant part of the flown ones must survive them."""
+    """Nodes held beyond the listing carry doubled errors; the constant part of the flown ones must
+    survive them.
+    """
     value = np.linspace(0.2, -0.4, 15)
     sd = np.hypot(0.02, 0.2 * value)
     sd[-2:] *= 2.0
-    P = prior_covariance(terms.make(value, {"alpha": np.arange(-8, 21, 2.0) * DEG}, stderr=sd, source="datcom"))
+    P = prior_covariance(
+        terms.make(value, {"alpha": np.arange(-8, 21, 2.0) * DEG}, stderr=sd, source="datcom")
+    )
     np.testing.assert_allclose(np.diag(P), sd**2, rtol=1e-12)
-    zero = int(np.abs(value).argmin())  # where the table crosses zero only the constant part is left: neighbours move together
+    zero = int(
+        np.abs(value).argmin()
+    )  # where the table crosses zero only the constant part is left: neighbours move together
     assert P[zero - 1, zero + 1] / (sd[zero - 1] * sd[zero + 1]) > 0.5
 
 
 def drawn_fits(leaves, truth, rng, bias):
-    """Fits of 1 and alpha at four angles, linear in the true nodes, with noise and a bias that all share."""
+    """Fits of 1 and alpha at four angles, linear in the true nodes, with noise and a bias that all
+    share.
+    """
     fits = []
     for low in (0.0, 2.0, 4.0, 6.0):
         alpha = (low + np.linspace(-1.5, 1.5, 40)) * DEG
@@ -329,7 +468,11 @@ def drawn_fits(leaves, truth, rng, bias):
         data = xr.Dataset({"alpha": ("sample", alpha), "mach": ("sample", np.full(40, 0.3))})
         C = np.linalg.inv(X.T @ X) * 0.01**2
         B = terms.basis(leaves["CL/basic"], {"alpha": alpha}, "clamp").toarray()
-        theta = np.linalg.lstsq(X, B @ truth, rcond=None)[0] + np.linalg.cholesky(C) @ rng.normal(size=2) + [bias, 0.0]
+        theta = (
+            np.linalg.lstsq(X, B @ truth, rcond=None)[0]
+            + np.linalg.cholesky(C) @ rng.normal(size=2)
+            + [bias, 0.0]
+        )
         names = ["1", "alpha"]
         estimates = xr.Dataset(
             {
@@ -348,7 +491,9 @@ def drawn_fits(leaves, truth, rng, bias):
 
 @pytest.fixture(scope="module")
 def kinked():
-    """Two hundred tables flown from -1 to 7 deg whose error has another slope, drawn anew, outside: (z, flown), (draws, nodes)."""
+    """Two hundred tables flown from -1 to 7 deg whose error has another slope, drawn anew, outside:
+    (z, flown), (draws, nodes).
+    """
     alpha = np.arange(-8, 17, 2.0) * DEG
     value = 0.1 + 5.0 * alpha
     leaf = terms.make(value, {"alpha": alpha}, stderr=np.full(13, 0.1), source="datcom")
@@ -357,8 +502,15 @@ def kinked():
     for seed in range(200):
         rng = np.random.default_rng(seed)
         level, inside, below, above = rng.normal(size=4) * [0.07, 0.4, 1.0, 1.0]
-        error = level + inside * alpha + below * np.minimum(alpha, 0.0) + above * np.maximum(alpha - 6 * DEG, 0.0)
-        new = tabulate(drawn_fits({"CL/basic": leaf}, value + error, rng, 0.02 * rng.normal()), db)["CL/basic"]
+        error = (
+            level
+            + inside * alpha
+            + below * np.minimum(alpha, 0.0)
+            + above * np.maximum(alpha - 6 * DEG, 0.0)
+        )
+        new = tabulate(drawn_fits({"CL/basic": leaf}, value + error, rng, 0.02 * rng.normal()), db)[
+            "CL/basic"
+        ]
         z.append((new["value"].values - value - error) / new["stderr"].values)
         flown.append(new["source"].values == terms.SOURCES.index("flight"))
     return np.array(z), np.array(flown)
@@ -367,7 +519,9 @@ def kinked():
 @pytest.mark.slow
 @pytest.mark.nightly
 def test_static_terms_are_honest_about_a_bias_that_all_fits_share(kinked):
-    """Two hundred independent draws: 95.4 % scatters by 1.5 %; without the common error the same nodes have z of 5 and more."""
+    """Two hundred independent draws: 95.4 % scatters by 1.5 %; without the common error the same
+    nodes have z of 5 and more.
+    """
     z, flown = kinked
     assert flown[:, 5:7].all()
     assert 0.91 < (np.abs(z[flown]) < 2).mean() < 0.99
@@ -383,16 +537,31 @@ def test_confidence_does_not_leak_past_a_kink_at_the_edge_of_the_flown_region(ki
 
 
 def test_the_weights_are_the_mode_whatever_the_start():
-    """Newton's method from far starts on both sides ends where a scan finds nothing better, and the same to rounding."""
+    """Newton's method from far starts on both sides ends where a scan finds nothing better, and the
+    same to rounding.
+    """
     rng = np.random.default_rng(50)
-    parts = np.stack([np.ones((12, 12)), np.exp(-np.abs(np.subtract.outer(np.arange(12), np.arange(12))) / 2.0), 0.01 * np.eye(12)])
+    parts = np.stack(
+        [
+            np.ones((12, 12)),
+            np.exp(-np.abs(np.subtract.outer(np.arange(12), np.arange(12))) / 2.0),
+            0.01 * np.eye(12),
+        ]
+    )
     y = np.linalg.cholesky(parts.sum(axis=0)) @ rng.normal(size=12)
-    mean, spread, fixed = np.array([-2.0, -2.0, -0.2]), np.array([1.5, 1.5, 0.7]), np.zeros((12, 12))
+    mean, spread, fixed = (
+        np.array([-2.0, -2.0, -0.2]),
+        np.array([1.5, 1.5, 0.7]),
+        np.zeros((12, 12)),
+    )
     ends = [_mode(y, parts, fixed, mean, spread, mean + shift)[0] for shift in (-3.0, 0.0, 3.0)]
     np.testing.assert_allclose(ends[0], ends[1], atol=1e-6)
     np.testing.assert_allclose(ends[2], ends[1], atol=1e-6)
     best = _cost(y, parts, fixed, mean, spread, ends[1])[0]
-    scan = [_cost(y, parts, fixed, mean, spread, ends[1] + step)[0] for step in rng.normal(size=(300, 3))]
+    scan = [
+        _cost(y, parts, fixed, mean, spread, ends[1] + step)[0]
+        for step in rng.normal(size=(300, 3))
+    ]
     assert min(scan) > best
 
 
@@ -410,18 +579,28 @@ def test_tables_do_not_change_by_more_than_what_rounding_changes_in_the_fits():
 
 
 def test_source_flight_needs_samples_of_the_node_itself():
-    """A node at the far end of a cell that the flights only touched keeps its source, though neighbours make it better known."""
+    """A node at the far end of a cell that the flights only touched keeps its source, though
+    neighbours make it better known.
+    """
     leaves = prior_leaves()
-    new = tabulate([regress(LOCAL, record(leaves, np.random.default_rng(52), (5.0, 0.4, 0.3)))], database(leaves, **ROOT))["CL/basic"]
+    new = tabulate(
+        [regress(LOCAL, record(leaves, np.random.default_rng(52), (5.0, 0.4, 0.3)))],
+        database(leaves, **ROOT),
+    )["CL/basic"]
     source = new["source"].sel(mach=0.3, method="nearest")
-    flown = [round(float(a) / DEG) for a in source["alpha"][source.values == terms.SOURCES.index("flight")]]
+    flown = [
+        round(float(a) / DEG)
+        for a in source["alpha"][source.values == terms.SOURCES.index("flight")]
+    ]
     assert flown == [4, 6]
 
 
 def test_a_drag_polar_over_the_measured_lift():
-    """CD = CD0 + k CL^2 from fits with CL as a regressor [LR743]: terms over CL take them as those over alpha do.
+    """CD = CD0 + k CL^2 from fits with CL as a regressor [LR743]: terms over CL take them as those
+    over alpha do.
 
-    Errors over standard errors of 20 seeds have an rms of 1.1 and 0.9; this seed is their worst, 3.4.
+    Errors over standard errors of 20 seeds have an rms of 1.1 and 0.9; this seed is their worst,
+    3.4.
     """
     rng, true = np.random.default_rng(2), {"basic": 0.024, "induced": 0.05}
     prior = database(
@@ -435,7 +614,13 @@ def test_a_drag_polar_over_the_measured_lift():
     for name, mean in (("slow", 0.9), ("fast", 0.3)):
         CL = mean + 0.2 * np.sin(t)
         CD = true["basic"] + true["induced"] * CL**2 + 2e-4 * rng.normal(size=len(t))
-        fits.append(regress(Model("CD", ["1", "CL^2"]), xr.Dataset({"CL": ("time", CL), "CD": ("time", CD)}, {"time": t}), name))
+        fits.append(
+            regress(
+                Model("CD", ["1", "CL^2"]),
+                xr.Dataset({"CL": ("time", CL), "CD": ("time", CD)}, {"time": t}),
+                name,
+            )
+        )
     found = tabulate(fits, prior)
     for name, value in true.items():
         leaf = found[f"CD/{name}"]
@@ -451,4 +636,8 @@ def test_tables_that_flight_has_updated_once_can_be_updated_again():
     again = tabulate(fits[4:], database({**prior_leaves(), **first.terms}, **ROOT))
     assert (again.points["rms"] <= again.points["rms_prior"]).all()
     for leaf in again.terms.values():
-        assert leaf.sizes["component"] == leaf["posterior_sign"].size != first.terms["CL/basic"].sizes["component"]
+        assert (
+            leaf.sizes["component"]
+            == leaf["posterior_sign"].size
+            != first.terms["CL/basic"].sizes["component"]
+        )

@@ -17,7 +17,9 @@ from tests.aerodb.update.test_tabulation import ROOT, drawn, local_fits, prior_l
 
 @pytest.fixture(scope="module")
 def found():
-    """Fits at constant flap without gear; a term each that they determine, hardly know of, and cannot know of."""
+    """Fits at constant flap without gear; a term each that they determine, hardly know of, and
+    cannot know of.
+    """
     leaves = prior_leaves()
     rng = np.random.default_rng(3)
     truth = drawn(leaves, rng)
@@ -32,7 +34,11 @@ def test_terms_that_flights_determine_are_replaced(found):
     tabulation, db = found
     assert tabulation.report.loc["CL/basic", "decision"] == "replace"
     assert db["CL/basic"].attrs["decision"] == "replace"
-    assert db["CL/basic"].attrs["reason"].endswith("flown nodes with less than 0.5 of the a-priori standard error")
+    assert (
+        db["CL/basic"]
+        .attrs["reason"]
+        .endswith("flown nodes with less than 0.5 of the a-priori standard error")
+    )
 
 
 def test_terms_without_flights_are_kept_or_deleted(found):
@@ -54,7 +60,9 @@ def test_bounds_of_the_standard_error(ratio, value, source, expected):
     factor = np.zeros((1, 2))
     after = {
         name: leaf.assign_coords(component=[0.0], kind=[0.0, 1.0]).assign(
-            stderr=leaf["stderr"] * ratio, posterior_factor=(("component", "alpha"), factor), posterior_sign=("component", [-1.0])
+            stderr=leaf["stderr"] * ratio,
+            posterior_factor=(("component", "alpha"), factor),
+            posterior_sign=("component", [-1.0]),
         )
         for name, leaf in before.items()
     }
@@ -70,7 +78,10 @@ def test_terms_that_flights_determine_only_together_are_named(found):
     leaves["CL/alphadothat"] = leaves["CL/qhat"].copy()
     rng = np.random.default_rng(4)
     made = tabulate(local_fits(drawn(prior_leaves(), rng), rng), database(leaves, **ROOT))
-    assert "with CL/alphadothat: the flights determine them together" in made.report.loc["CL/qhat", "reason"]
+    assert (
+        "with CL/alphadothat: the flights determine them together"
+        in made.report.loc["CL/qhat", "reason"]
+    )
 
 
 def test_verb_lists_the_decisions(found, tmp_path):
@@ -80,5 +91,7 @@ def test_verb_lists_the_decisions(found, tmp_path):
     assert rows["CL/gear"] == "delete"
     text = CliRunner().invoke(group, ["decisions", str(tmp_path / "db.nc")]).output
     assert text.splitlines()[-1] == "replace 3, correct 0, keep 1, delete 1"
-    shown = CliRunner().invoke(group, ["show", str(tmp_path / "db.nc"), "--term", "CL/basic"]).output
+    shown = (
+        CliRunner().invoke(group, ["show", str(tmp_path / "db.nc"), "--term", "CL/basic"]).output
+    )
     assert "decision: replace" in shown

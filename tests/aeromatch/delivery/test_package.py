@@ -21,8 +21,19 @@ from aeromatch.delivery.verification import unpacked, verify_package
 from flightmech.errors import ParseError, SchemaError, SimulationError
 
 T37 = Path(__file__).parents[3] / "data" / "t37"
-pytestmark = pytest.mark.filterwarnings("ignore:.*loop over several flight conditions")  # of the shipped listing of the flaps
-CONDITION = {"V": 100.0, "h": 1500.0, "psi": 0.3, "lat": 0.7, "mass": 2600.0, "z_cg_b": 0.2, "delta_T": 4.0, "qnh": 101000.0}
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:.*loop over several flight conditions"
+)  # of the shipped listing of the flaps
+CONDITION = {
+    "V": 100.0,
+    "h": 1500.0,
+    "psi": 0.3,
+    "lat": 0.7,
+    "mass": 2600.0,
+    "z_cg_b": 0.2,
+    "delta_T": 4.0,
+    "qnh": 101000.0,
+}
 
 
 @pytest.fixture(scope="module")
@@ -39,21 +50,32 @@ def model():
 @pytest.fixture(scope="module")
 def checks(model, tmp_path_factory):
     db, aircraft = model
-    with_rudder = aerodb.replace_terms(db, {"Cn/rudder": flightmech.terms.make(-0.08, regressors=["delta_r"])})
+    with_rudder = aerodb.replace_terms(
+        db, {"Cn/rudder": flightmech.terms.make(-0.08, regressors=["delta_r"])}
+    )
     folder = tmp_path_factory.mktemp("checks")
-    return flown_checks.write_flown_checks(with_rudder, aircraft, {"cruise": CONDITION}, folder), with_rudder, aircraft
+    return (
+        flown_checks.write_flown_checks(with_rudder, aircraft, {"cruise": CONDITION}, folder),
+        with_rudder,
+        aircraft,
+    )
 
 
 @pytest.mark.slow
 def test_flown_checks_are_flown_again_from_their_file_alone(checks, tmp_path):
     files, db, aircraft = checks
-    assert [file.name for file in files] == [f"cruise_{control}.csv" for control in ("delta_e", "delta_a", "delta_r")]
+    assert [file.name for file in files] == [
+        f"cruise_{control}.csv" for control in ("delta_e", "delta_a", "delta_r")
+    ]
     sim = flightmech.compile(aircraft, db)
     fmu = flightmech.write_fmu(sim, tmp_path / "model.fmu")
     for file in files:
         case, facts, tolerance = flown_checks.read_flown_check(file)
         assert facts["mass"] == 2600.0
-        for found in (flown_checks.fly_by_kernel(sim, case, facts), flown_checks.fly_by_fmu(fmu, case, facts)):
+        for found in (
+            flown_checks.fly_by_kernel(sim, case, facts),
+            flown_checks.fly_by_fmu(fmu, case, facts),
+        ):
             ratio, worst = flown_checks.compared(case, found, tolerance)
             assert ratio < 0.01, worst
         moved = np.ptp(case[file.stem.removeprefix("cruise_")].values)
@@ -65,9 +87,15 @@ def test_flown_checks_are_flown_again_from_their_file_alone(checks, tmp_path):
 @pytest.mark.slow
 def test_another_aeroplane_does_not_agree(checks):
     files, db, aircraft = checks
-    changed = aerodb.replace_terms(db, {"Cn/rudder": flightmech.terms.make(-0.0801, regressors=["delta_r"])})
+    changed = aerodb.replace_terms(
+        db, {"Cn/rudder": flightmech.terms.make(-0.0801, regressors=["delta_r"])}
+    )
     case, facts, tolerance = flown_checks.read_flown_check(files[2])
-    ratio, _ = flown_checks.compared(case, flown_checks.fly_by_kernel(flightmech.compile(aircraft, changed), case, facts), tolerance)
+    ratio, _ = flown_checks.compared(
+        case,
+        flown_checks.fly_by_kernel(flightmech.compile(aircraft, changed), case, facts),
+        tolerance,
+    )
     assert ratio > 1.0
 
 
@@ -76,14 +104,21 @@ def test_jsbsim_flies_the_check_cases_and_finds_another_aeroplane(checks, tmp_pa
     pytest.importorskip("jsbsim", reason="jsbsim is not installed: pip install jsbsim")
     files, db, aircraft = checks
     file = tmp_path / "final_jsbsim.xml"
-    held = aerodb.replace_terms(db, {name: leaf.assign_attrs(outside="hold") for name, leaf in aerodb.terms(db).items()})
+    held = aerodb.replace_terms(
+        db, {name: leaf.assign_attrs(outside="hold") for name, leaf in aerodb.terms(db).items()}
+    )
     export_jsbsim(held, file, aircraft)
     allowed = {name: PART * band for name, band in BANDS.items()}
     for check in files:
         case, facts, _ = flown_checks.read_flown_check(check)
         ratio, worst = flown_checks.compared(case, fly_by_jsbsim(file, case, facts), allowed)
-        assert ratio < 0.7, (check.name, worst)  # seen: 0.35 of nz, 0.31 of phi, 0.48 of p, which halve with JSBSim's frame
-    file.write_text(file.read_text().replace("metrics/cbarw-ft", "metrics/bw-ft"))  # moments by another length
+        assert ratio < 0.7, (
+            check.name,
+            worst,
+        )  # seen: 0.35 of nz, 0.31 of phi, 0.48 of p, which halve with JSBSim's frame
+    file.write_text(
+        file.read_text().replace("metrics/cbarw-ft", "metrics/bw-ft")
+    )  # moments by another length
     ratio, worst = flown_checks.compared(case, fly_by_jsbsim(file, case, facts), allowed)
     assert ratio > 1.0
     file.write_text("<fdm_config/>")
@@ -93,7 +128,10 @@ def test_jsbsim_flies_the_check_cases_and_finds_another_aeroplane(checks, tmp_pa
 
 def test_a_condition_without_a_trim_is_left_out(checks, tmp_path):
     _, db, aircraft = checks
-    assert flown_checks.write_flown_checks(db, aircraft, {"slow": {**CONDITION, "V": 20.0}}, tmp_path) == []
+    assert (
+        flown_checks.write_flown_checks(db, aircraft, {"slow": {**CONDITION, "V": 20.0}}, tmp_path)
+        == []
+    )
 
 
 def test_files_that_are_no_check_cases_are_refused(checks, tmp_path):
@@ -101,7 +139,9 @@ def test_files_that_are_no_check_cases_are_refused(checks, tmp_path):
     (tmp_path / "x.csv").write_text(text.replace("flown check case", "something"))
     with pytest.raises(ParseError):
         flown_checks.read_flown_check(tmp_path / "x.csv")
-    (tmp_path / "x.csv").write_text("\n".join(line for line in text.splitlines() if not line.startswith("# mass")))
+    (tmp_path / "x.csv").write_text(
+        "\n".join(line for line in text.splitlines() if not line.startswith("# mass"))
+    )
     with pytest.raises(SchemaError, match="no fact 'mass'"):
         flown_checks.read_flown_check(tmp_path / "x.csv")
 
@@ -150,9 +190,13 @@ def test_a_package_is_made_twice_verified_harmed_and_compared(matched, tmp_path)
         assert run("make", project, match, "-o", tmp_path / name, "--revision", "A").exit_code == 0
     assert (tmp_path / "one.zip").read_bytes() == (tmp_path / "two.zip").read_bytes()
     with zipfile.ZipFile(tmp_path / "one.zip") as content:
-        inside = {name.removeprefix("data_package/"): content.read(name) for name in content.namelist()}
+        inside = {
+            name.removeprefix("data_package/"): content.read(name) for name in content.namelist()
+        }
     assert inside == {
-        file.relative_to(tmp_path / "folder").as_posix(): file.read_bytes() for file in (tmp_path / "folder").rglob("*") if file.is_file()
+        file.relative_to(tmp_path / "folder").as_posix(): file.read_bytes()
+        for file in (tmp_path / "folder").rglob("*")
+        if file.is_file()
     }
     assert {
         "models/final.fmu",
@@ -188,22 +232,47 @@ def test_a_package_is_made_twice_verified_harmed_and_compared(matched, tmp_path)
     same = json.loads(run("diff", tmp_path / "one.zip", tmp_path / "two.zip", "--json").output)
     assert [row["before"] for row in same["felt"]] == [row["after"] for row in same["felt"]]
     assert (same["terms"], same["coefficients"], same["parts"], same["files"]) == ([], [], [], [])
-    done = run("diff", tmp_path / "one.zip", tmp_path / "two.zip", "--model", "datcom", "--against", "final", "--json")
+    done = run(
+        "diff",
+        tmp_path / "one.zip",
+        tmp_path / "two.zip",
+        "--model",
+        "datcom",
+        "--against",
+        "final",
+        "--json",
+    )
     other = json.loads(done.output)
     assert {"Cm/basic", "Cm/qhat", "Cm/elevator"} <= {row["name"] for row in other["terms"]}
     assert [row["row"] for row in other["cases"]] == ["2.c.10", "2.d.2"]
     archive = {r.case.name: r for r in pom.read_archive(match / "report").results}
-    assert other["cases"][0]["worst_before"] == pytest.approx(archive["short_period"].worst("datcom")["worst_ratio"])
+    assert other["cases"][0]["worst_before"] == pytest.approx(
+        archive["short_period"].worst("datcom")["worst_ratio"]
+    )
     felt = {row["words"]: row for row in other["felt"]}
     for name, side in (("datcom", "before"), ("final", "after")):
-        craft, db = flightmech.read_aircraft(match / f"{name}.toml"), aerodb.open(match / f"{name}.nc")
+        craft, db = (
+            flightmech.read_aircraft(match / f"{name}.toml"),
+            aerodb.open(match / f"{name}.nc"),
+        )
         found = flightmech.characteristics(craft, db, other["condition"])
         speed = float(found.table.loc["V_stall", "value"]) / (1852.0 / 3600.0)
         assert felt["stall speed, true, power off"][side] == pytest.approx(speed, rel=1e-12)
         (dutch,) = found.modes[found.modes["mode"] == "Dutch roll"]["period"]
         assert felt["Dutch roll: period"][side] == pytest.approx(float(dutch), rel=1e-12)
-    assert (other["condition"]["delta_f"], other["condition"]["gear"]) == (pytest.approx(0.0, abs=0.01), pytest.approx(0.0, abs=0.01))
-    words = run("diff", tmp_path / "one.zip", tmp_path / "two.zip", "--model", "datcom", "--against", "final").output
+    assert (other["condition"]["delta_f"], other["condition"]["gear"]) == (
+        pytest.approx(0.0, abs=0.01),
+        pytest.approx(0.0, abs=0.01),
+    )
+    words = run(
+        "diff",
+        tmp_path / "one.zip",
+        tmp_path / "two.zip",
+        "--model",
+        "datcom",
+        "--against",
+        "final",
+    ).output
     assert "what a pilot feels" in words
     assert "pitching-moment increment due to pitch rate" in words
     assert "nan" not in words

@@ -1,4 +1,6 @@
-"""The plan of a match: each planted fault is a problem before anything is computed, all of a project at once; sound projects have none."""
+"""The plan of a match: each planted fault is a problem before anything is computed, all of a
+project at once; sound projects have none.
+"""
 
 import re
 import shutil
@@ -45,7 +47,9 @@ def test_sound_project_has_no_problem_for_any_number_of_processes(tmp_path):
     assert make_plan(project, tmp_path / "out", 2).to_dict() == plan.to_dict()
     plan.demand()
     assert not (tmp_path / "out").exists()
-    assert [look.last for look in plan.looks.values()] == pytest.approx([150.0, 150.0, 150.0, 21.76, 98.0, 26.0, 12.48, 17.0], abs=0.02)
+    assert [look.last for look in plan.looks.values()] == pytest.approx(
+        [150.0, 150.0, 150.0, 21.76, 98.0, 26.0, 12.48, 17.0], abs=0.02
+    )
     rows = {row["fit"]: row for row in plan.fit_rows()}
     assert (rows["pitch"]["records"], rows["pitch"]["windows"]) == (3, 9)
     assert "report/report.pdf" in plan.products
@@ -54,7 +58,8 @@ def test_sound_project_has_no_problem_for_any_number_of_processes(tmp_path):
     assert plan.to_dict()["problems"] == []
 
 
-# faults by name: what is changed in the copy, and what the plan must state; those of one table are planted in one project
+# faults by name: what is changed in the copy, and what the plan must state; those of one table are
+# planted in one project
 FIRST = {
     "window beyond the record": (
         lambda p: edit(p / "cases/phugoid.toml", ("98.0]", "98.08]")),
@@ -70,62 +75,92 @@ FIRST = {
         r"manoeuvres: unknown record 'cruse'",
     ),
     "controls of the cockpit that are not recorded, all of them": (
-        lambda p: edit(p / "cases/dutch_roll.toml", ('surfaces = "recorded"', 'surfaces = "cockpit"')),
+        lambda p: edit(
+            p / "cases/dutch_roll.toml", ('surfaces = "recorded"', 'surfaces = "cockpit"')
+        ),
         r"case dutch_roll: .*'column'",
         r"case dutch_roll: .*'pedal'",
     ),
     "regressor that is not recorded": (
-        lambda p: edit(p / "aeromatch.toml", ("CL = 1 + alpha + qhat + delta_e", "CL = 1 + alpha + qhat + delta_f")),
+        lambda p: edit(
+            p / "aeromatch.toml",
+            ("CL = 1 + alpha + qhat + delta_e", "CL = 1 + alpha + qhat + delta_f"),
+        ),
         r"fit 'pitch': CL = 1 \+ alpha \+ qhat \+ delta_f needs delta_f, which record slow, cruise, fast",
     ),
     "held term that is not in the database": (
-        lambda p: edit(p / "aeromatch.toml", ('cases = ["cases', 'held = ["Cm/qhut"]\ncases = ["cases')),
+        lambda p: edit(
+            p / "aeromatch.toml", ('cases = ["cases', 'held = ["Cm/qhut"]\ncases = ["cases')
+        ),
         r"held: .*Cm/qhut",
     ),
     "record that cannot be read": (
         lambda p: (p / "flight/check_power.csv").write_text("Time (s),Roll Rate (deg/s)\n0,abc\n"),
         r"record check_power: ",
     ),
-    "row that is not in the table": (lambda p: edit(p / "cases/short_period.toml", ('"2.c.10"', '"2.c.99"')), r"2\.c\.99"),
+    "row that is not in the table": (
+        lambda p: edit(p / "cases/short_period.toml", ('"2.c.10"', '"2.c.99"')),
+        r"2\.c\.99",
+    ),
 }
 SECOND = {
     "two cases of one name": (
-        lambda p: edit(p / "cases/power_change.toml", ('name = "power_change"', 'name = "phugoid"')),
+        lambda p: edit(
+            p / "cases/power_change.toml", ('name = "power_change"', 'name = "phugoid"')
+        ),
         r"2 cases are named 'phugoid'",
     ),
     "drive by a lever that the aircraft has no engine for": (
-        lambda p: edit(p / "cases/roll_response.toml", ('engine = "thrust"', 'engine = "throttle"')),
+        lambda p: edit(
+            p / "cases/roll_response.toml", ('engine = "thrust"', 'engine = "throttle"')
+        ),
         r"case roll_response, model datcom: mode\.engine = 0 needs a thrust table",
         r"case roll_response, model final: mode\.engine = 0 needs a thrust table",
     ),
-    "edition that is not in the table": (lambda p: edit(p / "cases/short_period.toml", ("2014-01-01", "1914-01-01")), r"1914"),
+    "edition that is not in the table": (
+        lambda p: edit(p / "cases/short_period.toml", ("2014-01-01", "1914-01-01")),
+        r"1914",
+    ),
     "two fits that cannot be distinguished": (
         lambda p: edit(p / "aeromatch.toml", ('name = "power"', 'name = "pitch"')),
         r"fit 'pitch' gives 2 models of Cm for record slow",
     ),
     "coefficient that the database lacks": (
-        lambda p: edit(p / "aeromatch.toml", ("CL = 1 + alpha + qhat + delta_e", "CX = 1 + alpha + qhat + delta_e")),
+        lambda p: edit(
+            p / "aeromatch.toml",
+            ("CL = 1 + alpha + qhat + delta_e", "CX = 1 + alpha + qhat + delta_e"),
+        ),
         r"unknown coefficient 'CX'",
     ),
     "low-pass faster than the samples": (
-        lambda p: edit(p / "aeromatch.toml", ('title = "C182"', 'title = "C182"\ncutoff = "30 Hz"')),
+        lambda p: edit(
+            p / "aeromatch.toml", ('title = "C182"', 'title = "C182"\ncutoff = "30 Hz"')
+        ),
         r"cut-off 30 Hz",
     ),
     "fit over the time that a case replays": (
-        lambda p: edit(p / "cases/phugoid.toml", ("../flight/check_phugoid.csv", "../flight/cruise.csv")),
+        lambda p: edit(
+            p / "cases/phugoid.toml", ("../flight/check_phugoid.csv", "../flight/cruise.csv")
+        ),
         r"record cruise proves case phugoid from 4 to 98 s; it cannot identify too",
     ),
     "published models without standard errors": (
         lambda p: (
             (p / "local.csv").write_text("model,term,estimate\nCm = 1 + alpha,alpha,-0.9\n"),
-            edit(p / "aeromatch.toml", ('cases = ["cases', 'published = ["local.csv"]\ncases = ["cases')),
+            edit(
+                p / "aeromatch.toml",
+                ('cases = ["cases', 'published = ["local.csv"]\ncases = ["cases'),
+            ),
         ),
         r"published: ",
     ),
     "model from elsewhere that is not an FMU": (
         lambda p: (
             (p / "other.fmu").write_text("nothing"),
-            edit(p / "aeromatch.toml", ("[listings]", '[models.other]\nfmu = "other.fmu"\n[listings]')),
+            edit(
+                p / "aeromatch.toml",
+                ("[listings]", '[models.other]\nfmu = "other.fmu"\n[listings]'),
+            ),
         ),
         r"models\.other: .*other\.fmu",
     ),
@@ -138,33 +173,68 @@ def test_planted_faults_are_all_stated_at_once(faults, copy, tmp_path):
     for plant, *_ in faults.values():
         plant(copy)
     plan = make_plan(read_project(copy / "aeromatch.toml"), tmp_path / "out", 1)
-    silent = [name for name, (_, *patterns) in faults.items() if not all(matches(plan.problems, one) for one in patterns)]
+    silent = [
+        name
+        for name, (_, *patterns) in faults.items()
+        if not all(matches(plan.problems, one) for one in patterns)
+    ]
     assert silent == [], plan.problems
     with pytest.raises(SchemaError, match="nothing was computed"):
         plan.demand()
 
 
 def few(project, *records: str, **changes):
-    """A project with the clean listing alone, these records, and neither fits nor cases but those given."""
-    nothing = {"fits": (), "cases": (), "terms": {}, "controls": {}, "gear": None, "ground_effect": None}
+    """A project with the clean listing alone, these records, and neither fits nor cases but those
+    given.
+    """
+    nothing = {
+        "fits": (),
+        "cases": (),
+        "terms": {},
+        "controls": {},
+        "gear": None,
+        "ground_effect": None,
+    }
     clean = {"clean": project.listings["clean"]}
-    return replace(project, listings=clean, flights={name: project.flights[name] for name in records}, **{**nothing, **changes})
+    return replace(
+        project,
+        listings=clean,
+        flights={name: project.flights[name] for name in records},
+        **{**nothing, **changes},
+    )
 
 
 @pytest.mark.slow
 def test_only_what_changed_is_checked_again(copy, tmp_path):
     names = ("short_period", "phugoid")
-    records, cases = [f"check_{name}" for name in names], tuple(copy / "cases" / f"{name}.toml" for name in names)
+    records, cases = (
+        [f"check_{name}" for name in names],
+        tuple(copy / "cases" / f"{name}.toml" for name in names),
+    )
     project = few(read_project(copy / "aeromatch.toml"), *records, cases=cases, manoeuvres=None)
-    other = few(read_project(copy / "aeromatch.toml"), "check_short_period", cases=cases[:1], manoeuvres=None, unplaced="warn")
+    other = few(
+        read_project(copy / "aeromatch.toml"),
+        "check_short_period",
+        cases=cases[:1],
+        manoeuvres=None,
+        unplaced="warn",
+    )
 
     def planned(project, **options):
         stages = Stages(StageStore(tmp_path / "store"))
-        return make_plan(project, tmp_path / "out", 1, stages=stages, **options).to_dict(), dict(stages.computed)
+        return make_plan(project, tmp_path / "out", 1, stages=stages, **options).to_dict(), dict(
+            stages.computed
+        )
 
     first, computed = planned(project, keep_records=True)
     assert first["problems"] == []
-    assert computed == {"record": 2, "record look": 2, "a-priori database": 1, "opened database": 1, "case check": 2}
+    assert computed == {
+        "record": 2,
+        "record look": 2,
+        "a-priori database": 1,
+        "opened database": 1,
+        "case check": 2,
+    }
     assert planned(project) == (first, {})
     assert planned(other)[1] == {}
     edit(cases[0], ('title = "', 'title = "Another '))
@@ -181,16 +251,36 @@ def test_only_what_changed_is_checked_again(copy, tmp_path):
 @pytest.mark.slow
 def test_submodels_whose_records_lack_their_channels(tmp_path):
     project = read_project(DATA / "t37" / "aeromatch.toml")
-    flight, ground, column = "t37_12_low_pass_1p7m", "t37_61_taxi_turns_slow", "t37_41_controls_on_ground"
-    whole = Flown(records=(flight,), window=((1.0, 5.0),))
-    engine = Engine(flown=(Flown(records=(ground,), window=((0.0, 2.0), (900.0, 901.0))),), engines=(1, 3))
-    wheel = project.controls["wheel"].model_copy(
-        update={"driven": (Flown(records=(column,), manoeuvres=("force_rudder",)),), "arm": 0.0, "free": ()}
+    flight, ground, column = (
+        "t37_12_low_pass_1p7m",
+        "t37_61_taxi_turns_slow",
+        "t37_41_controls_on_ground",
     )
-    effect = GroundEffect(flown=(whole,), models=("CL = 1 + alpha", "CL = 1 + alpha + delta_t"), ground=("Cm = 1",))
+    whole = Flown(records=(flight,), window=((1.0, 5.0),))
+    engine = Engine(
+        flown=(Flown(records=(ground,), window=((0.0, 2.0), (900.0, 901.0))),), engines=(1, 3)
+    )
+    wheel = project.controls["wheel"].model_copy(
+        update={
+            "driven": (Flown(records=(column,), manoeuvres=("force_rudder",)),),
+            "arm": 0.0,
+            "free": (),
+        }
+    )
+    effect = GroundEffect(
+        flown=(whole,), models=("CL = 1 + alpha", "CL = 1 + alpha + delta_t"), ground=("Cm = 1",)
+    )
     gear = project.gear.model_copy(update={"flown": (whole,)})
     spoilt = few(
-        project, flight, ground, column, engine=engine, controls={"wheel": wheel}, gear=gear, ground_effect=effect, held=("CL/none",)
+        project,
+        flight,
+        ground,
+        column,
+        engine=engine,
+        controls={"wheel": wheel},
+        gear=gear,
+        ground_effect=effect,
+        held=("CL/none",),
     )
     problems = make_plan(spoilt, tmp_path / "out", 1).problems
     for pattern in (

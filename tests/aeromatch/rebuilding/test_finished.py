@@ -1,4 +1,6 @@
-"""The record of a finished match: it holds for the very same inputs, program, settings and outputs only."""
+"""The record of a finished match: it holds for the very same inputs, program, settings and outputs
+only.
+"""
 
 import os
 
@@ -12,7 +14,9 @@ SETTINGS = {"command": "aeromatch match", "samples": 0}
 
 @pytest.fixture
 def project(tmp_path):
-    """A project file that names files directly, by patterns, as cases of listings, and in a file that it names."""
+    """A project file that names files directly, by patterns, as cases of listings, and in a file
+    that it names.
+    """
     folder = tmp_path / "project"
     (folder / "cases").mkdir(parents=True)
     files = {
@@ -39,13 +43,26 @@ def done(project, tmp_path):
     for name in ("final.nc", "report/report.html"):
         (output / name).write_text(name)
     record = Finished(tmp_path / "store", output)
-    record.write(Watched(project), SETTINGS, [output / "final.nc", output / "report" / "report.html"], {"lines": ["done"]})
+    record.write(
+        Watched(project),
+        SETTINGS,
+        [output / "final.nc", output / "report" / "report.html"],
+        {"lines": ["done"]},
+    )
     return record
 
 
 def test_every_file_that_a_project_rests_on_is_watched(project):
     names = {os.path.relpath(file, project.parent) for file in Watched(project).files}
-    assert names == {"aeromatch.toml", "aircraft.toml", "engine.nc", "clean.out", "a.csv", "cases/one.toml", "damper.fmu"}
+    assert names == {
+        "aeromatch.toml",
+        "aircraft.toml",
+        "engine.nc",
+        "clean.out",
+        "a.csv",
+        "cases/one.toml",
+        "damper.fmu",
+    }
 
 
 def test_a_match_of_which_nothing_changed_is_shown_again(project, done):
@@ -55,7 +72,18 @@ def test_a_match_of_which_nothing_changed_is_shown_again(project, done):
     assert done.read(Watched(project), SETTINGS) == {"lines": ["done"]}
 
 
-@pytest.mark.parametrize("name", ["aeromatch.toml", "engine.nc", "clean.out", "a.csv", "damper.fmu", "new.csv", "cases/two.toml"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "aeromatch.toml",
+        "engine.nc",
+        "clean.out",
+        "a.csv",
+        "damper.fmu",
+        "new.csv",
+        "cases/two.toml",
+    ],
+)
 def test_whatever_changes_lets_the_match_run(project, done, name):
     with (project.parent / name).open("a") as file:
         file.write("# more\n")
@@ -93,5 +121,7 @@ def test_an_input_that_changes_while_the_match_runs_is_noticed(project):
     assert not watched.unchanged()
     (project.parent / "b.csv").unlink()
     assert watched.unchanged()
-    (project.parent / "a.csv").write_text("1")  # the same again: it may have been another in between
+    (project.parent / "a.csv").write_text(
+        "1"
+    )  # the same again: it may have been another in between
     assert not watched.unchanged()

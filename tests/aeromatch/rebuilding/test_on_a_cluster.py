@@ -1,4 +1,6 @@
-"""Every parallel stage of a match on the workers of a cluster: the same bytes, also when workers die."""
+"""Every parallel stage of a match on the workers of a cluster: the same bytes, also when workers
+die.
+"""
 
 import os
 import shutil
@@ -32,24 +34,36 @@ def project(tmp_path):
         if case.stem not in ("short_period", "phugoid"):
             case.unlink()
     head = (folder / "aeromatch.toml").read_text(encoding="utf-8").partition("[[fit]]")[0]
-    head = "".join(line for line in head.splitlines(keepends=True) if "/power" not in line)  # samples of it need a CT of the record
+    head = "".join(
+        line for line in head.splitlines(keepends=True) if "/power" not in line
+    )  # samples of it need a CT of the record
     (folder / "aeromatch.toml").write_text(head + FIT, encoding="utf-8")
     return read_project(folder / "aeromatch.toml")
 
 
 def files(folder):
-    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
 
 
-def test_every_parallel_stage_goes_to_the_workers_and_dead_workers_change_nothing(project, tmp_path, monkeypatch):
-    distributed = pytest.importorskip("distributed", reason="dask.distributed is not installed (extra `cluster`)")
+def test_every_parallel_stage_goes_to_the_workers_and_dead_workers_change_nothing(
+    project, tmp_path, monkeypatch
+):
+    distributed = pytest.importorskip(
+        "distributed", reason="dask.distributed is not installed (extra `cluster`)"
+    )
     options = {"jobs": 1, "step": lambda text: nullcontext(), "command": "match", "samples": 2}
     perform(project, tmp_path / "here", **options)
     sent, victims = Counter(), []
     submit, unordered = Cluster._submit, Cluster.unordered
 
     def counted(self, function, *call):
-        name = call[2].__name__ if function.__name__ == "_placed" else function.__name__  # after place and recorder
+        name = (
+            call[2].__name__ if function.__name__ == "_placed" else function.__name__
+        )  # after place and recorder
         sent[name] += 1
         return submit(self, function, *call)
 
@@ -66,9 +80,20 @@ def test_every_parallel_stage_goes_to_the_workers_and_dead_workers_change_nothin
 
     monkeypatch.setattr(Cluster, "_submit", counted)
     monkeypatch.setattr(Cluster, "unordered", killing)
-    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as local:
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
+    ) as local:
         perform(project, tmp_path / "there", scheduler=local.scheduler_address, **options)
     assert len(victims) == 3
-    stages = {"_alone", "_refined", "coefficients", "fitted", "_diagnosed", "_performed", "samples_of_case", "part_files"}
+    stages = {
+        "_alone",
+        "_refined",
+        "coefficients",
+        "fitted",
+        "_diagnosed",
+        "_performed",
+        "samples_of_case",
+        "part_files",
+    }
     assert stages <= sent.keys()
     assert files(tmp_path / "here") == files(tmp_path / "there")

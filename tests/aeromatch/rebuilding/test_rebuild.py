@@ -1,4 +1,6 @@
-"""A match as a build: the same bytes whatever was kept, killed or damaged, and no more work than a change needs."""
+"""A match as a build: the same bytes whatever was kept, killed or damaged, and no more work than a
+change needs.
+"""
 
 import json
 import os
@@ -42,7 +44,9 @@ main()
 
 @pytest.fixture(scope="module")
 def small(tmp_path_factory):
-    """A project of one fit, two records and one case, the folder that its match wrote, and a store that holds its stages."""
+    """A project of one fit, two records and one case, the folder that its match wrote, and a store
+    that holds its stages.
+    """
     place = tmp_path_factory.mktemp("rebuild")
     project = place / "project"
     shutil.copytree(example_folder("c182"), project)
@@ -58,7 +62,17 @@ def small(tmp_path_factory):
 
 def match(place, store, *options, killed_after=0):
     program = ["-c", KILLER, str(killed_after)] if killed_after else ["-m", "aeromatch"]
-    command = [sys.executable, *program, "match", "project/aeromatch.toml", "-o", "out", "-j", "1", *options]
+    command = [
+        sys.executable,
+        *program,
+        "match",
+        "project/aeromatch.toml",
+        "-o",
+        "out",
+        "-j",
+        "1",
+        *options,
+    ]
     environment = {**os.environ, PLACE: str(place / store), "PYTHONPATH": os.pathsep.join(sys.path)}
     found = subprocess.run(command, cwd=place, env=environment, capture_output=True, text=True)
     assert found.returncode in (0, -signal.SIGKILL), found.stderr
@@ -66,7 +80,11 @@ def match(place, store, *options, killed_after=0):
 
 
 def files(folder):
-    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
 
 
 def computed(text):
@@ -81,9 +99,28 @@ def test_without_a_change_nothing_is_imported_that_computes(small):
     assert files(small / "out") == files(small / "first")
     script = "import sys; sys.argv = ['aeromatch', *sys.argv[1:]]\nfrom aeromatch.cli import main\ntry:\n main()\nfinally:\n"
     script += " print('heavy', {'numpy', 'pandas', 'xarray', 'scipy', 'joblib', 'pydantic'} & set(sys.modules), file=sys.stderr)"
-    command = [sys.executable, "-c", script, "match", "project/aeromatch.toml", "-o", "out", "-j", "1"]
-    environment = {**os.environ, PLACE: str(small / "store"), "PYTHONPATH": os.pathsep.join(sys.path)}
-    assert "heavy set()" in subprocess.run(command, cwd=small, env=environment, capture_output=True, text=True).stderr
+    command = [
+        sys.executable,
+        "-c",
+        script,
+        "match",
+        "project/aeromatch.toml",
+        "-o",
+        "out",
+        "-j",
+        "1",
+    ]
+    environment = {
+        **os.environ,
+        PLACE: str(small / "store"),
+        "PYTHONPATH": os.pathsep.join(sys.path),
+    }
+    assert (
+        "heavy set()"
+        in subprocess.run(
+            command, cwd=small, env=environment, capture_output=True, text=True
+        ).stderr
+    )
 
 
 def test_the_output_is_made_again_from_what_is_kept_with_the_same_bytes(small):
@@ -97,7 +134,16 @@ def test_the_output_is_made_again_from_what_is_kept_with_the_same_bytes(small):
 def test_fresh_computes_everything_with_the_same_bytes(small):
     found = match(small, "store", "--fresh", "--explain")
     assert "solution cruise: --fresh" in found.stderr
-    assert {"record", "solution", "path", "fit", "tables", "diagnosis", "replay", "report page"} <= computed(found.stderr).keys()
+    assert {
+        "record",
+        "solution",
+        "path",
+        "fit",
+        "tables",
+        "diagnosis",
+        "replay",
+        "report page",
+    } <= computed(found.stderr).keys()
     assert files(small / "out") == files(small / "first")
 
 
@@ -106,7 +152,11 @@ def test_damaged_entries_are_computed_again_with_the_same_bytes(small):
     shutil.copytree(small / "store", small / "harmed")
     for number, file in enumerate(sorted((small / "harmed").rglob("output.pkl"))):
         content = file.read_bytes()
-        file.write_bytes(content[: len(content) // 2] if number % 2 else content[:-1] + bytes([content[-1] ^ 255]))
+        file.write_bytes(
+            content[: len(content) // 2]
+            if number % 2
+            else content[:-1] + bytes([content[-1] ^ 255])
+        )
     shutil.rmtree(small / "out")
     found = match(small, "harmed", "--explain")
     assert "what was kept is damaged" in found.stderr
@@ -120,9 +170,20 @@ def test_a_change_of_a_case_computes_no_more_than_the_case(small):
     case.write_text(text.replace('title = "', 'title = "Another '), encoding="utf-8")
     try:
         found = match(small, "store", "--explain")
-        of_the_case = {"record look", "case check", "diagnosis", "replay", "report page", "report pdf", "chapters"}
+        of_the_case = {
+            "record look",
+            "case check",
+            "diagnosis",
+            "replay",
+            "report page",
+            "report pdf",
+            "chapters",
+        }
         assert computed(found.stderr).keys() <= of_the_case
-        assert any(line.startswith("replay short_period: changed: case") for line in found.stderr.splitlines())
+        assert any(
+            line.startswith("replay short_period: changed: case")
+            for line in found.stderr.splitlines()
+        )
         changed = files(small / "out")
         match(small, "empty")
         assert files(small / "out") == changed
@@ -132,7 +193,11 @@ def test_a_change_of_a_case_computes_no_more_than_the_case(small):
 
 @pytest.mark.nightly
 def test_a_match_that_is_killed_goes_on_with_the_same_bytes(small):
-    stages = [line for line in match(small, "counted", killed_after=1000).stderr.splitlines() if line.startswith("kept ")]
+    stages = [
+        line
+        for line in match(small, "counted", killed_after=1000).stderr.splitlines()
+        if line.startswith("kept ")
+    ]
     assert len(stages) > 15
     done = []
     for after in (3, 6, 9):  # results of each attempt, on top of those before
@@ -140,25 +205,40 @@ def test_a_match_that_is_killed_goes_on_with_the_same_bytes(small):
         assert found.returncode == -signal.SIGKILL
         done += [line for line in found.stderr.splitlines() if line.startswith("kept ")]
     last = match(small, "killed", "--explain")
-    done += [f"kept {stage}" for stage, count in computed(last.stderr).items() for _ in range(count)]
+    done += [
+        f"kept {stage}" for stage, count in computed(last.stderr).items() for _ in range(count)
+    ]
     aids = {"kept judgements", f"kept {STATES}"}  # they save work and are no results
-    assert sorted(one for one in done if one not in aids) == sorted(one for one in stages if one not in aids)
+    assert sorted(one for one in done if one not in aids) == sorted(
+        one for one in stages if one not in aids
+    )
     assert files(small / "out") == files(small / "first")
 
 
 @pytest.mark.nightly
 def test_two_matches_at_once_do_not_disturb_each_other(small):
-    environment = {**os.environ, PLACE: str(small / "shared"), "PYTHONPATH": os.pathsep.join(sys.path)}
+    environment = {
+        **os.environ,
+        PLACE: str(small / "shared"),
+        "PYTHONPATH": os.pathsep.join(sys.path),
+    }
     running = []
     for name in ("out", "out2"):
         words = ["-m", "aeromatch", "match", "project/aeromatch.toml", "-o", name, "-j", "1"]
-        running.append(subprocess.Popen([sys.executable, *words], cwd=small, env=environment, stdout=subprocess.DEVNULL))
+        running.append(
+            subprocess.Popen(
+                [sys.executable, *words], cwd=small, env=environment, stdout=subprocess.DEVNULL
+            )
+        )
     assert [process.wait() for process in running] == [0, 0]
     assert files(small / "out") == files(small / "first")
     other = files(small / "out2")
     assert {name: content for name, content in other.items() if "report" not in name} == {
         name: content for name, content in files(small / "first").items() if "report" not in name
     }
-    ours, theirs = (json.loads((small / name / "report" / "results.json").read_text())["results"] for name in ("out", "out2"))
+    ours, theirs = (
+        json.loads((small / name / "report" / "results.json").read_text())["results"]
+        for name in ("out", "out2")
+    )
     assert ours == theirs
     assert Path(small / "shared").is_dir()

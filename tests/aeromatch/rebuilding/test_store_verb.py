@@ -27,8 +27,13 @@ def test_the_verb_shows_what_is_kept(aeromatch, filled, monkeypatch):
     assert str(filled) in found.stdout.replace("\n", "")
     assert "of at most 1 MB" in found.stdout
     document = json.loads(aeromatch("store", "info", "--json").stdout)
-    assert {name: stage["count"] for name, stage in document["stages"].items()} == {"fit": 2, "path": 1}
-    assert 16_000 < document["bytes"] == sum(stage["bytes"] for stage in document["stages"].values())
+    assert {name: stage["count"] for name, stage in document["stages"].items()} == {
+        "fit": 2,
+        "path": 1,
+    }
+    assert (
+        16_000 < document["bytes"] == sum(stage["bytes"] for stage in document["stages"].values())
+    )
     assert document["limit"] == 1_000_000
 
 
@@ -39,7 +44,9 @@ def test_the_verb_clears_all_or_down_to_a_size(aeromatch, filled):
     assert StageStore(filled).usage() == {}
 
 
-def test_a_store_that_is_switched_off_and_a_size_that_is_none_are_errors(aeromatch, filled, monkeypatch):
+def test_a_store_that_is_switched_off_and_a_size_that_is_none_are_errors(
+    aeromatch, filled, monkeypatch
+):
     assert "'much' is not a size" in aeromatch("store", "clear", "--to", "much").stderr
     monkeypatch.setenv(PLACE, "off")
     found = aeromatch("store", "info")

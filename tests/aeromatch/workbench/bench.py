@@ -20,9 +20,19 @@ PATIENCE = 1200.0  # s, that a busy machine may take for what ends well
 
 
 def small_project(folder: Path) -> Path:
-    """Return the file of the T-37's project with its own copies of the texts; recordings and listings are links."""
+    """Return the file of the T-37's project with its own copies of the texts; recordings and
+    listings are links.
+    """
     folder.mkdir(parents=True, exist_ok=True)
-    for name in ("aeromatch.toml", "aircraft.toml", "apriori.toml", "engine.nc", "engine.toml", "names.toml", "names_cockpit.toml"):
+    for name in (
+        "aeromatch.toml",
+        "aircraft.toml",
+        "apriori.toml",
+        "engine.nc",
+        "engine.toml",
+        "names.toml",
+        "names_cockpit.toml",
+    ):
         shutil.copy(T37 / name, folder)
     for name in ("datcom", "flight"):
         (folder / name).symlink_to(T37 / name, target_is_directory=True)
@@ -31,7 +41,9 @@ def small_project(folder: Path) -> Path:
 
 
 def one_case_project(folder: Path) -> Path:
-    """Return the file of a `small_project` with one case and one record that identifies, the multisine: a match takes 18 s."""
+    """Return the file of a `small_project` with one case and one record that identifies, the
+    multisine: a match takes 18 s.
+    """
     import tomlkit
 
     file = small_project(folder)
@@ -46,7 +58,9 @@ def one_case_project(folder: Path) -> Path:
 
 
 def reconstructed_project(folder: Path, work: Path, records: list[str]) -> Path:
-    """Return the file of a `small_project`; in its working folder 49 s of some records, reconstructed, and the tables of DATCOM."""
+    """Return the file of a `small_project`; in its working folder 49 s of some records,
+    reconstructed, and the tables of DATCOM.
+    """
     import aerodb
     import flighttest
     from aeromatch.project.project import read_project
@@ -59,10 +73,14 @@ def reconstructed_project(folder: Path, work: Path, records: list[str]) -> Path:
     for name in ("paths", "match"):
         (work / name).mkdir(parents=True)
     for name in records:
-        path = flighttest.reconstruct(flighttest.read(project.flights[name], project.names), aircraft, windows=[(0.0, 49.3)])
+        path = flighttest.reconstruct(
+            flighttest.read(project.flights[name], project.names), aircraft, windows=[(0.0, 49.3)]
+        )
         flighttest.reconstruction.save_path(path, work / "paths" / f"{name}.nc")
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", AeromatchWarning)  # of the listing of the flaps; tests/aerodb has them
+        warnings.simplefilter(
+            "ignore", AeromatchWarning
+        )  # of the listing of the flaps; tests/aerodb has them
         aerodb.save(a_priori(project, aircraft), work / "match" / "datcom.nc")
     return file
 
@@ -76,7 +94,10 @@ class Client:
     def ask(self, path, query=None, body=None, **headers):
         """Return code, headers and bytes of an answer; a header of value None is not sent."""
         url = self.base + path + (f"?{urlencode(query)}" if query else "")
-        sent = {"x-aeromatch-token": self.bench.token, **{name.replace("_", "-"): text for name, text in headers.items()}}
+        sent = {
+            "x-aeromatch-token": self.bench.token,
+            **{name.replace("_", "-"): text for name, text in headers.items()},
+        }
         request = urllib.request.Request(url, None if body is None else json.dumps(body).encode())
         for name, text in sent.items():
             if text is not None:
@@ -94,7 +115,9 @@ class Client:
 
     def act(self, *words):
         """Perform an action and return what the server states of it when it has ended."""
-        job = self.data("/api/act", body={"words": words, "wait": 60})  # the server waits for a minute at most
+        job = self.data(
+            "/api/act", body={"words": words, "wait": 60}
+        )  # the server waits for a minute at most
         self.bench.jobs.wait(job["number"], PATIENCE)
         return next(one for one in self.data("/api/jobs")["jobs"] if one["number"] == job["number"])
 
@@ -121,7 +144,11 @@ def served(project: Path, work: Path, port: int = 0):
 
 
 def drawn_anew(page, query):
-    """Have a page read all again, as when an action has ended, and wait until it has drawn an element anew."""
+    """Have a page read all again, as when an action has ended, and wait until it has drawn an
+    element anew.
+    """
     page.evaluate("query => { window.before = document.querySelector(query); }", query)
     page.evaluate("document.dispatchEvent(new CustomEvent('changed'))")
-    page.wait_for_function("query => window.before && document.querySelector(query) !== window.before", arg=query)
+    page.wait_for_function(
+        "query => window.before && document.querySelector(query) !== window.before", arg=query
+    )

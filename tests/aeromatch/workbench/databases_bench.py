@@ -1,4 +1,6 @@
-"""A project with the databases of a match, small: two terms with errors, one edited, and what was flown."""
+"""A project with the databases of a match, small: two terms with errors, one edited, and what was
+flown.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,9 @@ import aerodb
 from flightmech import terms
 
 DEG = np.radians(1.0)
-FINAL, DATCOM, EDITED = (f"{{work}}/{name}" for name in ("match/final.nc", "match/datcom.nc", "databases/edited.nc"))
+FINAL, DATCOM, EDITED = (
+    f"{{work}}/{name}" for name in ("match/final.nc", "match/datcom.nc", "databases/edited.nc")
+)
 ROOT = {
     "title": "T-37",
     "aircraft": "T-37",
@@ -33,18 +37,31 @@ def project_with_databases(folder: Path) -> tuple[Path, Path]:
     """Return project file and working folder."""
     project, work = small_project(folder / "t37"), folder / "work"
     (work / "match").mkdir(parents=True)
-    aerodb.save(database([-18.0, -17.0, -16.0], [4.0, 4.0, 4.0], "datcom"), work / "match" / "datcom.nc")
-    aerodb.save(database([-49.0, -50.0, -48.0], [1.0, 0.5, 2.0], "flight"), work / "match" / "final.nc")
+    aerodb.save(
+        database([-18.0, -17.0, -16.0], [4.0, 4.0, 4.0], "datcom"), work / "match" / "datcom.nc"
+    )
+    aerodb.save(
+        database([-49.0, -50.0, -48.0], [1.0, 0.5, 2.0], "flight"), work / "match" / "final.nc"
+    )
     flown().to_netcdf(work / "match" / "flown.nc", engine="h5netcdf")
     return project, work
 
 
 def database(damping: list[float], stderr: list[float], source: str) -> xr.DataTree:
-    """Return a database with a lift table of Mach number and angle of attack and a damping over angle of attack."""
-    alpha, mach = np.array([-4.0, 0.0, 4.0, 8.0]) * DEG, np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7])
+    """Return a database with a lift table of Mach number and angle of attack and a damping over
+    angle of attack.
+    """
+    alpha, mach = (
+        np.array([-4.0, 0.0, 4.0, 8.0]) * DEG,
+        np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7]),
+    )
     lift = 0.2 + 5.0 * alpha * (1.0 + mach[:, None])
-    basic = terms.make(lift, {"mach": mach, "alpha": alpha}, stderr=np.full(lift.shape, 0.02), source="datcom")
-    qhat = terms.make(damping, {"alpha": np.array([0.0, 4.0, 8.0]) * DEG}, ["qhat"], stderr=stderr, source=source)
+    basic = terms.make(
+        lift, {"mach": mach, "alpha": alpha}, stderr=np.full(lift.shape, 0.02), source="datcom"
+    )
+    qhat = terms.make(
+        damping, {"alpha": np.array([0.0, 4.0, 8.0]) * DEG}, ["qhat"], stderr=stderr, source=source
+    )
     flap = terms.make([0.0, 0.3], {"delta_f": np.array([0.0, 40.0]) * DEG}, source="datcom")
     return aerodb.database({"CL/basic": basic, "CL/flap": flap, "Cm/qhat": qhat}, **ROOT)
 
@@ -86,9 +103,29 @@ def flown() -> xr.DataTree:
     ]
     columns = {
         "samples": ("manoeuvre", "alpha", "mach", "CL"),
-        "manoeuvres": ("record", "label", "h", "mach", "CL", "alpha", "mass", "delta_f", "gear", "speedbrake", "h_agl"),
+        "manoeuvres": (
+            "record",
+            "label",
+            "h",
+            "mach",
+            "CL",
+            "alpha",
+            "mass",
+            "delta_f",
+            "gear",
+            "speedbrake",
+            "h_agl",
+        ),
         "submodels": ("submodel", "part", "technique", "residual"),
     }
-    tables = {name: xr.Dataset({key: ("row", np.zeros(1)) for key in keys}) for name, keys in columns.items()}
+    tables = {
+        name: xr.Dataset({key: ("row", np.zeros(1)) for key in keys})
+        for name, keys in columns.items()
+    }
     tables["estimates"] = xr.Dataset({key: ("row", [row[key] for row in rows]) for key in rows[0]})
-    return xr.DataTree.from_dict({"/": xr.Dataset(attrs={"title": "flown"}), **{f"/{name}": table for name, table in tables.items()}})
+    return xr.DataTree.from_dict(
+        {
+            "/": xr.Dataset(attrs={"title": "flown"}),
+            **{f"/{name}": table for name, table in tables.items()},
+        }
+    )

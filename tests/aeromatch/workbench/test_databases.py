@@ -1,4 +1,6 @@
-"""Data of the page of the databases: files, terms, tables on common axes, estimates, comparison; edits are verbs."""
+"""Data of the page of the databases: files, terms, tables on common axes, estimates, comparison;
+edits are verbs.
+"""
 
 import shutil
 import sys
@@ -47,14 +49,21 @@ def test_terms_and_history_of_a_database(opened):
     assert basic["size"] == 28
     assert basic["coefficient"] == "CL"
     assert basic["source"] == {"datcom": 1.0}
-    assert [(axis["name"], axis["unit"], len(axis["points"])) for axis in basic["axes"]] == [("mach", "", 7), ("alpha", "deg", 4)]
+    assert [(axis["name"], axis["unit"], len(axis["points"])) for axis in basic["axes"]] == [
+        ("mach", "", 7),
+        ("alpha", "deg", 4),
+    ]
     np.testing.assert_allclose(qhat["axes"][0]["points"], [0, 4, 8])
     assert qhat["regressors"] == ["qhat"]
     assert flap["stderr"] is None
     assert found["undo"] == 0
-    edited = aerodb.edit.scale(aerodb.open(opened.work / "match" / "final.nc"), "CL/flap", 1.1, note="why")
+    edited = aerodb.edit.scale(
+        aerodb.open(opened.work / "match" / "final.nc"), "CL/flap", 1.1, note="why"
+    )
     aerodb.save(edited, opened.work / "match" / "final.nc")
-    again = databases.database(opened, {"file": FINAL}, None)  # the file has changed: it is read again
+    again = databases.database(
+        opened, {"file": FINAL}, None
+    )  # the file has changed: it is read again
     assert again["undo"] == 1
     assert again["history"][-1] == {"edit": 1, "text": "scale: CL/flap by 1.1 (why)"}
 
@@ -68,11 +77,18 @@ def test_a_database_that_is_none_of_the_working_folder_is_refused(opened):
 
 def test_a_term_of_two_databases_on_the_breakpoints_of_both(opened):
     prior = opened.work / "match" / "datcom.nc"
-    aerodb.save(aerodb.edit.regrid(aerodb.open(prior), "Cm/qhat", {"alpha": np.array([0.0, 2.0, 8.0]) * DEG}), prior)
+    aerodb.save(
+        aerodb.edit.regrid(
+            aerodb.open(prior), "Cm/qhat", {"alpha": np.array([0.0, 2.0, 8.0]) * DEG}
+        ),
+        prior,
+    )
     found = term(opened, "Cm/qhat", FINAL, DATCOM)
     np.testing.assert_allclose(found["axes"][0]["points"], [0, 2, 4, 8])
     final, datcom = found["curves"]
-    np.testing.assert_allclose(final["value"], [-49.0, -49.5, -50.0, -48.0])  # a straight line between the nodes
+    np.testing.assert_allclose(
+        final["value"], [-49.0, -49.5, -50.0, -48.0]
+    )  # a straight line between the nodes
     np.testing.assert_allclose(datcom["value"], [-18.0, -17.5, -17.0, -16.0])
     np.testing.assert_allclose(found["nodes"]["value"], [-49.0, -50.0, -48.0])
     np.testing.assert_allclose(found["nodes"]["stderr"], [1.0, 0.5, 2.0])
@@ -83,13 +99,22 @@ def test_a_term_of_two_databases_on_the_breakpoints_of_both(opened):
 
 def test_estimates_stand_where_the_term_is_a_derivative(opened):
     found = term(opened, "Cm/qhat", FINAL)["points"]
-    assert found["of"] == "Cm per qhat, which holds that per alphadothat: the fits do not separate the two"
-    assert [(row["value"], row["stderr"], row["clean"], row["configuration"]) for row in found["rows"]] == [
+    assert (
+        found["of"]
+        == "Cm per qhat, which holds that per alphadothat: the fits do not separate the two"
+    )
+    assert [
+        (row["value"], row["stderr"], row["clean"], row["configuration"]) for row in found["rows"]
+    ] == [
         (-52.0, 1.5, True, "clean"),
         (-55.0, 2.5, False, "flaps 40 deg"),
     ]
     np.testing.assert_allclose([row["at"]["alpha"] for row in found["rows"]], [4.0, 6.0])
-    assert term(opened, "CL/basic", FINAL)["points"] == {"rows": [], "of": "CL", "kind": "partial"}  # too few samples
+    assert term(opened, "CL/basic", FINAL)["points"] == {
+        "rows": [],
+        "of": "CL",
+        "kind": "partial",
+    }  # too few samples
     (opened.work / "match" / "flown.nc").unlink()
     assert term(opened, "Cm/qhat", FINAL)["points"]["rows"] == []
 
@@ -100,17 +125,34 @@ def test_partial_residuals_stand_where_the_term_is_no_derivative(opened):
     file = opened.work / "match" / "flown.nc"
     tree = {name: node.to_dataset() for name, node in flown().children.items()}
     alpha = np.linspace(-2.0, 6.0, 20) * DEG
-    lift = 0.2 + 5.0 * alpha * 1.25 + 0.3  # of the database at Mach 0.25 with full flaps, and 0.1 more
-    samples = {"manoeuvre": np.zeros(20, int), "time": 0.1 * np.arange(20), "alpha": alpha, "CL": lift + 0.1, "mach": np.full(20, 0.25)}
+    lift = (
+        0.2 + 5.0 * alpha * 1.25 + 0.3
+    )  # of the database at Mach 0.25 with full flaps, and 0.1 more
+    samples = {
+        "manoeuvre": np.zeros(20, int),
+        "time": 0.1 * np.arange(20),
+        "alpha": alpha,
+        "CL": lift + 0.1,
+        "mach": np.full(20, 0.25),
+    }
     rest = {"h": 1500.0, "h_agl": 1500.0, "delta_f": 40 * DEG, "gear": 0.0, "speedbrake": 0.0}
     samples |= {name: np.full(20, value) for name, value in rest.items()}
     tree["samples"] = xr.Dataset({name: ("row", values) for name, values in samples.items()})
-    tree["manoeuvres"] = tree["manoeuvres"].assign(record=("row", ["run"]), label=("row", ["doublet elevator"]))
-    xr.DataTree.from_dict({"/": xr.Dataset(attrs={"title": "flown"}), **{f"/{name}": one for name, one in tree.items()}}).to_netcdf(
-        file, engine="h5netcdf"
+    tree["manoeuvres"] = tree["manoeuvres"].assign(
+        record=("row", ["run"]), label=("row", ["doublet elevator"])
     )
+    xr.DataTree.from_dict(
+        {
+            "/": xr.Dataset(attrs={"title": "flown"}),
+            **{f"/{name}": one for name, one in tree.items()},
+        }
+    ).to_netcdf(file, engine="h5netcdf")
     (row,) = term(opened, "CL/flap", FINAL)["points"]["rows"]
-    assert (row["fit"], row["clean"], row["configuration"]) == ("run: doublet elevator", False, "flaps 40 deg")
+    assert (row["fit"], row["clean"], row["configuration"]) == (
+        "run: doublet elevator",
+        False,
+        "flaps 40 deg",
+    )
     assert row["value"] == pytest.approx(0.4, abs=1e-9)
     assert row["at"] == {"delta_f": pytest.approx(40.0)}
     other = opened.work / "match" / "datcom.nc"
@@ -139,7 +181,9 @@ def test_tables_that_are_too_large_together_are_refused(opened, monkeypatch):
 
 def test_comparison_is_that_of_the_library_and_made_once(opened, monkeypatch):
     found = databases.comparison(opened, {"a": DATCOM, "b": FINAL}, None)
-    frame = aerodb.compare(*(aerodb.open(opened.work / "match" / f"{name}.nc") for name in ("datcom", "final")))
+    frame = aerodb.compare(
+        *(aerodb.open(opened.work / "match" / f"{name}.nc") for name in ("datcom", "final"))
+    )
     row = next(row for row in found["rows"] if row["term"] == "Cm/qhat")
     assert row["max_difference"] == frame.loc["Cm/qhat", "max_difference"] == -33.0
     assert row["max_in_stderr"] == 33.0 / 4.0
@@ -157,7 +201,21 @@ def test_a_node_set_in_the_page_goes_to_history_and_log(tmp_path):
 
     project, work = project_with_databases(tmp_path)
     with served(project, work) as client:
-        words = ["db", "edit", FINAL, "set", "Cm/qhat", "--at", "alpha=4 deg", "--value", "-51", "--note", "run 7", "-o", EDITED]
+        words = [
+            "db",
+            "edit",
+            FINAL,
+            "set",
+            "Cm/qhat",
+            "--at",
+            "alpha=4 deg",
+            "--value",
+            "-51",
+            "--note",
+            "run 7",
+            "-o",
+            EDITED,
+        ]
         assert client.act(*words)["state"] == "done"
         found = client.data("/api/term", {"term": "Cm/qhat", "files": EDITED})
         assert found["nodes"]["value"] == [-49.0, -51.0, -48.0]
@@ -167,6 +225,10 @@ def test_a_node_set_in_the_page_goes_to_history_and_log(tmp_path):
             == "set_nodes: Cm/qhat at alpha 4 deg to -51, was -50 (run 7)"
         )
         assert client.act("db", "previous", EDITED, "--steps", "1", "-o", EDITED)["state"] == "done"
-        assert client.data("/api/term", {"term": "Cm/qhat", "files": EDITED})["nodes"]["value"] == [-49.0, -50.0, -48.0]
+        assert client.data("/api/term", {"term": "Cm/qhat", "files": EDITED})["nodes"]["value"] == [
+            -49.0,
+            -50.0,
+            -48.0,
+        ]
         assert len(client.data("/api/actions")["actions"]) == 2
         assert client.ask("/api/database", {"file": "{work}/match/none.nc"})[0] == 400

@@ -1,4 +1,6 @@
-"""The page of the databases in a real browser: what it draws, what an edit, its undoing and a comparison show."""
+"""The page of the databases in a real browser: what it draws, what an edit, its undoing and a
+comparison show.
+"""
 
 import json
 import sys
@@ -42,7 +44,9 @@ def page(page, client):
 
 def test_families_maps_and_estimates(page):
     curves = page.get_by_role("group", name="CL/basic over alpha")
-    expect(curves.locator("path[stroke-dasharray='6 4']")).to_have_count(6)  # the prior of each of the six curves
+    expect(curves.locator("path[stroke-dasharray='6 4']")).to_have_count(
+        6
+    )  # the prior of each of the six curves
     expect(curves.locator("path[fill-opacity]")).to_have_count(1)  # the band of one of them
     page.get_by_label("Band of").select_option("")
     expect(curves.locator("path[fill-opacity]")).to_have_count(6)
@@ -55,8 +59,12 @@ def test_families_maps_and_estimates(page):
     expect(cell).to_contain_text("1.39")
     page.get_by_role("table", name="Terms of Cm").get_by_role("row", name="qhat").press("Enter")
     page.get_by_role("group", name="Cm/qhat over alpha").wait_for()
-    expect(page.get_by_role("img", name="a: pitch: \u221252 \u00b1 1.5, alpha 4 deg, clean")).to_have_count(1)
-    expect(page.get_by_role("img", name="b: pitch: \u221255 \u00b1 2.5, alpha 6 deg, flaps 40 deg")).to_have_count(1)
+    expect(
+        page.get_by_role("img", name="a: pitch: \u221252 \u00b1 1.5, alpha 4 deg, clean")
+    ).to_have_count(1)
+    expect(
+        page.get_by_role("img", name="b: pitch: \u221255 \u00b1 2.5, alpha 6 deg, flaps 40 deg")
+    ).to_have_count(1)
 
 
 def test_a_node_is_set_undone_and_compared(page, client):
@@ -67,22 +75,34 @@ def test_a_node_is_set_undone_and_compared(page, client):
     page.get_by_role("button", name="Set the node").click()
     page.get_by_role("button", name="Undo the last edit").wait_for()
     file = client.bench.opened.work / "databases" / "final_edited.nc"
-    assert aerodb.terms(aerodb.open(file))["Cm/qhat"]["value"].values.tolist() == [-49.0, -51.0, -48.0]
+    assert aerodb.terms(aerodb.open(file))["Cm/qhat"]["value"].values.tolist() == [
+        -49.0,
+        -51.0,
+        -48.0,
+    ]
     history = page.get_by_role("table", name="Edits, the last first").locator("tbody tr").first
     expect(history).to_contain_text("set_nodes: Cm/qhat at alpha 4 deg to -51, was -50 (run 7)")
     page.get_by_label("Against").select_option("{work}/match/final.nc")
     page.get_by_role("button", name="Comparison with final").click()
     row = page.get_by_role("table", name="Differences by term").get_by_role("row", name="Cm/qhat")
     expect(row.locator("td").nth(1)).to_have_text("\u22121")
-    page.get_by_role("table", name="Differences by term").get_by_role("row", name="CL/basic").click()
+    page.get_by_role("table", name="Differences by term").get_by_role(
+        "row", name="CL/basic"
+    ).click()
     page.get_by_role("group", name="CL/basic over alpha").wait_for()
     page.get_by_role("button", name="Undo the last edit").click()
     page.get_by_role("button", name="Undo the last edit").wait_for(state="detached")
-    assert aerodb.terms(aerodb.open(file))["Cm/qhat"]["value"].values.tolist() == [-49.0, -50.0, -48.0]
+    assert aerodb.terms(aerodb.open(file))["Cm/qhat"]["value"].values.tolist() == [
+        -49.0,
+        -50.0,
+        -48.0,
+    ]
 
 
 def test_a_table_is_regridded_extended_blended_and_its_term_deleted(page, client):
-    """Every one of them is a line of the history and of the log; what cannot be done is stated where it was asked."""
+    """Every one of them is a line of the history and of the log; what cannot be done is stated
+    where it was asked.
+    """
     file = client.bench.opened.work / "databases" / "shaped.nc"
     history = page.get_by_role("table", name="Edits, the last first").locator("tbody tr").first
     page.get_by_role("table", name="Terms of Cm").get_by_role("row", name="qhat").click()
@@ -93,15 +113,21 @@ def test_a_table_is_regridded_extended_blended_and_its_term_deleted(page, client
     expect(points).to_have_value("0 4 8")
     points.fill("0 x 8")
     page.get_by_role("button", name="Regrid").click()
-    page.get_by_role("alert").filter(has_text="breakpoints: give numbers with blanks between them").wait_for()
+    page.get_by_role("alert").filter(
+        has_text="breakpoints: give numbers with blanks between them"
+    ).wait_for()
     points.fill("0 8")
     page.get_by_label("Largest difference that is allowed").fill("1")
     page.get_by_role("button", name="Regrid").click()
-    page.get_by_role("alert").filter(has_text="differs from the old one by up to 1.5 at alpha 4 deg, allowed 1").wait_for()
+    page.get_by_role("alert").filter(
+        has_text="differs from the old one by up to 1.5 at alpha 4 deg, allowed 1"
+    ).wait_for()
     points.fill("0 2 4 8")
     page.get_by_role("button", name="Regrid").click()
     history.filter(has_text="regrid: Cm/qhat on alpha 4 for 3 breakpoints").wait_for()
-    assert aerodb.terms(aerodb.open(file))["Cm/qhat"]["value"].values == pytest.approx([-49.0, -49.5, -50.0, -48.0])
+    assert aerodb.terms(aerodb.open(file))["Cm/qhat"]["value"].values == pytest.approx(
+        [-49.0, -49.5, -50.0, -48.0]
+    )
 
     page.get_by_label("beyond the table", exact=True).fill("12 16")
     page.get_by_label("Which values beyond the table").select_option("values")
@@ -118,13 +144,17 @@ def test_a_table_is_regridded_extended_blended_and_its_term_deleted(page, client
     history.filter(has_text="blend: Cm/qhat").wait_for()
     agreement = page.get_by_role("group", name="how well they agree")
     expect(agreement.locator("dt").first).to_have_text("term")
-    figures = dict(zip(*(agreement.locator(kind).all_inner_texts() for kind in ("dt", "dd")), strict=True))
+    figures = dict(
+        zip(*(agreement.locator(kind).all_inner_texts() for kind in ("dt", "dd")), strict=True)
+    )
     assert figures["term"] == "Cm/qhat"
     assert float(figures["probability"]) < 1e-6  # seven and more standard errors apart
     page.wait_for_function(INSIDE)  # drawn anew when the page reads all again
     weights = [1 / 1.0**2, 1 / 4.0**2]
     mean = (weights[0] * -49.0 + weights[1] * -18.0) / sum(weights)
-    assert float(aerodb.terms(aerodb.open(file))["Cm/qhat"]["value"][0]) == pytest.approx(mean, rel=1e-12)
+    assert float(aerodb.terms(aerodb.open(file))["Cm/qhat"]["value"][0]) == pytest.approx(
+        mean, rel=1e-12
+    )
 
     page.get_by_label("beyond the table", exact=True).fill("20")
     page.get_by_label("Which values beyond the table").select_option("linear")
@@ -136,4 +166,9 @@ def test_a_table_is_regridded_extended_blended_and_its_term_deleted(page, client
     history.filter(has_text="delete").wait_for()
     assert "Cm/qhat" not in aerodb.terms(aerodb.open(file))
     log = client.bench.opened.log.read_text(encoding="utf-8").splitlines()
-    assert [json.loads(line)["words"][3] for line in log[-4:]] == ["regrid", "extend", "blend", "delete"]
+    assert [json.loads(line)["words"][3] for line in log[-4:]] == [
+        "regrid",
+        "extend",
+        "blend",
+        "delete",
+    ]

@@ -1,4 +1,6 @@
-"""A hostile page in another tab of the same browser, from another port of 127.0.0.1, while the workbench is open; and a wrong token."""
+"""A hostile page in another tab of the same browser, from another port of 127.0.0.1, while the
+workbench is open; and a wrong token.
+"""
 
 import functools
 import http.server
@@ -30,13 +32,17 @@ def elsewhere(tmp_path):
     """Address of a page of another origin on this machine."""
     folder = tmp_path / "elsewhere"
     folder.mkdir()
-    (folder / "index.html").write_text("<!DOCTYPE html><title>elsewhere</title><body></body>", encoding="utf-8")
+    (folder / "index.html").write_text(
+        "<!DOCTYPE html><title>elsewhere</title><body></body>", encoding="utf-8"
+    )
 
     class Quiet(http.server.SimpleHTTPRequestHandler):
         def log_message(self, format, *args):
             pass
 
-    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(Quiet, directory=str(folder)))
+    server = http.server.ThreadingHTTPServer(
+        ("127.0.0.1", 0), functools.partial(Quiet, directory=str(folder))
+    )
     threading.Thread(target=server.serve_forever, daemon=True).start()
     yield f"http://127.0.0.1:{server.server_port}/index.html"
     server.shutdown()
@@ -100,7 +106,10 @@ def test_a_hostile_page_in_another_tab_can_do_nothing(client, elsewhere, context
     for url, options in (
         ("/api/project", {}),
         ("/api/project", {"mode": "no-cors", "credentials": "include"}),
-        ("/api/project", {"headers": {"x-aeromatch-token": client.bench.token}}),  # even a token that has leaked
+        (
+            "/api/project",
+            {"headers": {"x-aeromatch-token": client.bench.token}},
+        ),  # even a token that has leaked
         ("/api/act", {"method": "POST", "body": text}),
         ("/api/act", {"method": "POST", "body": text, "mode": "no-cors"}),
         ("/main.js", {"mode": "no-cors"}),
@@ -129,7 +138,9 @@ def test_a_page_that_opens_the_workbench_cannot_look_into_it(client, elsewhere, 
         hostile.evaluate("(url) => { window.other = window.open(url); }", client.bench.address)
     opened.value.get_by_text("requests of other pages are refused").wait_for()
     assert hostile.evaluate("window.other.closed || window.other.length") in (True, 0)
-    assert hostile.evaluate("(() => { try { return String(window.other.document); } catch (error) { return error.name; } })()") in (
+    assert hostile.evaluate(
+        "(() => { try { return String(window.other.document); } catch (error) { return error.name; } })()"
+    ) in (
         "SecurityError",
         "null",
     )

@@ -1,4 +1,6 @@
-"""The page of the identification: the fit is that of the command line, and what is shown of it is true of it."""
+"""The page of the identification: the fit is that of the command line, and what is shown of it is
+true of it.
+"""
 
 import json
 import sys
@@ -38,20 +40,32 @@ PRIOR = "{work}/match/datcom.nc"
 
 @pytest.fixture(scope="module")
 def opened(tmp_path_factory):
-    """The T-37's project with two records reconstructed over their first 49 s, and DATCOM's tables where a match leaves them."""
+    """The T-37's project with two records reconstructed over their first 49 s, and DATCOM's tables
+    where a match leaves them.
+    """
     folder = tmp_path_factory.mktemp("opened")
-    return Opened(reconstructed_project(folder / "t37", folder / "work", [FIRST, SECOND]), folder / "work")
+    return Opened(
+        reconstructed_project(folder / "t37", folder / "work", [FIRST, SECOND]), folder / "work"
+    )
 
 
 def windows(opened, *records, names=PITCH):
     rows = {record: page.windows(opened, {"name": record}, None)["rows"] for record in records}
     return [
-        {"record": record, "start": row["start"], "end": row["end"]} for record in records for row in rows[record] if row["label"] in names
+        {"record": record, "start": row["start"], "end": row["end"]}
+        for record in records
+        for row in rows[record]
+        if row["label"] in names
     ]
 
 
 def wanted(opened, *records, **more):
-    return {"windows": windows(opened, *(records or (FIRST,))), "model": MODEL, "cutoff": 4.0, **more}
+    return {
+        "windows": windows(opened, *(records or (FIRST,))),
+        "model": MODEL,
+        "cutoff": 4.0,
+        **more,
+    }
 
 
 @pytest.mark.slow
@@ -63,7 +77,12 @@ def test_what_can_be_chosen(opened):
     assert found["cutoff"] == 4.0
     assert found["file"] == "{project}/aeromatch.toml"
     rows = page.windows(opened, {"name": FIRST}, None)["rows"]
-    assert [row["label"] for row in rows][:4] == ["trim", "3211 elevator", "recover", "doublet elevator"]
+    assert [row["label"] for row in rows][:4] == [
+        "trim",
+        "3211 elevator",
+        "recover",
+        "doublet elevator",
+    ]
     assert (rows[1]["start"], rows[1]["end"]) == (9.0, 21.7)
 
 
@@ -73,15 +92,21 @@ def test_what_can_be_chosen(opened):
     [
         {},
         pytest.param({"intercepts": "separate", "cutoff": None}, marks=pytest.mark.nightly),
-        pytest.param({"weights": "robust", "model": "CL = 1 + alpha + delta_e"}, marks=pytest.mark.nightly),
+        pytest.param(
+            {"weights": "robust", "model": "CL = 1 + alpha + delta_e"}, marks=pytest.mark.nightly
+        ),
         {"ridge": "auto"},
         pytest.param({"ridge": 0.01, "weights": "manoeuvre"}, marks=pytest.mark.nightly),
         {"band": [0.1, 2.0]},
-        pytest.param({"band": [0.1, 1.7], "ridge": 0.02, "intercepts": "separate"}, marks=pytest.mark.nightly),
+        pytest.param(
+            {"band": [0.1, 1.7], "ridge": 0.02, "intercepts": "separate"}, marks=pytest.mark.nightly
+        ),
     ],
 )
 def test_the_fit_is_that_of_the_command_line(opened, tmp_path, more):
-    """Every number of the file that the command writes is the number shown; two records with different windows."""
+    """Every number of the file that the command writes is the number shown; two records with
+    different windows.
+    """
     body = wanted(opened, FIRST, SECOND, **more)
     body["windows"] = body["windows"][1:]
     shown = page.fit(opened, {}, body)
@@ -92,9 +117,13 @@ def test_the_fit_is_that_of_the_command_line(opened, tmp_path, more):
     assert done.exit_code == int(any(remark["severity"] == "error" for remark in shown["remarks"]))
     saved = open_fit(opened.work / "fits" / "pitch.nc")
     assert shown["model"] == str(saved.model)
-    assert [row["term"] for row in shown["terms"]] == [str(term) for term in saved.estimates["term"].values]
+    assert [row["term"] for row in shown["terms"]] == [
+        str(term) for term in saved.estimates["term"].values
+    ]
     for name in ("estimate", "stderr", "stderr_systematic", "t", "vif", "low", "high"):
-        np.testing.assert_array_equal([row[name] for row in shown["terms"]], saved.estimates[name].values)
+        np.testing.assert_array_equal(
+            [row[name] for row in shown["terms"]], saved.estimates[name].values
+        )
     np.testing.assert_array_equal(shown["correlation"], saved.estimates["correlation"].values)
     for name in ("R2", "residual_rms", "samples", "manoeuvres"):
         assert shown["attributes"][name] == saved.estimates.attrs[name]
@@ -105,10 +134,16 @@ def test_the_fit_is_that_of_the_command_line(opened, tmp_path, more):
 def test_the_prior_is_what_the_tables_say(opened):
     shown = page.fit(opened, {}, wanted(opened, prior=PRIOR))
     paths = page._parts(opened, page.Wanted(**wanted(opened)))
-    prior = prior_of(flighttest.regress(flighttest.Model.parse(MODEL), paths), aerodb.open(opened.work / "match" / "datcom.nc"))
-    given = {row["term"]: (row["prior"], row["prior_stderr"]) for row in shown["terms"] if "prior" in row}
+    prior = prior_of(
+        flighttest.regress(flighttest.Model.parse(MODEL), paths),
+        aerodb.open(opened.work / "match" / "datcom.nc"),
+    )
+    given = {
+        row["term"]: (row["prior"], row["prior_stderr"]) for row in shown["terms"] if "prior" in row
+    }
     assert given == {
-        str(term): (float(prior["estimate"].sel(term=term)), float(prior["stderr"].sel(term=term))) for term in prior["term"].values
+        str(term): (float(prior["estimate"].sel(term=term)), float(prior["stderr"].sel(term=term)))
+        for term in prior["term"].values
     }
     assert -30.0 < given["qhat"][0] < -20.0  # DATCOM's Cm_q -17.6 and Cm_alphadot -10.0
     none = page.fit(opened, {}, wanted(opened, model="CX = 1 + alpha", prior=PRIOR))
@@ -123,7 +158,9 @@ def test_partial_regression_has_the_estimate_as_its_slope(opened):
     """To rounding, with and without weights; the residual of the line is the residual of the fit."""
     for more in ({}, {"weights": "robust"}, {"intercepts": "separate", "weights": "manoeuvre"}):
         found = page._fit(opened, page.Wanted(**wanted(opened, **more)))
-        for term, estimate in zip(found.estimates["term"].values, found.estimates["estimate"].values, strict=True):
+        for term, estimate in zip(
+            found.estimates["term"].values, found.estimates["estimate"].values, strict=True
+        ):
             x, y = page.partial_residuals(found, str(term))
             assert x @ y / (x @ x) == pytest.approx(estimate, rel=1e-9)
     in_band = wanted(opened, band=[0.1, 2.0])
@@ -135,7 +172,9 @@ def test_partial_regression_has_the_estimate_as_its_slope(opened):
     with pytest.raises(UnknownName):  # the constant is found in time
         page.partial(opened, {}, {"fit": in_band, "term": "1"})
     shown = page.partial(opened, {}, {"fit": wanted(opened), "term": "qhat"})
-    estimates = {row["term"]: row["estimate"] for row in page.fit(opened, {}, wanted(opened))["terms"]}
+    estimates = {
+        row["term"]: row["estimate"] for row in page.fit(opened, {}, wanted(opened))["terms"]
+    }
     assert shown["slope"] == pytest.approx(estimates["qhat"], rel=1e-9)
     found = page._fit(opened, page.Wanted(**wanted(opened)))
     x, y = page.partial_residuals(found, "qhat")
@@ -145,7 +184,9 @@ def test_partial_regression_has_the_estimate_as_its_slope(opened):
 
 
 def test_the_spectrum_holds_the_variance(opened):
-    """The density of a tone and of white noise in place of the residual: power at the tone, level of the noise."""
+    """The density of a tone and of white noise in place of the residual: power at the tone, level
+    of the noise.
+    """
     found = page._fit(opened, page.Wanted(**wanted(opened)))
     shown = page.spectrum(found)
     assert (shown["segments"], shown["left_out"]) == (2, 0)
@@ -154,8 +195,17 @@ def test_the_spectrum_holds_the_variance(opened):
     rng, name = np.random.default_rng(3), "Cm"
     noise = rng.normal(0.0, 0.1, found.data.sizes["sample"])
     tone = np.sqrt(2.0) * np.sin(2 * np.pi * 2.0 * found.data["time"].values)
-    data = found.data.assign({name: ("sample", found.regressors.values @ found.estimates["estimate"].values + noise + tone)})
-    made = page.spectrum(type(found)(found.name, found.model, found.estimates, data, found.design, found.regressors))
+    data = found.data.assign(
+        {
+            name: (
+                "sample",
+                found.regressors.values @ found.estimates["estimate"].values + noise + tone,
+            )
+        }
+    )
+    made = page.spectrum(
+        type(found)(found.name, found.model, found.estimates, data, found.design, found.regressors)
+    )
     frequency, power = np.asarray(made["frequency"]), np.asarray(made["residual"])
     assert frequency[power.argmax()] == pytest.approx(2.0, abs=frequency[0])
     near = np.abs(frequency - 2.0) < 0.5
@@ -171,7 +221,9 @@ def test_samples_of_the_windows_one_after_another(opened):
     there = np.isfinite(fitted)
     assert there.sum() == found.data.sizes["sample"]
     assert (~there).sum() == 2  # one gap behind each window
-    np.testing.assert_allclose(np.asarray(shown["measured"])[there] - fitted[there], found.residual, atol=1e-15)
+    np.testing.assert_allclose(
+        np.asarray(shown["measured"])[there] - fitted[there], found.residual, atol=1e-15
+    )
     assert np.all(np.diff(shown["time"]) > 0.0)
     assert [one["label"] for one in shown["windows"]] == list(PITCH)
     assert shown["windows"][1]["from"] == pytest.approx(12.7)
@@ -193,7 +245,9 @@ def test_left_out_in_turn(opened):
     alone = page.fit(opened, {}, {**body, "windows": body["windows"][1:]})
     assert rows[0]["estimates"] == {row["term"]: row["estimate"] for row in alone["terms"]}
     less = page.fit(opened, {}, {**body, "model": "Cm = 1 + alpha + delta_e"})
-    assert rows[3]["R2"] == less["attributes"]["R2"] < page.fit(opened, {}, body)["attributes"]["R2"]
+    assert (
+        rows[3]["R2"] == less["attributes"]["R2"] < page.fit(opened, {}, body)["attributes"]["R2"]
+    )
     refused = page.without(opened, {}, {**body, "model": "Cm = 1 + gear + alpha"})["rows"]
     assert "gear does not move" in refused[-1]["refused"]
 
@@ -203,7 +257,9 @@ def test_entries_mean_the_same_windows(opened):
     """What is written into the project is read back as the windows of the page."""
     file = opened.file
     for names, count in ((PITCH, 1), (PITCH[:1], 1)):
-        body = page.Wanted(**{**wanted(opened), "windows": windows(opened, FIRST, SECOND, names=names)})
+        body = page.Wanted(
+            **{**wanted(opened), "windows": windows(opened, FIRST, SECOND, names=names)}
+        )
         assert len(page.entries(opened, body, "tried")) == count
     own = {"record": SECOND, "start": 10.0, "end": 20.0}
     body = page.Wanted(**{**wanted(opened), "windows": [*windows(opened, FIRST), own]})
@@ -218,7 +274,10 @@ def test_entries_mean_the_same_windows(opened):
     assert [fit.name for fit in added] == ["tried 1", "tried 2"]
     tables = {name: flighttest.manoeuvres(opened.record(name)) for name in (FIRST, SECOND)}
     problems: list[str] = []
-    assert spans_of("fit", added, tables, problems) == {FIRST: [(9.0, 21.7), (37.54, 47.44)], SECOND: [(10.0, 20.0)]}
+    assert spans_of("fit", added, tables, problems) == {
+        FIRST: [(9.0, 21.7), (37.54, 47.44)],
+        SECOND: [(10.0, 20.0)],
+    }
     assert problems == []
     assert added[0].manoeuvres == PITCH
     assert added[0].models == (MODEL,)
@@ -234,7 +293,9 @@ def test_coefficients_are_made_once(opened, monkeypatch):
 @pytest.mark.nightly
 @pytest.mark.slow
 def test_coefficients_stay_for_a_later_server_and_make_room_for_what_is_used(opened, monkeypatch):
-    """Another server reads them from the working folder, bit by bit the same; another low-pass or error is another file; old ones go."""
+    """Another server reads them from the working folder, bit by bit the same; another low-pass or
+    error is another file; old ones go.
+    """
     body = page.Wanted(**wanted(opened))
     first = page._parts(opened, body)
     monkeypatch.setattr(flighttest, "coefficients", lambda *a, **b: pytest.fail("made again"))
@@ -246,8 +307,12 @@ def test_coefficients_stay_for_a_later_server_and_make_room_for_what_is_used(ope
     assert not coefficients._target(Opened(opened.file, opened.work), FIRST, 4.0).exists()
     monkeypatch.undo()
     assert coefficients._target(Opened(opened.file, opened.work), FIRST, 4.0).exists()
-    whole = flighttest.coefficients(opened.path(FIRST), opened.aircraft, dict(opened.project.errors), 4.0)
-    xr.testing.assert_identical(again[0], flighttest.between(whole, body.windows[0].start, body.windows[0].end))
+    whole = flighttest.coefficients(
+        opened.path(FIRST), opened.aircraft, dict(opened.project.errors), 4.0
+    )
+    xr.testing.assert_identical(
+        again[0], flighttest.between(whole, body.windows[0].start, body.windows[0].end)
+    )
     folder = opened.work / coefficients.FOLDER
     known = set(folder.glob(f"{FIRST}_*.nc"))
     page._parts(opened, page.Wanted(**wanted(opened, cutoff=3.0)))
@@ -263,7 +328,9 @@ def test_coefficients_stay_for_a_later_server_and_make_room_for_what_is_used(ope
 @pytest.mark.slow
 @pytest.mark.nightly
 def test_a_server_forms_coefficients_in_a_process_that_can_be_cancelled(opened, monkeypatch):
-    """What is cancelled leaves no file and no action; asked again it has the bits of those formed here; few samples need no process."""
+    """What is cancelled leaves no file and no action; asked again it has the bits of those formed
+    here; few samples need no process.
+    """
     pytest.importorskip("starlette")
     pytest.importorskip("uvicorn")
     body, folder = wanted(opened, FIRST, SECOND, cutoff=2.7), opened.work / coefficients.FOLDER
@@ -274,7 +341,9 @@ def test_a_server_forms_coefficients_in_a_process_that_can_be_cancelled(opened, 
         before = set(folder.glob("*.nc"))
         asked = other.submit(client.ask, "/api/fit", None, body)
         until = time.monotonic() + PATIENCE
-        while not (jobs := [job for job in client.data("/api/jobs")["jobs"] if job["state"] == "running"]):
+        while not (
+            jobs := [job for job in client.data("/api/jobs")["jobs"] if job["state"] == "running"]
+        ):
             assert time.monotonic() < until
             time.sleep(0.05)
         (job,) = jobs
@@ -282,7 +351,10 @@ def test_a_server_forms_coefficients_in_a_process_that_can_be_cancelled(opened, 
         assert client.data("/api/cancel", body={"number": job["number"]})["state"] == "cancelled"
         code, _, text = asked.result(PATIENCE)
         assert code == 400
-        assert json.loads(text)["text"] == "coefficients along 2 records: cancelled; fit again to form them"
+        assert (
+            json.loads(text)["text"]
+            == "coefficients along 2 records: cancelled; fit again to form them"
+        )
         assert set(folder.glob("*.nc")) == before
         shown = client.data("/api/fit", body=body)
         jobs = client.data("/api/jobs")["jobs"]
@@ -294,20 +366,35 @@ def test_a_server_forms_coefficients_in_a_process_that_can_be_cancelled(opened, 
     for file in made:
         path = opened.path(file.name.rpartition("_")[0])
         with xr.open_dataset(file, engine="h5netcdf", decode_timedelta=False) as kept:
-            xr.testing.assert_identical(kept.load(), flighttest.coefficients(path, opened.aircraft, dict(opened.project.errors), 2.7))
+            xr.testing.assert_identical(
+                kept.load(),
+                flighttest.coefficients(path, opened.aircraft, dict(opened.project.errors), 2.7),
+            )
     here = page.fit(Opened(opened.file, opened.work), {}, body)
     assert [row["estimate"] for row in shown["terms"]] == [row["estimate"] for row in here["terms"]]
 
 
 @pytest.mark.slow
 def test_what_only_looks_does_not_wait_for_the_commands(tmp_path):
-    """A command that has not begun holds the queue; a module outside it ends well, or with its error, and is no action."""
+    """A command that has not begun holds the queue; a module outside it ends well, or with its
+    error, and is no action.
+    """
     begun, go, ended = threading.Event(), threading.Event(), []
-    jobs = Jobs(tmp_path / "jobs", tmp_path, list, lambda job: begun.set() or go.wait(PATIENCE), ended.append)
+    jobs = Jobs(
+        tmp_path / "jobs",
+        tmp_path,
+        list,
+        lambda job: begun.set() or go.wait(PATIENCE),
+        ended.append,
+    )
     first = jobs.add(["--version"])
     assert begun.wait(PATIENCE)
     assert jobs.run("looks", "platform", []).state == "done"
-    failed = jobs.run("looks", "aeromatch.workbench.coefficients", [json.dumps([["none.nc", "none.toml", {}, None, "made.nc"]])])
+    failed = jobs.run(
+        "looks",
+        "aeromatch.workbench.coefficients",
+        [json.dumps([["none.nc", "none.toml", {}, None, "made.nc"]])],
+    )
     assert failed.state == "failed"
     assert "none.nc" in failed.about()["error"]
     assert first.state == "waiting"
@@ -334,7 +421,10 @@ def test_faults_are_stated(opened):
         ({"band": [0.001, 0.002]}, IdentificationError),
         ({"windows": [{"record": FIRST, "start": 0.0, "end": 900.0}]}, OutOfRange),
         ({"windows": [{"record": "none", "start": 0.0, "end": 9.0}]}, UnknownName),
-        ({"windows": [{"record": "t37_26_val_phugoid", "start": 0.0, "end": 9.0}]}, FileNotFoundError),
+        (
+            {"windows": [{"record": "t37_26_val_phugoid", "start": 0.0, "end": 9.0}]},
+            FileNotFoundError,
+        ),
     ):
         with pytest.raises(error):
             page.fit(opened, {}, {**wanted(opened), **change})

@@ -1,4 +1,6 @@
-"""The page of the identification in a real browser: what it draws, what a term that is switched off changes, what it saves."""
+"""The page of the identification in a real browser: what it draws, what a term that is switched off
+changes, what it saves.
+"""
 
 import re
 import sys
@@ -24,7 +26,9 @@ FIT = "multisine"
 @pytest.fixture(scope="module")
 def client(tmp_path_factory):
     folder = tmp_path_factory.mktemp("identification")
-    with served(reconstructed_project(folder / "t37", folder / "work", [RECORD]), folder / "work") as client:
+    with served(
+        reconstructed_project(folder / "t37", folder / "work", [RECORD]), folder / "work"
+    ) as client:
         yield client
 
 
@@ -43,7 +47,9 @@ def rows_of(page):
 def estimates(page, *terms):
     """Estimates by term as the page shows them, once it shows those of these terms."""
     expect(rows_of(page).locator("td:first-child")).to_have_text(terms)
-    cells = rows_of(page).evaluate_all("rows => rows.map(row => [row.cells[0].innerText, row.cells[1].innerText])")
+    cells = rows_of(page).evaluate_all(
+        "rows => rows.map(row => [row.cells[0].innerText, row.cells[1].innerText])"
+    )
     return {term: float(text.replace("\u2212", "-")) for term, text in cells}
 
 
@@ -56,7 +62,9 @@ def uncheck_all(page):
 
 def window(page, name):
     """Choose a window by its start and end."""
-    start, stop = (page.get_by_label(f"{word} of a window of {RECORD} [s]") for word in ("start", "end"))
+    start, stop = (
+        page.get_by_label(f"{word} of a window of {RECORD} [s]") for word in ("start", "end")
+    )
     start.fill(name[0])
     stop.fill(name[1])
     page.get_by_role("button", name=f"Add a window of {RECORD}").click()
@@ -98,9 +106,15 @@ def test_a_term_that_is_switched_off_and_what_is_saved(page, client):
     for term, value in first.items():
         assert float(saved.estimates["estimate"].sel(term=term)) == pytest.approx(value, rel=1e-3)
     page.get_by_role("button", name="Add to the project as a new fit").click()
-    page.get_by_label("Fit of the project to start from").locator("option", has_text="by hand: Cm").wait_for(state="attached")
+    page.get_by_label("Fit of the project to start from").locator(
+        "option", has_text="by hand: Cm"
+    ).wait_for(state="attached")
     added = read_project(client.bench.opened.file).fits[-1]
-    assert (added.name, added.records, added.window) == ("by hand", (RECORD,), ((5.0, 25.0), (25.0, 45.0)))
+    assert (added.name, added.records, added.window) == (
+        "by hand",
+        (RECORD,),
+        ((5.0, 25.0), (25.0, 45.0)),
+    )
     assert added.models == ("Cm = 1 + alpha + qhat + delta_e",)
 
 
@@ -131,7 +145,9 @@ def test_a_fit_in_frequency_and_with_a_ridge(page, client):
     page.get_by_text(re.compile(r"^Saved: .*in band\.nc")).wait_for()
     saved = open_fit(client.bench.opened.work / "fits" / "in band.nc").estimates
     assert (saved.attrs["domain"], saved.attrs["ridge"]) == ("frequency", 0.5)
-    assert float(saved["estimate"].sel(term="delta_e")) == pytest.approx(shrunk["delta_e"], rel=1e-3)
+    assert float(saved["estimate"].sel(term="delta_e")) == pytest.approx(
+        shrunk["delta_e"], rel=1e-3
+    )
 
 
 def test_by_keyboard(page):
@@ -167,26 +183,36 @@ sys.exit(coefficients._main(sys.argv[1]))
 
 
 def test_coefficients_are_cancelled_while_they_are_written(page, complaints, client, monkeypatch):
-    """The page states it where the fit would stand; nothing is left of the file; the same fit is made when it is requested again."""
+    """The page states it where the fit would stand; nothing is left of the file; the same fit is
+    made when it is requested again.
+    """
     opened, run = client.bench.opened, client.bench.opened.run
     folder, names = opened.work / coefficients.FOLDER, ("1", "alpha", "qhat", "delta_e")
     page.get_by_label("Fit of the project to start from").select_option(label=f"{FIT}: Cm")
     page.get_by_role("img", name="Partial regression of Cm").wait_for()
     before, first = sorted(file.name for file in folder.iterdir()), estimates(page, *names)
 
-    (opened.places.project / "half_written.py").write_text(HALF_WRITTEN, encoding="utf-8")  # where the process starts
+    (opened.places.project / "half_written.py").write_text(
+        HALF_WRITTEN, encoding="utf-8"
+    )  # where the process starts
     monkeypatch.setattr(coefficients, "MOST_HERE", 0)
     monkeypatch.setattr(opened, "run", lambda title, _, words: run(title, "half_written", words))
     cutoff = page.get_by_label("Cut-off, Hz")
     cutoff.fill("2.6")
     cutoff.press("Tab")
-    page.get_by_text("Coefficients of 1 record are formed; they are kept, so that the next fit is quick.").wait_for()
+    page.get_by_text(
+        "Coefficients of 1 record are formed; they are kept, so that the next fit is quick."
+    ).wait_for()
     expect(page.locator("#job")).to_have_text(f"Running: coefficients along {RECORD}. half written")
     (part,) = (file for file in folder.iterdir() if file.name not in before)
     assert part.read_bytes() == b"half of it"
     page.get_by_role("button", name="Cancel", exact=True).click()
-    page.get_by_role("alert").filter(has_text=f"coefficients along {RECORD}: cancelled; fit again to form them").wait_for()
-    expect(page.locator("#job")).to_have_text(re.compile(f"^Cancelled: coefficients along {RECORD}"))
+    page.get_by_role("alert").filter(
+        has_text=f"coefficients along {RECORD}: cancelled; fit again to form them"
+    ).wait_for()
+    expect(page.locator("#job")).to_have_text(
+        re.compile(f"^Cancelled: coefficients along {RECORD}")
+    )
     expect(page.get_by_role("button", name="Cancel", exact=True)).to_be_hidden()
     expect(rows_of(page)).to_have_count(0)
     assert sorted(file.name for file in folder.iterdir()) == before
@@ -199,15 +225,23 @@ def test_coefficients_are_cancelled_while_they_are_written(page, complaints, cli
     estimates(page, "1", "alpha", "delta_e")
     page.get_by_role("button", name="All terms").click()
     again = estimates(page, *names)
-    assert 0.0 < abs(again["delta_e"] - first["delta_e"]) < 0.1 * abs(first["delta_e"])  # another low-pass
+    assert (
+        0.0 < abs(again["delta_e"] - first["delta_e"]) < 0.1 * abs(first["delta_e"])
+    )  # another low-pass
     assert len(list(folder.iterdir())) == len(before) + 1
-    complaints.remove("Failed to load resource: the server responded with a status of 400 (Bad Request)")  # there is no fit to answer with
+    complaints.remove(
+        "Failed to load resource: the server responded with a status of 400 (Bad Request)"
+    )  # there is no fit to answer with
 
 
 def test_what_is_typed_stays_when_the_page_is_drawn_anew(page, client):
-    """An action of another page ends meanwhile; the model, ends of a window and a name are kept, with the cursor in its place."""
+    """An action of another page ends meanwhile; the model, ends of a window and a name are kept,
+    with the cursor in its place.
+    """
     page.get_by_role("img", name="Partial regression").wait_for()
-    start, end = (page.get_by_label(f"{word} of a window of {RECORD} [s]") for word in ("start", "end"))
+    start, end = (
+        page.get_by_label(f"{word} of a window of {RECORD} [s]") for word in ("start", "end")
+    )
     start.fill("11")
     end.fill("12.5")
     name = page.get_by_label("Name", exact=True)

@@ -1,4 +1,6 @@
-"""Data of the page of the match: verdicts, criteria and causes are those of the report; trials stand apart from the proof."""
+"""Data of the page of the match: verdicts, criteria and causes are those of the report; trials
+stand apart from the proof.
+"""
 
 import shutil
 import sys
@@ -28,14 +30,18 @@ TRIAL = "runs/edited"
 
 @pytest.fixture(scope="module")
 def opened(tmp_path_factory):
-    """The roll response of the T-37 flown by DATCOM's tables and by the same with more directional stability, as a match and as a trial."""
+    """The roll response of the T-37 flown by DATCOM's tables and by the same with more directional
+    stability, as a match and as a trial.
+    """
     folder = tmp_path_factory.mktemp("opened")
     opened = Opened(one_case_project(folder / "t37"), folder / "work")
     match, aircraft = opened.work / "match", opened.aircraft
     for place in (match, opened.work / "databases"):
         place.mkdir(parents=True)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", AeromatchWarning)  # of the listing of the flaps; tests/aerodb has them
+        warnings.simplefilter(
+            "ignore", AeromatchWarning
+        )  # of the listing of the flaps; tests/aerodb has them
         datcom = a_priori(opened.project, aircraft)
     models, files = {"datcom": datcom, "final": aerodb.edit.scale(datcom, "Cn/beta", 1.5)}, {}
     for name, db in models.items():
@@ -99,7 +105,9 @@ def test_criteria_and_causes_of_a_case(opened):
     assert found["window"] == [13.5, 22.5]
     assert ("single", "Cn/beta") in {(cause["stage"], cause["term"]) for cause in found["causes"]}
     assert "Cn/beta" in found["story"]
-    assert matching.case(opened, {"report": TRIAL, "name": NAME}, None)["causes"] == []  # a trial is not diagnosed
+    assert (
+        matching.case(opened, {"report": TRIAL, "name": NAME}, None)["causes"] == []
+    )  # a trial is not diagnosed
     with pytest.raises(UnknownName, match=NAME):
         matching.case(opened, {"name": "roll_respons"}, None)
 
@@ -108,7 +116,10 @@ def test_models_and_databases_that_can_be_flown(opened):
     found = matching.match(opened, {}, None)
     work = ("match/datcom", "match/final", "databases/edited")
     assert [model["file"] for model in found["models"]] == [f"{{work}}/{name}.fmu" for name in work]
-    assert [one["file"] for one in found["databases"]] == ["{work}/match/final.nc", "{work}/databases/edited.nc"]
+    assert [one["file"] for one in found["databases"]] == [
+        "{work}/match/final.nc",
+        "{work}/databases/edited.nc",
+    ]
 
 
 def test_a_report_is_read_again_when_it_has_changed(opened):

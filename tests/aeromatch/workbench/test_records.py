@@ -70,10 +70,20 @@ def test_levels_of_short_channels(samples):
 
 
 def test_channels_come_in_the_units_of_the_field(opened):
-    query = {"name": RECORD, "channels": "record/imu/p,record/imu/q,record/air/V_cas", "start": "2", "stop": "6", "points": "4000"}
+    query = {
+        "name": RECORD,
+        "channels": "record/imu/p,record/imu/q,record/air/V_cas",
+        "start": "2",
+        "stop": "6",
+        "points": "4000",
+    }
     about = records.record(opened, {"name": RECORD}, None)
     leaf = next(one["leaf"] for one in about["channels"] if one["channel"] == "V_cas")
-    groups = unpack(records.channels(opened, {**query, "channels": query["channels"].replace("air", leaf)}, None))
+    groups = unpack(
+        records.channels(
+            opened, {**query, "channels": query["channels"].replace("air", leaf)}, None
+        )
+    )
     imu = opened.record(RECORD)["imu"].to_dataset()
     part = imu.sel(time=slice(2.0, 6.0))
     _, time, values = groups[0]
@@ -101,20 +111,31 @@ def test_marks_faults_and_coverage(opened):
     assert point["alpha"] == pytest.approx(np.degrees(float(first)), rel=1e-12)
     assert point["configuration"] == "clean"
     span = slice(own["start"][0], own["end"][0])
-    air = next(node for node in alpha.children.values() if "p_static" in node).to_dataset().sel(time=span).mean()
-    assert point["mach"] == pytest.approx(np.sqrt(5.0 * ((1.0 + float(air["q_c"] / air["p_static"])) ** (2.0 / 7.0) - 1.0)), rel=1e-3)
+    air = (
+        next(node for node in alpha.children.values() if "p_static" in node)
+        .to_dataset()
+        .sel(time=span)
+        .mean()
+    )
+    assert point["mach"] == pytest.approx(
+        np.sqrt(5.0 * ((1.0 + float(air["q_c"] / air["p_static"])) ** (2.0 / 7.0) - 1.0)), rel=1e-3
+    )
     assert point["h"] == pytest.approx(float(air["h_baro"]) / 0.3048, rel=1e-12)
 
 
 @pytest.mark.slow
 def test_one_g_lines_are_level_flight_of_the_database_in_the_units_of_the_field(opened):
-    """At the Mach number of the first manoeuvre, steady flight, the line has the trim of DATCOM; the vane, with its upwash, is near it."""
+    """At the Mach number of the first manoeuvre, steady flight, the line has the trim of DATCOM;
+    the vane, with its upwash, is near it.
+    """
     query = {"names": RECORD}
     assert records.one_g(opened, query, None) == {"lines": [], "model": None, "remarks": []}
     match = opened.work / "match"
     match.mkdir(parents=True)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", AeromatchWarning)  # of the listing of the flaps; tests/aerodb has them
+        warnings.simplefilter(
+            "ignore", AeromatchWarning
+        )  # of the listing of the flaps; tests/aerodb has them
         aerodb.save(a_priori(opened.project, opened.aircraft), match / "datcom.nc")
     write_aircraft(opened.aircraft, match / "datcom.toml")
     found = records.one_g(opened, query, None)
@@ -122,24 +143,45 @@ def test_one_g_lines_are_level_flight_of_the_database_in_the_units_of_the_field(
     assert (found["model"], found["remarks"], line["configuration"]) == ("datcom", [], "clean")
     point = records.coverage(opened, query, None)["points"][0]
     alpha = float(np.interp(point["mach"], line["mach"], line["alpha"]))
-    level = {"mach": point["mach"], "h": point["h"] * 0.3048, "mass": line["mass"], "mode.engine": 2.0}
+    level = {
+        "mach": point["mach"],
+        "h": point["h"] * 0.3048,
+        "mass": line["mass"],
+        "mode.engine": 2.0,
+    }
     trimmed = trimmed_at(opened.aircraft, aerodb.open(match / "datcom.nc"), level)
     assert alpha == pytest.approx(np.degrees(trimmed["alpha"]), abs=0.05)
     assert alpha == pytest.approx(point["alpha"], abs=1.2)
-    assert np.interp(point["mach"], line["mach"], line["V_cas"]) == pytest.approx(point["V_cas"], rel=0.01)
+    assert np.interp(point["mach"], line["mach"], line["V_cas"]) == pytest.approx(
+        point["V_cas"], rel=0.01
+    )
     assert line["mass"] == pytest.approx(2100.0, abs=100.0)
 
 
 def test_what_a_mark_covers_is_not_proposed(opened):
-    """Of the movements found, those with a mark over more than half of them are left out, whatever its name."""
+    """Of the movements found, those with a mark over more than half of them are left out, whatever
+    its name.
+    """
     everything = records.not_marked(opened, RECORD, pd.DataFrame({"start": [], "end": []}))
     first = everything.iloc[0]
     middle = 0.5 * (first["start"] + first["end"])
     for end, left in ((middle + 0.1, len(everything) - 1), (middle - 0.1, len(everything))):
-        assert len(records.not_marked(opened, RECORD, pd.DataFrame({"start": [first["start"] - 5.0], "end": [end]}))) == left
+        assert (
+            len(
+                records.not_marked(
+                    opened, RECORD, pd.DataFrame({"start": [first["start"] - 5.0], "end": [end]})
+                )
+            )
+            == left
+        )
     rows = records.record(opened, {"name": RECORD, "find": "1"}, None)["manoeuvres"]["rows"]
-    assert [row["manoeuvre"] for row in rows if not row["found"]] == ["trim", "doublet"]  # as the record marks them
-    assert not any(row["found"] for row in records.record(opened, {"name": RECORD}, None)["manoeuvres"]["rows"])
+    assert [row["manoeuvre"] for row in rows if not row["found"]] == [
+        "trim",
+        "doublet",
+    ]  # as the record marks them
+    assert not any(
+        row["found"] for row in records.record(opened, {"name": RECORD}, None)["manoeuvres"]["rows"]
+    )
 
 
 @pytest.mark.parametrize(
@@ -176,4 +218,8 @@ def test_files_are_read_once_until_they_change(opened, tmp_path):
 
 def test_a_source_that_is_none(opened):
     with pytest.raises(SchemaError, match="record or path"):
-        records.channels(opened, {"name": RECORD, "channels": "x/imu/p", "start": "0", "stop": "1", "points": "9"}, None)
+        records.channels(
+            opened,
+            {"name": RECORD, "channels": "x/imu/p", "start": "0", "stop": "1", "points": "9"},
+            None,
+        )

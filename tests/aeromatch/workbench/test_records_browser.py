@@ -1,4 +1,6 @@
-"""The page of the records in a real browser: marks dragged by middle and edge, found ones accepted, a fault remedied, a new server."""
+"""The page of the records in a real browser: marks dragged by middle and edge, found ones accepted,
+a fault remedied, a new server.
+"""
 
 import re
 import shutil
@@ -26,7 +28,9 @@ pytestmark = [pytest.mark.slow, pytest.mark.browser]
 
 @contextmanager
 def opened(page, project, work, record=RECORD, title="T-37 run 27 val_dutch_roll"):
-    """Yield the client of a server, with a record on the page; the page is left before the server ends."""
+    """Yield the client of a server, with a record on the page; the page is left before the server
+    ends.
+    """
     with served(project, work) as client:
         page.goto(client.bench.address)
         page.get_by_role("button", name=record, exact=True).click()
@@ -36,7 +40,9 @@ def opened(page, project, work, record=RECORD, title="T-37 run 27 val_dutch_roll
 
 
 def done(page, verb):
-    """Wait for the end of an action; the page then reads what it has changed, and a test waits for that."""
+    """Wait for the end of an action; the page then reads what it has changed, and a test waits for
+    that.
+    """
     expect(page.locator("#job")).to_have_text(re.compile(f"^Done: aeromatch {verb}"))
 
 
@@ -72,36 +78,56 @@ def test_a_mark_is_dragged_and_renamed(page, tmp_path):
         page.get_by_role("table", name="Manoeuvres").locator("tbody tr").nth(place).click()
         page.get_by_label("kind", exact=True).fill("free oscillation")
         page.get_by_role("button", name="Change", exact=True).click()
-        page.get_by_role("table", name="Manoeuvres").get_by_role("row", name="free oscillation").wait_for()
-        assert read_manoeuvres(project.parent / "manoeuvres.csv")[RECORD].iloc[place]["manoeuvre"] == "free oscillation"
+        page.get_by_role("table", name="Manoeuvres").get_by_role(
+            "row", name="free oscillation"
+        ).wait_for()
+        assert (
+            read_manoeuvres(project.parent / "manoeuvres.csv")[RECORD].iloc[place]["manoeuvre"]
+            == "free oscillation"
+        )
         assert len(client.data("/api/actions")["actions"]) == 3  # mark, set, mark
 
 
 def test_edges_of_adjoining_and_of_narrow_marks_are_dragged(page, tmp_path):
-    """Pressed on the very line of the edge, and next to it; the neighbour stays, and the middle of a narrow mark still moves it."""
+    """Pressed on the very line of the edge, and next to it; the neighbour stays, and the middle of
+    a narrow mark still moves it.
+    """
     record = "t37_24_val_power_slam"  # its marks adjoin
     project = small_project(tmp_path / "t37")
     (project.parent / "manoeuvres.csv").write_text(
         f"record,kind,control,start,end,note\n{record},trim,,0,5,\n{record},power_lever,throttle,5,17.5,\n"
         f"{record},pulse,elevator,17.5,18.0,\n{record},power_lever,throttle,18.0,31,\n"
     )
-    project.write_text('manoeuvres = "manoeuvres.csv"\n' + project.read_text(encoding="utf-8"), encoding="utf-8")
+    project.write_text(
+        'manoeuvres = "manoeuvres.csv"\n' + project.read_text(encoding="utf-8"), encoding="utf-8"
+    )
     spans = [[0.0, 5.0], [5.0, 17.5], [17.5, 18.0], [18.0, 31.0]]
     with opened(page, project, tmp_path / "work", record, "T-37 run 24 val_power_slam") as client:
         about = client.data("/api/record", {"name": record})
         strip = strip_of(page, len(spans))
-        area, per_pixel = strip.bounding_box(), (about["stop"] - about["start"]) / strip.evaluate("node => node.clientWidth")
+        area, per_pixel = (
+            strip.bounding_box(),
+            (about["stop"] - about["start"]) / strip.evaluate("node => node.clientWidth"),
+        )
 
         def drag(moment, off, by, cursor):
-            x, y = area["x"] + 1 + (moment - about["start"]) / per_pixel + off, area["y"] + area["height"] / 2
+            x, y = (
+                area["x"] + 1 + (moment - about["start"]) / per_pixel + off,
+                area["y"] + area["height"] / 2,
+            )
             page.mouse.move(x, y)
             expect(strip).to_have_css("cursor", cursor)
             page.mouse.down()
             page.mouse.move(x + by, y, steps=4)
-            with page.expect_response(lambda answer: "/api/record?" in answer.url):  # the page reads what was written
+            with page.expect_response(
+                lambda answer: "/api/record?" in answer.url
+            ):  # the page reads what was written
                 page.mouse.up()
             rows = read_manoeuvres(project.parent / "manoeuvres.csv")[record]
-            assert rows[["start", "end"]].to_numpy() == pytest.approx(np.array(spans), abs=0.006), (moment, off)  # hundredths are written
+            assert rows[["start", "end"]].to_numpy() == pytest.approx(np.array(spans), abs=0.006), (
+                moment,
+                off,
+            )  # hundredths are written
             for start, end in rows[["start", "end"]].to_numpy():
                 strip.get_by_role("button", name=re.compile(f" {start:g} to {end:g} s$")).wait_for()
             strip_of(page, len(spans))
@@ -124,11 +150,22 @@ def test_edges_of_adjoining_and_of_narrow_marks_are_dragged(page, tmp_path):
         drag(18.0, 10, 7, "ew-resize")
         log = read_log(client.bench.opened.log)
         assert [entry.words[:2] for entry in log] == [("flight", "mark")] * 8
-        assert [entry.words[entry.words.index("--row") + 1] for entry in log] == ["1", "2", "2", "4", "2", "4", "3", "3"]
+        assert [entry.words[entry.words.index("--row") + 1] for entry in log] == [
+            "1",
+            "2",
+            "2",
+            "4",
+            "2",
+            "4",
+            "3",
+            "3",
+        ]
 
 
 def test_what_is_typed_stays_when_the_page_is_drawn_anew(page, tmp_path):
-    """A new manoeuvre, and one that is changed; what is written is no longer kept, and a change that is refused is still one."""
+    """A new manoeuvre, and one that is changed; what is written is no longer kept, and a change
+    that is refused is still one.
+    """
     project = small_project(tmp_path / "t37")
     with opened(page, project, tmp_path / "work") as client:
         kind, note, end = (page.get_by_label(name, exact=True) for name in ("kind", "note", "end"))
@@ -177,7 +214,9 @@ def without_marks(project, record):
 
 
 def test_found_manoeuvres_are_accepted_one_by_one_and_together(page, tmp_path):
-    """One that is corrected, one as it was found, then the rest; the table of the project has what is accepted, the rest stays offered."""
+    """One that is corrected, one as it was found, then the rest; the table of the project has what
+    is accepted, the rest stays offered.
+    """
     record = "t37_24_val_power_slam"
     project = small_project(tmp_path / "t37")
     without_marks(project, record)
@@ -187,14 +226,18 @@ def test_found_manoeuvres_are_accepted_one_by_one_and_together(page, tmp_path):
         assert len(found) > 2
         page.get_by_text("0, as the record carries them.").wait_for()
         page.get_by_role("button", name="Search the movements of the controls").click()
-        page.get_by_text(f"{len(found)} found in the movements of the controls: accept or correct them.").wait_for()
+        page.get_by_text(
+            f"{len(found)} found in the movements of the controls: accept or correct them."
+        ).wait_for()
         rows = page.get_by_role("table", name="Manoeuvres").locator("tbody tr")
         accept = page.get_by_role("button", name="Accept", exact=True)
 
         rows.nth(0).click()
         page.get_by_label("end", exact=True).fill("17")
         accept.click()
-        page.get_by_text("1, from the project's table.").wait_for()  # marked, then the table is set in the project
+        page.get_by_text(
+            "1, from the project's table."
+        ).wait_for()  # marked, then the table is set in the project
         table = read_manoeuvres(project.parent / "manoeuvres.csv")[record]
         assert table[["manoeuvre", "control", "start", "end"]].to_numpy().tolist() == [
             ["power_change", "throttle", found[0]["start"], 17.0]
@@ -202,7 +245,13 @@ def test_found_manoeuvres_are_accepted_one_by_one_and_together(page, tmp_path):
         assert read_project(project).manoeuvres == project.parent / "manoeuvres.csv"
 
         def offered():
-            return [row for row in client.data("/api/record", {"name": record, "find": 1})["manoeuvres"]["rows"] if row["found"]]
+            return [
+                row
+                for row in client.data("/api/record", {"name": record, "find": 1})["manoeuvres"][
+                    "rows"
+                ]
+                if row["found"]
+            ]
 
         left = offered()
         expect(rows).to_have_count(1 + len(left))
@@ -224,7 +273,9 @@ def test_found_manoeuvres_are_accepted_one_by_one_and_together(page, tmp_path):
 
 
 def test_the_remedy_of_a_fault_is_written_by_its_button(page, tmp_path):
-    """The name map turns the rudder over; the check finds it, the button writes the line, and the record is checked again."""
+    """The name map turns the rudder over; the check finds it, the button writes the line, and the
+    record is checked again.
+    """
     project = small_project(tmp_path / "t37")
     names = project.parent / "names.toml"
     text = names.read_text(encoding="utf-8")
@@ -236,7 +287,9 @@ def test_the_remedy_of_a_fault_is_written_by_its_button(page, tmp_path):
         page.get_by_text("delta_r has the wrong sign").wait_for()
         page.get_by_role("button", name="Write controls.delta_r into the name map").click()
         done(page, "set")
-        page.get_by_text(client.data("/api/check", {"name": RECORD})["verdict"], exact=True).wait_for()
+        page.get_by_text(
+            client.data("/api/check", {"name": RECORD})["verdict"], exact=True
+        ).wait_for()
         expect(page.get_by_role("button", name="into the name map")).to_have_count(0)
         expect(page.get_by_text("delta_r has the wrong sign")).to_have_count(0)
         assert tomllib.loads(names.read_text(encoding="utf-8")) == tomllib.loads(text)
@@ -256,7 +309,9 @@ def test_the_page_goes_on_when_the_server_is_started_again(new_page, tmp_path):
             page.get_by_role("button", name=RECORD, exact=True).click()
             page.get_by_role("heading", name="T-37 run 27 val_dutch_roll").wait_for()
         page.get_by_role("button", name="t37_26_val_phugoid", exact=True).click()
-        banner = page.get_by_text("The server does not answer. Start aeromatch view again with the same --port")
+        banner = page.get_by_text(
+            "The server does not answer. Start aeromatch view again with the same --port"
+        )
         banner.wait_for()
         with served(project, tmp_path / "work", port):
             page.get_by_role("button", name="t37_26_val_phugoid", exact=True).click()

@@ -40,7 +40,9 @@ def test_only_the_token_opens_data(client):
 
 
 def test_other_pages_and_other_hosts_are_refused(client):
-    """A hostile page: its origin, its kind of request, and a name of its own that it lets resolve to 127.0.0.1."""
+    """A hostile page: its origin, its kind of request, and a name of its own that it lets resolve
+    to 127.0.0.1.
+    """
     for headers in (
         {"origin": "http://evil.example"},
         {"origin": "null"},
@@ -66,7 +68,14 @@ def test_headers_keep_the_page_to_itself(client):
 
 
 @pytest.mark.parametrize(
-    "path", ["/../server.py", "/%2e%2e/server.py", "/uplot/../../writer.py", "/report/x/match/report/report.html", "/etc/passwd"]
+    "path",
+    [
+        "/../server.py",
+        "/%2e%2e/server.py",
+        "/uplot/../../writer.py",
+        "/report/x/match/report/report.html",
+        "/etc/passwd",
+    ],
 )
 def test_files_outside_are_not_served(client, path):
     assert client.ask(path)[0] in (403, 404)
@@ -90,8 +99,20 @@ def test_bad_requests_name_what_came(client):
     code, _, text = client.ask("/api/record", {"name": "t37_27_val_dutch_rol"})
     assert code == 400
     assert RECORD in json.loads(text)["text"]
-    assert client.ask("/api/channels", {"name": RECORD, "channels": "record/imu/p", "start": "x", "stop": 1, "points": 9})[0] == 400
-    assert client.ask("/api/channels", {"name": RECORD, "channels": "record/imu/none", "start": 0, "stop": 1, "points": 9})[0] == 400
+    assert (
+        client.ask(
+            "/api/channels",
+            {"name": RECORD, "channels": "record/imu/p", "start": "x", "stop": 1, "points": 9},
+        )[0]
+        == 400
+    )
+    assert (
+        client.ask(
+            "/api/channels",
+            {"name": RECORD, "channels": "record/imu/none", "start": 0, "stop": 1, "points": 9},
+        )[0]
+        == 400
+    )
     assert client.ask("/api/act", body={"words": "set"})[0] == 400
     assert client.ask("/api/cancel", body={"number": 99})[0] == 400
 
@@ -116,7 +137,9 @@ def test_actions_are_verbs_inside_the_project(words):
 
 @pytest.mark.slow
 def test_actions_change_files_are_logged_and_replayed(client, tmp_path):
-    """Marks and keys, by the page's own words; a copy of the untouched project becomes the same by the log."""
+    """Marks and keys, by the page's own words; a copy of the untouched project becomes the same by
+    the log.
+    """
     mark = [
         "flight",
         "mark",
@@ -127,8 +150,13 @@ def test_actions_change_files_are_logged_and_replayed(client, tmp_path):
         "--names",
         "{project}/names.toml",
     ]
-    assert client.act(*mark, "--kind", "doublet", "--control", "rudder", "--span", "1", "2.5")["state"] == "done"
-    assert client.act("set", "{project}/aeromatch.toml", "manoeuvres", "manoeuvres.csv")["code"] == 0
+    assert (
+        client.act(*mark, "--kind", "doublet", "--control", "rudder", "--span", "1", "2.5")["state"]
+        == "done"
+    )
+    assert (
+        client.act("set", "{project}/aeromatch.toml", "manoeuvres", "manoeuvres.csv")["code"] == 0
+    )
     failed = client.act("set", "{project}/aeromatch.toml", "cutof", "3 Hz")
     assert failed["state"] == "failed"
     assert "cutoff" in failed["error"]
@@ -139,7 +167,11 @@ def test_actions_change_files_are_logged_and_replayed(client, tmp_path):
     assert len(marks) == len(client.data("/api/record", {"name": RECORD})["manoeuvres"]["rows"])
     log = client.bench.opened.log
     entries = actions.read_log(log)
-    assert [entry.words[0] for entry in entries] == ["flight", "set", "flight"]  # what failed changed nothing
+    assert [entry.words[0] for entry in entries] == [
+        "flight",
+        "set",
+        "flight",
+    ]  # what failed changed nothing
 
     places = Places(project, client.bench.opened.work)
     assert actions.to_do(entries, places) == []
@@ -159,7 +191,9 @@ def test_a_log_of_another_kind_is_refused(tmp_path):
     log.write_text('{"words": ["set"]}\n')
     with pytest.raises(ParseError, match="JSON with the keys"):
         actions.read_log(log)
-    log.write_text(json.dumps({"number": 1, "words": ["datcom", "run", "rm"], "code": 0, "files": {}}) + "\n")
+    log.write_text(
+        json.dumps({"number": 1, "words": ["datcom", "run", "rm"], "code": 0, "files": {}}) + "\n"
+    )
     with pytest.raises(ActionError, match="no action 'datcom run'"):
         actions.read_log(log)
 
@@ -169,10 +203,14 @@ def test_a_log_of_another_kind_is_refused(tmp_path):
 def test_work_is_cancelled_with_its_processes_and_leaves_nothing(client):
     words = ["match", "{project}/aeromatch.toml", "-o", "{work}/other"]
     job = client.data("/api/act", body={"words": words})
-    after = client.data("/api/act", body={"words": ["set", "{project}/aeromatch.toml", "cutoff", "4 Hz"]})
+    after = client.data(
+        "/api/act", body={"words": ["set", "{project}/aeromatch.toml", "cutoff", "4 Hz"]}
+    )
     assert after["state"] == "waiting"
     until = time.monotonic() + PATIENCE
-    while (found := client.data("/api/output", {"number": job["number"]}))["state"] != "running" or "flight records" not in found["err"]:
+    while (found := client.data("/api/output", {"number": job["number"]}))[
+        "state"
+    ] != "running" or "flight records" not in found["err"]:
         assert time.monotonic() < until, found
         time.sleep(0.1)
     process = client.bench.jobs.jobs[job["number"]].process

@@ -24,7 +24,9 @@ def trees(t37):
 
 def test_root_carries_reference_quantities_in_si(trees):
     attrs = trees("t37_clean.out").attrs
-    assert attrs["S"] == pytest.approx(182.0 * FOOT**2, rel=1e-12)  # SREF, CBARR, BLREF, XCG of the deck
+    assert attrs["S"] == pytest.approx(
+        182.0 * FOOT**2, rel=1e-12
+    )  # SREF, CBARR, BLREF, XCG of the deck
     assert attrs["cbar"] == pytest.approx(5.47 * FOOT, rel=1e-12)
     assert attrs["b"] == pytest.approx(33.83 * FOOT, rel=1e-12)
     assert attrs["x_cg"] == pytest.approx(9.88 * FOOT, rel=1e-12)
@@ -63,7 +65,11 @@ def test_static_per_radian(trees):
 
 def test_constant_columns_are_filled_and_state_it(trees):
     tree = trees("t37_elevator.out")
-    for leaf, name, value in (("static", "CY_beta", -4.177e-01), ("static", "Cn_beta", 5.272e-02), ("dynamic", "Cm_qhat", -17.75)):
+    for leaf, name, value in (
+        ("static", "CY_beta", -4.177e-01),
+        ("static", "Cn_beta", 5.272e-02),
+        ("dynamic", "Cm_qhat", -17.75),
+    ):
         np.testing.assert_array_equal(tree[leaf][name][0], np.full(19, value))  # lines 188 and 243
         assert tree[leaf][f"{name}_flag"][0].values.tolist() == [OK] + [FILLED] * 18
 
@@ -89,7 +95,10 @@ def test_dynamic_and_downwash(trees):
 
 
 def test_derivatives_per_degree_become_per_radian(elevator_lines):
-    lines = [line.replace("DERIV RAD", "DERIV DEG").replace("(PER RADIAN)", "(PER DEGREE)") for line in elevator_lines]
+    lines = [
+        line.replace("DERIV RAD", "DERIV DEG").replace("(PER RADIAN)", "(PER DEGREE)")
+        for line in elevator_lines
+    ]
     tree = datcom_io.read(lines)[0].to_datatree()
     assert float(tree["static"]["CL_alpha"][0, 0]) == pytest.approx(5.797 / DEG, rel=1e-12)
     assert float(tree["dynamic"]["Cl_phat"][0, 0]) == pytest.approx(-0.4885 / DEG, rel=1e-12)
@@ -100,10 +109,22 @@ def test_elevator(trees):
     symflp = trees("t37_elevator.out")["symflp"]
     assert symflp.attrs["surface"] == "tail"
     assert symflp.attrs["device"] == "plain trailing-edge flap"
-    np.testing.assert_allclose(symflp["delta"], np.array([-25, -20, -15, -10, -5, 0, 5, 10, 15]) * DEG, rtol=1e-12, atol=1e-15)
+    np.testing.assert_allclose(
+        symflp["delta"],
+        np.array([-25, -20, -15, -10, -5, 0, 5, 10, 15]) * DEG,
+        rtol=1e-12,
+        atol=1e-15,
+    )
     first = symflp.isel(condition=0, delta=0)  # line 275
-    assert [float(first[name]) for name in ("dCL", "dCm", "dCLmax", "dCDmin")] == [-0.202, 0.4444, 0.120, 0.01167]
-    assert float(first["Ch_alpha"]) == pytest.approx(-4.446e-03 / DEG, rel=1e-12)  # per degree though the deck has DERIV RAD
+    assert [float(first[name]) for name in ("dCL", "dCm", "dCLmax", "dCDmin")] == [
+        -0.202,
+        0.4444,
+        0.120,
+        0.01167,
+    ]
+    assert float(first["Ch_alpha"]) == pytest.approx(
+        -4.446e-03 / DEG, rel=1e-12
+    )  # per degree though the deck has DERIV RAD
     assert float(first["Ch_delta"]) == pytest.approx(-1.155e-02 / DEG, rel=1e-12)
     assert symflp["Ch_alpha_flag"][0].values.tolist() == [OK] + [FILLED] * 8
     assert (symflp["CL_alpha_delta_flag"] == NDM).all()
@@ -133,7 +154,9 @@ def test_ailerons(trees):
 
 def test_ground_heights_and_free_air(trees):
     static = trees("t37_ground.out")["static"]
-    heights = np.array([2.5, 3.5, 5.0, 7.0, 10.0, 14.0, 20.0, 30.0, np.inf]) * FOOT  # GRDHT of the deck
+    heights = (
+        np.array([2.5, 3.5, 5.0, 7.0, 10.0, 14.0, 20.0, 30.0, np.inf]) * FOOT
+    )  # GRDHT of the deck
     np.testing.assert_allclose(static["ground_height"], heights, **EXACT)
     at = static.isel(condition=0).sel(ground_height=7.0 * FOOT, method="nearest").isel(alpha=4)
     assert (float(at["CL"]), float(at["Cm"])) == (0.592, -0.0341)  # line 423
@@ -144,7 +167,9 @@ def test_ground_heights_and_free_air(trees):
 def test_elevator_pages_in_ground_effect_are_distinguished_by_their_order(trees, t37):
     static = trees("t37_ground_elevator.out")["static"]
     assert static["CL"].dims == ("condition", "ground_height", "delta_e", "alpha")
-    assert (static["CL_flag"].sel(ground_height=np.inf) == ABSENT).all("alpha").values.tolist() == [[True] * 5 + [False] + [True] * 3]
+    assert (static["CL_flag"].sel(ground_height=np.inf) == ABSENT).all("alpha").values.tolist() == [
+        [True] * 5 + [False] + [True] * 3
+    ]
     pages = [page for page in t37("t37_ground_elevator.out").pages if page.ground_height == 2.5]
     assert len(pages) == 9
     for k, page in enumerate(pages):
@@ -155,7 +180,11 @@ def test_flap_pages_in_ground_effect(trees):
     static = trees("t37_ground_flap.out")["static"]
     np.testing.assert_allclose(static["delta_f"], np.array([0.0, 20.0, 40.0]) * DEG, **EXACT)
     over_ground = static.isel(condition=0, ground_height=slice(0, 8))
-    assert over_ground["CL_flag"].isel(alpha=0, ground_height=0).values.tolist() == [OK, SUSPECT, SUSPECT]
+    assert over_ground["CL_flag"].isel(alpha=0, ground_height=0).values.tolist() == [
+        OK,
+        SUSPECT,
+        SUSPECT,
+    ]
     assert (over_ground["CL_flag"].isel(delta_f=0) == OK).all()
     for name in ("CD", "CL", "Cm", "CN", "CA", "CL_alpha", "Cm_alpha"):
         assert (over_ground[f"{name}_flag"].isel(delta_f=slice(1, 3)) == SUSPECT).all()
@@ -168,7 +197,9 @@ def test_flap_pages_in_ground_effect(trees):
 def test_build_up_by_configuration(trees):
     static = trees("t37_build.out")["static"]
     assert static["CL"].dims == ("configuration", "condition", "alpha")
-    assert {"WING ALONE", "WING-BODY", "WING-BODY-VERTICAL TAIL-HORIZONTAL TAIL"} <= set(static["configuration"].values)
+    assert {"WING ALONE", "WING-BODY", "WING-BODY-VERTICAL TAIL-HORIZONTAL TAIL"} <= set(
+        static["configuration"].values
+    )
     vertical = static.sel(configuration="VERTICAL TAIL").isel(condition=0)
     assert (vertical["CL_flag"][1:] == BLANK).all()  # not computed: never filled downwards
     assert vertical["CL"][1:].isnull().all()
@@ -187,7 +218,10 @@ def test_runs_joined_along_the_condition(t37):
 
 
 def test_trees_that_do_not_fit_are_not_joined(trees):
-    with pytest.raises(SchemaError, match=r"static of t37_ground\.out: T-37 OWN DECK CLEAN AIRCRAFT IN GROUND EFFECT has the axes"):
+    with pytest.raises(
+        SchemaError,
+        match=r"static of t37_ground\.out: T-37 OWN DECK CLEAN AIRCRAFT IN GROUND EFFECT has the axes",
+    ):
         datcom_io.join([trees("t37_clean.out"), trees("t37_ground.out")])
     other = trees("t37_clean.out").copy()
     other.attrs["S"] = 20.0
@@ -217,7 +251,10 @@ def test_grid_of_altitude_and_mach(trees):
 def test_transonic_pages_are_filled_only_when_asked(elevator_lines):
     lines = [line.replace("STMACH=0.8", "STMACH=0.1") for line in elevator_lines]
     case = datcom_io.read(lines)[0]
-    plain, filled = (case.to_datatree(fill_transonic=fill)["static"]["CY_beta_flag"][0].values.tolist() for fill in (False, True))
+    plain, filled = (
+        case.to_datatree(fill_transonic=fill)["static"]["CY_beta_flag"][0].values.tolist()
+        for fill in (False, True)
+    )
     assert plain == [OK] + [BLANK] * 18
     assert filled == [OK] + [FILLED] * 18
 
@@ -226,12 +263,17 @@ def test_transonic_pages_are_filled_only_when_asked(elevator_lines):
 def test_listing_tree_is_written_completely_and_read_again(t37, tmp_path):
     from datcom_io.arrays.frames import write_tree
 
-    assert list(t37("t37_elevator_one_by_one.pdas.out").to_datatree().children) == t37("t37_elevator_one_by_one.pdas.out").case_names
+    assert (
+        list(t37("t37_elevator_one_by_one.pdas.out").to_datatree().children)
+        == t37("t37_elevator_one_by_one.pdas.out").case_names
+    )
     tree = t37("t37_elevator.out").to_datatree()
     write_tree(tree, tmp_path / "a.nc")
     with xr.open_datatree(tmp_path / "a.nc", engine="h5netcdf") as again:
         for name, leaf in tree["T-37 OWN DECK ELEVATOR"].children.items():
-            xr.testing.assert_identical(again["T-37 OWN DECK ELEVATOR"][name].to_dataset(), leaf.to_dataset())
+            xr.testing.assert_identical(
+                again["T-37 OWN DECK ELEVATOR"][name].to_dataset(), leaf.to_dataset()
+            )
     assert [path.name for path in tmp_path.iterdir()] == ["a.nc"]
 
 
@@ -247,9 +289,14 @@ def test_a_failed_write_leaves_nothing(trees, tmp_path):
     assert (tmp_path / "a.nc").read_text() == "kept"
 
 
-@pytest.mark.parametrize(("caseid", "name"), [("WING/BODY, M=0.6", "WING|BODY, M=0.6"), ("..", "case 1"), ("A/..", "A|..")])
+@pytest.mark.parametrize(
+    ("caseid", "name"),
+    [("WING/BODY, M=0.6", "WING|BODY, M=0.6"), ("..", "case 1"), ("A/..", "A|..")],
+)
 def test_a_name_that_would_be_a_path(elevator_lines, caseid, name):
-    listing = datcom_io.read([line.replace("T-37 OWN DECK ELEVATOR", caseid) for line in elevator_lines])
+    listing = datcom_io.read(
+        [line.replace("T-37 OWN DECK ELEVATOR", caseid) for line in elevator_lines]
+    )
     tree = listing.to_datatree()
     assert list(tree.children) == [name] == [listing[0].to_datatree().name]
     assert tree[name].attrs["case"] == caseid

@@ -20,7 +20,9 @@ def call(*words, code=0):
 @pytest.fixture
 def bad(tmp_path):
     path = tmp_path / "bad.inp"
-    path.write_text("* ONE\n* TWO\n $FLTCON NMACH=1.0,MACH(1)=0.3,NALPHA=1,ALSCHD(1)=0.0,ALT(1)=0.0$\n $TRNJET NT=1.0,TIME(1)=0.0$\n")
+    path.write_text(
+        "* ONE\n* TWO\n $FLTCON NMACH=1.0,MACH(1)=0.3,NALPHA=1,ALSCHD(1)=0.0,ALT(1)=0.0$\n $TRNJET NT=1.0,TIME(1)=0.0$\n"
+    )
     return path
 
 
@@ -54,19 +56,34 @@ def test_split_writes_one_deck_per_run(tmp_path):
     output = call("split", T37 / "t37_study.toml", "-o", tmp_path / "runs")
     assert output.endswith(f"10 run decks in {tmp_path / 'runs'}\n")
     assert len(list((tmp_path / "runs").iterdir())) == 10
-    assert datcom_io.read_deck(tmp_path / "runs" / "aileron.inp")[0].caseid == "T-37 OWN DECK WING-BODY AILERONS"
+    assert (
+        datcom_io.read_deck(tmp_path / "runs" / "aileron.inp")[0].caseid
+        == "T-37 OWN DECK WING-BODY AILERONS"
+    )
     document = json.loads(call("split", T37 / "t37_study.toml", "-o", tmp_path / "runs", "--json"))
     assert [row["conditions"] for row in document["runs"]] == [18, 4, 3, 5, 6, 1, 1, 1, 1, 1]
 
 
 def test_run_collects_and_reports(tmp_path):
     program = tmp_path / "datcom"
-    program.write_text(f"#!{sys.executable}\nimport shutil\nshutil.copy({str(T37 / 't37_aileron.out')!r}, 'for006.dat')\n")
+    program.write_text(
+        f"#!{sys.executable}\nimport shutil\nshutil.copy({str(T37 / 't37_aileron.out')!r}, 'for006.dat')\n"
+    )
     program.chmod(0o755)
     output = call("run", T37 / "t37_aileron.inp", "--program", program, "-o", tmp_path / "results")
     assert output.startswith("1 case, ")
     assert (tmp_path / "results" / "t37_aileron.out").exists()
-    document = json.loads(call("run", T37 / "t37_aileron.inp", "--program", program, "-o", tmp_path / "results", "--json"))
+    document = json.loads(
+        call(
+            "run",
+            T37 / "t37_aileron.inp",
+            "--program",
+            program,
+            "-o",
+            tmp_path / "results",
+            "--json",
+        )
+    )
     assert document["cases"] == ["T-37 OWN DECK WING-BODY AILERONS"]
     assert document["without_pages"] == []
 
@@ -74,7 +91,9 @@ def test_run_collects_and_reports(tmp_path):
 def test_run_of_a_folder(tmp_path):
     program = tmp_path / "datcom"
     copy = f"shutil.copy({str(T37 / 't37_aileron.out')!r}, 'for006.dat')"
-    program.write_text(f"#!{sys.executable}\nimport shutil\nif 'BROKEN' not in open('for005.dat').read():\n    {copy}\n")
+    program.write_text(
+        f"#!{sys.executable}\nimport shutil\nif 'BROKEN' not in open('for005.dat').read():\n    {copy}\n"
+    )
     program.chmod(0o755)
     (tmp_path / "decks").mkdir()
     for name in ("one", "two"):
@@ -82,7 +101,23 @@ def test_run_of_a_folder(tmp_path):
     output = call("run", tmp_path / "decks", "--program", program, "-o", tmp_path / "results")
     assert output.endswith("2 decks run\n")
     assert sorted(path.name for path in (tmp_path / "results").iterdir()) == ["one.out", "two.out"]
-    (tmp_path / "decks" / "two.inp").write_text((T37 / "t37_aileron.inp").read_text().replace("CASEID", "CASEID BROKEN"))
-    document = json.loads(call("run", tmp_path / "decks", "--program", program, "-o", tmp_path / "results", "--json", code=1))
-    assert (document["failed"], [row["deck"] for row in document["runs"]]) == (1, ["one.inp", "two.inp"])
+    (tmp_path / "decks" / "two.inp").write_text(
+        (T37 / "t37_aileron.inp").read_text().replace("CASEID", "CASEID BROKEN")
+    )
+    document = json.loads(
+        call(
+            "run",
+            tmp_path / "decks",
+            "--program",
+            program,
+            "-o",
+            tmp_path / "results",
+            "--json",
+            code=1,
+        )
+    )
+    assert (document["failed"], [row["deck"] for row in document["runs"]]) == (
+        1,
+        ["one.inp", "two.inp"],
+    )
     assert "ended without a print of unit 6" in document["runs"][1]["error"]

@@ -12,7 +12,9 @@ from aeromatch.cli.command import main
 DATA = Path(__file__).parents[3] / "data" / "t37" / "datcom"
 CORPUS = Path(__file__).parents[3] / ".." / "shared" / "data" / "datcom"
 CASCADE = CORPUS / "save_cascade" / "save_cascade"
-needs_corpus = pytest.mark.skipif(not CORPUS.is_dir(), reason="needs the corpus ../shared/data/datcom")
+needs_corpus = pytest.mark.skipif(
+    not CORPUS.is_dir(), reason="needs the corpus ../shared/data/datcom"
+)
 
 
 @pytest.fixture
@@ -64,7 +66,15 @@ def test_plot_shows_both_kinds(run):
 @needs_corpus
 @pytest.mark.nightly
 def test_plot_gives_its_digits_to_the_listing(run, tmp_path):
-    code, out, _ = run("plot", f"{CASCADE}.for013", "--listing", f"{CASCADE}.out", "-o", tmp_path / "fine.nc", "--json")
+    code, out, _ = run(
+        "plot",
+        f"{CASCADE}.for013",
+        "--listing",
+        f"{CASCADE}.out",
+        "-o",
+        tmp_path / "fine.nc",
+        "--json",
+    )
     assert code == 0
     refined = json.loads(out)["refined"]
     assert list(refined) == ["case 6"]

@@ -47,7 +47,12 @@ def test_show_json_with_pages(run):
     assert case["alpha"] == [-8.0, 20.0]
     assert case["missing"]["NDM"] == 45
     assert found["unread"] == []
-    assert [page["kind"] for page in found["pages"][2:6]] == ["section", "static", "dynamic", "high-lift"]
+    assert [page["kind"] for page in found["pages"][2:6]] == [
+        "section",
+        "static",
+        "dynamic",
+        "high-lift",
+    ]
 
 
 def test_a_listing_is_shown_without_xarray_and_pandas():
@@ -57,16 +62,35 @@ from datcom_io.cli.group import datcom
 datcom(sys.argv[1:], standalone_mode=False)
 sys.exit(len({"xarray", "pandas"} & set(sys.modules)))
 """
-    assert subprocess.run([sys.executable, "-c", code, "show", str(DATA / "t37_elevator.out")]).returncode == 0
+    assert (
+        subprocess.run(
+            [sys.executable, "-c", code, "show", str(DATA / "t37_elevator.out")]
+        ).returncode
+        == 0
+    )
 
 
 @pytest.mark.slow
 def test_table(run):
-    done = run("table", DATA / "t37_elevator.out", "--case", "T-37 OWN DECK ELEVATOR", "--page", "6")
+    done = run(
+        "table", DATA / "t37_elevator.out", "--case", "T-37 OWN DECK ELEVATOR", "--page", "6"
+    )
     assert "symflp, lines 275-283" in done.stdout
-    assert "-25.0  -0.202   0.4444      0.120    0.01167      NDM  -4.446E-03  -1.155E-02" in done.stdout
+    assert (
+        "-25.0  -0.202   0.4444      0.120    0.01167      NDM  -4.446E-03  -1.155E-02"
+        in done.stdout
+    )
     found = json.loads(run("table", DATA / "t37_elevator.out", "--page", "6", "--json").stdout)
-    assert found["tables"][0]["rows"][0] == ["-25.0", "-0.202", "0.4444", "0.120", "0.01167", "NDM", "-4.446E-03", "-1.155E-02"]
+    assert found["tables"][0]["rows"][0] == [
+        "-25.0",
+        "-0.202",
+        "0.4444",
+        "0.120",
+        "0.01167",
+        "NDM",
+        "-4.446E-03",
+        "-1.155E-02",
+    ]
 
 
 def test_table_of_numbers_with_labels(run):
@@ -81,13 +105,19 @@ def test_table_of_a_page_that_is_located_only(run, tmp_path):
     lines = (DATA / "t37_elevator.out").read_text().split("\n")
     lines[102:124] = ["                      SOMETHING ELSE"]
     (tmp_path / "x.out").write_text("\n".join(lines))
-    assert "tables of this kind of page are not read" in run("table", tmp_path / "x.out", "--page", "1").stdout
+    assert (
+        "tables of this kind of page are not read"
+        in run("table", tmp_path / "x.out", "--page", "1").stdout
+    )
 
 
 @pytest.mark.parametrize(
     ("words", "text"),
     [
-        (("show", DATA / "t37_elevator.inp"), "error: t37_elevator.inp: found no page of Digital DATCOM; expected a print file"),
+        (
+            ("show", DATA / "t37_elevator.inp"),
+            "error: t37_elevator.inp: found no page of Digital DATCOM; expected a print file",
+        ),
         (
             ("show", DATA / "t37_elevator.out", "--case", "2"),
             "error: unknown case of t37_elevator.out '2'; allowed: T-37 OWN DECK ELEVATOR",
@@ -108,7 +138,9 @@ def test_bad_input_is_one_line_and_exit_code_2(run, words, text):
 
 @pytest.mark.slow
 def test_convert(run, tmp_path):
-    done = run("convert", DATA / "t37_elevator_one_by_one.pdas.out", "--join", "-o", tmp_path / "x.nc")
+    done = run(
+        "convert", DATA / "t37_elevator_one_by_one.pdas.out", "--join", "-o", tmp_path / "x.nc"
+    )
     assert (done.returncode, done.stdout) == (0, f"written: {tmp_path / 'x.nc'}\n")
     with xr.open_datatree(tmp_path / "x.nc", engine="h5netcdf") as tree:
         assert tree["symflp"].sizes["condition"] == 6
@@ -122,4 +154,6 @@ def test_a_cut_listing_leaves_no_file(run, tmp_path):
     assert done.returncode == 2
     assert "found 11 rows in the dcdi table; expected 19 rows" in done.stderr
     assert [path.name for path in tmp_path.iterdir()] == ["cut.out"]
-    assert run("convert", tmp_path / "cut.out", "--partial", "-o", tmp_path / "x.nc").returncode == 0
+    assert (
+        run("convert", tmp_path / "cut.out", "--partial", "-o", tmp_path / "x.nc").returncode == 0
+    )

@@ -1,4 +1,6 @@
-"""CSV of DATCOM+: the file is made here in the layout that public readers of such files expect; no original was at hand."""
+"""CSV of DATCOM+: the file is made here in the layout that public readers of such files expect; no
+original was at hand.
+"""
 
 import math
 
@@ -76,7 +78,9 @@ def test_blocks_become_leaves(written):
     np.testing.assert_array_equal(elevator["dCm"], [0.2592, -0.2592])
     assert elevator["Ch_delta_flag"].values.tolist() == [OK, NDM]
     assert float(elevator["Ch_delta"][0]) == pytest.approx(-0.007656 / DEG)
-    np.testing.assert_array_equal(elevator["dCDi"].sel(delta=10.0 * DEG, method="nearest"), [0.00187, 0.00308, 0.00424])
+    np.testing.assert_array_equal(
+        elevator["dCDi"].sel(delta=10.0 * DEG, method="nearest"), [0.00187, 0.00308, 0.00424]
+    )
     (aileron,) = tree["other"].data_vars.values()
     assert aileron.attrs["heading"] == "DeltaAil, Cl_Ail"
     np.testing.assert_array_equal(aileron, [[-5.0, 0.01], [5.0, -0.01]])
@@ -86,7 +90,9 @@ def test_blocks_become_leaves(written):
 def test_per_radian(written):
     tree = datcom_io.exchange.read_datcom_plus_csv(written(TEXT), deriv="RAD")
     np.testing.assert_array_equal(tree["dynamic"]["Cm_qhat"], -0.25)
-    assert float(tree["elevator"]["Ch_delta"][0]) == pytest.approx(-0.007656 / DEG)  # per degree whatever DERIV is
+    assert float(tree["elevator"]["Ch_delta"][0]) == pytest.approx(
+        -0.007656 / DEG
+    )  # per degree whatever DERIV is
     with pytest.raises(UnknownName, match="unit of the derivatives"):
         datcom_io.exchange.read_datcom_plus_csv(written(TEXT), deriv="GRAD")
 
@@ -97,12 +103,24 @@ def test_per_radian(written):
         ("   0.0, .1850E-01\n", "   0.0, abc\n", "line 7: found 'abc'"),
         ("   0.0, .1850E-01\n", "   0.0\n", "line 7: found '0.0' outside a block"),
         ("   0.0, .1850E-01\n", "", "line 9: found other angles of alpha in Alpha, Cyb"),
-        ("   0.0, .1850E-01\n", "\n   0.0, .1850E-01\n", "line 8: found '0.0, .1850E-01' outside a block"),
-        ("   0.0, .1850E-01\n", "   0.0, .1, .2\n", "line 7: found 3 numbers in a row of the block Alpha, Cd"),
+        (
+            "   0.0, .1850E-01\n",
+            "\n   0.0, .1850E-01\n",
+            "line 8: found '0.0, .1850E-01' outside a block",
+        ),
+        (
+            "   0.0, .1850E-01\n",
+            "   0.0, .1, .2\n",
+            "line 7: found 3 numbers in a row of the block Alpha, Cd",
+        ),
         ("      , -10.0, 10.0\n", "", "a number above the angles of attack"),
         ("      , -10.0, 10.0\n", "      , ,\n", "found 0 deflections and 3 rows"),
         ("Alpha, Epslon\n", "Alpha, Cd\n", "a second block Alpha, Cd"),
-        ("Alpha, Epslon\n", "Alpha, Epslon\nAlpha, CL\n", "line 14: found the heading Alpha, Epslon without numbers"),
+        (
+            "Alpha, Epslon\n",
+            "Alpha, Epslon\nAlpha, CL\n",
+            "line 14: found the heading Alpha, Epslon without numbers",
+        ),
     ],
 )
 def test_faults(written, old, new, text):
@@ -111,7 +129,9 @@ def test_faults(written, old, new, text):
 
 
 def test_blank_line_below_a_heading(written):
-    tree = datcom_io.exchange.read_datcom_plus_csv(written(TEXT.replace("Alpha, Cd\n", "Alpha, Cd\n\n")), deriv="DEG")
+    tree = datcom_io.exchange.read_datcom_plus_csv(
+        written(TEXT.replace("Alpha, Cd\n", "Alpha, Cd\n\n")), deriv="DEG"
+    )
     assert tree["static"]["CD"].size == 3
 
 

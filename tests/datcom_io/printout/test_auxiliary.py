@@ -1,4 +1,6 @@
-"""Pages of card PART; numbers typed from t37_build.out (data/t37/datcom) and from the corpus, at the lines named."""
+"""Pages of card PART; numbers typed from t37_build.out (data/t37/datcom) and from the corpus, at
+the lines named.
+"""
 
 import math
 from pathlib import Path
@@ -38,7 +40,11 @@ def test_body(tree):
     assert float(first["area_wetted"]) == pytest.approx(273.5 * FOOT**2, rel=EXACT)
     assert float(first["area_base"]) == pytest.approx(5.3386 * FOOT**2, rel=EXACT)
     assert float(first["x_moment_centre"]) == pytest.approx(9.88 * FOOT, rel=EXACT)
-    assert [float(first[name]) for name in ("CD0", "CD_base", "CD_friction")] == [0.6828e-02, 0.2124e-02, 0.4704e-02]
+    assert [float(first[name]) for name in ("CD0", "CD_base", "CD_friction")] == [
+        0.6828e-02,
+        0.2124e-02,
+        0.4704e-02,
+    ]
     assert int(first["CD_pressure_flag"]) == NA
     assert math.isnan(first["CD_pressure"])
     assert float(first["x_behind_mac"]) == pytest.approx(1.48 * FOOT, rel=EXACT)  # line 1079
@@ -53,8 +59,12 @@ def test_planform(tree):
     printed = {"taper_ratio": 0.736, "aspect_ratio": 5.491, "CD0": 0.00696, "Cf": 0.00311}
     assert {name: float(wing[name]) for name in printed} == printed
     assert float(wing["area"]) == pytest.approx(154.5 * FOOT**2, rel=EXACT)
-    assert [float(wing[name]) for name in ("mac", "x_c4_mac", "y_mac")] == pytest.approx([5.35 * FOOT, 9.77 * FOOT, 9.26 * FOOT], rel=EXACT)
-    assert float(planform["sweep_c4"].sel(surface="vertical tail", panel="total exposed")[0]) == pytest.approx(28.0 * DEG, rel=EXACT)
+    assert [float(wing[name]) for name in ("mac", "x_c4_mac", "y_mac")] == pytest.approx(
+        [5.35 * FOOT, 9.77 * FOOT, 9.26 * FOOT], rel=EXACT
+    )
+    assert float(
+        planform["sweep_c4"].sel(surface="vertical tail", panel="total exposed")[0]
+    ) == pytest.approx(28.0 * DEG, rel=EXACT)
     assert (planform["CD0_flag"].sel(panel="total theoretical") == BLANK).all()
     assert planform["area"].attrs["units"] == "m2"
 
@@ -63,7 +73,9 @@ def test_the_moment_centre_lies_where_the_planform_states(tree):
     wing = tree["planform"].to_dataset().sel(surface="wing", panel="total theoretical")
     leading_edge = wing["x_c4_mac"] - 0.25 * wing["mac"]
     behind = tree["auxiliary"]["x_moment_centre"] - leading_edge
-    np.testing.assert_allclose(behind, tree["auxiliary"]["x_behind_mac"], atol=0.01 * FOOT)  # two decimals of a foot
+    np.testing.assert_allclose(
+        behind, tree["auxiliary"]["x_behind_mac"], atol=0.01 * FOOT
+    )  # two decimals of a foot
 
 
 def test_interference_is_per_degree_though_the_deck_states_radian(tree, listing):
@@ -72,21 +84,36 @@ def test_interference_is_per_degree_though_the_deck_states_radian(tree, listing)
     wing = found.sel(surface="wing").isel(condition=0)  # line 1111
     assert float(wing["CL_alpha_body"]) == pytest.approx(1.137e-02 / DEG, rel=EXACT)
     assert float(wing["CL_alpha_surface"]) == pytest.approx(6.571e-02 / DEG, rel=EXACT)
-    assert [float(wing[name]) for name in ("K_body", "K_surface", "xac_body")] == [0.1923, 1.111, 0.2793]
+    assert [float(wing[name]) for name in ("K_body", "K_surface", "xac_body")] == [
+        0.1923,
+        1.111,
+        0.2793,
+    ]
     tail = found.sel(surface="horizontal tail").isel(condition=0)  # line 1112
-    assert [float(tail[name]) for name in ("K_body", "K_surface", "xac_body")] == [0.01865, 1.011, 0.1899]
+    assert [float(tail[name]) for name in ("K_body", "K_surface", "xac_body")] == [
+        0.01865,
+        1.011,
+        0.1899,
+    ]
     assert found["sidewash"].values[0] == 0.96238351  # line 1113
     assert found["CL_alpha_surface"].attrs["per"] == "radian"
     static = tree["static"]["CL_alpha"].isel(condition=0)
-    alone, together = (static.sel(configuration=name).isel(alpha=4) for name in ("DATCOM BODY ALONE", "WING-BODY"))
+    alone, together = (
+        static.sel(configuration=name).isel(alpha=4) for name in ("DATCOM BODY ALONE", "WING-BODY")
+    )
     parts = wing["CL_alpha_body"] + wing["CL_alpha_surface"] + alone
-    # the static page, per radian, at alpha = -1 deg: a slope between two neighbours, so the linear one is some per cent off
+    # the static page, per radian, at alpha = -1 deg: a slope between two neighbours, so the linear
+    # one is some per cent off
     assert float(parts) == pytest.approx(float(together), rel=0.05)
 
 
 def test_vortices(tree):
     vortex = tree["vortex"].isel(condition=0)
-    assert vortex["i_wing_tail"].values[[0, 5, 18]].tolist() == [-0.9202, -0.9976, -1.069]  # lines 1119, 1124, 1137
+    assert vortex["i_wing_tail"].values[[0, 5, 18]].tolist() == [
+        -0.9202,
+        -0.9976,
+        -1.069,
+    ]  # lines 1119, 1124, 1137
     assert vortex["i_body_tail"].values[15] == -0.03554  # line 1134
     assert vortex["gamma_flag"].values.tolist() == [NDM] * 2 + [OK] * 9 + [NDM] * 8
     assert vortex["gamma_tail"].values[18] == 0.6360
@@ -99,7 +126,9 @@ def test_increments(tree):
     assert float(first["Cl_phat_ratio_dihedral"]) == 1.0
     assert float(first["Cn_phat_twist"]) == pytest.approx(-1.6819e-04 / DEG, rel=EXACT)
     assert float(first["CY_phat_CL"]) == -3.3606e-02  # line 1142
-    assert float(first["Cl_beta_dihedral"]) == pytest.approx(-0.2143e-03 / DEG**2, rel=EXACT)  # line 1145
+    assert float(first["Cl_beta_dihedral"]) == pytest.approx(
+        -0.2143e-03 / DEG**2, rel=EXACT
+    )  # line 1145
     assert float(first["Cm0_twist_wing"]) == 0.0
     assert int(first["Cm0_twist_tail_flag"]) == NA
 
@@ -107,7 +136,9 @@ def test_increments(tree):
 def test_the_label_of_side_force_due_to_dihedral_pretends_a_division(tree):
     increments = tree["increments"]
     dihedral = 3.0 * DEG  # DHDADI of the deck; the wing lies at the height of the moment centre
-    wanted = 3.0 * math.sin(dihedral) * increments["Cl_phat"]  # the DATCOM method for the increment itself
+    wanted = (
+        3.0 * math.sin(dihedral) * increments["Cl_phat"]
+    )  # the DATCOM method for the increment itself
     np.testing.assert_allclose(increments["dCY_phat_dihedral"], wanted, rtol=1e-4)  # five digits
 
 
@@ -115,7 +146,13 @@ def test_cells(listing):
     cells = listing.cells()
     of_wing = cells[cells["column"] == "WING TOTAL EXPOSED AREA"]
     assert len(of_wing) == 4
-    assert of_wing.iloc[0][["table", "text", "value", "flag", "mach"]].tolist() == ["planform", "0.1545E+03", 154.5, "ok", 0.2]
+    assert of_wing.iloc[0][["table", "text", "value", "flag", "mach"]].tolist() == [
+        "planform",
+        "0.1545E+03",
+        154.5,
+        "ok",
+        0.2,
+    ]
     sidewash = cells[cells["column"] == "SIDEWASH, (1 + D(SIGMA)/D(BETA))QV/Q"]
     assert sidewash["text"].tolist()[0] == "9.6238351E-01"
     roll = cells[cells["column"] == "CLP(GAMMA=CL=0)"]
@@ -124,8 +161,20 @@ def test_cells(listing):
 
 def test_block_of_numbers_with_labels(listing):
     frame = listing[0].block("interference")
-    assert frame.columns.tolist()[:6] == ["line", "configuration", "mach", "altitude", "ground_height", "flap"]
-    assert frame.loc[2, ["label", "text", "value", "mach"]].tolist() == ["K-B(W)", "1.923E-01", 0.1923, 0.2]
+    assert frame.columns.tolist()[:6] == [
+        "line",
+        "configuration",
+        "mach",
+        "altitude",
+        "ground_height",
+        "flap",
+    ]
+    assert frame.loc[2, ["label", "text", "value", "mach"]].tolist() == [
+        "K-B(W)",
+        "1.923E-01",
+        0.1923,
+        0.2,
+    ]
     assert len(frame) == 4 * 11
     body = listing[0].block("body")
     assert body.attrs["units"]["WETTED AREA"] == "ft2"
@@ -148,7 +197,9 @@ def test_panels_of_a_cranked_wing(corpus):
     assert wing["Cf_flag"].values.tolist() == [BLANK, OK, OK, BLANK, NA]
     assert (planform["area_flag"].sel(surface="vertical tail")[:3] == ABSENT).all()
     outboard = 2.0 * case.deck.value("WGPLNF", "SSPNOP")
-    assert float(wing["aspect_ratio"][2]) == pytest.approx(outboard**2 / 13.86, rel=1e-3)  # four digits
+    assert float(wing["aspect_ratio"][2]) == pytest.approx(
+        outboard**2 / 13.86, rel=1e-3
+    )  # four digits
 
 
 def test_aspect_ratio_of_an_inboard_panel_in_metres_is_reported_and_kept(corpus):
@@ -156,22 +207,42 @@ def test_aspect_ratio_of_an_inboard_panel_in_metres_is_reported_and_kept(corpus)
     span = 2.0 * (case.deck.value("WGPLNF", "SSPN") - case.deck.value("WGPLNF", "SSPNOP"))
     printed = float(case.to_datatree()["planform"]["aspect_ratio"][0, 0, 0])
     assert printed == 18.41
-    assert printed == pytest.approx((span / FOOT) ** 2 / 14.38, rel=1e-3)  # feet squared over square metres
-    reported = [message for message in case.messages if message.text.startswith("aspect ratio 0.1841E+02 of the theoretical inboard panel")]
+    assert printed == pytest.approx(
+        (span / FOOT) ** 2 / 14.38, rel=1e-3
+    )  # feet squared over square metres
+    reported = [
+        message
+        for message in case.messages
+        if message.text.startswith("aspect ratio 0.1841E+02 of the theoretical inboard panel")
+    ]
     assert [(message.line, message.origin) for message in reported] == [(690, "reader")]
 
 
 def test_sentinels_are_no_numbers(corpus):
     interference = corpus("cranked_wing_ndm")[0].to_datatree()["interference"]
-    assert interference["K_body_flag"].values.tolist() == [[OK, SENTINEL]]  # line 719: K-B(H)= 1.000E-30
+    assert interference["K_body_flag"].values.tolist() == [
+        [OK, SENTINEL]
+    ]  # line 719: K-B(H)= 1.000E-30
     assert np.isnan(interference["K_body"].values[0, 1])
     increments = corpus("fighter_regimes")[0].to_datatree()["increments"]
-    assert increments["Cl_phat_flag"].values.tolist() == [OK, ABSENT, ABSENT, SENTINEL, SENTINEL]  # transonic pages have none
+    assert increments["Cl_phat_flag"].values.tolist() == [
+        OK,
+        ABSENT,
+        ABSENT,
+        SENTINEL,
+        SENTINEL,
+    ]  # transonic pages have none
 
 
 def test_a_transonic_page_has_no_vortices(corpus):
     tree = corpus("fighter_regimes")[0].to_datatree()
-    assert (tree["vortex"]["gamma_flag"] == ABSENT).all("alpha").values.tolist() == [False, True, True, False, False]
+    assert (tree["vortex"]["gamma_flag"] == ABSENT).all("alpha").values.tolist() == [
+        False,
+        True,
+        True,
+        False,
+        False,
+    ]
     assert tree["interference"].sizes["condition"] == 5
 
 
@@ -189,7 +260,10 @@ def canard_row(alpha, epsilon, slope):
 
 def test_effective_downwash_of_a_canard(lines):
     alphas = [-8, -6, -4, -2, -1, 0, 1, 2, 3, 4, 5, 6, 8, 10, 12, 14, 16, 18, 20]
-    rows = [canard_row(alpha, "  NDM      " if alpha < -6 else f"{0.25 * alpha:.4E}", "0.2500E+00") for alpha in alphas]
+    rows = [
+        canard_row(alpha, "  NDM      " if alpha < -6 else f"{0.25 * alpha:.4E}", "0.2500E+00")
+        for alpha in alphas
+    ]
     listing = datcom_io.read([*lines[:1145], *CANARD, *rows, *lines[1145:]])
     assert listing.unread == []
     found = listing[0].to_datatree()["canard_downwash"]
@@ -252,7 +326,12 @@ def test_a_page_without_flight_conditions(lines):
     with pytest.raises(ParseError, match="no flight-condition line that can be read"):
         datcom_io.read(damaged)
     tree = datcom_io.read(damaged, partial=True)[0].to_datatree()
-    assert (tree["interference"]["K_body_flag"] == ABSENT).all("surface").values.tolist() == [True, False, False, False]
+    assert (tree["interference"]["K_body_flag"] == ABSENT).all("surface").values.tolist() == [
+        True,
+        False,
+        False,
+        False,
+    ]
 
 
 def test_lengths_follow_the_units_of_the_page(lines):

@@ -1,4 +1,6 @@
-"""High-lift and control devices; numbers typed from the corpus (../shared/data/datcom), at the lines named."""
+"""High-lift and control devices; numbers typed from the corpus (../shared/data/datcom), at the
+lines named.
+"""
 
 import math
 
@@ -48,7 +50,9 @@ def test_leading_edge_devices(corpus):
     assert (flap["dCLmax_flag"] == NDM).all()
     assert (flap["CL_alpha_delta_flag"] == NDM).all()
     assert float(flap["dCDi"][0, 9, 2]) == -8.67e-03  # line 517
-    assert float(slat["CL_alpha_delta"][0, 1]) == pytest.approx(6.240e-02 / DEG, rel=1e-12)  # line 596
+    assert float(slat["CL_alpha_delta"][0, 1]) == pytest.approx(
+        6.240e-02 / DEG, rel=1e-12
+    )  # line 596
     assert "dCDi" not in slat  # FTYPE 7 and 8 have none
 
 
@@ -67,7 +71,11 @@ def test_jet_flap_leaks_the_mark_of_a_missing_number(corpus):
 
 def test_device_without_a_heading_of_its_own_is_identified_by_the_cards(corpus_lines):
     """FTYPE 8 prints no configuration line, so the CASEID stands in its place."""
-    lines = [line.replace("FTYPE=7.0", "FTYPE=8.0") for line in corpus_lines("flap_types") if "LEADING-EDGE SLAT" not in line]
+    lines = [
+        line.replace("FTYPE=7.0", "FTYPE=8.0")
+        for line in corpus_lines("flap_types")
+        if "LEADING-EDGE SLAT" not in line
+    ]
     found = datcom_io.read(lines)[4].to_datatree()["symflp"]
     assert (found.attrs["surface"], found.attrs["device"]) == ("wing", "krueger flap")
 
@@ -105,8 +113,12 @@ def test_unequal_ailerons(corpus):
     asyflp = corpus("cz150_aileron")[0].to_datatree()["asyflp"]
     assert asyflp["Cn"].dims == ("condition", "alpha", "delta_pair")
     assert float(asyflp["Cn"][1, 12, 0]) == 1.768e-02  # line 225
-    assert float(asyflp["Cn"][0, 0, 0]) == -5.214e-03  # line 146, -40.0 touches the sign of equality above
-    np.testing.assert_allclose(asyflp["delta_left"], np.array([-20.0, -10.0, 0.0, 10.0, 20.0]) * DEG, **EXACT)
+    assert (
+        float(asyflp["Cn"][0, 0, 0]) == -5.214e-03
+    )  # line 146, -40.0 touches the sign of equality above
+    np.testing.assert_allclose(
+        asyflp["delta_left"], np.array([-20.0, -10.0, 0.0, 10.0, 20.0]) * DEG, **EXACT
+    )
 
 
 def test_ailerons_without_a_method(corpus_lines):
@@ -114,13 +126,18 @@ def test_ailerons_without_a_method(corpus_lines):
     lines = list(corpus_lines("cz150_aileron"))
     at = lines.index("0ALPHA") + 1
     until = next(i for i in range(at, len(lines)) if lines[i].startswith("1"))
-    lines[at:until] = ["0", "0*NOTE* NO OUTPUT AVAILABLE FOR THIS COMBINATION OF MACH NUMBER AND CONFIGURATION."]
+    lines[at:until] = [
+        "0",
+        "0*NOTE* NO OUTPUT AVAILABLE FOR THIS COMBINATION OF MACH NUMBER AND CONFIGURATION.",
+    ]
     listing = datcom_io.read(lines)
     assert listing.unread == []
     page = next(page for page in listing.pages if page.kind == "high-lift")
     assert page.parsed
     assert page.notes[0].text.startswith("*NOTE* NO OUTPUT AVAILABLE")
-    assert cells_of(listing, "asyflp_cn", at - 1) == [("(DELTAL-DELTAR)", text, "ok") for text in ("-40.0", "-20.0", "0.0", "20.0", "40.0")]
+    assert cells_of(listing, "asyflp_cn", at - 1) == [
+        ("(DELTAL-DELTAR)", text, "ok") for text in ("-40.0", "-20.0", "0.0", "20.0", "40.0")
+    ]
     asyflp = listing[0].to_datatree()["asyflp"]
     assert asyflp.sizes["condition"] == 2
     assert (asyflp["Cl_flag"][0] == ABSENT).all()
@@ -133,11 +150,21 @@ def test_flap_spoiler_at_three_speeds(corpus):
     assert found.attrs["device"] == "flap spoiler"
     np.testing.assert_allclose(found["mach"], [0.3, 0.7, 1.6])
     assert found["Cl"].dims == ("condition", "deflection")
-    assert found["Cl"][0].values.tolist() == [6.9082e-03, 6.9082e-03, 6.9082e-03, 1.3049e-02]  # lines 199-202
+    assert found["Cl"][0].values.tolist() == [
+        6.9082e-03,
+        6.9082e-03,
+        6.9082e-03,
+        1.3049e-02,
+    ]  # lines 199-202
     assert found["Cn"][0].values.tolist() == [0.0, 1.136e-03, 2.272e-03, 3.408e-03]
     assert (found["Cn_flag"][1] == NDM).all()  # lines 306-309
     assert found["Cl"][1].values.tolist() == [8.1364e-03, 8.1364e-03, 8.1364e-03, 1.5369e-02]
-    assert found["Cl"][2].values.tolist() == [0.0, 1.6890e-03, 3.3781e-03, 5.0671e-03]  # lines 344-347
+    assert found["Cl"][2].values.tolist() == [
+        0.0,
+        1.6890e-03,
+        3.3781e-03,
+        5.0671e-03,
+    ]  # lines 344-347
     assert found["Cn"][2].values.tolist() == [0.0, 1.044e-03, 2.088e-03, 3.132e-03]
     assert found["xs_c"].values.tolist() == [0.7] * 4
     assert found["hs_c"].values.tolist() == found["ds_c"].values.tolist() == [0.0, 0.03, 0.06, 0.09]
@@ -154,11 +181,24 @@ def test_flap_spoiler_at_three_speeds(corpus):
 def test_plug_spoiler_and_spoiler_slot_deflector(corpus):
     listing = corpus("spoilers_diff_tail")
     plug, slot = (listing[case].to_datatree()["spoiler"] for case in (1, 2))
-    assert (plug.attrs["device"], slot.attrs["device"]) == ("plug spoiler", "spoiler-slot-deflector")
+    assert (plug.attrs["device"], slot.attrs["device"]) == (
+        "plug spoiler",
+        "spoiler-slot-deflector",
+    )
     assert plug["Cn"][0].values.tolist() == [0.0, 7.574e-04, 1.515e-03, 2.272e-03]  # lines 430-433
-    assert slot["Cl"][0].values.tolist() == [9.1879e-03, 1.1399e-02, 1.1399e-02, 2.1531e-02]  # lines 623-626
+    assert slot["Cl"][0].values.tolist() == [
+        9.1879e-03,
+        1.1399e-02,
+        1.1399e-02,
+        2.1531e-02,
+    ]  # lines 623-626
     assert slot["dd_c"].values.tolist() == [0.0, 0.02, 0.04, 0.06]
-    assert slot["Cl"][1].values.tolist() == [1.0821e-02, 1.3425e-02, 1.3425e-02, 2.5359e-02]  # lines 730-733
+    assert slot["Cl"][1].values.tolist() == [
+        1.0821e-02,
+        1.3425e-02,
+        1.3425e-02,
+        2.5359e-02,
+    ]  # lines 730-733
     assert (slot["Cn_flag"][1] == NDM).all()
     assert "dd_c" not in plug.coords
 
@@ -171,10 +211,21 @@ def test_differential_tail(corpus):
     assert float(found["Cl"][0, 9, 0]) == -1.555e-02  # line 887
     assert float(found["Cl"][0, 0, 4]) == 1.436e-02  # line 878
     assert (found["Cl_flag"][1] == ABSENT).all()
-    assert found["Cl_transonic"][1].values.tolist() == [-1.8687e-02, -9.3437e-03, 0.0, 9.3437e-03, 1.8687e-02]  # lines 1102-1106
+    assert found["Cl_transonic"][1].values.tolist() == [
+        -1.8687e-02,
+        -9.3437e-03,
+        0.0,
+        9.3437e-03,
+        1.8687e-02,
+    ]  # lines 1102-1106
     assert (found["Cl_transonic_flag"][0] == ABSENT).all()
-    np.testing.assert_allclose(found["delta_right"], np.array([10.0, 5.0, 0.0, -5.0, -10.0]) * DEG, **EXACT)
-    assert (found["lines_Cl"][0].item(), found["lines_Cl_transonic"][1].item()) == ("878-887", "1102-1106")
+    np.testing.assert_allclose(
+        found["delta_right"], np.array([10.0, 5.0, 0.0, -5.0, -10.0]) * DEG, **EXACT
+    )
+    assert (found["lines_Cl"][0].item(), found["lines_Cl_transonic"][1].item()) == (
+        "878-887",
+        "1102-1106",
+    )
 
 
 def test_frames_of_asterisks_are_decoration_and_their_message_is_kept(corpus):
@@ -203,13 +254,20 @@ def test_damaged_tables_raise_or_are_left_out(corpus_lines, line, text, found):
     with pytest.raises(ParseError, match=found):
         datcom_io.read(lines)
     listing = datcom_io.read(lines, partial=True)
-    assert any("left out" in message.text and message.origin == "reader" for message in listing.messages)
+    assert any(
+        "left out" in message.text and message.origin == "reader" for message in listing.messages
+    )
 
 
 @pytest.mark.parametrize(
     ("line", "old", "new", "found"),
     [
-        (200, "0.0300      0.0300", "0.0301      0.0300", r"HS/C = 0\.0301; expected 0\.03 as in the input cards"),
+        (
+            200,
+            "0.0300      0.0300",
+            "0.0301      0.0300",
+            r"HS/C = 0\.0301; expected 0\.03 as in the input cards",
+        ),
         (875, "-10.0", "-11.0", r"\(DELTAL-DELTAR\) = -11 deg; expected -10 deg"),
         (1103, "-5.0", "-6.0", "DELTAL = -6 deg; expected -5 deg"),
     ],

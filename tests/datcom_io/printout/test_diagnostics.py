@@ -1,11 +1,18 @@
-"""Namelist echo, dumps and extrapolation summary; numbers typed from the listing plot_dump_namelist at the lines named."""
+"""Namelist echo, dumps and extrapolation summary; numbers typed from the listing plot_dump_namelist
+at the lines named.
+"""
 
 import pytest
 
 import datcom_io
 from flightmech.errors import ParseError
 
-START = ["1          THE FOLLOWING IS A LIST OF ALL INPUT CARDS FOR THIS CASE.", "0", " CASEID X", " NEXT CASE"]
+START = [
+    "1          THE FOLLOWING IS A LIST OF ALL INPUT CARDS FOR THIS CASE.",
+    "0",
+    " CASEID X",
+    " NEXT CASE",
+]
 END = ["0 INPUT DIMENSIONS ARE IN FT, SCALE FACTOR IS 1.0000", "1 END OF JOB."]
 
 
@@ -56,7 +63,11 @@ def test_namelist_echo(cells):
 
 def test_the_echo_reports_what_the_program_computed(listing):
     """S and P of the body are not in the cards: the program takes them from R."""
-    values = {label: value for _, group in listing[0].values("namelist") for label, value in zip(group.labels, group.values)}
+    values = {
+        label: value
+        for _, group in listing[0].values("namelist")
+        for label, value in zip(group.labels, group.values)
+    }
     assert "S" not in listing[0].deck.namelists["BODY"]
     assert values["BODY.S(2)"] == pytest.approx(3.14159265 * values["BODY.R(2)"] ** 2, rel=1e-6)
 
@@ -76,7 +87,13 @@ def test_dump(listing, cells):
     arrays = {}
     for label in first.labels:
         arrays[label.partition("(")[0]] = arrays.get(label.partition("(")[0], 0) + 1
-    assert (arrays["A"], arrays["B"], arrays["BD"], arrays["FACT"], arrays["WBT"]) == (195, 49, 762, 182, 156)
+    assert (arrays["A"], arrays["B"], arrays["BD"], arrays["FACT"], arrays["WBT"]) == (
+        195,
+        49,
+        762,
+        182,
+        156,
+    )
 
 
 def test_dump_without_heading():
@@ -92,7 +109,16 @@ def test_dump_without_heading():
     ((page, group),) = case.values("dump")
     assert page.kind == "dump"
     assert group.labels == ("A(1)", "A(2)", "A(3)", "A(4)", "A(5)", "A(6)", "F(1)", "F(2)")
-    assert [datcom_io.FLAGS[code] for code in group.flags] == ["ok", "sentinel", "ok", "ok", "nan", "ok", "overflow", "ok"]
+    assert [datcom_io.FLAGS[code] for code in group.flags] == [
+        "ok",
+        "sentinel",
+        "ok",
+        "ok",
+        "nan",
+        "ok",
+        "overflow",
+        "ok",
+    ]
     assert group.values[-1] == -0.15
 
 
@@ -114,7 +140,11 @@ def test_extrapolation_summary(cells):
         ["FIGURE LIMITS LOWER 1", "5.00E-01"],
         ["FIGURE LIMITS UPPER 1", "7.50E-01"],
     ]
-    assert row(4064) == [["FINAL RESULT", "1.0000E+00"], ["INDEPENDENT VARIABLES 1", "0.0000E+00"], ["** 1", "**"]]
+    assert row(4064) == [
+        ["FINAL RESULT", "1.0000E+00"],
+        ["INDEPENDENT VARIABLES 1", "0.0000E+00"],
+        ["** 1", "**"],
+    ]
     assert row(4061) == [
         ["FINAL RESULT", "7.0000E-02"],
         ["INDEPENDENT VARIABLES 1", "3.6971E+00"],
@@ -128,7 +158,9 @@ def test_extrapolation_summary(cells):
 
 
 def test_marked_variables_lie_outside_of_their_chart(listing):
-    """A marked variable is not between the limits of its look-up, an unmarked one is: the columns are cut where they belong."""
+    """A marked variable is not between the limits of its look-up, an unmarked one is: the columns
+    are cut where they belong.
+    """
     judged = 0
     for _, group in listing[0].values("extrapolation"):
         limits, cells = {}, list(zip(group.labels, group.values, group.lines))
@@ -155,13 +187,21 @@ def test_note_below_the_summary(listing):
 
 def test_a_line_among_the_values_that_nobody_knows(corpus_lines):
     lines = list(corpus_lines("plot_dump_namelist"))
-    places = [next(k for k, line in enumerate(lines) if words in line) for words in ("0TINF ", "   FLC( 26)=", "TBFUNX  CALCA0")]
+    places = [
+        next(k for k, line in enumerate(lines) if words in line)
+        for words in ("0TINF ", "   FLC( 26)=", "TBFUNX  CALCA0")
+    ]
     for at in places:
         lines[at] = "  SOMETHING ELSE"
     listing = datcom_io.read(lines)
     unread = set(listing.unread)
     assert {at + 1 for at in places} <= unread
-    labels = {label for name in ("namelist", "dump") for _, group in listing[0].values(name) for label in group.labels}
+    labels = {
+        label
+        for name in ("namelist", "dump")
+        for _, group in listing[0].values(name)
+        for label in group.labels
+    }
     assert {"FLTCON.ALT(1)", "OPTINS.SREF", "FLC(25)", "FLC(31)"} <= labels
 
 
@@ -172,7 +212,11 @@ def test_a_value_that_is_cut(corpus_lines):
     lines[at] = lines[at][:35]
     listing = datcom_io.read(lines)
     assert at + 1 in listing.unread
-    (labels,) = {group.labels for _, group in listing[0].values("namelist") if group.labels[0] == "FLTCON.NMACH"}
+    (labels,) = {
+        group.labels
+        for _, group in listing[0].values("namelist")
+        if group.labels[0] == "FLTCON.NMACH"
+    }
     assert labels[-1] == "FLTCON.NALPHA"
 
 

@@ -1,4 +1,6 @@
-"""Footnotes, messages and the numbers in them; texts that no listing of the corpus has are those of the program's FORMAT statements."""
+"""Footnotes, messages and the numbers in them; texts that no listing of the corpus has are those of
+the program's FORMAT statements.
+"""
 
 from pathlib import Path
 
@@ -113,7 +115,11 @@ def flap_lines():
 
 @pytest.mark.parametrize("word", STATIC_NOTES)
 def test_footnote_of_a_static_page(clean_lines, word):
-    listing = datcom_io.read(with_note(clean_lines, "CHARACTERISTICS AT ANGLE OF ATTACK AND IN SIDESLIP", STATIC_NOTES[word]))
+    listing = datcom_io.read(
+        with_note(
+            clean_lines, "CHARACTERISTICS AT ANGLE OF ATTACK AND IN SIDESLIP", STATIC_NOTES[word]
+        )
+    )
     assert listing.unread == []
     page = next(page for page in listing.pages if page.kind == "static")
     assert page.notes[-1].text == words(STATIC_NOTES[word])
@@ -135,7 +141,11 @@ def test_footnote_of_a_dynamic_page(clean_lines, word):
 
 @pytest.mark.parametrize("word", CONTROL_NOTES)
 def test_footnote_of_a_control_page(flap_lines, word):
-    listing = datcom_io.read(with_note(flap_lines, "CHARACTERISTICS OF HIGH LIFT AND CONTROL DEVICES", CONTROL_NOTES[word]))
+    listing = datcom_io.read(
+        with_note(
+            flap_lines, "CHARACTERISTICS OF HIGH LIFT AND CONTROL DEVICES", CONTROL_NOTES[word]
+        )
+    )
     assert listing.unread == []
     assert listing[0].to_datatree()["symflp"]["notes"].values.tolist()[0] == word
 
@@ -148,13 +158,22 @@ def test_notes_without_control_column(clean_lines):
         printed += {"1": ["\f" + line[1:]], "0": ["", line[1:]]}.get(line[:1], [line[1:]])
     listing = datcom_io.read(printed)
     assert listing.unread == []
-    assert listing[0].to_datatree()["dynamic"]["notes"].values.tolist()[:2] == ["tail_increments", ""]
+    assert listing[0].to_datatree()["dynamic"]["notes"].values.tolist()[:2] == [
+        "tail_increments",
+        "",
+    ]
 
 
 def test_numbers_of_footnotes(clean_lines):
     note = STATIC_NOTES["shock_detached"] + "\n0**  CD0= 1.234E-02"
-    case = datcom_io.read(with_note(clean_lines, "CHARACTERISTICS AT ANGLE OF ATTACK AND IN SIDESLIP", note))[0]
-    found = {label: value for _, group in case.values("note") for label, value in zip(group.labels, group.values)}
+    case = datcom_io.read(
+        with_note(clean_lines, "CHARACTERISTICS AT ANGLE OF ATTACK AND IN SIDESLIP", note)
+    )[0]
+    found = {
+        label: value
+        for _, group in case.values("note")
+        for label, value in zip(group.labels, group.values)
+    }
     assert found == {"ANALYSIS TERMINATED AT ALPHA": 10.0, "CD0": 0.01234}
     assert len(next(page for page in case.pages if page.kind == "static").notes) >= 2
 
@@ -165,14 +184,22 @@ def test_messages_wherever_they_stand(clean_lines, text, place):
     if place == "behind the cards":
         at = next(k for k, line in enumerate(clean_lines) if line.startswith("0 INPUT DIMENSIONS"))
     else:
-        at = next(k for k, line in enumerate(clean_lines) if line.startswith("1") and "DYNAMIC DERIVATIVES" in clean_lines[k + 1])
+        at = next(
+            k
+            for k, line in enumerate(clean_lines)
+            if line.startswith("1") and "DYNAMIC DERIVATIVES" in clean_lines[k + 1]
+        )
     before = ["1"] if place == "after a page" else []
     listing = datcom_io.read([*clean_lines[:at], *before, *text.split("\n"), *clean_lines[at:]])
     plain = datcom_io.read(clean_lines)
     assert listing.unread == []
     assert listing[0].deck.namelists == plain[0].deck.namelists
     assert [page.kind for page in listing.pages] == [page.kind for page in plain.pages]
-    new = [message for message in listing[0].messages if message.origin == "program" and message.line in range(at + 1, at + 8)]
+    new = [
+        message
+        for message in listing[0].messages
+        if message.origin == "program" and message.line in range(at + 1, at + 8)
+    ]
     assert [message.text for message in new] == [words(text)]
 
 
@@ -188,13 +215,19 @@ def test_messages_of_a_last_case_without_next_case(clean_lines, text):
 
 def test_bad_cases_keep_their_messages(corpus):
     listing = corpus("errors_missing")
-    reported = {case.name: [message.text for message in case.messages if message.origin == "program"] for case in listing}
+    reported = {
+        case.name: [message.text for message in case.messages if message.origin == "program"]
+        for case in listing
+    }
     assert reported["WING SECTION MISSING"] == [
         "ERROR-WING PLANFORM PRESENT BUT SECTION CHARACTERISTICS ABSENT-MISSING NAME*WGSCHR*",
         "THIS CASE ABORTED FOR THE ABOVE REASON(S) ALL NAMES REFER TO NAMELIST NAMES",
     ]
     everything = " / ".join(text for texts in reported.values() for text in texts)
-    assert "NO SPEED REFERENCE IS INPUT MACH(1) = VINF(1) = UNUSED THE NEXT CASE WILL BE ATTEMPTED" in everything
+    assert (
+        "NO SPEED REFERENCE IS INPUT MACH(1) = VINF(1) = UNUSED THE NEXT CASE WILL BE ATTEMPTED"
+        in everything
+    )
     assert "UNUSED) REYNOLDS NUMBER WILL BE SET TO 5*10**6" in everything
     assert "SSPNE SPANI IS REDEFINED, SPANI = SSPN-SSPNE = 0.78000E+00" in everything
     assert listing.unread == []
@@ -223,7 +256,12 @@ def test_ground_note_with_every_table_of_the_case(corpus):
 
 
 def test_trim_that_ends_is_reported_with_the_table(corpus):
-    found = {note for case in corpus("ce500_trim") for leaf in case.to_datatree().children.values() for note in notes_of(leaf)}
+    found = {
+        note
+        for case in corpus("ce500_trim")
+        for leaf in case.to_datatree().children.values()
+        for note in notes_of(leaf)
+    }
     assert "trim_without_wing_body_moment" in found
 
 
@@ -234,7 +272,12 @@ def notes_of(leaf):
 def test_weight_in_pounds(corpus):
     case = corpus("ce500_ft")[0]
     groups = [group for _, group in case.values("weight")]
-    assert (groups[0].lines, groups[0].labels, groups[0].texts, groups[0].units) == ((260,), ("VEHICLE WEIGHT",), ("10026.00",), ("lbf",))
+    assert (groups[0].lines, groups[0].labels, groups[0].texts, groups[0].units) == (
+        (260,),
+        ("VEHICLE WEIGHT",),
+        ("10026.00",),
+        ("lbf",),
+    )
     assert groups[1].values.tolist() == [0.41572]  # line 261
     notes = [note.text for page in case.pages for note in page.notes]
     assert "*** VEHICLE WEIGHT =  10026.00 LB." in notes

@@ -1,4 +1,6 @@
-"""Airfoil sections; numbers typed from t37_build.out (data/t37/datcom) and from the corpus, at the lines named."""
+"""Airfoil sections; numbers typed from t37_build.out (data/t37/datcom) and from the corpus, at the
+lines named.
+"""
 
 import math
 from pathlib import Path
@@ -34,10 +36,17 @@ def test_summary(tree):
     for name, value in angles.items():
         assert float(wing[name]) == pytest.approx(value * DEG, rel=EXACT)
         assert section[name].attrs["units"] == "rad"
-    plain = {"CL_ideal": 0.25602, "Cm_zero_lift": -0.05027, "leading_edge_radius": 0.02479, "thickness_ratio": 0.15}
+    plain = {
+        "CL_ideal": 0.25602,
+        "Cm_zero_lift": -0.05027,
+        "leading_edge_radius": 0.02479,
+        "thickness_ratio": 0.15,
+    }
     assert {name: float(wing[name]) for name in plain} == plain
     assert float(wing["CL_alpha_mach_zero"]) == pytest.approx(0.09358 / DEG, rel=EXACT)
-    assert float(wing["delta_y"]) == pytest.approx(0.0396122, rel=EXACT)  # per cent of the chord in the print
+    assert float(wing["delta_y"]) == pytest.approx(
+        0.0396122, rel=EXACT
+    )  # per cent of the chord in the print
     assert section["CL_alpha_mach_zero"].attrs["per"] == "radian"
     assert (section["mach_crest_flag"] == ABSENT).all()
 
@@ -46,7 +55,9 @@ def test_slope_and_aerodynamic_centre_per_mach(tree):
     section = tree["section"]
     assert section["CL_alpha"].dims == ("surface", "mach")
     assert section["mach"].values.tolist() == [0.2, 0.4]
-    np.testing.assert_allclose(section["CL_alpha"].sel(surface="wing"), np.array([0.09505, 0.10018]) / DEG, rtol=EXACT)  # lines 182, 183
+    np.testing.assert_allclose(
+        section["CL_alpha"].sel(surface="wing"), np.array([0.09505, 0.10018]) / DEG, rtol=EXACT
+    )  # lines 182, 183
     assert section["xac"].sel(surface="wing").values.tolist() == [0.26056, 0.26230]
     assert "condition" not in section.dims
 
@@ -74,8 +85,12 @@ def test_coordinates(tree):
 def test_upper_and_lower_surface_lie_about_the_mean_line(tree):
     points = tree["coordinates"]
     half = 2 * 0.5e-5  # both ordinates are rounded to five decimals
-    np.testing.assert_allclose((points["z_upper"] + points["z_lower"]) / 2, points["mean_line"], atol=half)
-    np.testing.assert_allclose(points["thickness"].max("point"), tree["section"]["thickness_ratio"], atol=0.005)  # between two stations
+    np.testing.assert_allclose(
+        (points["z_upper"] + points["z_lower"]) / 2, points["mean_line"], atol=half
+    )
+    np.testing.assert_allclose(
+        points["thickness"].max("point"), tree["section"]["thickness_ratio"], atol=0.005
+    )  # between two stations
 
 
 def test_above_the_crest_critical_mach_number(corpus):
@@ -89,10 +104,19 @@ def test_above_the_crest_critical_mach_number(corpus):
 
 def test_designations(corpus):
     points = corpus("fighter_regimes")[0].to_datatree()["coordinates"]
-    assert points["designation"].values.tolist() == ["NACA 64A005", "NACA S-3-50.0-05.0-00.0", "NACA 64A005"]
+    assert points["designation"].values.tolist() == [
+        "NACA 64A005",
+        "NACA S-3-50.0-05.0-00.0",
+        "NACA 64A005",
+    ]
     cells = corpus("fighter_regimes").cells()
     cell = cells[cells["table"] == "designation"].iloc[1]
-    assert cell[["line", "column", "text", "flag"]].tolist() == [184, "DESIGNATION", "NACA S-3-50.0-05.0-00.0", "ok"]
+    assert cell[["line", "column", "text", "flag"]].tolist() == [
+        184,
+        "DESIGNATION",
+        "NACA S-3-50.0-05.0-00.0",
+        "ok",
+    ]
     assert math.isnan(cell["value"])
 
 
@@ -117,7 +141,9 @@ def test_velocity_instead_of_mach(corpus):
 
 def test_a_section_that_the_user_defines(lines):
     changed = list(lines)
-    changed[99:101] = ["                                                        USER DEFINED WING SECTION"]  # no designation
+    changed[99:101] = [
+        "                                                        USER DEFINED WING SECTION"
+    ]  # no designation
     listing = datcom_io.read(changed)
     assert listing.unread == []
     assert [page.kind for page in listing.pages[:3]] == ["section"] * 3
@@ -138,7 +164,9 @@ def test_a_mean_line_in_a_line_of_its_own(lines):
     assert listing.unread == []
     assert listing[0].to_datatree()["coordinates"]["designation"].values[0] == "NACA 65-415 0.5"
     cells = listing.cells()
-    assert cells[cells["line"] == 102][["column", "text", "value"]].values.tolist() == [["A", "0.5", 0.5]]
+    assert cells[cells["line"] == 102][["column", "text", "value"]].values.tolist() == [
+        ["A", "0.5", 0.5]
+    ]
 
 
 def test_messages_of_the_section_module(lines):
@@ -151,20 +179,32 @@ def test_messages_of_the_section_module(lines):
     assert listing.unread == []
     reported = [message.text for message in listing.messages if message.line in (183, 184)]
     assert reported[0].startswith("**** REYNOLDS NUMBER TOO LOW")
-    assert reported[1].endswith("SPECIFIED BY THE USER. SEE USERS MANUAL FOR SECTION CHARACTERISTICS INPUT.")
+    assert reported[1].endswith(
+        "SPECIFIED BY THE USER. SEE USERS MANUAL FOR SECTION CHARACTERISTICS INPUT."
+    )
     assert listing[0].to_datatree()["section"]["CL_alpha"].sizes["mach"] == 2
 
 
 def test_a_mach_number_that_is_not_in_the_cards(lines):
     changed = [line.replace("MACH= 0.4000 LIFT", "MACH= 0.3000 LIFT") for line in lines]
-    with pytest.raises(ParseError, match=r"line 183: found MACH = 0\.3; expected one of the Mach numbers of the input cards"):
+    with pytest.raises(
+        ParseError,
+        match=r"line 183: found MACH = 0\.3; expected one of the Mach numbers of the input cards",
+    ):
         datcom_io.read(changed)[0].to_datatree()
 
 
 def test_a_mach_number_that_comes_twice_keeps_both_places(lines):
-    changed = [line.replace("MACH(1)=0.2,0.4", "MACH(1)=0.2,0.2").replace("MACH= 0.4000 LIFT", "MACH= 0.2000 LIFT") for line in lines]
+    changed = [
+        line.replace("MACH(1)=0.2,0.4", "MACH(1)=0.2,0.2").replace(
+            "MACH= 0.4000 LIFT", "MACH= 0.2000 LIFT"
+        )
+        for line in lines
+    ]
     assert sum("MACH(1)=0.2,0.2" in line for line in changed) == 2
-    section = datcom_io.read(changed)[0].to_datatree()["section"]  # another Reynolds number gives another slope
+    section = datcom_io.read(changed)[0].to_datatree()[
+        "section"
+    ]  # another Reynolds number gives another slope
     assert section["mach"].values.tolist() == [0.2, 0.2]
     assert section["xac"].sel(surface="wing").values.tolist() == [0.26056, 0.26230]
 
@@ -190,7 +230,9 @@ def test_damaged_lines_are_named(lines, number, old, new):
 
 def test_a_surface_whose_summary_comes_twice(lines):
     page = lines[162:183]
-    with pytest.raises(ParseError, match="a second IDEAL ANGLE OF ATTACK for the place of an earlier one"):
+    with pytest.raises(
+        ParseError, match="a second IDEAL ANGLE OF ATTACK for the place of an earlier one"
+    ):
         datcom_io.read([*lines[:183], *page, *lines[183:]])[0].to_datatree()
 
 
@@ -217,5 +259,8 @@ def test_joined_runs_complete_each_other_but_may_not_differ(corpus):
     assert joined["coordinates"].sizes == tree["coordinates"].sizes
     other = tree.copy(deep=True)
     other["coordinates"]["thickness"][0, 5] = 0.5
-    with pytest.raises(SchemaError, match=r"coordinates of .*TRANSONIC FAIRING: thickness differs from that of the first tree"):
+    with pytest.raises(
+        SchemaError,
+        match=r"coordinates of .*TRANSONIC FAIRING: thickness differs from that of the first tree",
+    ):
         datcom_io.join([tree, other])

@@ -1,6 +1,8 @@
-"""Hypersonic flap, transverse jet, low aspect ratio; numbers typed from the listings of the corpus at the lines named.
+"""Hypersonic flap, transverse jet, low aspect ratio; numbers typed from the listings of the corpus
+at the lines named.
 
-The original form of the hypersonic page is written here after the FORMAT statements of the program, with the numbers of the other one.
+The original form of the hypersonic page is written here after the FORMAT statements of the program,
+with the numbers of the other one.
 """
 
 import numpy as np
@@ -19,7 +21,14 @@ HEADINGS = (
     " CENTER-OF-PRESSURE LOCATION OF NORMAL FORCE",
     "CENTER-OF-PRESSURE LOCATION OF AXIAL FORCE",
 )
-KINDS = ("hypersonic_cn", "hypersonic_ca", "hypersonic_cm_cn", "hypersonic_cm_ca", "hypersonic_cp_cn", "hypersonic_cp_ca")
+KINDS = (
+    "hypersonic_cn",
+    "hypersonic_ca",
+    "hypersonic_cm_cn",
+    "hypersonic_cm_ca",
+    "hypersonic_cp_cn",
+    "hypersonic_cp_ca",
+)
 FLAP = "HYPERSONIC FLAP EFFECTIVENESS"
 JET = "TRANSVERSE JET CONTROL"
 
@@ -46,14 +55,25 @@ def original_pages(case):
     printed = []
     for k, heading in enumerate(HEADINGS):
         if k % 2 == 0:
-            printed += ["1" + " " * 26 + "AUTOMATED STABILITY AND CONTROL METHODS PER APRIL 1976 VERSION OF DATCOM     "]
-            printed += [" " * 36 + "AERODYNAMIC CONTROL EFFECTIVENESS AT HYPERSONIC SPEEDS", " " * 50 + FLAP]
+            printed += [
+                "1"
+                + " " * 26
+                + "AUTOMATED STABILITY AND CONTROL METHODS PER APRIL 1976 VERSION OF DATCOM     "
+            ]
+            printed += [
+                " " * 36 + "AERODYNAMIC CONTROL EFFECTIVENESS AT HYPERSONIC SPEEDS",
+                " " * 50 + FLAP,
+            ]
             printed += [" " * 20 + "MACH NUMBER= 8.00" + " " * 57 + "REYNOLDS NO./FT= 0.10E+07"]
             reference = "REF. AREA (FT2)=  20.000   MOMENT REFERENCE CENTER = HL   LONG. REF. LENGTH(FT)= 12.000"
             printed += ["0" + " " * 20 + reference]
         (_, table), *_ = case.tables(KINDS[k])
         printed += ["0" + " " * 25 + "-" * 10 + heading + "-" * 10]
-        printed += ["0       DELTA =  " + "     ".join(f"{delta:5.1f}" for delta in table.across), "   ALPHA", "0"]
+        printed += [
+            "0       DELTA =  " + "     ".join(f"{delta:5.1f}" for delta in table.across),
+            "   ALPHA",
+            "0",
+        ]
         for row in table.values:
             printed.append(f"   {row[0]:5.1f}       " + " ".join(map(plain_exponent, row[1:])))
     return printed
@@ -64,7 +84,12 @@ def test_header_of_the_single_file_edition(flap):
     assert page.heading == ("AERODYNAMIC CONTROL EFFECTIVENESS AT HYPERSONIC SPEEDS", FLAP)
     assert len(others) == 2
     assert group.lines == (133, 133, 135, 135)
-    assert group.labels == ("MACH NUMBER", "REYNOLDS NO./FT", "REF. AREA (FT2)", "LONG. REF. LENGTH(FT)")
+    assert group.labels == (
+        "MACH NUMBER",
+        "REYNOLDS NO./FT",
+        "REF. AREA (FT2)",
+        "LONG. REF. LENGTH(FT)",
+    )
     assert group.values.tolist() == [8.0, 1.0e6, 20.0, 12.0]
 
 
@@ -72,12 +97,26 @@ def test_fields_that_touch(flap):
     (_, table), *_ = flap.tables("hypersonic_cm_cn")
     assert table.lines == (162, 163, 164, 165, 166)
     assert table.across.tolist() == [5.0, 10.0, 15.0, 20.0, 25.0]
-    assert table.values[1].tolist() == [4.0, -4.98e-04, -1.34e-03, -2.51e-03, -3.91e-03, -5.41e-03]  # line 163
+    assert table.values[1].tolist() == [
+        4.0,
+        -4.98e-04,
+        -1.34e-03,
+        -2.51e-03,
+        -3.91e-03,
+        -5.41e-03,
+    ]  # line 163
     assert table.text(1, 5) == "-5.41E-03"
 
 
 def test_all_six_tables(flap):
-    first = {"cn": 3.71e-03, "ca": 3.09e-04, "cm_cn": -3.12e-04, "cm_ca": -2.41e-06, "cp_cn": -8.41e-02, "cp_ca": 7.80e-03}
+    first = {
+        "cn": 3.71e-03,
+        "ca": 3.09e-04,
+        "cm_cn": -3.12e-04,
+        "cm_ca": -2.41e-06,
+        "cp_cn": -8.41e-02,
+        "cp_ca": 7.80e-03,
+    }
     for name, value in first.items():
         ((_, table),) = flap.tables(f"hypersonic_{name}")
         assert table.values.shape == (5, 6)
@@ -89,7 +128,10 @@ def test_fields_behind_the_last_deflection_are_cells_of_their_own(flap):
     assert len(unused) == 6 * 5 * 5
     assert unused["text"].astype(str).value_counts().to_dict() == {"1.00E-30": 100, "0.00E+00": 50}
     assert set(unused.loc[unused["text"] == "1.00E-30", "flag"]) == {"sentinel"}
-    assert unused["column"].iloc[0] == "INCREMENT IN NORMAL FORCE PER SPANWISE FOOT OF CONTROL DELTA(6)"
+    assert (
+        unused["column"].iloc[0]
+        == "INCREMENT IN NORMAL FORCE PER SPANWISE FOOT OF CONTROL DELTA(6)"
+    )
     assert set(unused["mach"]) == {8.0}
     assert sorted(set(unused["alpha"])) == [0.0, 4.0, 8.0, 12.0, 16.0]
 
@@ -100,12 +142,17 @@ def test_hypersonic_leaf(flap):
     leaf = tree["hypersonic"].to_dataset()
     np.testing.assert_allclose(np.degrees(leaf["alpha"]), [0.0, 4.0, 8.0, 12.0, 16.0])
     np.testing.assert_allclose(np.degrees(leaf["delta"]), [5.0, 10.0, 15.0, 20.0, 25.0])
-    np.testing.assert_allclose(leaf["dCN"][0, 1, :2], [5.93e-03 / FOOT, 1.60e-02 / FOOT])  # per metre of span
+    np.testing.assert_allclose(
+        leaf["dCN"][0, 1, :2], [5.93e-03 / FOOT, 1.60e-02 / FOOT]
+    )  # per metre of span
     np.testing.assert_allclose(leaf["dCm_CN"][0, 4, 4], -1.32e-02 / FOOT)
     assert float(leaf["xcp_CN"][0, 0, 0]) == -0.0841
     assert leaf["dCN"].attrs["units"] == "m-1"
     assert leaf["xcp_CN"].attrs["units"] == "1"
-    assert not any(leaf[f"{name}_flag"].any() for name in ("dCN", "dCA", "dCm_CN", "dCm_CA", "xcp_CN", "zcp_CA"))
+    assert not any(
+        leaf[f"{name}_flag"].any()
+        for name in ("dCN", "dCA", "dCm_CN", "dCm_CA", "xcp_CN", "zcp_CA")
+    )
     assert (float(leaf["mach"][0]), float(leaf["h"][0])) == (8.0, 100_000.0 * FOOT)
     np.testing.assert_allclose(leaf["reynolds_per_m"], 1.0e6 / FOOT)
     assert leaf.attrs["S"] == pytest.approx(20.0 * FOOT**2, rel=1e-12)
@@ -114,14 +161,19 @@ def test_hypersonic_leaf(flap):
 
 
 def test_centre_of_pressure_is_moment_over_force(flap):
-    """xcp is CM/CN about the hinge line, in chords; three digits of each are printed: three times half a per cent at worst."""
+    """xcp is CM/CN about the hinge line, in chords; three digits of each are printed: three times
+    half a per cent at worst.
+    """
     leaf = flap.to_datatree()["hypersonic"]
     np.testing.assert_allclose(leaf["xcp_CN"], leaf["dCm_CN"] / leaf["dCN"], rtol=0.015)
     np.testing.assert_allclose(leaf["zcp_CA"], -leaf["dCm_CA"] / leaf["dCA"], rtol=0.015)
 
 
 def test_original_form_of_the_page(lines, flap):
-    start, after = (next(k for k, line in enumerate(lines) if words in line) for words in ("AERODYNAMIC CONTROL", "M57O71"))
+    start, after = (
+        next(k for k, line in enumerate(lines) if words in line)
+        for words in ("AERODYNAMIC CONTROL", "M57O71")
+    )
     after = next(k for k in range(start, len(lines)) if "M57O71" in lines[k])
     listing = datcom_io.read([*lines[: start - 2], *original_pages(flap), *lines[after:]])
     assert (listing.unread, listing.unparsed) == ([], [])
@@ -129,12 +181,20 @@ def test_original_form_of_the_page(lines, flap):
     assert [page.kind for page in case.pages] == ["hypersonic"] * 3
     assert case.pages[0].heading == flap.pages[0].heading
     (_, group), *_ = case.values("hypersonic")
-    assert group.labels == ("MACH NUMBER", "REYNOLDS NO./FT", "REF. AREA (FT2)", "MOMENT REFERENCE CENTER", "LONG. REF. LENGTH(FT)")
+    assert group.labels == (
+        "MACH NUMBER",
+        "REYNOLDS NO./FT",
+        "REF. AREA (FT2)",
+        "MOMENT REFERENCE CENTER",
+        "LONG. REF. LENGTH(FT)",
+    )
     assert group.texts[3] == "HL"
     assert list(case.values("hypersonic_unused")) == []
     ours, wanted = case.to_datatree()["hypersonic"], flap.to_datatree()["hypersonic"]
     for name in ("dCN", "dCA", "dCm_CN", "dCm_CA", "xcp_CN", "zcp_CA"):
-        np.testing.assert_allclose(ours[name], wanted[name], rtol=0.051)  # two digits: 0.10 may be 0.105
+        np.testing.assert_allclose(
+            ours[name], wanted[name], rtol=0.051
+        )  # two digits: 0.10 may be 0.105
     assert ours.attrs == wanted.attrs
 
 
@@ -143,10 +203,23 @@ def test_blank_columns_of_the_original_form(flap):
     first = next(k for k, line in enumerate(pages) if line.startswith("     0.0 "))
     for k in range(first, first + 5):
         pages[k] = pages[k][:25] + " " * 10 + pages[k][35:]
-    cards = ["1          THE FOLLOWING IS A LIST OF ALL INPUT CARDS FOR THIS CASE.", "0", " CASEID X"]
-    case = datcom_io.read([*cards, "0 INPUT DIMENSIONS ARE IN FT, SCALE FACTOR IS 1.0000", *pages, "1 END OF JOB."])[0]
+    cards = [
+        "1          THE FOLLOWING IS A LIST OF ALL INPUT CARDS FOR THIS CASE.",
+        "0",
+        " CASEID X",
+    ]
+    case = datcom_io.read(
+        [*cards, "0 INPUT DIMENSIONS ARE IN FT, SCALE FACTOR IS 1.0000", *pages, "1 END OF JOB."]
+    )[0]
     (_, table), *_ = case.tables("hypersonic_cn")
-    assert [datcom_io.FLAGS[code] for code in table.flags[0]] == ["ok", "ok", "blank", "ok", "ok", "ok"]
+    assert [datcom_io.FLAGS[code] for code in table.flags[0]] == [
+        "ok",
+        "ok",
+        "blank",
+        "ok",
+        "ok",
+        "ok",
+    ]
     leaf = case.to_datatree()["hypersonic"]
     assert leaf["dCN"].isnull().sum() == 5
     assert np.isnan(leaf["h"][0])
@@ -167,7 +240,9 @@ def test_infinite_centre_of_pressure(lines):
 def test_a_row_of_a_hypersonic_table_is_damaged(lines, damage):
     at = next(k for k, line in enumerate(lines) if line.startswith(" 8.00E+00 9.30E-03"))
     lines[at : at + 1] = damage(lines[at])
-    with pytest.raises(ParseError, match=r"rows in the hypersonic_cn table; expected 5 rows \(NALPHA"):
+    with pytest.raises(
+        ParseError, match=r"rows in the hypersonic_cn table; expected 5 rows \(NALPHA"
+    ):
         datcom_io.read(lines)
     case = datcom_io.read(lines, partial=True)[FLAP]
     assert list(case.tables("hypersonic_cn")) == []
@@ -186,8 +261,12 @@ def test_deflections_that_are_not_those_of_the_cards(lines):
 def test_a_build_that_prints_no_hypersonic_page(corpus):
     case = corpus("hypersonic")[FLAP]
     assert case.pages == []
-    assert any("HYPEFF is given and nothing of it is printed" in message.text for message in case.messages)
-    assert not any("HYPEFF" in message.text for message in corpus("hypersonic", ".pdas.out")[FLAP].messages)
+    assert any(
+        "HYPEFF is given and nothing of it is printed" in message.text for message in case.messages
+    )
+    assert not any(
+        "HYPEFF" in message.text for message in corpus("hypersonic", ".pdas.out")[FLAP].messages
+    )
 
 
 def test_hypersonic_conditions_have_no_static_page(lines):
@@ -195,9 +274,17 @@ def test_hypersonic_conditions_have_no_static_page(lines):
     start = max(k for k, line in enumerate(lines) if line.startswith(" CASEID HYPERSONIC FLAP"))
     static = next(k for k, line in enumerate(lines) if "CHARACTERISTICS AT ANGLE" in line) - 1
     page = [line.replace("0 6.000", "0 3.000") for line in lines[static : static + 13]]
-    rows = [f"{alpha:7.1f}" + line[7:] for alpha, line in zip((0.0, 4.0, 8.0, 12.0, 16.0), lines[static + 13 :])]
-    cards = [line.replace("NMACH=1.0,MACH(1)=8.0", "NMACH=2.0,MACH(1)=3.0,8.0") for line in lines[: start + 1]]
-    after = next(k for k in range(start, len(lines)) if lines[k].startswith("0 INPUT DIMENSIONS")) + 1
+    rows = [
+        f"{alpha:7.1f}" + line[7:]
+        for alpha, line in zip((0.0, 4.0, 8.0, 12.0, 16.0), lines[static + 13 :])
+    ]
+    cards = [
+        line.replace("NMACH=1.0,MACH(1)=8.0", "NMACH=2.0,MACH(1)=3.0,8.0")
+        for line in lines[: start + 1]
+    ]
+    after = (
+        next(k for k in range(start, len(lines)) if lines[k].startswith("0 INPUT DIMENSIONS")) + 1
+    )
     case = datcom_io.read([*cards, *lines[start + 1 : after], *page, *rows, *lines[after:]])[FLAP]
     tree = case.to_datatree()
     assert tree["static"]["mach"].values.tolist() == [3.0]
@@ -208,7 +295,11 @@ def test_hypersonic_conditions_have_no_static_page(lines):
 @pytest.mark.parametrize("end", [".out", ".pdas.out"])
 def test_jet_as_printed(corpus, end):
     case = corpus("hypersonic", end)[JET]
-    assert case.pages[0].heading == ("SPECIAL CONTROL METHODS", "TRANSVERSE-JET CONTROL EFFECTIVENESS", JET)
+    assert case.pages[0].heading == (
+        "SPECIAL CONTROL METHODS",
+        "TRANSVERSE-JET CONTROL EFFECTIVENESS",
+        JET,
+    )
     ((_, group),) = case.values("jet")
     assert len(group.labels) == 17 * 4
     cells = case.cells()
@@ -225,12 +316,17 @@ def test_jet_leaf(corpus):
     assert dict(leaf.sizes) == {"condition": 1, "time": 4}
     assert leaf["time"].values.tolist() == [0.0, 1.0, 2.0, 3.0]
     np.testing.assert_allclose(np.degrees(leaf["alpha"]), [0.0, 2.0, 4.0, 6.0])
-    np.testing.assert_allclose(leaf["F_control"][0], np.array([100.0, 200.0, 300.0, 250.0]) * POUND_FORCE)
+    np.testing.assert_allclose(
+        leaf["F_control"][0], np.array([100.0, 200.0, 300.0, 250.0]) * POUND_FORCE
+    )
     np.testing.assert_allclose(leaf["mass_flow"][0], np.array([0.08, 0.15, 0.35, 0.29]) * POUND)
     np.testing.assert_allclose(leaf["propellant_mass"][0, -1], 0.67 * POUND)
     assert leaf["mach_local"][0].values.tolist() == [12.1, 11.0, 10.1, 9.1]
     assert leaf["boundary_layer"][0].values.tolist() == ["LAM", "LAM", "TURB", "TURB"]
-    assert [leaf[name].attrs["units"] for name in ("F_control", "p_jet", "mass_flow", "propellant_mass", "C_control")] == [
+    assert [
+        leaf[name].attrs["units"]
+        for name in ("F_control", "p_jet", "mass_flow", "propellant_mass", "C_control")
+    ] == [
         "N",
         "Pa",
         "kg s-1",
@@ -241,7 +337,9 @@ def test_jet_leaf(corpus):
 
 
 def test_pressures_of_the_jet_page_are_per_square_foot_in_spite_of_their_label(corpus):
-    """The first local pressure is 1.376 times that of the altitude: figure 6.3.2-30 at Mach 12 and alpha 0."""
+    """The first local pressure is 1.376 times that of the altitude: figure 6.3.2-30 at Mach 12 and
+    alpha 0.
+    """
     case = corpus("hypersonic")[JET]
     leaf = case.to_datatree()["jet"]
     ratio = float(leaf["p_local"][0, 0]) / float(atmosphere(150_000.0 * FOOT).p_static)
@@ -251,7 +349,9 @@ def test_pressures_of_the_jet_page_are_per_square_foot_in_spite_of_their_label(c
 
 def test_jet_of_ten_times(lines):
     at = next(k for k, line in enumerate(lines) if line.startswith("0 TIME (SEC)"))
-    lines[at : at + 17] = [line.ljust(70)[:30] + line.ljust(70)[30:40] * 10 for line in lines[at : at + 17]]
+    lines[at : at + 17] = [
+        line.ljust(70)[:30] + line.ljust(70)[30:40] * 10 for line in lines[at : at + 17]
+    ]
     ((_, group),) = datcom_io.read(lines)[JET].values("jet")
     assert len(group.values) == 170
     assert set(group.texts[10:20]) == {"0.100E+03"}
@@ -285,9 +385,13 @@ def test_low_aspect_ratio(corpus):
     case = corpus("low_aspect_ratio")[0]
     tree = case.to_datatree()
     static = tree["static"]
-    assert str(static["configuration"].values) == "LOW ASPECT RATIO WINGS AND WING-BODY COMBINATIONS"
+    assert (
+        str(static["configuration"].values) == "LOW ASPECT RATIO WINGS AND WING-BODY COMBINATIONS"
+    )
     assert tree.attrs["S"] == pytest.approx(150.0 * FOOT**2, rel=1e-12)
-    assert (tree.attrs["cbar"], tree.attrs["b"], tree.attrs["x_cg"]) == pytest.approx((20.0 * FOOT, 10.0 * FOOT, 12.0 * FOOT))
+    assert (tree.attrs["cbar"], tree.attrs["b"], tree.attrs["x_cg"]) == pytest.approx(
+        (20.0 * FOOT, 10.0 * FOOT, 12.0 * FOOT)
+    )
     assert static["CL"][1, -1] == 1.087
     assert static["mach"].values.tolist() == [0.3, 0.6]
     assert static["h"].isnull().all()  # nothing is printed for the altitude
@@ -295,7 +399,9 @@ def test_low_aspect_ratio(corpus):
 
 def test_low_aspect_ratio_without_lateral_length(corpus_lines):
     lines = [line.replace(",BLREF=10.0$", "$") for line in corpus_lines("low_aspect_ratio")]
-    lines = [line.replace("20.000    10.000    12.000", "20.000      NA      12.000") for line in lines]
+    lines = [
+        line.replace("20.000    10.000    12.000", "20.000      NA      12.000") for line in lines
+    ]
     case = datcom_io.read(lines)[0]
     assert sum(page.conditions.text(0, 8) == "NA" for page in case.pages) == 2
     tree = case.to_datatree()

@@ -15,12 +15,30 @@ from flightmech.errors import ParseError
 
 DATA = Path(__file__).parents[3] / "data" / "t37" / "datcom"
 ONE_BY_ONE = DATA / "t37_elevator_one_by_one.pdas.out"  # six runs
-NAMES = ["aileron", "build", "clean", "elevator", "flaps", "ground", "ground_elevator", "ground_flap"]
+NAMES = [
+    "aileron",
+    "build",
+    "clean",
+    "elevator",
+    "flaps",
+    "ground",
+    "ground_elevator",
+    "ground_flap",
+]
 
 
 def outline(pages):
     """Return what distinguishes pages: kind, lines, tables with their lines, notes."""
-    return [(page.kind, page.first, page.last, [(item.name, item.lines) for item in page.printed], page.notes) for page in pages]
+    return [
+        (
+            page.kind,
+            page.first,
+            page.last,
+            [(item.name, item.lines) for item in page.printed],
+            page.notes,
+        )
+        for page in pages
+    ]
 
 
 def test_cases_are_those_of_the_whole_listing():
@@ -31,15 +49,25 @@ def test_cases_are_those_of_the_whole_listing():
     assert [outline(case.pages) for case in found] == [outline(case.pages) for case in whole]
     assert [case.messages for case in found] == [case.messages for case in whole]
     assert [case.deck for case in found] == [case.deck for case in whole]
-    assert (cases.listing.runs, cases.listing.line_count, cases.listing.cases) == (6, whole.line_count, [])
+    assert (cases.listing.runs, cases.listing.line_count, cases.listing.cases) == (
+        6,
+        whole.line_count,
+        [],
+    )
 
 
 def test_faults_of_the_program_are_reported_case_by_case(elevator_lines):
     at = next(k for k, line in enumerate(elevator_lines) if "LIST OF ALL INPUT CARDS" in line)
     end = next(k for k, line in enumerate(elevator_lines) if "END OF JOB" in line)
     two_cases = [*elevator_lines[:end], *elevator_lines[at:]]
-    drift = [[message.text for message in case.messages if message.text.startswith("D(CM) of")] for case in datcom_io.iterate(two_cases)]
-    assert [text[0].split(", all but")[0] for text in drift] == ["D(CM) of 44 deflections", "D(CM) of 45 deflections"]
+    drift = [
+        [message.text for message in case.messages if message.text.startswith("D(CM) of")]
+        for case in datcom_io.iterate(two_cases)
+    ]
+    assert [text[0].split(", all but")[0] for text in drift] == [
+        "D(CM) of 44 deflections",
+        "D(CM) of 45 deflections",
+    ]
     assert [text[1].split(" conditions")[0] for text in drift] == ["D(CM) of 5", "D(CM) of 10"]
 
 
@@ -97,7 +125,9 @@ def test_everything_behind_a_damaged_page_is_in_partial_reading_only(elevator_li
 
 
 def slow_cells(item):
-    """Yield line, column, text, value and flag of every cell of a table or a group of values, one by one."""
+    """Yield line, column, text, value and flag of every cell of a table or a group of values, one
+    by one.
+    """
     if isinstance(item, Table):
         for i, (row, line) in enumerate(zip(item.rows, item.lines)):
             for k, column in enumerate(item.columns):
@@ -113,10 +143,17 @@ def slow_cells(item):
 @pytest.mark.parametrize("name", NAMES)
 def test_cells_are_those_read_one_by_one(t37, name):
     listing = t37(f"t37_{name}.out")
-    printed = [item for page in listing.pages for item in (page.conditions, *page.printed) if item is not None and item.given is None]
+    printed = [
+        item
+        for page in listing.pages
+        for item in (page.conditions, *page.printed)
+        if item is not None and item.given is None
+    ]
     wanted = [cell for item in printed for cell in slow_cells(item)]
     cells = listing.cells()
-    headings = cells["line"].isin([item.across_line for item in printed if isinstance(item, Table) and item.across_line])
+    headings = cells["line"].isin(
+        [item.across_line for item in printed if isinstance(item, Table) and item.across_line]
+    )
     assert not any(item.given is not None for page in listing.pages for item in page.printed)
     found = cells[~headings]
     assert found["line"].tolist() == [cell[0] for cell in wanted]
@@ -145,8 +182,12 @@ def test_cells_in_a_file(tmp_path):
         rows = list(csv.DictReader(stream))
     assert count == len(rows) == len(cells)
     assert [row["text"] for row in rows] == cells["text"].tolist()
-    assert [float(row["value"]) if row["value"] else None for row in rows] == [x if x == x else None for x in cells["value"]]
-    assert [float(row["delta"]) if row["delta"] else None for row in rows] == [x if x == x else None for x in cells["delta"]]
+    assert [float(row["value"]) if row["value"] else None for row in rows] == [
+        x if x == x else None for x in cells["value"]
+    ]
+    assert [float(row["delta"]) if row["delta"] else None for row in rows] == [
+        x if x == x else None for x in cells["delta"]
+    ]
 
 
 def test_a_file_of_cells_is_whole_or_not_there(tmp_path):
@@ -163,7 +204,9 @@ def test_rows_where_the_arithmetic_of_the_program_failed(elevator_lines):
     lines = list(elevator_lines)
     lines[187] = lines[187].replace("-0.613", "   NaN")  # line 188
     case = next(datcom_io.iterate(lines))
-    assert [message.line for message in case.messages if message.text.startswith("1 row holds NaN")] == [188]
+    assert [
+        message.line for message in case.messages if message.text.startswith("1 row holds NaN")
+    ] == [188]
     assert not any("NaN" in message.text for message in datcom_io.read(elevator_lines).messages)
 
 

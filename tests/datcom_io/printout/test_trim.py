@@ -1,4 +1,6 @@
-"""Trim pages; numbers typed from ../shared/data/datcom/ce500_trim and ce500_trim_ft, at the lines named."""
+"""Trim pages; numbers typed from ../shared/data/datcom/ce500_trim and ce500_trim_ft, at the lines
+named.
+"""
 
 import math
 
@@ -18,7 +20,15 @@ def test_trim_with_the_elevator(corpus):
     assert dict(found.sizes) == {"condition": 4, "alpha": 20}
     assert found.attrs["surface"] == "tail"
     row = found.isel(condition=0, alpha=0)  # line 304
-    printed = {"CL": -0.827, "CD": 0.052, "Cm": 0.2830, "dCL": 0.103, "dCLmax": 0.056, "dCDi": -2.98e-03, "dCDmin": 0.00337}
+    printed = {
+        "CL": -0.827,
+        "CD": 0.052,
+        "Cm": 0.2830,
+        "dCL": 0.103,
+        "dCLmax": 0.056,
+        "dCDi": -2.98e-03,
+        "dCDmin": 0.00337,
+    }
     for name, value in printed.items():
         assert float(row[name]) == value
     assert float(row["delta_trim"]) == pytest.approx(8.1 * DEG, rel=1e-12)
@@ -30,17 +40,25 @@ def test_trim_with_the_elevator(corpus):
 
 
 def test_rows_without_solution_are_not_numbers(corpus):
-    """CM is NA at 18, 20 and 22 deg, lines 321-323; what the program prints behind it is zero deflection."""
+    """CM is NA at 18, 20 and 22 deg, lines 321-323; what the program prints behind it is zero
+    deflection.
+    """
     case = corpus("ce500_trim")[0]
     found = case.to_datatree()["trim"].isel(condition=0)
     assert found["Cm_flag"].values.tolist() == [OK] * 17 + [NA] * 3
     for name in ("delta_trim", "dCL", "dCLmax", "dCDi", "dCDmin", "Ch_delta"):
         assert found[name][17:].isnull().all()
         assert (found[f"{name}_flag"][17:] == NA).all()
-        assert (found[f"{name}_flag"][:17] == (OK if name == "Ch_delta" else SUSPECT)).all()  # D(CM) of later deflections is in it
+        assert (
+            found[f"{name}_flag"][:17] == (OK if name == "Ch_delta" else SUSPECT)
+        ).all()  # D(CM) of later deflections is in it
     assert found["CL"][17:].values.tolist() == [1.774, 1.694, 1.253]
     _, table = next(case.tables("trim"))
-    assert [table.text(17, k) for k in (3, 4, 7)] == ["NA", "-0.0", "1.97E-06"]  # the listing keeps what is printed
+    assert [table.text(17, k) for k in (3, 4, 7)] == [
+        "NA",
+        "-0.0",
+        "1.97E-06",
+    ]  # the listing keeps what is printed
     assert table.flags[17].tolist()[4:8] == [SUSPECT] * 4
 
 
@@ -48,12 +66,19 @@ def test_page_without_caseid_finds_its_condition(corpus):
     found = corpus("ce500_trim_ft")[0].to_datatree()["trim"]
     np.testing.assert_allclose(found["mach"], [0.25, 0.4])
     assert float(found["Cm"][1, 0]) == 0.2874  # line 454
-    assert float(found["p_static"][0]) == pytest.approx(101325.0, rel=1e-4)  # printed with five digits, on the static page
+    assert float(found["p_static"][0]) == pytest.approx(
+        101325.0, rel=1e-4
+    )  # printed with five digits, on the static page
 
 
 def with_level_row(lines):
-    """Return the listing with the row of equilibrium that follows a trim table, as the program's FORMAT writes it."""
-    row = lines[312].replace("       3.0    0.438     0.026    0.0133     0.4", "       3.4    0.474     0.028    0.0075     0.2")
+    """Return the listing with the row of equilibrium that follows a trim table, as the program's
+    FORMAT writes it.
+    """
+    row = lines[312].replace(
+        "       3.0    0.438     0.026    0.0133     0.4",
+        "       3.4    0.474     0.028    0.0075     0.2",
+    )
     return [*lines[:323], "", row, *lines[323:]]
 
 
@@ -66,7 +91,11 @@ def test_level_flight_behind_a_trim_table(corpus_lines):
     assert found.sizes["alpha"] == 20
     assert float(found["alpha_level"][0]) == pytest.approx(3.4 * DEG, rel=1e-12)
     assert float(found["delta_trim_level"][0]) == pytest.approx(0.2 * DEG, rel=1e-12)
-    assert [float(found[name][0]) for name in ("CL_level", "CD_level", "Cm_level")] == [0.474, 0.028, 0.0075]
+    assert [float(found[name][0]) for name in ("CL_level", "CD_level", "Cm_level")] == [
+        0.474,
+        0.028,
+        0.0075,
+    ]
     assert found["CL_level_flag"].values.tolist() == [OK, ABSENT, ABSENT, ABSENT]
     assert "dCDi_level" not in found  # never set by the program
     assert found["alpha_level"].attrs["long_name"] == "angle of attack in level flight"
@@ -88,7 +117,10 @@ def test_trim_that_stops_early(corpus_lines):
     found = listing[0].to_datatree()["trim"]
     assert (found["CL_flag"][0, :10] == OK).all()
     assert (found["CL_flag"][0, 10:] == ABSENT).all()
-    with pytest.raises(ParseError, match=r"found 10 rows in the trim table; expected 20 rows \(NALPHA of the input cards\)"):
+    with pytest.raises(
+        ParseError,
+        match=r"found 10 rows in the trim table; expected 20 rows \(NALPHA of the input cards\)",
+    ):
         datcom_io.read([*lines[:313], *lines[323:]])
 
 
@@ -121,7 +153,12 @@ def test_trim_with_the_stabilizer(corpus):
     for name, value in printed.items():
         assert float(row[name]) == value
     assert float(row["i_tail"]) == pytest.approx(5.5 * DEG, rel=1e-12)
-    assert [int((found["CL_flag"][k] == OK).sum()) for k in range(4)] == [17, 15, 17, 15]  # stopped, with a note
+    assert [int((found["CL_flag"][k] == OK).sum()) for k in range(4)] == [
+        17,
+        15,
+        17,
+        15,
+    ]  # stopped, with a note
     assert (found["CL_flag"][0, 17:] == ABSENT).all()
     assert str(found["lines"][0].values) == "915-931"
     assert str(found["lines_aircraft"][0].values) == "937-953"
@@ -131,7 +168,9 @@ def test_trim_with_the_stabilizer(corpus):
 def test_leaked_zero_of_the_stabilizer_is_no_moment(corpus):
     case = corpus("ce500_trim")[1]
     found = case.to_datatree()["trim_stabilizer"].isel(condition=0)
-    assert found["Cm_tail_flag"].values.tolist() == [OK] * 3 + [SENTINEL] * 14 + [ABSENT] * 3  # 0.0000 from line 918 on
+    assert (
+        found["Cm_tail_flag"].values.tolist() == [OK] * 3 + [SENTINEL] * 14 + [ABSENT] * 3
+    )  # 0.0000 from line 918 on
     assert found["Cm_tail"][3:].isnull().all()
     assert "0.0000" in found["Cm_tail"].attrs["comment"]
     assert (found["Cm_tail_trim_flag"][:17] == OK).all()
@@ -168,13 +207,19 @@ def test_level_flight_with_the_stabilizer(corpus_lines):
     ("line", "text", "found"),
     [
         (310, None, r"19 rows in the trim table"),
-        (310, "        word   0.148     0.018    0.0591     1.7    0.021      0.012      1.85E-04   0.00070", "6 rows in the trim table"),
+        (
+            310,
+            "        word   0.148     0.018    0.0591     1.7    0.021      0.012      1.85E-04   0.00070",
+            "6 rows in the trim table",
+        ),
         (925, "     NA    0.004    0.086    0.0000", None),
         (925, None, None),
     ],
 )
 def test_damaged_rows(corpus_lines, line, text, found):
-    """A stabilizer table ends early by right, so a gap in it shows when its alphas are held against the cards, or as unread lines."""
+    """A stabilizer table ends early by right, so a gap in it shows when its alphas are held against
+    the cards, or as unread lines.
+    """
     lines = corpus_lines("ce500_trim")
     lines = [*lines[: line - 1], *([] if text is None else [text]), *lines[line:]]
     if found:

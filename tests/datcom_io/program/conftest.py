@@ -63,7 +63,9 @@ def program():
     """Return the path of the program."""
     path = Path(os.environ.get(VARIABLE) or ROOT / "build" / "datcom" / "datcom")
     if not path.is_file():
-        pytest.skip(f"the Digital DATCOM program is not built: ../shared/tools/digital_datcom/build.sh build/datcom, or {VARIABLE}=PATH")
+        pytest.skip(
+            f"the Digital DATCOM program is not built: ../shared/tools/digital_datcom/build.sh build/datcom, or {VARIABLE}=PATH"
+        )
     return path
 
 

@@ -1,4 +1,6 @@
-"""What a run prints depends on its place in the run only where cells are flagged: runs of the program itself."""
+"""What a run prints depends on its place in the run only where cells are flagged: runs of the
+program itself.
+"""
 
 import itertools
 
@@ -21,18 +23,31 @@ LAST_DIGIT = ("D(CDI)", "D(CD MIN)")  # hold D(CM) in the last printed digit
 
 
 def case(parts, name):
-    return HEAD + "".join(parts[part] for part in CASES[name]) + f"CASEID {name.upper()}\nNEXT CASE\n"
+    return (
+        HEAD + "".join(parts[part] for part in CASES[name]) + f"CASEID {name.upper()}\nNEXT CASE\n"
+    )
 
 
 def differing(case, alone):
-    """Return the columns in which cells that are not suspect differ from those of the same case alone."""
+    """Return the columns in which cells that are not suspect differ from those of the same case
+    alone.
+    """
     found = set()
     items = [[item for page in one.pages for item in page.tables] for one in (case, alone)]
     assert [item.name for item in items[0]] == [item.name for item in items[1]]
     for table, other in zip(*items):
-        changed = ~np.isclose(table.values, other.values, rtol=0.0, atol=0.0, equal_nan=True) & (table.flags != SUSPECT)
+        changed = ~np.isclose(table.values, other.values, rtol=0.0, atol=0.0, equal_nan=True) & (
+            table.flags != SUSPECT
+        )
         names = [table.columns[k].name for k in np.flatnonzero(changed.any(axis=0))]
-        found |= {name for name in names if not (name in LAST_DIGIT and np.allclose(table.values, other.values, atol=2e-4, equal_nan=True))}
+        found |= {
+            name
+            for name in names
+            if not (
+                name in LAST_DIGIT
+                and np.allclose(table.values, other.values, atol=2e-4, equal_nan=True)
+            )
+        }
     return found
 
 
@@ -50,11 +65,22 @@ def test_deflections_alone_and_in_a_list(run, parts):
     for i, delta in enumerate(("-20.0", "0.0", "10.0")):
         parts_of_one = {
             **parts,
-            "elevator": parts["elevator"].replace("NDELTA=3.0,DELTA(1)=-20.0,0.0,10.0", f"NDELTA=1.0,DELTA(1)={delta}"),
+            "elevator": parts["elevator"].replace(
+                "NDELTA=3.0,DELTA(1)=-20.0,0.0,10.0", f"NDELTA=1.0,DELTA(1)={delta}"
+            ),
         }
-        one = next(table for _, table in run(case(parts_of_one, "elevator"), name=f"one_{i}").listing[0].tables("symflp"))
+        one = next(
+            table
+            for _, table in run(case(parts_of_one, "elevator"), name=f"one_{i}")
+            .listing[0]
+            .tables("symflp")
+        )
         equal = np.isclose(one.values[0], together.values[i], rtol=0.0, atol=0.0, equal_nan=True)
-        changed = [column.name for column, same in zip(one.columns, equal) if not same and column.name != "(CH)A"]  # printed once
+        changed = [
+            column.name
+            for column, same in zip(one.columns, equal)
+            if not same and column.name != "(CH)A"
+        ]  # printed once
         assert set(changed) <= {"D(CM)"}
         assert (together.flags[i] == SUSPECT).sum() == (i > 0)
         assert not (one.flags == SUSPECT).any()
@@ -62,7 +88,11 @@ def test_deflections_alone_and_in_a_list(run, parts):
 
 def test_a_study_split_and_run_in_a_folder_is_put_together(program, parts, tmp_path):
     """No number is suspect, and every deflection is that of its own run."""
-    study = HEAD + "".join(parts[part] for part in CASES["elevator over ground"]) + "CASEID STUDY\nNEXT CASE\n"
+    study = (
+        HEAD
+        + "".join(parts[part] for part in CASES["elevator over ground"])
+        + "CASEID STUDY\nNEXT CASE\n"
+    )
     decks = datcom_io.split_deck(datcom_io.read_deck(study.split("\n")))
     assert list(decks) == ["clean", "elevator_d-20", "elevator_d0", "elevator_d10", "ground"]
     for deck in decks.values():
@@ -76,9 +106,13 @@ def test_a_study_split_and_run_in_a_folder_is_put_together(program, parts, tmp_p
     assert leaf["dCm"].values[0].tolist() == printed
 
 
-@pytest.mark.parametrize(("angles", "right"), [("-4.0,0.0,4.0,8.0,12.0", False), ("-12.0,-8.0,-6.0,-4.0,-2.0", True)])
+@pytest.mark.parametrize(
+    ("angles", "right"), [("-4.0,0.0,4.0,8.0,12.0", False), ("-12.0,-8.0,-6.0,-4.0,-2.0", True)]
+)
 def test_rows_of_missing_angles(run, parts, angles, right):
-    """With NALPHA one too large CL of the other rows is that of NALPHA=5 only where all angles are below zero."""
+    """With NALPHA one too large CL of the other rows is that of NALPHA=5 only where all angles are
+    below zero.
+    """
     five = {**parts, "flight": parts["flight"].replace("-4.0,0.0,4.0,8.0,12.0", angles)}
     six = {**five, "flight": five["flight"].replace("NALPHA=5.0", "NALPHA=6.0")}
     good, odd = (

@@ -1,4 +1,6 @@
-"""What the program carries from one deflection, condition or case to the next is flagged; what it does not carry is not."""
+"""What the program carries from one deflection, condition or case to the next is flagged; what it
+does not carry is not.
+"""
 
 from pathlib import Path
 
@@ -18,7 +20,9 @@ def suspects(listing, table):
 
 
 def test_only_the_first_flap_setting_over_ground_counts(t37):
-    """Alpha 4 deg, 30 ft, flap 40: CL 0.539 as third deflection of a run, 0.526 alone; 0.519 in free air."""
+    """Alpha 4 deg, 30 ft, flap 40: CL 0.539 as third deflection of a run, 0.526 alone; 0.519 in
+    free air.
+    """
     listing, alone = t37("t37_ground_flap.out"), t37("t37_ground_flap_one_by_one.pdas.out")
     pages = [page for page in listing.pages if page.ground_height == 30.0]
     assert [page.table("static").values[4, 2] for page in pages] == [0.523, 0.53, 0.539]
@@ -29,13 +33,23 @@ def test_only_the_first_flap_setting_over_ground_counts(t37):
     assert found["column"].unique().tolist() == LONGITUDINAL
     assert len(found) == 16 * 10 * len(LONGITUDINAL)
     assert suspects(alone, "static").empty
-    assert [message.text.split(" hold")[0] for message in listing.messages if "pages over" in message.text] == ["16 pages over ground"]
+    assert [
+        message.text.split(" hold")[0]
+        for message in listing.messages
+        if "pages over" in message.text
+    ] == ["16 pages over ground"]
 
 
 def test_the_first_page_of_an_elevator_over_ground_is_the_clean_one(t37):
-    """The program has no elevator in its ground effect: the first deflection prints the clean pages, the others add to them."""
+    """The program has no elevator in its ground effect: the first deflection prints the clean
+    pages, the others add to them.
+    """
     clean, moved = (
-        [page.table("static").rows for page in t37(f"t37_{name}.out").pages if page.kind == "static"]
+        [
+            page.table("static").rows
+            for page in t37(f"t37_{name}.out").pages
+            if page.kind == "static"
+        ]
         for name in ("ground", "ground_elevator")
     )
     assert moved[1:9] == clean[1:9]
@@ -69,26 +83,38 @@ def test_summary_counts_suspects_apart_from_missing_cells(t37):
 
 
 def test_ailerons_over_ground_are_taken_for_flaps_on_a_wing(ground_flap_lines):
-    """GRDEFF takes STYPE 4 for a double-slotted flap: with the program CL is 0.012 off at 2.5 ft in the first block of heights already."""
+    """GRDEFF takes STYPE 4 for a double-slotted flap: with the program CL is 0.012 off at 2.5 ft in
+    the first block of heights already.
+    """
     lines = [line.replace("$SYMFLP FTYPE=2.0", "$ASYFLP STYPE=4.0") for line in ground_flap_lines]
     static = [page.table("static") for page in datcom_io.read(lines).pages if page.kind == "static"]
     assert [bool((table.flags == SUSPECT).any()) for table in static] == [False] + [True] * 24
     np.testing.assert_array_equal(static[1].flags[0, [0, 11]], OK)
-    spoilers = [line.replace("$SYMFLP FTYPE=2.0", "$ASYFLP STYPE=2.0") for line in ground_flap_lines]
-    static = [page.table("static") for page in datcom_io.read(spoilers).pages if page.kind == "static"]
+    spoilers = [
+        line.replace("$SYMFLP FTYPE=2.0", "$ASYFLP STYPE=2.0") for line in ground_flap_lines
+    ]
+    static = [
+        page.table("static") for page in datcom_io.read(spoilers).pages if page.kind == "static"
+    ]
     assert [bool((table.flags == SUSPECT).any()) for table in static] == [False] * 9 + [True] * 16
 
 
 @pytest.fixture
 def ground_flap_lines():
-    return (Path(__file__).parents[3] / "data" / "t37" / "datcom" / "t37_ground_flap.out").read_text().split("\n")
+    return (
+        (Path(__file__).parents[3] / "data" / "t37" / "datcom" / "t37_ground_flap.out")
+        .read_text()
+        .split("\n")
+    )
 
 
 LISTINGS = Path(__file__).parents[1] / "listings"
 
 
 def test_an_angle_that_the_cards_do_not_give():
-    """The sixth angle is printed as NDM; CL at 8 deg is 0.903, with NALPHA=5 it is 0.929: the other rows are not right either."""
+    """The sixth angle is printed as NDM; CL at 8 deg is 0.903, with NALPHA=5 it is 0.929: the other
+    rows are not right either.
+    """
     listing = datcom_io.read(LISTINGS / "missing_angle.out")
     assert listing.unread == []
     static = next(table for _, table in listing[0].tables("static"))
@@ -96,9 +122,9 @@ def test_an_angle_that_the_cards_do_not_give():
     assert static.values[:5, 0].tolist() == [-4.0, 0.0, 4.0, 8.0, 12.0]
     assert static.values[:, 2].tolist() == [-0.224, 0.143, 0.518, 0.903, 1.302, 0.143]
     assert (static.flags[:, 2] == SUSPECT).all()
-    assert [message.text.split(":")[0] for message in listing.messages if "NALPHA" in message.text] == [
-        "NALPHA counts 6 angles of attack, the input cards give 5"
-    ]
+    assert [
+        message.text.split(":")[0] for message in listing.messages if "NALPHA" in message.text
+    ] == ["NALPHA counts 6 angles of attack, the input cards give 5"]
     (case,) = listing.to_datatree().children.values()
     for leaf in ("static", "downwash", "dynamic"):
         np.testing.assert_allclose(case[leaf]["alpha"], np.radians([-4.0, 0.0, 4.0, 8.0, 12.0]))
@@ -107,7 +133,9 @@ def test_an_angle_that_the_cards_do_not_give():
 
 
 def test_a_missing_angle_behind_negative_ones_spoils_its_row_only():
-    """It counts as zero, and the angles rise: all rows but the last are those of NALPHA=5 within what a further point changes."""
+    """It counts as zero, and the angles rise: all rows but the last are those of NALPHA=5 within
+    what a further point changes.
+    """
     listing = datcom_io.read(LISTINGS / "missing_angle_below_zero.out")
     for name in ("static", "downwash", "dynamic"):
         table = next(table for _, table in listing[0].tables(name))

@@ -1,4 +1,6 @@
-"""Cut and garbled listings: one clear error, or what is complete with a message; never a hang, never another exception."""
+"""Cut and garbled listings: one clear error, or what is complete with a message; never a hang,
+never another exception.
+"""
 
 from pathlib import Path
 
@@ -24,7 +26,10 @@ def test_cut_in_the_middle_of_a_table(elevator_lines):
 
 
 def test_cut_after_a_page(elevator_lines):
-    with pytest.raises(ParseError, match=r"<text>, line 309: found the end of the print; expected the line END OF JOB"):
+    with pytest.raises(
+        ParseError,
+        match=r"<text>, line 309: found the end of the print; expected the line END OF JOB",
+    ):
         datcom_io.read(elevator_lines[:309])
 
 
@@ -32,10 +37,15 @@ def test_what_is_complete_of_a_cut_listing(elevator_lines):
     listing = datcom_io.read(elevator_lines[:200], partial=True)
     assert {page.kind for page in listing.pages if page.printed} == {"section"}
     listing = datcom_io.read(elevator_lines[:300], partial=True)
-    names = [table.name for page in listing.pages for table in page.tables if page.kind != "section"]
+    names = [
+        table.name for page in listing.pages for table in page.tables if page.kind != "section"
+    ]
     assert names == ["static", "downwash", "dynamic", "symflp"]
     texts = [message.text for message in listing.messages]
-    assert "11 rows in the dcdi table instead of 19 rows (NALPHA of the input cards): left out" in texts
+    assert (
+        "11 rows in the dcdi table instead of 19 rows (NALPHA of the input cards): left out"
+        in texts
+    )
     assert any(text.startswith("the listing is cut: no END OF JOB") for text in texts)
     tree = listing[0].to_datatree()
     assert tree["symflp"].sizes["condition"] == 1
@@ -74,7 +84,9 @@ def test_a_damaged_flight_condition_line(elevator_lines):
 def test_alphas_that_are_not_those_of_the_deck(elevator_lines):
     lines = [line.replace("ALSCHD(1)=-8.0", "ALSCHD(1)=-7.0") for line in elevator_lines]
     case = datcom_io.read(lines)[0]
-    with pytest.raises(ParseError, match=r"line 188: found ALPHA = -8 deg; expected -7 deg as in the input cards"):
+    with pytest.raises(
+        ParseError, match=r"line 188: found ALPHA = -8 deg; expected -7 deg as in the input cards"
+    ):
         case.to_datatree()
 
 
@@ -109,7 +121,12 @@ def test_shuffled_lines(lines, partial):
 @settings(max_examples=2 * settings.default.max_examples // 3, deadline=None)
 @given(
     st.lists(
-        st.tuples(st.integers(0, len(SAMPLE) - 1), st.integers(0, 130), st.text("0.9-*N E$=,\f\x1a(é", min_size=1, max_size=6)), max_size=8
+        st.tuples(
+            st.integers(0, len(SAMPLE) - 1),
+            st.integers(0, 130),
+            st.text("0.9-*N E$=,\f\x1a(é", min_size=1, max_size=6),
+        ),
+        max_size=8,
     ),
     st.integers(0, len(SAMPLE)),
     st.booleans(),
@@ -122,7 +139,14 @@ def test_garbled_lines(faults, end, partial):
 
 
 @pytest.mark.parametrize(
-    "line", [" $" + "A" * 200_000, " $FLTCON" + " " * 200_000, " $FLTCON MACH(" + "1" * 100_000 + ")=1.0$", "1" * 100_000, "*" * 100_000]
+    "line",
+    [
+        " $" + "A" * 200_000,
+        " $FLTCON" + " " * 200_000,
+        " $FLTCON MACH(" + "1" * 100_000 + ")=1.0$",
+        "1" * 100_000,
+        "*" * 100_000,
+    ],
 )
 def test_long_lines_do_not_hang(line):
     swallow([*LINES[64:70], line, *LINES[70:]], True)
@@ -130,8 +154,12 @@ def test_long_lines_do_not_hang(line):
 
 def test_a_page_that_comes_twice_is_not_overwritten(elevator_lines):
     first = next(k for k, line in enumerate(elevator_lines) if "HIGH LIFT" in line) - 1
-    after = next(k for k in range(first + 1, len(elevator_lines)) if elevator_lines[k].startswith("1"))
+    after = next(
+        k for k in range(first + 1, len(elevator_lines)) if elevator_lines[k].startswith("1")
+    )
     case = datcom_io.read(elevator_lines[:after] + elevator_lines[first:])[0]
     assert len(list(case.tables("symflp"))) == 6
-    with pytest.raises(ParseError, match="a second symflp table for the place of the one at lines 275-283"):
+    with pytest.raises(
+        ParseError, match="a second symflp table for the place of the one at lines 275-283"
+    ):
         case.to_datatree()

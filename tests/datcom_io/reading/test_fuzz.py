@@ -1,6 +1,7 @@
 """Harmed listings: one clear error or what is complete, soon, and no page before the fault lost.
 
-More examples: ``AEROMATCH_FUZZ=5000 python -m pytest tests/datcom_io/reading/test_fuzz.py``; guided by coverage: ``tests/fuzz/README.md``.
+More examples: ``AEROMATCH_FUZZ=5000 python -m pytest tests/datcom_io/reading/test_fuzz.py``; guided
+by coverage: ``tests/fuzz/README.md``.
 """
 
 from __future__ import annotations
@@ -23,7 +24,9 @@ EXAMPLES = int(os.environ.get("AEROMATCH_FUZZ", "0"))
 
 
 def quick(examples: int) -> settings:
-    """Return the same few examples every time, not shrunk when one fails (that takes minutes), or as many new ones as requested."""
+    """Return the same few examples every time, not shrunk when one fails (that takes minutes), or
+    as many new ones as requested.
+    """
     return settings(
         max_examples=EXAMPLES or examples,
         derandomize=not EXAMPLES,
@@ -82,7 +85,9 @@ def others() -> list[list[str]]:
 def test_harmed_listings(data):
     path = data.draw(st.sampled_from(bases()))
     times = data.draw(st.integers(1, 4))
-    lines = harm.harm(sound(path).lines, others(), lambda n: data.draw(st.integers(0, n - 1)), times)
+    lines = harm.harm(
+        sound(path).lines, others(), lambda n: data.draw(st.integers(0, n - 1)), times
+    )
     promises.keeps_promises(lines, sound(path))
 
 
@@ -103,7 +108,14 @@ def test_every_way_of_harm(way):
 def test_harmed_decks(data):
     decks = [path.read_text("latin-1").split("\n") for path in DECKS]
     times = data.draw(st.integers(1, 4))
-    promises.keeps_deck_promises(harm.harm(data.draw(st.sampled_from(decks)), decks, lambda n: data.draw(st.integers(0, n - 1)), times))
+    promises.keeps_deck_promises(
+        harm.harm(
+            data.draw(st.sampled_from(decks)),
+            decks,
+            lambda n: data.draw(st.integers(0, n - 1)),
+            times,
+        )
+    )
 
 
 @pytest.mark.parametrize("path", sorted((FUZZ / "seeds").glob("*.inp")), ids=lambda path: path.stem)
@@ -123,7 +135,10 @@ LONG_LINES = {
     "digits of a card": [*CARDS, f"  $FLTCON NALPHA={'0' * LONG}A$"],
     "blanks of a card": [*CARDS, f"  $FLTCON A{' ' * LONG}B$"],
     "digits without exponent letter": [*CARDS, f"  $FLTCON A={'1' * LONG}.$"],
-    "letters of a dump": ["0**** FOLLOWING ARE THE BASIC INPUT DATA BLOCKS ****", f"   FLC(  1)= 2.00000E+00 {'E' * LONG}"],
+    "letters of a dump": [
+        "0**** FOLLOWING ARE THE BASIC INPUT DATA BLOCKS ****",
+        f"   FLC(  1)= 2.00000E+00 {'E' * LONG}",
+    ],
     "asterisks of a frame": [NAME, f"0  -------DERIVATIVE (PER RADIAN)----{'*' * LONG} "],
     "words of a header": [
         *(NAME, " AERODYNAMIC CONTROL EFFECTIVENESS AT HYPERSONIC SPEEDS"),

@@ -13,14 +13,25 @@ from flightmech.errors import SchemaError, UnknownName
 
 DATA = Path(__file__).parents[3] / "data" / "t37" / "datcom"
 
-NAMES = ["aileron", "build", "clean", "elevator", "flaps", "ground", "ground_elevator", "ground_flap"]
+NAMES = [
+    "aileron",
+    "build",
+    "clean",
+    "elevator",
+    "flaps",
+    "ground",
+    "ground_elevator",
+    "ground_flap",
+]
 
 
 @pytest.fixture
 def three():
     """Return a listing of three cases whose names hold colons, commas and numbers."""
     names = ("TOTAL: LIGHT SINGLE", "FLAPS: LIGHT SINGLE", "3 FLAPS 1")
-    return Listing("three.out", cases=[Case(number, 1, 1, name=name) for number, name in enumerate(names, 1)])
+    return Listing(
+        "three.out", cases=[Case(number, 1, 1, name=name) for number, name in enumerate(names, 1)]
+    )
 
 
 def test_a_case_is_found_by_number_or_a_part_of_its_name(three):
@@ -28,9 +39,14 @@ def test_a_case_is_found_by_number_or_a_part_of_its_name(three):
     assert three["1"] is three["total"] is three["TOTAL: LIGHT SINGLE"] is total
     assert three["Flaps: "] is flaps
     assert three["3"] is three["FLAPS 1"] is last
-    with pytest.raises(SchemaError, match="have 'flaps' in their name: 2 'FLAPS: LIGHT SINGLE', 3 '3 FLAPS 1'; give the number"):
+    with pytest.raises(
+        SchemaError,
+        match="have 'flaps' in their name: 2 'FLAPS: LIGHT SINGLE', 3 '3 FLAPS 1'; give the number",
+    ):
         three["flaps"]
-    with pytest.raises(UnknownName, match=r"unknown case of three\.out '4'; allowed: .*; give its number from 1"):
+    with pytest.raises(
+        UnknownName, match=r"unknown case of three\.out '4'; allowed: .*; give its number from 1"
+    ):
         three["4"]
 
 
@@ -57,15 +73,31 @@ def test_cases_are_found_by_name_and_number(t37):
     assert listing["T-37 OWN DECK ELEVATOR"] is listing[0] is listing[-1]
     with pytest.raises(UnknownName, match="near it: T-37 OWN DECK ELEVATOR"):
         listing["T-37 ELEVATOR"]
-    with pytest.raises(UnknownName, match=r"unknown case number of t37_elevator\.out '1'; allowed: 0"):
+    with pytest.raises(
+        UnknownName, match=r"unknown case number of t37_elevator\.out '1'; allowed: 0"
+    ):
         listing[1]
 
 
 def test_deck_of_the_case(t37):
     deck = t37("t37_elevator.out")[0].deck
     assert deck.conditions() == [(0.15, 0.0), (0.2, 0.0), (0.3, 0.0), (0.4, 0.0), (0.5, 0.0)]
-    assert deck.schedule("SYMFLP", "DELTA", "NDELTA") == [-25.0, -20.0, -15.0, -10.0, -5.0, 0.0, 5.0, 10.0, 15.0]
-    assert [card.text for card in deck.cards if card.name == "NACA"] == ["W 4 2415", "H 4 0010", "V 4 0012"]
+    assert deck.schedule("SYMFLP", "DELTA", "NDELTA") == [
+        -25.0,
+        -20.0,
+        -15.0,
+        -10.0,
+        -5.0,
+        0.0,
+        5.0,
+        10.0,
+        15.0,
+    ]
+    assert [card.text for card in deck.cards if card.name == "NACA"] == [
+        "W 4 2415",
+        "H 4 0010",
+        "V 4 0012",
+    ]
 
 
 def test_flight_condition_line(t37):
@@ -74,17 +106,55 @@ def test_flight_condition_line(t37):
     assert page.configuration == "WING-BODY-VERTICAL TAIL-HORIZONTAL TAIL"
     assert (page.dim, page.per, page.power) == ("FT", "rad", "off")
     assert page.conditions.lines == (184,)
-    printed = [0.15, 0.0, 167.45, 2.1162e3, 518.67, 1.0602e6, 182.0, 5.47, 33.83, 9.88, 0.0]  # line 184
+    printed = [
+        0.15,
+        0.0,
+        167.45,
+        2.1162e3,
+        518.67,
+        1.0602e6,
+        182.0,
+        5.47,
+        33.83,
+        9.88,
+        0.0,
+    ]  # line 184
     assert page.conditions.values[0].tolist() == printed
 
 
 def test_static_table_with_its_blanks(t37):
     table = t37("t37_elevator.out")[0].pages[3].table("static")
     assert table.lines == tuple(range(188, 207))
-    first = [-8.0, 0.040, -0.613, 0.2047, -0.612, -0.045, -0.334, 5.797, -1.298, -4.177e-01, 5.272e-02, -4.684e-02]  # line 188
+    first = [
+        -8.0,
+        0.040,
+        -0.613,
+        0.2047,
+        -0.612,
+        -0.045,
+        -0.334,
+        5.797,
+        -1.298,
+        -4.177e-01,
+        5.272e-02,
+        -4.684e-02,
+    ]  # line 188
     assert table.values[0].tolist() == first
     flags = [datcom_io.FLAGS[code] for code in table.flags[-1]]
-    assert flags == ["ok", "ok", "ok", "NA", "ok", "ok", "NA", "ok", "NA", "blank", "blank", "ok"]  # line 206
+    assert flags == [
+        "ok",
+        "ok",
+        "ok",
+        "NA",
+        "ok",
+        "ok",
+        "NA",
+        "ok",
+        "NA",
+        "blank",
+        "blank",
+        "ok",
+    ]  # line 206
     assert table.text(18, 3) == "NA"
 
 
@@ -92,7 +162,9 @@ def test_control_tables(t37):
     case = t37("t37_elevator.out")[0]
     flaps = case.block("symflp")
     assert flaps["line"][0] == 275
-    row = flaps.loc[0, ["DELTA", "D(CL)", "D(CM)", "D(CL MAX)", "D(CD MIN)", "(CH)A", "(CH)D"]].tolist()
+    row = flaps.loc[
+        0, ["DELTA", "D(CL)", "D(CM)", "D(CL MAX)", "D(CD MIN)", "(CH)A", "(CH)D"]
+    ].tolist()
     assert row == [-25.0, -0.202, 0.4444, 0.120, 0.01167, -4.446e-03, -1.155e-02]  # line 275
     assert math.isnan(flaps["(CLA)D"][0])
     drag = case.block("dcdi")
@@ -104,9 +176,16 @@ def test_control_tables(t37):
 def test_aileron_tables(t37):
     case = t37("t37_aileron.out")[0]
     roll = case.block("asyflp_roll")
-    assert roll.loc[0, ["line", "DELTAL", "DELTAR", "(CL)ROLL"]].tolist() == [178, -20.0, 20.0, -4.9445e-02]  # line 178
+    assert roll.loc[0, ["line", "DELTAL", "DELTAR", "(CL)ROLL"]].tolist() == [
+        178,
+        -20.0,
+        20.0,
+        -4.9445e-02,
+    ]  # line 178
     yaw = case.block("asyflp_cn")
-    assert yaw[(yaw["line"] == 156) & (yaw["(DELTAL-DELTAR)"] == -40.0)]["CN"].tolist() == [-3.577e-03]  # touches the "=" in line 153
+    assert yaw[(yaw["line"] == 156) & (yaw["(DELTAL-DELTAR)"] == -40.0)]["CN"].tolist() == [
+        -3.577e-03
+    ]  # touches the "=" in line 153
 
 
 def test_block_carries_the_printed_units(t37):
@@ -136,11 +215,30 @@ def test_both_builds_of_the_program_agree(t37, name):
 def test_cells_hold_every_printed_cell(t37):
     cells = t37("t37_elevator.out").cells()
     cell = cells[(cells["line"] == 290) & (cells["delta"] == -25.0)].iloc[0]
-    assert (cell["table"], cell["column"], cell["text"], cell["value"], cell["flag"]) == ("dcdi", "D(CDI)", "1.44E-02", 1.44e-02, "ok")
+    assert (cell["table"], cell["column"], cell["text"], cell["value"], cell["flag"]) == (
+        "dcdi",
+        "D(CDI)",
+        "1.44E-02",
+        1.44e-02,
+        "ok",
+    )
     assert (cell["case"], cell["mach"], cell["altitude"], cell["alpha"]) == (1, 0.15, 0.0, -8.0)
     assert "TAIL PLAIN TRAILING-EDGE FLAP CONFIGURATION" in cell["page"]
     rows = cells[cells["line"] == 206]
-    assert rows["text"].tolist() == ["20.0", "0.250", "1.938", "NA", "1.906", "-0.427", "NA", "2.277E+00", "NA", "", "", "-1.256E-01"]
+    assert rows["text"].tolist() == [
+        "20.0",
+        "0.250",
+        "1.938",
+        "NA",
+        "1.906",
+        "-0.427",
+        "NA",
+        "2.277E+00",
+        "NA",
+        "",
+        "",
+        "-1.256E-01",
+    ]
     words = (DATA / "t37_elevator.out").read_text().split("\n")[205].split()
     assert [text for text in rows["text"] if text] == words
 
@@ -156,18 +254,29 @@ def test_several_runs_in_one_file(t37):
 
 def test_equal_names_are_distinguished(elevator_lines):
     captions = ["A (2)", "A", "A"]
-    lines = [line for caption in captions for line in (text.replace("T-37 OWN DECK ELEVATOR", caption) for text in elevator_lines)]
+    lines = [
+        line
+        for caption in captions
+        for line in (text.replace("T-37 OWN DECK ELEVATOR", caption) for text in elevator_lines)
+    ]
     assert datcom_io.read(lines).case_names == ["A (2)", "A", "A (3)"]
 
 
 def test_messages_of_the_program_and_of_the_reader(t37):
     messages = t37("t37_elevator.out").messages
     program = next(message for message in messages if message.origin == "program")
-    assert program.text == "WARNING*** BODY ALONE DYNAMIC DERIVATIVE METHOD VALID FOR NOSE CYLINDER ONLY TAIL EFFECTS IGNORED]"
+    assert (
+        program.text
+        == "WARNING*** BODY ALONE DYNAMIC DERIVATIVE METHOD VALID FOR NOSE CYLINDER ONLY TAIL EFFECTS IGNORED]"
+    )
     reader = [message.text for message in messages if message.origin == "reader"]
     assert any(text.startswith("D(CM) of 5 conditions from one program run") for text in reader)
     assert any(text.startswith("5 Mach numbers in one case") for text in reader)
-    one_by_one = [message.text for message in t37("t37_elevator_one_by_one.pdas.out").messages if "D(CM)" in message.text]
+    one_by_one = [
+        message.text
+        for message in t37("t37_elevator_one_by_one.pdas.out").messages
+        if "D(CM)" in message.text
+    ]
     assert [text.split(",")[0] for text in one_by_one] == ["D(CM) of 8 deflections"] * 6
 
 
@@ -197,13 +306,23 @@ def test_numbers_without_leading_zero_or_exponent_letter(elevator_lines, t37):
         line = re.sub(r"(-)0\.(\d)", r" \1.\2", line)
         return re.sub(r"(\d)E([+-])(\d\d)", r"\g<1>\g<2>0\3", line)
 
-    lines = [rewrite(line) if line.startswith(("   ", "0 0.")) and "=" not in line else line for line in elevator_lines]
+    lines = [
+        rewrite(line) if line.startswith(("   ", "0 0.")) and "=" not in line else line
+        for line in elevator_lines
+    ]
     assert lines != elevator_lines
-    np.testing.assert_array_equal(datcom_io.read(lines).cells()["value"], t37("t37_elevator.out").cells()["value"])
+    np.testing.assert_array_equal(
+        datcom_io.read(lines).cells()["value"], t37("t37_elevator.out").cells()["value"]
+    )
 
 
 def test_a_message_between_a_table_and_its_page_end(elevator_lines, t37):
-    at = elevator_lines.index(next(line for line in elevator_lines if "CHARACTERISTICS OF HIGH LIFT" in line)) - 1
+    at = (
+        elevator_lines.index(
+            next(line for line in elevator_lines if "CHARACTERISTICS OF HIGH LIFT" in line)
+        )
+        - 1
+    )
     lines = [
         *elevator_lines[:at],
         " WARNING*** BODY ALONE DYNAMIC DERIVATIVE METHOD",
@@ -240,8 +359,14 @@ def same(listing, wanted):
         (lambda text: ("\ufeff" + text).encode("utf-16-be"), "UTF-16, big end first"),
         (lambda text: text.replace("\n", "\r\n").encode() + b"\x1a", "DOS"),
         (lambda text: text.rstrip("\n").encode(), "no last line feed"),
-        (lambda text: "\n".join(line + "   " for line in text.split("\n")).encode(), "blanks at the end"),
-        (lambda text: "\n".join(line.rstrip() for line in text.split("\n")).encode(), "no blanks at the end"),
+        (
+            lambda text: "\n".join(line + "   " for line in text.split("\n")).encode(),
+            "blanks at the end",
+        ),
+        (
+            lambda text: "\n".join(line.rstrip() for line in text.split("\n")).encode(),
+            "no blanks at the end",
+        ),
     ],
     ids=lambda item: item if isinstance(item, str) else "",
 )
@@ -256,7 +381,10 @@ def test_tabs_in_place_of_blanks(t37, elevator_lines):
 
     def unexpand(line):
         pieces = [line[i : i + 8] for i in range(0, len(line), 8)]
-        return "".join(piece.rstrip(" ") + "\t" if len(piece) == 8 and piece.endswith("  ") else piece for piece in pieces)
+        return "".join(
+            piece.rstrip(" ") + "\t" if len(piece) == 8 and piece.endswith("  ") else piece
+            for piece in pieces
+        )
 
     lines = [unexpand(line) for line in elevator_lines]
     assert sum("\t" in line for line in lines) > 500
@@ -283,7 +411,14 @@ def test_missing_control_column_in_several_runs(page_end):
 
 
 def test_runs_with_and_without_control_column_in_one_file(elevator_lines, t37):
-    listing = datcom_io.read([*elevator_lines, *filtered(elevator_lines, "\f"), "\x1a" + elevator_lines[0], *elevator_lines[1:]])
+    listing = datcom_io.read(
+        [
+            *elevator_lines,
+            *filtered(elevator_lines, "\f"),
+            "\x1a" + elevator_lines[0],
+            *elevator_lines[1:],
+        ]
+    )
     assert listing.runs == 3
     assert listing.unread == []
     wanted = t37("t37_elevator.out")[0].cells()
@@ -296,22 +431,35 @@ def test_form_feeds_before_the_control_column(elevator_lines, t37):
     assert same(datcom_io.read(lines), t37("t37_elevator.out"))
 
 
-@pytest.mark.parametrize("caption", ["Aé\xff\x85 NDM ALPHA", "1", "0", "END OF JOB", "* $ &", "STATIC (2)", "FLIGHT CONDITION\xa0"])
+@pytest.mark.parametrize(
+    "caption",
+    ["Aé\xff\x85 NDM ALPHA", "1", "0", "END OF JOB", "* $ &", "STATIC (2)", "FLIGHT CONDITION\xa0"],
+)
 def test_any_bytes_in_the_caption(tmp_path, t37, caption):
     path = tmp_path / "t37_elevator.out"
-    path.write_bytes(text_of("t37_elevator.out").replace("T-37 OWN DECK ELEVATOR", caption).encode("latin-1"))
+    path.write_bytes(
+        text_of("t37_elevator.out").replace("T-37 OWN DECK ELEVATOR", caption).encode("latin-1")
+    )
     listing = datcom_io.read(path)
     assert listing.case_names == [caption.strip()]
     assert same(listing, t37("t37_elevator.out"))
 
 
-@pytest.mark.parametrize("write", ["{0}-0{1}", "{0}e-{1}", "{0}D-{1}", "{0}d-{1}", "{0}E-0{1}"], ids=["none", "e", "D", "d", "three"])
+@pytest.mark.parametrize(
+    "write",
+    ["{0}-0{1}", "{0}e-{1}", "{0}D-{1}", "{0}d-{1}", "{0}E-0{1}"],
+    ids=["none", "e", "D", "d", "three"],
+)
 def test_other_exponents_inside_a_two_way_table(elevator_lines, t37, write):
     import re
 
     lines, changed = list(elevator_lines), 0
     for k in range(289, 308):  # below the heading of D(CDI)
-        lines[k], count = re.subn(r" (-?\d\.\d\d)E-(\d\d)", lambda found: write.format(found[1], found[2]).rjust(len(found[0])), lines[k])
+        lines[k], count = re.subn(
+            r" (-?\d\.\d\d)E-(\d\d)",
+            lambda found: write.format(found[1], found[2]).rjust(len(found[0])),
+            lines[k],
+        )
         changed += count
     assert changed > 150  # of 19 x 9 cells
     assert same(datcom_io.read(lines), t37("t37_elevator.out"))
@@ -325,7 +473,9 @@ def test_numbers_that_touch(elevator_lines):
 
 
 @pytest.mark.parametrize(
-    "numbers", ["-1234.5678-123.456", "  12345.67890.1230", "  5.8000-02   0.10"], ids=["shifted", "longer", "exponent"]
+    "numbers",
+    ["-1234.5678-123.456", "  12345.67890.1230", "  5.8000-02   0.10"],
+    ids=["shifted", "longer", "exponent"],
 )
 def test_a_number_over_the_edge_of_its_columns_is_not_cut_in_two(elevator_lines, numbers):
     row = elevator_lines[187]

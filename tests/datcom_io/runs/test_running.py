@@ -1,4 +1,6 @@
-"""Fake programs that copy a shipped listing, hang, crash or write nothing, as builds of the program do."""
+"""Fake programs that copy a shipped listing, hang, crash or write nothing, as builds of the program
+do.
+"""
 
 import sys
 import textwrap
@@ -83,12 +85,16 @@ def test_every_known_way_to_hand_over_a_deck(build, program, deck, results):
     assert done.messages == ()
     assert done.files["out"] == results / "aileron.out"
     assert done.files["out"].read_bytes() == LISTING.read_bytes()
-    assert sorted(path.name for path in results.iterdir()) == sorted(path.name for path in done.files.values())
+    assert sorted(path.name for path in results.iterdir()) == sorted(
+        path.name for path in done.files.values()
+    )
     assert ("for013" in done.files) == (build == "fixed names")
 
 
 def test_results_go_next_to_the_deck(program, deck):
-    assert datcom_io.run_deck(deck, program(BUILDS["fixed names"])).files["for013"] == deck.with_suffix(".for013")
+    assert datcom_io.run_deck(deck, program(BUILDS["fixed names"])).files[
+        "for013"
+    ] == deck.with_suffix(".for013")
 
 
 def test_a_command_with_arguments(program, deck, results):
@@ -111,20 +117,36 @@ def test_a_complete_print_is_kept_when_the_reader_cannot_take_all_of_it(program,
         """
     done = datcom_io.run_deck(deck, program(body), results)
     assert done.files["out"].read_text().count(row) == LISTING.read_text().count(row) - 1
-    assert any("18 rows in the static table instead of 19 rows" in message.text for message in done.listing.messages)
+    assert any(
+        "18 rows in the static table instead of 19 rows" in message.text
+        for message in done.listing.messages
+    )
     assert any("18 rows in the static table" in message.text for message in done.messages)
 
 
 def test_a_print_with_an_angle_that_the_cards_do_not_give(program, deck, results):
     source = Path(__file__).parents[1] / "listings" / "missing_angle.out"
-    done = datcom_io.run_deck(deck, program(f'open("for006.dat", "wb").write(pathlib.Path({str(source)!r}).read_bytes())'), results)
+    done = datcom_io.run_deck(
+        deck,
+        program(f'open("for006.dat", "wb").write(pathlib.Path({str(source)!r}).read_bytes())'),
+        results,
+    )
     assert done.files["out"].read_bytes() == source.read_bytes()
 
 
 FAILURES = {
-    "writes nothing": ("", r"datcom made no result \(tried with for005.dat.*: it ended without a print of unit 6; nothing was written"),
-    "states why": ('print("no licence"); sys.exit(3)', "it ended with code 3; its output: no licence; nothing was written"),
-    "crashes at once": ("os.kill(os.getpid(), signal.SIGSEGV)", "it crashed with signal SIGSEGV; nothing was written"),
+    "writes nothing": (
+        "",
+        r"datcom made no result \(tried with for005.dat.*: it ended without a print of unit 6; nothing was written",
+    ),
+    "states why": (
+        'print("no licence"); sys.exit(3)',
+        "it ended with code 3; its output: no licence; nothing was written",
+    ),
+    "crashes at once": (
+        "os.kill(os.getpid(), signal.SIGSEGV)",
+        "it crashed with signal SIGSEGV; nothing was written",
+    ),
     "crashes in the print": (
         'open("for006.dat", "wb").write(LISTING[:9000]); os.kill(os.getpid(), signal.SIGSEGV)',
         "the print of the program is not complete: it crashed with signal SIGSEGV; nothing was written. Run datcom check",
@@ -133,7 +155,10 @@ FAILURES = {
         'open("for006.dat", "wb").write(LISTING[:9000])',
         "the print of the program is not complete: it has no END OF JOB; nothing was written",
     ),
-    "hangs": ("time.sleep(60)", r"it did not end within 0.5 s \(a deck with VINF and a NACA card hangs some builds\); nothing was written"),
+    "hangs": (
+        "time.sleep(60)",
+        r"it did not end within 0.5 s \(a deck with VINF and a NACA card hangs some builds\); nothing was written",
+    ),
     "hangs with a child": (
         "if os.fork() == 0:\n    time.sleep(60)\ntime.sleep(60)",
         "it did not end within 0.5 s",
@@ -193,7 +218,9 @@ def folder(tmp_path):
 def test_all_decks_of_a_folder_are_run_whatever_becomes_of_one(program, folder, results):
     text = (folder / "broken.inp").read_text()
     (folder / "broken.inp").write_text(text.replace("CASEID", "CASEID CRASH "))
-    body = "assert 'CRASH' not in open('for005.dat').read()\n" + textwrap.dedent(BUILDS["fixed names"])
+    body = "assert 'CRASH' not in open('for005.dat').read()\n" + textwrap.dedent(
+        BUILDS["fixed names"]
+    )
     (aileron, done), (broken, error) = datcom_io.run_folder(folder, program(body), results)
     assert (aileron.name, broken.name) == ("aileron.inp", "broken.inp")
     assert done.files["out"] == results / "aileron.out"
@@ -203,7 +230,9 @@ def test_all_decks_of_a_folder_are_run_whatever_becomes_of_one(program, folder, 
 
 def test_folders_that_cannot_be_run(program, folder, tmp_path):
     path = program(BUILDS["fixed names"])
-    with pytest.raises(SchemaError, match=r"no input deck in it \(a file with a namelist \$FLTCON\)"):
+    with pytest.raises(
+        SchemaError, match=r"no input deck in it \(a file with a namelist \$FLTCON\)"
+    ):
         next(datcom_io.run_folder(folder / "older", path))
     with pytest.raises(FileNotFoundError, match="no such program"):
         next(datcom_io.run_folder(folder, tmp_path / "missing"))

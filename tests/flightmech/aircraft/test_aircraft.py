@@ -64,7 +64,9 @@ def test_a_good_file(write, tmp_path):
     assert left.position == (0.0, pytest.approx(-0.762), 0.0)
     assert left.direction == (1.0, 0.0, 0.0)
     assert left.time_constant == pytest.approx(0.8)
-    assert evaluate(left.thrust, {"throttle": 1.0, "mach": 0.3}) == pytest.approx(0.5 * (4559.0 + 4100.0))
+    assert evaluate(left.thrust, {"throttle": 1.0, "mach": 0.3}) == pytest.approx(
+        0.5 * (4559.0 + 4100.0)
+    )
     assert evaluate(right.thrust, {"throttle": 0.5}) == pytest.approx(1050.0)
 
 
@@ -75,8 +77,16 @@ def test_inertia_tensor(write):
 
 
 def test_all_problems_are_reported_at_once(write):
-    bad = GOOD.replace('S = "182 ft2"', 'S = "182 ft"').replace("mass =", "maas =").replace("Iyy = 8135.0", "Iyy = -1")
-    bad = bad.replace("direction = [2.0", "direction = [0.0").replace("delta_e =", "delta_x =").replace("time_constant", "timeconstant")
+    bad = (
+        GOOD.replace('S = "182 ft2"', 'S = "182 ft"')
+        .replace("mass =", "maas =")
+        .replace("Iyy = 8135.0", "Iyy = -1")
+    )
+    bad = (
+        bad.replace("direction = [2.0", "direction = [0.0")
+        .replace("delta_e =", "delta_x =")
+        .replace("time_constant", "timeconstant")
+    )
     with pytest.raises(SchemaError) as caught:
         read_aircraft(write(bad))
     text = str(caught.value)
@@ -95,8 +105,16 @@ def test_all_problems_are_reported_at_once(write):
 @pytest.mark.parametrize(
     ("old", "new", "text"),
     [
-        ("mach = [0.0, 0.6]", "mach = [0.0, 0.6, 0.9]", r"value has the shape \(2, 2\), the axes throttle mach have \(2, 3\)"),
-        ("throttle = [0, 1]", "throtle = [0, 1]", "unknown key throtle; allowed: throttle, mach, h, value"),
+        (
+            "mach = [0.0, 0.6]",
+            "mach = [0.0, 0.6, 0.9]",
+            r"value has the shape \(2, 2\), the axes throttle mach have \(2, 3\)",
+        ),
+        (
+            "throttle = [0, 1]",
+            "throtle = [0, 1]",
+            "unknown key throtle; allowed: throttle, mach, h, value",
+        ),
         ("throttle = [0, 1]", "throttle = [1, 0]", "axis throttle does not rise"),
         (
             'thrust_file = "engine.nc"',
@@ -104,7 +122,11 @@ def test_all_problems_are_reported_at_once(write):
             "engine.2.thrust: no file 'none.nc' in .*; give its path from the aircraft file",
         ),
         ("Ixz = 120.0", "Ixz = 90000.0", "no positive definite tensor"),
-        ('["-20 deg", "17 deg"]', '["17 deg", "-20 deg"]', "low 0.296706 is not below high -0.349066"),
+        (
+            '["-20 deg", "17 deg"]',
+            '["17 deg", "-20 deg"]',
+            "low 0.296706 is not below high -0.349066",
+        ),
     ],
 )
 def test_single_faults(write, old, new, text):
@@ -120,7 +142,9 @@ def test_text_that_is_no_toml(write):
 
 def test_hinge_geometry(write):
     text = GOOD.replace('thrust_file = "engine.nc"', "")
-    good = text + '\n[control.delta_e]\nS_hinge = "17 ft2"\nc_hinge = "1 ft"\ngearing = "-60 deg/m"\n'
+    good = (
+        text + '\n[control.delta_e]\nS_hinge = "17 ft2"\nc_hinge = "1 ft"\ngearing = "-60 deg/m"\n'
+    )
     good += "[control.delta_a]\nS_hinge = 1\nc_hinge = 0.2\n"
     controls = read_aircraft(write(good)).controls
     assert controls["delta_e"].S_hinge == pytest.approx(17.0 * 0.3048**2)
@@ -130,10 +154,14 @@ def test_hinge_geometry(write):
 
 def test_faults_of_hinge_geometry(write):
     text = GOOD.replace('thrust_file = "engine.nc"', "")
-    with pytest.raises(SchemaError, match="unknown control delta_f; allowed: delta_e, delta_a, delta_r"):
+    with pytest.raises(
+        SchemaError, match="unknown control delta_f; allowed: delta_e, delta_a, delta_r"
+    ):
         read_aircraft(write(text + "\n[control.delta_f]\nS_hinge = 1\nc_hinge = 1\n"))
     with pytest.raises(SchemaError, match="gearing: unit 'deg/s' cannot be converted to 'm-1'"):
-        read_aircraft(write(text + '\n[control.delta_e]\nS_hinge = 1\nc_hinge = 1\ngearing = "3 deg/s"\n'))
+        read_aircraft(
+            write(text + '\n[control.delta_e]\nS_hinge = 1\nc_hinge = 1\ngearing = "3 deg/s"\n')
+        )
     with pytest.raises(SchemaError, match="expected a deflection per travel other than zero"):
         read_aircraft(write(text + "\n[control.delta_e]\nS_hinge = 1\nc_hinge = 1\ngearing = 0\n"))
     with pytest.raises(SchemaError, match=r"control\.delta_e\.S_hinge: expected a positive number"):

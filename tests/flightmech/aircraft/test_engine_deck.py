@@ -1,4 +1,6 @@
-"""Engine decks and fuel in the aircraft file: what is read, what is refused, what the catalogue holds."""
+"""Engine decks and fuel in the aircraft file: what is read, what is refused, what the catalogue
+holds.
+"""
 
 from __future__ import annotations
 
@@ -69,12 +71,20 @@ def rows(kind: int, aircraft: flightmech.Aircraft) -> dict:
 def test_reading(file):
     aircraft = flightmech.read_aircraft(file())
     deck = aircraft.engines[0].deck
-    assert (deck.lever_delay, deck.pla_full, deck.inlet) == (0.1, pytest.approx(np.pi / 3), (1.0, 0.0, 0.2))
+    assert (deck.lever_delay, deck.pla_full, deck.inlet) == (
+        0.1,
+        pytest.approx(np.pi / 3),
+        (1.0, 0.0, 0.2),
+    )
     assert deck.n2_rated == pytest.approx(20000.0 * 2.0 * np.pi / 60.0)
     assert float(evaluate(deck.tables["n2_command"], {"throttle": 0.5})) == pytest.approx(0.8)
     assert float(deck.tables["n2_up_time"]["value"]) == 0.4
-    assert float(evaluate(deck.tables["n2_up_limit"], {"n2": 0.75, "h": 3048.0})) == pytest.approx(0.0675)
-    assert float(evaluate(deck.tables["corrected_thrust"], {"corrected_n2": 0.5, "mach": 0.0})) == 1.0
+    assert float(evaluate(deck.tables["n2_up_limit"], {"n2": 0.75, "h": 3048.0})) == pytest.approx(
+        0.0675
+    )
+    assert (
+        float(evaluate(deck.tables["corrected_thrust"], {"corrected_n2": 0.5, "mach": 0.0})) == 1.0
+    )
     assert float(evaluate(deck.tables["windmill_thrust"], {"qbar": 1000.0})) == -20.0
     assert (aircraft.fuel.mass, aircraft.fuel.position) == (380.0, (0.0, 0.0, 0.2))
 
@@ -89,7 +99,11 @@ def test_catalogue(file):
     assert parameters["engine1.angular_momentum"].value == 3.0
     assert parameters["init.fuel"].value == 380.0
     assert parameters["mode.engine"].value == 0.0  # the lever drives
-    assert (inputs["engine1.cutoff"].low, inputs["engine1.cutoff"].high, inputs["engine1.cutoff"].value) == (0.0, 1.0, 0.0)
+    assert (
+        inputs["engine1.cutoff"].low,
+        inputs["engine1.cutoff"].high,
+        inputs["engine1.cutoff"].value,
+    ) == (0.0, 1.0, 0.0)
     assert inputs["engine1.n1_drive"].display_units == "%"
 
 
@@ -99,37 +113,64 @@ def test_ram_drag_acts_at_the_engine_without_an_inlet(file):
 
 
 def test_targets_are_those_of_the_kernel():
-    own = {row.pattern.removeprefix("engine*.") for row in known(TARGET) if row.group in ("engine", "spool")}
+    own = {
+        row.pattern.removeprefix("engine*.")
+        for row in known(TARGET)
+        if row.group in ("engine", "spool")
+    }
     assert own == set(TARGETS)
 
 
 def test_tables_from_a_file(file, tmp_path):
     tables = flightmech.read_aircraft(file()).engines[0].deck.tables
     write_tables(tables, tmp_path / "deck.nc", title="a deck")
-    assert {name: leaf.identical(tables[name]) for name, leaf in open_tables(tmp_path / "deck.nc").items()} == dict.fromkeys(tables, True)
-    path = file(FILE[FILE.index("[engine.deck.tables]") : FILE.index("[fuel]")], 'file = "deck.nc"\n')
+    assert {
+        name: leaf.identical(tables[name])
+        for name, leaf in open_tables(tmp_path / "deck.nc").items()
+    } == dict.fromkeys(tables, True)
+    path = file(
+        FILE[FILE.index("[engine.deck.tables]") : FILE.index("[fuel]")], 'file = "deck.nc"\n'
+    )
     assert set(flightmech.read_aircraft(path).engines[0].deck.tables) == set(tables)
 
 
 @pytest.mark.slow
 def test_written_and_read_again(file, tmp_path):
     aircraft = flightmech.read_aircraft(file())
-    tanks = Fuel(200.0, tables=tank_tables([Tank((1.0, 2.0, 3.0), 150.0), Tank((-1.0, 0.0, 0.0), 100.0, order=2)]))
+    tanks = Fuel(
+        200.0,
+        tables=tank_tables([Tank((1.0, 2.0, 3.0), 150.0), Tank((-1.0, 0.0, 0.0), 100.0, order=2)]),
+    )
     two = replace(aircraft, engines=aircraft.engines * 2, fuel=tanks)
     db = xr.DataTree.from_dict({"/CD/basic": make(0.0)})
     for craft in (aircraft, two):
         again = flightmech.read_aircraft(flightmech.write_aircraft(craft, tmp_path / "again.toml"))
         assert flightmech.compile(again, db).block == flightmech.compile(craft, db).block
-    assert sorted(path.name for path in tmp_path.glob("*.nc")) == ["again_engine1.nc", "again_fuel.nc"]
+    assert sorted(path.name for path in tmp_path.glob("*.nc")) == [
+        "again_engine1.nc",
+        "again_fuel.nc",
+    ]
 
 
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("n2_up_time", "n2_uptime", "engine.1.deck: unknown table of an engine deck 'n2_uptime'; near it: n2_up_time"),
-        ('n2_up_time = "400 ms"\n', "", "engine.1.deck: n2 has a command and no n2_up_time, the time constant with which it follows"),
+        (
+            "n2_up_time",
+            "n2_uptime",
+            "engine.1.deck: unknown table of an engine deck 'n2_uptime'; near it: n2_up_time",
+        ),
+        (
+            'n2_up_time = "400 ms"\n',
+            "",
+            "engine.1.deck: n2 has a command and no n2_up_time, the time constant with which it follows",
+        ),
         ('"400 ms"', "0.0", "engine.1.deck: n2_up_time holds 0; it must be positive everywhere"),
-        ("corrected_thrust", "itt", "engine.1.deck: no table of the thrust; give corrected_thrust or thrust"),
+        (
+            "corrected_thrust",
+            "itt",
+            "engine.1.deck: no table of the thrust; give corrected_thrust or thrust",
+        ),
         (
             "n2_command",
             "corrected_n2_windmill",
@@ -140,7 +181,11 @@ def test_written_and_read_again(file, tmp_path):
             "value = [0.05, 0.1]",
             r"n2_up_limit: value has the shape \(2,\), the axes n2 h have \(2, 2\)",
         ),
-        (', value = ["60 %", "100 %"]', "", "n2_command: missing value, in 1 over the axes in the order they are written"),
+        (
+            ', value = ["60 %", "100 %"]',
+            "",
+            "n2_command: missing value, in 1 over the axes in the order they are written",
+        ),
         ("n2 = [0.5, 1.0]", "n3 = [0.5, 1.0]", "n2_up_limit: unknown quantity 'n3'"),
         ('"400 ms"', '"400 m"', "n2_up_time: unit 'm' cannot be converted to 's'"),
         ('lever_delay = "100 ms"', 'file = "none.nc"', "engine.1.deck: .*none.nc"),
@@ -165,7 +210,11 @@ def test_faults_are_reported(file, old, new, message):
 
 def test_fuel_beyond_the_tanks_is_refused(file):
     with pytest.raises(SchemaError, match="380 kg of fuel do not go into tanks of 100 kg"):
-        flightmech.read_aircraft(file("position = [0.0, 0.0, 0.2]", "tank = [{ position = [0, 0, 0], capacity = 100.0 }]"))
+        flightmech.read_aircraft(
+            file(
+                "position = [0.0, 0.0, 0.2]", "tank = [{ position = [0, 0, 0], capacity = 100.0 }]"
+            )
+        )
 
 
 def test_an_axis_the_stage_does_not_know_is_refused(file):
@@ -175,8 +224,12 @@ def test_an_axis_the_stage_does_not_know_is_refused(file):
 
 
 def test_every_engine_has_a_deck_or_none(file):
-    aircraft = flightmech.read_aircraft(file("[fuel]", "[[engine]]\nposition = [0.0, 1.0, 0.0]\n[fuel]"))
-    with pytest.raises(SchemaError, match="engine 2 has no deck and others have one; give every engine one or none"):
+    aircraft = flightmech.read_aircraft(
+        file("[fuel]", "[[engine]]\nposition = [0.0, 1.0, 0.0]\n[fuel]")
+    )
+    with pytest.raises(
+        SchemaError, match="engine 2 has no deck and others have one; give every engine one or none"
+    ):
         flightmech.compile(aircraft, xr.DataTree.from_dict({"/CD/basic": make(0.0)}))
 
 
@@ -190,10 +243,16 @@ def test_deck_and_thrust_in_one_engine_are_refused(file):
 
 def test_tables_of_tanks_are_exact_between_the_levels():
     """Two tanks one after the other: halfway through the second, moments of half its content."""
-    tables = tank_tables([Tank((1.0, 2.0, 3.0), 40.0, order=2), Tank((-1.0, 0.5, 0.0), 60.0, order=1)])
+    tables = tank_tables(
+        [Tank((1.0, 2.0, 3.0), 40.0, order=2), Tank((-1.0, 0.5, 0.0), 60.0, order=1)]
+    )
     at = {name: float(evaluate(leaf, {"fuel": 70.0})) for name, leaf in tables.items()}
-    assert (at["moment_x"], at["moment_y"], at["moment_z"]) == pytest.approx((40.0 - 30.0, 80.0 + 15.0, 120.0))
-    assert (at["Ixx"], at["Iyy"], at["Izz"]) == pytest.approx((40.0 * 13 + 30.0 * 0.25, 40.0 * 10 + 30.0, 40.0 * 5 + 30.0 * 1.25))
+    assert (at["moment_x"], at["moment_y"], at["moment_z"]) == pytest.approx(
+        (40.0 - 30.0, 80.0 + 15.0, 120.0)
+    )
+    assert (at["Ixx"], at["Iyy"], at["Izz"]) == pytest.approx(
+        (40.0 * 13 + 30.0 * 0.25, 40.0 * 10 + 30.0, 40.0 * 5 + 30.0 * 1.25)
+    )
     assert (at["Ixy"], at["Ixz"], at["Iyz"]) == pytest.approx((80.0 - 15.0, 120.0, 240.0))
 
 

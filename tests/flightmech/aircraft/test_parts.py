@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -17,20 +18,34 @@ DATA = Path(__file__).parents[3] / "data" / "t37"
 
 @pytest.fixture(scope="module")
 def pair() -> tuple[flightmech.Aircraft, flightmech.Aircraft]:
-    return flightmech.read_aircraft(DATA / "apriori.toml"), flightmech.read_aircraft(DATA / "aircraft.toml")
+    return flightmech.read_aircraft(DATA / "apriori.toml"), flightmech.read_aircraft(
+        DATA / "aircraft.toml"
+    )
 
 
 def test_what_differs_before_and_after_the_flights(pair):
     parts = flightmech.aircraft.different_parts(*pair)
     engine = ["engine/static", "engine/schedule", "engine/dynamics", "engine/rest"]
-    assert parts == [*engine, "gear/nose", "gear/left", "gear/right", "gear/steering", "gear/runway"]
+    assert parts == [
+        *engine,
+        "gear/nose",
+        "gear/left",
+        "gear/right",
+        "gear/steering",
+        "gear/runway",
+    ]
     assert flightmech.aircraft.different_parts(pair[0], pair[0]) == []
 
 
 def test_all_parts_make_the_other_aircraft_and_one_part_only_itself(pair):
     before, after = pair
     parts = flightmech.aircraft.different_parts(before, after)
-    assert flightmech.aircraft.different_parts(flightmech.aircraft.swap_parts(before, after, parts), after) == []
+    assert (
+        flightmech.aircraft.different_parts(
+            flightmech.aircraft.swap_parts(before, after, parts), after
+        )
+        == []
+    )
     one = flightmech.aircraft.swap_parts(before, after, ["gear/nose", "CL/basic"])
     assert flightmech.aircraft.different_parts(one, before) == ["gear/nose"]
     assert one.gear.contacts[0].position == after.gear.contacts[0].position
@@ -49,23 +64,48 @@ def test_parts_that_only_one_has(pair):
         "fuel/load",
     ]
     assert len(flightmech.aircraft.swap_parts(after, bare, ["gear/tail"]).gear.contacts) == 3
-    assert set(flightmech.aircraft.swap_parts(bare, after, ["circuit/column"]).circuits) == {"column"}
+    assert set(flightmech.aircraft.swap_parts(bare, after, ["circuit/column"]).circuits) == {
+        "column"
+    }
     assert flightmech.aircraft.swap_parts(after, bare, ["fuel/load"]).fuel is None
 
 
 def test_aeroplanes_of_other_numbers_of_engines_lend_nothing(pair):
     both = pair[1]
     single = replace(both, engines=both.engines[:1])
-    for one, other, numbers in ((both, single, "2 (T-37) and 1 (T-37)"), (single, both, "1 (T-37) and 2 (T-37)")):
-        for lend in (lambda: flightmech.aircraft.different_parts(one, other), lambda: flightmech.aircraft.swap_parts(one, other, [])):  # noqa: B023
-            with pytest.raises(SchemaError, match=re.escape(f"engines: {numbers}; give two models of one aeroplane")):
+    for one, other, numbers in (
+        (both, single, "2 (T-37) and 1 (T-37)"),
+        (single, both, "1 (T-37) and 2 (T-37)"),
+    ):
+        for lend in (
+            partial(flightmech.aircraft.different_parts, one, other),
+            partial(flightmech.aircraft.swap_parts, one, other, []),
+        ):
+            with pytest.raises(
+                SchemaError,
+                match=re.escape(f"engines: {numbers}; give two models of one aeroplane"),
+            ):
                 lend()
 
 
 def test_simple_engines_lend_thrust_and_lag():
-    fields = {"name": "x", "S": 1.0, "cbar": 1.0, "b": 1.0, "mass": 1.0, "Ixx": 1.0, "Iyy": 1.0, "Izz": 1.0}
+    fields = {
+        "name": "x",
+        "S": 1.0,
+        "cbar": 1.0,
+        "b": 1.0,
+        "mass": 1.0,
+        "Ixx": 1.0,
+        "Iyy": 1.0,
+        "Izz": 1.0,
+    }
     weak, strong = (
-        flightmech.Aircraft(**fields, engines=(flightmech.aircraft.Engine((0.0, 0.0, 0.0), thrust=make(thrust), time_constant=lag),))
+        flightmech.Aircraft(
+            **fields,
+            engines=(
+                flightmech.aircraft.Engine((0.0, 0.0, 0.0), thrust=make(thrust), time_constant=lag),
+            ),
+        )
         for thrust, lag in ((1000.0, 1.0), (2000.0, 0.5))
     )
     assert flightmech.aircraft.different_parts(weak, strong) == ["engine/thrust"]

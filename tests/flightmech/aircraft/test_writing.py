@@ -17,7 +17,11 @@ from flightmech.terms import make
 
 def craft() -> Aircraft:
     left = make(
-        [[100.0, 80.0], [5000.0, 4000.0]], {"throttle": [0.0, 1.0], "mach": [0.0, 0.6]}, stderr=50.0, source="flight", comment='say "x"'
+        [[100.0, 80.0], [5000.0, 4000.0]],
+        {"throttle": [0.0, 1.0], "mach": [0.0, 0.6]},
+        stderr=50.0,
+        source="flight",
+        comment='say "x"',
     )
     right = make([90.0, 4900.0], {"throttle": [0.0, 1.0]})
     return Aircraft(
@@ -40,7 +44,15 @@ def craft() -> Aircraft:
             Engine((1.0, 0.0, 0.0)),
         ),
         limits={"delta_e": (-0.35, 0.3), "throttle": (0.0, 1.0)},
-        instruments={"imu": {"position": [0.9, 0.2, 0.3], "noise": {"q": 1e-3}, "lag": [0.05, 0.02], "maximum": 700}, "gps": {}},
+        instruments={
+            "imu": {
+                "position": [0.9, 0.2, 0.3],
+                "noise": {"q": 1e-3},
+                "lag": [0.05, 0.02],
+                "maximum": 700,
+            },
+            "gps": {},
+        },
         controls={"delta_e": Control(1.6, 0.34, -1.1), "delta_r": Control(0.9, 0.4)},
         earth_outputs=True,
         history="first\nsecond",
@@ -55,7 +67,11 @@ def test_there_and_back(tmp_path):
         if name != "engines":
             assert getattr(found, name) == getattr(known, name), name
     for one, other in zip(found.engines, known.engines, strict=True):
-        assert (one.position, one.time_constant, one.angular_momentum) == (other.position, other.time_constant, other.angular_momentum)
+        assert (one.position, one.time_constant, one.angular_momentum) == (
+            other.position,
+            other.time_constant,
+            other.angular_momentum,
+        )
         assert abs(sum(a * b for a, b in zip(one.direction, other.direction)) - 1.0) < 1e-15
         if other.thrust is None:
             assert one.thrust is None
@@ -66,7 +82,11 @@ def test_there_and_back(tmp_path):
 
 def test_engines_with_one_table_share_a_file(tmp_path):
     flightmech.write_aircraft(craft(), tmp_path / "a.toml")
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.toml", "a_engine1.nc", "a_engine3.nc"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "a.toml",
+        "a_engine1.nc",
+        "a_engine3.nc",
+    ]
 
 
 @pytest.mark.slow
@@ -74,8 +94,16 @@ def test_the_t37_with_deck_gear_fuel_and_circuits(tmp_path):
     known = flightmech.read_aircraft(Path(__file__).parents[3] / "data" / "t37" / "aircraft.toml")
     gear = known.gear
     strut = make([0.0, 20e3, 60e3], {"compression": [0.0, 0.1, 0.2]}, outside="linear")
-    contacts = (dataclasses.replace(gear.contacts[0], strut=strut, orifice=900.0), *gear.contacts[1:])
-    changed = dataclasses.replace(known, gear=dataclasses.replace(gear, contacts=contacts, condition=2, mu_wet=(0.7, -0.01, 1e-5, 0.0)))
+    contacts = (
+        dataclasses.replace(gear.contacts[0], strut=strut, orifice=900.0),
+        *gear.contacts[1:],
+    )
+    changed = dataclasses.replace(
+        known,
+        gear=dataclasses.replace(
+            gear, contacts=contacts, condition=2, mu_wet=(0.7, -0.01, 1e-5, 0.0)
+        ),
+    )
     found = flightmech.read_aircraft(flightmech.write_aircraft(changed, tmp_path / "a.toml"))
     assert flightmech.aircraft.different_parts(found, changed) == []
     assert flightmech.aircraft.different_parts(found, known) == ["gear/nose", "gear/runway"]

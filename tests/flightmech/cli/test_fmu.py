@@ -33,7 +33,9 @@ thrust = { throttle = [0.0, 1.0], value = [200.0, 9000.0] }
 
 
 def tree() -> xr.DataTree:
-    return xr.DataTree.from_dict({"/CL/basic": make([-0.8, 0.2, 1.4], {"alpha": [-0.2, 0.0, 0.3]}), "/CD/basic": make(0.03)})
+    return xr.DataTree.from_dict(
+        {"/CL/basic": make([-0.8, 0.2, 1.4], {"alpha": [-0.2, 0.0, 0.3]}), "/CD/basic": make(0.03)}
+    )
 
 
 @pytest.fixture
@@ -47,7 +49,9 @@ def files(tmp_path) -> tuple[str, str]:
 @pytest.mark.parametrize("version", ["2.0", pytest.param("3.0", marks=pytest.mark.slow)])
 def test_command_line_writes_and_shows(files, tmp_path, version):
     path = str(tmp_path / "trainer.fmu")
-    wrote = CliRunner().invoke(fmu, ["write", *files, "-o", path, "--fmi", version, "--json"], catch_exceptions=False)
+    wrote = CliRunner().invoke(
+        fmu, ["write", *files, "-o", path, "--fmi", version, "--json"], catch_exceptions=False
+    )
     document = json.loads(wrote.stdout)
     assert (document["file"], document["fmi"], document["terms"]) == (path, version, 3)
     shown = CliRunner().invoke(fmu, ["show", path, "--json"], catch_exceptions=False)

@@ -16,7 +16,9 @@ from flightmech.terms import make
 @pytest.fixture(scope="module")
 def files(tmp_path_factory):
     folder = tmp_path_factory.mktemp("model")
-    craft = flightmech.Aircraft(name="glider", S=16.0, cbar=1.5, b=10.0, mass=900.0, Ixx=2000.0, Iyy=2500.0, Izz=4000.0)
+    craft = flightmech.Aircraft(
+        name="glider", S=16.0, cbar=1.5, b=10.0, mass=900.0, Ixx=2000.0, Iyy=2500.0, Izz=4000.0
+    )
     leaves = {
         "CL/basic": make([-0.8, 1.6], {"alpha": [-0.2, 0.3]}),
         "Cm/elevator": make(-1.2, regressors=["delta_e"]),
@@ -28,7 +30,9 @@ def files(tmp_path_factory):
 
 
 def run(files, *arguments: str):
-    return CliRunner().invoke(fmu, ["simulate", files[0], files[1], *arguments], catch_exceptions=False)
+    return CliRunner().invoke(
+        fmu, ["simulate", files[0], files[1], *arguments], catch_exceptions=False
+    )
 
 
 @pytest.mark.slow
@@ -36,7 +40,16 @@ def test_csv_in_degrees_to_netcdf_with_terms(files):
     folder = files[2]
     (folder / "u.csv").write_text("# doublet\ntime, delta_e [deg]\n0,0\n0.5,-2\n1.0,2\n1.5,0\n")
     result = run(
-        files, "--inputs", str(folder / "u.csv"), "--set", "init.V=80 kt", "--set", "init.h=500", "-o", str(folder / "y.nc"), "--terms"
+        files,
+        "--inputs",
+        str(folder / "u.csv"),
+        "--set",
+        "init.V=80 kt",
+        "--set",
+        "init.h=500",
+        "-o",
+        str(folder / "y.nc"),
+        "--terms",
     )
     assert result.output.startswith("4 samples of ")
     with xr.open_dataset(folder / "y.nc", engine="h5netcdf") as found:
@@ -47,7 +60,9 @@ def test_csv_in_degrees_to_netcdf_with_terms(files):
 
 def test_netcdf_to_csv(files):
     folder = files[2]
-    xr.Dataset({"delta_e": ("time", [0.0, 0.01])}, {"time": [0.0, 0.1]}).to_netcdf(folder / "u.nc", engine="h5netcdf")
+    xr.Dataset({"delta_e": ("time", [0.0, 0.01])}, {"time": [0.0, 0.1]}).to_netcdf(
+        folder / "u.nc", engine="h5netcdf"
+    )
     result = run(files, "--inputs", str(folder / "u.nc"), "-o", str(folder / "y.csv"), "--json")
     assert '"samples": 2' in result.output
     assert (folder / "y.csv").read_text().splitlines()[0].startswith("time,V,V_cas")
@@ -58,7 +73,12 @@ def test_netcdf_to_csv(files):
     [
         ("time,delta_e [kt]\n0,0\n", "init.V=40", UnitError, "kt"),
         ("time,delta_q\n0,0\n", "init.V=40", ParseError, "unknown quantity 'delta_q'"),
-        ("t,delta_e\n0,0\n", "init.V=40", ParseError, "found t, delta_e; expected a column 'time' in s"),
+        (
+            "t,delta_e\n0,0\n",
+            "init.V=40",
+            ParseError,
+            "found t, delta_e; expected a column 'time' in s",
+        ),
         ("delta_e\n0\n", "init.V=40", ParseError, "a column 'time' in s"),
         ("time,delta_e\n0,x\n", "init.V=40", ParseError, "over numbers"),
         ("time,delta_e\n0,0\n", "init.W=40", UnknownName, "init.W"),

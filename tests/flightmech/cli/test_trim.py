@@ -44,13 +44,26 @@ def run(*arguments: str):
 
 def test_units_in_and_numbers_out(files):
     result = run(
-        *files, "--kind", "turn", "--fix", "V=175 kt", "--fix", "h=5000 ft", "--fix", "phi=30 deg", "--fix", "mode.earth=0", "--json"
+        *files,
+        "--kind",
+        "turn",
+        "--fix",
+        "V=175 kt",
+        "--fix",
+        "h=5000 ft",
+        "--fix",
+        "phi=30 deg",
+        "--fix",
+        "mode.earth=0",
+        "--json",
     )
     assert result.exit_code == 0
     found = json.loads(result.stdout)
     assert (found["verdict"], found["kind"]) == ("trimmed", "turn")
     outputs = found["outputs"]
-    assert (outputs["V"], outputs["h"], outputs["phi"]) == pytest.approx((175.0 * KNOT, 1524.0, np.radians(30.0)), rel=1e-9)
+    assert (outputs["V"], outputs["h"], outputs["phi"]) == pytest.approx(
+        (175.0 * KNOT, 1524.0, np.radians(30.0)), rel=1e-9
+    )
     assert found["left"]["ay"] == pytest.approx(0.0, abs=1e-9)
     from flightmech.simulation.compiler import compile_files
 
@@ -61,7 +74,14 @@ def test_units_in_and_numbers_out(files):
 def test_a_table_for_people(files):
     rows = run(*files, "--fix", "V=90").stdout.splitlines()
     assert rows[0] == "plain, level: trimmed"
-    assert [row.split()[0] for row in rows[2:8]] == ["alpha", "beta", "delta_e", "delta_a", "delta_r", "throttle"]
+    assert [row.split()[0] for row in rows[2:8]] == [
+        "alpha",
+        "beta",
+        "delta_e",
+        "delta_a",
+        "delta_r",
+        "throttle",
+    ]
     assert rows[7].split()[2] == "%"
 
 
@@ -69,7 +89,9 @@ def test_a_flight_beyond_the_limits_ends_with_1(files):
     result = run(*files, "--kind", "climb", "--fix", "V=90", "--fix", "gamma=30 deg")
     assert result.exit_code == 1
     assert "not trimmed; throttle at its upper limit 1; left over: u_dot" in result.stdout
-    assert "at its upper limit" in next(line for line in result.stdout.splitlines() if line.startswith("throttle"))
+    assert "at its upper limit" in next(
+        line for line in result.stdout.splitlines() if line.startswith("throttle")
+    )
 
 
 @pytest.fixture
@@ -78,22 +100,35 @@ def without_rudder(files, plain_tree) -> tuple[str, str]:
     tree = plain_tree()
     for coefficient in ("CY", "Cl", "Cn"):
         node = tree[coefficient]
-        for name in [name for name, leaf in node.children.items() if "delta_r" in str(leaf.attrs.get("regressors", "")).split()]:
+        for name in [
+            name
+            for name, leaf in node.children.items()
+            if "delta_r" in str(leaf.attrs.get("regressors", "")).split()
+        ]:
             del node[name]
     tree.to_netcdf(files[1], engine="h5netcdf")
     return files
 
 
 def test_level_flight_without_a_rudder_term_is_trimmed(without_rudder):
-    """Over the rotating Earth the Coriolis acceleration is left, 1e-4 of what gravity does; a bank takes it."""
+    """Over the rotating Earth the Coriolis acceleration is left, 1e-4 of what gravity does; a bank
+    takes it.
+    """
     flight = (*without_rudder, "--fix", "V=175 kt", "--fix", "h=5000 ft")
     found = json.loads(run(*flight, "--json").stdout)
     assert found["verdict"] == "trimmed; without effect: delta_r"
-    assert found["advice"] == "delta_r: nothing in database and aircraft depends on it here; the flight is steady without it"
+    assert (
+        found["advice"]
+        == "delta_r: nothing in database and aircraft depends on it here; the flight is steady without it"
+    )
     assert 1e-6 < max(map(abs, found["left"].values())) < 3e-4
     shown = run(*flight).stdout.splitlines()
     assert found["advice"] in shown
-    named = [word for name in ("alpha", "beta", "delta_e", "delta_a", "throttle", "phi") for word in ("--free", name)]
+    named = [
+        word
+        for name in ("alpha", "beta", "delta_e", "delta_a", "throttle", "phi")
+        for word in ("--free", name)
+    ]
     banked = json.loads(run(*flight, *named, "--json").stdout)
     assert (banked["verdict"], banked["advice"]) == ("trimmed", "")
     assert max(map(abs, banked["left"].values())) < 1e-9
@@ -114,7 +149,11 @@ def test_what_a_missing_rudder_prevents_comes_with_the_ways_out(without_rudder):
 
 
 def test_unknowns_by_name(files):
-    named = [word for name in ("alpha", "beta", "delta_e", "delta_a", "delta_r", "V") for word in ("--free", name)]
+    named = [
+        word
+        for name in ("alpha", "beta", "delta_e", "delta_a", "delta_r", "V")
+        for word in ("--free", name)
+    ]
     found = json.loads(run(*files, "--fix", "throttle=0.3", *named, "--json").stdout)
     assert list(found["found"]) == ["alpha", "beta", "delta_e", "delta_a", "delta_r", "V"]
     assert found["converged"] == 1

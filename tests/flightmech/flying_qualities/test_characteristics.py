@@ -1,4 +1,6 @@
-"""Characteristics against closed forms of a model with constant derivatives, and the reasons in words for what is absent."""
+"""Characteristics against closed forms of a model with constant derivatives, and the reasons in
+words for what is absent.
+"""
 
 from __future__ import annotations
 
@@ -48,16 +50,29 @@ def state(plain_aircraft):
     qS = 0.5 * float(air.rho) * V**2 * craft.S
 
     def balance(alpha):  # L + T sin = W with T cos = D
-        return qS * (0.25 + 5.2 * alpha) + qS * (0.025 + 1.4 * alpha**2) * np.tan(alpha) - craft.mass * G0
+        return (
+            qS * (0.25 + 5.2 * alpha)
+            + qS * (0.025 + 1.4 * alpha**2) * np.tan(alpha)
+            - craft.mass * G0
+        )
 
     alpha = brentq(balance, -0.1, 0.2, xtol=1e-14)
     CD = 0.025 + 1.4 * alpha**2
-    return {"alpha": alpha, "qS": qS, "CD": CD, "CT": CD / np.cos(alpha), "CW": craft.mass * G0 / qS, "delta_e": (0.03 - 0.8 * alpha) / 1.2}
+    return {
+        "alpha": alpha,
+        "qS": qS,
+        "CD": CD,
+        "CT": CD / np.cos(alpha),
+        "CW": craft.mass * G0 / qS,
+        "delta_e": (0.03 - 0.8 * alpha) / 1.2,
+    }
 
 
 @pytest.fixture(scope="module")
 def found(plain_aircraft, plain_tree):
-    return flightmech.characteristics(plain_aircraft(controls=CONTROLS), plain_tree(Ch_e=HINGE, **LATERAL_HINGE), CONDITION)
+    return flightmech.characteristics(
+        plain_aircraft(controls=CONTROLS), plain_tree(Ch_e=HINGE, **LATERAL_HINGE), CONDITION
+    )
 
 
 def normal_slope(state):
@@ -67,11 +82,15 @@ def normal_slope(state):
 
 def test_trim(found, state):
     assert float(found.linear["x"].sel(state="alpha")) == pytest.approx(state["alpha"], rel=1e-9)
-    assert float(found.linear["u"].sel(input="delta_e")) == pytest.approx(state["delta_e"], rel=1e-9)
+    assert float(found.linear["u"].sel(input="delta_e")) == pytest.approx(
+        state["delta_e"], rel=1e-9
+    )
 
 
 def test_one_g_line(plain_aircraft, plain_tree):
-    """At every Mach number the angle of attack by the balance of lift, drag, thrust and weight; NaN below the stall."""
+    """At every Mach number the angle of attack by the balance of lift, drag, thrust and weight; NaN
+    below the stall.
+    """
     craft, mass, mach = plain_aircraft(), 2400.0, np.array([0.05, 0.15, 0.25, 0.4])
     point = trimmed_at(craft, plain_tree(), {**CONDITION, "mass": mass, "mode.engine": 2.0})
     line = flightmech.performance.one_g(point, mach)
@@ -80,7 +99,11 @@ def test_one_g_line(plain_aircraft, plain_tree):
         qS = 0.5 * float(air.rho) * (mach[k] * float(air.a_sound)) ** 2 * craft.S
 
         def balance(alpha, qS=qS):
-            return qS * (0.25 + 5.2 * alpha) + qS * (0.025 + 1.4 * alpha**2) * np.tan(alpha) - mass * G0
+            return (
+                qS * (0.25 + 5.2 * alpha)
+                + qS * (0.025 + 1.4 * alpha**2) * np.tan(alpha)
+                - mass * G0
+            )
 
         alpha = brentq(balance, -0.1, 0.5, xtol=1e-14)
         assert float(line["alpha"][k]) == pytest.approx(alpha, rel=1e-8)
@@ -90,7 +113,9 @@ def test_one_g_line(plain_aircraft, plain_tree):
 
 
 def test_neutral_point_fixed(found, state, plain_aircraft):
-    """Cm_alpha(x) = Cm_alpha + x CZ_alpha / cbar = 0 with CZ = -CL cos - CD sin; the textbook's h - Cm_alpha/CL_alpha within 2 %."""
+    """Cm_alpha(x) = Cm_alpha + x CZ_alpha / cbar = 0 with CZ = -CL cos - CD sin; the textbook's h -
+    Cm_alpha/CL_alpha within 2 %.
+    """
     a, CL, CD = state["alpha"], 0.25 + 5.2 * state["alpha"], state["CD"]
     CZ_alpha = -5.2 * np.cos(a) + CL * np.sin(a) - 2.8 * a * np.sin(a) - CD * np.cos(a)
     expected = 0.25 + -0.8 / CZ_alpha
@@ -105,26 +130,36 @@ def test_neutral_point_free(found, state):
     CZ_alpha = -5.2 * np.cos(a) + CL * np.sin(a) - 2.8 * a * np.sin(a) - CD * np.cos(a)
     Cm_alpha = -0.8 + -1.2 * 0.15 / -0.45
     assert value(found, "neutral_point_free") == pytest.approx(0.25 + Cm_alpha / CZ_alpha, rel=1e-7)
-    assert value(found, "neutral_point_free") < value(found, "neutral_point_fixed")  # a surface that floats with the wind
+    assert value(found, "neutral_point_free") < value(
+        found, "neutral_point_fixed"
+    )  # a surface that floats with the wind
 
 
 def test_elevator_per_g(found, state, plain_aircraft):
-    """-(1/Cm_de) (Cm_alpha CW / CL_alpha + Cm_q g cbar / (2 V^2)), Etkin eq. (7.1,8) with CL_q = CL_de = 0."""
+    """-(1/Cm_de) (Cm_alpha CW / CL_alpha + Cm_q g cbar / (2 V^2)), Etkin eq. (7.1,8) with CL_q =
+    CL_de = 0.
+    """
     qhat = G0 * plain_aircraft().cbar / (2 * V**2)
     alpha = state["CW"] / normal_slope(state)
     assert value(found, "alpha_per_g") == pytest.approx(alpha, rel=1e-8)
-    assert value(found, "elevator_per_g") == pytest.approx((-0.8 * alpha - 14.0 * qhat) / 1.2, rel=1e-8)
+    assert value(found, "elevator_per_g") == pytest.approx(
+        (-0.8 * alpha - 14.0 * qhat) / 1.2, rel=1e-8
+    )
 
 
 def test_manoeuvre_points(found, state, plain_aircraft):
-    """Between neutral and manoeuvre point lies -rho S cbar Cm_q / (4 m) chords, free alike with the floating elevator."""
+    """Between neutral and manoeuvre point lies -rho S cbar Cm_q / (4 m) chords, free alike with the
+    floating elevator.
+    """
     craft = plain_aircraft()
     qhat, alpha = G0 * craft.cbar / (2 * V**2), state["CW"] / normal_slope(state)
     a, CL, CD = state["alpha"], 0.25 + 5.2 * state["alpha"], state["CD"]
     CZ_alpha = -5.2 * np.cos(a) + CL * np.sin(a) - 2.8 * a * np.sin(a) - CD * np.cos(a)
     fixed = 0.25 + (-0.8 + -14.0 * qhat / alpha) / CZ_alpha
     assert value(found, "manoeuvre_point_fixed") == pytest.approx(fixed, rel=1e-7)
-    textbook = value(found, "neutral_point_fixed") + state["qS"] / (0.5 * V**2) * craft.cbar * 14.0 / (4 * craft.mass)
+    textbook = value(found, "neutral_point_fixed") + state["qS"] / (
+        0.5 * V**2
+    ) * craft.cbar * 14.0 / (4 * craft.mass)
     assert value(found, "manoeuvre_point_fixed") == pytest.approx(textbook, rel=0.01)
     floating = (0.15 * alpha + 2.0 * qhat) / -0.45
     free = 0.25 + (-0.8 - 14.0 * qhat / alpha - 1.2 * floating / alpha) / CZ_alpha
@@ -132,13 +167,22 @@ def test_manoeuvre_points(found, state, plain_aircraft):
 
 
 def test_elevator_per_g_is_that_of_the_kernel_in_a_pull_up(plain_aircraft, plain_tree):
-    """Trimmed with pitch rates, CL_q and CL_de on: the thrust that the kernel adds acts through the c.g. and lifts a little."""
+    """Trimmed with pitch rates, CL_q and CL_de on: the thrust that the kernel adds acts through the
+    c.g. and lifts a little.
+    """
     db = plain_tree(CL={"qhat": 5.0, "delta_e": 0.5})
     found = flightmech.characteristics(plain_aircraft(), db, CONDITION)
     sim = flightmech.compile(plain_aircraft(), db)
-    flown = [flightmech.trim(sim, {"init.V": V, "init.h": H, "mode.earth": 0.0, "init.q": sign * 0.01 * G0 / V}) for sign in (-1.0, 1.0)]
+    flown = [
+        flightmech.trim(
+            sim, {"init.V": V, "init.h": H, "mode.earth": 0.0, "init.q": sign * 0.01 * G0 / V}
+        )
+        for sign in (-1.0, 1.0)
+    ]
     n = [1.0 + float(y["q"]) * V / G0 for y in flown]
-    elevator = (float(flown[1]["applied.delta_e"]) - float(flown[0]["applied.delta_e"])) / (n[1] - n[0])
+    elevator = (float(flown[1]["applied.delta_e"]) - float(flown[0]["applied.delta_e"])) / (
+        n[1] - n[0]
+    )
     # thrust grows by dCD/dn = 0.08, and sin(alpha) of it, 0.014 of a CW of 0.5: lifts 0.3 % less
     assert value(found, "elevator_per_g") == pytest.approx(elevator, rel=0.004)
 
@@ -153,29 +197,46 @@ def test_stick_force_per_g(found, state, plain_aircraft):
 
 
 def test_force_over_speed(found, state, plain_aircraft):
-    """F = -G qbar S c (Ch - Ch of the trim speed), differentiated numerically along the closed-form trim."""
+    """F = -G qbar S c (Ch - Ch of the trim speed), differentiated numerically along the closed-form
+    trim.
+    """
     craft, rho = plain_aircraft(), 2.0 * state["qS"] / (V**2 * 17.0)
 
     def hinge(speed):
         qS = 0.5 * rho * speed**2 * craft.S
-        alpha = brentq(lambda a: qS * (0.25 + 5.2 * a + (0.025 + 1.4 * a**2) * np.tan(a)) - craft.mass * G0, -0.1, 0.3, xtol=1e-15)
+        alpha = brentq(
+            lambda a: qS * (0.25 + 5.2 * a + (0.025 + 1.4 * a**2) * np.tan(a)) - craft.mass * G0,
+            -0.1,
+            0.3,
+            xtol=1e-15,
+        )
         delta_e = (0.03 - 0.8 * alpha) / 1.2
         return 0.01 - 0.15 * alpha - 0.45 * delta_e, delta_e
 
     h = 0.01
     (Ch_low, e_low), (Ch_high, e_high) = hinge(V - h), hinge(V + h)
     gradient = 1.1 * 0.5 * rho * V**2 * 1.6 * 0.34 * (Ch_high - Ch_low) / (2 * h)
-    assert value(found, "F_column_per_V") == pytest.approx(gradient, rel=1e-3)  # the code differences over 0.1 % of V, curvature included
-    assert value(found, "F_column") == pytest.approx(1.1 * 0.5 * rho * V**2 * 1.6 * 0.34 * hinge(V)[0], rel=1e-8)
+    assert value(found, "F_column_per_V") == pytest.approx(
+        gradient, rel=1e-3
+    )  # the code differences over 0.1 % of V, curvature included
+    assert value(found, "F_column") == pytest.approx(
+        1.1 * 0.5 * rho * V**2 * 1.6 * 0.34 * hinge(V)[0], rel=1e-8
+    )
     assert value(found, "delta_e_per_V") == pytest.approx((e_high - e_low) / (2 * h), rel=1e-4)
     at_trim = found.trim.interp(V=V)
     assert float(at_trim["delta_e"]) == pytest.approx(state["delta_e"], abs=1e-3)
-    assert float(at_trim["F_column_trimmed"]) == pytest.approx(0.0, abs=3.0)  # interpolated between speeds 10 m/s apart
+    assert float(at_trim["F_column_trimmed"]) == pytest.approx(
+        0.0, abs=3.0
+    )  # interpolated between speeds 10 m/s apart
 
 
 def test_neutral_point_of_the_trim_curve(found):
-    """Without Mach effects and thrust moments it is where Cm_alpha vanishes but for drag in CZ and thrust in lift."""
-    assert value(found, "neutral_point_trim") == pytest.approx(value(found, "neutral_point_fixed"), abs=0.005)
+    """Without Mach effects and thrust moments it is where Cm_alpha vanishes but for drag in CZ and
+    thrust in lift.
+    """
+    assert value(found, "neutral_point_trim") == pytest.approx(
+        value(found, "neutral_point_fixed"), abs=0.005
+    )
 
 
 def test_sideslip(found, state):
@@ -188,30 +249,51 @@ def test_sideslip(found, state):
     assert value(found, "delta_r_per_beta") == pytest.approx(r, rel=1e-8)
     assert value(found, "phi_per_beta") == pytest.approx(phi, rel=1e-8)
     qbar = state["qS"] / 17.0
-    assert value(found, "F_pedal_per_beta") == pytest.approx(2.0 * qbar * 0.9 * 0.4 * (0.1 - 0.4 * r), rel=1e-7)
-    assert value(found, "F_wheel_per_beta") == pytest.approx(0.4 * qbar * 1.2 * 0.25 * -0.3 * a, rel=1e-7)
+    assert value(found, "F_pedal_per_beta") == pytest.approx(
+        2.0 * qbar * 0.9 * 0.4 * (0.1 - 0.4 * r), rel=1e-7
+    )
+    assert value(found, "F_wheel_per_beta") == pytest.approx(
+        0.4 * qbar * 1.2 * 0.25 * -0.3 * a, rel=1e-7
+    )
 
 
 def test_sideslip_is_that_of_the_kernel(found, plain):
     """Trimmed with 0.5 degrees of bank."""
     y = flightmech.trim(plain(), {"init.V": V, "init.h": H, "mode.earth": 0.0, "init.phi": 0.01})
     beta = float(y["beta"])
-    for quantity, output in (("delta_a_per_beta", "applied.delta_a"), ("delta_r_per_beta", "applied.delta_r"), ("phi_per_beta", "phi")):
-        assert value(found, quantity) == pytest.approx(float(y[output]) / beta, rel=2e-3)  # sine of the bank, beta of second order
+    for quantity, output in (
+        ("delta_a_per_beta", "applied.delta_a"),
+        ("delta_r_per_beta", "applied.delta_r"),
+        ("phi_per_beta", "phi"),
+    ):
+        assert value(found, quantity) == pytest.approx(
+            float(y[output]) / beta, rel=2e-3
+        )  # sine of the bank, beta of second order
 
 
 def test_roll_rate(found, state, plain_aircraft):
     p = -(-0.14 * -0.35) / -0.45 * 2 * V / 10.3
     assert value(found, "roll_rate_one_degree") == pytest.approx(p, rel=1e-8)
-    assert value(found, "F_wheel_full") == pytest.approx(0.4 * state["qS"] / 17.0 * 1.2 * 0.25 * -0.3 * -0.35, rel=1e-7)
+    assert value(found, "F_wheel_full") == pytest.approx(
+        0.4 * state["qS"] / 17.0 * 1.2 * 0.25 * -0.3 * -0.35, rel=1e-7
+    )
 
 
 def test_roll_rate_of_the_whole_aircraft(plain_aircraft, plain_tree):
-    """Without sideslip in the rolling moment and without yaw the whole aircraft rolls as one degree of freedom."""
-    alone = plain_tree(Cl={"beta": 0.0, "rhat": 0.0}, Cn={"beta": 0.5, "phat": 0.0, "rhat": 0.0, "delta_a": 0.0})
-    limits = {"delta_e": (-0.4, 0.4), "delta_a": (-0.05, 0.05)}  # 16 deg/s: the nose hardly drops in 5 s
+    """Without sideslip in the rolling moment and without yaw the whole aircraft rolls as one degree
+    of freedom.
+    """
+    alone = plain_tree(
+        Cl={"beta": 0.0, "rhat": 0.0}, Cn={"beta": 0.5, "phat": 0.0, "rhat": 0.0, "delta_a": 0.0}
+    )
+    limits = {
+        "delta_e": (-0.4, 0.4),
+        "delta_a": (-0.05, 0.05),
+    }  # 16 deg/s: the nose hardly drops in 5 s
     found = flightmech.characteristics(plain_aircraft(limits=limits), alone, CONDITION)
-    assert value(found, "roll_rate_peak") == pytest.approx(value(found, "roll_rate_one_degree"), rel=0.01)
+    assert value(found, "roll_rate_peak") == pytest.approx(
+        value(found, "roll_rate_one_degree"), rel=0.01
+    )
 
 
 def test_polar_and_glide(found, state, plain_aircraft):
@@ -222,7 +304,9 @@ def test_polar_and_glide(found, state, plain_aircraft):
     assert value(found, "L_D_max") == pytest.approx(CL / CD, rel=1e-3)  # best of 121 angles
     assert value(found, "gamma_best_glide") == pytest.approx(-np.arctan(CD / CL), rel=1e-3)
     rho = 2.0 * state["qS"] / (V**2 * 17.0)
-    assert value(found, "V_best_glide") == pytest.approx(np.sqrt(2 * 2400.0 * G0 / (rho * 17.0 * np.hypot(CL, CD))), rel=0.01)
+    assert value(found, "V_best_glide") == pytest.approx(
+        np.sqrt(2 * 2400.0 * G0 / (rho * 17.0 * np.hypot(CL, CD))), rel=0.01
+    )
 
 
 def symmetric_jet(plain_aircraft, plain_tree, **engine):
@@ -231,21 +315,29 @@ def symmetric_jet(plain_aircraft, plain_tree, **engine):
     alpha = np.radians([-10.0, 0.0, 10.0, 14.0, 18.0])
     lift = make([-0.9, 0.0, 0.9, 1.26, 1.1], {"alpha": alpha})
     slope = 0.9 / np.radians(10.0)
-    db = plain_tree(CL={"": lift, "alpha": 0.0}, CD={"": 0.02, "alpha alpha": 0.05 * slope**2}, Cm={"": 0.0})
-    return flightmech.characteristics(plain_aircraft(engines=engines), db, {"V": 120.0, "h": 3000.0, "mass": 2500.0})
+    db = plain_tree(
+        CL={"": lift, "alpha": 0.0}, CD={"": 0.02, "alpha alpha": 0.05 * slope**2}, Cm={"": 0.0}
+    )
+    return flightmech.characteristics(
+        plain_aircraft(engines=engines), db, {"V": 120.0, "h": 3000.0, "mass": 2500.0}
+    )
 
 
 @pytest.fixture(scope="module")
 def jet(plain_aircraft, plain_tree):
     """Thrust that falls with height only."""
     return symmetric_jet(
-        plain_aircraft, plain_tree, thrust=make([[0.0, 0.0], [5000.0, 0.0]], {"throttle": [0.0, 1.0], "h": [0.0, 12000.0]})
+        plain_aircraft,
+        plain_tree,
+        thrust=make([[0.0, 0.0], [5000.0, 0.0]], {"throttle": [0.0, 1.0], "h": [0.0, 12000.0]}),
     )
 
 
 @pytest.fixture(scope="module")
 def decked(plain_aircraft, plain_tree):
-    """Corrected thrust over corrected N2, which the lever commands, and a fuel flow in proportion: 2e-5 kg/s per N."""
+    """Corrected thrust over corrected N2, which the lever commands, and a fuel flow in proportion:
+    2e-5 kg/s per N.
+    """
     speeds, time = {"corrected_n2": [0.5, 1.0]}, make(0.5)
     tables = {
         "corrected_n2_command": make([0.5, 1.0], {"throttle": [0.0, 1.0]}),
@@ -261,7 +353,9 @@ def test_stall_at_the_maximum_of_the_table(jet):
     rho = float(flightmech.air.atmosphere(3000.0).rho)
     assert value(jet, "CL_max") == pytest.approx(1.26, rel=3e-3)  # best of 121 angles
     assert "maximum of the lift table" in jet.table.loc["CL_max", "remark"]
-    assert value(jet, "V_stall") == pytest.approx(np.sqrt(2 * 2500.0 * G0 / (rho * 17.0 * 1.26)), rel=2e-3)
+    assert value(jet, "V_stall") == pytest.approx(
+        np.sqrt(2 * 2500.0 * G0 / (rho * 17.0 * 1.26)), rel=2e-3
+    )
 
 
 def test_parabola_through_the_polar_below_the_stall(jet):
@@ -271,13 +365,16 @@ def test_parabola_through_the_polar_below_the_stall(jet):
 
 
 def test_level_flight(jet):
-    """Minimum drag W 2 sqrt(CD0 k) at CL = sqrt(CD0/k), minimum power at CL = sqrt(3 CD0/k), M L/D at CL = sqrt(CD0/(3k))."""
+    """Minimum drag W 2 sqrt(CD0 k) at CL = sqrt(CD0/k), minimum power at CL = sqrt(3 CD0/k), M L/D
+    at CL = sqrt(CD0/(3k)).
+    """
     W, rho = 2500.0 * G0, float(flightmech.air.atmosphere(3000.0).rho)
 
     def speed(CL):
         return np.sqrt(2 * W / (rho * 17.0 * CL))
 
-    # thrust along body x carries sin(alpha) of itself, 0.5 % of the weight at least drag, 2 % at least power
+    # thrust along body x carries sin(alpha) of itself, 0.5 % of the weight at least drag, 2 % at
+    # least power
     assert value(jet, "minimum_drag") == pytest.approx(W * 2 * np.sqrt(0.02 * 0.05), rel=0.01)
     assert value(jet, "V_minimum_drag") == pytest.approx(speed(np.sqrt(0.02 / 0.05)), rel=0.02)
     assert value(jet, "V_minimum_power") == pytest.approx(speed(np.sqrt(3 * 0.02 / 0.05)), rel=0.05)
@@ -291,26 +388,40 @@ def test_climb_and_ceiling(jet):
     least = W * 2 * np.sqrt(0.02 * 0.05)
     assert np.sin(value(jet, "gamma_max")) == pytest.approx((have - least) / W, rel=0.01)
     # absolute ceiling: 2 * 5000 (1 - h/12000) = least drag, which does not depend on height
-    assert value(jet, "absolute_ceiling") == pytest.approx(12000.0 * (1.0 - least / 10000.0), rel=0.01)
+    assert value(jet, "absolute_ceiling") == pytest.approx(
+        12000.0 * (1.0 - least / 10000.0), rel=0.01
+    )
     assert value(jet, "service_ceiling") < value(jet, "absolute_ceiling")
     V_y = value(jet, "V_climb_rate_max")
     drag = float(jet.performance["thrust_required"].interp(V=V_y))
     assert value(jet, "climb_rate_max") == pytest.approx((have - drag) / W * V_y, rel=0.01)
     V_max = value(jet, "V_max")
-    assert float(jet.performance["thrust_required"].interp(V=V_max)) == pytest.approx(have, rel=0.01)
+    assert float(jet.performance["thrust_required"].interp(V=V_max)) == pytest.approx(
+        have, rel=0.01
+    )
 
 
 @pytest.mark.slow
 def test_climb_and_ceiling_of_a_deck(decked):
-    """Thrust is the pressure ratio times 12 kN, so the absolute ceiling is the pressure altitude where that is the least drag."""
+    """Thrust is the pressure ratio times 12 kN, so the absolute ceiling is the pressure altitude
+    where that is the least drag.
+    """
     W = 2500.0 * G0
     least = W * 2 * np.sqrt(0.02 * 0.05)
     have = 12000.0 * float(flightmech.air.atmosphere(3000.0).p_static) / 101325.0
     assert np.sin(value(decked, "gamma_max")) == pytest.approx((have - least) / W, rel=0.01)
     np.testing.assert_allclose(decked.performance["thrust_available"], have, rtol=1e-9)
-    ceiling = brentq(lambda h: 12000.0 * float(flightmech.air.atmosphere(h).p_static) / 101325.0 - least, 0.0, 20e3)
-    assert value(decked, "absolute_ceiling") == pytest.approx(ceiling, abs=100.0)  # 1 % of thrust is 80 m
-    assert "tables of the deck" not in decked.table.loc["absolute_ceiling", "remark"]  # none has an axis of height
+    ceiling = brentq(
+        lambda h: 12000.0 * float(flightmech.air.atmosphere(h).p_static) / 101325.0 - least,
+        0.0,
+        20e3,
+    )
+    assert value(decked, "absolute_ceiling") == pytest.approx(
+        ceiling, abs=100.0
+    )  # 1 % of thrust is 80 m
+    assert (
+        "tables of the deck" not in decked.table.loc["absolute_ceiling", "remark"]
+    )  # none has an axis of height
 
 
 def test_specific_range_of_a_deck(decked):
@@ -326,7 +437,9 @@ def test_specific_range_of_a_deck(decked):
 
 
 def test_minimum_control_speed(plain_aircraft, plain_tree):
-    """Balance of sideslip, ailerons and rudder at 5 degrees of bank, solved here by linear algebra at the speed found."""
+    """Balance of sideslip, ailerons and rudder at 5 degrees of bank, solved here by linear algebra
+    at the speed found.
+    """
     thrust = make([0.0, 9000.0], {"throttle": [0.0, 1.0]})
     engines = tuple(Engine((0.0, y, 0.0), thrust=thrust) for y in (-1.5, 1.5))
     db = plain_tree(Cn={"delta_r": -0.06})
@@ -339,7 +452,13 @@ def test_minimum_control_speed(plain_aircraft, plain_tree):
     qS = float(y["qbar"]) * craft.S
     # live engine right: nose goes left, bank to the right helps
     A = np.array([[-0.7, 0.0, 0.17], [-0.09, -0.14, 0.01], [0.1, 0.005, -0.06]])
-    right = -np.array([2400.0 * G0 * np.cos(float(y["theta"])) * np.sin(np.radians(5.0)) / qS, 0.0, -9000.0 * 1.5 / (qS * 10.3)])
+    right = -np.array(
+        [
+            2400.0 * G0 * np.cos(float(y["theta"])) * np.sin(np.radians(5.0)) / qS,
+            0.0,
+            -9000.0 * 1.5 / (qS * 10.3),
+        ]
+    )
     _, delta_a, delta_r = np.linalg.solve(A, right)
     assert max(abs(delta_a), abs(delta_r)) == pytest.approx(0.35, rel=1e-3)
     assert delta_r < 0.0  # trailing edge right: nose right, towards the live engine
@@ -347,22 +466,31 @@ def test_minimum_control_speed(plain_aircraft, plain_tree):
 
 @pytest.mark.slow
 def test_what_is_absent_states_why(plain_aircraft, plain_tree):
-    found = flightmech.characteristics(plain_aircraft(limits={"delta_e": (-0.4, 0.4)}), plain_tree(Cn={"delta_r": 0.0}), CONDITION)
+    found = flightmech.characteristics(
+        plain_aircraft(limits={"delta_e": (-0.4, 0.4)}), plain_tree(Cn={"delta_r": 0.0}), CONDITION
+    )
     assert reason(found, "stick_force_per_g") == "the database has no hinge moments Ch_e"
     assert "no hinge moments Ch_e over the elevator" in reason(found, "neutral_point_free")
     assert "rudder has no effect" in reason(found, "delta_r_per_beta")
     assert reason(found, "roll_rate_peak") == "the aircraft file gives no limits of delta_a"
-    assert reason(found, "climb_rate_max") == "the aircraft file gives an engine neither a thrust table nor a deck"
+    assert (
+        reason(found, "climb_rate_max")
+        == "the aircraft file gives an engine neither a thrust table nor a deck"
+    )
     assert "no engines off the centre line" in reason(found, "minimum_control_speed")
     half = flightmech.characteristics(plain_aircraft(), plain_tree(Ch_e=HINGE), CONDITION)
     assert "no [control.delta_e]" in reason(half, "stick_force_per_g")
     assert np.isfinite(value(half, "neutral_point_free"))
-    loose = flightmech.characteristics(plain_aircraft(controls={"delta_e": Control(1.6, 0.34)}), plain_tree(Ch_e=HINGE), CONDITION)
+    loose = flightmech.characteristics(
+        plain_aircraft(controls={"delta_e": Control(1.6, 0.34)}), plain_tree(Ch_e=HINGE), CONDITION
+    )
     assert "gives no gearing in [control.delta_e]" in reason(loose, "stick_force_per_g")
 
 
 def test_a_glider_has_no_level_flight(plain_aircraft, plain_tree):
-    found = flightmech.characteristics(plain_aircraft(engines=()), plain_tree(), {"V": 60.0, "h": 0.0})
+    found = flightmech.characteristics(
+        plain_aircraft(engines=()), plain_tree(), {"V": 60.0, "h": 0.0}
+    )
     y = found.linear["x"].sel(state=["alpha", "theta"]).values
     lift, drag = 0.25 + 5.2 * y[0], 0.025 + 1.4 * y[0] ** 2
     assert np.tan(y[1] - y[0]) == pytest.approx(-drag / lift, rel=1e-8)  # it glides
@@ -377,17 +505,24 @@ POWER = ["CT", "engine1.thrust", "engine1.throttle"]
 
 @pytest.mark.parametrize("variable", POWER)
 def test_terms_of_power_are_evaluated_and_vanish_power_off(variable, plain_aircraft, plain_tree):
-    """A drag and a moment of power: in the trim, not in the polar, which is that of the database without them."""
+    """A drag and a moment of power: in the trim, not in the polar, which is that of the database
+    without them.
+    """
     plain = flightmech.characteristics(plain_aircraft(), plain_tree(), CONDITION)
     slope = {"CT": 1.0, "engine1.thrust": 1e-5, "engine1.throttle": 0.1}[variable]
-    db = plain_tree(Cm={"": 0.03, "alpha": -0.8, "qhat": -15.0, "delta_e": -1.2, variable: -0.05 * slope})
+    db = plain_tree(
+        Cm={"": 0.03, "alpha": -0.8, "qhat": -15.0, "delta_e": -1.2, variable: -0.05 * slope}
+    )
     powered = flightmech.characteristics(plain_aircraft(), db, CONDITION)
     same = plain_tree(Cm={"": 0.03, "alpha": -0.8, "qhat": -15.0, "delta_e": -1.2})
     off = flightmech.characteristics(plain_aircraft(), same, CONDITION)
     np.testing.assert_allclose(powered.polar["CL"], off.polar["CL"], rtol=1e-12)
     np.testing.assert_allclose(powered.polar["delta_e"], off.polar["delta_e"], atol=1e-9)
     if variable != "engine1.throttle":  # the trim sets the thrust itself
-        assert float(powered.linear["u"].sel(input="delta_e")) < float(off.linear["u"].sel(input="delta_e")) - 1e-4
+        assert (
+            float(powered.linear["u"].sel(input="delta_e"))
+            < float(off.linear["u"].sel(input="delta_e")) - 1e-4
+        )
     assert value(plain, "L_D_max") > 1.0
 
 
@@ -406,7 +541,12 @@ def test_thrust_coefficient_over_speed_at_constant_thrust(plain_aircraft, plain_
 def test_every_variable_of_the_simulation_may_be_in_a_term(plain_aircraft, plain_tree):
     """None of them ends in an internal error: characteristics, or one line that states why not."""
     craft = plain_aircraft()
-    names = [entry.name for entry in catalogue.variables(list(catalogue.stages(VARIABLE, submodels.items(craft))), craft)]
+    names = [
+        entry.name
+        for entry in catalogue.variables(
+            list(catalogue.stages(VARIABLE, submodels.items(craft))), craft
+        )
+    ]
     assert {"CT", "h_agl", "delta_s", "engine1.thrust", "CL"} <= set(names)
     for name in sorted(set(names) - {"alpha", "qhat", "delta_e", "Cm", "CX", "CZ"}):
         db = plain_tree(Cm={"": 0.03, "alpha": -0.8, "qhat": -15.0, "delta_e": -1.2, name: 1e-7})
@@ -414,16 +554,25 @@ def test_every_variable_of_the_simulation_may_be_in_a_term(plain_aircraft, plain
 
 
 def test_speeds_without_a_steady_glide_are_blank(plain_aircraft, plain_tree):
-    """The secant of the path angle runs away where the lift cannot carry the weight; the curve over speed has NaN there."""
-    glider = flightmech.characteristics(plain_aircraft(engines=()), plain_tree(), {"V": 60.0, "h": 0.0})
+    """The secant of the path angle runs away where the lift cannot carry the weight; the curve over
+    speed has NaN there.
+    """
+    glider = flightmech.characteristics(
+        plain_aircraft(engines=()), plain_tree(), {"V": 60.0, "h": 0.0}
+    )
     assert np.isfinite(glider.trim["alpha"].values).any()
-    with pytest.raises(SimulationError, match=r"no steady glide \(the aircraft file has no engines\) at .*accelerations"):
+    with pytest.raises(
+        SimulationError,
+        match=r"no steady glide \(the aircraft file has no engines\) at .*accelerations",
+    ):
         flightmech.characteristics(plain_aircraft(engines=()), plain_tree(), {"V": 5.0, "h": 0.0})
 
 
 @pytest.mark.parametrize("axes", ["wind", "body"])
 def test_force_axes_of_the_database_do_not_matter(axes, plain_aircraft, plain_tree):
-    """Symmetric flight: wind axes are stability axes; in body axes CX, CZ over alpha are the same forces at the nodes' slopes."""
+    """Symmetric flight: wind axes are stability axes; in body axes CX, CZ over alpha are the same
+    forces at the nodes' slopes.
+    """
     stability = flightmech.characteristics(plain_aircraft(), plain_tree(), CONDITION)
     tree = plain_tree()
     if axes == "wind":
@@ -431,19 +580,33 @@ def test_force_axes_of_the_database_do_not_matter(axes, plain_aircraft, plain_tr
     else:
         alpha = np.radians(np.linspace(-12.0, 24.0, 721))
         CL, CD = 0.25 + 5.2 * alpha, 0.025 + 1.4 * alpha**2
-        leaves = {f"/{node.path.strip('/')}": node.to_dataset() for node in tree.leaves if node.path[1:3] not in ("CL", "CD")}
+        leaves = {
+            f"/{node.path.strip('/')}": node.to_dataset()
+            for node in tree.leaves
+            if node.path[1:3] not in ("CL", "CD")
+        }
         leaves["/CX/basic"] = make(CL * np.sin(alpha) - CD * np.cos(alpha), {"alpha": alpha})
         leaves["/CZ/basic"] = make(-CL * np.cos(alpha) - CD * np.sin(alpha), {"alpha": alpha})
         tree = xr.DataTree.from_dict(leaves)
         tree.attrs["force_axes"] = "body"
     other = flightmech.characteristics(plain_aircraft(), tree, CONDITION)
-    for quantity in ("neutral_point_fixed", "elevator_per_g", "manoeuvre_point_fixed", "L_D_max", "delta_r_per_beta"):
-        assert value(other, quantity) == pytest.approx(value(stability, quantity), rel=3e-3)  # tables of 0.05 degrees
+    for quantity in (
+        "neutral_point_fixed",
+        "elevator_per_g",
+        "manoeuvre_point_fixed",
+        "L_D_max",
+        "delta_r_per_beta",
+    ):
+        assert value(other, quantity) == pytest.approx(
+            value(stability, quantity), rel=3e-3
+        )  # tables of 0.05 degrees
 
 
 def test_centre_of_gravity_moves_the_margins_and_not_the_points(plain_aircraft, plain_tree, found):
     aft = flightmech.characteristics(plain_aircraft(), plain_tree(), {**CONDITION, "x_cg_b": -0.1})
-    assert value(aft, "static_margin_fixed") == pytest.approx(value(found, "static_margin_fixed") - 0.1 / 1.67, abs=2e-3)
+    assert value(aft, "static_margin_fixed") == pytest.approx(
+        value(found, "static_margin_fixed") - 0.1 / 1.67, abs=2e-3
+    )
     assert value(aft, "x_cg") == pytest.approx(0.25 + 0.1 / 1.67)
 
 
@@ -462,7 +625,10 @@ def test_condition_in_any_speed(plain_aircraft, plain_tree):
 
 
 def test_a_speed_below_all_lift_is_refused(plain_aircraft, plain_tree):
-    with pytest.raises(SimulationError, match=r"no steady flight at V 12 m s-1, h 0 m: accelerations of u_dot .* remain at alpha"):
+    with pytest.raises(
+        SimulationError,
+        match=r"no steady flight at V 12 m s-1, h 0 m: accelerations of u_dot .* remain at alpha",
+    ):
         flightmech.characteristics(plain_aircraft(), plain_tree(), {"V": 12.0, "h": 0.0})
 
 
@@ -475,10 +641,14 @@ def test_report_in_words(found):
 
 
 def test_speeds_that_cannot_be_trimmed_are_no_fault_of_the_search():
-    """A table may be such that level flights between two speeds have no trim: the highest level speed is absent with the reason."""
+    """A table may be such that level flights between two speeds have no trim: the highest level
+    speed is absent with the reason.
+    """
     from flightmech.flying_qualities.performance import _fastest, _root
 
-    row = _fastest(lambda V: 2.0 if V < 120.0 else np.nan if V < 150.0 else -1.0, 100.0, (40.0, 180.0))[0]
+    row = _fastest(
+        lambda V: 2.0 if V < 120.0 else np.nan if V < 150.0 else -1.0, 100.0, (40.0, 180.0)
+    )[0]
     assert np.isnan(row.value)
     assert row.absent == "not every level flight from 100 to 180 m/s can be trimmed"
     assert _fastest(lambda V: 150.0 - V, 100.0, (40.0, 180.0))[0].value == pytest.approx(150.0)

@@ -9,7 +9,13 @@ import pytest
 from flightmech.errors import SchemaError
 from flightmech.fmu_export.fmu_file import binaries, compiled
 
-ALL = {"x86_64-linux": b"A", "aarch64-linux": b"B", "x86_64-windows": b"C", "x86_64-darwin": b"D" * 70_000, "aarch64-darwin": b"E" * 5}
+ALL = {
+    "x86_64-linux": b"A",
+    "aarch64-linux": b"B",
+    "x86_64-windows": b"C",
+    "x86_64-darwin": b"D" * 70_000,
+    "aarch64-darwin": b"E" * 5,
+}
 
 
 def test_fmi3_has_a_folder_per_architecture():
@@ -24,7 +30,11 @@ def test_fmi3_has_a_folder_per_architecture():
 
 def test_fmi2_joins_the_macos_libraries_and_leaves_linux_on_arm_out():
     files = binaries(ALL, "t37", "2.0")
-    assert sorted(files) == ["binaries/darwin64/t37.dylib", "binaries/linux64/t37.so", "binaries/win64/t37.dll"]
+    assert sorted(files) == [
+        "binaries/darwin64/t37.dylib",
+        "binaries/linux64/t37.so",
+        "binaries/win64/t37.dll",
+    ]
     assert files["binaries/linux64/t37.so"] == b"A"
     fat = files["binaries/darwin64/t37.dylib"]
     magic, count = struct.unpack_from(">II", fat)

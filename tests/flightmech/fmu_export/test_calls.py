@@ -13,7 +13,22 @@ from fmpy.fmi1 import FMICallException
 from flightmech.fmu_export.fmu_file import write_fmu
 
 VERSIONS = ("2.0", "3.0")
-TRACE = ("V", "alpha", "beta", "p", "q", "r", "phi", "theta", "psi", "h", "az", "CL", "Cm", "engine1.thrust")
+TRACE = (
+    "V",
+    "alpha",
+    "beta",
+    "p",
+    "q",
+    "r",
+    "phi",
+    "theta",
+    "psi",
+    "h",
+    "az",
+    "CL",
+    "Cm",
+    "engine1.thrust",
+)
 
 
 # ---- states and instances
@@ -47,7 +62,9 @@ def test_a_stored_state_gives_the_same_bits_again(slave):
 def test_a_serialised_state_moves_to_another_instance(version, instance):
     one, two = instance(version).start(), instance(version)
     one.step(0.0, 1.0)
-    two.fmu.setFMUState(two.fmu.deserializeFMUState(one.fmu.serializeFMUState(one.fmu.getFMUState())))
+    two.fmu.setFMUState(
+        two.fmu.deserializeFMUState(one.fmu.serializeFMUState(one.fmu.getFMUState()))
+    )
     for item in (one, two):
         item.step(1.0, 1.0)
     assert one.get(*TRACE) == two.get(*TRACE)
@@ -120,7 +137,9 @@ def test_a_wrong_token_is_refused(fmus, version, third_party):
 @pytest.mark.parametrize("version", VERSIONS)
 @pytest.mark.parametrize("change", ["cut", "flip", "empty", "absent"])
 def test_a_damaged_model_is_refused(trainer, tmp_path, version, change, third_party):
-    folder = Path(fmpy.extract(str(write_fmu(trainer, tmp_path / "x.fmu", version)), str(tmp_path / "x")))
+    folder = Path(
+        fmpy.extract(str(write_fmu(trainer, tmp_path / "x.fmu", version)), str(tmp_path / "x"))
+    )
     block = folder / "resources" / "model.bin"
     data = bytearray(block.read_bytes())
     data[len(data) // 2] ^= 16
@@ -148,12 +167,18 @@ def test_a_damaged_model_is_refused(trainer, tmp_path, version, change, third_pa
     [
         (lambda s: s.set({"delta_e": float("nan")}), "delta_e is nan; it must be finite"),
         (lambda s: s.set({"mass.mass": float("inf")}), "mass.mass is inf; it must be finite"),
-        (lambda s: s.set({"init.V": 80.0}), "init.V acts at initialisation only; set it before the end of initialization mode, or reset"),
+        (
+            lambda s: s.set({"init.V": 80.0}),
+            "init.V acts at initialisation only; set it before the end of initialization mode, or reset",
+        ),
         (lambda s: s.set({"alpha": 0.1}), "alpha is computed by the model and cannot be set"),
         (lambda s: s.step(5.0, 0.02), "step from t = 5 s, but the instance stands at 0 s"),
         (lambda s: s.step(0.0, -0.02), "step size is -0.02 s; give a positive, finite step"),
         (lambda s: s.step(0.0, float("nan")), "step size is nan s"),
-        (lambda s: s.fmu.enterInitializationMode(), "entering initialization mode is not allowed while the instance is in step mode"),
+        (
+            lambda s: s.fmu.enterInitializationMode(),
+            "entering initialization mode is not allowed while the instance is in step mode",
+        ),
     ],
 )
 def test_a_refused_call_states_why_and_changes_nothing(slave, act, message):

@@ -17,9 +17,13 @@ VARIABLES = (
     Variable("delta_e", "input", 1000, "rad", "deg", "elevator deflection", 0.0, -0.3, 0.2),
     Variable("V", "output", 10000, "m s-1", "kt", "true airspeed"),
     Variable("temperature", "output", 10001, "K", "degC", "ambient temperature"),
-    Variable("init.V", "parameter", 100000, "m s-1", "kt", "true airspeed at the start", 80.0, fixed=True),
+    Variable(
+        "init.V", "parameter", 100000, "m s-1", "kt", "true airspeed at the start", 80.0, fixed=True
+    ),
     Variable("mode.trim", "parameter", 100001, "1", "1", "trim at the start", 1.0, fixed=True),
-    Variable("term.CL.gear", "parameter", 100002, "1", "1", "scale <of> the \"term\" & 'more'", 1.0),
+    Variable(
+        "term.CL.gear", "parameter", 100002, "1", "1", "scale <of> the \"term\" & 'more'", 1.0
+    ),
 )
 DESCRIPTION = Description("T-37 & co", "T_37_co", "0" * 64, "aeromatch", 0.01, VARIABLES)
 
@@ -29,7 +33,9 @@ def described(version: str):
     archive = io.BytesIO()
     with zipfile.ZipFile(archive, "w") as zf:
         zf.writestr("modelDescription.xml", xml(DESCRIPTION, version))
-    return read_model_description(archive, validate=True, validate_variable_names=True, validate_model_structure=True)
+    return read_model_description(
+        archive, validate=True, validate_variable_names=True, validate_model_structure=True
+    )
 
 
 @pytest.mark.parametrize("version", ["2.0", "3.0"])
@@ -39,27 +45,42 @@ def test_the_standard_reads_back_what_was_written(version):
     assert model.modelName == "T-37 & co"
     assert model.guid == "0" * 64
     assert [found[v.name].valueReference for v in VARIABLES] == [v.reference for v in VARIABLES]
-    assert [found[v.name].description.split("; 0 ")[0] for v in VARIABLES] == [v.description for v in VARIABLES]
+    assert [found[v.name].description.split("; 0 ")[0] for v in VARIABLES] == [
+        v.description for v in VARIABLES
+    ]
     elevator = found["delta_e"]
-    assert (elevator.causality, elevator.variability, elevator.unit, elevator.displayUnit) == ("input", "continuous", "rad", "deg")
+    assert (elevator.causality, elevator.variability, elevator.unit, elevator.displayUnit) == (
+        "input",
+        "continuous",
+        "rad",
+        "deg",
+    )
     assert (float(elevator.min), float(elevator.max), float(elevator.start)) == (-0.3, 0.2, 0.0)
     assert (found["init.V"].variability, found["term.CL.gear"].variability) == ("fixed", "tunable")
-    assert (found["mode.trim"].type, int(found["mode.trim"].start)) == ("Integer" if version == "2.0" else "Enumeration", 1)
+    assert (found["mode.trim"].type, int(found["mode.trim"].start)) == (
+        "Integer" if version == "2.0" else "Enumeration",
+        1,
+    )
     if version == "2.0":
-        assert found["mode.trim"].description.endswith("0 none, 1 trim_thrust, 2 trim_throttle, 3 stand_on_ground")
+        assert found["mode.trim"].description.endswith(
+            "0 none, 1 trim_thrust, 2 trim_throttle, 3 stand_on_ground"
+        )
     assert model.coSimulation.canGetAndSetFMUstate
     assert model.coSimulation.canInterpolateInputs == (version == "2.0")
 
 
 @pytest.mark.parametrize("version", ["2.0", "3.0"])
 @pytest.mark.parametrize(
-    ("unit", "display", "si", "shown"), [("rad", "deg", math.pi, 180.0), ("m s-1", "kt", 92.6, 180.0), ("K", "degC", 288.15, 15.0)]
+    ("unit", "display", "si", "shown"),
+    [("rad", "deg", math.pi, 180.0), ("m s-1", "kt", 92.6, 180.0), ("K", "degC", 288.15, 15.0)],
 )
 def test_display_units_follow_the_rule_of_the_standard(version, unit, display, si, shown):
     units = {u.name: u for u in described(version).unitDefinitions}
     found = next(d for d in units[unit].displayUnits if d.name == display)
     # display = factor * SI + offset, FMI 2.0 section 2.2.2; factors are rounded once, so 4 ulp
-    assert float(found.factor) * si + float(found.offset) == pytest.approx(shown, rel=1e-15, abs=1e-13)
+    assert float(found.factor) * si + float(found.offset) == pytest.approx(
+        shown, rel=1e-15, abs=1e-13
+    )
 
 
 @pytest.mark.parametrize(
@@ -81,7 +102,10 @@ def test_base_units_refuse_what_is_not_si():
         base_units("kt")
 
 
-@pytest.mark.parametrize(("title", "expected"), [("T-37B (final)", "T_37B_final"), ("747", "model_747"), ("", "model"), ("été", "t")])
+@pytest.mark.parametrize(
+    ("title", "expected"),
+    [("T-37B (final)", "T_37B_final"), ("747", "model_747"), ("", "model"), ("été", "t")],
+)
 def test_identifier(title, expected):
     assert identifier(title) == expected
 

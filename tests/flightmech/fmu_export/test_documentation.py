@@ -19,7 +19,16 @@ DESCRIPTION = Description(
     (
         Variable("delta_e", "input", 1000, "rad", "deg", "elevator deflection", 0.0, -0.5),
         Variable("V", "output", 10000, "m s-1", "kt", "true airspeed"),
-        Variable("init.V", "parameter", 100000, "m s-1", "kt", "true airspeed at the start", 92.6, fixed=True),
+        Variable(
+            "init.V",
+            "parameter",
+            100000,
+            "m s-1",
+            "kt",
+            "true airspeed at the start",
+            92.6,
+            fixed=True,
+        ),
         Variable("mode.trim", "parameter", 100001, "1", "1", "trim at the start", 1.0, fixed=True),
     ),
 )
@@ -35,7 +44,9 @@ META = {
 
 def tables() -> dict[str, list[list[str]]]:
     """Return the rows of every table under its heading."""
-    page = html(DESCRIPTION, ["CL/basic", "Cm/qhat"], [Axis("alpha", "rad", -0.1, 0.25, "held")], META)
+    page = html(
+        DESCRIPTION, ["CL/basic", "Cm/qhat"], [Axis("alpha", "rad", -0.1, 0.25, "held")], META
+    )
     body = page[page.index("<body>") : page.index("</html>")].replace(" class=n", "")
     found, heading = {}, ""
     for element in ET.fromstring(body):
@@ -48,7 +59,12 @@ def tables() -> dict[str, list[list[str]]]:
 
 def test_terms_axes_and_provenance():
     found = tables()
-    assert found["Provenance"] == [["attribute", "value"], ["force_axes", "stability"], ["title", "a <b> & c"], ["history", "made"]]
+    assert found["Provenance"] == [
+        ["attribute", "value"],
+        ["force_axes", "stability"],
+        ["title", "a <b> & c"],
+        ["history", "made"],
+    ]
     assert found["Terms"] == [
         ["name", "axes", "regressors", "source", "comment"],
         ["CL/basic", "alpha", "", "datcom 12, flight 3", ""],
@@ -59,21 +75,38 @@ def test_terms_axes_and_provenance():
 
 def test_variables_show_si_and_display_units():
     found = tables()
-    assert found["Inputs"][1:] == [["delta_e", "rad", "0 (0 deg)", "-0.5 (-28.6479 deg)", "", "continuous", "elevator deflection"]]
+    assert found["Inputs"][1:] == [
+        [
+            "delta_e",
+            "rad",
+            "0 (0 deg)",
+            "-0.5 (-28.6479 deg)",
+            "",
+            "continuous",
+            "elevator deflection",
+        ]
+    ]
     assert found["Outputs"][1:] == [["V", "m s-1", "continuous", "true airspeed"]]
     assert found["Parameters"][1:] == [
         ["init.V", "m s-1", "92.6 (180 kt)", "fixed", "true airspeed at the start"],
         ["mode.trim", "1", "trim_thrust", "fixed", "trim at the start"],
     ]
-    assert found["Enumerations"][1:] == [["mode.trim", "0 none, 1 trim_thrust, 2 trim_throttle, 3 stand_on_ground"]]
+    assert found["Enumerations"][1:] == [
+        ["mode.trim", "0 none, 1 trim_thrust, 2 trim_throttle, 3 stand_on_ground"]
+    ]
 
 
 def test_submodels_are_reported_with_their_items(trainer):
     page = _documentation(trainer, describe(trainer, "ab12", "aeromatch"))
     row = next(line for line in page.split("\n") if line.startswith("<tr><td>engine</td>"))
-    assert row.startswith("<tr><td>engine</td><td>1</td><td>thrust and its lever arm, first-order lag</td>")
+    assert row.startswith(
+        "<tr><td>engine</td><td>1</td><td>thrust and its lever arm, first-order lag</td>"
+    )
     counts = [int(cell) for cell in re.findall(r"<td class=n>(\d+)</td>", row)]
-    assert counts == [sum(name.startswith(f"{prefix}engine1.") for name in names) for prefix, names in kinds(trainer)]
+    assert counts == [
+        sum(name.startswith(f"{prefix}engine1.") for name in names)
+        for prefix, names in kinds(trainer)
+    ]
     assert "<td>weather</td>" in page
     assert "<td>circuit</td>" not in page
 
@@ -92,5 +125,7 @@ def test_the_page_holds_no_link_to_the_outside(trainer):
 
 
 def test_long_texts_are_folded():
-    page = html(DESCRIPTION, ["CL/basic"], [], {"terms": {"CL/basic": {"comment": "<" + "x" * 300}}})
+    page = html(
+        DESCRIPTION, ["CL/basic"], [], {"terms": {"CL/basic": {"comment": "<" + "x" * 300}}}
+    )
     assert f"<details><summary>&lt;{'x' * 99} ...</summary>&lt;{'x' * 300}</details>" in page

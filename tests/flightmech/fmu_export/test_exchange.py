@@ -1,4 +1,6 @@
-"""Model exchange: the importer's solver flies the same trajectory; modes, states and structure are as described."""
+"""Model exchange: the importer's solver flies the same trajectory; modes, states and structure are
+as described.
+"""
 
 from __future__ import annotations
 
@@ -17,21 +19,38 @@ VERSIONS = ("2.0", "3.0")
 # no feed-through: an output that jumps with an input is recorded on either side of the jump
 TRACE = ("V", "alpha", "beta", "p", "q", "r", "phi", "theta", "psi", "h", "engine1.thrust")
 SCALE = {"V": 100.0, "h": 100.0, "engine1.thrust": 1e4}
-# a rectangular pulse: repeated times are discontinuities, at which FMPy enters event mode and starts its solver afresh
-PULSE = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, -0.03, 0.02), (1.6, -0.03, 0.02), (1.6, 0.0, 0.0), (6.0, 0.0, 0.0)]
+# a rectangular pulse: repeated times are discontinuities, at which FMPy enters event mode and
+# starts its solver afresh
+PULSE = [
+    (0.0, 0.0, 0.0),
+    (1.0, 0.0, 0.0),
+    (1.0, -0.03, 0.02),
+    (1.6, -0.03, 0.02),
+    (1.6, 0.0, 0.0),
+    (6.0, 0.0, 0.0),
+]
 PULSE_TYPE = [("time", float), ("delta_e", float), ("delta_a", float)]
 
 
 def fly(folder, condition, **options):
     """Let FMPy fly the pulse."""
     return fmpy.simulate_fmu(
-        str(folder), stop_time=6.0, start_values=condition, input=np.array(PULSE, PULSE_TYPE), output=TRACE, record_events=False, **options
+        str(folder),
+        stop_time=6.0,
+        start_values=condition,
+        input=np.array(PULSE, PULSE_TYPE),
+        output=TRACE,
+        record_events=False,
+        **options,
     )
 
 
 def differences(found, reference, every: int = 1) -> dict[str, float]:
     """Return the largest difference of every quantity in the unit of its size."""
-    return {name: float(abs(found[name][::every] - reference[name]).max()) / SCALE.get(name, 1.0) for name in TRACE}
+    return {
+        name: float(abs(found[name][::every] - reference[name]).max()) / SCALE.get(name, 1.0)
+        for name in TRACE
+    }
 
 
 @pytest.fixture(scope="module")
@@ -46,16 +65,31 @@ def stepped(fmus, condition):
 @pytest.mark.parametrize("version", VERSIONS)
 def test_cvode_flies_the_trajectory_of_co_simulation(fmus, condition, stepped, version):
     found = fly(fmus[version], condition, fmi_type="ModelExchange", output_interval=0.02)
-    # both methods have errors of their own; with CVode at the tolerance of the description they stay below 1e-6
+    # both methods have errors of their own; with CVode at the tolerance of the description they
+    # stay below 1e-6
     assert max(differences(found, stepped).values()) < 1e-6
-    finer = fly(fmus[version], condition, fmi_type="ModelExchange", output_interval=0.02, relative_tolerance=1e-11)
+    finer = fly(
+        fmus[version],
+        condition,
+        fmi_type="ModelExchange",
+        output_interval=0.02,
+        relative_tolerance=1e-11,
+    )
     assert differences(finer, stepped)["q"] < 0.2 * differences(found, stepped)["q"]
 
 
 @pytest.mark.parametrize("version", VERSIONS)
 def test_euler_comes_closer_in_proportion_to_its_step(fmus, condition, stepped, version):
     coarse, fine = (
-        fly(fmus[version], condition, fmi_type="ModelExchange", solver="Euler", step_size=h, output_interval=h) for h in (0.002, 0.001)
+        fly(
+            fmus[version],
+            condition,
+            fmi_type="ModelExchange",
+            solver="Euler",
+            step_size=h,
+            output_interval=h,
+        )
+        for h in (0.002, 0.001)
     )
     first, second = differences(coarse, stepped, 10), differences(fine, stepped, 20)
     for name in ("V", "alpha", "q", "theta", "phi", "h"):
@@ -65,7 +99,9 @@ def test_euler_comes_closer_in_proportion_to_its_step(fmus, condition, stepped, 
 
 
 @pytest.mark.parametrize("version", VERSIONS)
-def test_a_runge_kutta_of_the_importer_is_that_of_the_kernel(trainer, exchange, instance, condition, version):
+def test_a_runge_kutta_of_the_importer_is_that_of_the_kernel(
+    trainer, exchange, instance, condition, version
+):
     """Classical Runge-Kutta over the functions of model exchange: co-simulation does the same sums."""
     me, cs, h = exchange(version).start(), instance("2.0").start(), 0.01
     n = len(states_of(me))
@@ -97,7 +133,9 @@ def rates_of(me) -> np.ndarray:
     """Return the derivatives of the states."""
     count = sum(v.name.startswith("state.") for v in me.model.modelVariables)
     dx = (fmpy.fmi2.c_double * count)()
-    (me.fmu.getDerivatives if me.version == "2.0" else me.fmu.getContinuousStateDerivatives)(dx, count)
+    (me.fmu.getDerivatives if me.version == "2.0" else me.fmu.getContinuousStateDerivatives)(
+        dx, count
+    )
     return np.array(dx)
 
 
@@ -132,19 +170,29 @@ def test_nominals_are_those_of_the_description(exchange, version):
     variables = [v for v in me.model.modelVariables if v.name.startswith("state.")]
     nominals = (fmpy.fmi2.c_double * len(variables))()
     me.fmu.getNominalsOfContinuousStates(nominals, len(variables))
-    assert list(nominals) == [float(v.nominal or 1.0) for v in variables] == [NOMINAL.get(v.unit, 1.0) for v in variables]
+    assert (
+        list(nominals)
+        == [float(v.nominal or 1.0) for v in variables]
+        == [NOMINAL.get(v.unit, 1.0) for v in variables]
+    )
 
 
 @pytest.mark.parametrize("earth", [0.0, 1.0])
 @pytest.mark.parametrize("name", ["trainer", "everything"])
-def test_what_is_not_among_the_dependencies_has_no_effect(request, fmus, whole, condition, name, earth):
+def test_what_is_not_among_the_dependencies_has_no_effect(
+    request, fmus, whole, condition, name, earth
+):
     trainer = request.getfixturevalue(name)
     model = fmpy.read_model_description(str((fmus if name == "trainer" else whole)["3.0"]))
     run = prepared(trainer, {**condition, "mode.earth": earth}, np.zeros(len(trainer.inputs)))
     rows = [row.name for row in trainer.entries(OUTPUT)]
     state, u = run.state, np.zeros(len(trainer.inputs))
     states = [v.name for v in model.modelVariables if v.name.startswith("state.")]
-    known = {u.variable.name: {d.name for d in u.dependencies} for u in (*model.outputs, *model.derivatives) if u.dependencies is not None}
+    known = {
+        u.variable.name: {d.name for d in u.dependencies}
+        for u in (*model.outputs, *model.derivatives)
+        if u.dependencies is not None
+    }
     assert len(known) >= 20
 
     def unknowns(x: np.ndarray, u: np.ndarray) -> dict[str, float]:
@@ -174,11 +222,22 @@ def test_modes_are_kept_apart(exchange, instance, version):
     me, cs = exchange(version).start(), instance(version).start()
     enter_event_mode = getattr(cs.fmu.dll, f"fmi{version[0]}EnterEventMode")
     assert enter_event_mode(ctypes.c_void_p(cs.fmu.component)) == 3
-    assert cs.messages == ["entering event mode belongs to model exchange; this instance is for co-simulation"]
+    assert cs.messages == [
+        "entering event mode belongs to model exchange; this instance is for co-simulation"
+    ]
     for act, message in (
-        (lambda: me.fmu.enterEventMode(), "entering event mode is not allowed while the instance is in event mode"),
-        (lambda: me.fmu.completedIntegratorStep(), "completing an integrator step is not allowed while the instance is in event mode"),
-        (lambda: put_states(me, states_of(me)), "setting the states is not allowed while the instance is in event mode"),
+        (
+            lambda: me.fmu.enterEventMode(),
+            "entering event mode is not allowed while the instance is in event mode",
+        ),
+        (
+            lambda: me.fmu.completedIntegratorStep(),
+            "completing an integrator step is not allowed while the instance is in event mode",
+        ),
+        (
+            lambda: put_states(me, states_of(me)),
+            "setting the states is not allowed while the instance is in event mode",
+        ),
     ):
         with pytest.raises(FMICallException):
             act()
@@ -219,7 +278,9 @@ def test_a_stored_state_belongs_to_its_interface(exchange, instance, version):
     stored = me.fmu.deserializeFMUState(kept)
     with pytest.raises(FMICallException):
         me.fmu.setFMUState(stored)
-    assert me.messages == ["a state of co-simulation does not fit model exchange, nor the other way round"]
+    assert me.messages == [
+        "a state of co-simulation does not fit model exchange, nor the other way round"
+    ]
 
 
 @pytest.mark.parametrize("version", VERSIONS)
@@ -235,21 +296,45 @@ def test_a_stored_state_keeps_time_and_mode(exchange, version):
     me.fmu.setFMUState(state)
     assert rates_of(me).tolist() == before.tolist()
     put_states(me, x)
-    assert me.get("time" if version == "3.0" else "V") == ([2.5] if version == "3.0" else me.get("V"))
+    assert me.get("time" if version == "3.0" else "V") == (
+        [2.5] if version == "3.0" else me.get("V")
+    )
 
 
 # ---- what is no state
 
 
-FORCE = [(0.0, 0.0), (0.5, 0.0), (0.5, 40.0), (1.5, 40.0), (1.5, -30.0), (2.5, -30.0), (2.5, 0.0), (4.0, 0.0)]
-GUSTY = {"turbulence.mode": 1, "turbulence.seed": 3, "turbulence.sigma_u": 2.0, "turbulence.sigma_w": 2.0}
+FORCE = [
+    (0.0, 0.0),
+    (0.5, 0.0),
+    (0.5, 40.0),
+    (1.5, 40.0),
+    (1.5, -30.0),
+    (2.5, -30.0),
+    (2.5, 0.0),
+    (4.0, 0.0),
+]
+GUSTY = {
+    "turbulence.mode": 1,
+    "turbulence.seed": 3,
+    "turbulence.sigma_u": 2.0,
+    "turbulence.sigma_w": 2.0,
+}
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("version", [VERSIONS[0], *(pytest.param(other, marks=pytest.mark.slow) for other in VERSIONS[1:])])
-@pytest.mark.parametrize(("case", "signals"), [({"mode.controls": 2}, ("theta", "applied.column")), (GUSTY, ("theta", "alpha"))])
+@pytest.mark.parametrize(
+    "version",
+    [VERSIONS[0], *(pytest.param(other, marks=pytest.mark.slow) for other in VERSIONS[1:])],
+)
+@pytest.mark.parametrize(
+    ("case", "signals"),
+    [({"mode.controls": 2}, ("theta", "applied.column")), (GUSTY, ("theta", "alpha"))],
+)
 def test_what_is_no_state_lags_by_a_step_of_the_kernel(whole, condition, version, case, signals):
-    """A control system with friction, and turbulence, stand still between events `mode.step` apart: an error of first order."""
+    """A control system with friction, and turbulence, stand still between events `mode.step` apart:
+    an error of first order.
+    """
     force, errors = np.array(FORCE, [("time", float), ("F_column", float)]), []
     for step in (0.01, 0.005):
         options = {
@@ -264,15 +349,20 @@ def test_what_is_no_state_lags_by_a_step_of_the_kernel(whole, condition, version
         me = fmpy.simulate_fmu(str(whole[version]), fmi_type="ModelExchange", **options)
         np.testing.assert_allclose(me["time"], cs["time"], atol=1e-12)
         errors.append([abs(me[name] - cs[name]).max() for name in signals])
-        assert all(error < 0.05 * np.ptp(cs[name]) for error, name in zip(errors[-1], signals, strict=True))
+        assert all(
+            error < 0.05 * np.ptp(cs[name]) for error, name in zip(errors[-1], signals, strict=True)
+        )
     assert np.divide(*errors) == pytest.approx(2.0, rel=0.1)
 
 
 @pytest.mark.parametrize("version", VERSIONS)
 @pytest.mark.parametrize(
-    ("case", "expected"), [({}, [0.01, None]), ({"mode.controls": 2}, [0.01, 0.02, 0.03]), (GUSTY, [0.01, 0.02, 0.03])]
+    ("case", "expected"),
+    [({}, [0.01, None]), ({"mode.controls": 2}, [0.01, 0.02, 0.03]), (GUSTY, [0.01, 0.02, 0.03])],
 )
-def test_events_are_requested_while_something_moves(fmus, whole, third_party, version, case, expected):
+def test_events_are_requested_while_something_moves(
+    fmus, whole, third_party, version, case, expected
+):
     me = third_party((whole if case else fmus)[version], exchange=True).open().start(case)
     found, time = [], 0.0
     while len(found) < len(expected):

@@ -21,7 +21,22 @@ from flightmech.fmu_export.fmu_file import read_fmu, write_fmu
 from flightmech.simulation.kernel import INTEGER, PARAMETER
 
 VERSIONS = ("2.0", "3.0")
-TRACE = ("V", "alpha", "beta", "p", "q", "r", "phi", "theta", "psi", "h", "az", "CL", "Cm", "engine1.thrust")
+TRACE = (
+    "V",
+    "alpha",
+    "beta",
+    "p",
+    "q",
+    "r",
+    "phi",
+    "theta",
+    "psi",
+    "h",
+    "az",
+    "CL",
+    "Cm",
+    "engine1.thrust",
+)
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +47,11 @@ def inputs() -> xr.Dataset:
     def pulse(start: float, size: float) -> np.ndarray:
         return size * np.sin(np.clip((time - start) / 1.5, 0.0, 1.0) * 2.0 * np.pi)
 
-    signals = {"delta_e": pulse(0.5, -0.03), "delta_a": pulse(1.5, 0.02), "delta_r": pulse(2.5, 0.03)}
+    signals = {
+        "delta_e": pulse(0.5, -0.03),
+        "delta_a": pulse(1.5, 0.02),
+        "delta_r": pulse(2.5, 0.03),
+    }
     return xr.Dataset({name: ("time", values) for name, values in signals.items()}, {"time": time})
 
 
@@ -81,7 +100,9 @@ NAMES = [
 
 @pytest.fixture(scope="module")
 def short_description(trainer, tmp_path_factory):
-    """The description of an FMU with its first twelve variables only: the standard's check parses each name, 1 ms and more."""
+    """The description of an FMU with its first twelve variables only: the standard's check parses
+    each name, 1 ms and more.
+    """
     path = write_fmu(trainer, tmp_path_factory.mktemp("short") / "x.fmu")
     with zipfile.ZipFile(path) as archive:
         root = ElementTree.fromstring(archive.read("modelDescription.xml"))
@@ -95,8 +116,12 @@ def short_description(trainer, tmp_path_factory):
 
 @pytest.mark.parametrize("convention", ["structured", "flat"])
 @pytest.mark.parametrize("name", NAMES, ids=ascii)
-def test_the_findings_are_those_of_the_standard_s_check(short_description, tmp_path, name, convention):
-    """Plain names are not parsed by its grammar; whatever it finds of any other, of a unit or of a file name is found here."""
+def test_the_findings_are_those_of_the_standard_s_check(
+    short_description, tmp_path, name, convention
+):
+    """Plain names are not parsed by its grammar; whatever it finds of any other, of a unit or of a
+    file name is found here.
+    """
     first = re.search('<ScalarVariable name="([^"]*)"', short_description)[1]
     written = name.encode("ascii", "xmlcharrefreplace").decode().replace("\n", "&#10;")
     text = short_description.replace(f'name="{first}"', f'name="{written}"', 1)
@@ -125,22 +150,38 @@ def test_the_standard_finds_nothing_in_a_model_with_every_submodel(everything, t
 
 def test_every_mode_is_an_enumeration_of_all_its_values(everything):
     """A value that the enumeration leaves out could not be set by an importer."""
-    modes = [row for row in everything.entries(PARAMETER) if row.name.startswith("mode.") and row.flags & INTEGER]
+    modes = [
+        row
+        for row in everything.entries(PARAMETER)
+        if row.name.startswith("mode.") and row.flags & INTEGER
+    ]
     assert {row.name for row in modes} == {name for name in CHOICES if name.startswith("mode.")}
     for row in modes:
-        assert sorted(CHOICES[row.name].values()) == list(range(int(row.low), int(row.high) + 1)), row.name
+        assert sorted(CHOICES[row.name].values()) == list(range(int(row.low), int(row.high) + 1)), (
+            row.name
+        )
 
 
 @pytest.mark.parametrize("version", VERSIONS)
 def test_same_model_same_bytes(trainer, tmp_path, version):
-    first, second = (write_fmu(trainer, tmp_path / name, version).read_bytes() for name in ("a.fmu", "b.fmu"))
+    first, second = (
+        write_fmu(trainer, tmp_path / name, version).read_bytes() for name in ("a.fmu", "b.fmu")
+    )
     assert first == second
 
 
 def test_the_interface_is_the_catalogue(trainer, fmus):
     for version in VERSIONS:
-        variables = [v for v in fmpy.read_model_description(str(fmus[version])).modelVariables if not v.name.startswith("replay.")]
-        for causality, names in (("input", trainer.inputs), ("output", trainer.outputs), ("parameter", trainer.parameters)):
+        variables = [
+            v
+            for v in fmpy.read_model_description(str(fmus[version])).modelVariables
+            if not v.name.startswith("replay.")
+        ]
+        for causality, names in (
+            ("input", trainer.inputs),
+            ("output", trainer.outputs),
+            ("parameter", trainer.parameters),
+        ):
             assert [v.name for v in variables if v.causality == causality] == list(names)
 
 
@@ -154,7 +195,10 @@ def test_what_is_in_the_file(trainer, tmp_path):
     assert sum(name.startswith("binaries/") for name in names) >= 1
     for term in trainer.terms:
         assert f"<td>{term}</td>" in page
-    assert "<td>alpha -11.46 ... 17.19 deg (4), mach 0.1 ... 0.6 (2)</td><td></td><td>datcom 8</td>" in page
+    assert (
+        "<td>alpha -11.46 ... 17.19 deg (4), mach 0.1 ... 0.6 (2)</td><td></td><td>datcom 8</td>"
+        in page
+    )
 
 
 def test_a_failed_write_leaves_the_old_file(trainer, tmp_path):
@@ -170,7 +214,9 @@ def test_a_failed_write_leaves_the_old_file(trainer, tmp_path):
 def test_no_fmu_is_a_parse_error(tmp_path):
     path = tmp_path / "x.fmu"
     path.write_bytes(b"no zip")
-    with pytest.raises(ParseError, match=r"expected an FMU: a zip archive with a modelDescription\.xml"):
+    with pytest.raises(
+        ParseError, match=r"expected an FMU: a zip archive with a modelDescription\.xml"
+    ):
         read_fmu(path)
 
 
@@ -207,9 +253,12 @@ def test_input_derivatives_give_linear_inputs(trainer, inputs, instance, conditi
         slave.step(time[k], dt)
         rows.append(slave.get(*TRACE))
     for name, found in zip(TRACE, np.transpose(rows), strict=True):
-        # the end value of a step is rebuilt from the slope: one rounding per input and step, 6 s of flight
+        # the end value of a step is rebuilt from the slope: one rounding per input and step, 6 s of
+        # flight
         scale = abs(direct[name].values).max()
-        np.testing.assert_allclose(found, direct[name].values, rtol=0.0, atol=1e-12 * scale, err_msg=name)
+        np.testing.assert_allclose(
+            found, direct[name].values, rtol=0.0, atol=1e-12 * scale, err_msg=name
+        )
 
 
 def test_derivatives_act_in_one_step_only(instance):

@@ -1,4 +1,6 @@
-"""The libraries for other platforms, built here and run under QEMU and Wine: the same bits as on this machine."""
+"""The libraries for other platforms, built here and run under QEMU and Wine: the same bits as on
+this machine.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +34,9 @@ MOVED = {"delta_e": -0.03, "delta_a": 0.02, "delta_r": 0.03}
 pytestmark = [
     pytest.mark.slow,
     pytest.mark.nightly,
-    pytest.mark.skipif(os.uname().machine != "x86_64", reason="the emulators are those of an x86-64 Linux"),
+    pytest.mark.skipif(
+        os.uname().machine != "x86_64", reason="the emulators are those of an x86-64 Linux"
+    ),
 ]
 
 
@@ -41,7 +45,13 @@ def libraries(tmp_path_factory) -> dict[str, bytes]:
     """Compile the kernel for every platform, next to that of the installed package."""
     folder = tmp_path_factory.mktemp("binaries")
     build = f"import hatch_build, pathlib; hatch_build.OUT = pathlib.Path({str(folder)!r}); hatch_build.build()"
-    subprocess.run([sys.executable, "-c", build], cwd=ROOT, env={**os.environ, "AEROMATCH_TARGETS": "all"}, check=True, timeout=30000)
+    subprocess.run(
+        [sys.executable, "-c", build],
+        cwd=ROOT,
+        env={**os.environ, "AEROMATCH_TARGETS": "all"},
+        check=True,
+        timeout=30000,
+    )
     return compiled(folder)
 
 
@@ -85,17 +95,23 @@ def test_one_fmu_carries_every_platform(unpacked):
         "x86_64-windows",
     ]
     with zipfile.ZipFile(unpacked.parent / "two.fmu") as archive:
-        folders = {name.split("/")[1] for name in archive.namelist() if name.startswith("binaries/")}
+        folders = {
+            name.split("/")[1] for name in archive.namelist() if name.startswith("binaries/")
+        }
     assert folders == {"linux64", "win64", "darwin64"}
 
 
 @pytest.mark.parametrize("platform", RUNNERS)
-def test_the_same_bits_on_every_platform(platform, trainer, unpacked, record, direct, condition, tmp_path):
+def test_the_same_bits_on_every_platform(
+    platform, trainer, unpacked, record, direct, condition, tmp_path
+):
     runner, suffix = RUNNERS[platform]
     if runner and not shutil.which(runner[0]):
         pytest.skip(f"{runner[0]} is not installed: the library for {platform} is not run")
     if runner[:1] == ("qemu-aarch64",) and not Path(ARM_LIBRARIES).is_dir():
-        pytest.skip(f"{ARM_LIBRARIES} is absent (Debian package libc6-arm64-cross): the library for {platform} is not run")
+        pytest.skip(
+            f"{ARM_LIBRARIES} is absent (Debian package libc6-arm64-cross): the library for {platform} is not run"
+        )
     program = importer(platform, tmp_path / f"flight{suffix}")
     (library,) = (unpacked / "binaries" / platform).iterdir()
     arrays = tmp_path / "arrays.bin"
@@ -107,8 +123,17 @@ def test_the_same_bits_on_every_platform(platform, trainer, unpacked, record, di
     description = fmpy.read_model_description(str(unpacked))
     references = {v.name: v.valueReference for v in description.modelVariables}
     done = subprocess.run(
-        [*runner, str(program), native(runner, library), native(runner, unpacked / "resources"), description.guid, native(runner, arrays)],
-        input="".join(f"{references[name]} {value:.17g}\n" for name, value in condition.items()).encode(),
+        [
+            *runner,
+            str(program),
+            native(runner, library),
+            native(runner, unpacked / "resources"),
+            description.guid,
+            native(runner, arrays),
+        ],
+        input="".join(
+            f"{references[name]} {value:.17g}\n" for name, value in condition.items()
+        ).encode(),
         capture_output=True,
         env={**os.environ, "WINEDEBUG": "-all", "WINEPREFIX": str(tmp_path / "wine")},
         timeout=3000,
@@ -126,7 +151,18 @@ def importer(platform: str, program: Path) -> Path:
         sys.path.remove(str(ROOT))
     source = Path(__file__).parents[1] / "fmu_flight.c"
     linking = [] if "windows" in platform else ["-ldl"]
-    command = [sys.executable, "-m", "ziglang", "cc", "-target", TARGETS[platform].zig, "-O2", "-std=c11", str(source), *linking]
+    command = [
+        sys.executable,
+        "-m",
+        "ziglang",
+        "cc",
+        "-target",
+        TARGETS[platform].zig,
+        "-O2",
+        "-std=c11",
+        str(source),
+        *linking,
+    ]
     subprocess.run([*command, "-o", str(program)], check=True, timeout=3000)
     return program
 
@@ -138,8 +174,16 @@ def native(runner: tuple[str, ...], path: Path) -> str:
 
 @pytest.mark.parametrize("platform", ["x86_64-darwin", "aarch64-darwin"])
 def test_the_macos_libraries_hold_both_standards(platform, libraries):
-    """They are not run anywhere here: that they are Mach-O files with the functions of the standard is all that is known."""
+    """They are not run anywhere here: that they are Mach-O files with the functions of the standard
+    is all that is known.
+    """
     library = libraries[platform]
     assert library[:4] == b"\xcf\xfa\xed\xfe"
-    for name in (b"_fmi2Instantiate", b"_fmi2DoStep", b"_fmi3InstantiateModelExchange", b"_fmi3DoStep", b"_fmi3GetFloat64"):
+    for name in (
+        b"_fmi2Instantiate",
+        b"_fmi2DoStep",
+        b"_fmi3InstantiateModelExchange",
+        b"_fmi3DoStep",
+        b"_fmi3GetFloat64",
+    ):
         assert name in library

@@ -10,7 +10,18 @@ import pytest
 import xarray as xr
 
 import flightmech
-from flightmech.fmu_export.documentation import BOTTOM, HEIGHT, LEFT, LEGEND, RIGHT, TOP, WIDTH, Span, axes_of, figures
+from flightmech.fmu_export.documentation import (
+    BOTTOM,
+    HEIGHT,
+    LEFT,
+    LEGEND,
+    RIGHT,
+    TOP,
+    WIDTH,
+    Span,
+    axes_of,
+    figures,
+)
 from flightmech.simulation.kernel import VARIABLE
 
 DEG = np.pi / 180.0
@@ -23,7 +34,9 @@ def drawn(trainer):
 
 def curves(svg: str) -> list[np.ndarray]:
     """Return the points of every curve, in parts of the width and height of the axes."""
-    drawn = [path for path in ET.fromstring(svg).iter("path") if path.get("class").startswith("curve ")]
+    drawn = [
+        path for path in ET.fromstring(svg).iter("path") if path.get("class").startswith("curve ")
+    ]
     right = WIDTH - RIGHT - (LEGEND if len(drawn) > 1 else 0)
     found = []
     for path in drawn:
@@ -52,7 +65,9 @@ def test_a_table_of_two_axes_is_a_curve_per_level(drawn):
     grid = [-0.2, 0.0, 0.15, 0.3]  # rad; the curves turn at the inner ones, there and nowhere else
     # coordinates have one decimal of about 140 units
     for curve, values in ((low, [-0.8, 0.2, 0.95, 1.4]), (high, [-0.9, 0.25, 1.1, 1.5])):
-        np.testing.assert_allclose(-0.9 + 2.4 * curve[:, 1], np.interp(-0.2 + 0.5 * curve[:, 0], grid, values), atol=0.01)
+        np.testing.assert_allclose(
+            -0.9 + 2.4 * curve[:, 1], np.interp(-0.2 + 0.5 * curve[:, 0], grid, values), atol=0.01
+        )
         assert len(curve) <= 6
 
 
@@ -70,9 +85,13 @@ def test_a_constant_is_reported(drawn):
 
 def test_a_model_without_variables_has_its_values():
     aircraft = flightmech.Aircraft("constant", 17.0, 1.7, 10.3, 2300.0, 10800.0, 8100.0, 15100.0)
-    sim = flightmech.compile(aircraft, xr.DataTree.from_dict({"/CL/basic": flightmech.terms.make(0.3)}))
+    sim = flightmech.compile(
+        aircraft, xr.DataTree.from_dict({"/CL/basic": flightmech.terms.make(0.3)})
+    )
     assert list(sim.entries(VARIABLE)) == []
-    assert [(figure.term, figure.svg, figure.value) for figure in figures(sim)] == [("CL/basic", "", 0.3)]
+    assert [(figure.term, figure.svg, figure.value) for figure in figures(sim)] == [
+        ("CL/basic", "", 0.3)
+    ]
 
 
 def test_an_axis_is_also_its_own_regressor(plain):
@@ -82,7 +101,9 @@ def test_an_axis_is_also_its_own_regressor(plain):
     figure = next(figure for figure in figures(sim) if figure.term == "CD/extra")
     (curve,) = curves(figure.svg)
     # (1 + 10 alpha) alpha, 0 ... 0.6
-    np.testing.assert_allclose(0.6 * curve[:, 1], 0.2 * curve[:, 0] * (1.0 + 2.0 * curve[:, 0]), atol=0.004)
+    np.testing.assert_allclose(
+        0.6 * curve[:, 1], 0.2 * curve[:, 0] * (1.0 + 2.0 * curve[:, 0]), atol=0.004
+    )
     assert figure.caption == ""
 
 
@@ -100,11 +121,19 @@ def test_the_axis_with_the_most_nodes_runs_as_far_as_anything_changes(plain):
     from flightmech.terms import make
 
     value = np.array([[1.0, 0.5, 0.1, 0.0, 0.0], [2.0, 1.0, 0.2, 0.0, 0.0]])
-    sim = plain(CL={"ground": make(value, {"delta_f": [0.0, 0.5], "h_agl": [0.0, 4.0, 10.0, 20.0, 30_000.0]})})
+    sim = plain(
+        CL={
+            "ground": make(
+                value, {"delta_f": [0.0, 0.5], "h_agl": [0.0, 4.0, 10.0, 20.0, 30_000.0]}
+            )
+        }
+    )
     figure = next(figure for figure in figures(sim) if figure.term == "CL/ground")
     # 30 km halved down to the last length that still holds the last change at 20 m
     assert figure.caption == "constant beyond 96.1 ft; shades: delta_f"
     low, high = curves(figure.svg)
     h = 30_000.0 / 1024.0 * low[:, 0]
-    np.testing.assert_allclose(2.0 * high[:, 1], np.interp(h, [0.0, 4.0, 10.0, 20.0], [2.0, 1.0, 0.2, 0.0]), atol=0.02)
+    np.testing.assert_allclose(
+        2.0 * high[:, 1], np.interp(h, [0.0, 4.0, 10.0, 20.0], [2.0, 1.0, 0.2, 0.0]), atol=0.02
+    )
     assert words(figure.svg)[:5] == ["0.0", "0.5", "1.0", "1.5", "2.0"]

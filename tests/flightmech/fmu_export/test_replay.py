@@ -24,7 +24,11 @@ def record_of(step: float, duration: float = 4.0) -> xr.Dataset:
         return size * np.sin(np.clip((time - start) / 1.2, 0.0, 1.0) * 2.0 * np.pi)
 
     return xr.Dataset(
-        {n: ("time", pulse(0.3 + i, s)) for i, (n, s) in enumerate(zip(MOVED, (-0.03, 0.02, 0.03), strict=True))}, {"time": time}
+        {
+            n: ("time", pulse(0.3 + i, s))
+            for i, (n, s) in enumerate(zip(MOVED, (-0.03, 0.02, 0.03), strict=True))
+        },
+        {"time": time},
     )
 
 
@@ -63,7 +67,9 @@ def test_one_step_gives_the_bits_of_the_direct_call(trainer, instance, condition
 
 
 def test_the_three_ways_agree_within_the_hold_of_the_inputs(fmus, trainer, instance, condition):
-    """FMPy's loop holds each sample over its step: half a step late on average, so the difference halves with the step."""
+    """FMPy's loop holds each sample over its step: half a step late on average, so the difference
+    halves with the step.
+    """
     errors = []
     for step in (0.02, 0.01):
         record = record_of(step)
@@ -71,7 +77,12 @@ def test_the_three_ways_agree_within_the_hold_of_the_inputs(fmus, trainer, insta
         for name in ("time", *MOVED):
             table[name] = record[name].values
         held = fmpy.simulate_fmu(
-            str(fmus["3.0"]), stop_time=4.0, output_interval=step, start_values=condition, input=table, output=["q", "theta"]
+            str(fmus["3.0"]),
+            stop_time=4.0,
+            output_interval=step,
+            start_values=condition,
+            input=table,
+            output=["q", "theta"],
         )
         own = instance("3.0").start()
         rows = [own.get("q", "theta")]
@@ -80,7 +91,9 @@ def test_the_three_ways_agree_within_the_hold_of_the_inputs(fmus, trainer, insta
             own.step(record["time"].values[k], step)
             rows.append(own.get("q", "theta"))
         # FMPy interpolates the record at its own clock: a rounding of the inputs
-        np.testing.assert_allclose(np.transpose(rows), [held["q"], held["theta"]], rtol=0.0, atol=1e-13)
+        np.testing.assert_allclose(
+            np.transpose(rows), [held["q"], held["theta"]], rtol=0.0, atol=1e-13
+        )
         slave = configured(instance("3.0"), record).start()
         slave.step(0.0, 4.0)
         q = flown(slave, trainer.outputs, record.sizes["time"])[:, trainer.outputs.index("q")]
@@ -152,17 +165,32 @@ def test_a_failed_replay_keeps_what_was_flown(trainer, instance):
 @pytest.mark.parametrize(
     ("act", "message"),
     [
-        (lambda s: s.step(0.0, 1.0), "replay.t runs from 0 s to 4 s, the step from 0 s to 1 s; give one step for the whole record"),
-        (lambda s: s.fmu.setFloat64([70001], [0.0]), "1 values for 1 variables; a scalar takes one, an array as many as it has elements"),
+        (
+            lambda s: s.step(0.0, 1.0),
+            "replay.t runs from 0 s to 4 s, the step from 0 s to 1 s; give one step for the whole record",
+        ),
+        (
+            lambda s: s.fmu.setFloat64([70001], [0.0]),
+            "1 values for 1 variables; a scalar takes one, an array as many as it has elements",
+        ),
         (lambda s: s.fmu.getFloat64([70003], nValues=7), "7 values for 1 variables"),
-        (lambda s: s.fmu.setFloat64([70003], np.zeros(201)), "an array of the replay is computed by the model and cannot be set"),
-        (lambda s: s.fmu.setFloat64([70001], [*range(200), np.nan]), "an array of the replay is nan; it must be finite"),
+        (
+            lambda s: s.fmu.setFloat64([70003], np.zeros(201)),
+            "an array of the replay is computed by the model and cannot be set",
+        ),
+        (
+            lambda s: s.fmu.setFloat64([70001], [*range(200), np.nan]),
+            "an array of the replay is nan; it must be finite",
+        ),
         (
             lambda s: s.fmu.setUInt64([70000], [5]),
             "setting replay.n, a structural parameter, is not allowed while the instance is in step mode",
         ),
         (lambda s: s.fmu.getUInt64([1000]), "replay.n is the only variable of this type"),
-        (lambda s: s.fmu.enterConfigurationMode(), "entering configuration mode is not allowed while the instance is in step mode"),
+        (
+            lambda s: s.fmu.enterConfigurationMode(),
+            "entering configuration mode is not allowed while the instance is in step mode",
+        ),
     ],
 )
 def test_wrong_use_is_refused_and_changes_nothing(trainer, instance, act, message):
@@ -197,8 +225,14 @@ def test_impossible_lengths_are_refused(instance, count):
 def test_the_description_reports_the_arrays(fmus, trainer):
     found = {v.name: v for v in fmpy.read_model_description(str(fmus["3.0"])).modelVariables}
     assert found["replay.n"].causality == "structuralParameter"
-    assert [found[f"replay.{name}"].shape for name in "tuy"] == [(1,), (1, len(trainer.inputs)), (1, len(trainer.outputs))]
-    assert "replay.n" not in {v.name for v in fmpy.read_model_description(str(fmus["2.0"])).modelVariables}
+    assert [found[f"replay.{name}"].shape for name in "tuy"] == [
+        (1,),
+        (1, len(trainer.inputs)),
+        (1, len(trainer.outputs)),
+    ]
+    assert "replay.n" not in {
+        v.name for v in fmpy.read_model_description(str(fmus["2.0"])).modelVariables
+    }
 
 
 def test_the_guide_does_what_it_states(trainer, tmp_path, monkeypatch, condition):
@@ -209,7 +243,9 @@ def test_the_guide_does_what_it_states(trainer, tmp_path, monkeypatch, condition
     exec(guide.split("```python\n")[1].split("```")[0], names)
     record = xr.Dataset({"delta_e": ("time", names["u"][:, 0])}, {"time": names["time"]})
     assert names["u"][60, 0] == -0.02
-    np.testing.assert_array_equal(names["pitch"], flightmech.simulate(trainer, record, condition)["theta"].values)
+    np.testing.assert_array_equal(
+        names["pitch"], flightmech.simulate(trainer, record, condition)["theta"].values
+    )
 
 
 def test_pointers_of_numpy_serve(trainer, instance, condition):
@@ -219,5 +255,7 @@ def test_pointers_of_numpy_serve(trainer, instance, condition):
     slave.step(0.0, 4.0)
     y = np.empty((201, len(trainer.outputs)))
     reference = (ctypes.c_uint * 1)(slave.references["replay.y"])
-    slave.fmu.fmi3GetFloat64(slave.fmu.component, reference, 1, y.ctypes.data_as(ctypes.POINTER(ctypes.c_double)), y.size)
+    slave.fmu.fmi3GetFloat64(
+        slave.fmu.component, reference, 1, y.ctypes.data_as(ctypes.POINTER(ctypes.c_double)), y.size
+    )
     np.testing.assert_array_equal(y, flown(slave, trainer.outputs, 201))

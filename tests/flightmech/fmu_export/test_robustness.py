@@ -1,4 +1,6 @@
-"""Many instances, threads, calls in any order, stored states of third parties: refused with a message, never a crash."""
+"""Many instances, threads, calls in any order, stored states of third parties: refused with a
+message, never a crash.
+"""
 
 from __future__ import annotations
 
@@ -58,7 +60,9 @@ def test_a_thousand_instances_at_once(instance, version):
 
 @pytest.mark.parametrize("version", VERSIONS)
 def test_instances_in_threads_give_the_bits_of_one(instance, version, monkeypatch):
-    monkeypatch.chdir(Path.cwd())  # FMPy changes the working directory while it loads a library, and threads lose it
+    monkeypatch.chdir(
+        Path.cwd()
+    )  # FMPy changes the working directory while it loads a library, and threads lose it
     elevators = np.linspace(-0.02, 0.02, 16)
     alone = [fly(instance(version), elevator) for elevator in elevators]
     with ThreadPoolExecutor(8) as pool:
@@ -107,7 +111,9 @@ def test_the_seal_is_understood(instance, kept):
 
 
 def test_a_state_of_another_model_is_refused(trainer, plain, tmp_path, third_party, kept):
-    folder = fmpy.extract(str(flightmech.write_fmu(plain(), tmp_path / "p.fmu", "3.0")), str(tmp_path / "p"))
+    folder = fmpy.extract(
+        str(flightmech.write_fmu(plain(), tmp_path / "p.fmu", "3.0")), str(tmp_path / "p")
+    )
     other = third_party(Path(folder)).open()
     with pytest.raises(FMICallException):
         other.fmu.deserializeFMUState(kept)
@@ -135,10 +141,18 @@ def test_a_head_without_meaning_is_refused(instance, kept, offset, form, value, 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("case", [{"mode.controls": 2, "mode.engine": 0}, {"turbulence.mode": 1, "turbulence.sigma_w": 2.0}])
+@pytest.mark.parametrize(
+    "case",
+    [{"mode.controls": 2, "mode.engine": 0}, {"turbulence.mode": 1, "turbulence.sigma_w": 2.0}],
+)
 def test_hostile_states_never_crash(whole, third_party, tmp_path, case):
-    """Random bits under a right seal, every submodel at work: refused, or flown to an error or to numbers."""
-    slave, image = third_party(whole["3.0"]).open().start({"mode.trim": 0, **case}), tmp_path / "state.bin"
+    """Random bits under a right seal, every submodel at work: refused, or flown to an error or to
+    numbers.
+    """
+    slave, image = (
+        third_party(whole["3.0"]).open().start({"mode.trim": 0, **case}),
+        tmp_path / "state.bin",
+    )
     slave.step(0.0, 0.5)
     image.write_bytes(slave.fmu.serializeFMUState(slave.fmu.getFMUState()))
     assert int(child("fmu_states_child.py", whole["3.0"], image, HEAD)) > 100
@@ -165,7 +179,9 @@ def test_memory_does_not_grow_with_runs(instance):
             for item in (state, again):
                 slave.fmu.freeFMUState(item)
             slave.fmu.reset()
-            slave.fmu.fmi3FreeInstance(slave.fmu.component)  # freeInstance of FMPy would unload the library, too
+            slave.fmu.fmi3FreeInstance(
+                slave.fmu.component
+            )  # freeInstance of FMPy would unload the library, too
             slave.open()
 
     rounds(20)
@@ -178,7 +194,14 @@ def test_memory_does_not_grow_with_runs(instance):
 def test_null_pointers_of_an_absent_instance_are_errors(fmus):
     library = ctypes.CDLL(str(next(fmus["2.0"].glob("binaries/*/*.so"))))
     nothing, zero = ctypes.c_void_p(None), ctypes.c_size_t(0)
-    for name in ("fmi2Terminate", "fmi2Reset", "fmi2EnterEventMode", "fmi3Terminate", "fmi3EnterConfigurationMode", "fmi3Reset"):
+    for name in (
+        "fmi2Terminate",
+        "fmi2Reset",
+        "fmi2EnterEventMode",
+        "fmi3Terminate",
+        "fmi3EnterConfigurationMode",
+        "fmi3Reset",
+    ):
         assert getattr(library, name)(nothing) == 3
     for name in ("fmi2GetReal", "fmi2SetReal", "fmi3GetFloat64", "fmi3SetFloat64"):
         assert getattr(library, name)(nothing, None, zero, None, zero) == 3

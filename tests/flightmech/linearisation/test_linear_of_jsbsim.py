@@ -1,6 +1,8 @@
-"""The linear model against that of another simulator: the T37 of the pip package ``jsbsim``, its tables read where they are installed.
+"""The linear model against that of another simulator: the T37 of the pip package ``jsbsim``, its
+tables read where they are installed.
 
-JSBSim flies over the round Earth and differences its own trim; everything else is the same aeroplane, so what differs is ours.
+JSBSim flies over the round Earth and differences its own trim; everything else is the same
+aeroplane, so what differs is ours.
 """
 
 from __future__ import annotations
@@ -32,9 +34,20 @@ REGRESSOR = {
     "fcs/rudder-pos-rad": "delta_r",
 }
 AXIS = {"aero/alpha-rad": "alpha", "aero/beta-rad": "beta", "velocities/mach": "mach"}
-FACTORS = {"aero/qbar-psf", "metrics/Sw-sqft", "metrics/bw-ft", "metrics/cbarw-ft", "aero/bi2vel", "aero/ci2vel"}
+FACTORS = {
+    "aero/qbar-psf",
+    "metrics/Sw-sqft",
+    "metrics/bw-ft",
+    "metrics/cbarw-ft",
+    "aero/bi2vel",
+    "aero/ci2vel",
+}
 GROUND = {"aero/function/kCLge", "aero/function/kCDge"}  # 1 away from the ground
-ELSEWHERE = {"fcs/flap-pos-norm", "gear/gear-pos-norm", "fcs/speedbrake-pos-norm"}  # zero in this flight
+ELSEWHERE = {
+    "fcs/flap-pos-norm",
+    "gear/gear-pos-norm",
+    "fcs/speedbrake-pos-norm",
+}  # zero in this flight
 
 
 def leaf(product: ET.Element) -> xr.Dataset | None:
@@ -46,7 +59,10 @@ def leaf(product: ET.Element) -> xr.Dataset | None:
     table = product.find("table")
     if table is not None:
         points = np.array((table.findtext("tableData") or "").split(), float).reshape(-1, 2)
-        value, axes = points[:, 1] * value, {AXIS[(table.findtext("independentVar") or "").strip()]: points[:, 0]}
+        value, axes = (
+            points[:, 1] * value,
+            {AXIS[(table.findtext("independentVar") or "").strip()]: points[:, 0]},
+        )
     regressors = []
     for word in words:
         if word == "fcs/mag-elevator-pos-rad":
@@ -65,15 +81,38 @@ def foreign():
     fdm.set_debug_level(0)
     fdm.load_model("T37")
     tanks = {f"propulsion/tank[{i}]/contents-lbs": 340.0 for i in range(2)}
-    for name, value in {**tanks, "ic/h-sl-ft": H / FOOT, "ic/vt-fps": V / FOOT, "ic/gamma-deg": 0.0}.items():
+    for name, value in {
+        **tanks,
+        "ic/h-sl-ft": H / FOOT,
+        "ic/vt-fps": V / FOOT,
+        "ic/gamma-deg": 0.0,
+    }.items():
         fdm[name] = value
     fdm.run_ic()
-    for name, value in {**tanks, "propulsion/set-running": -1, "gear/gear-cmd-norm": 0, "gear/gear-pos-norm": 0}.items():
+    for name, value in {
+        **tanks,
+        "propulsion/set-running": -1,
+        "gear/gear-cmd-norm": 0,
+        "gear/gear-pos-norm": 0,
+    }.items():
         fdm[name] = value
     fdm["simulation/do_simple_trim"] = 1
     found = jsbsim.FGLinearization(fdm)
-    point = {"alpha": fdm["aero/alpha-rad"], "delta_e": fdm["fcs/elevator-pos-rad"], "mass": fdm["inertia/weight-lbs"] * POUND}
-    names = {"Vt": "V", "Alpha": "alpha", "Theta": "theta", "Q": "q", "Beta": "beta", "Phi": "phi", "P": "p", "R": "r"}
+    point = {
+        "alpha": fdm["aero/alpha-rad"],
+        "delta_e": fdm["fcs/elevator-pos-rad"],
+        "mass": fdm["inertia/weight-lbs"] * POUND,
+    }
+    names = {
+        "Vt": "V",
+        "Alpha": "alpha",
+        "Theta": "theta",
+        "Q": "q",
+        "Beta": "beta",
+        "Phi": "phi",
+        "P": "p",
+        "R": "r",
+    }
     A = np.array(found.system_matrix)
     states = [names.get(name, name) for name in found.x_names]
     unit = np.array([FOOT if name == "V" else 1.0 for name in states])
@@ -91,32 +130,54 @@ def ours(foreign):
             product = function.find("product")
             found = leaf(product) if product is not None else None
             if found is not None:
-                leaves[f"/{COEFFICIENT[axis.attrib['name']]}/{function.attrib['name'].rpartition('/')[2]}"] = found
+                leaves[
+                    f"/{COEFFICIENT[axis.attrib['name']]}/{function.attrib['name'].rpartition('/')[2]}"
+                ] = found
     db = xr.DataTree.from_dict(leaves)
     db.attrs["force_axes"] = "wind"  # JSBSim turns lift, drag and side force through alpha and beta
-    inertia = {name: float(root.findtext(f"mass_balance/{name.lower()}")) * SLUG * FOOT**2 for name in ("Ixx", "Iyy", "Izz")}
+    inertia = {
+        name: float(root.findtext(f"mass_balance/{name.lower()}")) * SLUG * FOOT**2
+        for name in ("Ixx", "Iyy", "Izz")
+    }
     engines = tuple(Engine((-40.0 * INCH, y * INCH, 0.0)) for y in (-30.0, 30.0))
     size = {"S": 182.0 * FOOT**2, "cbar": 5.47 * FOOT, "b": 33.83 * FOOT}
-    aircraft = flightmech.Aircraft("T37", **size, mass=foreign[1]["mass"], **inertia, cg=(0.0, 0.0, 8.8 * INCH), engines=engines)
+    aircraft = flightmech.Aircraft(
+        "T37",
+        **size,
+        mass=foreign[1]["mass"],
+        **inertia,
+        cg=(0.0, 0.0, 8.8 * INCH),
+        engines=engines,
+    )
     sim = flightmech.compile(aircraft, db)
     return flightmech.linearize(sim, {"init.V": V, "init.h": H})
 
 
 def test_trim(ours, foreign):
-    """JSBSim starts at the equator, where gravity less the centrifugal force is 0.3 % below standard: 0.001 of CL, 2e-4 rad."""
+    """JSBSim starts at the equator, where gravity less the centrifugal force is 0.3 % below
+    standard: 0.001 of CL, 2e-4 rad.
+    """
     assert float(ours["x"].sel(state="alpha")) == pytest.approx(foreign[1]["alpha"], abs=3e-4)
     assert float(ours["u"].sel(input="delta_e")) == pytest.approx(foreign[1]["delta_e"], abs=3e-4)
 
 
 def test_state_matrix(ours, foreign):
-    """2 % of the largest entry of each row, scaled to equal speeds; V over V is left out: thrust of JSBSim changes with speed, ours not."""
+    """2 % of the largest entry of each row, scaled to equal speeds; V over V is left out: thrust of
+    JSBSim changes with speed, ours not.
+    """
     size = np.array([V if name == "V" else 1.0 for name in ours["state"].values])
     mine = ours["A"].values / size[:, None] * size[None, :]
-    theirs = foreign[0].sel(state=ours["state"].values, state_=ours["state"].values).values / size[:, None] * size[None, :]
+    theirs = (
+        foreign[0].sel(state=ours["state"].values, state_=ours["state"].values).values
+        / size[:, None]
+        * size[None, :]
+    )
     for i, name in enumerate(ours["state"].values):
         for k, over in enumerate(ours["state"].values):
             if (name, over) != ("V", "V"):
-                assert mine[i, k] == pytest.approx(theirs[i, k], abs=0.02 * np.abs(theirs[i]).max()), (name, over)
+                assert mine[i, k] == pytest.approx(
+                    theirs[i, k], abs=0.02 * np.abs(theirs[i]).max()
+                ), (name, over)
 
 
 def test_modes(ours, foreign):
@@ -127,7 +188,11 @@ def test_modes(ours, foreign):
     assert mine["mode"].tolist() == theirs["mode"].tolist()
     for (_, a), (_, b) in zip(mine.iterrows(), theirs.iterrows()):
         if a["mode"] != "spiral":
-            assert a["omega_n"] == pytest.approx(b["omega_n"], rel=0.03 if a["mode"] == "phugoid" else 0.015), a["mode"]
-            assert a["damping_ratio"] == pytest.approx(b["damping_ratio"], abs=0.03 if a["mode"] == "phugoid" else 0.005), a["mode"]
+            assert a["omega_n"] == pytest.approx(
+                b["omega_n"], rel=0.03 if a["mode"] == "phugoid" else 0.015
+            ), a["mode"]
+            assert a["damping_ratio"] == pytest.approx(
+                b["damping_ratio"], abs=0.03 if a["mode"] == "phugoid" else 0.005
+            ), a["mode"]
         else:
             assert a["real"] == pytest.approx(b["real"], abs=5e-4)

@@ -13,7 +13,9 @@ from flightmech.terms import make
 
 @pytest.fixture(scope="module")
 def sim() -> flightmech.SimModel:
-    craft = flightmech.Aircraft(name="glider", S=16.0, cbar=1.5, b=10.0, mass=900.0, Ixx=2000.0, Iyy=2500.0, Izz=4000.0)
+    craft = flightmech.Aircraft(
+        name="glider", S=16.0, cbar=1.5, b=10.0, mass=900.0, Ixx=2000.0, Iyy=2500.0, Izz=4000.0
+    )
     alpha = [-0.2, 0.0, 0.2, 0.4]
     leaves = {
         "CL/basic": make([-0.8, 0.3, 1.3, 1.5], {"alpha": alpha}),
@@ -28,7 +30,9 @@ def sim() -> flightmech.SimModel:
         "Cn/beta": make(0.1, regressors=["beta"]),
         "Cn/rhat": make(-0.12, regressors=["rhat"]),
     }
-    return flightmech.compile(craft, xr.DataTree.from_dict({f"/{name}": leaf for name, leaf in leaves.items()}))
+    return flightmech.compile(
+        craft, xr.DataTree.from_dict({f"/{name}": leaf for name, leaf in leaves.items()})
+    )
 
 
 @pytest.fixture(scope="module")
@@ -37,18 +41,29 @@ def record() -> xr.Dataset:
     return xr.Dataset({"delta_e": ("time", np.where((t > 1) & (t < 2), -0.05, 0.0))}, {"time": t})
 
 
-VARIED = {"node.Cm.basic[1]": [0.03, 0.05, 0.01], "mass.mass": [900.0, 950.0, 1000.0], "term.CL.basic": [1.0, 1.0, 1.05]}
+VARIED = {
+    "node.Cm.basic[1]": [0.03, 0.05, 0.01],
+    "mass.mass": [900.0, 950.0, 1000.0],
+    "term.CL.basic": [1.0, 1.0, 1.05],
+}
 HELD = {"init.V": 40.0, "init.h": 500.0}
 
 
 def test_a_batch_is_the_single_runs_whatever_the_threads(sim, record):
     batch = flightmech.simulate_batch(sim, record, VARIED, HELD, outputs=["theta", "h"])
     for run in range(3):
-        one = flightmech.simulate(sim, record, HELD | {name: values[run] for name, values in VARIED.items()}, outputs=["h", "theta"])
+        one = flightmech.simulate(
+            sim,
+            record,
+            HELD | {name: values[run] for name, values in VARIED.items()},
+            outputs=["h", "theta"],
+        )
         assert np.array_equal(batch["theta"][run], one["theta"])
         assert np.array_equal(batch["h"][run], one["h"])
     for threads in (1, 2, 7):
-        again = flightmech.simulate_batch(sim, record, VARIED, HELD, outputs=["theta", "h"], threads=threads)
+        again = flightmech.simulate_batch(
+            sim, record, VARIED, HELD, outputs=["theta", "h"], threads=threads
+        )
         assert np.array_equal(again["theta"], batch["theta"])
     assert float(abs(batch["theta"][1] - batch["theta"][0]).max()) > 1e-3
 
@@ -76,7 +91,14 @@ def test_the_contributions_of_the_terms_sum_to_the_coefficients(sim, record):
     found = flightmech.simulate(sim, record, HELD, terms=True)
     for coefficient in ("CL", "CD", "CY", "Cl", "Cm", "Cn"):
         own = [name for name in sim.terms if name.startswith(coefficient + "/")]
-        np.testing.assert_allclose(found["contribution"].sel(term=own).sum("term"), found[coefficient], rtol=1e-13, atol=1e-15)
+        np.testing.assert_allclose(
+            found["contribution"].sel(term=own).sum("term"),
+            found[coefficient],
+            rtol=1e-13,
+            atol=1e-15,
+        )
     rate = found["contribution"].sel(term="CL/alphadothat")
-    np.testing.assert_allclose(rate, 1.5 * found["alpha_dot"] * 0.75 / found["V"], rtol=1e-12, atol=1e-16)
+    np.testing.assert_allclose(
+        rate, 1.5 * found["alpha_dot"] * 0.75 / found["V"], rtol=1e-12, atol=1e-16
+    )
     assert float(abs(rate).max()) > 1e-3

@@ -11,7 +11,16 @@ import xarray as xr
 import flightmech
 from flightmech.errors import SchemaError
 from flightmech.names import lookup
-from flightmech.simulation.kernel import FIXED, INPUT, INTEGER, OUTPUT, PARAMETER, TERM, VARIABLE, known
+from flightmech.simulation.kernel import (
+    FIXED,
+    INPUT,
+    INTEGER,
+    OUTPUT,
+    PARAMETER,
+    TERM,
+    VARIABLE,
+    known,
+)
 from flightmech.terms import make
 from flightmech.units import parse
 
@@ -21,7 +30,9 @@ def aircraft(**changes) -> flightmech.Aircraft:
 
 
 def tree(attrs=None, **leaves: xr.Dataset) -> xr.DataTree:
-    found = xr.DataTree.from_dict({f"/{name.replace('__', '/')}": leaf for name, leaf in leaves.items()})
+    found = xr.DataTree.from_dict(
+        {f"/{name.replace('__', '/')}": leaf for name, leaf in leaves.items()}
+    )
     found.attrs.update(attrs or {})
     return found
 
@@ -63,11 +74,20 @@ def test_all_problems_at_once():
 def test_a_broken_leaf_is_named():
     leaf = make([1.0, 2.0], {"alpha": [0.0, 1.0]})
     leaf["value"].values[0] = np.nan
-    assert refused(tree(CL__basic=leaf)) == ["CL/basic: value holds 1 NaN or infinite nodes of 2; trim or fill the table first"]
+    assert refused(tree(CL__basic=leaf)) == [
+        "CL/basic: value holds 1 NaN or infinite nodes of 2; trim or fill the table first"
+    ]
 
 
 def test_a_table_that_would_not_fly_is_an_error():
-    problems = refused(tree(CL=make(0.2), CD__flap__slotted=make(0.1), CD__flap=make(0.1), checks__flown__once=make(0.0)))
+    problems = refused(
+        tree(
+            CL=make(0.2),
+            CD__flap__slotted=make(0.1),
+            CD__flap=make(0.1),
+            checks__flown__once=make(0.0),
+        )
+    )
     assert problems == [
         f"{path} holds a table; a term lies at /<coefficient>/<contribution>, this one would not fly"
         for path in ("/CL", "/CD/flap/slotted")
@@ -75,20 +95,31 @@ def test_a_table_that_would_not_fly_is_an_error():
 
 
 def test_force_axes():
-    assert "attribute force_axes is 'earth'; allowed: stability, wind, body" in refused(tree({"force_axes": "earth"}, CL__a=make(1.0)))
-    sim = flightmech.compile(aircraft(), tree({"force_axes": "body"}, CX__a=make(-0.02), CZ__a=make(-0.5)))
+    assert "attribute force_axes is 'earth'; allowed: stability, wind, body" in refused(
+        tree({"force_axes": "earth"}, CL__a=make(1.0))
+    )
+    sim = flightmech.compile(
+        aircraft(), tree({"force_axes": "body"}, CX__a=make(-0.02), CZ__a=make(-0.5))
+    )
     assert sim.terms == ("CX/a", "CZ/a")
     assert sim.meta["force_axes"] == "body"
 
 
 def test_moment_reference_must_agree():
     problems = refused(tree({"x_ref": -3.0}, CL__a=make(1.0)), reference=(-2.5, 0.0, 0.0))
-    assert problems == ["x_ref is -3 m in the database and -2.5 m in the aircraft; move the moment reference"]
+    assert problems == [
+        "x_ref is -3 m in the database and -2.5 m in the aircraft; move the moment reference"
+    ]
 
 
 def test_names_follow_the_vocabulary_and_units_parse():
-    engine = flightmech.aircraft.Engine((0.0, 0.0, 0.0), thrust=make([0.0, 900.0], {"throttle": [0.0, 1.0]}))
-    sim = flightmech.compile(aircraft(engines=(engine,)), tree(CL__basic=make(0.4), Cm__qhat=make(-9.0, regressors=["qhat"])))
+    engine = flightmech.aircraft.Engine(
+        (0.0, 0.0, 0.0), thrust=make([0.0, 900.0], {"throttle": [0.0, 1.0]})
+    )
+    sim = flightmech.compile(
+        aircraft(engines=(engine,)),
+        tree(CL__basic=make(0.4), Cm__qhat=make(-9.0, regressors=["qhat"])),
+    )
     assert sim.inputs[-2:] == ("engine1.throttle", "engine1.thrust_drive")
     assert sim.outputs[-1] == "engine1.thrust"
     assert sim.parameters[-3:] == ("term.engine1.thrust", "term.CL.basic", "term.Cm.qhat")
@@ -132,29 +163,42 @@ def test_every_vocabulary_variable_of_the_kernel_is_known():
 
 
 def test_provenance_travels_in_the_block():
-    sim = flightmech.compile(aircraft(), tree({"source": "wind tunnel"}, CL__basic=make(0.4, comment="guess")))
+    sim = flightmech.compile(
+        aircraft(), tree({"source": "wind tunnel"}, CL__basic=make(0.4, comment="guess"))
+    )
     assert sim.title == "glider"
     assert sim.meta["database"]["source"] == "wind tunnel"
     assert sim.meta["terms"]["CL/basic"] == {"comment": "guess"}
 
 
 def test_a_tree_and_its_file_compile_to_the_same_block(tmp_path):
-    written = tree({"S": 15, "revision": 3, "flights": 12.5, "source": "wind tunnel"}, CL__basic=make(0.4))
+    written = tree(
+        {"S": 15, "revision": 3, "flights": 12.5, "source": "wind tunnel"}, CL__basic=make(0.4)
+    )
     written.to_netcdf(tmp_path / "db.nc", engine="h5netcdf")
     read = xr.open_datatree(tmp_path / "db.nc", engine="h5netcdf")
     assert isinstance(read.attrs["revision"], np.integer)
     blocks = [flightmech.compile(aircraft(), db) for db in (written, read)]
-    assert blocks[1].meta["database"] == {"S": 15, "revision": 3, "flights": 12.5, "source": "wind tunnel"}
+    assert blocks[1].meta["database"] == {
+        "S": 15,
+        "revision": 3,
+        "flights": 12.5,
+        "source": "wind tunnel",
+    }
     assert blocks[0].block == blocks[1].block
 
 
 def test_range_and_sources_of_each_term_travel_in_the_block():
     flap = xr.DataArray([0.5, 1.0], {"delta_f": np.radians([0.0, 40.0])}, ("delta_f",))
     alpha = np.radians([-8.0, 0.0, 20.0])
-    leaf = make(np.ones((3, 2)), {"alpha": alpha, "mach": [0.1, 0.6]}, ["qhat"], K1=flap, source="datcom")
+    leaf = make(
+        np.ones((3, 2)), {"alpha": alpha, "mach": [0.1, 0.6]}, ["qhat"], K1=flap, source="datcom"
+    )
     leaf["source"][1:, 0] = 1
     slice_ = make([0.3], {"h": [1524.0]}, source="judgement")
-    terms = flightmech.compile(aircraft(), tree(Cm__qhat=leaf, CL__slice=slice_, CD__constant=make(0.02))).meta["terms"]
+    terms = flightmech.compile(
+        aircraft(), tree(Cm__qhat=leaf, CL__slice=slice_, CD__constant=make(0.02))
+    ).meta["terms"]
     assert terms["Cm/qhat"] == {
         "axes": "delta_f 0 ... 40 deg (2), alpha -8 ... 20 deg (3), mach 0.1 ... 0.6 (2)",
         "source": "datcom 4, flight 2",
@@ -167,16 +211,24 @@ def test_range_and_sources_of_each_term_travel_in_the_block():
 @pytest.mark.parametrize("table", ["value", "K1", "K2"])
 @pytest.mark.parametrize("axis", ["alphadothat", "betadothat", "dnz"])
 def test_no_table_runs_over_what_the_simulation_solves_for(table, axis):
-    """The loop through the force is closed by a linear solution, which is exact for regressors only."""
+    """The loop through the force is closed by a linear solution, which is exact for regressors
+    only.
+    """
     over = xr.DataArray([0.0, 1.0], {axis: [0.0, 1.0]}, (axis,))
     leaf = make([0.0, 1.0], {axis: [0.0, 1.0]}) if table == "value" else make(1.0, **{table: over})
-    assert refused(tree(Cm__a=leaf)) == [f"Cm/a: {axis} cannot be an axis, the simulation solves for it; make it a regressor"]
+    assert refused(tree(Cm__a=leaf)) == [
+        f"Cm/a: {axis} cannot be an axis, the simulation solves for it; make it a regressor"
+    ]
 
 
-@pytest.mark.parametrize("pair", [("dnz", "alphadothat"), ("betadothat", "dnz"), ("alphadothat", "alphadothat")])
+@pytest.mark.parametrize(
+    "pair", [("dnz", "alphadothat"), ("betadothat", "dnz"), ("alphadothat", "alphadothat")]
+)
 def test_a_term_holds_one_of_what_the_simulation_solves_for(pair):
     text = "only one of alphadothat, betadothat, dnz can be solved for in a term"
-    assert refused(tree(Cm__a=make(1.0, regressors=pair))) == [f"Cm/a: regressors {' '.join(pair)}: {text}"]
+    assert refused(tree(Cm__a=make(1.0, regressors=pair))) == [
+        f"Cm/a: regressors {' '.join(pair)}: {text}"
+    ]
 
 
 def test_what_the_simulation_solves_for_may_be_scaled_by_anything_else():

@@ -11,7 +11,9 @@ from flightmech.errors import SchemaError
 from flightmech.simulation.node_values import table_values, with_table_values
 from flightmech.terms import make
 
-CRAFT = flightmech.Aircraft(name="glider", S=16.0, cbar=1.5, b=10.0, mass=900.0, Ixx=2000.0, Iyy=2500.0, Izz=4000.0)
+CRAFT = flightmech.Aircraft(
+    name="glider", S=16.0, cbar=1.5, b=10.0, mass=900.0, Ixx=2000.0, Iyy=2500.0, Izz=4000.0
+)
 ALPHA, MACH = [-0.2, 0.0, 0.2, 0.4], [0.1, 0.3]
 WIDE = np.array([[-0.8, 0.3, 1.3, 1.5], [-0.9, 0.2, 1.2, 1.6]])
 
@@ -19,11 +21,15 @@ WIDE = np.array([[-0.8, 0.3, 1.3, 1.5], [-0.9, 0.2, 1.2, 1.6]])
 def compiled(scale=1.0):
     leaves = {
         "CL/basic": make(scale * WIDE, {"mach": MACH, "alpha": ALPHA}),
-        "CD/basic": make(0.1 * WIDE**2, {"mach": MACH, "alpha": ALPHA}),  # side by side with the lift: the same axes
+        "CD/basic": make(
+            0.1 * WIDE**2, {"mach": MACH, "alpha": ALPHA}
+        ),  # side by side with the lift: the same axes
         "Cm/elevator": make(-1.2 * scale, regressors=["delta_e"]),
         "Cm/basic": make(scale * np.array([0.2, 0.03, -0.15, -0.4]), {"alpha": ALPHA}),
     }
-    return flightmech.compile(CRAFT, xr.DataTree.from_dict({f"/{name}": leaf for name, leaf in leaves.items()}))
+    return flightmech.compile(
+        CRAFT, xr.DataTree.from_dict({f"/{name}": leaf for name, leaf in leaves.items()})
+    )
 
 
 SHAPES = {"CL/basic": (2, 4), "Cm/elevator": (), "Cm/basic": (4,)}
@@ -41,7 +47,14 @@ def test_the_block_is_that_of_the_changed_database():
 
 
 @pytest.mark.parametrize(
-    ("name", "shape"), [("CL/basic", (2, 3)), ("CL/basic", (8,)), ("CL/gear", ()), ("Cm/basic", (5,)), ("CL/basic", ())]
+    ("name", "shape"),
+    [
+        ("CL/basic", (2, 3)),
+        ("CL/basic", (8,)),
+        ("CL/gear", ()),
+        ("Cm/basic", (5,)),
+        ("CL/basic", ()),
+    ],
 )
 def test_another_table_is_refused(name, shape):
     with pytest.raises(SchemaError, match=re.escape(f"no term {name} with a table of")):

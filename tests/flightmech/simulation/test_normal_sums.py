@@ -10,7 +10,9 @@ SAMPLES, STATES, CONSTANTS = 7, 5, 6
 
 @pytest.fixture
 def system():
-    """Return sums over steps and readings, and the same residuals as dense rows (residuals, unknowns) with their values."""
+    """Return sums over steps and readings, and the same residuals as dense rows (residuals,
+    unknowns) with their values.
+    """
     rng = np.random.default_rng(3)
     sums, rows, values = NormalSums(SAMPLES, STATES, CONSTANTS), [], []
 
@@ -30,12 +32,19 @@ def system():
     for k, m in np.ndindex(r.shape):
         w = weight[k, m]
         row([(k, w * A[k, m]), (k + 1, w * B[k, m])], columns, w * J[k, m], w * r[k, m])
-    k, f = np.array([6, 0, 3, 3, 5, 0]), np.array([0.0, 0.0, 0.25, 0.5, 0.75, 0.125])  # in any order, repeated, one on the last sample
+    k, f = (
+        np.array([6, 0, 3, 3, 5, 0]),
+        np.array([0.0, 0.0, 0.25, 0.5, 0.75, 0.125]),
+    )  # in any order, repeated, one on the last sample
     r, J = rng.normal(size=(6, 2)), rng.normal(size=(6, 2, 1))
     A, sigma = rng.normal(size=(6, 2, STATES)), np.array([0.5, 2.0])
     sums.readings(r, 1.0 / sigma, k, f, A, np.array([5]), J)
     for i, m in np.ndindex(r.shape):
-        blocks = [(at, share * A[i, m] / sigma[m]) for at, share in ((k[i], 1.0 - f[i]), (k[i] + 1, f[i])) if share]
+        blocks = [
+            (at, share * A[i, m] / sigma[m])
+            for at, share in ((k[i], 1.0 - f[i]), (k[i] + 1, f[i]))
+            if share
+        ]
         row(blocks, np.array([5]), J[i, m] / sigma[m], r[i, m] / sigma[m])
     return sums, np.array(rows), np.array(values)
 
@@ -48,7 +57,9 @@ def test_sums_are_those_of_dense_rows(system):
         np.testing.assert_allclose(sums.D[k], normal[at, at], atol=1e-13)
         np.testing.assert_allclose(sums.G[k], normal[at, n:], atol=1e-13)
         if k:
-            np.testing.assert_allclose(sums.O[k - 1], normal[at, at.start - STATES : at.start], atol=1e-13)
+            np.testing.assert_allclose(
+                sums.O[k - 1], normal[at, at.start - STATES : at.start], atol=1e-13
+            )
     np.testing.assert_allclose(sums.C, normal[n:, n:], atol=1e-13)
     np.testing.assert_allclose(np.append(sums.gx.ravel(), sums.gc), gradient, atol=1e-13)
     assert sums.cost == pytest.approx(y @ y, rel=1e-14)
@@ -62,7 +73,9 @@ def test_states_are_eliminated(system):
     rest = sums.eliminate()
     np.testing.assert_allclose(rest.border, G.T @ np.linalg.solve(T, G), rtol=1e-11)
     right = rest.right.copy()
-    np.testing.assert_allclose(rest.back(right.copy()).reshape(n, -1), np.linalg.solve(T, G), rtol=1e-11, atol=1e-13)
+    np.testing.assert_allclose(
+        rest.back(right.copy()).reshape(n, -1), np.linalg.solve(T, G), rtol=1e-11, atol=1e-13
+    )
     np.testing.assert_array_equal(rest.right, right)
 
 
@@ -82,20 +95,54 @@ def test_wrong_arrays_are_refused(system):
     sums, _, _ = system
     nothing = np.zeros((SAMPLES, 1, 0))
     with pytest.raises(IndexError, match=r"samples 6 \.\.\. 7 of 7"):
-        sums.readings(np.zeros((1, 1)), 1.0, np.array([6]), np.array([0.5]), np.zeros((1, 1, STATES)), np.zeros(0, int), nothing[:1])
+        sums.readings(
+            np.zeros((1, 1)),
+            1.0,
+            np.array([6]),
+            np.array([0.5]),
+            np.zeros((1, 1, STATES)),
+            np.zeros(0, int),
+            nothing[:1],
+        )
     with pytest.raises(ValueError, match="expected"):
-        sums.readings(np.zeros((1, 1)), 1.0, np.array([0]), np.array([0.0]), np.zeros((1, 1, STATES)), np.arange(2), nothing[:1])
+        sums.readings(
+            np.zeros((1, 1)),
+            1.0,
+            np.array([0]),
+            np.array([0.0]),
+            np.zeros((1, 1, STATES)),
+            np.arange(2),
+            nothing[:1],
+        )
     with pytest.raises(IndexError, match=r"constants 6 \.\.\. 6 of 6"):
-        sums.readings(np.zeros((1, 1)), 1.0, np.array([0]), np.array([0.0]), np.zeros((1, 1, STATES)), np.array([6]), np.zeros((1, 1, 1)))
+        sums.readings(
+            np.zeros((1, 1)),
+            1.0,
+            np.array([0]),
+            np.array([0.0]),
+            np.zeros((1, 1, STATES)),
+            np.array([6]),
+            np.zeros((1, 1, 1)),
+        )
     many = NormalSums(2, 33, 0)
     with pytest.raises(ValueError, match="more than the kernel sums at once, 32"):
-        many.readings(np.zeros((1, 1)), 1.0, np.array([0]), np.array([0.0]), np.zeros((1, 1, 33)), np.zeros(0, int), nothing[:1])
+        many.readings(
+            np.zeros((1, 1)),
+            1.0,
+            np.array([0]),
+            np.array([0.0]),
+            np.zeros((1, 1, 33)),
+            np.zeros(0, int),
+            nothing[:1],
+        )
 
 
 def test_together_is_one_after_the_other():
     """More samples than are added in one stretch, readings in an order of their own."""
     rng = np.random.default_rng(9)
-    r, A, B, J = (rng.normal(size=size) for size in ((299, 2), (299, 2, 3), (299, 2, 3), (299, 2, 1)))
+    r, A, B, J = (
+        rng.normal(size=size) for size in ((299, 2), (299, 2, 3), (299, 2, 3), (299, 2, 1))
+    )
     k, f = rng.integers(0, 299, 500), rng.uniform(size=500)
     z, H, K = rng.normal(size=(500, 1)), rng.normal(size=(500, 1, 3)), rng.normal(size=(500, 1, 2))
     one, other = NormalSums(300, 3, 4), NormalSums(300, 3, 4)
@@ -111,12 +158,19 @@ def test_together_is_one_after_the_other():
         assert other.cost == 0.0
     assert other.cost == pytest.approx(one.cost, rel=1e-14)
     for name in ("D", "O", "G", "C", "gx", "gc"):
-        np.testing.assert_allclose(getattr(other, name), getattr(one, name), rtol=1e-11, atol=1e-11, err_msg=name)
+        np.testing.assert_allclose(
+            getattr(other, name), getattr(one, name), rtol=1e-11, atol=1e-11, err_msg=name
+        )
 
 
 def test_derivatives_that_all_readings_share():
     rng = np.random.default_rng(12)
-    A, J, k, f = rng.normal(size=(1, 2, STATES)), rng.normal(size=(20, 2, 3)), rng.integers(0, SAMPLES - 1, 20), rng.uniform(size=20)
+    A, J, k, f = (
+        rng.normal(size=(1, 2, STATES)),
+        rng.normal(size=(20, 2, 3)),
+        rng.integers(0, SAMPLES - 1, 20),
+        rng.uniform(size=20),
+    )
     r, columns = rng.normal(size=(20, 2)), np.array([5, 0, 2])
     one, other = NormalSums(SAMPLES, STATES, CONSTANTS), NormalSums(SAMPLES, STATES, CONSTANTS)
     one.readings(r, 1.0, k, f, A, columns, J)
@@ -124,7 +178,10 @@ def test_derivatives_that_all_readings_share():
     for name in ("D", "O", "G", "C", "gx", "gc", "cost"):
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
     X = rng.normal(size=(SAMPLES, STATES, 8))
-    shared, own = (driven_products(X, 9, Readings(r, k, f, item, np.array([8, -1, 1]), J)) for item in (A, np.repeat(A, 20, axis=0)))
+    shared, own = (
+        driven_products(X, 9, Readings(r, k, f, item, np.array([8, -1, 1]), J))
+        for item in (A, np.repeat(A, 20, axis=0))
+    )
     np.testing.assert_array_equal(shared, own)
 
 

@@ -1,4 +1,6 @@
-"""Runs from Python: inputs by name, parameters, what is reported about tables that were left, errors."""
+"""Runs from Python: inputs by name, parameters, what is reported about tables that were left,
+errors.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,11 @@ TRIMMED = {"init.V": 90.0, "init.h": 3000.0, "mode.trim": 2.0}
 
 def over(time, **columns) -> xr.Dataset:
     return xr.Dataset(
-        {name: ("time", np.broadcast_to(np.asarray(value, float), len(time))) for name, value in columns.items()}, {"time": time}
+        {
+            name: ("time", np.broadcast_to(np.asarray(value, float), len(time)))
+            for name, value in columns.items()
+        },
+        {"time": time},
     )
 
 
@@ -38,7 +44,9 @@ def test_elevator_down_pitches_down(trainer, time):
     y = flightmech.simulate(trainer, over(time, delta_e=np.where(time > 0.5, 0.02, 0.0)), TRIMMED)
     q = y["q"].sel(time=1.0, method="nearest") - y["q"][0]
     assert float(q) < -0.01
-    np.testing.assert_allclose(y["applied.delta_e"] - y["trim.delta_e"], np.where(time > 0.5, 0.02, 0.0), atol=1e-15)
+    np.testing.assert_allclose(
+        y["applied.delta_e"] - y["trim.delta_e"], np.where(time > 0.5, 0.02, 0.0), atol=1e-15
+    )
 
 
 def test_constant_inputs_by_parameter_or_scalar(trainer, time):
@@ -60,7 +68,9 @@ def test_hold_differs_from_linear_by_half_a_sample(trainer):
     delta_e = 0.02 * np.sin(3.0 * time)
     linear = flightmech.simulate(trainer, over(time, delta_e=delta_e), TRIMMED)
     held = flightmech.simulate(trainer, over(time, delta_e=delta_e), TRIMMED, hold="zero")
-    late = flightmech.simulate(trainer, over(time, delta_e=0.02 * np.sin(3.0 * np.maximum(time - 0.05, 0.0))), TRIMMED)
+    late = flightmech.simulate(
+        trainer, over(time, delta_e=0.02 * np.sin(3.0 * np.maximum(time - 0.05, 0.0))), TRIMMED
+    )
     assert np.abs(held["q"] - late["q"]).max() < 0.3 * np.abs(held["q"] - linear["q"]).max()
 
 
@@ -79,7 +89,9 @@ def test_step_hardly_matters(trainer, time):
 
 
 def test_tables_that_were_left_are_named(trainer, time):
-    y = flightmech.simulate(trainer, over(time), {"init.V": 20.0, "init.h": 3000.0, "init.alpha": 0.5})
+    y = flightmech.simulate(
+        trainer, over(time), {"init.V": 20.0, "init.h": 3000.0, "init.alpha": 0.5}
+    )
     assert "alpha above 0.3 in" in y.attrs["out_of_range"]
     assert "mach below 0.1 in" in y.attrs["out_of_range"]
 
@@ -93,7 +105,9 @@ def test_unknown_names_are_refused(trainer, time):
 
 def test_nan_in_an_input_reports_name_and_time(trainer, time):
     delta_e = np.where(np.isclose(time, 1.5), np.nan, 0.0)
-    with pytest.raises(SimulationError, match=r"input delta_e is -?nan at t = 1\.5 s; it must be finite") as caught:
+    with pytest.raises(
+        SimulationError, match=r"input delta_e is -?nan at t = 1\.5 s; it must be finite"
+    ) as caught:
         flightmech.simulate(trainer, over(time, delta_e=delta_e), TRIMMED)
     assert caught.value.time == pytest.approx(1.5)
 
@@ -129,7 +143,9 @@ def test_steps_through_arrays_in_place_are_those_of_single_calls(trainer):
     run = Stepping(other)
     for k in range(20):
         ends = np.stack([u, u])
-        ends[:, trainer.inputs.index("delta_e")] += 0.01 * np.array([np.sin(0.3 * k), np.sin(0.3 * k + 0.3)])
+        ends[:, trainer.inputs.index("delta_e")] += 0.01 * np.array(
+            [np.sin(0.3 * k), np.sin(0.3 * k + 0.3)]
+        )
         one.step(0.02 * k, 0.02, *ends)
         run.ends[:] = ends
         run.step(0.02 * k, 0.02)

@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 
 from flightmech.support import atomic_write
-from flightmech.support.atomic_write import folder_written_atomically, temporary_name, write_text, written_atomically
+from flightmech.support.atomic_write import (
+    folder_written_atomically,
+    temporary_name,
+    write_text,
+    written_atomically,
+)
 
 
 def test_the_file_appears_when_the_block_ends(tmp_path):
@@ -116,7 +121,9 @@ def test_what_may_not_be_replaced_is_refused_before_anything_is_written(tmp_path
     target, folder = tmp_path / "a.txt", tmp_path / "terms"
     write_text(target, "old")
     target.chmod(0o444)
-    with pytest.raises(PermissionError, match="read-only, not replaced; make it writable or give another name"):
+    with pytest.raises(
+        PermissionError, match="read-only, not replaced; make it writable or give another name"
+    ):
         write_text(target, "new")
     filled(folder, "old")
     folder.chmod(0o555)
@@ -131,11 +138,15 @@ def test_what_may_not_be_replaced_is_refused_before_anything_is_written(tmp_path
     with monkeypatch.context() as patch:
         patch.setattr(os, "access", lambda path, _: path != tmp_path)
         for writing in (lambda: write_text(target, "new"), lambda: filled(folder, "new")):
-            with pytest.raises(PermissionError, match="nothing can be written into this folder; give another one"):
+            with pytest.raises(
+                PermissionError, match="nothing can be written into this folder; give another one"
+            ):
                 writing()
     monkeypatch.chdir(folder)
     for busy in (folder, tmp_path):
-        with pytest.raises(OSError, match="this command works in it; give the name of a folder inside it"):
+        with pytest.raises(
+            OSError, match="this command works in it; give the name of a folder inside it"
+        ):
             filled(busy, "new")
     assert (target.read_text(), (folder / "a.txt").read_text()) == ("old", "old")
     assert {path.name for path in tmp_path.iterdir()} == {"a.txt", "terms", "pipe"}
@@ -149,12 +160,18 @@ def test_files_of_others_stay_in_an_exchanged_folder(tmp_path):
     with folder_written_atomically(target, own="ours.txt".__eq__) as part:
         (part / "new.txt").write_text("new")
         (target / "late.txt").write_text("late")
-    assert {path.relative_to(target).as_posix() for path in target.rglob("*.txt")} == {"new.txt", "late.txt", "notes/mine.txt"}
+    assert {path.relative_to(target).as_posix() for path in target.rglob("*.txt")} == {
+        "new.txt",
+        "late.txt",
+        "notes/mine.txt",
+    }
     assert list(tmp_path.iterdir()) == [target]
 
 
 def killed_at(step, work):
-    """Do `work` in a child process that ends, as if it was killed, before its file operation number `step`; return whether it did."""
+    """Do `work` in a child process that ends, as if it was killed, before its file operation number
+    `step`; return whether it did.
+    """
     child = os.fork()
     if child:
         return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 9
@@ -170,7 +187,14 @@ def killed_at(step, work):
 
         return call
 
-    for module, name in ((os, "replace"), (os, "fsync"), (os, "link"), (os, "unlink"), (os, "rmdir"), (atomic_write, "_exchanged")):
+    for module, name in (
+        (os, "replace"),
+        (os, "fsync"),
+        (os, "link"),
+        (os, "unlink"),
+        (os, "rmdir"),
+        (atomic_write, "_exchanged"),
+    ):
         setattr(module, name, counted(getattr(module, name)))
     try:
         work()
@@ -215,7 +239,10 @@ def test_the_folder_of_an_interrupted_exchange_is_the_complete_new_one(tmp_path,
     monkeypatch.setattr(atomic_write, "_exchanged", lambda *_: False)
     target = tmp_path / "out"
     filled(target, "old")
-    assert any(killed_at(step, lambda: filled(target, "new")) and not target.exists() for step in range(1, 20))
+    assert any(
+        killed_at(step, lambda: filled(target, "new")) and not target.exists()
+        for step in range(1, 20)
+    )
     assert atomic_write.exchangeable(target) == target
     assert (target / "a.txt").read_text() == "new"
 
@@ -269,7 +296,10 @@ def test_a_full_disk_names_the_file_and_leaves_the_older_one(tmp_path, little_ro
 
 
 def test_a_full_disk_names_the_folder(tmp_path, little_room):
-    with pytest.raises(OSError, match="not written") as caught, folder_written_atomically(tmp_path / "out") as part:
+    with (
+        pytest.raises(OSError, match="not written") as caught,
+        folder_written_atomically(tmp_path / "out") as part,
+    ):
         (part / "page.html").write_bytes(bytes(2000))
     assert caught.value.filename == str(tmp_path / "out")
     assert not list(tmp_path.iterdir())

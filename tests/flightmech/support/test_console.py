@@ -8,12 +8,26 @@ from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flightmech.support.console import LazyGroup, NewFile, _plain_lines, _rich_lines, plain, progress, remark, table
+from flightmech.support.console import (
+    LazyGroup,
+    NewFile,
+    _plain_lines,
+    _rich_lines,
+    plain,
+    progress,
+    remark,
+    table,
+)
 
 
 def test_a_heading_keeps_its_unit_and_lines_end_without_blanks(capsys):
     table(["name", "start [s]"], [("a", 1), ("longer", None)], title="A title", right=["start [s]"])
-    assert capsys.readouterr().out.splitlines() == ["A title", "name    start [s]", "a               1", "longer"]
+    assert capsys.readouterr().out.splitlines() == [
+        "A title",
+        "name    start [s]",
+        "a               1",
+        "longer",
+    ]
 
 
 def test_a_long_line_is_not_broken_for_a_program(capsys):
@@ -22,11 +36,16 @@ def test_a_long_line_is_not_broken_for_a_program(capsys):
 
 
 def test_plain_makes_null_of_what_json_lacks():
-    assert plain({"a": math.nan, "b": (1, math.inf), "c": None}) == {"a": None, "b": [1, None], "c": None}
+    assert plain({"a": math.nan, "b": (1, math.inf), "c": None}) == {
+        "a": None,
+        "b": [1, None],
+        "c": None,
+    }
 
 
 @pytest.mark.parametrize(
-    ("name", "code", "message"), [("new.nc", 0, ""), ("none/new.nc", 2, "no folder 'none' for the file; make it first")]
+    ("name", "code", "message"),
+    [("new.nc", 0, ""), ("none/new.nc", 2, "no folder 'none' for the file; make it first")],
 )
 def test_the_folder_of_an_output_is_checked_first(name, code, message, tmp_path, monkeypatch):
     @click.command()
@@ -45,7 +64,9 @@ def test_progress_is_printed_on_a_terminal_alone(capsys, monkeypatch):
         pass
     assert capsys.readouterr() == ("", "")
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
-    monkeypatch.setattr(warnings, "showwarning", lambda message, *_: print(f"warning: {message}", file=sys.stderr))
+    monkeypatch.setattr(
+        warnings, "showwarning", lambda message, *_: print(f"warning: {message}", file=sys.stderr)
+    )
     with progress("read"):
         warnings.warn("late", UserWarning, stacklevel=1)
     out, err = capsys.readouterr()
@@ -76,7 +97,10 @@ _CELLS = st.text("ab c1.-[/]\\~{}µ汉", max_size=12)
 
 @given(
     st.integers(1, 4).flatmap(
-        lambda n: st.tuples(st.lists(_CELLS, min_size=n, max_size=n, unique=True), st.lists(st.tuples(*n * [_CELLS])))
+        lambda n: st.tuples(
+            st.lists(_CELLS, min_size=n, max_size=n, unique=True),
+            st.lists(st.tuples(*n * [_CELLS])),
+        )
     ),
     st.sets(st.integers(0, 3)),
 )
@@ -86,20 +110,29 @@ def test_a_table_set_without_the_package_rich_is_the_one_that_it_sets(content, n
     cells = [list(row) for row in rows]
     plainly = _plain_lines(columns, cells, right, None)
     assert plainly is None or plainly == _rich_lines(columns, cells, right, None)
-    assert (plainly is None) == any(not text.isascii() for line in [columns, *cells] for text in line)
+    assert (plainly is None) == any(
+        not text.isascii() for line in [columns, *cells] for text in line
+    )
 
 
 def test_only_a_table_wider_than_the_terminal_is_left_to_the_package_rich(capsys, monkeypatch):
     monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
     monkeypatch.setenv("COLUMNS", "20")
     table(["a", "b"], [("x", "one two three")])
-    assert [click.unstyle(line) for line in capsys.readouterr().out.splitlines()] == ["a  b", "x  one two three"]
+    assert [click.unstyle(line) for line in capsys.readouterr().out.splitlines()] == [
+        "a  b",
+        "x  one two three",
+    ]
     table(["a", "b"], [("x", "one two three four five")])
     assert len(capsys.readouterr().out.splitlines()) == 3  # the line is broken
 
 
 def test_a_group_imports_the_modules_of_its_verbs_when_they_are_called(monkeypatch):
-    @click.group(cls=LazyGroup, package="aerodb.cli", elsewhere={"compare": "compare", "plot": "compare:compare", "none": "none"})
+    @click.group(
+        cls=LazyGroup,
+        package="aerodb.cli",
+        elsewhere={"compare": "compare", "plot": "compare:compare", "none": "none"},
+    )
     def group():
         """Verbs of elsewhere."""
 
@@ -109,7 +142,9 @@ def test_a_group_imports_the_modules_of_its_verbs_when_they_are_called(monkeypat
 
     context = click.Context(group)
     assert group.list_commands(context) == ["here", "compare", "plot", "none"]
-    assert CliRunner().invoke(group, ["here"]).output == "here\n"  # the module that is missing is not imported
+    assert (
+        CliRunner().invoke(group, ["here"]).output == "here\n"
+    )  # the module that is missing is not imported
     assert group.get_command(context, "plot") is group.get_command(context, "compare")
     assert group.get_command(context, "land") is None
     with pytest.raises(ModuleNotFoundError, match=r"aerodb\.cli\.none"):

@@ -6,7 +6,9 @@ import pytest
 from flightmech.support.input_files import file_kind
 
 
-@pytest.mark.parametrize("fault", [OSError("truncated file"), RuntimeError("Unable to get group info")])
+@pytest.mark.parametrize(
+    "fault", [OSError("truncated file"), RuntimeError("Unable to get group info")]
+)
 def test_a_damaged_file_raises_nothing(tmp_path, monkeypatch, fault):
     """What h5py raises on damaged bytes depends on the place of the damage."""
 

@@ -1,4 +1,6 @@
-"""Hostile files: each reader refuses them with one clear error, in a time that does not grow with what they claim."""
+"""Hostile files: each reader refuses them with one clear error, in a time that does not grow with
+what they claim.
+"""
 
 import os
 
@@ -24,14 +26,29 @@ HOSTILE = {
     "nested tables": ("a = " + "{a=" * DEEP + "1" + "}" * DEEP, "nested more than 100 deep"),
     "a little too deep": ("a = " + "[" * 101 + "]" * 101, "nested more than 100 deep"),
     "a long key": (".".join(["a"] * DEEP) + " = 1", "a key of more than 100 parts"),
-    "a long key in quotes": ("x = {" + " . ".join(['"a"'] * DEEP) + " = 1}", "a key of more than 100 parts"),
+    "a long key in quotes": (
+        "x = {" + " . ".join(['"a"'] * DEEP) + " = 1}",
+        "a key of more than 100 parts",
+    ),
     "the name of a table": ("[" + ".".join(["a"] * DEEP) + "]", "a key of more than 100 parts"),
     "5000 digits": ("S = " + "9" * 5000, "an integer of thousands of digits, beyond the 64 bits"),
-    "400 digits": ("[a]\nS = [1, -" + "9" * 400 + "]", "an integer of 400 digits at a.S, beyond the 64 bits"),
-    "a control character": ('[case]\nname = "a\\u001b[31m"', r"found the control character '\\x1b' at case.name; expected a TOML text"),
+    "400 digits": (
+        "[a]\nS = [1, -" + "9" * 400 + "]",
+        "an integer of 400 digits at a.S, beyond the 64 bits",
+    ),
+    "a control character": (
+        '[case]\nname = "a\\u001b[31m"',
+        r"found the control character '\\x1b' at case.name; expected a TOML text",
+    ),
     "one in a key": ('"a\\u009b" = 1', r"the control character '\\x9b' at the key"),
-    "ISO 8859-1": ("name = 'x'\n# Flügel".encode("latin-1"), r"line 2: found the byte 0xfc, which is no UTF-8 \(ISO 8859-1 or"),
-    "UTF-16 without a mark": ("S = 1\n".encode("utf-16-le"), "zero bytes; .*UTF-16 without a byte-order mark"),
+    "ISO 8859-1": (
+        "name = 'x'\n# Flügel".encode("latin-1"),
+        r"line 2: found the byte 0xfc, which is no UTF-8 \(ISO 8859-1 or",
+    ),
+    "UTF-16 without a mark": (
+        "S = 1\n".encode("utf-16-le"),
+        "zero bytes; .*UTF-16 without a byte-order mark",
+    ),
 }
 
 
@@ -56,7 +73,9 @@ def test_toml_of_too_many_characters(tmp_path, monkeypatch):
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
 def test_toml_of_other_programs(tmp_path, encoding, end):
     file = tmp_path / "a.toml"
-    file.write_bytes("# Flügel\nS = 1.5\nv = [0.1, 0.2]\nt = '1.2.3'\n".replace("\n", end).encode(encoding))
+    file.write_bytes(
+        "# Flügel\nS = 1.5\nv = [0.1, 0.2]\nt = '1.2.3'\n".replace("\n", end).encode(encoding)
+    )
     assert load(file) == {"S": 1.5, "v": [0.1, 0.2], "t": "1.2.3"}
 
 
@@ -103,7 +122,9 @@ def test_a_named_pipe_on_the_command_line(tmp_path):
     from flightmech.support.console import InputFile
 
     os.mkfifo(tmp_path / "pipe")
-    with pytest.raises(click.BadParameter, match="is a named pipe or a device; give a regular file"):
+    with pytest.raises(
+        click.BadParameter, match="is a named pipe or a device; give a regular file"
+    ):
         InputFile().convert(str(tmp_path / "pipe"), None, None)
 
 
@@ -134,13 +155,21 @@ def test_another_encoding_of_a_table(tmp_path):
 
 def test_damaged_utf_16_is_no_other_encoding(tmp_path):
     (tmp_path / "a").write_bytes("ab".encode("utf-16") + b"\0")
-    with pytest.raises(ParseError, match="no UTF-16-LE; expected a table; save it with the encoding UTF-8"):
+    with pytest.raises(
+        ParseError, match="no UTF-16-LE; expected a table; save it with the encoding UTF-8"
+    ):
         read_text(tmp_path / "a", "a table", texts.WESTERN)
 
 
 def test_decks_and_listings_of_other_programs(tmp_path):
     deck = " $FLTCON NMACH=1.0,MACH(1)=0.3$\nCASEID ONE\n"
-    for k, raw in enumerate([deck.encode("utf-16"), deck.replace("\n", "\r").encode(), deck.replace("\n", "\r\n").encode("utf-8-sig")]):
+    for k, raw in enumerate(
+        [
+            deck.encode("utf-16"),
+            deck.replace("\n", "\r").encode(),
+            deck.replace("\n", "\r\n").encode("utf-8-sig"),
+        ]
+    ):
         (tmp_path / f"{k}.inp").write_bytes(raw)
         assert datcom_io.read_deck(tmp_path / f"{k}.inp")[0].caseid == "ONE"
 
@@ -156,7 +185,12 @@ def test_an_error_shows_a_part_of_very_many_problems():
 def harmful(tmp_path):
     """A MAT file with one byte changed, on which SciPy 1.17 ends Python with SIGSEGV."""
     time = np.arange(20) / 50
-    content = {"t": time, "q": time, "s": {"a": np.array([1, 2], "i4"), "n": "text"}, "c": np.array([[1, "x"]], object)}
+    content = {
+        "t": time,
+        "q": time,
+        "s": {"a": np.array([1, 2], "i4"), "n": "text"},
+        "c": np.array([[1, "x"]], object),
+    }
     scipy.io.savemat(tmp_path / "a.mat", content)
     raw = bytearray((tmp_path / "a.mat").read_bytes())
     raw[841] = 32
@@ -172,5 +206,8 @@ def test_a_mat_file_that_brings_scipy_down(harmful, reader):
 
 def test_a_mat_file_without_end(tmp_path, monkeypatch):
     monkeypatch.setattr(mat_file, "_SECONDS", 0.0)
-    with pytest.raises(ParseError, match=r"\(time limit: SciPy did not read it in 0 s\); expected a MAT file; copy or save it again"):
+    with pytest.raises(
+        ParseError,
+        match=r"\(time limit: SciPy did not read it in 0 s\); expected a MAT file; copy or save it again",
+    ):
         mat_file.load_mat(b"MATLAB", "a.mat", "a MAT file")

@@ -1,4 +1,6 @@
-"""A package that another of the same name hides is reported at import and refused on the command line."""
+"""A package that another of the same name hides is reported at import and refused on the command
+line.
+"""
 
 import os
 import subprocess
@@ -25,7 +27,9 @@ def hiding(tmp_path):
 
 def run(folder, *arguments):
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    return subprocess.run([sys.executable, *arguments], cwd=folder, env=environment, capture_output=True, text=True)
+    return subprocess.run(
+        [sys.executable, *arguments], cwd=folder, env=environment, capture_output=True, text=True
+    )
 
 
 def test_import_warns_with_the_place_of_the_other(hiding):
@@ -36,7 +40,11 @@ def test_import_warns_with_the_place_of_the_other(hiding):
 
 
 def test_command_line_refuses(hiding):
-    done = run(hiding, "-c", "import sys; from aeromatch.cli import main; sys.argv = ['aeromatch', '--help']; main()")
+    done = run(
+        hiding,
+        "-c",
+        "import sys; from aeromatch.cli import main; sys.argv = ['aeromatch', '--help']; main()",
+    )
     assert done.returncode == 2
     assert "'pom' from" in done.stderr
     assert done.stdout == ""

@@ -18,7 +18,9 @@ def package(tmp_path, monkeypatch):
     (folder / "inner" / "__init__.py").write_text("")
     (folder / "inner" / "double.py").write_text("def double(x):\n    return 2 * x\n")
     (folder / "units.py").write_text("FOOT = 0.3048\n")
-    (folder / "__init__.pyi").write_text('"""Names."""\nfrom . import units as units\nfrom .inner.double import double as double\n')
+    (folder / "__init__.pyi").write_text(
+        '"""Names."""\nfrom . import units as units\nfrom .inner.double import double as double\n'
+    )
     monkeypatch.syspath_prepend(tmp_path)
     return folder
 
@@ -28,7 +30,9 @@ def test_names_are_loaded_from_the_stub(package):
     assert stubbed.__all__ == dir(stubbed) == ["double", "units"]
     assert stubbed.double(3) == 6
     assert stubbed.units.FOOT == 0.3048
-    with pytest.raises(AttributeError, match="module 'stubbed' has no attribute 'treble'; public are double, units"):
+    with pytest.raises(
+        AttributeError, match="module 'stubbed' has no attribute 'treble'; public are double, units"
+    ):
         _ = stubbed.treble
 
 

@@ -1,4 +1,6 @@
-"""Plain tables hold what the model of pydantic of the same class holds, and leave to it whatever is not plain."""
+"""Plain tables hold what the model of pydantic of the same class holds, and leave to it whatever is
+not plain.
+"""
 
 import copy
 import pickle
@@ -25,10 +27,14 @@ class Example(Plain):
     scale: float | str = value(default=1.0, description="Factor.")
     count: int = value(default=3, description="How many.")
     on: bool = value(default=False, description="Whether.")
-    rows: tuple[tuple[float, float], ...] | None = value(default=None, examples=[[[1, 2]]], description="Rows.")
+    rows: tuple[tuple[float, float], ...] | None = value(
+        default=None, examples=[[[1, 2]]], description="Rows."
+    )
     stops: tuple[float | str, float | str] | None = value(default=None, description="Ends.")
     delay: Annotated[float, InUnits("s")] = value(default=0.0, description="Delay.")
-    heat: Annotated[float, InUnits("K"), Above(100.0)] | None = value(default=None, description="Temperature.")
+    heat: Annotated[float, InUnits("K"), Above(100.0)] | None = value(
+        default=None, description="Temperature."
+    )
 
     def check(self) -> None:
         """Refuse a contradiction."""
@@ -37,7 +43,13 @@ class Example(Plain):
 
 
 ITEMS = st.one_of(
-    *(st.none(), st.booleans(), st.integers(-7, 7), st.floats(allow_nan=False), st.text(max_size=3)),
+    *(
+        st.none(),
+        st.booleans(),
+        st.integers(-7, 7),
+        st.floats(allow_nan=False),
+        st.text(max_size=3),
+    ),
     st.sampled_from(["60 ms", "20 degC", "1 kg", "?", "3", "1.5", 10**30]),
     st.lists(st.floats(-9, 9), max_size=3),
     st.lists(st.lists(st.integers(0, 3), min_size=1, max_size=3), max_size=3),
@@ -57,13 +69,21 @@ def test_a_table_holds_what_the_model_of_pydantic_holds(content, name):
         return
     found = vars(made(Example, content, "example"))
     assert found == expected
-    assert {key: type(item) for key, item in found.items()} == {key: type(item) for key, item in expected.items()}
+    assert {key: type(item) for key, item in found.items()} == {
+        key: type(item) for key, item in expected.items()
+    }
 
 
 def test_errors_name_the_place_and_what_is_allowed():
     with pytest.raises(SchemaError) as raised:
         made(Example, {"nmae": "x", "sign": 2, "heat": 50, "delay": "5 m"}, "example")
-    assert [text.split(";")[0].split(":")[0] for text in raised.value.problems] == ["name", "sign", "delay", "heat", "nmae"]
+    assert [text.split(";")[0].split(":")[0] for text in raised.value.problems] == [
+        "name",
+        "sign",
+        "delay",
+        "heat",
+        "nmae",
+    ]
     assert "unknown key; near it: name" in raised.value.problems[-1]
     with pytest.raises(SchemaError, match="count is above 5 where on is true"):
         made(Example, {"name": "x", "on": True, "count": 6}, "example")
@@ -92,15 +112,25 @@ def test_the_schema_is_that_of_the_model():
     schema = part_schema(Example)
     assert schema["required"] == ["name"]
     assert schema["properties"]["delay"] == {
-        **{"default": 0.0, "description": "Delay. [s]", "not": {"const": "?"}, "type": ["number", "string"], "x-unit": "s"},
+        **{
+            "default": 0.0,
+            "description": "Delay. [s]",
+            "not": {"const": "?"},
+            "type": ["number", "string"],
+            "x-unit": "s",
+        },
     }
     assert schema["properties"]["rows"]["examples"] == [[[1, 2]]]
 
 
 def test_a_plain_name_map_is_read_without_pydantic(tmp_path):
-    (tmp_path / "names.toml").write_text('[imu]\nq = { column = "rate", unit = "deg/s", delay = "60 ms", table = [[0, 1], [1, 2.5]] }\n')
+    (tmp_path / "names.toml").write_text(
+        '[imu]\nq = { column = "rate", unit = "deg/s", delay = "60 ms", table = [[0, 1], [1, 2.5]] }\n'
+    )
     code = (
         "import sys; from flighttest.records.readers.name_map import read_names; "
         "read_names(sys.argv[1]); sys.exit('pydantic' in sys.modules)"
     )
-    assert subprocess.run([sys.executable, "-c", code, str(tmp_path / "names.toml")]).returncode == 0
+    assert (
+        subprocess.run([sys.executable, "-c", code, str(tmp_path / "names.toml")]).returncode == 0
+    )

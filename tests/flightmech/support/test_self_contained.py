@@ -77,7 +77,9 @@ def test_what_lies_elsewhere_is_named(made, harm, text):
 
 
 def test_a_file_that_another_thread_reads_is_looked_into(made):
-    """HDF5 does not open a file with and without its lock at once: it would not open here, and pass."""
+    """HDF5 does not open a file with and without its lock at once: it would not open here, and
+    pass.
+    """
     path = made(FAULTS[0][0])
     with h5py.File(path, "r"), pytest.raises(ParseError, match=re.escape(FAULTS[0][1])):
         demand_self_contained(path)
@@ -89,7 +91,9 @@ def test_a_whole_file_passes_and_what_is_no_hdf5_is_left_to_its_reader(made, tmp
     demand_self_contained(tmp_path / "text.nc")
 
 
-@pytest.mark.parametrize("read", [flighttest.read, flighttest.dynamics.open_states, pom.read_archive])
+@pytest.mark.parametrize(
+    "read", [flighttest.read, flighttest.dynamics.open_states, pom.read_archive]
+)
 def test_readers_refuse_them(made, read):
     with pytest.raises(ParseError, match="keeps its numbers in another file"):
         read(made(external_storage))

@@ -31,7 +31,11 @@ def test_the_points_kept_are_those_of_the_pieces_one_by_one(slack):
     rng = np.random.default_rng(3)
     for count in (2, 3, 10, 300):
         x = np.sort(rng.uniform(0.0, 600.0, count))
-        for y in (np.cumsum(rng.normal(size=count)), rng.integers(0, 4, count).astype(float), np.zeros(count)):
+        for y in (
+            np.cumsum(rng.normal(size=count)),
+            rng.integers(0, 4, count).astype(float),
+            np.zeros(count),
+        ):
             kept = [0, *divided(x, y, slack, 0, count - 1), count - 1]
             assert svg_chart.essential(x, y, slack).tolist() == kept
     assert svg_chart.essential(np.zeros(1), np.zeros(1)).tolist() == [0]
@@ -39,7 +43,9 @@ def test_the_points_kept_are_those_of_the_pieces_one_by_one(slack):
 
 def test_several_points_at_one_place_end_the_search():
     """The interpolation sees one of them: the others stay wrong, whether they are kept or not."""
-    keep = svg_chart.essential(np.array([0.0, 1.0, 1.0, 1.0, 2.0]), np.array([0.0, 5.0, 0.0, 5.0, 0.0]), 0.1).tolist()
+    keep = svg_chart.essential(
+        np.array([0.0, 1.0, 1.0, 1.0, 2.0]), np.array([0.0, 5.0, 0.0, 5.0, 0.0]), 0.1
+    ).tolist()
     assert keep[0] == 0
     assert keep[-1] == 4
     assert {2, 3} <= set(keep)  # down and up again
@@ -55,7 +61,12 @@ def test_path_data_lead_back_to_the_points():
 def test_ticks_are_round_and_inside():
     assert svg_chart.tick_text(svg_chart.ticks(-0.31, 1.02, 5)) == ["0.0", "0.5", "1.0"]
     assert svg_chart.tick_text(svg_chart.ticks(-21.0, 19.0, 5)) == ["−20", "−10", "0", "10"]
-    assert svg_chart.tick_text(svg_chart.ticks(1.1, 1.9, 1)) == ["1.2", "1.4", "1.6", "1.8"]  # no multiple of 1 or 0.5 twice
+    assert svg_chart.tick_text(svg_chart.ticks(1.1, 1.9, 1)) == [
+        "1.2",
+        "1.4",
+        "1.6",
+        "1.8",
+    ]  # no multiple of 1 or 0.5 twice
     assert svg_chart.tick_text([-2e-9, 0.0, 2e-9]) == ["−2e−09", "0", "2e−09"]
 
 

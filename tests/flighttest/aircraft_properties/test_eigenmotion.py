@@ -1,4 +1,6 @@
-"""Eigenmotions by fit: free and driven responses of known modes, and records in which there is none."""
+"""Eigenmotions by fit: free and driven responses of known modes, and records in which there is
+none.
+"""
 
 import numpy as np
 import pytest
@@ -17,12 +19,20 @@ def free(noise=0.0, seed=0, duration=12.0, rate=10.0):
     t = np.arange(round(duration * rate)) / rate
     decay = np.exp(-SIGMA * t)
     rng = np.random.default_rng(seed)
-    columns = {"r": 0.3 + decay * np.cos(OMEGA * t + 1.0), "p": 0.1 * t + 2.0 * decay * np.cos(OMEGA * t - 0.4)}
-    return xr.Dataset({name: ("time", x + noise * rng.standard_normal(t.size)) for name, x in columns.items()}, {"time": t})
+    columns = {
+        "r": 0.3 + decay * np.cos(OMEGA * t + 1.0),
+        "p": 0.1 * t + 2.0 * decay * np.cos(OMEGA * t - 0.4),
+    }
+    return xr.Dataset(
+        {name: ("time", x + noise * rng.standard_normal(t.size)) for name, x in columns.items()},
+        {"time": t},
+    )
 
 
 def driven(kind):
-    """Pitch rate behind an elevator, or roll rate behind an aileron, with a trimmed control; linear between samples."""
+    """Pitch rate behind an elevator, or roll rate behind an aileron, with a trimmed control; linear
+    between samples.
+    """
     t = np.arange(0.0, 10.0, 0.05)
     u = 0.02 + 0.1 * (((t > 1.0) & (t < 2.5)) * 1.0 - 0.5 * ((t > 4.0) & (t < 6.0)))
     system = ([-5.0, -4.0], [1.0, *ROOT]) if kind == "oscillation" else ([-8.0], [1.0, 2.5])
@@ -42,16 +52,25 @@ def test_free_oscillation_to_rounding():
     assert found.share == pytest.approx(1.0)
 
 
-@pytest.mark.parametrize(("kind", "roots"), [("oscillation", (SIGMA, OMEGA)), ("aperiodic", (2.5, 0.0))])
+@pytest.mark.parametrize(
+    ("kind", "roots"), [("oscillation", (SIGMA, OMEGA)), ("aperiodic", (2.5, 0.0))]
+)
 def test_driven_response_to_rounding(kind, roots):
     found = fit_motion(driven(kind), ["rate"], kind, ["control"], trend=False)
     assert (found.sigma, found.omega) == pytest.approx(roots, rel=1e-5)
-    assert fit_motion(driven("aperiodic"), ["rate"], "aperiodic", ["control"]).values["time_constant"][0] == pytest.approx(0.4, rel=1e-5)
+    assert fit_motion(driven("aperiodic"), ["rate"], "aperiodic", ["control"]).values[
+        "time_constant"
+    ][0] == pytest.approx(0.4, rel=1e-5)
 
 
 def test_growing_spiral():
     t = np.arange(0.0, 40.0, 0.2)
-    found = fit_motion(xr.Dataset({"phi": ("time", 0.1 * np.exp(t / 30.0))}, {"time": t}), ["phi"], "aperiodic", trend=False)
+    found = fit_motion(
+        xr.Dataset({"phi": ("time", 0.1 * np.exp(t / 30.0))}, {"time": t}),
+        ["phi"],
+        "aperiodic",
+        trend=False,
+    )
     assert found.values["time_constant"][0] == pytest.approx(-30.0, rel=1e-5)
     assert found.values["t_half"][0] == pytest.approx(-30.0 * np.log(2.0), rel=1e-5)  # to double
 
@@ -59,18 +78,28 @@ def test_growing_spiral():
 @pytest.mark.nightly
 @pytest.mark.slow
 def test_standard_errors_cover_the_truth():
-    """25 noisy records, two channels: the errors in standard errors scatter by one (chi of 50 values: 0.8 to 1.2 in 95 %)."""
+    """25 noisy records, two channels: the errors in standard errors scatter by one (chi of 50
+    values: 0.8 to 1.2 in 95 %).
+    """
     errors = []
     for seed in range(25):
         found = fit_motion(free(0.05, seed), ["r", "p"])
-        errors += [(found.sigma - SIGMA) / found.covariance[0, 0] ** 0.5, (found.omega - OMEGA) / found.covariance[1, 1] ** 0.5]
+        errors += [
+            (found.sigma - SIGMA) / found.covariance[0, 0] ** 0.5,
+            (found.omega - OMEGA) / found.covariance[1, 1] ** 0.5,
+        ]
     assert 0.75 < np.sqrt(np.mean(np.square(errors))) < 1.3
     assert np.mean(np.abs(errors) < 2.0) > 0.87
 
 
 def test_no_motion_is_refused_by_name():
-    quiet = xr.Dataset({"r": ("time", np.random.default_rng(1).standard_normal(200))}, {"time": 0.1 * np.arange(200)})
-    with pytest.raises(IdentificationError, match=r"no oscillation stands out in r: it explains .* 50% are needed"):
+    quiet = xr.Dataset(
+        {"r": ("time", np.random.default_rng(1).standard_normal(200))},
+        {"time": 0.1 * np.arange(200)},
+    )
+    with pytest.raises(
+        IdentificationError, match=r"no oscillation stands out in r: it explains .* 50% are needed"
+    ):
         fit_motion(quiet, ["r"])
     with pytest.raises(IdentificationError, match="no aperiodic motion stands out in r"):
         fit_motion(quiet, ["r"], "aperiodic")
@@ -95,7 +124,9 @@ def test_bad_records_are_refused_by_name():
 
 
 def test_a_figure_of_the_window_is_refused():
-    """A second mode at the begin of the window: the period is none of the motion, and 97 % are explained."""
+    """A second mode at the begin of the window: the period is none of the motion, and 97 % are
+    explained.
+    """
     data = free(0.002, duration=8.0)
     slow = 1.5 * np.exp(-0.8 * data["time"]) * np.cos(0.9 * data["time"])
     found = fit_motion(data[["r"]] + slow, ["r"])
@@ -105,7 +136,9 @@ def test_a_figure_of_the_window_is_refused():
     assert refusal.kind == "window"
     assert "depends on the window: period" in refusal.text
     assert refusal.value > refusal.threshold
-    later = fit_motion((data[["r"]] + slow).sel(time=slice(5.0, None)), ["r"])  # the second mode has died out
+    later = fit_motion(
+        (data[["r"]] + slow).sel(time=slice(5.0, None)), ["r"]
+    )  # the second mode has died out
     assert later.values["period"][0] == pytest.approx(np.pi, rel=0.05)
 
 
@@ -119,7 +152,11 @@ def test_a_motion_that_is_alone_is_the_same_in_other_windows():
 
 def test_windows_of_a_driven_motion_hold_its_input():
     found = fit_motion(driven("oscillation"), ["rate"], "oscillation", ["control"], trend=False)
-    assert {round(one.start, 1) for one in found.moved} <= {0.0, 0.5, 1.0}  # the control begins to move at 1 s
+    assert {round(one.start, 1) for one in found.moved} <= {
+        0.0,
+        0.5,
+        1.0,
+    }  # the control begins to move at 1 s
     assert not barred(found.remarks)
 
 
@@ -131,9 +168,13 @@ def coloured(seed, tau, duration=12.0, step=0.1):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("tau", [0.3, *(pytest.param(tau, marks=pytest.mark.slow) for tau in (1.0, 5.0))])
+@pytest.mark.parametrize(
+    "tau", [0.3, *(pytest.param(tau, marks=pytest.mark.slow) for tau in (1.0, 5.0))]
+)
 def test_a_quiet_stretch_gives_no_figure(tau):
-    """Forty records of slow noise: refused, or remarked as an error; at most three pass (one in a thousand per free frequency)."""
+    """Forty records of slow noise: refused, or remarked as an error; at most three pass (one in a
+    thousand per free frequency).
+    """
     passed = 0
     for seed in range(40):
         try:
@@ -145,10 +186,14 @@ def test_a_quiet_stretch_gives_no_figure(tau):
 
 @pytest.mark.slow
 def test_a_slow_curve_is_no_oscillation():
-    """Speed that drifts along random bends in a minute: a cycle explains up to 99 % of it, and a cubic as much; one of 25 passed."""
+    """Speed that drifts along random bends in a minute: a cycle explains up to 99 % of it, and a
+    cubic as much; one of 25 passed.
+    """
     passed, shares, t = 0, [], 0.1 * np.arange(600)
     for seed in range(25):
-        drift = 100.0 + np.cumsum(np.cumsum(np.random.default_rng(seed).standard_normal(600))) / 1000.0
+        drift = (
+            100.0 + np.cumsum(np.cumsum(np.random.default_rng(seed).standard_normal(600))) / 1000.0
+        )
         try:
             found = fit_motion(xr.Dataset({"V": ("time", drift)}, {"time": t}), ["V"])
         except IdentificationError:
@@ -168,7 +213,9 @@ def test_an_excited_motion_carries_no_error():
     assert found.F_probability < 1e-6
     assert "amplitudes: F(4, " in found.report()
     for kind in ("oscillation", "aperiodic"):
-        assert not barred(fit_motion(driven(kind), ["rate"], kind, ["control"], trend=False).remarks)
+        assert not barred(
+            fit_motion(driven(kind), ["rate"], kind, ["control"], trend=False).remarks
+        )
 
 
 def test_a_motion_that_grows_or_has_no_known_decay_is_remarked():
@@ -177,7 +224,9 @@ def test_a_motion_that_grows_or_has_no_known_decay_is_remarked():
     (remark,) = fit_motion(grown, ["r"]).remarks
     assert (remark.kind, remark.severity) == ("growth", "error")
     rng = np.random.default_rng(3)
-    steady = xr.Dataset({"r": ("time", np.cos(2.0 * t) + 0.1 * rng.standard_normal(120))}, {"time": t})
+    steady = xr.Dataset(
+        {"r": ("time", np.cos(2.0 * t) + 0.1 * rng.standard_normal(120))}, {"time": t}
+    )
     (remark,) = fit_motion(steady, ["r"]).remarks
     assert (remark.kind, remark.term, remark.severity) == ("not significant", "sigma", "warning")
 

@@ -13,7 +13,12 @@ TRUE = {"Ixx": 11000.0, "Iyy": 8000.0, "Izz": 15000.0, "Ixz": 900.0}
 MODELS = {
     m.coefficient: m
     for m in map(
-        Model.parse, ("Cl = 1 + beta + phat + rhat + delta_a", "Cm = 1 + alpha + qhat + delta_e", "Cn = 1 + beta + phat + rhat + delta_r")
+        Model.parse,
+        (
+            "Cl = 1 + beta + phat + rhat + delta_a",
+            "Cm = 1 + alpha + qhat + delta_e",
+            "Cn = 1 + beta + phat + rhat + delta_r",
+        ),
     )
 }
 
@@ -21,21 +26,41 @@ MODELS = {
 def aircraft(**changes):
     """What the file states: wrong by ten per cent, but for the pitching moment."""
     about = dict(
-        Ixx=10000.0, Iyy=8000.0, Izz=14000.0, Ixz=500.0, Ixy=0.0, Iyz=0.0, S=16.0, cbar=1.6, b=10.0, mass=2000.0, cg=(0.0, 0.0, 0.0)
+        Ixx=10000.0,
+        Iyy=8000.0,
+        Izz=14000.0,
+        Ixz=500.0,
+        Ixy=0.0,
+        Iyz=0.0,
+        S=16.0,
+        cbar=1.6,
+        b=10.0,
+        mass=2000.0,
+        cg=(0.0, 0.0, 0.0),
     )
     return SimpleNamespace(**{**about, "engines": (), **changes})
 
 
 def flown(seed=0, noise=0.02, scale=1.0, rotor=0.0):
-    """Coupled multisines about all axes, moments by the rigid-body equations, coloured noise on the angular accelerations."""
+    """Coupled multisines about all axes, moments by the rigid-body equations, coloured noise on the
+    angular accelerations.
+    """
     rng = np.random.default_rng(seed)
     t = 0.02 * np.arange(3000)
     k = np.arange(3, 30)
 
     def multisine(size):
-        return size * np.cos(2 * np.pi * np.outer(t, k) / 60 + rng.uniform(0, 2 * np.pi, len(k))).sum(axis=1) / np.sqrt(len(k))
+        return (
+            size
+            * np.cos(2 * np.pi * np.outer(t, k) / 60 + rng.uniform(0, 2 * np.pi, len(k))).sum(
+                axis=1
+            )
+            / np.sqrt(len(k))
+        )
 
-    omega = np.stack([multisine(0.8 * scale), multisine(0.35 * scale), multisine(0.35 * scale)], axis=1)
+    omega = np.stack(
+        [multisine(0.8 * scale), multisine(0.35 * scale), multisine(0.35 * scale)], axis=1
+    )
     names = ("alpha", "beta", "delta_e", "delta_a", "delta_r")
     x = {name: multisine(0.07) for name in names}
     V = 80.0 + multisine(4.0)
@@ -46,11 +71,23 @@ def flown(seed=0, noise=0.02, scale=1.0, rotor=0.0):
     Cn = 0.09 * x["beta"] - 0.03 * p - 0.12 * r - 0.08 * x["delta_r"]
     I = np.diag([TRUE["Ixx"], TRUE["Iyy"], TRUE["Izz"]])
     I[0, 2] = I[2, 0] = -TRUE["Ixz"]
-    moment = np.stack([Cl * 160, Cm * 25.6, Cn * 160], axis=1) * qbar[:, None] - np.cross(omega, omega @ I + [rotor, 0, 0])
+    moment = np.stack([Cl * 160, Cm * 25.6, Cn * 160], axis=1) * qbar[:, None] - np.cross(
+        omega, omega @ I + [rotor, 0, 0]
+    )
     rate = np.linalg.solve(I, moment.T).T
-    rate = rate + noise * rate.std(axis=0) * lfilter([0.3], [1, -0.95], rng.normal(size=rate.shape), axis=0)
-    columns = {"V": V, "qbar": qbar, **x, **dict(zip("pqr", omega.T)), **dict(zip(("p_dot", "q_dot", "r_dot"), rate.T))}
-    return xr.Dataset({name: ("time", values) for name, values in columns.items()}, coords={"time": t})
+    rate = rate + noise * rate.std(axis=0) * lfilter(
+        [0.3], [1, -0.95], rng.normal(size=rate.shape), axis=0
+    )
+    columns = {
+        "V": V,
+        "qbar": qbar,
+        **x,
+        **dict(zip("pqr", omega.T)),
+        **dict(zip(("p_dot", "q_dot", "r_dot"), rate.T)),
+    }
+    return xr.Dataset(
+        {name: ("time", values) for name, values in columns.items()}, coords={"time": t}
+    )
 
 
 def moments(found):
@@ -70,7 +107,10 @@ def test_two_standard_errors_cover_the_truth_and_the_equations_agree():
     for seed in range(30):
         found = inertia_from_flight(flown(seed), aircraft(), MODELS)
         e = found.estimates.sel(term=["Ixx", "Izz", "Ixz"])
-        inside.append(np.abs(e["estimate"].values - [TRUE[str(term)] for term in e["term"].values]) < 2 * e["stderr"].values)
+        inside.append(
+            np.abs(e["estimate"].values - [TRUE[str(term)] for term in e["term"].values])
+            < 2 * e["stderr"].values
+        )
         chi2.append(found.estimates.attrs["chi2"])
     assert np.mean(inside) > 0.87
     assert np.mean(chi2) == pytest.approx(3.0, abs=1.6)
@@ -85,10 +125,14 @@ def test_the_scale_is_the_moment_that_is_known():
 
 
 def test_the_rotor_is_taken_off_with_its_momentum():
-    engine = SimpleNamespace(position=(0.0, 0.0, 0.0), direction=(1.0, 0.0, 0.0), angular_momentum=400.0)
+    engine = SimpleNamespace(
+        position=(0.0, 0.0, 0.0), direction=(1.0, 0.0, 0.0), angular_momentum=400.0
+    )
     data = flown(noise=0.002, rotor=400.0).assign({"engine1.thrust": 0.0})
     known = aircraft(**TRUE, engines=(engine,))
-    assert moments(inertia_from_flight(data, known, MODELS))["Izz"] == pytest.approx(15000.0, rel=2e-3)
+    assert moments(inertia_from_flight(data, known, MODELS))["Izz"] == pytest.approx(
+        15000.0, rel=2e-3
+    )
 
 
 def test_manoeuvres_without_coupling_state_so():
@@ -99,7 +143,9 @@ def test_manoeuvres_without_coupling_state_so():
 
 
 def test_what_is_missing_is_named():
-    with pytest.raises(IdentificationError, match="no model of Cm, Cn; the three moments are coupled"):
+    with pytest.raises(
+        IdentificationError, match="no model of Cm, Cn; the three moments are coupled"
+    ):
         inertia_from_flight(flown(), aircraft(), {"Cl": MODELS["Cl"]})
     with pytest.raises(UnknownName, match="unknown scale 'Ixz'"):
         inertia_from_flight(flown(), aircraft(), MODELS, scale="Ixz")

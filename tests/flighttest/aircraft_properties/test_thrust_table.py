@@ -19,7 +19,9 @@ def run(seed, noise=10.0):
     mach = 0.2 + 0.15 * np.sin(0.05 * t + seed)
     static = evaluate(TABLE, {"throttle": throttle, "mach": mach})
     keep = np.exp(-0.1 / TAU)
-    thrust = lfilter([1 - keep], [1, -keep], static, zi=[static[0] * keep])[0] + rng.normal(0, noise, len(t))
+    thrust = lfilter([1 - keep], [1, -keep], static, zi=[static[0] * keep])[0] + rng.normal(
+        0, noise, len(t)
+    )
     data = {"mach": mach, "engine1.throttle": throttle, "engine1.thrust": thrust}
     return xr.Dataset({n: ("time", x) for n, x in data.items()}, coords={"time": t})
 
@@ -27,7 +29,8 @@ def run(seed, noise=10.0):
 def test_table_and_lag_are_recovered():
     fit = flighttest.aircraft_properties.fit_thrust([run(s) for s in range(3)], AXES)
     inside = {"throttle": np.array([0.0, 0.3, 0.6, 1.0]), "mach": np.full(4, 0.25)}
-    # 10 N of noise over some hundred settled samples per node, and what the lag leaves after six seconds (e^-4 of a step)
+    # 10 N of noise over some hundred settled samples per node, and what the lag leaves after six
+    # seconds (e^-4 of a step)
     np.testing.assert_allclose(evaluate(fit.leaf, inside), evaluate(TABLE, inside), atol=60.0)
     assert fit.time_constant == pytest.approx(TAU, rel=0.1)
     assert fit.rms_settled < 60.0
@@ -36,7 +39,10 @@ def test_table_and_lag_are_recovered():
 
 def test_engines_that_share_a_table_are_averaged():
     data = run(0)
-    data["engine2.throttle"], data["engine2.thrust"] = data["engine1.throttle"], 1.1 * data["engine1.thrust"]
+    data["engine2.throttle"], data["engine2.thrust"] = (
+        data["engine1.throttle"],
+        1.1 * data["engine1.thrust"],
+    )
     one, both = (
         flighttest.aircraft_properties.fit_thrust([data], AXES),
         flighttest.aircraft_properties.fit_thrust([data], AXES, engines=(1, 2)),

@@ -1,4 +1,6 @@
-"""``aeromatch flight fit``: a simulated glider whose truth is known; records with planted mistakes are named."""
+"""``aeromatch flight fit``: a simulated glider whose truth is known; records with planted mistakes
+are named.
+"""
 
 import json
 
@@ -10,13 +12,27 @@ from click.testing import CliRunner
 import aerodb
 import flightmech
 import flighttest
-from flightmech.errors import AeromatchWarning, IdentificationError, ParseError, SchemaError, UnknownName
+from flightmech.errors import (
+    AeromatchWarning,
+    IdentificationError,
+    ParseError,
+    SchemaError,
+    UnknownName,
+)
 from flightmech.terms import make
 from flighttest.cli.group import flight
 
 TRUTH = {"term.Cm.basic": 1.1, "term.Cm.qhat": 0.8, "term.Cm.elevator": 1.15, "term.CL.basic": 1.05}
 NOISE = {"V": 0.1, "alpha": 2e-3, "q": 1e-3, "theta": 1e-3, "az": 0.1}
-CRAFT = {"S": 16.0, "cbar": 1.5, "b": 10.0, "mass": 900.0, "Ixx": 2000.0, "Iyy": 2500.0, "Izz": 4000.0}
+CRAFT = {
+    "S": 16.0,
+    "cbar": 1.5,
+    "b": 10.0,
+    "mass": 900.0,
+    "Ixx": 2000.0,
+    "Iyy": 2500.0,
+    "Izz": 4000.0,
+}
 FIT = """
 title = "Glider, two doublets"
 aircraft = "glider.toml"
@@ -49,12 +65,23 @@ window = [0.0, 8.0]
 def flown(sim, seed, amplitude=0.04, length=10.0):
     """Return a doublet as instruments record it; the vane shows 0.01 rad too much."""
     t = np.arange(0.0, length, 0.04)
-    record = xr.Dataset({"delta_e": ("time", amplitude * (((t > 1) & (t < 2)) * 1.0 - ((t > 2) & (t < 3))))}, {"time": t})
-    start = {"mode.earth": 0.0, "init.h": 500.0, "init.V": 40.0, "init.alpha": 0.03, "init.theta": 0.0}
+    record = xr.Dataset(
+        {"delta_e": ("time", amplitude * (((t > 1) & (t < 2)) * 1.0 - ((t > 2) & (t < 3))))},
+        {"time": t},
+    )
+    start = {
+        "mode.earth": 0.0,
+        "init.h": 500.0,
+        "init.V": 40.0,
+        "init.alpha": 0.03,
+        "init.theta": 0.0,
+    }
     y = flightmech.simulate(sim, record, {**start, **TRUTH}, outputs=list(NOISE), step=0.04)
     rng = np.random.default_rng(seed)
     for name, sigma in NOISE.items():
-        record[name] = y[name] + sigma * rng.standard_normal(t.size) + (0.01 if name == "alpha" else 0.0)
+        record[name] = (
+            y[name] + sigma * rng.standard_normal(t.size) + (0.01 if name == "alpha" else 0.0)
+        )
     return record
 
 
@@ -63,7 +90,9 @@ def model(tmp_path_factory):
     """The folder with aircraft and database, and the compiled glider."""
     folder = tmp_path_factory.mktemp("glider")
     craft = flightmech.Aircraft(name="glider", **CRAFT)
-    (folder / "glider.toml").write_text('name = "glider"\n' + "".join(f"{key} = {value}\n" for key, value in CRAFT.items()))
+    (folder / "glider.toml").write_text(
+        'name = "glider"\n' + "".join(f"{key} = {value}\n" for key, value in CRAFT.items())
+    )
     alpha = [-0.2, 0.0, 0.2, 0.4]
     leaves = {
         "/CL/basic": make([-0.8, 0.3, 1.3, 1.5], {"alpha": alpha}),
@@ -72,8 +101,21 @@ def model(tmp_path_factory):
         "/Cm/qhat": make(-14.0, regressors=["qhat"]),
         "/Cm/elevator": make(-1.2, regressors=["delta_e"]),
     }
-    about = {"title": "glider", "aircraft": "glider", "source": "test", "force_axes": "stability", "x_ref": 0.0, "y_ref": 0.0, "z_ref": 0.0}
-    db = xr.DataTree.from_dict({"/": xr.Dataset(attrs={**about, **{key: CRAFT[key] for key in ("S", "cbar", "b")}}), **leaves})
+    about = {
+        "title": "glider",
+        "aircraft": "glider",
+        "source": "test",
+        "force_axes": "stability",
+        "x_ref": 0.0,
+        "y_ref": 0.0,
+        "z_ref": 0.0,
+    }
+    db = xr.DataTree.from_dict(
+        {
+            "/": xr.Dataset(attrs={**about, **{key: CRAFT[key] for key in ("S", "cbar", "b")}}),
+            **leaves,
+        }
+    )
     aerodb.save(db, folder / "prior.nc")
     return folder, flightmech.compile(craft, db)
 
@@ -109,18 +151,32 @@ def replaced(folder, change):
 
 @pytest.mark.slow
 def test_the_truth_comes_back_with_file_and_page(folder):
-    done = call(folder / "fit.toml", "-o", folder / "fit.nc", "--page", folder / "fit.html", "--database", folder / "fitted.nc", "--json")
+    done = call(
+        folder / "fit.toml",
+        "-o",
+        folder / "fit.nc",
+        "--page",
+        folder / "fit.html",
+        "--database",
+        folder / "fitted.nc",
+        "--json",
+    )
     assert done.exit_code == 0
     found = json.loads(done.stdout)
     for name, truth in TRUTH.items():
         row = found["parameters"][name]
         assert abs(row["estimate"] - truth) < 3.0 * row["stderr"]
         assert row["stderr"] < 0.1
-    assert found["parameters"]["sensor.alpha"]["estimate"] == pytest.approx(0.01, abs=3.0 * found["parameters"]["sensor.alpha"]["stderr"])
+    assert found["parameters"]["sensor.alpha"]["estimate"] == pytest.approx(
+        0.01, abs=3.0 * found["parameters"]["sensor.alpha"]["stderr"]
+    )
     assert found["converged"] == 1
     assert min(map(min, found["explained"].values())) > 0.9
     again = flighttest.maximum_likelihood.open_output_error(folder / "fit.nc")
-    assert again.estimates["estimate"].sel(parameter="term.Cm.qhat") == found["parameters"]["term.Cm.qhat"]["estimate"]
+    assert (
+        again.estimates["estimate"].sel(parameter="term.Cm.qhat")
+        == found["parameters"]["term.Cm.qhat"]["estimate"]
+    )
     assert len(again.residuals) == 2
     assert again.of_manoeuvre(2)["init.V"] == pytest.approx(40.0, abs=0.3)
     corrected = aerodb.open(folder / "fitted.nc")
@@ -151,7 +207,10 @@ def test_report_for_people(folder):
 
 @pytest.mark.slow
 def test_a_surface_of_the_wrong_sign_is_refused_by_name(folder):
-    with pytest.raises(SchemaError, match=r"(?s)one.nc: sign:delta_e\+q: delta_e has the wrong sign.*two.nc: sign:delta_e"):
+    with pytest.raises(
+        SchemaError,
+        match=r"(?s)one.nc: sign:delta_e\+q: delta_e has the wrong sign.*two.nc: sign:delta_e",
+    ):
         call(replaced(folder, lambda states: states.assign(delta_e=-states["delta_e"])))
 
 
@@ -188,7 +247,9 @@ def test_a_model_that_does_not_explain_the_record_is_reported(folder):
         rng = np.random.default_rng(5)
         return states.assign(q=("time", 0.02 * rng.standard_normal(states.sizes["time"])))
 
-    (folder / "fit.toml").write_text(FIT.replace('"term.Cm.basic" = {}', '"term.Cm.basic" = { sigma = 0.001 }'))
+    (folder / "fit.toml").write_text(
+        FIT.replace('"term.Cm.basic" = {}', '"term.Cm.basic" = { sigma = 0.001 }')
+    )
     text = call(replaced(folder, other)).stdout
     assert "! record 1, q: the model explains" in text
     assert "a term is missing, or the record is wrong" in text
@@ -204,7 +265,9 @@ def test_mistakes_of_the_file_are_reported(folder):
         file.write_text(FIT.replace(old, new))
         return file
 
-    with pytest.raises(SchemaError, match=r"parameter.term.Cm.qhat.sigm: unknown key; near it: sigma"):
+    with pytest.raises(
+        SchemaError, match=r"parameter.term.Cm.qhat.sigm: unknown key; near it: sigma"
+    ):
         call(changed('"term.Cm.qhat" = {}', '"term.Cm.qhat" = { sigm = 1.0 }'))
     with pytest.raises(SchemaError, match=r"parameter sensor.alpha: unit 'kg' cannot be converted"):
         call(changed('start = "0 deg"', 'start = "0 kg"'))
@@ -225,7 +288,10 @@ def test_nodes_start_from_the_database(folder, model):
     from flighttest.maximum_likelihood.specification import read_specification
 
     (folder / "fit.toml").write_text(
-        FIT.replace('"term.Cm.qhat" = {}', '"node.Cm.basic[2]" = {}\n"offset.CL.basic" = {}\n"table.CD.basic" = {}')
+        FIT.replace(
+            '"term.Cm.qhat" = {}',
+            '"node.Cm.basic[2]" = {}\n"offset.CL.basic" = {}\n"table.CD.basic" = {}',
+        )
     )
     unknowns = read_specification(folder / "fit.toml").unknowns(model[1])
     assert unknowns["node.Cm.basic[2]"].start == pytest.approx(-0.15)
@@ -236,11 +302,22 @@ def test_nodes_start_from_the_database(folder, model):
 
 
 def test_estimates_in_a_database_fly_as_the_parameters_do(model):
-    """Scale, offset, node and bias: the corrected model under no parameters is the old one under the estimates."""
+    """Scale, offset, node and bias: the corrected model under no parameters is the old one under
+    the estimates.
+    """
     folder, sim = model
-    values = {"term.Cm.basic": 1.2, "offset.CL.basic": 0.03, "node.Cm.basic[1]": 0.05, "bias.CD": 0.01, "table.Cm.elevator": 0.9}
+    values = {
+        "term.Cm.basic": 1.2,
+        "offset.CL.basic": 0.03,
+        "node.Cm.basic[1]": 0.05,
+        "bias.CD": 0.01,
+        "table.Cm.elevator": 0.9,
+    }
     names = list(values)
-    columns = {"estimate": ("parameter", list(values.values())), "stderr": ("parameter", np.full(5, 0.01))}
+    columns = {
+        "estimate": ("parameter", list(values.values())),
+        "stderr": ("parameter", np.full(5, 0.01)),
+    }
     estimates = xr.Dataset(columns, {"parameter": names}, {"method": "test", "manoeuvres": 1})
     fit = flighttest.OutputError(estimates, (), xr.Dataset())
     db = aerodb.open(folder / "prior.nc")
@@ -250,10 +327,15 @@ def test_estimates_in_a_database_fly_as_the_parameters_do(model):
     start = {"mode.earth": 0.0, "init.h": 500.0, "init.V": 40.0, "init.alpha": 0.03}
     craft = flightmech.Aircraft(name="glider", **CRAFT)
     one = flightmech.simulate(sim, record, {**start, **values}, outputs=["q", "V"], step=0.04)
-    two = flightmech.simulate(flightmech.compile(craft, corrected), record, start, outputs=["q", "V"], step=0.04)
+    two = flightmech.simulate(
+        flightmech.compile(craft, corrected), record, start, outputs=["q", "V"], step=0.04
+    )
     for name in ("q", "V"):
         np.testing.assert_allclose(two[name], one[name], rtol=1e-9, atol=1e-12)
     with pytest.raises(UnknownName, match=r"unknown term 'Cm/rudder'"):
         flighttest.maximum_likelihood.updated_database(
-            db, flighttest.OutputError(estimates.assign_coords(parameter=["term.Cm.rudder", *names[1:]]), (), xr.Dataset())
+            db,
+            flighttest.OutputError(
+                estimates.assign_coords(parameter=["term.Cm.rudder", *names[1:]]), (), xr.Dataset()
+            ),
         )

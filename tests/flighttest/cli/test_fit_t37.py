@@ -1,4 +1,6 @@
-"""From the T-37's files to a fit by the commands alone: database, path, output error, and the regression next to it."""
+"""From the T-37's files to a fit by the commands alone: database, path, output error, and the
+regression next to it.
+"""
 
 import json
 from pathlib import Path
@@ -8,7 +10,10 @@ from click.testing import CliRunner
 
 from aeromatch.cli.command import cli
 
-pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::flightmech.errors.AeromatchWarning")]
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.filterwarnings("ignore::flightmech.errors.AeromatchWarning"),
+]
 T37 = Path(__file__).parents[3] / "data" / "t37"
 WINDOWS = ((9.0, 21.7), (39.4, 49.3))  # 3-2-1-1 and doublet of the elevator
 FIT = """
@@ -41,15 +46,37 @@ def call(*words):
 
 @pytest.mark.nightly
 def test_output_error_against_the_regression(tmp_path):
-    """docs/output-error.md has the table; the database is DATCOM's, Cm_q -17.6 and Cm_delta_e -1.52."""
+    """docs/output-error.md has the table; the database is DATCOM's, Cm_q -17.6 and Cm_delta_e
+    -1.52.
+    """
     aircraft, datcom = T37 / "aircraft.toml", T37 / "datcom"
     elevator, flaps = datcom / "t37_elevator_one_by_one.pdas.out", datcom / "t37_flaps.out"
-    options = ("--clean", datcom / "t37_clean.out", "--flaps", flaps, "--elevator", elevator, "--aileron", datcom / "t37_aileron.out")
+    options = (
+        "--clean",
+        datcom / "t37_clean.out",
+        "--flaps",
+        flaps,
+        "--elevator",
+        elevator,
+        "--aileron",
+        datcom / "t37_aileron.out",
+    )
     call("db", "build", aircraft, *options, "-o", tmp_path / "datcom.nc")
     record = T37 / "flight" / "t37_02_clean_cruise_5kft.nc"
     windows = [word for window in WINDOWS for word in ("--window", *window)]
     path = tmp_path / "02.nc"
-    call("flight", "reconstruct", record, "--names", T37 / "names.toml", "--aircraft", aircraft, *windows, "-o", path)
+    call(
+        "flight",
+        "reconstruct",
+        record,
+        "--names",
+        T37 / "names.toml",
+        "--aircraft",
+        aircraft,
+        *windows,
+        "-o",
+        path,
+    )
     records = "".join(f'\n[[record]]\nfile = "02.nc"\nwindow = [{a}, {b}]\n' for a, b in WINDOWS)
     (tmp_path / "fit.toml").write_text(FIT.format(aircraft=aircraft.as_posix(), records=records))
     found = json.loads(call("flight", "fit", tmp_path / "fit.toml", "--json"))

@@ -38,7 +38,8 @@ def files(tmp_path_factory, flown, aircraft):
                 node[name].attrs.update(attrs(str(name)))
         record.to_netcdf(folder / f"run_{seed}.nc", engine="h5netcdf")
     tables = "".join(
-        f"[instruments.{name}]\n" + "".join(f"{key} = {_toml(item)}\n" for key, item in table.items())
+        f"[instruments.{name}]\n"
+        + "".join(f"{key} = {_toml(item)}\n" for key, item in table.items())
         for name, table in aircraft.instruments.items()
     )
     (folder / "aircraft.toml").write_text(AIRCRAFT + tables)
@@ -72,11 +73,17 @@ def test_cut_writes_a_manoeuvre(files, tmp_path):
 
 
 def test_a_cut_file_is_a_record_again(files, tmp_path):
-    """Slow quantities are scalars in a cut file: they must not get lost on the way back, nor the place of the record."""
+    """Slow quantities are scalars in a cut file: they must not get lost on the way back, nor the
+    place of the record.
+    """
     import flighttest
 
     record = flighttest.read(files / "run_0.nc")
-    cut = flighttest.cut(record, 2.0, 8.0).assign(mass=((), 2900.0, {"units": "kg"})).assign_attrs(runway_elevation=120.0)
+    cut = (
+        flighttest.cut(record, 2.0, 8.0)
+        .assign(mass=((), 2900.0, {"units": "kg"}))
+        .assign_attrs(runway_elevation=120.0)
+    )
     save(cut, tmp_path / "m.nc")
     again = flighttest.read(tmp_path / "m.nc")
     assert again.attrs["title"] == record.attrs["title"]
@@ -89,15 +96,40 @@ def test_a_cut_file_is_a_record_again(files, tmp_path):
 def test_constants_of_another_record_are_the_prior(files, tmp_path):
     words = ["--aircraft", files / "aircraft.toml", "--window", 2, 10, "--json"]
     call("reconstruct", files / "run_0.nc", *words, "-o", tmp_path / "a.nc")
-    done = call("reconstruct", files / "run_1.nc", *words, "--biases", tmp_path / "a.nc", "-o", tmp_path / "b.nc")
+    done = call(
+        "reconstruct",
+        files / "run_1.nc",
+        *words,
+        "--biases",
+        tmp_path / "a.nc",
+        "-o",
+        tmp_path / "b.nc",
+    )
     (found,) = json.loads(done.output)
     before = open_biases(tmp_path / "a.nc").sel(parameter="bias.p")
     assert found["constants"]["bias.p"]["prior"] == pytest.approx(float(before["estimate"]))
     assert found["constants"]["bias.p"]["prior_stderr"] == pytest.approx(float(before["stderr"]))
     with pytest.raises(ParseError, match="no constants of a reconstruction"):
-        call("reconstruct", files / "run_1.nc", *words, "--biases", files / "run_0.nc", "-o", tmp_path / "c.nc")
+        call(
+            "reconstruct",
+            files / "run_1.nc",
+            *words,
+            "--biases",
+            files / "run_0.nc",
+            "-o",
+            tmp_path / "c.nc",
+        )
     with pytest.raises(SchemaError, match="go with one record"):
-        call("reconstruct", files / "run_0.nc", files / "run_1.nc", *words, "--biases", tmp_path / "a.nc", "-o", tmp_path / "d")
+        call(
+            "reconstruct",
+            files / "run_0.nc",
+            files / "run_1.nc",
+            *words,
+            "--biases",
+            tmp_path / "a.nc",
+            "-o",
+            tmp_path / "d",
+        )
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.nc", "b.nc"]
 
 
@@ -110,33 +142,72 @@ def test_window_outside_leaves_no_file(files, tmp_path):
 @pytest.mark.slow
 def test_reconstruct_one_record(files, tmp_path):
     target = tmp_path / "path.nc"
-    done = call("reconstruct", files / "run_0.nc", "--aircraft", files / "aircraft.toml", "--window", 2, 12, "-o", target)
+    done = call(
+        "reconstruct",
+        files / "run_0.nc",
+        "--aircraft",
+        files / "aircraft.toml",
+        "--window",
+        2,
+        12,
+        "-o",
+        target,
+    )
     assert "State reconstruction: simulated 0, 2 ... 12 s" in done.output
     assert "Identifiability:" in done.output
     found = open_path(target)
     assert found.states.sizes["time"] == 501
-    # the file keeps what the path knows of its errors, so coefficients from the file have the budget of those from the path
-    straight = reconstruct(read(files / "run_0.nc"), read_aircraft(files / "aircraft.toml"), windows=[(2, 12)])
+    # the file keeps what the path knows of its errors, so coefficients from the file have the
+    # budget of those from the path
+    straight = reconstruct(
+        read(files / "run_0.nc"), read_aircraft(files / "aircraft.toml"), windows=[(2, 12)]
+    )
     xr.testing.assert_allclose(found.errors, straight.errors, rtol=1e-5)
-    assert "error_qbar" not in coefficients(found, read_aircraft(files / "aircraft.toml"))["CL"].attrs
+    assert (
+        "error_qbar" not in coefficients(found, read_aircraft(files / "aircraft.toml"))["CL"].attrs
+    )
     assert "factor.alpha_vane" in open_biases(target)["parameter"]
 
 
 @pytest.mark.slow
 def test_reconstruct_several_records_into_a_folder(files, tmp_path):
     target = tmp_path / "paths"
-    done = call("reconstruct", files / "run_0.nc", files / "run_1.nc", "--aircraft", files / "aircraft.toml", "-o", target, "--json")
+    done = call(
+        "reconstruct",
+        files / "run_0.nc",
+        files / "run_1.nc",
+        "--aircraft",
+        files / "aircraft.toml",
+        "-o",
+        target,
+        "--json",
+    )
     found = json.loads(done.stdout)
     assert [item["record"] for item in found] == ["simulated 0", "simulated 1"]
     assert sorted(file.name for file in target.iterdir()) == ["run_0.nc", "run_1.nc"]
-    assert set(found[0]["constants"]["bias.p"]) == {"estimate", "stderr", "prior", "prior_stderr", "unit"}
+    assert set(found[0]["constants"]["bias.p"]) == {
+        "estimate",
+        "stderr",
+        "prior",
+        "prior_stderr",
+        "unit",
+    }
 
 
 @pytest.mark.slow
 def test_batch_of_two_records(files, tmp_path):
     target = tmp_path / "paths"
     records = files / "run_0.nc", files / "run_1.nc"
-    done = call("reconstruct", *records, "--aircraft", files / "aircraft.toml", "--method", "batch", "-o", target)
+    done = call(
+        "reconstruct",
+        *records,
+        "--aircraft",
+        files / "aircraft.toml",
+        "--method",
+        "batch",
+        "-o",
+        target,
+    )
     assert "Batch reconstruction: simulated 0, simulated 1" in done.output
     assert "before the fit: rank 27 of 27 constants" in done.output
     assert sorted(file.name for file in target.iterdir()) == ["run_0.nc", "run_1.nc"]
@@ -146,25 +217,67 @@ def test_batch_of_two_records(files, tmp_path):
 def test_batch_estimates_the_constants_that_are_free(files, tmp_path):
     target = tmp_path / "path.nc"
     free = [word for name in ("bias.alpha_vane", "wind_n", "wind_e") for word in ("--free", name)]
-    call("reconstruct", files / "run_0.nc", "--aircraft", files / "aircraft.toml", "--method", "batch", *free, "-o", target)
+    call(
+        "reconstruct",
+        files / "run_0.nc",
+        "--aircraft",
+        files / "aircraft.toml",
+        "--method",
+        "batch",
+        *free,
+        "-o",
+        target,
+    )
     found = open_biases(target)
-    assert found["parameter"].values[~found["held"].values].tolist() == ["bias.alpha_vane", "wind_n", "wind_e"]
+    assert found["parameter"].values[~found["held"].values].tolist() == [
+        "bias.alpha_vane",
+        "wind_n",
+        "wind_e",
+    ]
     with pytest.raises(SchemaError, match="--free goes with --method batch"):
-        call("reconstruct", files / "run_0.nc", "--aircraft", files / "aircraft.toml", *free, "-o", target)
+        call(
+            "reconstruct",
+            files / "run_0.nc",
+            "--aircraft",
+            files / "aircraft.toml",
+            *free,
+            "-o",
+            target,
+        )
 
 
 @pytest.mark.slow
 def test_figure_of_the_compatibility(files, tmp_path):
     pytest.importorskip("matplotlib", reason="figures need matplotlib")
     target, figure = tmp_path / "path.nc", tmp_path / "compatibility.png"
-    done = call("reconstruct", files / "run_0.nc", "--aircraft", files / "aircraft.toml", "--figure", figure, "-o", target)
+    done = call(
+        "reconstruct",
+        files / "run_0.nc",
+        "--aircraft",
+        files / "aircraft.toml",
+        "--figure",
+        figure,
+        "-o",
+        target,
+    )
     assert "Data compatibility: simulated 0" in done.output
     assert figure.read_bytes().startswith(b"\x89PNG")
 
 
 def test_window_goes_with_one_record(files, tmp_path):
     with pytest.raises(SchemaError, match="one record"):
-        call("reconstruct", files / "run_0.nc", files / "run_1.nc", "--aircraft", files / "aircraft.toml", "--window", 1, 2, "-o", tmp_path)
+        call(
+            "reconstruct",
+            files / "run_0.nc",
+            files / "run_1.nc",
+            "--aircraft",
+            files / "aircraft.toml",
+            "--window",
+            1,
+            2,
+            "-o",
+            tmp_path,
+        )
 
 
 def test_a_file_is_written_atomically(tmp_path):

@@ -9,7 +9,14 @@ from click.testing import CliRunner
 import aerodb
 from aerodb.cli.group import db
 from flightmech import terms
-from flightmech.errors import AeromatchError, AeromatchWarning, IdentificationError, OutOfRange, SchemaError, UnknownName
+from flightmech.errors import (
+    AeromatchError,
+    AeromatchWarning,
+    IdentificationError,
+    OutOfRange,
+    SchemaError,
+    UnknownName,
+)
 from flighttest.cli.identify import identify, inertia, join, partition, select, tabulate
 from flighttest.regression.equation_error.fit import open_fit
 
@@ -45,9 +52,18 @@ def files(tmp_path):
     t = 0.02 * np.arange(1000)
     zero = np.zeros(1000)
     beta, rudder = 0.05 * np.sin(1.3 * t), 0.1 * np.sin(2.9 * t + 1)
-    columns = {"V": zero + 80, "alpha": zero + 0.05, "beta": beta, "qbar": zero + 4000, "delta_r": rudder}
+    columns = {
+        "V": zero + 80,
+        "alpha": zero + 0.05,
+        "beta": beta,
+        "qbar": zero + 4000,
+        "delta_r": rudder,
+    }
     columns |= {k: zero for k in ("p", "q", "r", "p_dot", "q_dot", "r_dot", "ax")}
-    columns |= {"az": zero - 9.8, "ay": 4000 * 16 / 2000 * (-0.5 * beta + 0.2 * rudder + 1e-4 * rng.normal(size=1000))}
+    columns |= {
+        "az": zero - 9.8,
+        "ay": 4000 * 16 / 2000 * (-0.5 * beta + 0.2 * rudder + 1e-4 * rng.normal(size=1000)),
+    }
     states = xr.Dataset({k: ("time", v) for k, v in columns.items()}, coords={"time": t})
     xr.DataTree.from_dict({"/states": states}).to_netcdf(tmp_path / "path.nc", engine="h5netcdf")
     (tmp_path / "a.toml").write_text(AIRCRAFT)
@@ -65,19 +81,27 @@ def test_the_table_and_the_file(files):
     assert result.exit_code == 0
     assert "CY = 1 + beta + delta_r" in result.output
     assert "std error" in result.output
-    np.testing.assert_allclose(open_fit(folder / "fit.nc").estimates["estimate"], [0, -0.5, 0.2], atol=1e-3)
+    np.testing.assert_allclose(
+        open_fit(folder / "fit.nc").estimates["estimate"], [0, -0.5, 0.2], atol=1e-3
+    )
 
 
 def test_windows_of_one_path_and_errors_of_the_measurement(files):
-    """Two paths with a window each give what the windows give in one fit; the error of the mass moves every coefficient alike."""
+    """Two paths with a window each give what the windows give in one fit; the error of the mass
+    moves every coefficient alike.
+    """
     base, folder = files
     path, *aircraft = base
     second = str(folder / "second.nc")
     shutil.copy(path, second)
     model = ("--model", "CY = 1 + beta + delta_r")
     own = ("--window-of", "path", "0", "8", "--window-of", "second", "10", "18")
-    found = json.loads(run(path, second, *aircraft, *model, *own, "--error", "mass", "0.1", "--json").output)
-    expected = json.loads(run(path, *aircraft, *model, "--window", "0", "8", "--window", "10", "18", "--json").output)
+    found = json.loads(
+        run(path, second, *aircraft, *model, *own, "--error", "mass", "0.1", "--json").output
+    )
+    expected = json.loads(
+        run(path, *aircraft, *model, "--window", "0", "8", "--window", "10", "18", "--json").output
+    )
     assert found["samples"] == expected["samples"] == 800
     assert found["R2"] == expected["R2"]
     for term, row in found["terms"].items():
@@ -93,7 +117,18 @@ def test_windows_of_one_path_and_errors_of_the_measurement(files):
 def test_the_document_and_windows(files):
     base, _ = files
     result = run(
-        *base, "--model", "CY = 1 + beta + delta_r", "--window", "0", "8", "--window", "10", "18", "--intercepts", "separate", "--json"
+        *base,
+        "--model",
+        "CY = 1 + beta + delta_r",
+        "--window",
+        "0",
+        "8",
+        "--window",
+        "10",
+        "18",
+        "--intercepts",
+        "separate",
+        "--json",
     )
     found = json.loads(result.output)
     assert found["manoeuvres"] == 2
@@ -122,13 +157,25 @@ def test_bad_input_is_an_error_of_the_package_and_leaves_no_file(files, more, er
 @pytest.mark.slow
 def test_in_frequency_with_a_ridge_and_with_the_prior_of_a_database(files, tmp_path):
     base, _ = files
-    found = json.loads(run(*base, "--model", "CY = 1 + beta + delta_r", "--band", "0.1", "1", "--json").output)
+    found = json.loads(
+        run(*base, "--model", "CY = 1 + beta + delta_r", "--band", "0.1", "1", "--json").output
+    )
     assert found["domain"] == "frequency"
     assert found["terms"]["beta"]["estimate"] == pytest.approx(-0.5, abs=1e-3)
-    assert "frequencies in 0.1 ... 1 Hz" in run(*base, "--model", "CY = 1 + beta + delta_r", "--band", "0.1", "1").output
-    assert json.loads(run(*base, "--model", "CY = 1 + beta + delta_r", "--ridge", "0.1", "--json").output)["ridge"] == 0.1
+    assert (
+        "frequencies in 0.1 ... 1 Hz"
+        in run(*base, "--model", "CY = 1 + beta + delta_r", "--band", "0.1", "1").output
+    )
+    assert (
+        json.loads(
+            run(*base, "--model", "CY = 1 + beta + delta_r", "--ridge", "0.1", "--json").output
+        )["ridge"]
+        == 0.1
+    )
     leaf = terms.make(np.array(-0.4), {}, ["beta"], stderr=np.array(0.1), source="datcom")
-    xr.DataTree.from_dict({"/": xr.Dataset(attrs=REFERENCE), "/CY/beta": leaf}).to_netcdf(tmp_path / "prior.nc", engine="h5netcdf")
+    xr.DataTree.from_dict({"/": xr.Dataset(attrs=REFERENCE), "/CY/beta": leaf}).to_netcdf(
+        tmp_path / "prior.nc", engine="h5netcdf"
+    )
     result = run(*base, "--model", "CY = 1 + beta + delta_r", "--prior", str(tmp_path / "prior.nc"))
     assert "with prior" in result.output
     with pytest.raises(SchemaError, match="--weights goes with a fit in time"):
@@ -140,11 +187,25 @@ def test_in_frequency_with_a_ridge_and_with_the_prior_of_a_database(files, tmp_p
 @pytest.mark.slow
 def test_selection_and_its_file(files):
     base, folder = files
-    arguments = [*base, "--coefficient", "CY", "--variables", "beta delta_r alpha", "--order", "2", "-o", str(folder / "chosen.nc")]
+    arguments = [
+        *base,
+        "--coefficient",
+        "CY",
+        "--variables",
+        "beta delta_r alpha",
+        "--order",
+        "2",
+        "-o",
+        str(folder / "chosen.nc"),
+    ]
     result = CliRunner().invoke(select, arguments, catch_exceptions=False)
     assert "orthogonal functions: CY = 1 + beta + delta_r" in result.output
     assert open_fit(folder / "chosen.nc").model.terms == ("1", "beta", "delta_r")
-    found = json.loads(CliRunner().invoke(select, [*arguments, "--method", "stepwise", "--json"], catch_exceptions=False).output)
+    found = json.loads(
+        CliRunner()
+        .invoke(select, [*arguments, "--method", "stepwise", "--json"], catch_exceptions=False)
+        .output
+    )
     assert found["idle"] == ["alpha", "alpha**2"]  # beta*alpha, as good as beta, comes after it
     assert [step["action"] for step in found["steps"]] == ["kept", "entered", "entered"]
     with pytest.raises(SchemaError, match="no candidates: give --variables"):
@@ -155,9 +216,21 @@ def test_selection_and_its_file(files):
 def test_fits_from_files_are_joined(files):
     base, folder = files
     for k, (start, stop) in enumerate((("0", "6"), ("6", "12"), ("12", "18"))):
-        run(*base, "--model", "CY = 1 + beta + delta_r", "--window", start, stop, "-o", str(folder / f"{k}.nc"))
+        run(
+            *base,
+            "--model",
+            "CY = 1 + beta + delta_r",
+            "--window",
+            start,
+            stop,
+            "-o",
+            str(folder / f"{k}.nc"),
+        )
     names = [str(folder / f"{k}.nc") for k in range(3)]
-    assert "3 fits joined by median" in CliRunner().invoke(join, [*names, "--method", "median"], catch_exceptions=False).output
+    assert (
+        "3 fits joined by median"
+        in CliRunner().invoke(join, [*names, "--method", "median"], catch_exceptions=False).output
+    )
     found = json.loads(CliRunner().invoke(join, [*names, "--json"], catch_exceptions=False).output)
     assert found["terms"]["beta"]["estimate"] == pytest.approx(-0.5, abs=1e-3)
 
@@ -166,16 +239,28 @@ def test_bins_with_their_unit(files):
     base, _ = files
     arguments = [*base, "--model", "CY = 1 + beta + delta_r", "--over", "beta", "-3 0 3 deg"]
     assert "in 2 bins" in CliRunner().invoke(partition, arguments, catch_exceptions=False).output
-    found = json.loads(CliRunner().invoke(partition, [*arguments, "--json"], catch_exceptions=False).output)
+    found = json.loads(
+        CliRunner().invoke(partition, [*arguments, "--json"], catch_exceptions=False).output
+    )
     assert found["bins"][0]["beta_low"] == pytest.approx(np.radians(-3))
     assert found["bins"][1]["estimate"][1] == pytest.approx(-0.5, abs=5e-3)
-    with pytest.raises(SchemaError, match=r"edges of beta are 'a b deg'; expected numbers and a unit"):
-        CliRunner().invoke(partition, [*base, "--model", "CY = 1 + beta", "--over", "beta", "a b deg"], catch_exceptions=False)
+    with pytest.raises(
+        SchemaError, match=r"edges of beta are 'a b deg'; expected numbers and a unit"
+    ):
+        CliRunner().invoke(
+            partition,
+            [*base, "--model", "CY = 1 + beta", "--over", "beta", "a b deg"],
+            catch_exceptions=False,
+        )
 
 
 def test_inertia_of_a_flight_without_coupling_is_refused(files):
     base, _ = files
-    models = [x for text in ("Cl = 1 + beta", "Cm = 1 + delta_r", "Cn = 1 + beta") for x in ("--model", text)]
+    models = [
+        x
+        for text in ("Cl = 1 + beta", "Cm = 1 + delta_r", "Cn = 1 + beta")
+        for x in ("--model", text)
+    ]
     with pytest.raises(IdentificationError, match="equation of p_dot: pq, qr are zero throughout"):
         CliRunner().invoke(inertia, [*base, *models], catch_exceptions=False)
 
@@ -211,23 +296,43 @@ def test_fits_join_the_tables_of_a_database(files):
     aerodb.save(aerodb.database(leaves, **REFERENCE), folder / "prior.nc")
     run(*base, "--model", "CY = 1 + beta + delta_r", "-o", str(folder / "fit.nc"))
     words = [str(folder / "fit.nc"), "--database", str(folder / "prior.nc")]
-    done = CliRunner().invoke(tabulate, [*words, "-o", str(folder / "new.nc")], catch_exceptions=False)
+    done = CliRunner().invoke(
+        tabulate, [*words, "-o", str(folder / "new.nc")], catch_exceptions=False
+    )
     assert done.exit_code == 0
     assert "CY/rudder" in done.output
     new = aerodb.terms(aerodb.open(folder / "new.nc"))
-    assert float(new["CY/beta"]["value"]) == pytest.approx(-0.5, abs=3 * float(new["CY/beta"]["stderr"]))
-    assert float(new["CY/rudder"]["value"]) == pytest.approx(0.2, abs=3 * float(new["CY/rudder"]["stderr"]))
+    assert float(new["CY/beta"]["value"]) == pytest.approx(
+        -0.5, abs=3 * float(new["CY/beta"]["stderr"])
+    )
+    assert float(new["CY/rudder"]["value"]) == pytest.approx(
+        0.2, abs=3 * float(new["CY/rudder"]["stderr"])
+    )
     assert float(new["CY/rudder"]["stderr"]) < 0.02
-    held = CliRunner().invoke(tabulate, [*words, "--hold", "CY/beta", "-o", str(folder / "held.nc"), "--json"], catch_exceptions=False)
+    held = CliRunner().invoke(
+        tabulate,
+        [*words, "--hold", "CY/beta", "-o", str(folder / "held.nc"), "--json"],
+        catch_exceptions=False,
+    )
     assert set(json.loads(held.output)["terms"]) == {"CY/rudder"}
     assert float(aerodb.terms(aerodb.open(folder / "held.nc"))["CY/beta"]["value"]) == -0.4
-    joined = CliRunner().invoke(tabulate, [*words, "--way", "join", "-o", str(folder / "joined.nc"), "--json"], catch_exceptions=False)
-    assert json.loads(joined.output)["terms"]["CY/beta"]["level"] is None  # no part of a prior covariance is learnt
+    joined = CliRunner().invoke(
+        tabulate,
+        [*words, "--way", "join", "-o", str(folder / "joined.nc"), "--json"],
+        catch_exceptions=False,
+    )
+    assert (
+        json.loads(joined.output)["terms"]["CY/beta"]["level"] is None
+    )  # no part of a prior covariance is learnt
     beta = aerodb.terms(aerodb.open(folder / "joined.nc"))["CY/beta"]
     assert beta.attrs["history"].startswith("join_submodels: joined with 1 fits")
     assert float(beta["value"]) == pytest.approx(-0.5, abs=3 * float(beta["stderr"]))
     with pytest.raises(UnknownName, match="unknown held term 'CY/bet'; near it: CY/beta"):
-        CliRunner().invoke(tabulate, [*words, "--hold", "CY/bet", "-o", str(folder / "no.nc")], catch_exceptions=False)
+        CliRunner().invoke(
+            tabulate,
+            [*words, "--hold", "CY/bet", "-o", str(folder / "no.nc")],
+            catch_exceptions=False,
+        )
     assert not (folder / "no.nc").exists()
 
 
@@ -238,20 +343,36 @@ def test_a_rudder_without_a_table_stops_or_is_a_warning(files):
     alone = {"CY/beta": terms.make(-0.5, {}, ["beta"], stderr=0.2, source="datcom")}
     aerodb.save(aerodb.database(alone, **REFERENCE), folder / "clean.nc")
     run(*base, "--model", "CY = 1 + beta + delta_r", "-o", str(folder / "fit.nc"))
-    words = [str(folder / "fit.nc"), "--database", str(folder / "clean.nc"), "-o", str(folder / "new.nc")]
+    words = [
+        str(folder / "fit.nc"),
+        "--database",
+        str(folder / "clean.nc"),
+        "-o",
+        str(folder / "new.nc"),
+    ]
     for way in ("tabulate", "join"):
-        with pytest.raises(SchemaError, match=r"CY: delta_r of .*estimate 0\.2.*, t \d+.*open the term: \[terms\.\"CY/delta_r\"\]"):
+        with pytest.raises(
+            SchemaError,
+            match=r"CY: delta_r of .*estimate 0\.2.*, t \d+.*open the term: \[terms\.\"CY/delta_r\"\]",
+        ):
             CliRunner().invoke(tabulate, [*words, "--way", way], catch_exceptions=False)
         assert not (folder / "new.nc").exists()
     with pytest.warns(AeromatchWarning, match="no place in the database"):
-        done = CliRunner().invoke(tabulate, [*words, "--unplaced", "warn", "--json"], catch_exceptions=False)
+        done = CliRunner().invoke(
+            tabulate, [*words, "--unplaced", "warn", "--json"], catch_exceptions=False
+        )
     found = json.loads(done.output)
     assert [row["term"] for row in found["unplaced"] if row["significant"]] == ["delta_r"]
     assert "delta_r" in found["warnings"][0]
     assert found["warnings"][1].startswith("incompatible fits: CY")
     shown = CliRunner().invoke(db, ["decisions", str(folder / "new.nc")], catch_exceptions=False)
-    assert "warning: no place in the database, the estimate is left out: CY: delta_r of" in shown.output
-    shown = CliRunner().invoke(db, ["decisions", str(folder / "new.nc"), "--json"], catch_exceptions=False)
+    assert (
+        "warning: no place in the database, the estimate is left out: CY: delta_r of"
+        in shown.output
+    )
+    shown = CliRunner().invoke(
+        db, ["decisions", str(folder / "new.nc"), "--json"], catch_exceptions=False
+    )
     assert json.loads(shown.output)["warnings"] == found["warnings"]
     with pytest.warns(AeromatchWarning, match="no place in the database"):
         done = CliRunner().invoke(tabulate, [*words, "--unplaced", "warn"], catch_exceptions=False)

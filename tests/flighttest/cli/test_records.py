@@ -25,7 +25,9 @@ def log(tmp_path):
     rows = [(1_000_000 + 20_000 * i, 0.01 * i, 0.0, 0.0) for i in range(100)]
     rows[40] = (rows[40][0], 50.0, 0.0, 0.0)
     fields = [("uint64_t", "timestamp"), ("float[3]", "xyz")]
-    (tmp_path / "flight.ulg").write_bytes(ulog.written({("vehicle_angular_velocity", 0): (fields, rows)}))
+    (tmp_path / "flight.ulg").write_bytes(
+        ulog.written({("vehicle_angular_velocity", 0): (fields, rows)})
+    )
     return tmp_path / "flight.ulg"
 
 
@@ -35,7 +37,11 @@ def test_info_lists_tables_and_columns(log):
     assert "flight.ulg: PX4 ULog" in done.output
     assert "vehicle_angular_velocity: 100 samples, 50 Hz, 1 ... 2.98 s" in done.output
     found = json.loads(call("info", log, "--json").output)
-    assert [column["column"] for column in found["tables"][0]["columns"]] == ["xyz[0]", "xyz[1]", "xyz[2]"]
+    assert [column["column"] for column in found["tables"][0]["columns"]] == [
+        "xyz[0]",
+        "xyz[1]",
+        "xyz[2]",
+    ]
 
 
 def test_info_reports_a_clock_that_cannot_be_used(tmp_path):
@@ -46,7 +52,9 @@ def test_info_reports_a_clock_that_cannot_be_used(tmp_path):
 def test_info_of_chapter_10_lists_channels(tmp_path):
     chapter10.fresh()
     words = [(0, 0, chapter10.bnr(0o210, 15, 2048.0, 250.0))]
-    (tmp_path / "f.ch10").write_bytes(b"".join(chapter10.arinc(12, 1000 * k, words) for k in range(3)))
+    (tmp_path / "f.ch10").write_bytes(
+        b"".join(chapter10.arinc(12, 1000 * k, words) for k in range(3))
+    )
     lines = call("info", tmp_path / "f.ch10").output.splitlines()
     assert lines[0] == "f.ch10: IRIG 106 Chapter 10"
     assert lines[-1].split() == ["12", "ARINC", "429", "3", "210"]
@@ -64,7 +72,9 @@ def test_convert_makes_a_record_in_canonical_names(log, tmp_path):
 
 
 def test_convert_without_a_map_names_the_shipped_ones(log, tmp_path):
-    with pytest.raises(UnknownName, match=r"a name map in TOML or a shipped one \(ardupilot, px4\)"):
+    with pytest.raises(
+        UnknownName, match=r"a name map in TOML or a shipped one \(ardupilot, px4\)"
+    ):
         call("convert", log, "-o", tmp_path / "flight.nc")
     assert not (tmp_path / "flight.nc").exists()
 
@@ -72,4 +82,6 @@ def test_convert_without_a_map_names_the_shipped_ones(log, tmp_path):
 def test_map_that_is_nowhere(log, tmp_path):
     done = call("convert", log, "--names", "px5", "-o", tmp_path / "flight.nc")
     assert done.exit_code == 2
-    assert "no file 'px5' and no shipped map of that name; shipped are ardupilot, px4" in done.output
+    assert (
+        "no file 'px5' and no shipped map of that name; shipped are ardupilot, px4" in done.output
+    )

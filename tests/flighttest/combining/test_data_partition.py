@@ -16,7 +16,13 @@ def bending(seed=0):
     t = 0.02 * np.arange(6000)
     alpha = np.radians(7.5 + 7.0 * np.sin(0.11 * t) + 0.3 * np.sin(3.1 * t + 1))
     delta_e = np.radians(3.0) * np.sin(2.3 * t)
-    CL = 0.2 + 6.0 * alpha - 4.0 * np.maximum(alpha - np.radians(10), 0) + 0.4 * delta_e + 0.003 * rng.normal(size=6000)
+    CL = (
+        0.2
+        + 6.0 * alpha
+        - 4.0 * np.maximum(alpha - np.radians(10), 0)
+        + 0.4 * delta_e
+        + 0.003 * rng.normal(size=6000)
+    )
     columns = {"alpha": alpha, "delta_e": delta_e, "CL": CL, "mach": np.full(6000, 0.3)}
     return xr.Dataset({name: ("time", x) for name, x in columns.items()}, coords={"time": t})
 
@@ -47,9 +53,15 @@ def test_bins_over_two_conditions_hold_every_sample_once():
 
 
 def test_bad_edges_and_hopeless_bins_are_refused():
-    with pytest.raises(IdentificationError, match=r"edges of alpha are \[0.1, 0.1\]; expected two or more numbers that rise"):
+    with pytest.raises(
+        IdentificationError,
+        match=r"edges of alpha are \[0.1, 0.1\]; expected two or more numbers that rise",
+    ):
         bins(bending(), {"alpha": [0.1, 0.1]})
     with pytest.raises(UnknownName, match="unknown condition 'beta'"):
         fit_bins(MODEL, bending(), {"beta": [0, 1]})
-    with pytest.raises(IdentificationError, match=r"no bin gave a fit\n  - bin 0: CL = 1 \+ mach: mach does not move"):
+    with pytest.raises(
+        IdentificationError,
+        match=r"no bin gave a fit\n  - bin 0: CL = 1 \+ mach: mach does not move",
+    ):
         fit_bins(Model.parse("CL = 1 + mach"), bending(), {"alpha": [0.0, 0.5]})

@@ -11,7 +11,10 @@ from flighttest.regression.equation_error.time_domain import regress
 
 
 def fits(count=8, **options):
-    return [regress(LIFT, record(np.random.default_rng(seed), **options), f"run {seed}") for seed in range(count)]
+    return [
+        regress(LIFT, record(np.random.default_rng(seed), **options), f"run {seed}")
+        for seed in range(count)
+    ]
 
 
 def test_the_median_is_that_of_gresham_term_by_term():
@@ -42,7 +45,9 @@ def test_the_generalised_mean_is_the_sum_of_the_information():
     np.testing.assert_allclose(joined["estimate"], theta, rtol=1e-8)
     inflated = np.sqrt(np.diag(C)) * np.maximum(1.0, joined["birge"])
     np.testing.assert_allclose(joined["stderr"], inflated, rtol=1e-8)
-    assert {"estimate", "stderr", "stderr_white", "correlation", "systematic"} <= set(joined.data_vars)
+    assert {"estimate", "stderr", "stderr_white", "correlation", "systematic"} <= set(
+        joined.data_vars
+    )
 
 
 @pytest.mark.slow
@@ -51,7 +56,9 @@ def test_joined_estimates_cover():
     """30 sets of eight records; 0.95 of 120 estimates scatters by 2 to 4 %."""
     inside = []
     for base in range(30):
-        runs = [regress(LIFT, record(np.random.default_rng(100 * base + k), 15.0)) for k in range(8)]
+        runs = [
+            regress(LIFT, record(np.random.default_rng(100 * base + k), 15.0)) for k in range(8)
+        ]
         e = join_fits(runs).estimates
         inside.append(np.abs(e["estimate"].values - list(TRUTH.values())) < 2 * e["stderr"].values)
     assert np.mean(inside) > 0.88
@@ -59,11 +66,19 @@ def test_joined_estimates_cover():
 
 def test_terms_of_some_fits_and_fits_of_both_domains():
     data = [record(np.random.default_rng(seed)) for seed in range(3)]
-    runs = [regress(LIFT, data[0]), regress_frequency(LIFT, data[1], (0.1, 1.0)), regress(Model.parse("CL = 1 + alpha"), data[2])]
+    runs = [
+        regress(LIFT, data[0]),
+        regress_frequency(LIFT, data[1], (0.1, 1.0)),
+        regress(Model.parse("CL = 1 + alpha"), data[2]),
+    ]
     joined = join_fits(runs, "inverse_sigma")
     assert joined.estimates["count"].sel(term="qhat") == 2
-    values, errors = zip(*((float(f.estimates["estimate"][1]), float(f.estimates["stderr"][1])) for f in runs))
-    assert float(joined.estimates["estimate"].sel(term="alpha")) == pytest.approx(pool(values, errors, "inverse_sigma").value)
+    values, errors = zip(
+        *((float(f.estimates["estimate"][1]), float(f.estimates["stderr"][1])) for f in runs)
+    )
+    assert float(joined.estimates["estimate"].sel(term="alpha")) == pytest.approx(
+        pool(values, errors, "inverse_sigma").value
+    )
     assert "3 fits joined by inverse sigma" in joined.report()
 
 

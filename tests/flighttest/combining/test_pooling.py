@@ -17,13 +17,17 @@ def test_agreeing_estimates_give_the_inverse_variance_mean():
 def test_contradictory_estimates_widen_the_error_and_are_flagged():
     joined = pool([1.0, 2.0], [0.1, 0.1])
     assert joined.birge == pytest.approx(np.sqrt(50))
-    assert joined.stderr == pytest.approx(0.5)  # half their difference, whatever their own errors are
+    assert joined.stderr == pytest.approx(
+        0.5
+    )  # half their difference, whatever their own errors are
     assert joined.disagreement == pytest.approx(10 / np.sqrt(2))
     assert joined.contradictory
 
 
 def test_the_pooled_error_is_the_scatter_of_pooled_values():
-    """Birge ratio included: 20 estimates each, 2000 times; the mean square of z exceeds 1 by less than a tenth."""
+    """Birge ratio included: 20 estimates each, 2000 times; the mean square of z exceeds 1 by less
+    than a tenth.
+    """
     rng = np.random.default_rng(2)
     s = rng.uniform(0.5, 2.0, 20)
     z = [(p := pool(s * rng.normal(size=20), s)).value / p.stderr for _ in range(2000)]

@@ -15,7 +15,17 @@ from flighttest.cli.group import flight
 from flighttest.regression.combining.published import published_fit, read_published
 
 DEG = np.pi / 180
-ROOT = dict(title="test", aircraft="test", S=16.0, cbar=1.6, b=10.0, x_ref=0.0, y_ref=0.0, z_ref=0.0, force_axes="stability")
+ROOT = dict(
+    title="test",
+    aircraft="test",
+    S=16.0,
+    cbar=1.6,
+    b=10.0,
+    x_ref=0.0,
+    y_ref=0.0,
+    z_ref=0.0,
+    force_axes="stability",
+)
 MODELS = """model,coefficient,term,value,stderr,unit,mach,alpha [deg],delta_e [deg],qhat,alpha reference [deg]
 paper 1,Cm,1,0.03,0.01,,0.27,2 .. 8,-3..1,0,5
 paper 1,Cm,alpha,-0.0098,0.001,1/deg,,,,,
@@ -52,7 +62,9 @@ def test_rows_become_the_fits_of_their_values(file):
 
 def test_semicolons_with_decimal_commas(file, tmp_path):
     other = tmp_path / "komma.csv"
-    other.write_text(MODELS.replace(",", ";").replace(".", ",").replace(" ,, ", " .. ").replace(",,", ".."))
+    other.write_text(
+        MODELS.replace(",", ";").replace(".", ",").replace(" ,, ", " .. ").replace(",,", "..")
+    )
     for one, two in zip(read_published(file), read_published(other), strict=True):
         xr.testing.assert_identical(one.estimates, two.estimates)
 
@@ -90,7 +102,9 @@ def test_every_problem_is_reported_with_its_line(tmp_path):
 
 
 def points_of(truth, rng, wrong):
-    """A table of published models: value and slope of lift over +-1 deg at 36 points, one of them off by six standard errors."""
+    """A table of published models: value and slope of lift over +-1 deg at 36 points, one of them
+    off by six standard errors.
+    """
     lines = ["model,coefficient,term,value,stderr,mach,alpha [deg],alpha reference [deg]"]
     places = [(alpha, mach) for alpha in np.linspace(-2, 10, 9) for mach in (0.2, 0.3, 0.4, 0.5)]
     for k, (alpha, mach) in enumerate(places):
@@ -111,10 +125,17 @@ def points_of(truth, rng, wrong):
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:incompatible fits")  # the wrong one contradicts the others
 def test_thirty_six_points_of_which_one_is_wrong_reduce_the_error_of_the_tables(tmp_path):
-    """Rms error in the flown region below 40 % of that of the prior for each of eight truths (4 to 30 %); most wrong points are suspect."""
+    """Rms error in the flown region below 40 % of that of the prior for each of eight truths (4 to
+    30 %); most wrong points are suspect.
+    """
     alpha, mach = np.arange(-4, 13, 2.0) * DEG, np.array([0.15, 0.3, 0.45, 0.6])
     known = 0.15 + (5.2 + 0.5 * mach) * alpha[:, None]
-    prior = terms.make(known, {"alpha": alpha, "mach": mach}, stderr=np.hypot(0.05, 0.1 * np.abs(known)), source="datcom")
+    prior = terms.make(
+        known,
+        {"alpha": alpha, "mach": mach},
+        stderr=np.hypot(0.05, 0.1 * np.abs(known)),
+        source="datcom",
+    )
     db = database({"CL/basic": prior}, **ROOT)
     ratios, suspects = [], []
     for seed in range(8):
@@ -132,7 +153,10 @@ def test_thirty_six_points_of_which_one_is_wrong_reduce_the_error_of_the_tables(
         assert all(int(fit.estimates.attrs["samples"]) == 0 for fit in fits)
         found = aerodb.tabulate(fits, db)
         flown = {"alpha": slice(-2 * DEG, 10 * DEG), "mach": slice(0.2, 0.5)}
-        after, before = (float(np.sqrt((((leaf["value"] - truth["value"]).sel(flown)) ** 2).mean())) for leaf in (found["CL/basic"], prior))
+        after, before = (
+            float(np.sqrt((((leaf["value"] - truth["value"]).sel(flown)) ** 2).mean()))
+            for leaf in (found["CL/basic"], prior)
+        )
         ratios.append(after / before)
         suspects.append(bool(found.points.loc[("CL", f"p{3 * seed}"), "suspect"]))
     assert max(ratios) < 0.4, ratios
@@ -148,7 +172,14 @@ def test_verb_takes_them_with_fits(file, tmp_path):
         "CL/basic": terms.make(5.0 * alpha, {"alpha": alpha}, stderr=0.1, source="datcom"),
     }
     aerodb.save(database(leaves, **ROOT), tmp_path / "prior.nc")
-    args = ["tabulate", str(file), "--database", str(tmp_path / "prior.nc"), "-o", str(tmp_path / "new.nc")]
+    args = [
+        "tabulate",
+        str(file),
+        "--database",
+        str(tmp_path / "prior.nc"),
+        "-o",
+        str(tmp_path / "new.nc"),
+    ]
     result = CliRunner().invoke(flight, [*args, "--json"])
     assert result.exit_code == 0, result.output
     document = json.loads(result.output[result.output.index("{") :])

@@ -1,4 +1,6 @@
-"""Engine from whole flights: power changes cut out, rate limits, schedule over the flight condition, steady tables, windmilling."""
+"""Engine from whole flights: power changes cut out, rate limits, schedule over the flight
+condition, steady tables, windmilling.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,9 @@ CHOP_AND_SLAM = ((0.0, 0.8), (3.0, 0.8), (3.3, 0.0), (13.0, 0.0), (13.3, 1.0))
 
 
 def limited() -> Deck:
-    """An engine whose spools run at limited rates that fall with height; idle rises with Mach number and height."""
+    """An engine whose spools run at limited rates that fall with height; idle rises with Mach
+    number and height.
+    """
     level = np.zeros((2, 2, 2))
     level[0], level[1] = 0.6, 1.0
     level[0, 1] += 0.03  # at Mach 0.5
@@ -44,31 +48,51 @@ def limited() -> Deck:
         "n1_up_limit": make(0.8 * UP, AT),
         "n1_down_limit": make(0.5 * DOWN, AT),
         "corrected_thrust": make(
-            [[200.0, 100.0], [1300.0, 1200.0], [4600.0, 4400.0]], {"corrected_n2": [0.55, 0.8, 1.1], "mach": [0.0, 0.5]}
+            [[200.0, 100.0], [1300.0, 1200.0], [4600.0, 4400.0]],
+            {"corrected_n2": [0.55, 0.8, 1.1], "mach": [0.0, 0.5]},
         ),
     }
     return Deck(tables, lever_delay=0.1)
 
 
-def flown(deck: Deck, profile, mach: float, h: float, seed: int, seconds: float = 24.0, rate: float = 10.0) -> xr.Dataset:
+def flown(
+    deck: Deck, profile, mach: float, h: float, seed: int, seconds: float = 24.0, rate: float = 10.0
+) -> xr.Dataset:
     """A record of the kernel's own engine, with noise."""
     t = np.arange(0.0, seconds, 1.0 / rate)
-    columns = {"throttle": np.interp(t, *np.array(profile).T), "mach": np.full(len(t), mach), "h": np.full(len(t), h)}
-    record = xr.Dataset({name: ("time", x) for name, x in columns.items()}, {"time": t}, {"record": f"r{seed}"})
+    columns = {
+        "throttle": np.interp(t, *np.array(profile).T),
+        "mach": np.full(len(t), mach),
+        "h": np.full(len(t), h),
+    }
+    record = xr.Dataset(
+        {name: ("time", x) for name, x in columns.items()}, {"time": t}, {"record": f"r{seed}"}
+    )
     held, wind = condition(record)
     names = ("n1", "n2", "thrust")
     found = flightmech.simulate(
-        compiled(deck), simulation_inputs(record, wind), held, outputs=[f"engine1.{name}" for name in names], step=0.02
+        compiled(deck),
+        simulation_inputs(record, wind),
+        held,
+        outputs=[f"engine1.{name}" for name in names],
+        step=0.02,
     )
     rng = np.random.default_rng(seed)
     sizes = {"n1": NOISE, "n2": NOISE, "thrust": 5.0}
-    return record.assign({name: ("time", found[f"engine1.{name}"].values + sizes[name] * rng.normal(size=len(t))) for name in names})
+    return record.assign(
+        {
+            name: ("time", found[f"engine1.{name}"].values + sizes[name] * rng.normal(size=len(t)))
+            for name in names
+        }
+    )
 
 
 def test_outer_knots_hold_the_speeds_at_rest():
     noisy = 0.5998 + 1e-3 * np.random.default_rng(0).normal(size=400)
     settled = np.append(noisy, 0.95)  # one sample is no rest
-    assert covering(np.array([0.6, 0.8, 1.0]), settled) == pytest.approx([0.5925, 0.8, 1.0], abs=5e-4)
+    assert covering(np.array([0.6, 0.8, 1.0]), settled) == pytest.approx(
+        [0.5925, 0.8, 1.0], abs=5e-4
+    )
     assert covering(np.array([0.59, 0.8]), settled) == pytest.approx([0.59, 0.8])
     assert covering(np.array([0.5, 0.59]), settled)[1] > settled[:-1].mean() + EDGE
     assert covering(np.array([0.6, 0.8]), np.array([np.nan])) == pytest.approx([0.6, 0.8])
@@ -77,25 +101,46 @@ def test_outer_knots_hold_the_speeds_at_rest():
 @pytest.fixture(scope="module")
 def flights() -> list[xr.Dataset]:
     conditions = [(0.1, 0.0), (0.4, 200.0), (0.2, 6000.0), (0.5, 5800.0)]
-    return [flown(limited(), CHOP_AND_SLAM, mach, h, seed) for seed, (mach, h) in enumerate(conditions)]
+    return [
+        flown(limited(), CHOP_AND_SLAM, mach, h, seed) for seed, (mach, h) in enumerate(conditions)
+    ]
 
 
 @pytest.fixture(scope="module")
 def fit(flights):
     over = {"mach": (0.0, 0.5), "h": (0.0, 6000.0)}
     tables = {"corrected_thrust": {"corrected_n2": np.linspace(0.55, 1.1, 12), "mach": (0.0, 0.5)}}
-    keywords = {"throttle": [0.0, 0.8, 1.0], "n2": [0.6, 0.8, 1.0], "over": over, "limits": True, "fan": "lever", "tables": tables}
+    keywords = {
+        "throttle": [0.0, 0.8, 1.0],
+        "n2": [0.6, 0.8, 1.0],
+        "over": over,
+        "limits": True,
+        "fan": "lever",
+        "tables": tables,
+    }
     return identify_engine(flights=flights, **keywords)
 
 
 def test_condition_of_a_record_is_flown():
     """Mach number by the wind, height by a straight line."""
     t = np.arange(0.0, 40.0, 0.1)
-    columns = {"throttle": 0.0 * t + 0.5, "mach": 0.3 + 0.1 * np.sin(t / 10.0), "h": 1500.0 + 20.0 * t}
+    columns = {
+        "throttle": 0.0 * t + 0.5,
+        "mach": 0.3 + 0.1 * np.sin(t / 10.0),
+        "h": 1500.0 + 20.0 * t,
+    }
     record = xr.Dataset({name: ("time", x) for name, x in columns.items()}, {"time": t})
-    record["temperature"] = "time", np.asarray(atmosphere(record["h"].values, delta_T=7.0).temperature)
+    record["temperature"] = (
+        "time",
+        np.asarray(atmosphere(record["h"].values, delta_T=7.0).temperature),
+    )
     held, wind = condition(record)
-    found = flightmech.simulate(compiled(limited()), simulation_inputs(record, wind), held, outputs=["mach", "h", "temperature"])
+    found = flightmech.simulate(
+        compiled(limited()),
+        simulation_inputs(record, wind),
+        held,
+        outputs=["mach", "h", "temperature"],
+    )
     for name, error in (("mach", 1e-6), ("h", 1e-6), ("temperature", 1e-6)):
         np.testing.assert_allclose(found[name], record[name], atol=error)
 
@@ -103,8 +148,13 @@ def test_condition_of_a_record_is_flown():
 def test_power_changes_run_from_rest_to_rest(flights):
     begin, end = ([float(one["time"][k]) for one in power_changes(flights[0])] for k in (0, -1))
     assert begin[0] == pytest.approx(2.0, abs=0.3)  # a second before the lever moves
-    assert len(begin) in (1, 2)  # the lever rests at idle for as long as the spool runs down, or longer
-    assert 18.0 < end[-1] < 24.0  # after the spools have settled at full power, where the record ends
+    assert len(begin) in (
+        1,
+        2,
+    )  # the lever rests at idle for as long as the spool runs down, or longer
+    assert (
+        18.0 < end[-1] < 24.0
+    )  # after the spools have settled at full power, where the record ends
     late = flights[0].isel(time=slice(31, None))  # moves from its first sample
     first = power_changes(late)[0]
     assert float(first["time"][0]) == pytest.approx(float(late["time"][0]) - 1.0, abs=0.2)
@@ -118,7 +168,12 @@ def test_power_changes_run_from_rest_to_rest(flights):
 @pytest.mark.slow
 def test_limits_over_speed_and_height(fit):
     spools = fit.spools
-    for name, truth in (("n2_up_limit", UP), ("n2_down_limit", DOWN), ("n1_up_limit", 0.8 * UP), ("n1_down_limit", 0.5 * DOWN)):
+    for name, truth in (
+        ("n2_up_limit", UP),
+        ("n2_down_limit", DOWN),
+        ("n1_up_limit", 0.8 * UP),
+        ("n1_down_limit", 0.5 * DOWN),
+    ):
         for (i, n2), (j, h) in ((a, b) for a in enumerate(AT["n2"]) for b in enumerate(AT["h"])):
             value, stderr = spools.tables[name].at(n2, mach=0.25, h=h)
             assert value == pytest.approx(truth[i, j], rel=0.15), (name, n2, h)
@@ -132,14 +187,21 @@ def test_limits_over_speed_and_height(fit):
 @pytest.mark.slow
 def test_schedule_over_mach_number_and_height(fit):
     command = fit.spools.tables["n2_command"]
-    for mach, h, change in ((0.1, 0.0, 0.006), (0.4, 200.0, 0.024667), (0.2, 6000.0, 0.032), (0.5, 5800.0, 0.049333)):
+    for mach, h, change in (
+        (0.1, 0.0, 0.006),
+        (0.4, 200.0, 0.024667),
+        (0.2, 6000.0, 0.032),
+        (0.5, 5800.0, 0.049333),
+    ):
         value, stderr = command.at(0.0, mach=mach, h=h)
         assert value == pytest.approx(0.6 + change, abs=1e-3)
         assert stderr < 1e-3
     with pytest.raises(IdentificationError, match="depends on mach"):
         command.at(0.0, h=0.0)
     changes = fit.spools.changes
-    assert changes["n2_command from mach 0 to 0.5 at throttle 0"][0] == pytest.approx(0.03, abs=2e-3)
+    assert changes["n2_command from mach 0 to 0.5 at throttle 0"][0] == pytest.approx(
+        0.03, abs=2e-3
+    )
     assert abs(changes["n2_command from mach 0 to 0.5 at throttle 1"][0]) < 2e-3
     assert "no change beyond its error" in fit.spools.report()
 
@@ -176,8 +238,12 @@ def test_deck_from_flights_flies(fit, flights, tmp_path):
 
 
 def test_residual_shows_that_limits_are_missing(flights):
-    plain = identify_spools([one.drop_vars("n1") for one in power_changes(flights[0])], [0.0, 0.8, 1.0], [0.6, 1.0])
-    assert any("times the noise of the readings" in text and "limits" in text for text in plain.remarks)
+    plain = identify_spools(
+        [one.drop_vars("n1") for one in power_changes(flights[0])], [0.0, 0.8, 1.0], [0.6, 1.0]
+    )
+    assert any(
+        "times the noise of the readings" in text and "limits" in text for text in plain.remarks
+    )
 
 
 def test_flown_deck_is_the_simulation(flights):
@@ -185,7 +251,13 @@ def test_flown_deck_is_the_simulation(flights):
     record = flights[1]
     held, wind = condition(record)
     deck = limited()
-    found = flightmech.simulate(compiled(deck), simulation_inputs(record, wind), held, outputs=["engine1.n2", "engine1.thrust"], step=0.01)
+    found = flightmech.simulate(
+        compiled(deck),
+        simulation_inputs(record, wind),
+        held,
+        outputs=["engine1.n2", "engine1.thrust"],
+        step=0.01,
+    )
     again = fly_deck(deck, record)
     np.testing.assert_allclose(again["n2"], found["engine1.n2"], atol=2e-6)
     np.testing.assert_allclose(again["thrust"], found["engine1.thrust"], atol=0.05)
@@ -208,11 +280,21 @@ def points(seed: int, heights: tuple[float, ...], count: int = 3000) -> list[xr.
         theta, delta = ratios({"mach": mach, "h": np.full(count, h)})
         thrust = delta * surface(n2 / np.sqrt(theta), mach, h) + 15.0 * rng.normal(size=count)
         columns = {"n2": n2, "mach": mach, "h": np.full(count, h), "thrust": thrust}
-        found.append(xr.Dataset({name: ("time", x) for name, x in columns.items()}, {"time": t}, {"record": f"h {h:g}"}))
+        found.append(
+            xr.Dataset(
+                {name: ("time", x) for name, x in columns.items()},
+                {"time": t},
+                {"record": f"h {h:g}"},
+            )
+        )
     return found
 
 
-GRID = {"corrected_n2": np.linspace(0.6, 1.1, 8), "mach": [0.05, 0.25, 0.45], "h": [0.0, 1500.0, 3800.0, 6000.0]}
+GRID = {
+    "corrected_n2": np.linspace(0.6, 1.1, 8),
+    "mach": [0.05, 0.25, 0.45],
+    "h": [0.0, 1500.0, 3800.0, 6000.0],
+}
 PRIOR = make(4000.0 * np.linspace(0.6, 1.1, 4) ** 3, {"corrected_n2": np.linspace(0.6, 1.1, 4)})
 
 
@@ -222,17 +304,27 @@ def test_steady_table_continues_what_was_not_flown():
     for h, error in ((1500.0, 30.0), (3800.0, 40.0)):  # noise 15 N; 3800 m was not flown
         value = evaluate(found.leaf, at | {"h": np.full(3, h)}, outside="clamp")
         np.testing.assert_allclose(value, surface(at["corrected_n2"], at["mach"], h), atol=error)
-    flown_, between = (float(found.leaf["stderr"].sel(h=h, mach=0.25).isel(corrected_n2=4)) for h in (1500.0, 3800.0))
+    flown_, between = (
+        float(found.leaf["stderr"].sel(h=h, mach=0.25).isel(corrected_n2=4))
+        for h in (1500.0, 3800.0)
+    )
     assert 0.0 < flown_ < between < 0.1 * 6000.0
     assert "smooth over" in found.report("corrected_thrust")
     wide = steady_table(points(1, (0.0, 1500.0)), "corrected_thrust", GRID, PRIOR, scale=0.02)
-    np.testing.assert_array_less(0.0199 * np.abs(wide.leaf["value"].values), wide.leaf["stderr"].values + 1e-9)
+    np.testing.assert_array_less(
+        0.0199 * np.abs(wide.leaf["value"].values), wide.leaf["stderr"].values + 1e-9
+    )
 
 
 def test_steady_table_same_from_perturbed_records():
     records = points(2, (0.0, 1500.0))
     one = steady_table(records, "corrected_thrust", GRID, PRIOR)
-    two = steady_table([r.assign(thrust=r["thrust"] * (1.0 + 1e-12)) for r in records], "corrected_thrust", GRID, PRIOR)
+    two = steady_table(
+        [r.assign(thrust=r["thrust"] * (1.0 + 1e-12)) for r in records],
+        "corrected_thrust",
+        GRID,
+        PRIOR,
+    )
     np.testing.assert_allclose(two.leaf["value"], one.leaf["value"], atol=1e-5)
 
 
@@ -247,12 +339,19 @@ def test_steady_table_names_what_is_missing():
     with pytest.raises(IdentificationError, match="no sample inside"):
         steady_table(records, "thrust", {"h": [8000.0, 9000.0]})
     with pytest.raises(IdentificationError, match="whole flights"):
-        identify_engine(recorded=xr.Dataset(), prior={"corrected_thrust": PRIOR}, tables={"thrust": {"n2": [0.6, 1.0]}})
+        identify_engine(
+            recorded=xr.Dataset(),
+            prior={"corrected_thrust": PRIOR},
+            tables={"thrust": {"n2": [0.6, 1.0]}},
+        )
 
 
 def test_schedule_from_settled_flight():
     """Speeds over the lever and the condition, from the samples at rest."""
-    records = [flown(limited(), CHOP_AND_SLAM, mach, h, 7, 40.0) for mach, h in ((0.1, 0.0), (0.45, 6000.0))]
+    records = [
+        flown(limited(), CHOP_AND_SLAM, mach, h, 7, 40.0)
+        for mach, h in ((0.1, 0.0), (0.45, 6000.0))
+    ]
     found = steady_table(records, "n2_command", {"throttle": [0.0, 0.8, 1.0], "h": [0.0, 6000.0]})
     settled = found.leaf["value"].sel(throttle=1.0).values
     np.testing.assert_allclose(settled, 1.0, atol=2e-3)
@@ -263,14 +362,21 @@ def test_height_of_the_record():
     """A pressure altitude becomes the height at which the warm air has its pressure."""
     t = np.arange(100.0)
     warm = atmosphere(6000.0, delta_T=10.0)
-    columns = {"engine1.throttle": 0.0 * t, "engine1.n2": 0.0 * t + 0.6, "mach": 0.0 * t + 0.4, "h_gps": 0.0 * t + 6000.0}
+    columns = {
+        "engine1.throttle": 0.0 * t,
+        "engine1.n2": 0.0 * t + 0.6,
+        "mach": 0.0 * t + 0.4,
+        "h_gps": 0.0 * t + 6000.0,
+    }
     columns["h_baro"] = 0.0 * t + float(flightmech.air.pressure_altitude(float(warm.p_static)))
     columns["temperature"] = 0.0 * t + float(warm.temperature)
     states = xr.Dataset({name: ("time", x) for name, x in columns.items()}, {"time": t})
     for height in (None, "h_gps"):
         found = engine_channels(states, height=height)
         np.testing.assert_allclose(found["h"], 6000.0, atol=25.0)
-        np.testing.assert_allclose(found["pressure_ratio"], float(warm.p_static) / 101325.0, rtol=3e-3)
+        np.testing.assert_allclose(
+            found["pressure_ratio"], float(warm.p_static) / 101325.0, rtol=3e-3
+        )
     with pytest.raises(UnknownName, match="h_radar"):
         engine_channels(states, height="h_radar")
 
@@ -278,21 +384,39 @@ def test_height_of_the_record():
 def windmilling() -> xr.Dataset:
     """In flight: windmilling, start with the starter, idle, and out again."""
     t = np.arange(0.0, 60.0, 0.05)
-    switches = {"starter": (t > 6.0) & (t < 28.0), "cutoff": (t < 14.0) | (t > 36.0), "throttle": np.zeros(len(t))}
-    record = xr.Dataset({name: ("time", np.asarray(x, float)) for name, x in switches.items()}, {"time": t})
+    switches = {
+        "starter": (t > 6.0) & (t < 28.0),
+        "cutoff": (t < 14.0) | (t > 36.0),
+        "throttle": np.zeros(len(t)),
+    }
+    record = xr.Dataset(
+        {name: ("time", np.asarray(x, float)) for name, x in switches.items()}, {"time": t}
+    )
     record = record.assign(mach=("time", np.full(len(t), 0.4)), h=("time", np.full(len(t), 3000.0)))
-    tables = {"n2_command": make(0.5), "n2_up_time": make([5.0, 3.0], {"n2": [0.2, 0.5]}), "thrust": make(0.0)}
+    tables = {
+        "n2_command": make(0.5),
+        "n2_up_time": make([5.0, 3.0], {"n2": [0.2, 0.5]}),
+        "thrust": make(0.0),
+    }
     tables["corrected_n2_windmill"] = make(0.12)
     held, wind = condition(record)
     deck = Deck(tables, starter_speed=0.24, starter_time=2.5, n2_rundown=5.0, flame_time=0.3)
-    found = flightmech.simulate(compiled(deck), simulation_inputs(record, wind), held, outputs=["engine1.n2"], step=0.02)
+    found = flightmech.simulate(
+        compiled(deck), simulation_inputs(record, wind), held, outputs=["engine1.n2"], step=0.02
+    )
     noise = 5e-4 * np.random.default_rng(3).normal(size=len(t))
     return record.assign(n2=("time", found["engine1.n2"].values + noise))
 
 
 def test_windmilling_speed_and_start_in_flight():
     found = identify_start([windmilling()])
-    truth = {"corrected_n2_windmill": 0.12, "starter_speed": 0.24, "starter_time": 2.5, "n2_rundown": 5.0, "idle": 0.5}
+    truth = {
+        "corrected_n2_windmill": 0.12,
+        "starter_speed": 0.24,
+        "starter_time": 2.5,
+        "n2_rundown": 5.0,
+        "idle": 0.5,
+    }
     for name, value in truth.items():
         estimate, stderr = found.constants[name]
         assert abs(estimate - value) < 5.0 * stderr, name  # five of them are looked at
@@ -303,7 +427,9 @@ def test_windmilling_speed_and_start_in_flight():
 
 def test_structure_file(tmp_path):
     path = tmp_path / "engine.toml"
-    path.write_text('limits = true\nfan = "lever"\nover = { h = ["0 ft", "10000 ft"] }\n[tables.fuel_flow]\nn2 = [0.6, 1.0]\n')
+    path.write_text(
+        'limits = true\nfan = "lever"\nover = { h = ["0 ft", "10000 ft"] }\n[tables.fuel_flow]\nn2 = [0.6, 1.0]\n'
+    )
     found = read_structure(path)
     assert found.keywords()["over"] == {"h": (0.0, pytest.approx(3048.0))}
     assert found.keywords()["tables"] == {"fuel_flow": {"n2": (0.6, 1.0)}}
@@ -315,22 +441,55 @@ def test_structure_file(tmp_path):
 
 
 def test_command_with_whole_flights(tmp_path):
-    """Records that were used and one that was not stand in the comparison; the entry names the file."""
+    """Records that were used and one that was not stand in the comparison; the entry names the
+    file.
+    """
     from click.testing import CliRunner
 
     from flighttest.cli.submodels import engine
 
     names = tmp_path / "names.toml"
-    units = {"engine1.throttle": "1", "engine1.n1": "1", "engine1.n2": "1", "engine1.thrust": "N", "mach": "1", "h": "m"}
-    rows = (f'{name} = {{ column = "{name.removeprefix("engine1.")}", unit = "{unit}" }}\n' for name, unit in units.items())
+    units = {
+        "engine1.throttle": "1",
+        "engine1.n1": "1",
+        "engine1.n2": "1",
+        "engine1.thrust": "N",
+        "mach": "1",
+        "h": "m",
+    }
+    rows = (
+        f'{name} = {{ column = "{name.removeprefix("engine1.")}", unit = "{unit}" }}\n'
+        for name, unit in units.items()
+    )
     names.write_text("[engine]\n" + "".join(rows))
     for k, mach in enumerate((0.1, 0.4)):
         record = flown(limited(), ((0.0, 0.9), (3.0, 0.9), (12.0, 0.7)), mach, 0.0, k)
         record.to_dataframe().to_csv(tmp_path / f"r{k}.csv")
-    (tmp_path / "engine.toml").write_text("[tables.corrected_thrust]\ncorrected_n2 = [0.8, 0.9, 1.0]\nmach = [0.0, 0.5]\n")
-    write_tables({"n2_command": make(0.9), "n2_up_time": make(1.0), "thrust": make(0.0)}, tmp_path / "prior.nc")
-    args = [f"{tmp_path}/r0.csv", "--flights", "--structure", f"{tmp_path}/engine.toml", "--compare", f"{tmp_path}/r1.csv"]
-    args += ["--names", str(names), "--rate", "10", "--prior", f"{tmp_path}/prior.nc", "-o", f"{tmp_path}/deck.nc"]
+    (tmp_path / "engine.toml").write_text(
+        "[tables.corrected_thrust]\ncorrected_n2 = [0.8, 0.9, 1.0]\nmach = [0.0, 0.5]\n"
+    )
+    write_tables(
+        {"n2_command": make(0.9), "n2_up_time": make(1.0), "thrust": make(0.0)},
+        tmp_path / "prior.nc",
+    )
+    args = [
+        f"{tmp_path}/r0.csv",
+        "--flights",
+        "--structure",
+        f"{tmp_path}/engine.toml",
+        "--compare",
+        f"{tmp_path}/r1.csv",
+    ]
+    args += [
+        "--names",
+        str(names),
+        "--rate",
+        "10",
+        "--prior",
+        f"{tmp_path}/prior.nc",
+        "-o",
+        f"{tmp_path}/deck.nc",
+    ]
     run = CliRunner().invoke(engine, args)
     assert run.exit_code == 0, run.output
     assert "corrected_thrust (N) over corrected_n2" in run.output
@@ -339,4 +498,6 @@ def test_command_with_whole_flights(tmp_path):
     assert 'file = "deck.nc"' in run.output
     tables = open_tables(tmp_path / "deck.nc")
     assert "thrust" not in tables  # what was identified replaces its plain counterpart
-    assert float(tables["corrected_thrust"]["value"].sel(corrected_n2=0.9, mach=0.0)) == pytest.approx(2400.0, rel=0.05)
+    assert float(
+        tables["corrected_thrust"]["value"].sel(corrected_n2=0.9, mach=0.0)
+    ) == pytest.approx(2400.0, rel=0.05)

@@ -1,4 +1,6 @@
-"""Thrust over fuel flow: coefficients put in, standard errors, points outside; the JT15D of the Citation."""
+"""Thrust over fuel flow: coefficients put in, standard errors, points outside; the JT15D of the
+Citation.
+"""
 
 from __future__ import annotations
 
@@ -12,15 +14,30 @@ from flightmech.air import atmosphere
 from flightmech.errors import IdentificationError
 from flighttest.submodels.engine.steady_points import fit_fuel_thrust
 
-POINTS = Path(__file__).parents[3] / ".." / "shared" / "data" / "flight" / "citation_phlab" / "jt15d4_thrust_points.csv"
+POINTS = (
+    Path(__file__).parents[3]
+    / ".."
+    / "shared"
+    / "data"
+    / "flight"
+    / "citation_phlab"
+    / "jt15d4_thrust_points.csv"
+)
 TRUTH = np.array([-1000.0, 60000.0, -3000.0, -30000.0, 4000.0])
 
 
 def points(count: int, noise: float, seed: int = 0) -> xr.Dataset:
     rng = np.random.default_rng(seed)
-    mach, h, w = 0.15 + 0.4 * rng.random(count), 8000.0 * rng.random(count), 0.05 + 0.08 * rng.random(count)
+    mach, h, w = (
+        0.15 + 0.4 * rng.random(count),
+        8000.0 * rng.random(count),
+        0.05 + 0.08 * rng.random(count),
+    )
     air = atmosphere(h)
-    theta, delta = np.asarray(air.temperature) / 288.15 * (1.0 + 0.2 * mach**2), np.asarray(air.p_static) / 101325.0
+    theta, delta = (
+        np.asarray(air.temperature) / 288.15 * (1.0 + 0.2 * mach**2),
+        np.asarray(air.p_static) / 101325.0,
+    )
     X = np.column_stack([np.ones(count), w, mach, w * mach, mach**2])
     columns = {
         "fuel_flow": w * delta * np.sqrt(theta),
@@ -63,9 +80,18 @@ def test_jt15d_series_that_were_not_fitted_are_predicted():
     import pandas as pd
 
     table = pd.read_csv(POINTS)
-    temperature = np.asarray(atmosphere(table["hp_m"].values).temperature) + table["dT_isa_K"].values
-    columns = {"fuel_flow": table["fuel_flow_kgps"], "mach": table["mach"], "h": table["hp_m"], "thrust": table["net_thrust_N"]}
-    data = xr.Dataset({name: ("point", x.values) for name, x in columns.items()}).assign(temperature=("point", temperature))
+    temperature = (
+        np.asarray(atmosphere(table["hp_m"].values).temperature) + table["dT_isa_K"].values
+    )
+    columns = {
+        "fuel_flow": table["fuel_flow_kgps"],
+        "mach": table["mach"],
+        "h": table["hp_m"],
+        "thrust": table["net_thrust_N"],
+    }
+    data = xr.Dataset({name: ("point", x.values) for name, x in columns.items()}).assign(
+        temperature=("point", temperature)
+    )
     own = table["series"].isin(["static1", "static1_std"]).values
     found = fit_fuel_thrust(data.isel(point=own))
     error = found.predict(data.isel(point=~own))["thrust"] - data["thrust"].values[~own]

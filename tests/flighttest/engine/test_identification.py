@@ -1,4 +1,6 @@
-"""Engine from simulated records of an integration of our own: spools, static thrust, start, deck file, command."""
+"""Engine from simulated records of an integration of our own: spools, static thrust, start, deck
+file, command.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +37,8 @@ PROFILES = {
     "steps": ((0.0, 0.35), (2.0, 0.35), (2.3, 0.6), (10.0, 0.6), (10.3, 0.4)),
 }
 PRIOR = make(
-    1e3 * np.outer([0.9, 4.0, 8.0, 10.0, 11.0], [1.0, 0.9, 0.8]), {"corrected_n1": [0.3, 0.7, 0.9, 1.0, 1.1], "mach": [0.0, 0.3, 0.6]}
+    1e3 * np.outer([0.9, 4.0, 8.0, 10.0, 11.0], [1.0, 0.9, 0.8]),
+    {"corrected_n1": [0.3, 0.7, 0.9, 1.0, 1.1], "mach": [0.0, 0.3, 0.6]},
 )
 FACTORS = np.array([1.0, 1.0, 1.02, 1.06, 1.07])
 POLAR = Polar(0.024, 0.05)
@@ -64,10 +67,14 @@ def power_change(name: str, seed: int, noise: float = NOISE) -> xr.Dataset:
         b = rates(n2 + step * a[0], n1 + step * a[1], command[min(k + 1, len(t) - 1)])
         n2, n1 = n2 + 0.5 * step * (a[0] + b[0]), n1 + 0.5 * step * (a[1] + b[1])
     n1s, n2s = np.array(rows)[::every].T
-    noisy = [x + noise * rng.normal(size=len(n1s)) for x in (np.interp(t[::every], *profile.T), n1s, n2s)]
+    noisy = [
+        x + noise * rng.normal(size=len(n1s)) for x in (np.interp(t[::every], *profile.T), n1s, n2s)
+    ]
     flown = {"mach": np.full(len(n1s), 0.3), "h": np.full(len(n1s), 1500.0)}
     columns = dict(zip(("throttle", "n1", "n2"), noisy)) | flown
-    return xr.Dataset({key: ("time", x) for key, x in columns.items()}, {"time": t[::every]}, {"record": name})
+    return xr.Dataset(
+        {key: ("time", x) for key, x in columns.items()}, {"time": t[::every]}, {"record": name}
+    )
 
 
 @pytest.fixture(scope="module")
@@ -81,13 +88,19 @@ def spools(changes):
 
 
 def within(found: tuple[float, float], truth: float, errors: float = 4.0) -> bool:
-    """Whether an estimate is within so many standard errors: four, since some thirty of them are looked at."""
+    """Whether an estimate is within so many standard errors: four, since some thirty of them are
+    looked at.
+    """
     return abs(found[0] - truth) < errors * found[1]
 
 
 @pytest.mark.slow
 def test_delay_ratio_and_lag(spools):
-    for name, truth, size in (("lever_delay", DELAY, 2e-3), ("ratio", RATIO, 0.02), ("n1_up_time", LAG, 2e-3)):
+    for name, truth, size in (
+        ("lever_delay", DELAY, 2e-3),
+        ("ratio", RATIO, 0.02),
+        ("n1_up_time", LAG, 2e-3),
+    ):
         value, stderr = spools.constants[name]
         assert within((value, stderr), truth), name
         assert 0.0 < stderr < size
@@ -113,7 +126,9 @@ def test_same_estimates_from_perturbed_records(changes, spools):
     moved = [one.assign(n2=one["n2"] * (1.0 + 1e-12)) for one in changes]
     again = identify_spools(moved)
     for name, (value, stderr) in spools.constants.items():
-        assert again.constants[name][0] == pytest.approx(value, abs=1e-2 * stderr)  # the search ends within that
+        assert again.constants[name][0] == pytest.approx(
+            value, abs=1e-2 * stderr
+        )  # the search ends within that
 
 
 def test_positions_of_rest_ignore_the_ramps(changes):
@@ -123,7 +138,10 @@ def test_positions_of_rest_ignore_the_ramps(changes):
 
 def test_lever_without_its_noise_keeps_the_ramp(changes):
     clean = np.interp(changes[0]["time"], *np.array(PROFILES["chop"]).T)
-    before, after = (np.sqrt(np.mean((one["throttle"].values - clean) ** 2)) for one in (changes[0], quiet(changes[0])))
+    before, after = (
+        np.sqrt(np.mean((one["throttle"].values - clean) ** 2))
+        for one in (changes[0], quiet(changes[0]))
+    )
     assert after < 0.75 * before
 
 
@@ -136,12 +154,18 @@ def test_lever_that_moves_from_the_start_is_refused(changes):
 
 def points(count: int, seed: int, noise: float = 0.003) -> xr.Dataset:
     rng = np.random.default_rng(seed)
-    n1, mach, h = np.tile([0.72, 0.8, 0.9, 1.0], count)[:count], 0.2 + 0.25 * rng.random(count), rng.choice([1500.0, 4500.0], count)
+    n1, mach, h = (
+        np.tile([0.72, 0.8, 0.9, 1.0], count)[:count],
+        0.2 + 0.25 * rng.random(count),
+        rng.choice([1500.0, 4500.0], count),
+    )
     theta, delta = ratios({"mach": mach, "h": h})
     nominal = PRIOR.assign(value=PRIOR["value"] * xr.DataArray(FACTORS, dims="corrected_n1"))
     at = {"corrected_n1": xr.DataArray(n1 / np.sqrt(theta)), "mach": xr.DataArray(mach)}
     thrust = delta * nominal["value"].interp(at).values * (1.0 + noise * rng.normal(size=count))
-    return xr.Dataset({k: ("point", v) for k, v in {"n1": n1, "mach": mach, "h": h, "thrust": thrust}.items()})
+    return xr.Dataset(
+        {k: ("point", v) for k, v in {"n1": n1, "mach": mach, "h": h, "thrust": thrust}.items()}
+    )
 
 
 def climbs(count: int, seed: int) -> xr.Dataset:
@@ -165,19 +189,31 @@ def climbs(count: int, seed: int) -> xr.Dataset:
 @pytest.mark.parametrize("what", ["recorded", "equilibrium", "both"])
 def test_deck_is_corrected_by_recorded_thrust_and_by_equilibrium(what):
     given = {} if what == "equilibrium" else {"recorded": points(60, 1)}
-    given |= {} if what == "recorded" else {"equilibrium": climbs(60, 2), "polar": POLAR, "S": S, "engines": ENGINES}
+    given |= (
+        {}
+        if what == "recorded"
+        else {"equilibrium": climbs(60, 2), "polar": POLAR, "S": S, "engines": ENGINES}
+    )
     found = correct_deck(PRIOR, **given)
-    for speed, factor, stderr, known in zip(found.speeds, found.factor, found.stderr, found.determined):
+    for speed, factor, stderr, known in zip(
+        found.speeds, found.factor, found.stderr, found.determined
+    ):
         truth = FACTORS[np.argmin(np.abs(found.speeds - speed))]
-        assert abs(factor - truth) < 4.0 * stderr if known else factor == pytest.approx(1.0, abs=0.1)
+        assert (
+            abs(factor - truth) < 4.0 * stderr if known else factor == pytest.approx(1.0, abs=0.1)
+        )
     assert found.determined.tolist() == [False, True, True, True, True]
-    assert found.leaf["value"].sel(corrected_n1=1.0, mach=0.3) == pytest.approx(9000.0 * found.factor[3])
+    assert found.leaf["value"].sel(corrected_n1=1.0, mach=0.3) == pytest.approx(
+        9000.0 * found.factor[3]
+    )
     assert found.ratio(1.0, 0.3) == pytest.approx((found.factor[3], found.stderr[3]))
     assert any("error of the drag" in text for text in found.remarks) == (what != "recorded")
 
 
 def test_drag_and_thrust_are_not_separable_at_one_power_setting():
-    """A thrust that is a part short, and a drag that is short by as much, fly the same at one speed and power."""
+    """A thrust that is a part short, and a drag that is short by as much, fly the same at one speed
+    and power.
+    """
     one = climbs(60, 3).isel(point=slice(1, None, 4))
     one = one.isel(point=(one["h"] == 1500.0).values)
     vague = Polar(0.024, 0.05, 0.004, 0.01)
@@ -201,18 +237,37 @@ def test_points_outside_the_deck_are_left_out_and_counted():
 def start_record() -> xr.Dataset:
     """A start and shut-down of the kernel's own engine, with noise."""
     t = np.arange(0.0, 45.0, 0.05)
-    switches = {"starter": (t > 2.0) & (t < 25.0), "cutoff": (t < 10.0) | (t > 28.0), "throttle": np.zeros(len(t))}
-    record = xr.Dataset({name: ("time", np.asarray(x, float)) for name, x in switches.items()}, {"time": t})
+    switches = {
+        "starter": (t > 2.0) & (t < 25.0),
+        "cutoff": (t < 10.0) | (t > 28.0),
+        "throttle": np.zeros(len(t)),
+    }
+    record = xr.Dataset(
+        {name: ("time", np.asarray(x, float)) for name, x in switches.items()}, {"time": t}
+    )
     at = {"n2": [0.2, 0.35, 0.5]}
     tables = {"n2_command": make(0.5), "n2_up_time": make([5.0, 4.0, 3.0], at), "thrust": make(0.0)}
     tables |= {"fuel_flow": make([0.03, 0.04, 0.05], at), "itt": make([600.0, 1000.0, 850.0], at)}
-    constants = {"starter_speed": 0.23, "starter_time": 3.0, "n2_rundown": 6.0, "flame_time": 0.3, "itt_time": 0.8}
+    constants = {
+        "starter_speed": 0.23,
+        "starter_time": 3.0,
+        "n2_rundown": 6.0,
+        "flame_time": 0.3,
+        "itt_time": 0.8,
+    }
     held, wind = condition(record)
     outputs = [f"engine1.{name}" for name in ("n2", "fuel_flow", "itt")]
-    flown = flightmech.simulate(compiled(Deck(tables, **constants)), simulation_inputs(record, wind), held, outputs=outputs)
+    flown = flightmech.simulate(
+        compiled(Deck(tables, **constants)), simulation_inputs(record, wind), held, outputs=outputs
+    )
     rng = np.random.default_rng(5)
     sizes = {"n2": 5e-4, "fuel_flow": 1e-4, "itt": 3.0}
-    return record.assign({name: ("time", flown[f"engine1.{name}"].values + s * rng.normal(size=len(t))) for name, s in sizes.items()})
+    return record.assign(
+        {
+            name: ("time", flown[f"engine1.{name}"].values + s * rng.normal(size=len(t)))
+            for name, s in sizes.items()
+        }
+    )
 
 
 @pytest.fixture(scope="module")
@@ -222,7 +277,14 @@ def started():
 
 @pytest.mark.slow
 def test_start_and_shut_down(started):
-    truth = {"starter_speed": 0.23, "starter_time": 3.0, "n2_rundown": 6.0, "flame_time": 0.3, "itt_time": 0.8, "idle": 0.5}
+    truth = {
+        "starter_speed": 0.23,
+        "starter_time": 3.0,
+        "n2_rundown": 6.0,
+        "flame_time": 0.3,
+        "itt_time": 0.8,
+        "idle": 0.5,
+    }
     for name, value in truth.items():
         assert within(started.constants[name], value, 5.0), name
     assert started.light_speed == pytest.approx(0.23 * (1.0 - np.exp(-8.0 / 3.0)), abs=2e-3)
@@ -240,20 +302,42 @@ def test_no_light_off_is_refused():
 
 def test_deck_file_flies(spools, started, changes, tmp_path, monkeypatch):
     """What is written is read back, starts, and follows the chop within the noise."""
-    monkeypatch.setattr("flighttest.submodels.engine.result.identify_spools", lambda *records, **given: spools)
-    monkeypatch.setattr("flighttest.submodels.engine.result.identify_start", lambda records: started)
-    found = identify_engine(changes, [start_record()], points(60, 1), prior={"corrected_thrust": PRIOR})
+    monkeypatch.setattr(
+        "flighttest.submodels.engine.result.identify_spools", lambda *records, **given: spools
+    )
+    monkeypatch.setattr(
+        "flighttest.submodels.engine.result.identify_start", lambda records: started
+    )
+    found = identify_engine(
+        changes, [start_record()], points(60, 1), prior={"corrected_thrust": PRIOR}
+    )
     entry = found.write(tmp_path / "engine.nc", (0.0, 1.0))
-    (tmp_path / "aircraft.toml").write_text(f"""name = "t"\n[geometry]\nS = 20.0\ncbar = 1.5\nb = 10.0
+    (
+        tmp_path / "aircraft.toml"
+    ).write_text(f"""name = "t"\n[geometry]\nS = 20.0\ncbar = 1.5\nb = 10.0
 [mass]\nmass = 1e9\nIxx = 1e9\nIyy = 1e9\nIzz = 1e9\n[[engine]]\nposition = [0.0, 0.0, 0.0]\n{entry}""")
     tables = open_tables(tmp_path / "engine.nc")
     assert "standard error" in entry
-    assert {"n2_command", "n2_up_time", "n2_down_time", "n1_command", "corrected_thrust", "itt"} <= set(tables)
-    assert (tables["n2_up_time"]["value"].sel(n2=0.22, method="nearest") > 3.0).all()  # below idle: from the start
+    assert {
+        "n2_command",
+        "n2_up_time",
+        "n2_down_time",
+        "n1_command",
+        "corrected_thrust",
+        "itt",
+    } <= set(tables)
+    assert (
+        tables["n2_up_time"]["value"].sel(n2=0.22, method="nearest") > 3.0
+    ).all()  # below idle: from the start
     deck = found.deck()
     chop = changes[0]
     held, wind = condition(chop)
-    flown = flightmech.simulate(compiled(deck), simulation_inputs(chop, wind), held, outputs=["engine1.n2", "engine1.thrust"])
+    flown = flightmech.simulate(
+        compiled(deck),
+        simulation_inputs(chop, wind),
+        held,
+        outputs=["engine1.n2", "engine1.thrust"],
+    )
     assert np.sqrt(np.mean((flown["engine1.n2"].values - chop["n2"].values) ** 2)) < 2.0 * NOISE
     assert flown["engine1.thrust"].values[0] > 4.0 * flown["engine1.thrust"].values[-1] > 0.0
 
@@ -267,7 +351,12 @@ def test_engine_needs_records_and_a_deck_for_points():
 
 def test_channels_of_an_engine():
     t = np.arange(3.0)
-    columns = {"engine1.pla": [0.0, 0.5, 1.0], "engine2.pla": [0.0, 0.5, 1.0], "engine1.n2": [0.5, 0.6, 0.7], "engine2.n2": [0.7, 0.8, 0.9]}
+    columns = {
+        "engine1.pla": [0.0, 0.5, 1.0],
+        "engine2.pla": [0.0, 0.5, 1.0],
+        "engine1.n2": [0.5, 0.6, 0.7],
+        "engine2.n2": [0.7, 0.8, 0.9],
+    }
     columns |= {"V": [100.0] * 3, "temperature": [288.15] * 3, "h_gps": [10.0] * 3}
     states = xr.Dataset({name: ("time", x) for name, x in columns.items()}, {"time": t})
     found = engine_channels(states, (1, 2), (0.0, 2.0))
@@ -283,17 +372,32 @@ def test_channels_of_an_engine():
 def test_command(tmp_path):
     table = points(40, 1).to_dataframe()
     table.to_csv(tmp_path / "points.csv", index=False)
-    write_tables({"corrected_thrust": PRIOR, "n2_command": make(0.9), "n2_up_time": make(1.0)}, tmp_path / "prior.nc")
-    args = ["--points", f"{tmp_path}/points.csv", "--prior", f"{tmp_path}/prior.nc", "-o", f"{tmp_path}/deck.nc"]
+    write_tables(
+        {"corrected_thrust": PRIOR, "n2_command": make(0.9), "n2_up_time": make(1.0)},
+        tmp_path / "prior.nc",
+    )
+    args = [
+        "--points",
+        f"{tmp_path}/points.csv",
+        "--prior",
+        f"{tmp_path}/prior.nc",
+        "-o",
+        f"{tmp_path}/deck.nc",
+    ]
     run = CliRunner().invoke(engine, args)
     assert run.exit_code == 0, run.output
     assert "recorded thrust: 40 points" in run.output
     assert "[engine.deck]" in run.output
     thrust = open_tables(tmp_path / "deck.nc")["corrected_thrust"]
-    assert float(thrust["value"].sel(corrected_n1=1.0, mach=0.0)) == pytest.approx(10600.0, rel=0.01)
+    assert float(thrust["value"].sel(corrected_n1=1.0, mach=0.0)) == pytest.approx(
+        10600.0, rel=0.01
+    )
     shown = CliRunner().invoke(engine, [*args[:4], "--json"])
     assert json.loads(shown.output)["correction"]["factor"][3] == pytest.approx(1.06, rel=0.01)
 
 
 def test_nodes_have_the_names_of_the_kernel():
-    assert as_nodes("n2_up_time", np.array([1.0, 2.0])) == {"node.engine1.n2_up_time[0]": 1.0, "node.engine1.n2_up_time[1]": 2.0}
+    assert as_nodes("n2_up_time", np.array([1.0, 2.0])) == {
+        "node.engine1.n2_up_time[0]": 1.0,
+        "node.engine1.n2_up_time[1]": 2.0,
+    }

@@ -21,12 +21,19 @@ def test_the_design_holds_the_products():
 
 
 def test_a_reference_is_taken_off_and_multiplied_out_again():
-    data = xr.Dataset({"alpha": ("time", np.linspace(-0.1, 0.3, 7)), "qhat": ("time", np.linspace(0.0, 0.01, 7) ** 2)})
+    data = xr.Dataset(
+        {
+            "alpha": ("time", np.linspace(-0.1, 0.3, 7)),
+            "qhat": ("time", np.linspace(0.0, 0.01, 7) ** 2),
+        }
+    )
     centred = Model("CL", ["1", "alpha", "alpha**2", "qhat*alpha"], {"alpha": 0.1, "qhat": 0.002})
     theta = np.array([0.3, 5.0, -2.0, 7.0])
     absolute, matrix = centred.absolute()
     assert set(absolute.terms) == {"1", "alpha", "alpha**2", "qhat*alpha", "qhat"}
-    np.testing.assert_allclose(absolute.design(data) @ (matrix @ theta), centred.design(data) @ theta, rtol=1e-13)
+    np.testing.assert_allclose(
+        absolute.design(data) @ (matrix @ theta), centred.design(data) @ theta, rtol=1e-13
+    )
 
 
 @pytest.mark.parametrize(
@@ -58,7 +65,9 @@ def test_ramps_are_truncated_powers_with_their_knot_in_si():
     assert model.terms == ("1", "alpha", "ramp(alpha,0.2094395102)**2", "delta_f*ramp(h,30.48)")
     assert model.variables == ("alpha", "delta_f", "h")
     data = xr.Dataset({"alpha": ("time", [0.1, 0.3]), "delta_f": 0.5, "h": ("time", [40.48, 10.0])})
-    np.testing.assert_allclose(model.design(data), [[1, 0.1, 0, 5], [1, 0.3, (0.3 - np.radians(12)) ** 2, 0]], rtol=1e-8)
+    np.testing.assert_allclose(
+        model.design(data), [[1, 0.1, 0, 5], [1, 0.3, (0.3 - np.radians(12)) ** 2, 0]], rtol=1e-8
+    )
     assert Model.parse(str(model)) == model
     assert knot_of("ramp(alpha,-0.05)") == -0.05
 
@@ -69,7 +78,12 @@ def test_a_reference_leaves_the_knot_where_it_is():
     theta = np.array([0.3, 5.0, -7.0])
     absolute, matrix = centred.absolute()
     assert set(absolute.terms) == {"1", "alpha", "alpha*ramp(alpha,0.1)", "ramp(alpha,0.1)"}
-    np.testing.assert_allclose(absolute.design(data) @ (matrix @ theta), centred.design(data) @ theta, rtol=1e-13, atol=1e-15)
+    np.testing.assert_allclose(
+        absolute.design(data) @ (matrix @ theta),
+        centred.design(data) @ theta,
+        rtol=1e-13,
+        atol=1e-15,
+    )
 
 
 @pytest.mark.parametrize(

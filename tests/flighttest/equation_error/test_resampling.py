@@ -19,8 +19,14 @@ def line(seed):
 
     rng = np.random.default_rng(seed)
     alpha = 0.1 * rng.normal(size=400)
-    columns = {"alpha": ("time", alpha), "CL": ("time", 0.3 + 5.0 * alpha + 0.02 * rng.normal(size=400))}
-    return flighttest.regress(flighttest.Model.parse("CL = 1 + alpha"), xr.Dataset(columns, coords={"time": 0.02 * np.arange(400)}))
+    columns = {
+        "alpha": ("time", alpha),
+        "CL": ("time", 0.3 + 5.0 * alpha + 0.02 * rng.normal(size=400)),
+    }
+    return flighttest.regress(
+        flighttest.Model.parse("CL = 1 + alpha"),
+        xr.Dataset(columns, coords={"time": 0.02 * np.arange(400)}),
+    )
 
 
 LINE = {"1": 0.3, "alpha": 5.0}
@@ -28,16 +34,22 @@ LINE = {"1": 0.3, "alpha": 5.0}
 
 @pytest.mark.parametrize("fitted", ["time", "frequency", "separate"])
 def test_the_bootstrap_scatters_as_the_fit_states(fitted):
-    """300 replicates know a scatter to 4 %; both use the same colour, so that only the linear algebra is compared."""
+    """300 replicates know a scatter to 4 %; both use the same colour, so that only the linear
+    algebra is compared.
+    """
     parts = [record(np.random.default_rng(seed), 15.0) for seed in range(2)]
     if fitted == "frequency":
         fit = regress_frequency(LIFT, parts, (0.1, 1.0))
     else:
         fit = regress(LIFT, parts, intercepts="common" if fitted == "time" else "separate")
     found = bootstrap(fit, 300)
-    loose = 0.45 if fitted == "frequency" else 0.15  # in frequency the errors come from the spectrum in the band
+    loose = (
+        0.45 if fitted == "frequency" else 0.15
+    )  # in frequency the errors come from the spectrum in the band
     np.testing.assert_allclose(found.estimates["stderr"], fit.estimates["stderr"], rtol=loose)
-    assert (np.abs(found.estimates["bias"].values) < 4 * fit.estimates["stderr"].values / np.sqrt(300)).all()
+    assert (
+        np.abs(found.estimates["bias"].values) < 4 * fit.estimates["stderr"].values / np.sqrt(300)
+    ).all()
     assert (found.estimates["low"] < fit.estimates["estimate"]).all()
     assert "300 replicates" in found.report()
 
@@ -64,7 +76,9 @@ def test_a_study_counts_bias_and_coverage():
 
 
 def test_studies_without_sense_are_refused():
-    with pytest.raises(IdentificationError, match="3 seeds; 20 at least, and 200 to distinguish 95 % from 92 %"):
+    with pytest.raises(
+        IdentificationError, match="3 seeds; 20 at least, and 200 to distinguish 95 % from 92 %"
+    ):
         monte_carlo(line, LINE, range(3))
     with pytest.raises(IdentificationError, match="seed 0 did not estimate beta; it has 1, alpha"):
         monte_carlo(line, {"beta": 1.0}, range(20), jobs=1)
@@ -73,9 +87,13 @@ def test_studies_without_sense_are_refused():
 @pytest.fixture(scope="module")
 def cluster():
     """Two workers in processes of their own."""
-    distributed = pytest.importorskip("distributed", reason="dask.distributed is not installed (extra `cluster`)")
+    distributed = pytest.importorskip(
+        "distributed", reason="dask.distributed is not installed (extra `cluster`)"
+    )
     with (
-        distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as local,
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
+        ) as local,
         distributed.Client(local) as client,
     ):
         client.wait_for_workers(2, timeout=1200)
@@ -93,18 +111,24 @@ def test_a_cluster_of_processes_gives_the_same_study_and_the_same_bootstrap(clus
         there, boot_there = monte_carlo(line, LINE, range(24)), bootstrap(fit, 40, jobs=-1)
     xr.testing.assert_identical(there.runs, here.runs)
     xr.testing.assert_identical(boot_there.replicates, boot.replicates)
-    assert len(cluster.nthreads()) == 2  # asked of the scheduler; scheduler_info is a copy that may be out of date
+    assert (
+        len(cluster.nthreads()) == 2
+    )  # asked of the scheduler; scheduler_info is a copy that may be out of date
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("fitted", ["time", "frequency"])
 @pytest.mark.nightly
 def test_two_hundred_records_are_covered_without_bias(fitted):
-    """The demand: 92 to 98 %; measured 93 % in both. Bias of four terms within 3.5 of its standard errors."""
+    """The demand: 92 to 98 %; measured 93 % in both. Bias of four terms within 3.5 of its standard
+    errors.
+    """
 
     def identify(seed):
         data = record(np.random.default_rng(seed))
-        return regress(LIFT, data) if fitted == "time" else regress_frequency(LIFT, data, (0.1, 1.0))
+        return (
+            regress(LIFT, data) if fitted == "time" else regress_frequency(LIFT, data, (0.1, 1.0))
+        )
 
     study = monte_carlo(identify, TRUTH, range(200), jobs=1)
     assert 0.92 <= study.coverage <= 0.98

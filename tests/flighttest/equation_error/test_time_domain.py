@@ -25,8 +25,9 @@ def test_exact_data_give_the_exact_parameters():
 
 @pytest.mark.slow
 def test_two_standard_errors_cover_the_truth_and_the_white_formula_does_not():
-    """Coloured disturbance, 60 seeds x 4 terms: 93 % measured in 200 seeds of one 30 s record; a proportion of 0.93 from 60
-    independent records of 4 weakly dependent terms scatters by 2 to 3 %."""
+    """Coloured disturbance, 60 seeds x 4 terms: 93 % measured in 200 seeds of one 30 s record; a
+    proportion of 0.93 from 60 independent records of 4 weakly dependent terms scatters by 2 to 3 %.
+    """
     inside, white = [], []
     for seed in range(60):
         e = regress(LIFT, record(np.random.default_rng(seed))).estimates
@@ -47,7 +48,9 @@ def test_stacked_manoeuvres_cover_too_even_when_each_has_an_offset_of_its_own():
         inside.append(np.abs(e["estimate"].values - TRUTH) < 2 * e["stderr"].values)
         offsets.append(e.attrs["offset"])
     assert np.mean(inside) > 0.88
-    assert np.median(offsets) == pytest.approx(0.01, rel=0.3)  # of six offsets, minus what the slopes take up
+    assert np.median(offsets) == pytest.approx(
+        0.01, rel=0.3
+    )  # of six offsets, minus what the slopes take up
 
 
 def test_the_covariance_of_a_lag_window_is_the_double_sum_by_hand():
@@ -78,19 +81,36 @@ def test_separate_intercepts_take_up_an_offset_of_each_manoeuvre():
     rng = np.random.default_rng(5)
     parts = [record(rng, 10.0, 0.0, offset) for offset in (0.0, 0.1, -0.05)]
     fit = regress(LIFT, parts, intercepts="separate")
-    assert list(fit.estimates["term"].values) == ["1[0]", "1[1]", "1[2]", "alpha", "qhat", "delta_e"]
-    np.testing.assert_allclose(fit.estimates["estimate"], [0.3, 0.4, 0.25, 5.0, 8.0, 0.5], rtol=1e-10)
-    assert regress(LIFT, parts).estimates.attrs["offset"] == pytest.approx(0.076, rel=0.3)  # rms of the three about their mean
+    assert list(fit.estimates["term"].values) == [
+        "1[0]",
+        "1[1]",
+        "1[2]",
+        "alpha",
+        "qhat",
+        "delta_e",
+    ]
+    np.testing.assert_allclose(
+        fit.estimates["estimate"], [0.3, 0.4, 0.25, 5.0, 8.0, 0.5], rtol=1e-10
+    )
+    assert regress(LIFT, parts).estimates.attrs["offset"] == pytest.approx(
+        0.076, rel=0.3
+    )  # rms of the three about their mean
 
 
 def test_systematic_errors_move_the_estimates_as_the_error_moves_the_data():
     data = record(np.random.default_rng(6))
     change = np.stack([0.01 * data["CL"].values, np.full(data.sizes["time"], 0.002)])
-    data = data.assign_coords(error=["qbar", "thrust1"]).assign(CL_error=(("error", "time"), change))
+    data = data.assign_coords(error=["qbar", "thrust1"]).assign(
+        CL_error=(("error", "time"), change)
+    )
     e = regress(LIFT, data).estimates
     np.testing.assert_allclose(e["systematic"].sel(error="qbar"), 0.01 * e["estimate"], rtol=1e-9)
     np.testing.assert_allclose(e["systematic"].sel(error="thrust1"), [0.002, 0, 0, 0], atol=1e-12)
-    np.testing.assert_allclose(np.sqrt(np.diag(total_covariance(e))), np.hypot(e["stderr"], e["stderr_systematic"]), rtol=1e-12)
+    np.testing.assert_allclose(
+        np.sqrt(np.diag(total_covariance(e))),
+        np.hypot(e["stderr"], e["stderr_systematic"]),
+        rtol=1e-12,
+    )
 
 
 @pytest.mark.parametrize(
@@ -99,20 +119,30 @@ def test_systematic_errors_move_the_estimates_as_the_error_moves_the_data():
         ({"delta_e": 0.0}, "test: CL = .*: delta_e does not move: rms 0 about its mean"),
         ({"delta_e": 0.02}, "delta_e does not move"),
         ({"qhat": 1e-7}, "qhat does not move"),
-        ({"qhat": "alpha"}, "cannot distinguish: 0.71 (alpha|qhat) - 0.71 (qhat|alpha) .* vanishes throughout"),
+        (
+            {"qhat": "alpha"},
+            "cannot distinguish: 0.71 (alpha|qhat) - 0.71 (qhat|alpha) .* vanishes throughout",
+        ),
     ],
 )
 def test_what_the_data_cannot_determine_is_refused_by_name(change, words):
     data = record(np.random.default_rng(7))
     for name, item in change.items():
-        data[name] = "time", data[item].values * 0.05 if isinstance(item, str) else np.full(data.sizes["time"], item)
+        data[name] = (
+            "time",
+            data[item].values * 0.05
+            if isinstance(item, str)
+            else np.full(data.sizes["time"], item),
+        )
     with pytest.raises(IdentificationError, match=words):
         regress(LIFT, data, "test")
 
 
 def test_idle_products_few_samples_and_missing_variables_are_refused():
     data = record(np.random.default_rng(8)).assign(gear=("time", np.zeros(1500)))
-    with pytest.raises(IdentificationError, match=r"gear\*qhat is zero throughout; leave the term out"):
+    with pytest.raises(
+        IdentificationError, match=r"gear\*qhat is zero throughout; leave the term out"
+    ):
         regress(Model.parse("CL = 1 + alpha + gear*qhat"), data)
     with pytest.raises(IdentificationError, match=r"19 samples for 4 terms .* at least 5 per term"):
         regress(LIFT, data.isel(time=slice(0, 19)))
@@ -126,14 +156,24 @@ def test_idle_products_few_samples_and_missing_variables_are_refused():
 
 def test_collinear_terms_are_described_in_words():
     data = record(np.random.default_rng(9))
-    data["alphadothat"] = "time", data["qhat"].values + 1e-4 * np.random.default_rng(1).normal(size=1500)
+    data["alphadothat"] = (
+        "time",
+        data["qhat"].values + 1e-4 * np.random.default_rng(1).normal(size=1500),
+    )
     fit = regress(Model.parse("CL = 1 + alpha + qhat + alphadothat"), data)
     text = fit.report()
-    assert "regressors qhat and alphadothat are correlated by 1.00" in text or "correlated by 0.99" in text
+    assert (
+        "regressors qhat and alphadothat are correlated by 1.00" in text
+        or "correlated by 0.99" in text
+    )
     assert "VIF of qhat" in text
     vif = fit.estimates["vif"].sel(term="alphadothat")
-    auxiliary = regress(Model.parse("CL = 1 + alpha + qhat"), data.assign(CL=data["alphadothat"] * 100))
-    assert float(vif) == pytest.approx(1 / (1 - auxiliary.estimates.attrs["R2"]), rel=1e-6)  # the definition of the VIF
+    auxiliary = regress(
+        Model.parse("CL = 1 + alpha + qhat"), data.assign(CL=data["alphadothat"] * 100)
+    )
+    assert float(vif) == pytest.approx(
+        1 / (1 - auxiliary.estimates.attrs["R2"]), rel=1e-6
+    )  # the definition of the VIF
 
 
 def test_mixed_estimation_is_the_weighted_mean_with_the_coloured_covariance():
@@ -144,9 +184,15 @@ def test_mixed_estimation_is_the_weighted_mean_with_the_coloured_covariance():
     joined = mixed(fit, prior).estimates
     expected = np.linalg.inv(np.linalg.inv(C) + P0)
     np.testing.assert_allclose(joined["covariance"], expected, rtol=1e-6)
-    np.testing.assert_allclose(joined["estimate"], expected @ (np.linalg.solve(C, theta) + P0 @ [0, 4.6, 6.0, 0]), rtol=1e-8)
+    np.testing.assert_allclose(
+        joined["estimate"],
+        expected @ (np.linalg.solve(C, theta) + P0 @ [0, 4.6, 6.0, 0]),
+        rtol=1e-8,
+    )
     difference = theta[1:3] - [4.6, 6.0]
-    assert joined.attrs["chi2"] == pytest.approx(difference @ np.linalg.solve(C[1:3, 1:3] + np.diag([0.01, 9.0]), difference))
+    assert joined.attrs["chi2"] == pytest.approx(
+        difference @ np.linalg.solve(C[1:3, 1:3] + np.diag([0.01, 9.0]), difference)
+    )
     assert joined.attrs["terms_with_prior"] == 2
     assert 0 < joined.attrs["probability"] < 1
     assert np.isnan(joined["prior"].sel(term="1"))
@@ -157,22 +203,37 @@ def test_mixed_estimation_is_the_weighted_mean_with_the_coloured_covariance():
 
 
 def test_errors_of_regressors_move_the_estimates_as_other_regressors_would():
-    """A bias of the pick-up goes into the constant, a scale error into the effectiveness, each with the opposite sign."""
+    """A bias of the pick-up goes into the constant, a scale error into the effectiveness, each with
+    the opposite sign.
+    """
     data = record(np.random.default_rng(7))
     flat = np.zeros(data.sizes["time"])
     moved = np.stack([flat + 0.002, 0.01 * data["delta_e"].values, flat])
     data = data.assign_coords(error=["bias.delta_e", "scale.delta_e", "mass"])
-    data = data.assign(CL_error=(("error", "time"), np.stack([flat, flat, flat + 0.001])), delta_e_error=(("error", "time"), moved))
+    data = data.assign(
+        CL_error=(("error", "time"), np.stack([flat, flat, flat + 0.001])),
+        delta_e_error=(("error", "time"), moved),
+    )
     fit = regress(LIFT, data)
     e, slope = fit.estimates, float(fit.estimates["estimate"].sel(term="delta_e"))
-    np.testing.assert_allclose(e["systematic"].sel(error="bias.delta_e"), [-0.002 * slope, 0, 0, 0], atol=1e-12)
-    np.testing.assert_allclose(e["systematic"].sel(error="scale.delta_e"), [0, 0, 0, -0.01 * slope], atol=1e-12)
+    np.testing.assert_allclose(
+        e["systematic"].sel(error="bias.delta_e"), [-0.002 * slope, 0, 0, 0], atol=1e-12
+    )
+    np.testing.assert_allclose(
+        e["systematic"].sel(error="scale.delta_e"), [0, 0, 0, -0.01 * slope], atol=1e-12
+    )
     again = regress(LIFT, data.assign(delta_e=data["delta_e"] + 0.002)).estimates["estimate"]
-    np.testing.assert_allclose(again - e["estimate"], e["systematic"].sel(error="bias.delta_e"), atol=1e-12)
-    other = data.isel(error=[2]).assign_coords(time=data["time"] + 40)  # a manoeuvre that knows one of the sources only
+    np.testing.assert_allclose(
+        again - e["estimate"], e["systematic"].sel(error="bias.delta_e"), atol=1e-12
+    )
+    other = data.isel(error=[2]).assign_coords(
+        time=data["time"] + 40
+    )  # a manoeuvre that knows one of the sources only
     both = regress(LIFT, [data, other], intercepts="separate").estimates
     np.testing.assert_allclose(
-        both["systematic"].sel(error="bias.delta_e", term=["1[0]", "1[1]"]), [-0.002 * _slope(both), 0.0], atol=1e-12
+        both["systematic"].sel(error="bias.delta_e", term=["1[0]", "1[1]"]),
+        [-0.002 * _slope(both), 0.0],
+        atol=1e-12,
     )
     assert set(fit.data.data_vars) >= {"CL_error"}
     assert "delta_e_error" not in fit.data
@@ -186,18 +247,26 @@ def _slope(estimates):
 def test_few_samples_may_have_more_errors_with_names_or_without(names):
     data = record(np.random.default_rng(2)).isel(time=slice(0, 500, 20))
     change = 0.01 * np.random.default_rng(3).standard_normal((30, 25))
-    data = data.assign(CL_error=(("error", "time"), change), alpha_error=(("error", "time"), np.zeros((30, 25))))
+    data = data.assign(
+        CL_error=(("error", "time"), change), alpha_error=(("error", "time"), np.zeros((30, 25)))
+    )
     fit = regress(LIFT, data if isinstance(names, range) else data.assign_coords(error=names))
     assert fit.estimates["error"].values.tolist() == [str(name) for name in names]
     by_hand = change @ np.linalg.pinv(fit.design.values).T
-    np.testing.assert_allclose(fit.estimates["systematic"].transpose("error", "term"), by_hand, rtol=1e-9)
+    np.testing.assert_allclose(
+        fit.estimates["systematic"].transpose("error", "term"), by_hand, rtol=1e-9
+    )
 
 
 @pytest.mark.slow
 def test_a_fit_survives_its_file(tmp_path):
     data = record(np.random.default_rng(11)).assign_coords(error=["qbar"])
     data["CL_error"] = ("error", "time"), 0.01 * data["CL"].values[None]
-    fit = regress(Model("CL", LIFT.terms, {"alpha": 0.1}), [data, data.assign_coords(time=data.time + 40)], "run 1")
+    fit = regress(
+        Model("CL", LIFT.terms, {"alpha": 0.1}),
+        [data, data.assign_coords(time=data.time + 40)],
+        "run 1",
+    )
     save_fit(fit, tmp_path / "fit.nc")
     again = open_fit(tmp_path / "fit.nc")
     assert again.model == fit.model

@@ -19,9 +19,13 @@ def test_a_noisy_manoeuvre_weighs_by_its_inverse_variance():
     equal, weighted = regress(LIFT, parts), regress(LIFT, parts, weights="manoeuvre")
     assert (weighted.estimates["stderr"].values < 0.5 * equal.estimates["stderr"].values).all()
     alone = regress(LIFT, parts[0]).estimates
-    np.testing.assert_allclose(weighted.estimates["estimate"], alone["estimate"], atol=4 * alone["stderr"].values.max())
     np.testing.assert_allclose(
-        least_squares.estimator(weighted.design.values) @ weighted.data["CL"].values, weighted.estimates["estimate"], rtol=1e-9
+        weighted.estimates["estimate"], alone["estimate"], atol=4 * alone["stderr"].values.max()
+    )
+    np.testing.assert_allclose(
+        least_squares.estimator(weighted.design.values) @ weighted.data["CL"].values,
+        weighted.estimates["estimate"],
+        rtol=1e-9,
     )
 
 
@@ -30,7 +34,11 @@ def test_weights_by_a_variable_are_weighted_least_squares():
     sigma = 0.005 + 0.01 * np.random.default_rng(2).random(1500)
     fit = regress(LIFT, data.assign(sigma=("time", sigma)), weights="sigma")
     X, W = fit.regressors.values, np.diag(1 / sigma**2)
-    np.testing.assert_allclose(fit.estimates["estimate"], np.linalg.solve(X.T @ W @ X, X.T @ W @ data["CL"].values), rtol=1e-10)
+    np.testing.assert_allclose(
+        fit.estimates["estimate"],
+        np.linalg.solve(X.T @ W @ X, X.T @ W @ data["CL"].values),
+        rtol=1e-10,
+    )
     with pytest.raises(IdentificationError, match="sigma is not positive in 1500 samples"):
         regress(LIFT, data.assign(sigma=("time", 0.0 * sigma)), weights="sigma")
     with pytest.raises(UnknownName, match="unknown variable 'nosuch'"):
@@ -43,7 +51,9 @@ def test_two_weights_cover_too():
     inside = []
     for seed in range(50):
         rng = np.random.default_rng(seed)
-        e = regress(LIFT, [record(rng, 20.0, 0.002), record(rng, 20.0, 0.03)], weights="manoeuvre").estimates
+        e = regress(
+            LIFT, [record(rng, 20.0, 0.002), record(rng, 20.0, 0.03)], weights="manoeuvre"
+        ).estimates
         inside.append(np.abs(e["estimate"].values - TRUE) < 2 * e["stderr"].values)
     assert np.mean(inside) == pytest.approx(0.93, abs=0.07)
 
@@ -53,7 +63,10 @@ def test_spikes_lose_their_weight():
     data = record(rng)
     spiked = data.copy(deep=True)
     spiked["CL"][rng.choice(1500, 40, replace=False)] += 1.0
-    plain, robust = (regress(LIFT, spiked, weights=kind).estimates["estimate"].values for kind in ("equal", "robust"))
+    plain, robust = (
+        regress(LIFT, spiked, weights=kind).estimates["estimate"].values
+        for kind in ("equal", "robust")
+    )
     clean = regress(LIFT, data).estimates["estimate"].values
     assert (np.abs(robust - clean) < 0.2 * np.abs(plain - clean)).all()
 
@@ -66,14 +79,18 @@ def collinear(rng):
 def test_a_ridge_trades_variance_for_a_bias_that_it_reports():
     data = collinear(np.random.default_rng(4))
     plain, ridge = regress(LIFT, data).estimates, regress(LIFT, data, ridge=0.01).estimates
-    assert float(ridge["stderr"].sel(term="delta_e")) < 0.1 * float(plain["stderr"].sel(term="delta_e"))
+    assert float(ridge["stderr"].sel(term="delta_e")) < 0.1 * float(
+        plain["stderr"].sel(term="delta_e")
+    )
     np.testing.assert_allclose(ridge["estimate"] - ridge["shrinkage"], plain["estimate"], rtol=1e-8)
     assert ridge.attrs["ridge"] == 0.01
     assert "shrinkage" not in plain
     auto = regress(LIFT, data, ridge="auto").estimates
     assert 0 < auto.attrs["ridge"] < 0.1
     assert "ridge" in regress(LIFT, data, ridge="auto").report()
-    with pytest.raises(IdentificationError, match=r"ridge is -1.0; expected a number that is not negative"):
+    with pytest.raises(
+        IdentificationError, match=r"ridge is -1.0; expected a number that is not negative"
+    ):
         regress(LIFT, data, ridge=-1.0)
 
 
@@ -81,8 +98,16 @@ def test_a_ridge_in_frequency_is_the_same_rule():
     data = collinear(np.random.default_rng(5))
     fit = regress_frequency(LIFT, data, (0.1, 1.0), ridge=0.01)
     plain = regress_frequency(LIFT, data, (0.1, 1.0))
-    np.testing.assert_allclose((fit.estimates["estimate"] - fit.estimates["shrinkage"])[1:], plain.estimates["estimate"][1:], rtol=1e-8)
-    np.testing.assert_allclose(least_squares.estimator(fit.design.values) @ fit.data["CL"].values, fit.estimates["estimate"], rtol=1e-8)
+    np.testing.assert_allclose(
+        (fit.estimates["estimate"] - fit.estimates["shrinkage"])[1:],
+        plain.estimates["estimate"][1:],
+        rtol=1e-8,
+    )
+    np.testing.assert_allclose(
+        least_squares.estimator(fit.design.values) @ fit.data["CL"].values,
+        fit.estimates["estimate"],
+        rtol=1e-8,
+    )
 
 
 def database(slope=5.0, error=0.08):
@@ -108,7 +133,9 @@ def test_the_prior_of_a_database_is_what_least_squares_makes_of_its_tables(fitte
     fit = regress(LIFT, data) if fitted == "time" else regress_frequency(LIFT, data, (0.1, 1.0))
     prior = prior_of(fit, database())
     np.testing.assert_allclose(prior["estimate"], [0.3, 5.0, 6.0, 0.45], rtol=1e-8)
-    assert float(prior["stderr"].sel(term="qhat")) == pytest.approx(2.0, rel=0.03)  # and what a wrong lift table would put into it
+    assert float(prior["stderr"].sel(term="qhat")) == pytest.approx(
+        2.0, rel=0.03
+    )  # and what a wrong lift table would put into it
     joined = mixed(fit, prior)
     assert (joined.estimates["stderr"].values <= fit.estimates["stderr"].values + 1e-12).all()
     assert joined.estimates.attrs["terms_with_prior"] == 4
@@ -118,19 +145,25 @@ def test_the_prior_of_a_database_is_what_least_squares_makes_of_its_tables(fitte
 
 
 def test_a_short_manoeuvre_without_pitch_rate_takes_it_from_the_prior():
-    """Eight seconds: qhat alone is known to 40 %; joined it is no worse than the prior, and the report states whose it is."""
+    """Eight seconds: qhat alone is known to 40 %; joined it is no worse than the prior, and the
+    report states whose it is.
+    """
     data = record(np.random.default_rng(7), 8.0, 0.03)
     fit = regress(LIFT, data)
     joined = mixed(fit, prior_of(fit, database()))
     assert float(fit.estimates["stderr"].sel(term="qhat")) > 2.0
     assert float(joined.estimates["stderr"].sel(term="qhat")) <= 2.0
-    assert any("hardly moved by the flight" in text and "qhat" in text for text in map(str, joined.remarks))
+    assert any(
+        "hardly moved by the flight" in text and "qhat" in text for text in map(str, joined.remarks)
+    )
 
 
 def test_a_database_that_flight_contradicts_is_named():
     fit = regress(LIFT, record(np.random.default_rng(8)))
     joined = mixed(fit, prior_of(fit, database(slope=3.5, error=0.01)))
-    assert any(text.startswith("alpha: flight and prior differ by") for text in map(str, joined.remarks))
+    assert any(
+        text.startswith("alpha: flight and prior differ by") for text in map(str, joined.remarks)
+    )
     assert any("overconfident" in text for text in map(str, joined.remarks))
 
 
@@ -139,26 +172,44 @@ def test_terms_the_database_does_not_know_have_no_prior():
     fit = regress(LIFT, record(np.random.default_rng(9)))
     assert list(prior_of(fit, db)["term"].values) == ["1", "alpha", "qhat"]
     with pytest.raises(SchemaError, match="CL/basic has no stderr"):
-        prior_of(fit, xr.DataTree.from_dict({"/CL/basic": db["CL/basic"].to_dataset().drop_vars("stderr")}))
+        prior_of(
+            fit,
+            xr.DataTree.from_dict({"/CL/basic": db["CL/basic"].to_dataset().drop_vars("stderr")}),
+        )
     with pytest.raises(UnknownName, match="unknown coefficient 'CL'"):
         prior_of(fit, xr.DataTree.from_dict({"/Cm/basic": db["CL/basic"].to_dataset()}))
 
 
 def test_fits_of_every_kind_move_the_tables_to_the_truth():
-    """The tables know a curve that the local models leave out; what these expect of it goes through their own linear map."""
+    """The tables know a curve that the local models leave out; what these expect of it goes through
+    their own linear map.
+    """
     import aerodb
 
     alpha = np.linspace(-0.2, 0.4, 13)
     truth = 0.3 + 5.0 * alpha - 6.0 * alpha**2
     prior = database()
     prior.attrs.update(
-        aircraft="test", S=16.0, cbar=1.6, b=10.0, x_ref=0.0, y_ref=0.0, z_ref=0.0, title="test", source="test", force_axes="stability"
+        aircraft="test",
+        S=16.0,
+        cbar=1.6,
+        b=10.0,
+        x_ref=0.0,
+        y_ref=0.0,
+        z_ref=0.0,
+        title="test",
+        source="test",
+        force_axes="stability",
     )
     data = []
     for seed in range(3):
         one = record(np.random.default_rng(seed), 30.0, 0.003)
         at = one["alpha"] + 0.05 * seed
-        data.append(one.assign(CL=one["CL"] - 0.3 - 5.0 * one["alpha"] + np.interp(at, alpha, truth), alpha=at))
+        data.append(
+            one.assign(
+                CL=one["CL"] - 0.3 - 5.0 * one["alpha"] + np.interp(at, alpha, truth), alpha=at
+            )
+        )
     fits = [
         regress(LIFT, data[0], "time"),
         regress_frequency(LIFT, data[1], (0.1, 1.0), "frequency"),

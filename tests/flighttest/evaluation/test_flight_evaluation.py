@@ -1,4 +1,6 @@
-"""The evaluation of a whole flight on a simulated one, from the command line; bad plans, bad sheets and bad records by name."""
+"""The evaluation of a whole flight on a simulated one, from the command line; bad plans, bad sheets
+and bad records by name.
+"""
 
 import json
 import shutil
@@ -89,10 +91,22 @@ def folder(tmp_path):
     phi, theta = 0.1 * before + 0.05 * oscillation * np.sin(2.0 * after), 0.05 * before * (t < 10.0)
     rate = np.gradient(phi, t)
     q, psi_dot = np.gradient(theta, t), 0.1 * oscillation * np.cos(2.0 * after)
-    columns = {"t": t, "p": rate - psi_dot * np.sin(theta), "q": q * np.cos(phi) + psi_dot * np.cos(theta) * np.sin(phi)}
-    columns |= {"r": psi_dot * np.cos(theta) * np.cos(phi) - q * np.sin(phi), "phi": phi, "theta": theta}
+    columns = {
+        "t": t,
+        "p": rate - psi_dot * np.sin(theta),
+        "q": q * np.cos(phi) + psi_dot * np.cos(theta) * np.sin(phi),
+    }
+    columns |= {
+        "r": psi_dot * np.cos(theta) * np.cos(phi) - q * np.sin(phi),
+        "phi": phi,
+        "theta": theta,
+    }
     units = ["s", *["rad s-1"] * 3, *["rad"] * 2]
-    rows = [",".join(columns), ",".join(units), *(",".join(f"{x:.9g}" for x in row) for row in np.column_stack(list(columns.values())))]
+    rows = [
+        ",".join(columns),
+        ",".join(units),
+        *(",".join(f"{x:.9g}" for x in row) for row in np.column_stack(list(columns.values()))),
+    ]
     (tmp_path / "flight.csv").write_text("\n".join(rows) + "\n")
     (tmp_path / "names.toml").write_text(NAMES)
     (tmp_path / "aircraft.toml").write_text(AIRCRAFT)
@@ -116,7 +130,15 @@ def change(folder, old, new):
 
 @pytest.mark.slow
 def test_report_passes_and_writes_a_page(folder):
-    done = call("report", folder / "plan.toml", "-o", folder / "page.html", "--save", folder / "out", "--json")
+    done = call(
+        "report",
+        folder / "plan.toml",
+        "-o",
+        folder / "page.html",
+        "--save",
+        folder / "out",
+        "--json",
+    )
     assert done.exit_code == 0, done.output
     found = json.loads(done.stdout)
     assert found["verdict"] == "2 of 2 figures inside their bounds"
@@ -138,7 +160,10 @@ def test_a_figure_outside_its_bounds_is_exit_code_1(folder):
 
 
 def test_what_the_record_does_not_show_is_not_determined(folder):
-    done = call("report", change(folder, "window = [0.0, 15.0]\nchannels", "window = [-9.0, -1.0]\nchannels"))
+    done = call(
+        "report",
+        change(folder, "window = [0.0, 15.0]\nchannels", "window = [-9.0, -1.0]\nchannels"),
+    )
     assert done.exit_code == 1
     assert "! dutch_roll not determined: no motion: r moves by" in done.stdout
     assert "0 of 2 figures inside their bounds; not determined: dutch_roll" in done.stdout
@@ -157,24 +182,34 @@ def test_a_wrong_sign_stops_the_evaluation_by_name(folder):
 @pytest.mark.slow
 def test_wrong_units_and_gaps_are_named(folder):
     (folder / "names.toml").write_text(
-        NAMES.replace('r = "r"', 'r = { column = "r", unit = "deg/s" }').replace('q = "q"', 'q = { column = "q", unit = "deg/s" }')
+        NAMES.replace('r = "r"', 'r = { column = "r", unit = "deg/s" }').replace(
+            'q = "q"', 'q = { column = "q", unit = "deg/s" }'
+        )
     )
     done = call("report", folder / "plan.toml")
     assert done.exit_code == 1
     assert "unit:" in done.stdout or "inconsistent:" in done.stdout
     lines = (folder / "flight.csv").read_text().splitlines()
     (folder / "names.toml").write_text(NAMES)
-    (folder / "flight.csv").write_text("\n".join(lines[:302] + lines[382:]) + "\n")  # 4 s are missing
+    (folder / "flight.csv").write_text(
+        "\n".join(lines[:302] + lines[382:]) + "\n"
+    )  # 4 s are missing
     done = call("report", folder / "plan.toml")
     assert "gap:" in done.stdout
 
 
 def test_all_mistakes_of_a_plan_come_at_once(folder):
-    change(folder, 'window = [0.0, 15.0]\nchannels = ["r"]', 'windw = [0.0, 15.0]\nchannels = ["r"]')
-    with pytest.raises(SchemaError, match=r"(?s)window: missing.*windw: unknown key; near it: window"):
+    change(
+        folder, 'window = [0.0, 15.0]\nchannels = ["r"]', 'windw = [0.0, 15.0]\nchannels = ["r"]'
+    )
+    with pytest.raises(
+        SchemaError, match=r"(?s)window: missing.*windw: unknown key; near it: window"
+    ):
         read_plan(folder / "plan.toml")
     (folder / "plan.toml").write_text(PLAN)
-    with pytest.raises(SchemaError, match=r"bound 1: unknown figure 'dutch_roll.perod'; near it: dutch_roll.period"):
+    with pytest.raises(
+        SchemaError, match=r"bound 1: unknown figure 'dutch_roll.perod'; near it: dutch_roll.period"
+    ):
         evaluate(change(folder, "dutch_roll.period", "dutch_roll.perod"))
     (folder / "plan.toml").write_text(PLAN)
     with pytest.raises(SchemaError, match=r"mode.0.name: string should match pattern"):
@@ -189,7 +224,9 @@ def test_all_mistakes_of_a_plan_come_at_once(folder):
 
 def test_an_unknown_manoeuvre_is_reported_with_near_names(folder):
     found = evaluate(change(folder, 'on = "dutch_roll"', 'on = "dutch_rol"'))
-    assert found.refused["dutch_roll"].startswith("unknown manoeuvre 'dutch_rol'; near it: dutch_roll")
+    assert found.refused["dutch_roll"].startswith(
+        "unknown manoeuvre 'dutch_rol'; near it: dutch_roll"
+    )
     assert not found.passed
 
 
@@ -199,7 +236,12 @@ def test_mass_and_centre_of_gravity_by_hand(folder):
     aircraft = flightmech.read_aircraft(folder / "aircraft.toml")
     mass, x_cg_b = weigh(sheet, aircraft, np.array([0.0, 100.0 * 0.45359237]))
     assert mass == pytest.approx(np.array([2200.0, 2100.0]) * 0.45359237)
-    stations = np.array([(1500 * 110 + 400 * 90 + 300 * 120) / 2200, (1500 * 110 + 400 * 90 + 200 * 120) / 2100]) * 0.0254
+    stations = (
+        np.array(
+            [(1500 * 110 + 400 * 90 + 300 * 120) / 2200, (1500 * 110 + 400 * 90 + 200 * 120) / 2100]
+        )
+        * 0.0254
+    )
     assert x_cg_b == pytest.approx(100 * 0.0254 + 0.25 * 1.5 - stations)
     with pytest.raises(SchemaError, match=r"fuel left is -.* check the unit of the fuel flow"):
         weigh(sheet, aircraft, np.array([400.0]))
@@ -210,7 +252,11 @@ def test_thrust_of_deck_points(tmp_path):
     from flighttest.flight_programme.evaluation.plan import Deck
 
     rng = np.random.default_rng(0)
-    h, mach, flow = rng.uniform(0.0, 8000.0, 30), rng.uniform(0.2, 0.6, 30), rng.uniform(0.02, 0.1, 30)
+    h, mach, flow = (
+        rng.uniform(0.0, 8000.0, 30),
+        rng.uniform(0.2, 0.6, 30),
+        rng.uniform(0.02, 0.1, 30),
+    )
     air = atmosphere(h)
     delta = np.asarray(air.p_static) / P_SEA
     corrected = flow / (delta * np.sqrt(np.asarray(air.temperature) / T_SEA))
@@ -218,16 +264,23 @@ def test_thrust_of_deck_points(tmp_path):
     columns = {"h": h, "mach": mach, "delta_T": 0.0 * h, "fuel_flow": flow, "thrust": thrust}
     pd.DataFrame(columns).to_csv(tmp_path / "deck.csv", index=False)
     deck = Deck(file=tmp_path / "deck.csv", **{name: Column(column=name) for name in columns})
-    assert deck_thrust(deck, h, mach, np.asarray(air.temperature), flow) == pytest.approx(thrust, rel=1e-6)
-    pd.DataFrame({**columns, "thrust": rng.uniform(0.0, 3000.0, 30)}).to_csv(tmp_path / "deck.csv", index=False)
-    with pytest.raises(IdentificationError, match=r"reproduce the points within .* N only; check its units"):
+    assert deck_thrust(deck, h, mach, np.asarray(air.temperature), flow) == pytest.approx(
+        thrust, rel=1e-6
+    )
+    pd.DataFrame({**columns, "thrust": rng.uniform(0.0, 3000.0, 30)}).to_csv(
+        tmp_path / "deck.csv", index=False
+    )
+    with pytest.raises(
+        IdentificationError, match=r"reproduce the points within .* N only; check its units"
+    ):
         deck_thrust(deck, h, mach, np.asarray(air.temperature), flow)
 
 
 def test_line_through_points_by_hand():
     points = pd.DataFrame({"alpha_vane": [0.0, 1.0, 2.0, 3.0], "CL": [1.1, 2.9, 5.1, 6.9]})
     found = line_through(Line(name="lift", y="CL", x="alpha_vane"), points)
-    # x mean 1.5, Sxx 5, Sxy 9.8, residuals +-0.08 and +-0.24: sum of squares 0.072 + ... = 0.128 less rounding
+    # x mean 1.5, Sxx 5, Sxy 9.8, residuals +-0.08 and +-0.24: sum of squares 0.072 + ... = 0.128
+    # less rounding
     rest = points["CL"] - (1.06 + 1.96 * points["alpha_vane"])
     assert found.slope == pytest.approx((1.96, np.sqrt(float((rest**2).sum()) / 2.0 / 5.0)))
     assert found.offset[0] == pytest.approx(1.06)
@@ -256,7 +309,16 @@ def test_faulty_sheets_name_line_and_column(tmp_path):
 
 @pytest.mark.slow
 def test_modes_on_the_command_line(folder):
-    base = ["modes", folder / "flight.csv", 20.0, 35.0, "--names", folder / "names.toml", "--channel", "r"]
+    base = [
+        "modes",
+        folder / "flight.csv",
+        20.0,
+        35.0,
+        "--names",
+        folder / "names.toml",
+        "--channel",
+        "r",
+    ]
     found = json.loads(call(*base, "--json").stdout)
     assert found["period"]["value"] == pytest.approx(np.pi, rel=1e-3)
     assert found["damping_ratio"]["value"] == pytest.approx(0.0995, abs=1e-3)
@@ -270,7 +332,9 @@ def test_modes_on_the_command_line(folder):
         call("modes", folder / "flight.csv", 20.0, 35.0, "--names", wrong, "--channel", "phi")
 
 
-def test_a_motion_that_must_not_be_used_fails_the_flight_though_its_figures_lie_inside(folder, monkeypatch):
+def test_a_motion_that_must_not_be_used_fails_the_flight_though_its_figures_lie_inside(
+    folder, monkeypatch
+):
     monkeypatch.setattr("flighttest.submodels.aircraft_properties.eigenmotion.PURE", 1.1)
     done = call("report", folder / "plan.toml", "-o", folder / "page.html", "--json")
     assert done.exit_code == 1
@@ -281,14 +345,25 @@ def test_a_motion_that_must_not_be_used_fails_the_flight_though_its_figures_lie_
 
 
 def test_modes_on_a_quiet_stretch_end_with_exit_code_1(tmp_path):
-    """Noise that lasts a second: an oscillation explains more than half of it in twelve seconds, and none is there."""
+    """Noise that lasts a second: an oscillation explains more than half of it in twelve seconds,
+    and none is there.
+    """
     rng, r = np.random.default_rng(9), [0.0]
     for _ in range(119):
         r.append(0.9 * r[-1] + 0.01 * rng.standard_normal())
     rows = [f"{0.1 * k:.1f},{x:.9g}" for k, x in enumerate(r)]
     (tmp_path / "quiet.csv").write_text("\n".join(["t,r", "s,rad s-1", *rows]) + "\n")
     (tmp_path / "names.toml").write_text('[time]\ncolumn = "t"\n[ahrs]\nr = "r"\n')
-    base = ["modes", tmp_path / "quiet.csv", 0.0, 11.9, "--names", tmp_path / "names.toml", "--channel", "r"]
+    base = [
+        "modes",
+        tmp_path / "quiet.csv",
+        0.0,
+        11.9,
+        "--names",
+        tmp_path / "names.toml",
+        "--channel",
+        "r",
+    ]
     done = call(*base)
     assert done.exit_code == 1
     assert "!! no excitation: the oscillation explains" in done.stdout

@@ -1,4 +1,6 @@
-"""Ground effect from simulated records: k and s, what is not identified, the terms in a database, the command."""
+"""Ground effect from simulated records: k and s, what is not identified, the terms in a database,
+the command.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,16 @@ from flighttest.submodels.ground_effect.structure import best, breakpoints, comp
 SHARED = Path(__file__).parents[3] / ".." / "shared" / "data" / "identification"
 LIFT = Model.parse("CL = 1 + alpha + qhat")
 TRUTH = {"1": (0.8, 0.5, -1.4), "alpha": (5.0, 0.6, -1.6)}
-FACTS = {"title": "t", "aircraft": "a", "S": 24.2, "cbar": 2.06, "b": 14.4, "x_ref": 0.0, "y_ref": 0.0, "z_ref": 0.0}
+FACTS = {
+    "title": "t",
+    "aircraft": "a",
+    "S": 24.2,
+    "cbar": 2.06,
+    "b": 14.4,
+    "x_ref": 0.0,
+    "y_ref": 0.0,
+    "z_ref": 0.0,
+}
 
 
 def record(h: np.ndarray, alpha: float, seed: int, noise: float = 0.004) -> xr.Dataset:
@@ -32,15 +43,30 @@ def record(h: np.ndarray, alpha: float, seed: int, noise: float = 0.004) -> xr.D
     t = np.arange(len(h)) * 0.1
     a = alpha + 0.02 * np.sin(0.9 * t + seed) + 0.01 * np.sin(2.3 * t)
     qhat = 2e-3 * np.sin(1.7 * t)
-    CL = sum(y * x * (1 + k * h**s) for (y, k, s), x in zip(TRUTH.values(), (1.0, a))) + 8.0 * qhat + noise * rng.normal(size=len(h))
-    return xr.Dataset({name: ("time", v) for name, v in (("alpha", a), ("qhat", qhat), ("CL", CL), ("h_agl", h))}, {"time": t})
+    CL = (
+        sum(y * x * (1 + k * h**s) for (y, k, s), x in zip(TRUTH.values(), (1.0, a)))
+        + 8.0 * qhat
+        + noise * rng.normal(size=len(h))
+    )
+    return xr.Dataset(
+        {name: ("time", v) for name, v in (("alpha", a), ("qhat", qhat), ("CL", CL), ("h_agl", h))},
+        {"time": t},
+    )
 
 
 @pytest.fixture(scope="module")
 def records() -> list[xr.Dataset]:
-    landings = [record(1.7 + 40.0 * np.exp(-np.arange(250) / 40.0), alpha, seed) for seed, alpha in enumerate((0.09, 0.05))]
+    landings = [
+        record(1.7 + 40.0 * np.exp(-np.arange(250) / 40.0), alpha, seed)
+        for seed, alpha in enumerate((0.09, 0.05))
+    ]
     passes = [record(np.full(300, h), 0.06, 7 + k) for k, h in enumerate((2.2, 4.0, 8.0))]
-    return [*landings, *passes, record(np.full(300, 400.0), 0.08, 11).drop_vars("h_agl"), record(np.full(300, 500.0), 0.03, 12)]
+    return [
+        *landings,
+        *passes,
+        record(np.full(300, 400.0), 0.08, 11).drop_vars("h_agl"),
+        record(np.full(300, 500.0), 0.03, 12),
+    ]
 
 
 @pytest.fixture(scope="module")
@@ -78,7 +104,9 @@ def test_k_and_s_are_found_and_the_rest_is_reported_not_to_be(found):
 
 
 def test_the_factor_carries_the_correlation_of_k_and_s(found):
-    """K(h) is known better at the heights flown than k, the factor at one metre, and s let it be by themselves."""
+    """K(h) is known better at the heights flown than k, the factor at one metre, and s let it be by
+    themselves.
+    """
     one = found["CL"]
     row, K = one.row("1"), one.factor("1", [0.5, 2.0, 4.0])
     np.testing.assert_allclose(K["K"][1:], row.k * np.array([2.0, 4.0]) ** row.s, rtol=1e-12)
@@ -100,7 +128,9 @@ def test_with_free_air_held_the_ratio_is_to_the_database(records, database, foun
 
 @pytest.mark.parametrize("tables", [False, True])
 def test_the_database_flies_what_was_identified(found, database, tables):
-    """k h^s times the tables in free air, in place of the handbook's terms; as tables within 1e-3 of the factor."""
+    """k h^s times the tables in free air, in place of the handbook's terms; as tables within 1e-3
+    of the factor.
+    """
     new = replace_ground_effect(database, found, tables)
     one = found["CL"]
     common = one.form == "k h^s, one s"
@@ -127,7 +157,9 @@ def test_bank_over_the_ground_gets_equation_14(records, database):
         phi = 0.1 * np.sin(0.5 * one["time"].values)
         h = one["h_agl"].values if "h_agl" in one else np.full(n, 1e4)
         Cl = -0.08 * one["CL"].values * phi * h**-1.1 + 2e-4 * rng.normal(size=n)
-        banked.append(one.assign(phi=("time", phi), beta=("time", 0.02 * rng.normal(size=n)), Cl=("time", Cl)))
+        banked.append(
+            one.assign(phi=("time", phi), beta=("time", 0.02 * rng.normal(size=n)), Cl=("time", Cl))
+        )
     found = identify_ground_effect([Model.parse("Cl = 1 + beta")], banked)
     row = found["Cl"].row("CL*phi")
     assert abs(row.k + 0.08) < 3 * row.k_stderr
@@ -139,7 +171,14 @@ def test_bank_over_the_ground_gets_equation_14(records, database):
 
 def test_without_ground_effect_none_is_found(records, database):
     flat = [
-        one.assign(CL=("time", 0.8 + 5.0 * one["alpha"].values + 0.01 * np.random.default_rng(3).normal(size=one.sizes["time"])))
+        one.assign(
+            CL=(
+                "time",
+                0.8
+                + 5.0 * one["alpha"].values
+                + 0.01 * np.random.default_rng(3).normal(size=one.sizes["time"]),
+            )
+        )
         for one in records
     ]
     found = identify_ground_effect([Model.parse("CL = 1 + alpha")], flat)
@@ -155,19 +194,40 @@ def test_a_form_that_no_power_has_becomes_a_table(records, database):
         h = one["h_agl"].values if "h_agl" in one else np.full(one.sizes["time"], 1e4)
         rng = np.random.default_rng(5)
         noise = 0.002 * rng.normal(size=one.sizes["time"])
-        CL = (0.8 + 5.0 * one["alpha"].values) * (1.0 + np.interp(h, [0.0, 20.0], [0.3, 0.0])) + noise
+        CL = (0.8 + 5.0 * one["alpha"].values) * (
+            1.0 + np.interp(h, [0.0, 20.0], [0.3, 0.0])
+        ) + noise
         stepped.append(one.assign(CL=("time", CL)))
     found = identify_ground_effect([Model.parse("CL = 1 + alpha")], stepped)
     assert found["CL"].form == "table"
     new = replace_ground_effect(database, found)
-    added = aerodb.evaluate(new, "CL", outside="clamp", alpha=0.05, qhat=0.0, h_agl=np.array([2.5, 4.0, 30.0]), gear=1.0) - 1.05
+    added = (
+        aerodb.evaluate(
+            new,
+            "CL",
+            outside="clamp",
+            alpha=0.05,
+            qhat=0.0,
+            h_agl=np.array([2.5, 4.0, 30.0]),
+            gear=1.0,
+        )
+        - 1.05
+    )
     np.testing.assert_allclose(added, 1.05 * np.array([0.2625, 0.24, 0.0]), atol=0.02)
 
 
 def test_of_near_equals_the_simplest_form_is_taken():
     rng = np.random.default_rng(1)
     v = rng.normal(size=1000)
-    table = compared({"table": (0.99 * v, 12), "k h^s": (0.995 * v, 6), "database": (v, None), "none": (3 * v, 4)}, 100.0)
+    table = compared(
+        {
+            "table": (0.99 * v, 12),
+            "k h^s": (0.995 * v, 6),
+            "database": (v, None),
+            "none": (3 * v, 4),
+        },
+        100.0,
+    )
     assert table.loc["database", "parameters"] == 6
     assert best(table, ("none", "database", "k h^s", "table")) == "database"
     assert table["BIC"].min() == 0.0
@@ -183,8 +243,16 @@ def test_breakpoints_leave_out_what_was_not_flown():
 @pytest.mark.parametrize(
     ("change", "error", "words"),
     [
-        (lambda r: {"data": [one.drop_vars("h_agl", errors="ignore") for one in r]}, IdentificationError, "no manoeuvre has h_agl"),
-        (lambda r: {"data": [r[0].assign(h_agl=r[0]["h_agl"] - 2.0)]}, IdentificationError, "cut it at the touch-down"),
+        (
+            lambda r: {"data": [one.drop_vars("h_agl", errors="ignore") for one in r]},
+            IdentificationError,
+            "no manoeuvre has h_agl",
+        ),
+        (
+            lambda r: {"data": [r[0].assign(h_agl=r[0]["h_agl"] - 2.0)]},
+            IdentificationError,
+            "cut it at the touch-down",
+        ),
         (lambda r: {"data": r, "hold": True}, IdentificationError, "no database"),
         (lambda r: {"data": r, "ground": {"CD": ["1"]}}, UnknownName, "no model"),
     ],
@@ -209,12 +277,22 @@ def test_simulated_landings_low_passes_and_free_air():
         one = pd.read_csv(file)
         data.append(
             xr.Dataset(
-                {new: ("time", one[old].values) for old, new in (("h", "h_agl"), ("alpha", "alpha"), ("de", "delta_e"), ("CL", "CL"))}
+                {
+                    new: ("time", one[old].values)
+                    for old, new in (
+                        ("h", "h_agl"),
+                        ("alpha", "alpha"),
+                        ("de", "delta_e"),
+                        ("CL", "CL"),
+                    )
+                }
                 | {"qhat": ("time", 0.5 * one["qc_V"].values)},
                 {"time": one["t"].values},
             )
         )
-    truth = json.loads((SHARED / "truth" / "ground_effect_truth.json").read_text())["ground_effect"]["CL"]
+    truth = json.loads((SHARED / "truth" / "ground_effect_truth.json").read_text())[
+        "ground_effect"
+    ]["CL"]
     found = identify_ground_effect([Model.parse("CL = 1 + alpha + qhat + delta_e")], data)
     h = np.array([2.0, 3.0, 8.5])
     for term, name in (("1", "one"), ("alpha", "alpha")):
@@ -243,25 +321,55 @@ def test_the_command_prints_table_2_and_writes_the_database(records, database, t
     files = []
     for k, one in enumerate(records):
         n, alpha, CL = one.sizes["time"], one["alpha"].values, one["CL"].values
-        CX, CZ = CL * np.sin(alpha) - 0.05 * np.cos(alpha), -CL * np.cos(alpha) - 0.05 * np.sin(alpha)
+        CX, CZ = (
+            CL * np.sin(alpha) - 0.05 * np.cos(alpha),
+            -CL * np.cos(alpha) - 0.05 * np.sin(alpha),
+        )
         qbar, V = np.full(n, 1800.0), np.full(n, 54.0)
-        columns = {"V": V, "qbar": qbar, "alpha": alpha, "beta": 0.0 * V, "q": 2.0 * V * one["qhat"].values / 2.06}
+        columns = {
+            "V": V,
+            "qbar": qbar,
+            "alpha": alpha,
+            "beta": 0.0 * V,
+            "q": 2.0 * V * one["qhat"].values / 2.06,
+        }
         columns |= {name: 0.0 * V for name in ("p", "r", "p_dot", "q_dot", "r_dot", "ay")}
         columns |= {"ax": qbar * 24.2 * CX / 4700.0, "az": qbar * 24.2 * CZ / 4700.0}
         columns |= {"h_agl": one["h_agl"].values} if "h_agl" in one else {}
-        states = xr.Dataset({name: ("time", values) for name, values in columns.items()}, {"time": one["time"].values})
+        states = xr.Dataset(
+            {name: ("time", values) for name, values in columns.items()},
+            {"time": one["time"].values},
+        )
         files.append(str(tmp_path / f"run{k}.nc"))
         xr.DataTree.from_dict({"/states": states}).to_netcdf(files[-1], engine="h5netcdf")
     (tmp_path / "a.toml").write_text(AIRCRAFT)
     aerodb.save(database, tmp_path / "prior.nc")
-    base = [*files, "--aircraft", str(tmp_path / "a.toml"), "--model", "CL = 1 + alpha + qhat", "--database", str(tmp_path / "prior.nc")]
-    result = CliRunner().invoke(ground_effect, [*base, "--height", "3", "-o", str(tmp_path / "new.nc")], catch_exceptions=False)
+    base = [
+        *files,
+        "--aircraft",
+        str(tmp_path / "a.toml"),
+        "--model",
+        "CL = 1 + alpha + qhat",
+        "--database",
+        str(tmp_path / "prior.nc"),
+    ]
+    result = CliRunner().invoke(
+        ground_effect,
+        [*base, "--height", "3", "-o", str(tmp_path / "new.nc")],
+        catch_exceptions=False,
+    )
     assert result.exit_code == 0
     assert "CL:1" in result.output
     assert "3 m 0.1" in result.output
     assert "CL:qhat       k and s not identified" in result.output
     assert "CL/ground_basic" in aerodb.terms(aerodb.open(tmp_path / "new.nc"))
-    document = json.loads(CliRunner().invoke(ground_effect, [*base, "--ground", "CL = 1 + alpha", "--json"], catch_exceptions=False).output)
+    document = json.loads(
+        CliRunner()
+        .invoke(
+            ground_effect, [*base, "--ground", "CL = 1 + alpha", "--json"], catch_exceptions=False
+        )
+        .output
+    )
     first = document["coefficients"]["CL"]["terms"][0]
     assert abs(first["k"] - 0.5) < 3 * first["k_stderr"]
     with pytest.raises(SchemaError, match="give --database"):

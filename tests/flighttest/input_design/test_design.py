@@ -76,29 +76,50 @@ def test_multisteps_follow_each_other():
 
 def test_no_axis_outruns_its_actuator():
     fast = design_of(MULTISINE).signal()
-    limited = {**MULTISINE, "axis": {"delta_e": {"amplitude": "3 deg", "rate_limit": "10 deg/s"}, "delta_r": {"amplitude": 0.05}}}
+    limited = {
+        **MULTISINE,
+        "axis": {
+            "delta_e": {"amplitude": "3 deg", "rate_limit": "10 deg/s"},
+            "delta_r": {"amplitude": 0.05},
+        },
+    }
     slow = design_of(limited).signal()
     rate = np.abs(np.diff(slow["delta_e"].values)).max() * 50.0
     assert np.abs(np.diff(fast["delta_e"].values)).max() * 50.0 > 15.0 * DEG
     assert rate == pytest.approx(10.0 * DEG, rel=1e-9)
     assert slow["delta_r"].equals(fast["delta_r"])
     step = {"amplitude": "5 deg", "pattern": "doublet", "step": "0.5 s", "rate_limit": "60 deg/s"}
-    with pytest.raises(SchemaError, match=r"edges of 8\.73 per second, rate_limit 1\.05; lengthen rise"):
+    with pytest.raises(
+        SchemaError, match=r"edges of 8\.73 per second, rate_limit 1\.05; lengthen rise"
+    ):
         design_of({"kind": "multistep", "axis": {"delta_e": step}}).signal()
-    gentle = design_of({"kind": "multistep", "axis": {"delta_e": {**step, "rise": "0.2 s"}}}).signal()
+    gentle = design_of(
+        {"kind": "multistep", "axis": {"delta_e": {**step, "rise": "0.2 s"}}}
+    ).signal()
     assert np.abs(gentle["delta_e"].values).max() == pytest.approx(5.0 * DEG)
 
 
 def test_a_sweep():
-    signal = design_of({"kind": "sweep", "band": [0.1, 2.0], "axis": {"delta_e": {"amplitude": "2 deg", "duration": "60 s"}}}).signal()
-    assert signal.attrs["active_stop"] - signal.attrs["active_start"] == pytest.approx(60.02, abs=0.03)
+    signal = design_of(
+        {
+            "kind": "sweep",
+            "band": [0.1, 2.0],
+            "axis": {"delta_e": {"amplitude": "2 deg", "duration": "60 s"}},
+        }
+    ).signal()
+    assert signal.attrs["active_stop"] - signal.attrs["active_start"] == pytest.approx(
+        60.02, abs=0.03
+    )
 
 
 @pytest.mark.parametrize(
     ("change", "text"),
     [
         ({"perod": 10.0}, "perod: unknown key; near it: period"),
-        ({"axis": {"delta_e": {"amplitude": "3 m"}}}, "delta_e: unit 'm' cannot be converted to 'rad'"),
+        (
+            {"axis": {"delta_e": {"amplitude": "3 m"}}},
+            "delta_e: unit 'm' cannot be converted to 'rad'",
+        ),
         ({"axis": {}}, "axis"),
         ({"period": None}, "period: missing"),
         ({"band": None}, r"axis\.delta_e\.band: missing"),
@@ -128,7 +149,10 @@ def files(tmp_path):
     aircraft = flightmech.read_aircraft(DATA / "aircraft.toml")
     fitted = {c: (p.model, p.estimates) for c, p in read_polynomials(DATA / "glide.csv").items()}
     model, estimates = fitted["Cm"]
-    fitted["Cm"] = Model("Cm", [t for t in model.terms if t != "qhat**3"]), np.delete(estimates, model.terms.index("qhat**3"))
+    fitted["Cm"] = (
+        Model("Cm", [t for t in model.terms if t != "qhat**3"]),
+        np.delete(estimates, model.terms.index("qhat**3")),
+    )
     aerodb.save(polynomial_database(fitted, aircraft, title="glide"), tmp_path / "glide.nc")
     (tmp_path / "two_axes.toml").write_text(DESIGN)
     (tmp_path / "limited.toml").write_text(DESIGN + CONDITION)
@@ -143,8 +167,13 @@ def test_design_without_a_model(files):
     result = run(files / "two_axes.toml", "-o", files / "out")
     assert result.exit_code == 0, result.output
     assert "Elevator and rudder" in result.output
-    assert sorted(file.name for file in (files / "out").iterdir()) == ["two_axes.csv", "two_axes.table"]
-    assert np.abs(open_timetable(files / "out" / "two_axes.table")["delta_e"].values).max() == pytest.approx(20.0 * DEG, rel=0.01)
+    assert sorted(file.name for file in (files / "out").iterdir()) == [
+        "two_axes.csv",
+        "two_axes.table",
+    ]
+    assert np.abs(
+        open_timetable(files / "out" / "two_axes.table")["delta_e"].values
+    ).max() == pytest.approx(20.0 * DEG, rel=0.01)
 
 
 @pytest.mark.slow
@@ -153,14 +182,21 @@ def test_design_inside_limits(files):
     result = run(files / "limited.toml", *model, "-o", files / "out", "--json")
     assert result.exit_code == 0, result.output
     found = json.loads(result.stdout)
-    axes, response = ({row["axis" if "axis" in row else "quantity"]: row for row in found[key]} for key in ("axes", "response"))
+    axes, response = (
+        {row["axis" if "axis" in row else "quantity"]: row for row in found[key]}
+        for key in ("axes", "response")
+    )
     assert axes["delta_e"]["factor"] < 1.0
     assert response["nz"]["highest"] <= 1.0 + 0.8 * 0.7 + 1e-3
     assert response["alpha"]["highest"] <= 9.0 * DEG
-    assert found["expected"]["Cm = 1 + alpha + qhat + delta_e"]["qhat"]["estimate"] == pytest.approx(-9.1, rel=0.1)
+    assert found["expected"]["Cm = 1 + alpha + qhat + delta_e"]["qhat"][
+        "estimate"
+    ] == pytest.approx(-9.1, rel=0.1)
     assert 0.0 < found["expected"]["output error (alpha q)"]["term.Cm.qhat"]["stderr"] < 0.2
     played = open_timetable(files / "out" / "limited.table")
-    assert np.abs(played["delta_e"].values).max() == pytest.approx(axes["delta_e"]["peak"], rel=1e-9)
+    assert np.abs(played["delta_e"].values).max() == pytest.approx(
+        axes["delta_e"]["peak"], rel=1e-9
+    )
     assert (files / "out" / "limited_response.csv").is_file()
     text = run(files / "limited.toml", *model, "-o", files / "out").output
     assert "predicted response; each axis fitted alone" in text

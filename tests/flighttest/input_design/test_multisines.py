@@ -1,10 +1,16 @@
-"""Multisines: orthogonality, peak factor, exclusion, spectra, start and end at zero; what is refused."""
+"""Multisines: orthogonality, peak factor, exclusion, spectra, start and end at zero; what is
+refused.
+"""
 
 import numpy as np
 import pytest
 
 from flightmech.errors import SchemaError, UnknownName
-from flighttest.flight_programme.input_design.input_shapes import InputAxis, deal_harmonics, multisine
+from flighttest.flight_programme.input_design.input_shapes import (
+    InputAxis,
+    deal_harmonics,
+    multisine,
+)
 from flighttest.flight_programme.input_design.input_signals import (
     CHANNEL_SETS,
     active_part,
@@ -20,10 +26,22 @@ from flighttest.flight_programme.input_design.input_signals import (
 FOUR_DEGREES = np.radians(4.0)
 
 
-@pytest.fixture(scope="module", params=["glide", *(pytest.param(name, marks=pytest.mark.slow) for name in CHANNEL_SETS if name != "glide")])
+@pytest.fixture(
+    scope="module",
+    params=[
+        "glide",
+        *(pytest.param(name, marks=pytest.mark.slow) for name in CHANNEL_SETS if name != "glide"),
+    ],
+)
 def designed(request):
     """Three, four and seven axes over 30 s, 0.1 to 2 Hz, nothing between 1.0 and 1.1 Hz."""
-    return multisine({name: InputAxis(FOUR_DEGREES, (0.1, 2.0), [(1.0, 1.1)]) for name in CHANNEL_SETS[request.param]}, 30.0)
+    return multisine(
+        {
+            name: InputAxis(FOUR_DEGREES, (0.1, 2.0), [(1.0, 1.1)])
+            for name in CHANNEL_SETS[request.param]
+        },
+        30.0,
+    )
 
 
 def lines_of(u, count):
@@ -71,7 +89,9 @@ def test_peak_factors(designed):
     assert measures(designed)["peak_factor"].max() < 1.25
 
 
-@pytest.mark.parametrize("first", [2, *(pytest.param(first, marks=pytest.mark.slow) for first in (3, 4))])
+@pytest.mark.parametrize(
+    "first", [2, *(pytest.param(first, marks=pytest.mark.slow) for first in (3, 4))]
+)
 def test_twenty_lines_of_three_axes_stay_below_the_acceptance_of_one_point_two(first):
     k = first + 3 * np.arange(20)
     power = np.full(20, 0.05)
@@ -89,7 +109,9 @@ def test_schroeders_phases_of_a_flat_spectrum():
 
 
 def test_a_single_sine_has_peak_factor_one():
-    assert relative_peak_factor(np.sin(2 * np.pi * np.arange(400) / 400)) == pytest.approx(1.0, rel=1e-12)
+    assert relative_peak_factor(np.sin(2 * np.pi * np.arange(400) / 400)) == pytest.approx(
+        1.0, rel=1e-12
+    )
 
 
 def test_phases_do_not_depend_on_the_run_and_other_seeds_differ():
@@ -107,12 +129,16 @@ def test_spectrum_and_harmonics_by_hand():
     power = signal["power"].sel(axis="delta_e").values
     own = power > 0.0
     frequency = signal["frequency"].values[own]
-    assert power[own] / power[own][-1] == pytest.approx(np.interp(frequency, [0.1, 1.0], [4.0, 1.0]) / 1.0)
+    assert power[own] / power[own][-1] == pytest.approx(
+        np.interp(frequency, [0.1, 1.0], [4.0, 1.0]) / 1.0
+    )
     assert signal["harmonic"].values[~own].tolist() == [4, 9]
 
 
 def test_bands_that_differ_share_what_they_have_in_common():
-    lines = deal_harmonics({"delta_e": InputAxis(1.0, (0.1, 2.0)), "delta_f": InputAxis(1.0, (0.1, 0.5))}, 20.0)
+    lines = deal_harmonics(
+        {"delta_e": InputAxis(1.0, (0.1, 2.0)), "delta_f": InputAxis(1.0, (0.1, 0.5))}, 20.0
+    )
     assert max(lines["delta_f"]) <= 10
     assert sorted(lines["delta_e"] + lines["delta_f"]) == list(range(2, 41))
     assert abs(sum(k <= 10 for k in lines["delta_e"]) - len(lines["delta_f"])) <= 1
@@ -122,23 +148,36 @@ def test_repeats_join_without_a_seam():
     one = multisine({"delta_e": InputAxis(0.05, (0.2, 1.0))}, 10.0, lead_in=0.0)
     three = multisine({"delta_e": InputAxis(0.05, (0.2, 1.0))}, 10.0, lead_in=0.0, repeats=3)
     assert three.sizes["time"] == 1501
-    assert three["delta_e"].values[:1500] == pytest.approx(np.tile(one["delta_e"].values[:500], 3), abs=1e-15)
+    assert three["delta_e"].values[:1500] == pytest.approx(
+        np.tile(one["delta_e"].values[:500], 3), abs=1e-15
+    )
 
 
 @pytest.mark.parametrize(
     ("axes", "period", "text"),
     [
         ({"delta_e": InputAxis(0.05, (0.11, 0.14))}, 20.0, "no line is free in 0.11 ... 0.14 Hz"),
-        ({"delta_e": InputAxis(0.05, (0.1, 6.0))}, 20.0, "reaches 6 Hz; 50 samples per second allow 5 Hz"),
+        (
+            {"delta_e": InputAxis(0.05, (0.1, 6.0))},
+            20.0,
+            "reaches 6 Hz; 50 samples per second allow 5 Hz",
+        ),
         ({"delta_e": InputAxis(-0.05, (0.1, 1.0))}, 20.0, "amplitude -0.05"),
         ({"delta_e": InputAxis(0.05, (0.1, 1.0))}, 20.013, "samples, the period is"),
         (
-            {"delta_e": InputAxis(0.1, (0.1, 1.0), harmonics=[3]), "delta_r": InputAxis(0.1, (0.1, 1.0), harmonics=[3])},
+            {
+                "delta_e": InputAxis(0.1, (0.1, 1.0), harmonics=[3]),
+                "delta_r": InputAxis(0.1, (0.1, 1.0), harmonics=[3]),
+            },
             20.0,
             "harmonic 3 is chosen",
         ),
         ({"delta_e": InputAxis(0.05, (0.1, 1.0), harmonics=[1])}, 20.0, "less than two cycles"),
-        ({"delta_e": InputAxis(0.05, (0.1, 1.0), spectrum={0.1: 1.0, 0.5: 0.0})}, 20.0, "without power"),
+        (
+            {"delta_e": InputAxis(0.05, (0.1, 1.0), spectrum={0.1: 1.0, 0.5: 0.0})},
+            20.0,
+            "without power",
+        ),
         ({}, 20.0, "no axis"),
     ],
 )

@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 
 from flightmech.errors import SchemaError, UnknownName
-from flighttest.flight_programme.input_design.input_shapes import PATTERNS, in_sequence, multistep, sweep, unit_step
+from flighttest.flight_programme.input_design.input_shapes import (
+    PATTERNS,
+    in_sequence,
+    multistep,
+    sweep,
+    unit_step,
+)
 from flighttest.flight_programme.input_design.input_signals import active_part, measures
 
 
@@ -19,12 +25,15 @@ def spectrum(pattern):
 
 
 @pytest.mark.parametrize(
-    ("pattern", "low", "high"), [("doublet", 1.15, 3.65), ("3-2-1-1", 0.28, 2.65), ("1-2-1", 1.15, 2.43)]
+    ("pattern", "low", "high"),
+    [("doublet", 1.15, 3.65), ("3-2-1-1", 0.28, 2.65), ("1-2-1", 1.15, 2.43)],
 )  # identification.md 14.2: half-power band in omega dt
 def test_half_power_bands(pattern, low, high):
     x, power = spectrum(pattern)
     band = x[power >= 0.5]
-    assert band.min() == pytest.approx(low, abs=0.01)  # half a unit of the last digit, and the ramp of one sample
+    assert band.min() == pytest.approx(
+        low, abs=0.01
+    )  # half a unit of the last digit, and the ramp of one sample
     assert band.max() == pytest.approx(high, abs=0.01)
 
 
@@ -47,14 +56,18 @@ def test_steps_have_their_lengths_and_signs():
     assert inner[0] == pytest.approx(-0.05)
     runs = np.diff(np.flatnonzero(np.diff(np.sign(u))))
     assert runs.tolist() == [60, 40, 20, 20]
-    assert u.sum() / 50.0 == pytest.approx(-0.05 * 0.4, rel=1e-9), "3 - 2 + 1 - 1 unit steps are left over"
+    assert u.sum() / 50.0 == pytest.approx(-0.05 * 0.4, rel=1e-9), (
+        "3 - 2 + 1 - 1 unit steps are left over"
+    )
 
 
 def test_rise_and_free_response():
     signal = multistep("delta_e", 0.05, 0.4, PATTERNS["doublet"], rise=0.1, free=2.0)
     assert measures(signal).loc["delta_e", "rate"] == pytest.approx(2 * 0.05 / 0.1, rel=1e-9)
     assert (signal["delta_e"].values[-150:] == 0.0).all()
-    assert signal.attrs["active_stop"] - signal.attrs["active_start"] == pytest.approx(2 * 0.4 + 0.1 + 2.0, abs=0.021)
+    assert signal.attrs["active_stop"] - signal.attrs["active_start"] == pytest.approx(
+        2 * 0.4 + 0.1 + 2.0, abs=0.021
+    )
 
 
 @pytest.mark.parametrize("law", ["logarithmic", "linear"])
@@ -72,7 +85,9 @@ def test_a_sweep_rises_from_one_end_of_its_band_to_the_other(law):
 
 
 def test_one_after_the_other():
-    rudder, aileron = (multistep(name, 0.05, 0.3, PATTERNS["doublet"]) for name in ("delta_r", "delta_a"))
+    rudder, aileron = (
+        multistep(name, 0.05, 0.3, PATTERNS["doublet"]) for name in ("delta_r", "delta_a")
+    )
     both = in_sequence([rudder, aileron], pause=2.0)
     assert both.sizes["time"] == 2 * (rudder.sizes["time"] - 1) + 100 + 1
     assert not ((both["delta_r"] != 0.0) & (both["delta_a"] != 0.0)).any()

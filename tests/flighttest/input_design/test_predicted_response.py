@@ -1,4 +1,6 @@
-"""Predicted response, amplitude inside limits, expected standard errors; on the published glide of the CZ150."""
+"""Predicted response, amplitude inside limits, expected standard errors; on the published glide of
+the CZ150.
+"""
 
 from pathlib import Path
 
@@ -8,8 +10,17 @@ import xarray as xr
 
 import flightmech
 from flightmech.errors import IdentificationError, OutOfRange, UnknownName
-from flighttest.flight_programme.input_design.input_accuracy import coefficient_noise, cramer_rao, expected_errors
-from flighttest.flight_programme.input_design.input_shapes import PATTERNS, InputAxis, multisine, multistep
+from flighttest.flight_programme.input_design.input_accuracy import (
+    coefficient_noise,
+    cramer_rao,
+    expected_errors,
+)
+from flighttest.flight_programme.input_design.input_shapes import (
+    PATTERNS,
+    InputAxis,
+    multisine,
+    multistep,
+)
 from flighttest.flight_programme.input_design.predicted_response import (
     amplitude_within,
     each_within,
@@ -56,19 +67,26 @@ def start(glider):
 
 @pytest.fixture(scope="module")
 def signal():
-    return multisine({name: InputAxis(15.0 * DEG, (0.2, 2.0)) for name in ("delta_a", "delta_e", "delta_r")}, 15.0)
+    return multisine(
+        {name: InputAxis(15.0 * DEG, (0.2, 2.0)) for name in ("delta_a", "delta_e", "delta_r")},
+        15.0,
+    )
 
 
 def test_inputs_are_trim_plus_deflection(glider, signal, start):
     found = model_inputs(glider, signal, start, 0.5)
-    assert found["delta_e"].values == pytest.approx(start["delta_e"] + 0.5 * signal["delta_e"].values, abs=1e-15)
+    assert found["delta_e"].values == pytest.approx(
+        start["delta_e"] + 0.5 * signal["delta_e"].values, abs=1e-15
+    )
     assert found["delta_r"].values[0] == start["delta_r"]
 
 
 def test_left_and_right_surfaces(glider, start):
     time = np.array([0.0, 1.0])
     split = {"delta_a_left": 0.02, "delta_a_right": 0.06, "delta_f_left": 0.1, "delta_f_right": 0.2}
-    both = xr.Dataset({name: ("time", np.full(2, value)) for name, value in split.items()}, {"time": time})
+    both = xr.Dataset(
+        {name: ("time", np.full(2, value)) for name, value in split.items()}, {"time": time}
+    )
     found = model_inputs(glider, both, {**start, "delta_a": 0.0, "delta_f": 0.0})
     assert found["delta_a"].values == pytest.approx(0.02)
     assert found["delta_f"].values == pytest.approx(0.15)
@@ -91,7 +109,10 @@ LIMITS = {"alpha": (-4.0 * DEG, 9.0 * DEG), "nz": (0.3, 1.7), "phi": (-45.0 * DE
 
 
 def broken(response, limits):
-    return any((response[name].values < low).any() or (response[name].values > high).any() for name, (low, high) in limits.items())
+    return any(
+        (response[name].values < low).any() or (response[name].values > high).any()
+        for name, (low, high) in limits.items()
+    )
 
 
 def test_the_amplitude_is_the_largest_that_the_limits_allow(glider, signal, start):
@@ -106,7 +127,9 @@ def test_the_amplitude_is_the_largest_that_the_limits_allow(glider, signal, star
 
 
 def test_margin_uses_a_part_of_the_way_from_trim(glider, signal, start):
-    whole, part = (amplitude_within(glider, signal, start, LIMITS, margin=margin) for margin in (1.0, 0.5))
+    whole, part = (
+        amplitude_within(glider, signal, start, LIMITS, margin=margin) for margin in (1.0, 0.5)
+    )
     assert part.scale < 0.7 * whole.scale
     trim = part.extremes["trim"]
     assert (part.extremes["highest"] - trim <= 0.5 * (part.extremes["high"] - trim) + 1e-9).all()
@@ -124,16 +147,26 @@ def test_axes_alone_may_be_larger_than_together(glider, signal, start):
     assert max(alone.values()) > together.scale
     one = scaled(signal, {"delta_e": alone["delta_e"], "delta_a": 0.0, "delta_r": 0.0})
     assert not broken(predict_response(glider, one, start), LIMITS)
-    assert one["power"].sel(axis="delta_e").sum() == pytest.approx(float(signal["power"].sel(axis="delta_e").sum()) * alone["delta_e"] ** 2)
+    assert one["power"].sel(axis="delta_e").sum() == pytest.approx(
+        float(signal["power"].sel(axis="delta_e").sum()) * alone["delta_e"] ** 2
+    )
 
 
 def test_refused_limits(glider, signal, start):
-    with pytest.raises(OutOfRange, match=r"outside its limits already: alpha 3\.\d+ outside 5 ... 9 deg"):
+    with pytest.raises(
+        OutOfRange, match=r"outside its limits already: alpha 3\.\d+ outside 5 ... 9 deg"
+    ):
         amplitude_within(glider, signal, start, {"alpha": (5.0 * DEG, 9.0 * DEG)})
     with pytest.raises(UnknownName, match="limits are set on outputs"):
         amplitude_within(glider, signal, start, {"alfa": (0.0, 1.0)})
     with pytest.raises(OutOfRange, match="even a thousandth"):
-        amplitude_within(glider, signal, start, {"alpha": (3.1 * DEG, 3.2 * DEG), "phi": (-10.0, 10.0)}, largest=200.0)
+        amplitude_within(
+            glider,
+            signal,
+            start,
+            {"alpha": (3.1 * DEG, 3.2 * DEG), "phi": (-10.0, 10.0)},
+            largest=200.0,
+        )
 
 
 def test_no_steady_flight(glider):
@@ -146,7 +179,12 @@ def test_expected_errors_are_the_scatter_of_fits(glider, signal, start, cz150, m
     """300 draws of the disturbance: their scatter is known to 4 %, taken three times."""
     response = predict_response(glider, signal, start, 0.2)
     expected = expected_errors(CM, response, cz150, {"Cm": 0.004}, memory).estimates
-    data = response.assign({"qhat": response["q"] * cz150.cbar / (2.0 * response["V"]), "delta_e": response["applied.delta_e"]})
+    data = response.assign(
+        {
+            "qhat": response["q"] * cz150.cbar / (2.0 * response["V"]),
+            "delta_e": response["applied.delta_e"],
+        }
+    )
     X = CM.design(data)
     rng, step = np.random.default_rng(1), 0.02
     white = rng.normal(0.0, 1.0, (300, len(X)))
@@ -162,19 +200,28 @@ def test_expected_errors_are_the_scatter_of_fits(glider, signal, start, cz150, m
 
 def test_a_priori_values_are_those_of_the_model(glider, signal, start, cz150):
     model = Model("Cm", ["1", "alpha", "qhat", "delta_e", "alpha**2", "alpha**3"])
-    found = expected_errors(model, predict_response(glider, signal, start, 0.2), cz150).estimates["estimate"]
+    found = expected_errors(model, predict_response(glider, signal, start, 0.2), cz150).estimates[
+        "estimate"
+    ]
     published = read_polynomials(DATA / "glide.csv")["Cm"]
     for term in model.terms:
-        assert float(found.sel(term=term)) == pytest.approx(published.estimates[published.model.terms.index(term)], rel=1e-6), term
+        assert float(found.sel(term=term)) == pytest.approx(
+            published.estimates[published.model.terms.index(term)], rel=1e-6
+        ), term
 
 
 @pytest.mark.slow
 def test_twice_the_input_halves_the_errors(glider, start, cz150):
     step = multistep("delta_e", 1.0 * DEG, 0.4, PATTERNS["3-2-1-1"], free=3.0)
     model = Model("Cm", ["1", "alpha", "qhat", "delta_e"])
-    small, large = (expected_errors(model, predict_response(glider, step, start, scale), cz150) for scale in (0.2, 0.4))
+    small, large = (
+        expected_errors(model, predict_response(glider, step, start, scale), cz150)
+        for scale in (0.2, 0.4)
+    )
     slopes = slice(1, None)
-    assert small.estimates["stderr"].values[slopes] == pytest.approx(2.0 * large.estimates["stderr"].values[slopes], rel=0.02)
+    assert small.estimates["stderr"].values[slopes] == pytest.approx(
+        2.0 * large.estimates["stderr"].values[slopes], rel=0.02
+    )
     assert large.determinant < small.determinant
     assert "Cm = 1 + alpha + qhat + delta_e" in large.report()
 
@@ -184,7 +231,9 @@ def test_noise_of_the_coefficients_by_hand(glider, signal, start, cz150):
     qS = float(response["qbar"].mean()) * cz150.S
     found = coefficient_noise(cz150, response)
     assert found["CZ"] == pytest.approx(4.9036 * 0.10 / qS, rel=1e-4)
-    assert found["Cm"] == pytest.approx(cz150.Iyy * 0.15 * DEG * derivative_noise(0.02) / (qS * cz150.cbar), rel=1e-9)
+    assert found["Cm"] == pytest.approx(
+        cz150.Iyy * 0.15 * DEG * derivative_noise(0.02) / (qS * cz150.cbar), rel=1e-9
+    )
 
 
 def test_an_input_that_moves_nothing_lateral_is_refused_by_name(glider, start, cz150):
@@ -200,17 +249,27 @@ OUTPUTS = {"alpha": 0.2 * DEG, "q": 0.15 * DEG, "az": 0.1}
 
 
 def test_cramer_rao_bound_against_a_linear_fit_of_noise(glider, signal, start):
-    """Outputs with white noise, fitted through an independent Jacobian: 300 draws, scatter known to 4 %."""
+    """Outputs with white noise, fitted through an independent Jacobian: 300 draws, scatter known to
+    4 %.
+    """
     names = ["term.Cm.qhat", "term.Cm.delta_e", "bias.Cm"]
     found = cramer_rao(glider, signal, start, names[:2], OUTPUTS, names[2:], scale=0.2).estimates
     base = {"term.Cm.qhat": 1.0, "term.Cm.delta_e": 1.0, "bias.Cm": 0.0}
     inputs = model_inputs(glider, signal, start, 0.2)
 
     def weighted(change):
-        y = flightmech.simulate(glider, inputs, {**start, "mode.trim": 0.0, **base, **change}, outputs=list(OUTPUTS))
+        y = flightmech.simulate(
+            glider, inputs, {**start, "mode.trim": 0.0, **base, **change}, outputs=list(OUTPUTS)
+        )
         return np.concatenate([y[name].values / sigma for name, sigma in OUTPUTS.items()])
 
-    S = np.stack([(weighted({name: base[name] + 1e-4}) - weighted({name: base[name]})) / 1e-4 for name in names], axis=1)
+    S = np.stack(
+        [
+            (weighted({name: base[name] + 1e-4}) - weighted({name: base[name]})) / 1e-4
+            for name in names
+        ],
+        axis=1,
+    )
     noise = np.random.default_rng(2).normal(0.0, 1.0, (len(S), 300))
     scatter = np.linalg.lstsq(S, noise, rcond=None)[0].std(axis=1)
     assert found["stderr"].values == pytest.approx(scatter[:2], rel=0.12)
@@ -219,8 +278,18 @@ def test_cramer_rao_bound_against_a_linear_fit_of_noise(glider, signal, start):
 
 def test_what_else_is_freed_costs_accuracy(glider, signal, start):
     alone = cramer_rao(glider, signal, start, ["term.Cm.alpha"], OUTPUTS, scale=0.2).estimates
-    together = cramer_rao(glider, signal, start, ["term.Cm.alpha"], OUTPUTS, ["bias.Cm", "init.alpha", "init.q"], scale=0.2).estimates
-    slow = cramer_rao(glider, signal, start, ["term.Cm.alpha"], OUTPUTS, scale=0.2, memory=0.3).estimates
+    together = cramer_rao(
+        glider,
+        signal,
+        start,
+        ["term.Cm.alpha"],
+        OUTPUTS,
+        ["bias.Cm", "init.alpha", "init.q"],
+        scale=0.2,
+    ).estimates
+    slow = cramer_rao(
+        glider, signal, start, ["term.Cm.alpha"], OUTPUTS, scale=0.2, memory=0.3
+    ).estimates
     assert float(together["stderr"][0]) > 1.1 * float(alone["stderr"][0])
     assert float(slow["stderr"][0]) > 1.5 * float(alone["stderr"][0])
 

@@ -5,13 +5,20 @@ import pytest
 
 import flighttest
 from flightmech.errors import ParseError, SchemaError
-from flighttest.flight_programme.input_design.design import FULL, open_timetable, save_csv, save_timetable
+from flighttest.flight_programme.input_design.design import (
+    FULL,
+    open_timetable,
+    save_csv,
+    save_timetable,
+)
 from flighttest.flight_programme.input_design.input_shapes import InputAxis, multisine, multistep
 
 
 @pytest.fixture(scope="module")
 def signal():
-    return multisine({"delta_e": InputAxis(0.07, (0.2, 1.0)), "throttle": InputAxis(0.2, (0.2, 1.0))}, 10.0)
+    return multisine(
+        {"delta_e": InputAxis(0.07, (0.2, 1.0)), "throttle": InputAxis(0.2, (0.2, 1.0))}, 10.0
+    )
 
 
 @pytest.fixture
@@ -26,7 +33,9 @@ def test_what_is_read_back_is_what_was_designed(signal, file):
     assert found["time"].values == pytest.approx(signal["time"].values, abs=1e-12)
     for name, peak in (("delta_e", 0.07), ("throttle", 0.2)):
         assert found[name].values == pytest.approx(signal[name].values, abs=0.5001 * peak / FULL)
-        assert np.abs(found[name].values).max() == pytest.approx(np.abs(signal[name].values).max(), rel=1e-12)
+        assert np.abs(found[name].values).max() == pytest.approx(
+            np.abs(signal[name].values).max(), rel=1e-12
+        )
 
 
 def test_a_reader_of_five_lines(file, signal):
@@ -37,7 +46,9 @@ def test_a_reader_of_five_lines(file, signal):
     scale = [float(word) for word in head["scale"].split()]
     assert len(rows) == int(head["rows"])
     row = int(1000.0 * 3.02 / int(head["step_ms"]))
-    assert scale[0] * rows[row][0] == pytest.approx(float(signal["delta_e"].sel(time=3.02, method="nearest")), abs=1e-5)
+    assert scale[0] * rows[row][0] == pytest.approx(
+        float(signal["delta_e"].sel(time=3.02, method="nearest")), abs=1e-5
+    )
 
 
 @pytest.mark.parametrize(
@@ -45,11 +56,17 @@ def test_a_reader_of_five_lines(file, signal):
     [
         (lambda lines: lines[:-20], "580|rows with checksum"),
         (lambda lines: [*lines[:300], lines[300] + "1", *lines[301:]], "checksum|whole numbers"),
-        (lambda lines: [*lines[:300], "12", *lines[301:]], "line 301: found '12'; expected 2 whole numbers"),
+        (
+            lambda lines: [*lines[:300], "12", *lines[301:]],
+            "line 301: found '12'; expected 2 whole numbers",
+        ),
         (lambda lines: [*lines[:300], "0 99999", *lines[301:]], "within"),
         (lambda lines: ["# aeromatch playback: 9", *lines[1:]], "line 1"),
         (lambda lines: [line for line in lines if not line.startswith("# scale")], "without scale"),
-        (lambda lines: [line.replace("step_ms: 20", "step_ms: soon") for line in lines], "positive numbers"),
+        (
+            lambda lines: [line.replace("step_ms: 20", "step_ms: soon") for line in lines],
+            "positive numbers",
+        ),
         (lambda lines: [], "line 1"),
     ],
 )

@@ -1,4 +1,6 @@
-"""Manoeuvres found in records without marks: own signals of every kind, the shipped T-37 records, a real flight."""
+"""Manoeuvres found in records without marks: own signals of every kind, the shipped T-37 records, a
+real flight.
+"""
 
 import json
 from pathlib import Path
@@ -42,13 +44,37 @@ def smoothed(x, seconds):
 def record(seed=1, **channels):
     """A record in steady flight with noise, but for the channels given."""
     rng = np.random.default_rng(seed)
-    units = {"V": "m s-1", "h_baro": "m", "az_imu": "m s-2", "ay_imu": "m s-2", "engine1.throttle": "1", "p": "rad s-1", "q": "rad s-1"}
+    units = {
+        "V": "m s-1",
+        "h_baro": "m",
+        "az_imu": "m s-2",
+        "ay_imu": "m s-2",
+        "engine1.throttle": "1",
+        "p": "rad s-1",
+        "q": "rad s-1",
+    }
     quiet = {"V": 80.0, "h_baro": 1500.0, "az_imu": -9.81, "ay_imu": 0.0, "engine1.throttle": 0.6}
     noise = {"V": 0.1, "h_baro": 0.3, "az_imu": 0.05, "ay_imu": 0.02, "engine1.throttle": 0.001}
-    names = ["p", "q", "phi", "V", "h_baro", "az_imu", "ay_imu", "delta_e", "delta_a", "delta_r", "engine1.throttle"]
+    names = [
+        "p",
+        "q",
+        "phi",
+        "V",
+        "h_baro",
+        "az_imu",
+        "ay_imu",
+        "delta_e",
+        "delta_a",
+        "delta_r",
+        "engine1.throttle",
+    ]
     data = {}
     for name in names:
-        x = quiet.get(name, 0.0) + channels.get(name, 0.0) + noise.get(name, 5e-4) * rng.normal(size=len(T))
+        x = (
+            quiet.get(name, 0.0)
+            + channels.get(name, 0.0)
+            + noise.get(name, 5e-4) * rng.normal(size=len(T))
+        )
         data[name] = "time", x, {"units": units.get(name, "rad")}
     leaf = xr.Dataset(data, {"time": ("time", T, {"units": "s"})}, {"rate": RATE})
     return xr.DataTree.from_dict({"/": xr.Dataset(attrs={"title": "run"}), "/all": leaf})
@@ -65,9 +91,16 @@ def test_steady_flight_has_none():
     assert len(table) == 0
 
 
-@pytest.mark.parametrize(("surface", "control"), [("delta_e", "elevator"), ("delta_a", "aileron"), ("delta_r", "rudder")])
 @pytest.mark.parametrize(
-    ("kind", "levels"), [("doublet", [(1, 1), (-1, 1)]), ("3211", [(1, 3), (-1, 2), (1, 1), (-1, 1)]), ("pulse", [(1, 2)])]
+    ("surface", "control"), [("delta_e", "elevator"), ("delta_a", "aileron"), ("delta_r", "rudder")]
+)
+@pytest.mark.parametrize(
+    ("kind", "levels"),
+    [
+        ("doublet", [(1, 1), (-1, 1)]),
+        ("3211", [(1, 3), (-1, 2), (1, 1), (-1, 1)]),
+        ("pulse", [(1, 2)]),
+    ],
 )
 @pytest.mark.parametrize("unit", [0.6, 1.2])
 def test_step_inputs_by_their_proportions(surface, control, kind, levels, unit):
@@ -82,7 +115,10 @@ def test_step_inputs_by_their_proportions(surface, control, kind, levels, unit):
 
 
 def test_the_free_response_ends_with_the_next_movement():
-    x, y = (smoothed(steps([(3.0 * DEGREE, 1), (-3.0 * DEGREE, 1)], 1.0, start), 0.3) for start in (20.0, 26.0))
+    x, y = (
+        smoothed(steps([(3.0 * DEGREE, 1), (-3.0 * DEGREE, 1)], 1.0, start), 0.3)
+        for start in (20.0, 26.0)
+    )
     names, table = found(delta_e=x, delta_r=y)
     assert names == [("doublet", "elevator"), ("doublet", "rudder")]
     assert table["end"][0] == pytest.approx(26.0, abs=0.3)
@@ -113,7 +149,10 @@ def test_a_sweep():
 def test_a_multisine_moves_several_controls_over_the_same_time():
     inside = (T > 15.0) & (T < 45.0)
     waves = [
-        sum(np.sin(2.0 * np.pi * k * (T - 15.0) / 15.0 + k * k) for k in harmonics) * inside * 1.5 * DEGREE
+        sum(np.sin(2.0 * np.pi * k * (T - 15.0) / 15.0 + k * k) for k in harmonics)
+        * inside
+        * 1.5
+        * DEGREE
         for harmonics in ((4, 7, 10), (5, 8, 11), (6, 9, 12))
     ]
     names, _ = found(**dict(zip(("delta_e", "delta_a", "delta_r"), waves, strict=True)))
@@ -122,19 +161,25 @@ def test_a_multisine_moves_several_controls_over_the_same_time():
 
 def test_pull_up_push_down_by_the_load_factor():
     wave = np.where((T > 20.0) & (T < 32.0), np.sin(2.0 * np.pi * (T - 20.0) / 12.0), 0.0)
-    assert found(az_imu=-0.4 * 9.81 * wave, delta_e=-2.0 * DEGREE * wave)[0] == [("pull_up_push_down", "elevator")]
+    assert found(az_imu=-0.4 * 9.81 * wave, delta_e=-2.0 * DEGREE * wave)[0] == [
+        ("pull_up_push_down", "elevator")
+    ]
 
 
 def test_steady_sideslip():
     held = smoothed(steps([(8.0 * DEGREE, 8)], 1.0), 2.0)
-    assert found(delta_r=held, delta_a=-0.3 * held, ay_imu=8.0 * held)[0] == [("steady_sideslip", "rudder aileron")]
+    assert found(delta_r=held, delta_a=-0.3 * held, ay_imu=8.0 * held)[0] == [
+        ("steady_sideslip", "rudder aileron")
+    ]
 
 
 def test_throttle_movements():
     chop = np.where(T > 20.0, -0.5, 0.0)
     assert found(**{"engine1.throttle": chop})[0] == [("throttle_chop", "throttle")]
     assert found(**{"engine1.throttle": -chop * 0.7})[0] == [("throttle_slam", "throttle")]
-    assert found(**{"engine1.throttle": np.where(T > 26.0, 0.3, chop)})[0] == [("throttle_chop_and_slam", "throttle")]
+    assert found(**{"engine1.throttle": np.where(T > 26.0, 0.3, chop)})[0] == [
+        ("throttle_chop_and_slam", "throttle")
+    ]
 
 
 def test_a_chop_to_which_the_aeroplane_responds_is_a_power_change():
@@ -142,46 +187,77 @@ def test_a_chop_to_which_the_aeroplane_responds_is_a_power_change():
     names, table = found(**{"engine1.throttle": chop, "V": slower, "h_baro": 10.0 * slower})
     assert names == [("power_change", "throttle")]
     assert table["end"][0] == pytest.approx(35.0, abs=0.3)
-    kinds = {name for name, _ in found(**{"engine1.throttle": np.where(T > 26.0, 0.0, chop), "V": slower, "h_baro": 10.0 * slower})[0]}
+    kinds = {
+        name
+        for name, _ in found(
+            **{
+                "engine1.throttle": np.where(T > 26.0, 0.0, chop),
+                "V": slower,
+                "h_baro": 10.0 * slower,
+            }
+        )[0]
+    }
     assert kinds == {"throttle_chop_and_slam"}  # power is constant for 6 s only
 
 
 def pulse_and_speed(period, size):
     """A pulse of the elevator at 4 s, and the speed after it."""
     x = smoothed(steps([(3.0 * DEGREE, 2)], 1.0, 4.0), 0.3)
-    return {"delta_e": x, "V": np.where(T > 6.0, size * np.sin(2.0 * np.pi * (T - 6.0) / period), 0.0)}
+    return {
+        "delta_e": x,
+        "V": np.where(T > 6.0, size * np.sin(2.0 * np.pi * (T - 6.0) / period), 0.0),
+    }
 
 
 def test_a_pulse_and_a_period_of_free_motion_are_a_phugoid():
     names, table = found(**pulse_and_speed(35.0, 4.0))  # 80 m/s: pi sqrt(2) V / g is 36 s
     assert names == [("phugoid", "elevator")]
     assert table["end"][0] == pytest.approx(60.0, abs=0.1)
-    assert found(**pulse_and_speed(35.0, 0.3))[0] == [("pulse", "elevator")]  # the speed does not oscillate
+    assert found(**pulse_and_speed(35.0, 0.3))[0] == [
+        ("pulse", "elevator")
+    ]  # the speed does not oscillate
     held = pulse_and_speed(35.0, 4.0)
-    held["delta_e"] = held["delta_e"] + np.interp(T, [15.0, 25.0], [0.0, 1.5 * DEGREE])  # slowly, as a pilot who holds the height
+    held["delta_e"] = held["delta_e"] + np.interp(
+        T, [15.0, 25.0], [0.0, 1.5 * DEGREE]
+    )  # slowly, as a pilot who holds the height
     assert ("phugoid", "elevator") not in found(**held)[0]
 
 
 def test_marks_of_pulses_are_named_by_the_motion_after_them():
     marks = pd.DataFrame(
-        [("block", "elevator", 3.5, 60.0, ""), ("recover", "", 60.0, 60.0, "")], columns=["manoeuvre", "control", "start", "end", "note"]
+        [("block", "elevator", 3.5, 60.0, ""), ("recover", "", 60.0, 60.0, "")],
+        columns=["manoeuvre", "control", "start", "end", "note"],
     )
-    assert named_by_response(record(**pulse_and_speed(35.0, 4.0)), marks)["manoeuvre"].tolist() == ["phugoid", "recover"]
-    assert named_by_response(record(**pulse_and_speed(35.0, 0.3)), marks)["manoeuvre"].tolist() == ["block", "recover"]
+    assert named_by_response(record(**pulse_and_speed(35.0, 4.0)), marks)["manoeuvre"].tolist() == [
+        "phugoid",
+        "recover",
+    ]
+    assert named_by_response(record(**pulse_and_speed(35.0, 0.3)), marks)["manoeuvre"].tolist() == [
+        "block",
+        "recover",
+    ]
 
 
 def test_controls_at_rest_in_a_bank_are_a_spiral():
     bank = np.interp(T, [15.0, 18.0, 60.0], [0.0, 0.4, 0.7])
     assert found(phi=bank)[0] == [("spiral", "aileron")]
-    assert found(phi=bank, delta_r=np.where((T > 30.0) & (T < 45.0), 1.5 * DEGREE, 0.0))[0] == []  # moved every 15 s
+    assert (
+        found(phi=bank, delta_r=np.where((T > 30.0) & (T < 45.0), 1.5 * DEGREE, 0.0))[0] == []
+    )  # moved every 15 s
 
 
 def test_changes_of_configuration():
-    flaps, gear = np.interp(T, [20.0, 25.0], [0.0, 20.0 * DEGREE]), np.interp(T, [40.0, 44.0], [1.0, 0.0])
+    flaps, gear = (
+        np.interp(T, [20.0, 25.0], [0.0, 20.0 * DEGREE]),
+        np.interp(T, [40.0, 44.0], [1.0, 0.0]),
+    )
     tree = record()
     leaf = tree["all"].to_dataset().assign(delta_f=("time", flaps), gear=("time", gear))
     table = find_manoeuvres(xr.DataTree.from_dict({"/": tree.to_dataset(), "/all": leaf}))
-    assert list(zip(table["manoeuvre"], table["control"])) == [("flaps_out", "flaps"), ("gear_in", "gear")]
+    assert list(zip(table["manoeuvre"], table["control"])) == [
+        ("flaps_out", "flaps"),
+        ("gear_in", "gear"),
+    ]
 
 
 def test_level_speed_changes_are_level():
@@ -212,13 +288,23 @@ def test_the_programme_of_the_t37():
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("flight_file", "map_file"),
-    [("20180312_1", "citation_2018"), ("20190305_2_partial", "citation_2019"), ("20200310_2", "citation_2020")],
+    [
+        ("20180312_1", "citation_2018"),
+        ("20190305_2_partial", "citation_2019"),
+        ("20200310_2", "citation_2020"),
+    ],
 )
 def test_phugoid_and_spiral_of_real_flights(flight_file, map_file):
     if not CITATION.is_dir():
         pytest.skip("the Citation II flights (../shared/data/flight/citation_phlab) are not here")
-    table = find_manoeuvres(flighttest.read(CITATION / f"flight_{flight_file}.csv.gz", MAP.with_name(f"{map_file}.toml")))
-    sheet = pd.read_csv(CITATION / f"manoeuvres_{flight_file.removesuffix('_partial')}.csv", index_col=0).iloc[:, 0]
+    table = find_manoeuvres(
+        flighttest.read(
+            CITATION / f"flight_{flight_file}.csv.gz", MAP.with_name(f"{map_file}.toml")
+        )
+    )
+    sheet = pd.read_csv(
+        CITATION / f"manoeuvres_{flight_file.removesuffix('_partial')}.csv", index_col=0
+    ).iloc[:, 0]
     for kind in ("phugoid", "spiral"):  # noted when the pilot begins to pull or to roll
         assert (abs(table["start"][table["manoeuvre"] == kind] - sheet[kind]) < 25.0).any(), kind
     assert (table["manoeuvre"] == "phugoid").sum() <= 2
@@ -245,7 +331,9 @@ def test_the_verb_writes_a_table_and_a_figure_and_reads_them_back(tmp_path):
     save_record(record(delta_r=x), tmp_path / "run.nc")
     done = call(tmp_path / "run.nc", "-o", tmp_path / "m.csv", "--figure", tmp_path / "m.svg")
     assert done.exit_code == 0, done.output
-    assert "run: 1 manoeuvres, found in the movements of the controls; to be confirmed" in done.output
+    assert (
+        "run: 1 manoeuvres, found in the movements of the controls; to be confirmed" in done.output
+    )
     assert "1 doublet" in (tmp_path / "m.svg").read_text()
     assert read_manoeuvres(tmp_path / "m.csv")["run"]["manoeuvre"].tolist() == ["doublet"]
     (tmp_path / "m.csv").write_text("record,kind,control,start,end\nrun,3211,rudder,1,2\n")

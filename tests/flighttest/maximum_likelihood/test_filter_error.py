@@ -1,4 +1,6 @@
-"""Linear models: output error in frequency, filter error, and the turbulence that an open-loop fit does not survive."""
+"""Linear models: output error in frequency, filter error, and the turbulence that an open-loop fit
+does not survive.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,12 @@ STARTS = {"A[alpha,alpha]": -1.0, "A[q,alpha]": -5.0, "A[q,q]": -1.5, "B[q,delta
 
 @pytest.fixture(scope="module")
 def model() -> flighttest.maximum_likelihood.LinearModel:
-    names = {"state": ["alpha", "q"], "state_": ["alpha", "q"], "input": ["delta_e"], "output": list(OUTPUTS)}
+    names = {
+        "state": ["alpha", "q"],
+        "state_": ["alpha", "q"],
+        "input": ["delta_e"],
+        "output": list(OUTPUTS),
+    }
     matrices = {
         "A": (("state", "state_"), A),
         "B": (("state", "input"), B),
@@ -42,10 +49,14 @@ def model() -> flighttest.maximum_likelihood.LinearModel:
 
 
 def flight(seed, gust=0.0, duration=20.0, step=0.04, noise=1.0, late=0):
-    """A record: elevator multistep linear between samples; `gust` disturbs both states as white noise; `late` samples of delay."""
+    """A record: elevator multistep linear between samples; `gust` disturbs both states as white
+    noise; `late` samples of delay.
+    """
     rng, fine = np.random.default_rng(seed), 10
     t = np.arange(0.0, duration + step / 2, step)
-    u = 0.03 * np.interp(t, [1, 1.2, 2.5, 2.7, 4.2, 4.4, 6, 6.2], [0, 1, 1, -1, -1, 1, 1, 0]) + 0.01 * np.sin(5.0 * t) * (t < 15)
+    u = 0.03 * np.interp(
+        t, [1, 1.2, 2.5, 2.7, 4.2, 4.4, 6, 6.2], [0, 1, 1, -1, -1, 1, 1, 0]
+    ) + 0.01 * np.sin(5.0 * t) * (t < 15)
     seen = np.interp(t - late * step, t, u)
     h = step / fine
     F = expm(A * h)
@@ -54,9 +65,16 @@ def flight(seed, gust=0.0, duration=20.0, step=0.04, noise=1.0, late=0):
     for k in range((len(t) - 1) * fine + 1):
         if k % fine == 0:
             states.append(x)
-        x = F @ x + G * np.interp((k + 0.5) * h, t, seen) + gust * np.sqrt(h) * np.array([0.02, 0.03]) * rng.standard_normal(2)
+        x = (
+            F @ x
+            + G * np.interp((k + 0.5) * h, t, seen)
+            + gust * np.sqrt(h) * np.array([0.02, 0.03]) * rng.standard_normal(2)
+        )
     y = np.array(states) @ C.T + noise * NOISE * rng.standard_normal((len(t), 3))
-    return xr.Dataset({"delta_e": ("time", u)} | {name: ("time", y[:, k]) for k, name in enumerate(OUTPUTS)}, {"time": t})
+    return xr.Dataset(
+        {"delta_e": ("time", u)} | {name: ("time", y[:, k]) for k, name in enumerate(OUTPUTS)},
+        {"time": t},
+    )
 
 
 def errors(fit, against="stderr"):
@@ -67,12 +85,18 @@ def errors(fit, against="stderr"):
 def test_frequency_and_time_agree_on_one_record(model):
     record = flight(1)
     time = flighttest.maximum_likelihood.filter_error(model, record, STARTS)
-    frequency = flighttest.maximum_likelihood.frequency_output_error(model, record, STARTS, band=(0.05, 4.0))
+    frequency = flighttest.maximum_likelihood.frequency_output_error(
+        model, record, STARTS, band=(0.05, 4.0)
+    )
     for fit in (time, frequency):
         assert fit.estimates.attrs["converged"] == 1
         assert np.abs(errors(fit)).max() < 3.0
-    assert np.allclose(errors(time), errors(frequency), atol=1.0)  # the band leaves out the noise above 4 Hz, and little else
-    ratio = frequency.estimates["stderr_white"].sel(parameter=list(TRUTH)) / time.estimates["stderr_white"].sel(parameter=list(TRUTH))
+    assert np.allclose(
+        errors(time), errors(frequency), atol=1.0
+    )  # the band leaves out the noise above 4 Hz, and little else
+    ratio = frequency.estimates["stderr_white"].sel(parameter=list(TRUTH)) / time.estimates[
+        "stderr_white"
+    ].sel(parameter=list(TRUTH))
     assert ((ratio > 0.8) & (ratio < 1.3)).all()
 
 
@@ -80,9 +104,13 @@ def test_constants_and_the_end_of_the_record_do_not_matter_in_frequency(model):
     """Cut in mid-motion, with instruments that are off: the same estimates as for the whole motion."""
     record = flight(2, noise=0.0).isel(time=slice(40, 400))
     record["alpha"], record["delta_e"] = record["alpha"] + 0.1, record["delta_e"] + 0.02
-    fit = flighttest.maximum_likelihood.frequency_output_error(model, record, STARTS, band=(0.1, 3.0))
+    fit = flighttest.maximum_likelihood.frequency_output_error(
+        model, record, STARTS, band=(0.1, 3.0)
+    )
     found = fit.estimates["estimate"].sel(parameter=list(TRUTH)).values
-    assert np.allclose(found, list(TRUTH.values()), rtol=2e-3)  # corners of the input between 25 samples per second
+    assert np.allclose(
+        found, list(TRUTH.values()), rtol=2e-3
+    )  # corners of the input between 25 samples per second
     assert list(fit.estimates["parameter"].values) == list(STARTS)
 
 
@@ -102,7 +130,8 @@ def test_open_loop_in_turbulence_is_warned_of_and_the_filter_is_better(model):
     for seed in range(8):
         record = flight(seed, gust=1.0)
         with pytest.warns(
-            AeromatchWarning, match=r"turbulence or a missing term: residuals of alpha .* q .*flighttest\.maximum_likelihood\.filter_error"
+            AeromatchWarning,
+            match=r"turbulence or a missing term: residuals of alpha .* q .*flighttest\.maximum_likelihood\.filter_error",
         ):
             open_loop = flighttest.maximum_likelihood.filter_error(model, record, STARTS)
         assert "turbulence" in open_loop.report()
@@ -110,19 +139,31 @@ def test_open_loop_in_turbulence_is_warned_of_and_the_filter_is_better(model):
         assert fit.warnings == ()
         loop.append(errors(open_loop, "stderr_white"))
         filtered.append(errors(fit))
-        stderr = (one.estimates["stderr"].sel(parameter=list(TRUTH)).values for one in (open_loop, fit))
+        stderr = (
+            one.estimates["stderr"].sel(parameter=list(TRUTH)).values for one in (open_loop, fit)
+        )
         wider.append(np.divide(*stderr))
     assert np.sqrt(np.mean(np.square(filtered))) < 1.4
-    assert np.sqrt(np.mean(np.square(loop))) > 2.0  # Cramer-Rao bounds of white residuals are not to be trusted
+    assert (
+        np.sqrt(np.mean(np.square(loop))) > 2.0
+    )  # Cramer-Rao bounds of white residuals are not to be trusted
     assert np.median(wider) > 1.0  # and what is true of the open loop is wider
 
 
 def test_the_filter_distinguishes_noise_from_gusts(model):
     fit = flighttest.maximum_likelihood.filter_error(
-        model, flight(5, gust=1.0, duration=40.0), {**STARTS, "process.alpha": 0.01, "process.q": 0.01}
+        model,
+        flight(5, gust=1.0, duration=40.0),
+        {**STARTS, "process.alpha": 0.01, "process.q": 0.01},
     )
     e = fit.estimates
-    truth = {"process.alpha": 0.02, "process.q": 0.03, "noise.alpha": 2e-3, "noise.q": 2e-3, "noise.nz": 0.02}
+    truth = {
+        "process.alpha": 0.02,
+        "process.q": 0.03,
+        "noise.alpha": 2e-3,
+        "noise.q": 2e-3,
+        "noise.nz": 0.02,
+    }
     for name, value in truth.items():
         row = e.sel(parameter=name)
         assert abs(row["estimate"] - value) < 3.5 * row["stderr"], name
@@ -143,7 +184,9 @@ def test_instruments_starts_and_drift_in_time(model):
 def test_several_records_have_their_own_offsets(model):
     records = [flight(seed, duration=12.0) for seed in (1, 2)]
     records[1]["alpha"] = records[1]["alpha"] + 0.05
-    fit = flighttest.maximum_likelihood.filter_error(model, records, STARTS | {"sensor.alpha": Unknown(0.0, own=True)})
+    fit = flighttest.maximum_likelihood.filter_error(
+        model, records, STARTS | {"sensor.alpha": Unknown(0.0, own=True)}
+    )
     assert abs(fit.of_manoeuvre(2)["sensor.alpha"] - 0.05) < 2e-3
     assert abs(fit.of_manoeuvre(1)["sensor.alpha"]) < 2e-3
     both = flighttest.maximum_likelihood.frequency_output_error(model, records, STARTS)
@@ -152,7 +195,9 @@ def test_several_records_have_their_own_offsets(model):
 
 def test_a_steady_filter_satisfies_its_equations():
     intensity, noise, step = np.array([0.02, 0.03]), NOISE, 0.02
-    found = steady_filter(Matrices(A, B, C, np.zeros((3, 1))), np.array([0.1, 0.2]), intensity, noise, step)
+    found = steady_filter(
+        Matrices(A, B, C, np.zeros((3, 1))), np.array([0.1, 0.2]), intensity, noise, step
+    )
     Q = quad_vec(lambda s: expm(A * s) @ np.diag(intensity**2) @ expm(A.T * s), 0.0, step)[0]
     R = np.diag(noise**2)
     P = np.zeros((2, 2))
@@ -169,7 +214,11 @@ def test_a_steady_filter_satisfies_its_equations():
 @pytest.mark.parametrize("states", [1, 2, 4])
 def test_the_banded_system_is_the_recursion(states):
     rng = np.random.default_rng(states)
-    M, drive, x = 0.5 * rng.standard_normal((states, states)), rng.standard_normal((3, 9, states)), rng.standard_normal((3, states))
+    M, drive, x = (
+        0.5 * rng.standard_normal((states, states)),
+        rng.standard_normal((3, 9, states)),
+        rng.standard_normal((3, states)),
+    )
     found = recursion(M, drive, x)
     for k in range(9):
         np.testing.assert_allclose(found[:, k], x, atol=1e-13)
@@ -178,10 +227,18 @@ def test_the_banded_system_is_the_recursion(states):
 
 
 def test_slopes_of_innovations_are_their_differences():
-    """Every matrix of the filter, its start and the zeros of the instruments move at once, each unknown its own way."""
+    """Every matrix of the filter, its start and the zeros of the instruments move at once, each
+    unknown its own way.
+    """
     rng = np.random.default_rng(3)
     u, z, width = rng.standard_normal((40, 1)), rng.standard_normal((40, 3)), np.array([2e-5, 4e-5])
-    made = steady_filter(Matrices(A, B, C, np.array([[0.1], [0.0], [0.3]])), np.array([0.1, 0.2]), np.array([0.02, 0.03]), NOISE, 0.04)
+    made = steady_filter(
+        Matrices(A, B, C, np.array([[0.1], [0.0], [0.3]])),
+        np.array([0.1, 0.2]),
+        np.array([0.02, 0.03]),
+        NOISE,
+        0.04,
+    )
     base = predictor(made, np.array([0.1, -0.2]), np.array([0.01, 0.0, 0.2]))
     up, down = [], []
     for size in width:
@@ -191,13 +248,26 @@ def test_slopes_of_innovations_are_their_differences():
     found = innovation_slopes(base, up, down, width, u, z)
     for k in range(2):
         expected = (innovations(up[k], u, z) - innovations(down[k], u, z)) / width[k]
-        np.testing.assert_allclose(found[k], expected, rtol=1e-6, atol=1e-6 * np.abs(expected).max())
+        np.testing.assert_allclose(
+            found[k], expected, rtol=1e-6, atol=1e-6 * np.abs(expected).max()
+        )
 
 
 def test_innovations_are_those_of_the_filter_step_by_step():
     rng = np.random.default_rng(4)
-    u, z, offset, x = rng.standard_normal((9, 1)), rng.standard_normal((9, 3)), np.array([0.1, 0.0, -0.2]), np.array([0.3, -0.1])
-    made = steady_filter(Matrices(A, B, C, np.array([[0.1], [0.0], [0.3]])), np.array([0.1, 0.2]), np.array([0.02, 0.03]), NOISE, 0.04)
+    u, z, offset, x = (
+        rng.standard_normal((9, 1)),
+        rng.standard_normal((9, 3)),
+        np.array([0.1, 0.0, -0.2]),
+        np.array([0.3, -0.1]),
+    )
+    made = steady_filter(
+        Matrices(A, B, C, np.array([[0.1], [0.0], [0.3]])),
+        np.array([0.1, 0.2]),
+        np.array([0.02, 0.03]),
+        NOISE,
+        0.04,
+    )
     found = innovations(predictor(made, x, offset), u, z)
     for k in range(9):
         e = z[k] - made.C @ x - made.D @ u[k] - offset
@@ -214,12 +284,21 @@ def test_ties_move_elements_together(model):
             "C": (("output", "state_"), C),
             "D": (("output", "input"), np.zeros((3, 1))),
         },
-        {"state": ["alpha", "q"], "state_": ["alpha", "q"], "input": ["delta_e"], "output": list(OUTPUTS)},
+        {
+            "state": ["alpha", "q"],
+            "state_": ["alpha", "q"],
+            "input": ["delta_e"],
+            "output": list(OUTPUTS),
+        },
     )
-    tied = flighttest.maximum_likelihood.linear_model(linear, {"A[alpha,alpha]": {"C[nz,alpha]": -6.0}})
+    tied = flighttest.maximum_likelihood.linear_model(
+        linear, {"A[alpha,alpha]": {"C[nz,alpha]": -6.0}}
+    )
     assert tied.at({"A[alpha,alpha]": -1.3}).C[2, 0] == pytest.approx(7.9)
     assert model.at({"A[alpha,alpha]": -1.3}).C[2, 0] == 7.3
-    with pytest.raises(UnknownName, match=r"unknown element 'A\[alpha,alfa\]'; near it: A\[alpha,alpha\]"):
+    with pytest.raises(
+        UnknownName, match=r"unknown element 'A\[alpha,alfa\]'; near it: A\[alpha,alpha\]"
+    ):
         flighttest.maximum_likelihood.linear_model(linear, {"A[alpha,alfa]": {}})
 
 
@@ -229,12 +308,18 @@ def test_bad_requests_are_refused_by_name(model):
         flighttest.maximum_likelihood.filter_error(model, record, {"A[q,alfa]": 1.0})
     with pytest.raises(UnknownName, match=r"unknown parameter 'process\.nz'"):
         flighttest.maximum_likelihood.filter_error(model, record, {"process.nz": 1.0})
-    with pytest.raises(SchemaError, match=r"process\.q starts at zero or below; give a positive start"):
+    with pytest.raises(
+        SchemaError, match=r"process\.q starts at zero or below; give a positive start"
+    ):
         flighttest.maximum_likelihood.filter_error(model, record, STARTS | {"process.q": 0.0})
     with pytest.raises(IdentificationError, match=r"no multiple of 1/5 s in 0\.1 \.\.\. 0\.15 Hz"):
-        flighttest.maximum_likelihood.frequency_output_error(model, record, STARTS, band=(0.1, 0.15))
+        flighttest.maximum_likelihood.frequency_output_error(
+            model, record, STARTS, band=(0.1, 0.15)
+        )
     with pytest.raises(IdentificationError, match="6 unknowns and fewer values of the spectra"):
-        flighttest.maximum_likelihood.frequency_output_error(model, record, STARTS, band=(0.1, 0.25))
+        flighttest.maximum_likelihood.frequency_output_error(
+            model, record, STARTS, band=(0.1, 0.25)
+        )
     record["q"][7] = np.nan
     with pytest.raises(SchemaError, match="q is not finite in 1 samples"):
         flighttest.maximum_likelihood.filter_error(model, record, STARTS)
@@ -246,9 +331,16 @@ def test_bad_requests_are_refused_by_name(model):
 def test_measurement_noise_on_a_slow_recorder_is_no_turbulence(model, step):
     """Six records of white noise; a block of 0.08 s holds one sample and no noise inside."""
     for seed in range(6):
-        assert flighttest.maximum_likelihood.filter_error(model, flight(seed, duration=40.0, step=step), STARTS).warnings == ()
+        assert (
+            flighttest.maximum_likelihood.filter_error(
+                model, flight(seed, duration=40.0, step=step), STARTS
+            ).warnings
+            == ()
+        )
 
 
 def test_gusts_show_on_a_recorder_of_ten_samples_a_second(model):
     with pytest.warns(AeromatchWarning, match="turbulence or a missing term"):
-        flighttest.maximum_likelihood.filter_error(model, flight(0, duration=40.0, step=0.1, gust=2.0), STARTS)
+        flighttest.maximum_likelihood.filter_error(
+            model, flight(0, duration=40.0, step=0.1, gust=2.0), STARTS
+        )

@@ -25,18 +25,26 @@ def test_of_what_was_flown(down):
 
 
 def test_one_side_stands_for_both():
-    found = differences(BASE, lost(UP, 0), lost(DOWN, 1), STEPS, np.array([False, True, True, False]))
+    found = differences(
+        BASE, lost(UP, 0), lost(DOWN, 1), STEPS, np.array([False, True, True, False])
+    )
     np.testing.assert_array_equal(found, SLOPES)
 
 
 def test_what_no_side_can_fly_has_no_slope():
-    found = differences(BASE, lost(UP, 1), lost(DOWN, 1), STEPS, np.array([True, False, True, False]))
+    found = differences(
+        BASE, lost(UP, 1), lost(DOWN, 1), STEPS, np.array([True, False, True, False])
+    )
     np.testing.assert_array_equal(found, SLOPES * np.array([1.0, 0.0])[:, None, None])
-    np.testing.assert_array_equal(differences(BASE, lost(UP, 1), None, STEPS, np.array([True, False])), found)
+    np.testing.assert_array_equal(
+        differences(BASE, lost(UP, 1), None, STEPS, np.array([True, False])), found
+    )
 
 
 class Flights:
-    """Outputs that are quadratic in two unknowns, over three samples; counts what it flies, and loses runs above a bound."""
+    """Outputs that are quadratic in two unknowns, over three samples; counts what it flies, and
+    loses runs above a bound.
+    """
 
     def __init__(self, bound: float = np.inf):
         self.batches: list[int] = []
@@ -52,7 +60,12 @@ class Flights:
 
 
 AT, SMALL = np.array([2.0, -1.0]), np.array([1e-3, 1e-3])
-EXACT = np.stack([np.column_stack([4.0 * np.arange(3.0), -np.ones(3)]), np.column_stack([np.zeros(3), 2.0 * np.ones(3)])])
+EXACT = np.stack(
+    [
+        np.column_stack([4.0 * np.arange(3.0), -np.ones(3)]),
+        np.column_stack([np.zeros(3), 2.0 * np.ones(3)]),
+    ]
+)
 
 
 @pytest.mark.parametrize(("central", "off"), [(False, 3e-3), (True, 1e-9)])
@@ -61,7 +74,9 @@ def test_slopes_that_are_expected_are_flown_with_the_response_and_are_the_same(c
     apart, ahead = Runs(one), Runs(together)
     ahead.expect(SMALL, central)
     np.testing.assert_array_equal(ahead.outputs(AT), apart.outputs(AT))
-    np.testing.assert_array_equal(ahead.slopes(AT, SMALL, central), apart.slopes(AT, SMALL, central))
+    np.testing.assert_array_equal(
+        ahead.slopes(AT, SMALL, central), apart.slopes(AT, SMALL, central)
+    )
     np.testing.assert_allclose(apart.slopes(AT, SMALL, central), EXACT, atol=off)
     count = 4 if central else 2
     assert (together.batches, one.batches) == ([1 + count], [1, count, count])

@@ -1,4 +1,6 @@
-"""Output error in time for linear models: against the filter error without gusts, over many records, and on what records hold."""
+"""Output error in time for linear models: against the filter error without gusts, over many
+records, and on what records hold.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,9 @@ from flighttest.maximum_likelihood.search import Unknown
 
 
 def test_it_is_the_filter_error_without_gusts(model):
-    """There the noise is searched for, here it is that of the residuals: one maximum, one set of standard errors."""
+    """There the noise is searched for, here it is that of the residuals: one maximum, one set of
+    standard errors.
+    """
     record = flight(1)
     found, other = (
         flighttest.maximum_likelihood.linear_output_error(model, record, STARTS),
@@ -37,21 +41,32 @@ def test_it_is_the_filter_error_without_gusts(model):
 def test_without_noise_the_truth_is_found(model):
     record = flight(2, noise=0.0)
     found = flighttest.maximum_likelihood.linear_output_error(model, record, STARTS).parameters
-    np.testing.assert_allclose(list(found.values()), list(TRUTH.values()), rtol=1e-4)  # the record integrates its input in ten steps
+    np.testing.assert_allclose(
+        list(found.values()), list(TRUTH.values()), rtol=1e-4
+    )  # the record integrates its input in ten steps
 
 
 @pytest.mark.slow
 def test_two_standard_errors_cover_the_truth(model):
     """25 records, four unknowns; 94.6 % within two standard errors over 200 records."""
     inside = [
-        np.abs(errors(flighttest.maximum_likelihood.linear_output_error(model, flight(seed, duration=12.0), STARTS))) < 2.0
+        np.abs(
+            errors(
+                flighttest.maximum_likelihood.linear_output_error(
+                    model, flight(seed, duration=12.0), STARTS
+                )
+            )
+        )
+        < 2.0
         for seed in range(25)
     ]
     assert np.mean(inside) > 0.88
 
 
 def test_starts_instruments_drift_and_gaps(model):
-    """A record cut in mid-motion, one zero off, a constant in a rate, half of the readings of one output absent."""
+    """A record cut in mid-motion, one zero off, a constant in a rate, half of the readings of one
+    output absent.
+    """
     record = flight(6).isel(time=slice(60, None))
     record["nz"] = record["nz"] + 1.0
     record["q"][::2] = np.nan
@@ -64,11 +79,16 @@ def test_starts_instruments_drift_and_gaps(model):
     whole = flighttest.maximum_likelihood.linear_output_error(
         model, flight(6).isel(time=slice(60, None)), STARTS | {"init.alpha": 0.0, "init.q": 0.0}
     )
-    assert float(fit.estimates["stderr_white"].sel(parameter="A[q,q]")) > float(whole.estimates["stderr_white"].sel(parameter="A[q,q]"))
+    assert float(fit.estimates["stderr_white"].sel(parameter="A[q,q]")) > float(
+        whole.estimates["stderr_white"].sel(parameter="A[q,q]")
+    )
 
 
 def test_several_records_with_a_noise_and_a_start_of_their_own(model):
-    records = [flight(1, duration=12.0), flight(2, duration=12.0, noise=3.0).isel(time=slice(50, None))]
+    records = [
+        flight(1, duration=12.0),
+        flight(2, duration=12.0, noise=3.0).isel(time=slice(50, None)),
+    ]
     unknowns = STARTS | {f"init.{name}": Unknown(0.0, own=True) for name in model.states}
     fit = flighttest.maximum_likelihood.linear_output_error(model, records, unknowns, noise="own")
     assert np.abs(errors(fit)).max() < 3.0
@@ -90,7 +110,10 @@ def test_a_prior_and_a_bound_hold(model):
 
 
 def test_turbulence_is_warned_of(model):
-    with pytest.warns(AeromatchWarning, match=r"turbulence or a missing term: .*flighttest\.maximum_likelihood\.filter_error") as caught:
+    with pytest.warns(
+        AeromatchWarning,
+        match=r"turbulence or a missing term: .*flighttest\.maximum_likelihood\.filter_error",
+    ) as caught:
         fit = flighttest.maximum_likelihood.linear_output_error(model, flight(3, gust=1.0), STARTS)
     assert "turbulence" in fit.report()
     assert caught[0].filename == __file__
@@ -99,11 +122,15 @@ def test_turbulence_is_warned_of(model):
 def test_bad_requests_are_refused_by_name(model):
     record = flight(1, duration=5.0)
     with pytest.raises(UnknownName, match=r"unknown parameter 'process\.q'"):
-        flighttest.maximum_likelihood.linear_output_error(model, record, STARTS | {"process.q": 0.01})
+        flighttest.maximum_likelihood.linear_output_error(
+            model, record, STARTS | {"process.q": 0.01}
+        )
     with pytest.raises(UnknownName, match="unknown signal 'nz'"):
         flighttest.maximum_likelihood.linear_output_error(model, record.drop_vars("nz"), STARTS)
     with pytest.raises(IdentificationError, match=r"no output responds to B\[q,delta_e\]"):
-        flighttest.maximum_likelihood.linear_output_error(model, record.assign(delta_e=0.0 * record["delta_e"]), {"B[q,delta_e]": -8.0})
+        flighttest.maximum_likelihood.linear_output_error(
+            model, record.assign(delta_e=0.0 * record["delta_e"]), {"B[q,delta_e]": -8.0}
+        )
     few = record.copy(deep=True)
     few["q"][8:] = np.nan
     with pytest.raises(IdentificationError, match="q has fewer than 9 readings"):
@@ -112,4 +139,6 @@ def test_bad_requests_are_refused_by_name(model):
     with pytest.raises(SchemaError, match="delta_e is not finite in 1 samples"):
         flighttest.maximum_likelihood.linear_output_error(model, record, STARTS)
     with pytest.raises(IdentificationError, match="cannot be flown"):
-        flighttest.maximum_likelihood.linear_output_error(model, flight(1, duration=20.0), STARTS | {"A[q,q]": 1e4})
+        flighttest.maximum_likelihood.linear_output_error(
+            model, flight(1, duration=20.0), STARTS | {"A[q,q]": 1e4}
+        )

@@ -10,7 +10,9 @@ STUDY = Path(__file__).parents[3] / "benchmarks" / "output_error.py"
 
 @pytest.mark.nightly
 @pytest.mark.slow
-@pytest.mark.parametrize("study", ["kernel, white noise", "frequency, calm air", "filter error, turbulence"])
+@pytest.mark.parametrize(
+    "study", ["kernel, white noise", "frequency, calm air", "filter error, turbulence"]
+)
 def test_two_standard_errors_cover_what_they_promise(study):
     coverage, _, bias = runpy.run_path(str(STUDY), run_name="__study__")["covered"](study)
     assert 0.92 < coverage < 0.98

@@ -1,4 +1,6 @@
-"""The warning of turbulence: for a disturbance that several outputs share and the estimates feel, not for the noise of instruments."""
+"""The warning of turbulence: for a disturbance that several outputs share and the estimates feel,
+not for the noise of instruments.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,12 @@ from test_filter_error import model as model  # the fixture
 
 from flightmech.errors import AeromatchWarning
 from flighttest.maximum_likelihood.linear_models import linear_output_error
-from flighttest.maximum_likelihood.residual_covariance import CHANCE, coupling, effect_on_motion, turbulence
+from flighttest.maximum_likelihood.residual_covariance import (
+    CHANCE,
+    coupling,
+    effect_on_motion,
+    turbulence,
+)
 
 
 def coloured(seed, time, size, duration=20.0):
@@ -26,7 +33,9 @@ def coloured(seed, time, size, duration=20.0):
     pole = np.exp(-0.04 / time)
     white = np.random.default_rng(seed).standard_normal((record.sizes["time"] + 500, 3))
     e = lfilter([np.sqrt(1.0 - pole**2)], [1.0, -pole], white, axis=0)[500:]
-    return record.assign({name: record[name] + size * NOISE[k] * e[:, k] for k, name in enumerate(OUTPUTS)})
+    return record.assign(
+        {name: record[name] + size * NOISE[k] * e[:, k] for k, name in enumerate(OUTPUTS)}
+    )
 
 
 def test_independent_innovations_are_not_coupled_and_a_delayed_copy_is():
@@ -43,10 +52,16 @@ def test_the_statistic_is_that_of_the_formula():
     """Haugh's sum over lags of -2 to 2, by hand."""
     x, y = np.random.default_rng(2).standard_normal((2, 20))
     total = sum(
-        20.0**2 * (x[max(0, k) : 20 + min(0, k)] @ y[max(0, -k) : 20 + min(0, -k)]) ** 2 / (x @ x) / (y @ y) / (20 - abs(k))
+        20.0**2
+        * (x[max(0, k) : 20 + min(0, k)] @ y[max(0, -k) : 20 + min(0, -k)]) ** 2
+        / (x @ x)
+        / (y @ y)
+        / (20 - abs(k))
         for k in range(-2, 3)
     )
-    assert coupling(np.column_stack([x, y]), 0.15)[0, 1] == pytest.approx(total / chi2.isf(CHANCE, 5))
+    assert coupling(np.column_stack([x, y]), 0.15)[0, 1] == pytest.approx(
+        total / chi2.isf(CHANCE, 5)
+    )
 
 
 def test_no_residual_and_few_blocks_are_no_coupling():
@@ -61,16 +76,24 @@ def test_the_effect_of_one_scale_is_its_relative_standard_error():
     rng = np.random.default_rng(4)
     slopes = [x - x.mean(axis=0) for x in rng.standard_normal((2, 50, 2))]
     measured = [3.0 * x for x in slopes]
-    found = SimpleNamespace(slopes=[x[:, :, None] for x in slopes], noise=np.array([[0.1, 4.0]] * 2), active=np.array([False]))
+    found = SimpleNamespace(
+        slopes=[x[:, :, None] for x in slopes],
+        noise=np.array([[0.1, 4.0]] * 2),
+        active=np.array([False]),
+    )
     columns = [np.array([0])] * 2
     assert effect_on_motion(found, columns, np.array([[0.09]]), measured) == pytest.approx(0.1)
     measured[0][7, 1], found.slopes[0][7, 1] = np.nan, 0.0
-    assert effect_on_motion(found, columns, np.array([[0.09]]), measured) == pytest.approx(0.1, rel=1e-3)
+    assert effect_on_motion(found, columns, np.array([[0.09]]), measured) == pytest.approx(
+        0.1, rel=1e-3
+    )
 
 
 @pytest.mark.parametrize(("time", "size"), [(0.3, 1.0), (1.0, 5.0), (3.0, 5.0), (1.0, 15.0)])
 def test_coloured_noise_of_instruments_is_no_turbulence(model, time, size):
-    """Up to 15 times the noise of the instruments, which shakes an estimate by 7 % of the motion: the standard errors hold it."""
+    """Up to 15 times the noise of the instruments, which shakes an estimate by 7 % of the motion:
+    the standard errors hold it.
+    """
     fit = linear_output_error(model, coloured(7, time, size), STARTS)
     assert fit.warnings == ()
     assert float(fit.noise["coupling"].max()) < 0.8
@@ -86,7 +109,9 @@ def test_gusts_that_the_estimates_hardly_feel_are_not_warned_of(model):
 
 def test_the_decision_does_not_move_with_the_last_bits(model):
     record = flight(3, gust=1.0)
-    nearly = record + 1e-12 * np.random.default_rng(0).standard_normal(record.sizes["time"]) * record
+    nearly = (
+        record + 1e-12 * np.random.default_rng(0).standard_normal(record.sizes["time"]) * record
+    )
     with pytest.warns(AeromatchWarning, match="moves the outputs through each estimate by"):
         one, other = (linear_output_error(model, each, STARTS).noise for each in (record, nearly))
     np.testing.assert_allclose(one["coupling"], other["coupling"], rtol=1e-6)

@@ -16,18 +16,38 @@ def record(seed, noise=1e-3, counterpart=0.01):
 
     def wave(size, low=1, high=12):
         k = np.arange(low, high)
-        return size * np.cos(2 * np.pi * np.outer(t, k) / 20 + rng.uniform(0, 2 * np.pi, len(k))).sum(axis=1) / np.sqrt(len(k))
+        return (
+            size
+            * np.cos(2 * np.pi * np.outer(t, k) / 20 + rng.uniform(0, 2 * np.pi, len(k))).sum(
+                axis=1
+            )
+            / np.sqrt(len(k))
+        )
 
     d = {"alpha": wave(0.03), "qhat": wave(0.001), "delta_e": wave(0.04), "delta_t": wave(0.02)}
     d["alphadothat"] = 0.8 * d["qhat"] + counterpart * wave(0.001)
-    d["Cm"] = 0.02 - 0.7 * d["alpha"] - 20 * d["qhat"] - 7 * d["alphadothat"] - 1.0 * d["delta_e"] + noise * rng.normal(size=len(t))
+    d["Cm"] = (
+        0.02
+        - 0.7 * d["alpha"]
+        - 20 * d["qhat"]
+        - 7 * d["alphadothat"]
+        - 1.0 * d["delta_e"]
+        + noise * rng.normal(size=len(t))
+    )
     return xr.Dataset({k: ("time", v) for k, v in d.items()}, coords={"time": t})
 
 
 def test_each_term_meets_its_fate_and_keeps_its_numbers():
     fits = [regress(MODEL, record(seed), f"record {seed}") for seed in range(6)]
-    fate = decide(fits, {"delta_t": (-0.005, 0.01), "alpha": (-0.8, 0.1)}, regress(MODEL, record(99)))
-    assert fate.loc["alpha", "decision"] == fate.loc["delta_e", "decision"] == fate.loc["1", "decision"] == "identified"
+    fate = decide(
+        fits, {"delta_t": (-0.005, 0.01), "alpha": (-0.8, 0.1)}, regress(MODEL, record(99))
+    )
+    assert (
+        fate.loc["alpha", "decision"]
+        == fate.loc["delta_e", "decision"]
+        == fate.loc["1", "decision"]
+        == "identified"
+    )
     assert fate.loc["delta_t", "decision"] == "a priori"
     assert set("ade") <= set(fate.loc["delta_t", "reasons"])
     assert fate.loc["delta_t", "contribution"] < 0.01

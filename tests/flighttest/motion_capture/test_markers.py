@@ -1,4 +1,6 @@
-"""Motion capture against a simulated body with analytic rates: pose, rates, specific force, errors, missing markers."""
+"""Motion capture against a simulated body with analytic rates: pose, rates, specific force, errors,
+missing markers.
+"""
 
 import sys
 from pathlib import Path
@@ -58,15 +60,24 @@ def test_rates_and_specific_force_have_their_errors(pose, setup):
     true = cameras.truth(found["time"].values)
     for name in LINEAR:
         scatter = float(np.sqrt(np.mean((found[name].values - true[name]) ** 2)))
-        assert scatter == pytest.approx(found[name].attrs["stderr"], rel=0.3), name  # 140 independent values of one realisation
+        assert scatter == pytest.approx(found[name].attrs["stderr"], rel=0.3), (
+            name
+        )  # 140 independent values of one realisation
 
 
 def test_without_noise_only_the_cut_off_is_left(setup):
     time = np.arange(800) / 500.0
     true = cameras.truth(time)
     markers = setup.body["fuselage"]
-    places = np.stack([true["position"] + true["turn"].apply(np.array(place)) for place in markers.values()], axis=1)
-    exact = xr.DataArray(places, {"time": time, "marker": list(markers), "axis": ["n", "e", "d"]}, ("time", "marker", "axis"))
+    places = np.stack(
+        [true["position"] + true["turn"].apply(np.array(place)) for place in markers.values()],
+        axis=1,
+    )
+    exact = xr.DataArray(
+        places,
+        {"time": time, "marker": list(markers), "axis": ["n", "e", "d"]},
+        ("time", "marker", "axis"),
+    )
     found = motion(poses(exact, markers, noise=1e-4), setup.cutoff)
     true = cameras.truth(found["time"].values)
     for name, least in (
@@ -96,18 +107,28 @@ def test_frames_with_two_markers_have_no_pose_and_mirrors_are_no_rotation(setup)
     places = np.array(list(markers.values()), float)
     frames = np.stack([places, places * [1.0, 1.0, -1.0], places])
     frames[2, 2:] = np.nan
-    P = xr.DataArray(frames, {"time": [0.0, 1.0, 2.0], "marker": list(markers), "axis": ["n", "e", "d"]}, ("time", "marker", "axis"))
+    P = xr.DataArray(
+        frames,
+        {"time": [0.0, 1.0, 2.0], "marker": list(markers), "axis": ["n", "e", "d"]},
+        ("time", "marker", "axis"),
+    )
     found = poses(P, markers, noise=1e-3)
     assert found["r"].values[0] == pytest.approx(np.zeros(3), abs=1e-12)
     assert found["q"].values[0] == pytest.approx([1.0, 0.0, 0.0, 0.0], abs=1e-12)
-    assert float(found["residual"][1]) > 0.01  # a mirror image fits badly instead of as a rotation with determinant -1
+    assert (
+        float(found["residual"][1]) > 0.01
+    )  # a mirror image fits badly instead of as a rotation with determinant -1
     assert np.isnan(found["r"].values[2]).all()
     assert found["seen"].values.tolist() == [5, 5, 2]
 
 
 def test_bad_input_is_refused(pose, setup, folder, tmp_path):
     line = {"a": (0.0, 0.0, 0.0), "b": (1.0, 0.0, 0.0), "c": (2.0, 0.0, 0.0)}
-    P = xr.DataArray(np.zeros((4, 3, 3)), {"time": np.arange(4.0), "marker": list(line)}, ("time", "marker", "axis"))
+    P = xr.DataArray(
+        np.zeros((4, 3, 3)),
+        {"time": np.arange(4.0), "marker": list(line)},
+        ("time", "marker", "axis"),
+    )
     with pytest.raises(IdentificationError, match="do not lie on a line"):
         poses(P, line)
     with pytest.raises(IdentificationError, match="half the frame rate"):
@@ -123,7 +144,14 @@ def test_bad_input_is_refused(pose, setup, folder, tmp_path):
 
 def test_the_verb_writes_a_flight_record(folder, tmp_path):
     target = tmp_path / "body.nc"
-    words = ["markers", str(folder / "cameras.csv"), "--setup", str(folder / "markers.toml"), "-o", str(target)]
+    words = [
+        "markers",
+        str(folder / "cameras.csv"),
+        "--setup",
+        str(folder / "markers.toml"),
+        "-o",
+        str(target),
+    ]
     done = CliRunner().invoke(flight, words)
     assert done.exit_code == 0, done.output
     record = flighttest.read(target)
@@ -131,11 +159,20 @@ def test_the_verb_writes_a_flight_record(folder, tmp_path):
     with xr.open_dataset(target, group="fuselage", engine="h5netcdf") as leaf:
         stated = {name: float(leaf[name].attrs["stderr"]) for name in ("phi", "q", "az")}
     assert stated["q"] > 0.0
-    assert {name: record["fuselage"][name].attrs["stderr"] for name in stated} == pytest.approx(stated)
+    assert {name: record["fuselage"][name].attrs["stderr"] for name in stated} == pytest.approx(
+        stated
+    )
     save_record(record, tmp_path / "again.nc")
-    assert flighttest.read(tmp_path / "again.nc")["fuselage"]["q"].attrs["stderr"] == pytest.approx(stated["q"])
+    assert flighttest.read(tmp_path / "again.nc")["fuselage"]["q"].attrs["stderr"] == pytest.approx(
+        stated["q"]
+    )
     names = tmp_path / "names.toml"
-    names.write_text('[fuselage]\nq = { column = "q", unit = "rad/s", scale = -2.0, offset = "3 rad/s" }\n', encoding="utf-8")
-    assert flighttest.read(target, names)["fuselage"]["q"].attrs["stderr"] == pytest.approx(2.0 * stated["q"])
+    names.write_text(
+        '[fuselage]\nq = { column = "q", unit = "rad/s", scale = -2.0, offset = "3 rad/s" }\n',
+        encoding="utf-8",
+    )
+    assert flighttest.read(target, names)["fuselage"]["q"].attrs["stderr"] == pytest.approx(
+        2.0 * stated["q"]
+    )
     shown = CliRunner().invoke(flight, ["show", str(target)])
     assert "fuselage/q" in shown.output

@@ -1,4 +1,6 @@
-"""The file of a multibody vehicle and its joints: faults by name, gears and four-bars against the closure of the loop."""
+"""The file of a multibody vehicle and its joints: faults by name, gears and four-bars against the
+closure of the loop.
+"""
 
 import copy
 
@@ -10,7 +12,13 @@ from flightmech.support.toml_models import validate
 from flighttest.special_tests.multibody.mechanics import joint_angles, posture
 from flighttest.special_tests.multibody.vehicle import Vehicle, read_vehicle
 
-WING = {"parent": "body", "at": [0.06, 0.03, -0.03], "axis": [1, 0, 0], "mass": "0.04 kg", "inertia": [1e-3, 1e-4, 1.1e-3]}
+WING = {
+    "parent": "body",
+    "at": [0.06, 0.03, -0.03],
+    "axis": [1, 0, 0],
+    "mass": "0.04 kg",
+    "inertia": [1e-3, 1e-4, 1.1e-3],
+}
 GOOD = {
     "body": {
         "body": {"mass": "0.3 kg", "inertia": [1e-3, 2e-3, 2e-3], "markers": {"a": [0.1, 0, 0], "b": [0, 0.1, 0], "c": [0, 0, 0.1]}},
@@ -53,15 +61,21 @@ def test_the_four_bar_meets_its_pin_and_derivatives_are_those_of_the_angles(bran
     found = vehicle(linkage__stroke__branch=branch)
     theta = np.linspace(0.0, 2.0 * np.pi, 50)[:, None]
     tree = posture(found, theta)
-    np.testing.assert_allclose(tree.point("rod", (0, 0.025, -0.057)), tree.point("right", (0, 0.025, 0)), atol=1e-15)
+    np.testing.assert_allclose(
+        tree.point("rod", (0, 0.025, -0.057)), tree.point("right", (0, 0.025, 0)), atol=1e-15
+    )
     h = 1e-5
     over, under, now = (joint_angles(found, theta + d) for d in (h, -h, 0.0))
     change = (over.angle - under.angle + np.pi) % (2.0 * np.pi) - np.pi
-    np.testing.assert_allclose(now.slope, change / (2.0 * h), atol=1e-9)  # rounding of the differences
+    np.testing.assert_allclose(
+        now.slope, change / (2.0 * h), atol=1e-9
+    )  # rounding of the differences
     np.testing.assert_allclose(now.bend, (over.slope - under.slope) / (2.0 * h), atol=1e-9)
     place = tree.point("rod", (0, 0.01, -0.02))
     moved = [posture(found, theta + d).point("rod", (0, 0.01, -0.02)) for d in (h, -h)]
-    np.testing.assert_allclose(tree.jacobian("rod", place)[..., 0], (moved[0] - moved[1]) / (2.0 * h), atol=1e-10)
+    np.testing.assert_allclose(
+        tree.jacobian("rod", place)[..., 0], (moved[0] - moved[1]) / (2.0 * h), atol=1e-10
+    )
 
 
 def test_a_gear_mirrors_the_wing():
@@ -74,11 +88,17 @@ def test_a_gear_mirrors_the_wing():
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"body__right__parent": "trunk"}, "body.right.parent: 'trunk' is unknown; allowed: body, crank"),
+        (
+            {"body__right__parent": "trunk"},
+            "body.right.parent: 'trunk' is unknown; allowed: body, crank",
+        ),
         ({"body__body__parent": "right"}, "bodies without a parent: none"),
         ({"body__right__parent": None}, "bodies without a parent: body, right; exactly one"),
         ({"body__crank__parent": "rod"}, "make a circle"),
-        ({"body__rod__axis": [0, 1, 0]}, "linkage.stroke: crank, coupler and rocker need the same axis"),
+        (
+            {"body__rod__axis": [0, 1, 0]},
+            "linkage.stroke: crank, coupler and rocker need the same axis",
+        ),
         ({"body__rod__parent": "body"}, "the coupler sits on the crank"),
         ({"linkage__stroke__branch": 2}, "1 and -1 are allowed"),
         ({"gear__right": {"follows": "left"}}, "right: moved by more than one"),
@@ -101,13 +121,19 @@ def test_faults_are_named(changes, message):
 
 
 def test_a_linkage_that_cannot_close_states_where():
-    with pytest.raises(SchemaError, match=r"(?s)linkage.stroke.*cannot close at a crank angle of \d+ deg"):
-        posture(vehicle(linkage__stroke__pin_on_coupler=[0, 0, -0.03]), np.linspace(0.0, 6.0, 50)[:, None])
+    with pytest.raises(
+        SchemaError, match=r"(?s)linkage.stroke.*cannot close at a crank angle of \d+ deg"
+    ):
+        posture(
+            vehicle(linkage__stroke__pin_on_coupler=[0, 0, -0.03]),
+            np.linspace(0.0, 6.0, 50)[:, None],
+        )
 
 
 def test_a_file_without_markers_is_refused(tmp_path):
     (tmp_path / "vehicle.toml").write_text(
-        '[body.a]\nmass = 1\n[reference]\nS = 1\n[cameras]\nflapping_frequency = "5 Hz"\n', encoding="utf-8"
+        '[body.a]\nmass = 1\n[reference]\nS = 1\n[cameras]\nflapping_frequency = "5 Hz"\n',
+        encoding="utf-8",
     )
     with pytest.raises(SchemaError, match=r"no body has markers"):
         read_vehicle(tmp_path / "vehicle.toml")

@@ -50,7 +50,10 @@ def written(tmp_path, text):
 def test_it_is_read_in_si(tmp_path):
     found = read_catalogue(written(tmp_path, CATALOGUE))
     assert found.limits["alpha"] == pytest.approx((np.radians(-3), np.radians(12)))
-    assert [(c.name, m.name) for c, m in found.flyable()] == [("cruise", "doublet"), ("cruise", "sideslips")]
+    assert [(c.name, m.name) for c, m in found.flyable()] == [
+        ("cruise", "doublet"),
+        ("cruise", "sideslips"),
+    ]
     doublet, sideslips = found.manoeuvre
     assert np.abs(doublet.design.signal()["delta_e"]).max() == pytest.approx(np.radians(2))
     assert (sideslips.amplitude, sideslips.duration) == pytest.approx((np.radians(5), 9.0))
@@ -60,8 +63,16 @@ def test_it_is_read_in_si(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "problem"),
     [
-        ('conditions = ["cruise"]', 'conditions = ["cruse"]', "manoeuvre 'sideslips': unknown condition 'cruse'"),
-        ('manoeuvres = ["doublet"]', 'manoeuvres = ["dublet"]', "fit 'pitch': unknown manoeuvre 'dublet'"),
+        (
+            'conditions = ["cruise"]',
+            'conditions = ["cruse"]',
+            "manoeuvre 'sideslips': unknown condition 'cruse'",
+        ),
+        (
+            'manoeuvres = ["doublet"]',
+            'manoeuvres = ["dublet"]',
+            "fit 'pitch': unknown manoeuvre 'dublet'",
+        ),
         ('duration = "9 s"', "", "a sideslip needs amplitude and duration"),
         ('step = "0.8 s"', "", "give step or omega"),
         ("ratio = 0.5", "ratio = 0.5\nstderr = 0.1", "give stderr or ratio, one of them"),

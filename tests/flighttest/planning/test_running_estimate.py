@@ -1,11 +1,17 @@
-"""Running estimates: against the regression in frequency at the end, and their standard errors against the scatter."""
+"""Running estimates: against the regression in frequency at the end, and their standard errors
+against the scatter.
+"""
 
 import numpy as np
 import pytest
 import xarray as xr
 
 from flightmech.errors import IdentificationError, UnknownName
-from flighttest.flight_programme.planning.recursive_fourier import RunningEstimate, may_end, running_estimate
+from flighttest.flight_programme.planning.recursive_fourier import (
+    RunningEstimate,
+    may_end,
+    running_estimate,
+)
 from flighttest.regression.equation_error.frequency_domain import regress_frequency
 from flighttest.regression.equation_error.model import Model
 
@@ -21,15 +27,23 @@ def flown(seed, duration=30.0, noise=0.004):
 
     def multisine(size):
         phase = rng.uniform(0.0, 2.0 * np.pi, len(lines))
-        return size * np.cos(2 * np.pi * np.outer(t, lines) + phase).sum(axis=1) / np.sqrt(len(lines))
+        return (
+            size * np.cos(2 * np.pi * np.outer(t, lines) + phase).sum(axis=1) / np.sqrt(len(lines))
+        )
 
-    d = {"alpha": 0.05 + 0.0005 * t + multisine(0.03), "qhat": multisine(0.002), "delta_e": -0.03 + multisine(0.03)}
+    d = {
+        "alpha": 0.05 + 0.0005 * t + multisine(0.03),
+        "qhat": multisine(0.002),
+        "delta_e": -0.03 + multisine(0.03),
+    }
     d["Cm"] = 0.04 + sum(TRUTH[name] * x for name, x in d.items()) + noise * rng.normal(size=len(t))
     return xr.Dataset({name: ("time", x) for name, x in d.items()}, {"time": t})
 
 
 def test_at_the_end_it_is_the_regression_in_frequency():
-    """The transforms are plain sums and the trend is solved for: at most 0.12 standard errors apart, measured."""
+    """The transforms are plain sums and the trend is solved for: at most 0.12 standard errors
+    apart, measured.
+    """
     data = flown(1)
     last = running_estimate(MODEL, data, BAND, spacing=1 / 30).isel(time=-1)
     whole = regress_frequency(MODEL, data, BAND).estimates.sel(term=last["term"].values)
@@ -47,7 +61,9 @@ def test_standard_errors_are_the_scatter(duration):
         running.add(data)
         estimate, stderr = running.estimate()
         z.append((estimate - np.array([TRUTH[name] for name in running.terms])) / stderr)
-    assert 0.75 < np.sqrt(np.mean(np.square(z))) < 1.3  # 120 numbers: 0.94 to 1.06 expected when exact
+    assert (
+        0.75 < np.sqrt(np.mean(np.square(z))) < 1.3
+    )  # 120 numbers: 0.94 to 1.06 expected when exact
 
 
 def test_the_end_is_where_the_errors_stay_below_their_bounds():
@@ -56,7 +72,9 @@ def test_the_end_is_where_the_errors_stay_below_their_bounds():
     end = may_end(running, {"qhat": bound})
     assert 2.0 < end < 20.0
     assert np.isnan(may_end(running, {"qhat": 1e-9}))
-    assert end == may_end(running.sel(time=slice(0, end)), {"qhat": bound})  # the future does not matter
+    assert end == may_end(
+        running.sel(time=slice(0, end)), {"qhat": bound}
+    )  # the future does not matter
 
 
 def test_parts_of_a_record_add_up_to_the_whole():

@@ -15,7 +15,17 @@ from flighttest.regression.equation_error.model import Model
 from flighttest.regression.equation_error.time_domain import regress
 
 DEG = np.pi / 180
-ROOT = dict(title="test", aircraft="test", S=16.0, cbar=1.6, b=10.0, x_ref=0.0, y_ref=0.0, z_ref=0.0, force_axes="stability")
+ROOT = dict(
+    title="test",
+    aircraft="test",
+    S=16.0,
+    cbar=1.6,
+    b=10.0,
+    x_ref=0.0,
+    y_ref=0.0,
+    z_ref=0.0,
+    force_axes="stability",
+)
 # manoeuvre: incidence, its amplitude, noise, time
 MANOEUVRES = {
     ("slow", "long"): (8.0, 2.0, 0.004, 60.0),
@@ -29,7 +39,9 @@ MANOEUVRES = {
 @pytest.fixture(scope="module")
 def prior():
     alpha = np.arange(-4, 17, 4.0) * DEG
-    basic = terms.make(0.2 + 5.0 * alpha, {"alpha": alpha}, stderr=np.full(len(alpha), 0.05), source="datcom")
+    basic = terms.make(
+        0.2 + 5.0 * alpha, {"alpha": alpha}, stderr=np.full(len(alpha), 0.05), source="datcom"
+    )
     return database({"CL/basic": basic}, **ROOT)
 
 
@@ -53,12 +65,17 @@ def predicted(wanted):
     conditions = [SimpleNamespace(name=name, setup=30.0) for name in ("slow", "fast")]
     catalogue = SimpleNamespace(title="test", held=(), condition=conditions, wanted=wanted, fit=())
     known = {item: fit(item, k) for k, item in enumerate(MANOEUVRES)}
-    candidates = {item: SimpleNamespace(item=item, time=row[3], fuel=0.01 * row[3]) for item, row in MANOEUVRES.items()}
+    candidates = {
+        item: SimpleNamespace(item=item, time=row[3], fuel=0.01 * row[3])
+        for item, row in MANOEUVRES.items()
+    }
     return Predicted(catalogue=catalogue, candidates=candidates, known=known, refused={})
 
 
 def want(ratio, low=0.0, high=8.0, term="CL/basic"):
-    return SimpleNamespace(term=term, within={"alpha": (low * DEG, high * DEG)}, stderr=None, ratio=ratio)
+    return SimpleNamespace(
+        term=term, within={"alpha": (low * DEG, high * DEG)}, stderr=None, ratio=ratio
+    )
 
 
 @pytest.mark.parametrize("ratio", [0.5, 0.3, 0.2, 0.1, 0.07])
@@ -66,7 +83,12 @@ def test_the_choice_is_the_shortest_of_all(prior, ratio):
     flights = predicted([want(ratio)])
     goal = Goal(flights, prior)
     chosen = choose(goal)
-    enough = [c for n in range(6) for c in combinations(MANOEUVRES, n) if goal.missing(c) <= max(goal.missing(list(MANOEUVRES)), 1e-5)]
+    enough = [
+        c
+        for n in range(6)
+        for c in combinations(MANOEUVRES, n)
+        if goal.missing(c) <= max(goal.missing(list(MANOEUVRES)), 1e-5)
+    ]
     assert goal.missing(chosen) <= 1e-5
     assert time_of(flights, chosen) == min(time_of(flights, c) for c in enough)
 

@@ -1,4 +1,6 @@
-"""Every fault planted into a recording of the T-37 must be named and nothing else; clean recordings give no error and no warning."""
+"""Every fault planted into a recording of the T-37 must be named and nothing else; clean recordings
+give no error and no warning.
+"""
 
 from pathlib import Path
 
@@ -59,7 +61,9 @@ def times(factor):
 
 
 RUNS = sorted((T37 / "flight").glob("*.nc"))
-JOLTS = {"t37_63": ["spike:ax_imu", "spike:az_imu"]}  # the nose wheel meets the runway at 10.46 s: one sample of -5 m/s2, a step in q
+JOLTS = {
+    "t37_63": ["spike:ax_imu", "spike:az_imu"]
+}  # the nose wheel meets the runway at 10.46 s: one sample of -5 m/s2, a step in q
 ALONE = [path for path in RUNS if path.name[4:6] in ("01", "11", "16", "17", "26", "32")]
 
 
@@ -74,24 +78,46 @@ SENSORS = {
 
 
 def group_of(path):
-    """Return the group of a recording, the tens of its number: cards of identification, validation, ground ..."""
+    """Return the group of a recording, the tens of its number: cards of identification, validation,
+    ground ...
+    """
     return [path.name[4]]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("path", sampled(RUNS, group_of, fast=4, order=1), ids=lambda path: path.name[:6])
+@pytest.mark.parametrize(
+    "path", sampled(RUNS, group_of, fast=4, order=1), ids=lambda path: path.name[:6]
+)
 def test_clean_recordings_have_no_fault(path, aircraft):
     quality = flighttest.assess(flighttest.read(path, T37 / "names.toml"), aircraft)
     assert named(quality) == JOLTS.get(path.name[:6], [])
     assert quality.verdict.startswith("sound") == (path.name[:6] not in JOLTS)
 
 
-@pytest.mark.parametrize("path", sampled(ALONE, group_of, fast=2, order=1), ids=lambda path: path.name[:6])
+@pytest.mark.parametrize(
+    "path", sampled(ALONE, group_of, fast=2, order=1), ids=lambda path: path.name[:6]
+)
 def test_clean_recordings_have_no_fault_without_specification(path):
     assert named(flighttest.assess(flighttest.read(path, T37 / "names.toml"))) == []
 
 
-SIGNS = ["p", "q", "r", "phi", "theta", "psi", "ax_imu", "ay_imu", "az_imu", "alpha_vane", "beta_vane", "vn", "ve", "vd", "h_baro"]
+SIGNS = [
+    "p",
+    "q",
+    "r",
+    "phi",
+    "theta",
+    "psi",
+    "ax_imu",
+    "ay_imu",
+    "az_imu",
+    "alpha_vane",
+    "beta_vane",
+    "vn",
+    "ve",
+    "vd",
+    "h_baro",
+]
 
 
 @pytest.mark.slow
@@ -103,7 +129,9 @@ def test_wrong_sign_of_a_motion(name, recordings, aircraft):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", sampled(["delta_e", "delta_a", "delta_r"], lambda name: ["surface"], fast=1))
+@pytest.mark.parametrize(
+    "name", sampled(["delta_e", "delta_a", "delta_r"], lambda name: ["surface"], fast=1)
+)
 def test_wrong_sign_of_a_surface(name, recordings, aircraft):
     quality = flighttest.assess(planted(recordings(CARD), **{name: minus}), aircraft)
     assert named(quality) == [f"sign:{name}"]
@@ -129,7 +157,9 @@ UNITS = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("case", sampled(UNITS, lambda case: [SENSORS[UNITS[case][0]], UNITS[case][2]], fast=1, order=1))
+@pytest.mark.parametrize(
+    "case", sampled(UNITS, lambda case: [SENSORS[UNITS[case][0]], UNITS[case][2]], fast=1, order=1)
+)
 def test_wrong_unit(case, recordings, aircraft):
     name, change, unit = UNITS[case]
     quality = flighttest.assess(planted(recordings(ROLL), **{name: change}), aircraft)
@@ -139,19 +169,29 @@ def test_wrong_unit(case, recordings, aircraft):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", sampled(["delta_e", "delta_a", "delta_r"], lambda name: ["surface"], fast=1))
+@pytest.mark.parametrize(
+    "name", sampled(["delta_e", "delta_a", "delta_r"], lambda name: ["surface"], fast=1)
+)
 def test_surface_in_degrees_taken_as_radians(name, recordings, aircraft):
-    assert named(flighttest.assess(planted(recordings(CARD), **{name: times(1.0 / DEGREE)}), aircraft)) == [f"unit:{name}"]
+    assert named(
+        flighttest.assess(planted(recordings(CARD), **{name: times(1.0 / DEGREE)}), aircraft)
+    ) == [f"unit:{name}"]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", sampled(["delta_e", "delta_a", "delta_r"], lambda name: ["surface"], fast=1))
+@pytest.mark.parametrize(
+    "name", sampled(["delta_e", "delta_a", "delta_r"], lambda name: ["surface"], fast=1)
+)
 def test_surface_in_radians_taken_as_degrees(name, recordings, aircraft):
-    assert named(flighttest.assess(planted(recordings(CARD), **{name: times(DEGREE)}), aircraft)) == [f"unit:{name}"]
+    assert named(
+        flighttest.assess(planted(recordings(CARD), **{name: times(DEGREE)}), aircraft)
+    ) == [f"unit:{name}"]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("change", [lambda t, x: -x - G0, lambda t, x: (-x - G0) / G0], ids=["in m/s2", "in g"])
+@pytest.mark.parametrize(
+    "change", [lambda t, x: -x - G0, lambda t, x: (-x - G0) / G0], ids=["in m/s2", "in g"]
+)
 def test_load_factor_minus_one_is_no_specific_force(change, recordings, aircraft):
     quality = flighttest.assess(planted(recordings(ROLL), az_imu=change), aircraft)
     assert named(quality) == ["definition:az_imu"]
@@ -171,7 +211,9 @@ SWAPS = [
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("pair", sampled(SWAPS, lambda pair: [SENSORS[pair[0]]], fast=1), ids="-".join)
+@pytest.mark.parametrize(
+    "pair", sampled(SWAPS, lambda pair: [SENSORS[pair[0]]], fast=1), ids="-".join
+)
 def test_axes_in_each_others_place(pair, recordings, aircraft):
     one, other = pair
     record = recordings(ROLL)
@@ -185,7 +227,9 @@ def test_axes_in_each_others_place(pair, recordings, aircraft):
 
 @pytest.mark.slow
 def test_two_mistakes_at_once(recordings, aircraft):
-    quality = flighttest.assess(planted(recordings(CARD), delta_r=minus, theta=times(1.0 / DEGREE)), aircraft)
+    quality = flighttest.assess(
+        planted(recordings(CARD), delta_r=minus, theta=times(1.0 / DEGREE)), aircraft
+    )
     assert named(quality) == ["sign:delta_r", "unit:theta"]
 
 
@@ -193,16 +237,30 @@ def later(delay, name):
     return lambda t, x: resample(t, x, t - delay, name)
 
 
-LATE = [("theta", 0.12, 0.005), ("psi", 0.10, 0.005), ("beta_vane", 0.35, 0.02), ("alpha_vane", 0.30, 0.02)]
+LATE = [
+    ("theta", 0.12, 0.005),
+    ("psi", 0.10, 0.005),
+    ("beta_vane", 0.35, 0.02),
+    ("alpha_vane", 0.30, 0.02),
+]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "delay", "tolerance"), [LATE[0], *(pytest.param(*late, marks=pytest.mark.slow) for late in LATE[1:])])
+@pytest.mark.parametrize(
+    ("name", "delay", "tolerance"),
+    [LATE[0], *(pytest.param(*late, marks=pytest.mark.slow) for late in LATE[1:])],
+)
 def test_channel_that_is_late(name, delay, tolerance, recordings, aircraft):
-    before = flighttest.assess(recordings("t37_06_clean_high_speed_20kft"), aircraft).delays.set_index("channel")["delay"][name]
-    quality = flighttest.assess(planted(recordings("t37_06_clean_high_speed_20kft"), **{name: later(delay, name)}), aircraft)
+    before = flighttest.assess(
+        recordings("t37_06_clean_high_speed_20kft"), aircraft
+    ).delays.set_index("channel")["delay"][name]
+    quality = flighttest.assess(
+        planted(recordings("t37_06_clean_high_speed_20kft"), **{name: later(delay, name)}), aircraft
+    )
     assert named(quality) == [f"lag:{name}"]
-    assert quality.delays.set_index("channel")["delay"][name] - before == pytest.approx(delay, abs=tolerance)
+    assert quality.delays.set_index("channel")["delay"][name] - before == pytest.approx(
+        delay, abs=tolerance
+    )
 
 
 def between(start, stop, change):
@@ -242,7 +300,9 @@ def test_faulty_samples(fault, recordings, aircraft):
 
 def test_counter_that_ran_over(recordings, aircraft):
     record = recordings("t37_17_takeoff_1")
-    assert named(flighttest.assess(planted(record, h_gps=lambda t, x: 64.0 + (x - 64.0) % 90.0), aircraft)) == ["wrap:h_gps"]
+    assert named(
+        flighttest.assess(planted(record, h_gps=lambda t, x: 64.0 + (x - 64.0) % 90.0), aircraft)
+    ) == ["wrap:h_gps"]
 
 
 def test_channel_that_changed_its_datum(recordings, aircraft):
@@ -253,7 +313,9 @@ def test_channel_that_changed_its_datum(recordings, aircraft):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", sampled(["beta_vane", "ay_imu"], lambda name: [name], fast=1))
 def test_dead_sensor(name, recordings, aircraft):
-    quality = flighttest.assess(planted(recordings(CARD), **{name: lambda t, x: np.full_like(x, 0.01)}), aircraft)
+    quality = flighttest.assess(
+        planted(recordings(CARD), **{name: lambda t, x: np.full_like(x, 0.01)}), aircraft
+    )
     assert f"stuck:{name}" in named(quality)
     assert not quality.usable
 
@@ -266,7 +328,10 @@ def test_gap_of_the_clock(recordings, aircraft):
     quality = flighttest.assess(record, aircraft)
     assert named(quality) == ["gap:imu"]
     (gap,) = (f for f in quality.findings if f.kind == "gap")
-    assert (gap.start, gap.stop) == (pytest.approx(99.98, abs=0.05), pytest.approx(101.32, abs=0.05))
+    assert (gap.start, gap.stop) == (
+        pytest.approx(99.98, abs=0.05),
+        pytest.approx(101.32, abs=0.05),
+    )
 
 
 def test_nothing_is_excited(recordings, aircraft):
@@ -274,7 +339,9 @@ def test_nothing_is_excited(recordings, aircraft):
     quiet = record.filter(lambda node: True)
     for leaf in list(quiet.children):
         data = quiet[leaf].to_dataset()
-        quiet[leaf] = quiet[leaf].__class__(data.isel(time=data["time"].values < 8.5))  # the trim before the first manoeuvre
+        quiet[leaf] = quiet[leaf].__class__(
+            data.isel(time=data["time"].values < 8.5)
+        )  # the trim before the first manoeuvre
     quiet.attrs["manoeuvres"] = "[]"
     quality = flighttest.assess(quiet, aircraft)
     assert named(quality) == ["excitation:delta_e"]
@@ -284,14 +351,18 @@ def test_nothing_is_excited(recordings, aircraft):
 @pytest.mark.slow
 def test_manoeuvre_that_was_not_flown(recordings, aircraft):
     record = recordings(CARD)
-    record.attrs["manoeuvres"] = '[{"manoeuvre": "doublet", "control": "elevator", "start": 92.0, "end": 95.0}]'
+    record.attrs["manoeuvres"] = (
+        '[{"manoeuvre": "doublet", "control": "elevator", "start": 92.0, "end": 95.0}]'
+    )
     assert named(flighttest.assess(record, aircraft)) == ["excitation:delta_e"]
 
 
 def test_inputs_that_move_together(recordings, aircraft):
     record = recordings("t37_10_multisine_clean_5kft")
     data = record[leaf_of(record, "delta_r")]
-    data["delta_r"].values[:] = 0.7 * data["delta_a"].values + np.random.default_rng(0).normal(0.0, 1e-3, data.sizes["time"])
+    data["delta_r"].values[:] = 0.7 * data["delta_a"].values + np.random.default_rng(0).normal(
+        0.0, 1e-3, data.sizes["time"]
+    )
     quality = flighttest.assess(record, aircraft)
     assert "collinear:delta_a" in named(quality)
     assert "correlation +0.999" in next(f.text for f in quality.findings if f.kind == "collinear")
@@ -301,22 +372,29 @@ def test_inputs_that_move_together(recordings, aircraft):
 def test_late_air_data_without_and_with_specification(recordings, aircraft):
     quality = flighttest.assess(recordings("t37_02_clean_cruise_5kft"), aircraft)
     vn = quality.delays.set_index("channel").loc["vn"]
-    assert vn["delay"] == pytest.approx(0.15, abs=3.0 * vn["stderr"] + 0.01)  # within the 0.17 (0.06) s of the aircraft file
+    assert vn["delay"] == pytest.approx(
+        0.15, abs=3.0 * vn["stderr"] + 0.01
+    )  # within the 0.17 (0.06) s of the aircraft file
 
 
 def test_attitude_of_the_simulator_is_half_a_frame_early(recordings, aircraft):
     delays = flighttest.assess(recordings(CARD), aircraft).delays.set_index("channel")
     # docs/flight-records.md: attitude and rates of that simulator are half a frame, 1.25 ms, apart
     for name in ("phi", "theta", "psi"):
-        assert delays.loc[name, "delay"] == pytest.approx(0.00125, abs=3.0 * delays.loc[name, "stderr"])
+        assert delays.loc[name, "delay"] == pytest.approx(
+            0.00125, abs=3.0 * delays.loc[name, "stderr"]
+        )
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "lead"), [("delta_e", 0.12), ("delta_a", 0.10), ("delta_r", 0.15)])
+@pytest.mark.parametrize(
+    ("name", "lead"), [("delta_e", 0.12), ("delta_a", 0.10), ("delta_r", 0.15)]
+)
 def test_command_recorded_instead_of_a_surface(name, lead, recordings, aircraft):
     quality = flighttest.assess(planted(recordings(CARD), **{name: later(-lead, name)}), aircraft)
     assert named(quality) == [f"lag:{name}"]
-    # 20 ms: the alpha vane of this aeroplane is 35 ms late, which the pitch equation takes for an early elevator
+    # 20 ms: the alpha vane of this aeroplane is 35 ms late, which the pitch equation takes for an
+    # early elevator
     assert quality.answers.set_index("surface")["lead"][name] == pytest.approx(lead, abs=0.02)
 
 
@@ -339,7 +417,9 @@ LEADS = [("c182", "cruise"), ("c182", "fast"), ("c182", "check_short_period"), (
 @pytest.mark.slow
 @pytest.mark.parametrize(("source", "name"), LEADS)
 def test_elevator_on_time_and_two_tenths_early(source, name, recordings, aircraft):
-    """About its movements a surface shows when it acts; in the rest of a record vane errors of a roll looked like a delay of 0.24 s."""
+    """About its movements a surface shows when it acts; in the rest of a record vane errors of a
+    roll looked like a delay of 0.24 s.
+    """
     if source == "citation" and not CITATION.is_dir():
         pytest.skip("the Citation II flights (../shared/data/flight/citation_phlab) are not here")
     if source == "c182":
@@ -364,9 +444,16 @@ def test_elevator_on_time_and_two_tenths_early(source, name, recordings, aircraf
 
 def test_compass_that_wanders_in_straight_flight_has_no_wrong_unit():
     record = flighttest.read(T37 / "flight" / "t37_27_val_dutch_roll.nc", T37 / "names.toml")
-    leaves = {f"/{leaf}": node.to_dataset().sel(time=slice(0.0, 6.0)) for leaf, node in record.children.items()}
+    leaves = {
+        f"/{leaf}": node.to_dataset().sel(time=slice(0.0, 6.0))
+        for leaf, node in record.children.items()
+    }
     level = xr.DataTree.from_dict({"/": xr.Dataset(attrs=record.attrs), **leaves})
-    wandering = planted(level, psi=lambda t, x: x + 5.0 * DEGREE * np.sin(2.0 * np.pi * t / 4.0 + 0.3))
+    wandering = planted(
+        level, psi=lambda t, x: x + 5.0 * DEGREE * np.sin(2.0 * np.pi * t / 4.0 + 0.3)
+    )
     found = flighttest.assess(wandering)
     assert not [finding for finding in found.findings if finding.severity == "error"]
-    assert any(finding.kind == "inconsistent" and "psi" in finding.channels for finding in found.findings)
+    assert any(
+        finding.kind == "inconsistent" and "psi" in finding.channels for finding in found.findings
+    )

@@ -52,7 +52,9 @@ def wrong_names(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def quality(wrong_names):
-    return flighttest.assess(flighttest.read(RECORD, wrong_names), flightmech.read_aircraft(T37 / "aircraft.toml"))
+    return flighttest.assess(
+        flighttest.read(RECORD, wrong_names), flightmech.read_aircraft(T37 / "aircraft.toml")
+    )
 
 
 def call(*arguments):
@@ -70,7 +72,13 @@ def test_finding_states_what_to_write_into_the_name_map(quality):
 def test_report_reads_in_order(quality):
     text = quality.report()
     assert text.splitlines()[1] == "not fit for identification as read: 1 error, 0 warnings, 1 note"
-    assert text.index("error") < text.index("note") < text.index("kinematic consistency") < text.index("delays") < text.index("answers")
+    assert (
+        text.index("error")
+        < text.index("note")
+        < text.index("kinematic consistency")
+        < text.index("delays")
+        < text.index("answers")
+    )
 
 
 def test_page_is_whole_and_needs_nothing_else(quality, tmp_path):
@@ -135,5 +143,7 @@ def test_chart_keeps_every_peak():
     (data,) = re.findall(r'<path class="one" d="([^"]+)"', svg)
     numbers = [float(x) for x in re.findall(r"-?\d*\.?\d+", data.replace("l", " "))]
     heights = np.cumsum(numbers[1::2])
-    assert heights.min() == pytest.approx(22.0 + 126.0 * 0.05 / 1.1, abs=0.06)  # below the head by the margin of a twentieth; tenths
+    assert heights.min() == pytest.approx(
+        22.0 + 126.0 * 0.05 / 1.1, abs=0.06
+    )  # below the head by the margin of a twentieth; tenths
     assert len(heights) < 10

@@ -1,4 +1,6 @@
-"""The remedy of a mistake is a line of the name map: pasted in the place of the old one, it makes the record right."""
+"""The remedy of a mistake is a line of the name map: pasted in the place of the old one, it makes
+the record right.
+"""
 
 import tomllib
 from pathlib import Path
@@ -14,7 +16,11 @@ from flighttest.records.readers.name_map import Channel, corrected, line_of, uni
 from flighttest.records.sensors.instruments import IMU as GYROS
 from flighttest.records.sensors.instruments import instruments_of
 
-IMU = {"position": [0.0, 0.0, 0.0], "noise": dict.fromkeys(GYROS, 1e-3), "bias_sigma": dict.fromkeys(GYROS, 1e-3)}
+IMU = {
+    "position": [0.0, 0.0, 0.0],
+    "noise": dict.fromkeys(GYROS, 1e-3),
+    "bias_sigma": dict.fromkeys(GYROS, 1e-3),
+}
 HEAD = "time,aN [g],nose,oat,l,r,psi\n"
 MAP = """
 [imu]
@@ -32,8 +38,21 @@ delta_a_right = { column = "r", scale = "20 deg" }
 @pytest.fixture
 def recording(tmp_path):
     time = np.arange(0.0, 4.0, 0.02)
-    rows = np.stack([time, 0.05 * np.sin(time), 3.0 + np.cos(time), 12.0 + time, np.sin(time), 0.1 * np.cos(time), time], axis=1)
-    (tmp_path / "flight.csv").write_text(HEAD + "\n".join(",".join(f"{x:.9g}" for x in row) for row in rows) + "\n")
+    rows = np.stack(
+        [
+            time,
+            0.05 * np.sin(time),
+            3.0 + np.cos(time),
+            12.0 + time,
+            np.sin(time),
+            0.1 * np.cos(time),
+            time,
+        ],
+        axis=1,
+    )
+    (tmp_path / "flight.csv").write_text(
+        HEAD + "\n".join(",".join(f"{x:.9g}" for x in row) for row in rows) + "\n"
+    )
     (tmp_path / "names.toml").write_text(MAP)
     return tmp_path / "flight.csv", tmp_path / "names.toml"
 
@@ -47,7 +66,11 @@ def pasted(file: Path, remedy: str) -> None:
 
 def channel(recording, name):
     record = flighttest.read(*recording)
-    return next(node.to_dataset()[name].values for node in record.children.values() if name in node.data_vars)
+    return next(
+        node.to_dataset()[name].values
+        for node in record.children.values()
+        if name in node.data_vars
+    )
 
 
 @pytest.mark.parametrize(
@@ -66,12 +89,17 @@ def channel(recording, name):
 def test_pasted_line_makes_the_channel_right(recording, name, slope, shift):
     before = channel(recording, name)
     pasted(recording[1], map_entry(flighttest.read(*recording), name, slope, shift))
-    np.testing.assert_allclose(channel(recording, name), slope * before + shift, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(
+        channel(recording, name), slope * before + shift, rtol=1e-9, atol=1e-9
+    )
 
 
 def test_pasted_line_keeps_what_stands_there(recording):
     remedy = map_entry(flighttest.read(*recording), "az_imu", 1.0, -9.80665)
-    assert remedy == 'az_imu = { column = "aN", unit = "g", sign = -1, offset = "-1 g" }   # in [imu] of the name map'
+    assert (
+        remedy
+        == 'az_imu = { column = "aN", unit = "g", sign = -1, offset = "-1 g" }   # in [imu] of the name map'
+    )
 
 
 def test_exchanged_channels_are_two_lines(recording):
@@ -81,15 +109,36 @@ def test_exchanged_channels_are_two_lines(recording):
     np.testing.assert_allclose(channel(recording, "psi"), before["theta"])
 
 
-@pytest.mark.parametrize("name", ["p", "theta", "V", "h_baro", "az_imu", "p_static", "temperature", "engine1.n1", "engine1.thrust"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "p",
+        "theta",
+        "V",
+        "h_baro",
+        "az_imu",
+        "p_static",
+        "temperature",
+        "engine1.n1",
+        "engine1.thrust",
+    ],
+)
 def test_every_pair_of_units_is_corrected_by_a_unit(name):
     """A channel that was taken for one unit and stands in another: the corrected line states it."""
     x = np.array([0.3, 1.7, -2.0])
     for wrong in units_of(name):
         for right in units_of(name):
-            taken, true = (Channel(column="c", unit=unit).convert(x, None, name) for unit in (wrong, right))
+            taken, true = (
+                Channel(column="c", unit=unit).convert(x, None, name) for unit in (wrong, right)
+            )
             slope, shift = np.polyfit(taken, true, 1)
-            found = corrected(Channel(column="c", unit=wrong), name, None, float(slope), float(shift) if abs(shift) > 1e-6 else 0.0)
+            found = corrected(
+                Channel(column="c", unit=wrong),
+                name,
+                None,
+                float(slope),
+                float(shift) if abs(shift) > 1e-6 else 0.0,
+            )
             np.testing.assert_allclose(found.convert(x, None, name), true, rtol=1e-6, atol=1e-6)
             assert tomllib.loads(line_of(name, found))
 
@@ -111,15 +160,21 @@ def test_lag_and_delay_are_lines_too(recording):
     pasted(recording[1], later(record, "delta_a_right", lag=-0.1))
     after = channel(recording, "delta_a_right")
     time = record["controls"]["time"].values
-    true = np.radians(20.0) * 0.1 * (np.cos(time) + 0.1 * np.sin(time)) / 1.01  # of 0.1 cos t behind a lag of 0.1 s, once it has settled
-    np.testing.assert_allclose(after[50:], true[50:], atol=2e-6)  # lines between samples: a twelfth of step^2 times curvature
+    true = (
+        np.radians(20.0) * 0.1 * (np.cos(time) + 0.1 * np.sin(time)) / 1.01
+    )  # of 0.1 cos t behind a lag of 0.1 s, once it has settled
+    np.testing.assert_allclose(
+        after[50:], true[50:], atol=2e-6
+    )  # lines between samples: a twelfth of step^2 times curvature
     assert np.abs(after - before).max() > 1e-3
     assert later(record, "delta_a", lag=-0.1) == ""
 
 
 def test_instruments_of_the_name_map_go_before_those_of_the_aircraft(recording):
     aircraft = SimpleNamespace(name="a", instruments={"imu": IMU, "air": {"noise": {"q_c": 5.0}}})
-    recording[1].write_text(MAP + '[instruments.air]\nnoise = { V = "1 kt" }\nfactor = { V = [1.0, 0.02] }\n')
+    recording[1].write_text(
+        MAP + '[instruments.air]\nnoise = { V = "1 kt" }\nfactor = { V = [1.0, 0.02] }\n'
+    )
     record = flighttest.read(*recording)
     found = instruments_of(aircraft, record.attrs)
     assert found.name_of("q_c") is None
@@ -135,13 +190,37 @@ def motion(folder, more=""):
     """Steady level flight with a little motion and no temperature; canonical names."""
     time = np.arange(0.0, 60.0, 0.02)
     rng = np.random.default_rng(3)
-    columns = {"p": 0.0, "q": 0.0, "r": 0.0, "phi": 0.0, "theta": 0.05, "ax_imu": 0.49, "ay_imu": 0.0, "az_imu": -9.79, "V_cas": 80.0}
+    columns = {
+        "p": 0.0,
+        "q": 0.0,
+        "r": 0.0,
+        "phi": 0.0,
+        "theta": 0.05,
+        "ax_imu": 0.49,
+        "ay_imu": 0.0,
+        "az_imu": -9.79,
+        "V_cas": 80.0,
+    }
     units = ["rad/s"] * 3 + ["rad"] * 2 + ["m/s2"] * 3 + ["m/s"]
     noise = {"rad/s": 1e-3, "rad": 1e-3, "m/s2": 0.02, "m/s": 0.1}
-    values = [time, *(x + noise[unit] * rng.standard_normal(len(time)) for x, unit in zip(columns.values(), units, strict=True))]
-    head = ",".join(["time", *(f"{name} [{unit}]" for name, unit in zip(columns, units, strict=True)), "h_baro [m]"])
+    values = [
+        time,
+        *(
+            x + noise[unit] * rng.standard_normal(len(time))
+            for x, unit in zip(columns.values(), units, strict=True)
+        ),
+    ]
+    head = ",".join(
+        [
+            "time",
+            *(f"{name} [{unit}]" for name, unit in zip(columns, units, strict=True)),
+            "h_baro [m]",
+        ]
+    )
     rows = np.stack([*values, 1000.0 + 0.3 * rng.standard_normal(len(time))], axis=1)
-    (folder / "level.csv").write_text(head + "\n" + "\n".join(",".join(f"{x:.6g}" for x in row) for row in rows) + "\n")
+    (folder / "level.csv").write_text(
+        head + "\n" + "\n".join(",".join(f"{x:.6g}" for x in row) for row in rows) + "\n"
+    )
     names = "\n".join(f'{name} = "{name}"' for name in [*columns, "h_baro"])
     (folder / "level.toml").write_text(f"[record]\n{more}\n[imu]\n{names}\n")
     return flighttest.read(folder / "level.csv", folder / "level.toml")
@@ -160,7 +239,9 @@ def test_stamps_are_named_with_their_table(recording, tmp_path):
     original = flighttest.read(*recording)
     flighttest.records.save_record(original, tmp_path / "el.nc")
     for column in ("imu/time", "time"):
-        (tmp_path / "el.toml").write_text(f'[time]\ncolumn = "{column}"\n[imu]\ntheta = "theta"\n[air]\ntemperature = "temperature"\n')
+        (tmp_path / "el.toml").write_text(
+            f'[time]\ncolumn = "{column}"\n[imu]\ntheta = "theta"\n[air]\ntemperature = "temperature"\n'
+        )
         record = flighttest.read(tmp_path / "el.nc", tmp_path / "el.toml")
         for leaf in ("imu", "air"):
             np.testing.assert_allclose(record[leaf]["time"].values, original[leaf]["time"].values)

@@ -9,7 +9,14 @@ from recorders import chapter10
 
 import flighttest
 from flightmech.errors import UnknownName
-from flighttest.records.readers.bus_words import Arinc429, Label, Words, label_tables, label_values, odd_parity
+from flighttest.records.readers.bus_words import (
+    Arinc429,
+    Label,
+    Words,
+    label_tables,
+    label_values,
+    odd_parity,
+)
 
 
 def words(*values):
@@ -17,7 +24,8 @@ def words(*values):
 
 
 def test_word_put_together_by_hand():
-    # label 203 octal, 25 000 ft of 131 072 ft in 17 bits: count 25 000, positive, SSM 11, data bits 28 ... 12
+    # label 203 octal, 25 000 ft of 131 072 ft in 17 bits: count 25 000, positive, SSM 11, data bits
+    # 28 ... 12
     word = 0o203 | 25_000 << 11 | 0b11 << 29
     word |= (1 - bin(word).count("1") % 2) << 31
     assert odd_parity(words(word)).all()
@@ -36,23 +44,31 @@ def test_bnr_there_and_back_within_half_a_count(bits, scale, share):
 @pytest.mark.parametrize(("digits", "value"), [(5, 79_999), (4, 1013), (3, -125), (1, 7)])
 def test_bcd_there_and_back(digits, value):
     label = Label(label="235", code="bcd", digits=digits, resolution=0.1)
-    assert label_values(words(chapter10.bcd(0o235, digits, value)), label)[0] == pytest.approx(0.1 * value)
+    assert label_values(words(chapter10.bcd(0o235, digits, value)), label)[0] == pytest.approx(
+        0.1 * value
+    )
 
 
 def test_bcd_digit_above_nine_is_no_value():
     word = 0o235 | 0xB << 22
-    assert np.isnan(label_values(words(word), Label(label="235", code="bcd", digits=2, resolution=1.0))).all()
+    assert np.isnan(
+        label_values(words(word), Label(label="235", code="bcd", digits=2, resolution=1.0))
+    ).all()
 
 
 @pytest.mark.parametrize("ssm", [0, 1, 2])
 def test_bnr_that_is_not_in_normal_operation_is_no_value(ssm):
     word = chapter10.bnr(0o210, 15, 2048.0, 250.0, ssm=ssm)
-    assert np.isnan(label_values(words(word), Label(label="210", code="bnr", bits=15, range=2048.0))).all()
+    assert np.isnan(
+        label_values(words(word), Label(label="210", code="bnr", bits=15, range=2048.0))
+    ).all()
 
 
 def test_discrete_bit():
     label = Label(label="350", code="discrete", bit=11)
-    assert label_values(words(chapter10.discrete(0o350, 11, True), chapter10.discrete(0o350, 12, True)), label).tolist() == [1.0, 0.0]
+    assert label_values(
+        words(chapter10.discrete(0o350, 11, True), chapter10.discrete(0o350, 12, True)), label
+    ).tolist() == [1.0, 0.0]
 
 
 def spec(labels="octal", **parameters):
@@ -78,18 +94,25 @@ def test_labels_sources_and_parity_are_distinguished():
 
 def test_labels_in_the_order_of_sending():
     word = chapter10.bnr(0o210, 15, 2048.0, 250.0)
-    turned = (word & ~0xFF) | int(f"{word & 0xFF:08b}"[::-1], 2)  # as many ones, so the parity stays
+    turned = (word & ~0xFF) | int(
+        f"{word & 0xFF:08b}"[::-1], 2
+    )  # as many ones, so the parity stays
     stream = Words(np.zeros(1), words(turned))
     tables, _ = label_tables(stream, spec("transmitted", tas=TAS), "adc")
     assert tables["adc.tas"].columns["value"].tolist() == [250.0]
-    with pytest.raises(UnknownName, match=r"unknown ARINC 429 label '210'.*turned round: try labels = \"transmitted\""):
+    with pytest.raises(
+        UnknownName,
+        match=r"unknown ARINC 429 label '210'.*turned round: try labels = \"transmitted\"",
+    ):
         label_tables(stream, spec("octal", tas=TAS), "adc")
 
 
 def test_words_in_a_column_of_any_other_file(tmp_path):
     rows = [(0.02 * i, chapter10.bnr(0o210, 15, 2048.0, 250.0 + i)) for i in range(5)]
     rows += [(0.02 * i, chapter10.bnr(0o325, 14, 180.0, -10.0 * i)) for i in range(5)]
-    (tmp_path / "bus.csv").write_text("time,word\n" + "".join(f"{t},{w}\n" for t, w in sorted(rows)))
+    (tmp_path / "bus.csv").write_text(
+        "time,word\n" + "".join(f"{t},{w}\n" for t, w in sorted(rows))
+    )
     (tmp_path / "n.toml").write_text(
         """
         [decode.adc]
@@ -107,4 +130,6 @@ def test_words_in_a_column_of_any_other_file(tmp_path):
     )
     record = flighttest.read(tmp_path / "bus.csv", tmp_path / "n.toml")
     np.testing.assert_allclose(record["air/V"].values, (250.0 + np.arange(5)) * 1852 / 3600)
-    np.testing.assert_allclose(np.degrees(record["attitude/phi"].values), -10.0 * np.arange(5), atol=180 / 2**15)
+    np.testing.assert_allclose(
+        np.degrees(record["attitude/phi"].values), -10.0 * np.arange(5), atol=180 / 2**15
+    )

@@ -1,4 +1,6 @@
-"""MATLAB v5 to v7.3, HDF5 and netCDF classic: written by scipy, h5py and by hand; and the real MATLAB files of ../shared."""
+"""MATLAB v5 to v7.3, HDF5 and netCDF classic: written by scipy, h5py and by hand; and the real
+MATLAB files of ../shared.
+"""
 
 from pathlib import Path
 
@@ -52,7 +54,16 @@ def text(group, name, words):
 
 
 def test_v5_plain_arrays(tmp_path):
-    scipy.io.savemat(tmp_path / "f.mat", {"t": T[:, None], "q": np.sin(T)[None, :], "note": "a doublet", "S": 30.0, "map": np.eye(7)})
+    scipy.io.savemat(
+        tmp_path / "f.mat",
+        {
+            "t": T[:, None],
+            "q": np.sin(T)[None, :],
+            "note": "a doublet",
+            "S": 30.0,
+            "map": np.eye(7),
+        },
+    )
     assert recognise(tmp_path / "f.mat") == "matlab5"
     record = flighttest.read(tmp_path / "f.mat", named(tmp_path, NAMES))
     np.testing.assert_array_equal(record["imu/q"].values, np.sin(T))
@@ -62,9 +73,15 @@ def test_v5_plain_arrays(tmp_path):
 
 
 def test_v5_structures_with_clocks_of_their_own(tmp_path):
-    runs = {f"run_{i}": {"time": T + i, "gyro": np.stack([T, 2 * T, 3 * T], 1), "cal": {"gain": 2.0}} for i in (1, 2)}
+    runs = {
+        f"run_{i}": {"time": T + i, "gyro": np.stack([T, 2 * T, 3 * T], 1), "cal": {"gain": 2.0}}
+        for i in (1, 2)
+    }
     scipy.io.savemat(tmp_path / "f.mat", runs)
-    record = flighttest.read(tmp_path / "f.mat", named(tmp_path, '[imu]\nq = { column = "run_2/gyro[1]", unit = "deg/s" }\n'))
+    record = flighttest.read(
+        tmp_path / "f.mat",
+        named(tmp_path, '[imu]\nq = { column = "run_2/gyro[1]", unit = "deg/s" }\n'),
+    )
     np.testing.assert_allclose(record["imu/q"].values, np.radians(2 * T))
     np.testing.assert_allclose(record["imu/time"].values, T + 2)
     assert "run_1/cal.gain" in record.attrs["unmapped"]
@@ -76,22 +93,34 @@ def test_v5_channels_as_structures_with_units(tmp_path):
         "Pitch": {"data": 3 * T, "units": "deg", "description": "attitude"},
     }
     scipy.io.savemat(tmp_path / "f.mat", {"flightdata": data})
-    record = flighttest.read(tmp_path / "f.mat", named(tmp_path, '[ahrs]\ntheta = "flightdata/Pitch"\n'))
+    record = flighttest.read(
+        tmp_path / "f.mat", named(tmp_path, '[ahrs]\ntheta = "flightdata/Pitch"\n')
+    )
     np.testing.assert_allclose(record["ahrs/theta"].values, np.radians(3 * T))
 
 
 def test_v5_structure_with_time_of_simulink(tmp_path):
-    signals = np.array([{"values": T[:, None] * k, "label": name} for k, name in ((1, "q"), (2, "theta"))], dtype=object)
+    signals = np.array(
+        [{"values": T[:, None] * k, "label": name} for k, name in ((1, "q"), (2, "theta"))],
+        dtype=object,
+    )
     scipy.io.savemat(tmp_path / "f.mat", {"out": {"time": T, "signals": signals}})
-    record = flighttest.read(tmp_path / "f.mat", named(tmp_path, '[a]\ntheta = { column = "out/theta", unit = "rad" }\n'))
+    record = flighttest.read(
+        tmp_path / "f.mat", named(tmp_path, '[a]\ntheta = { column = "out/theta", unit = "rad" }\n')
+    )
     np.testing.assert_allclose(record["a/theta"].values, 2 * T)
 
 
 def test_rate_instead_of_a_clock(tmp_path):
     scipy.io.savemat(tmp_path / "f.mat", {"q": np.sin(T)})
-    with pytest.raises(UnknownName, match=r"unknown time column 'time'; allowed: q; table data; name the clock.*or give its rate"):
+    with pytest.raises(
+        UnknownName,
+        match=r"unknown time column 'time'; allowed: q; table data; name the clock.*or give its rate",
+    ):
         flighttest.read(tmp_path / "f.mat", named(tmp_path, NAMES))
-    record = flighttest.read(tmp_path / "f.mat", named(tmp_path, '[time]\nrate = "100 Hz"\n' + NAMES))
+    record = flighttest.read(
+        tmp_path / "f.mat", named(tmp_path, '[time]\nrate = "100 Hz"\n' + NAMES)
+    )
     np.testing.assert_allclose(record["imu/time"].values, T)
 
 
@@ -101,7 +130,9 @@ def test_v73_arrays_structures_texts_and_cells(tmp_path):
         matrix(file, "q", np.sin(T)[:, None])
         text(file, "string", "three two one one")
         matrix(file.create_group("#refs#"), "a", np.arange(3.0))
-        cell = file.create_dataset("c", data=np.array([[file["#refs#/a"].ref]], dtype=h5py.ref_dtype))
+        cell = file.create_dataset(
+            "c", data=np.array([[file["#refs#/a"].ref]], dtype=h5py.ref_dtype)
+        )
         cell.attrs["MATLAB_class"] = np.bytes_("cell")
         data = file.create_group("flightdata")
         for name, values, unit in (("time", T + 1, "sec"), ("Pitch", 3 * T, "deg")):
@@ -125,7 +156,9 @@ def test_plain_hdf5_with_units_and_packing(tmp_path):
         group["t"] = np.arange(50) * 10
         group["t"].attrs["units"] = "ms"
         packed = group.create_dataset("q", data=np.append(np.arange(49), -999).astype("i2"))
-        packed.attrs.update(units="deg/s", scale_factor=0.5, add_offset=10.0, _FillValue=np.int16(-999))
+        packed.attrs.update(
+            units="deg/s", scale_factor=0.5, add_offset=10.0, _FillValue=np.int16(-999)
+        )
         file.attrs["pilot"] = "seat 1"
     record = flighttest.read(tmp_path / "f.bin", named(tmp_path, '[imu]\nq = "run/imu/q"\n'))
     np.testing.assert_allclose(np.degrees(record["imu/q"].values[:49]), 10 + 0.5 * np.arange(49))
@@ -157,7 +190,10 @@ def test_netcdf_classic(tmp_path):
 
 def test_objects_of_matlab_classes_are_reported(tmp_path):
     scipy.io.savemat(tmp_path / "f.mat", {"note": "text only"})
-    with pytest.raises(ParseError, match=r"no array of numbers; expected plain arrays or structures; convert objects"):
+    with pytest.raises(
+        ParseError,
+        match=r"no array of numbers; expected plain arrays or structures; convert objects",
+    ):
         flighttest.read(tmp_path / "f.mat", named(tmp_path, NAMES))
 
 
@@ -174,14 +210,28 @@ gear = { column = "gear", unit = "1" }
 """
 
 
-@pytest.mark.parametrize("name", ["da3211_2", "da3211_2021", "dadoublet_1", "de3211_1", "de3211_2021", "dr3211_1", "drdoublet_2021"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "da3211_2",
+        "da3211_2021",
+        "dadoublet_1",
+        "de3211_1",
+        "de3211_2021",
+        "dr3211_1",
+        "drdoublet_2021",
+    ],
+)
 def test_citation_500_simulation(tmp_path, name):
     record = flighttest.read(shared(f"citation500_sim/{name}.mat"), named(tmp_path, CITATION500))
     data = record["imu"].to_dataset()
     assert data.attrs["rate"] == pytest.approx(100.0)
     theta_dot = np.gradient(data["theta"].values, data["time"].values)
-    expected = data["q"].values * np.cos(data["phi"].values) - data["r"].values * np.sin(data["phi"].values)
-    # README of the data set: attitude kinematics to 1e-4 rad/s; the central difference of 100 Hz samples adds 1e-4 in the steps
+    expected = data["q"].values * np.cos(data["phi"].values) - data["r"].values * np.sin(
+        data["phi"].values
+    )
+    # README of the data set: attitude kinematics to 1e-4 rad/s; the central difference of 100 Hz
+    # samples adds 1e-4 in the steps
     assert np.sqrt(np.mean((theta_dot - expected)[1:-1] ** 2)) < 1e-4
     assert "Manoeuvre" in record.attrs["string"]
     assert flighttest.records.faults(record) == []
@@ -195,6 +245,7 @@ def test_uav_log_extract(tmp_path):
     data = record["imu"].to_dataset()
     assert data.attrs["rate"] == pytest.approx(50.0, rel=0.02)
     theta_dot = np.gradient(data["theta"].values, data["time"].values)
-    # 0.86 seen: the attitude is repeated between its updates, which makes its plain differences noisy; wrong columns give next to nothing
+    # 0.86 seen: the attitude is repeated between its updates, which makes its plain differences
+    # noisy; wrong columns give next to nothing
     assert np.corrcoef(theta_dot, data["q"].values)[0, 1] > 0.8
     assert len(record["other"]["p"]) > 200

@@ -13,25 +13,40 @@ def mapped(tmp_path, text):
 
 def test_polynomial_by_ascending_power():
     channel = Channel(column="x", unit="deg", polynomial=(-10.0, 0.5, 0.01), sign=-1)
-    np.testing.assert_allclose(channel.convert(np.array([0.0, 10.0]), "V", "delta_e"), np.radians([10.0, 4.0]))
+    np.testing.assert_allclose(
+        channel.convert(np.array([0.0, 10.0]), "V", "delta_e"), np.radians([10.0, 4.0])
+    )
     assert channel.calibration("V") == "- polynomial [-10.0, 0.5, 0.01] of x [deg]"
 
 
 def test_table_is_linear_between_and_nothing_beyond(tmp_path):
     file = tmp_path / "f.csv"
-    file.write_text("time,pot\n" + "".join(f"{i / 10},{v}\n" for i, v in enumerate([100, 150, 200, 250, 300, 301, 99])))
-    names = mapped(tmp_path, '[c]\ndelta_e = { column = "pot", unit = "deg", table = [[300, 20], [100, -20], [200, 0]] }\n')
+    file.write_text(
+        "time,pot\n"
+        + "".join(f"{i / 10},{v}\n" for i, v in enumerate([100, 150, 200, 250, 300, 301, 99]))
+    )
+    names = mapped(
+        tmp_path,
+        '[c]\ndelta_e = { column = "pot", unit = "deg", table = [[300, 20], [100, -20], [200, 0]] }\n',
+    )
     record = flighttest.read(file, names)
-    np.testing.assert_allclose(np.degrees(record["c/delta_e"].values[:5]), [-20, -10, 0, 10, 20], atol=1e-12)
+    np.testing.assert_allclose(
+        np.degrees(record["c/delta_e"].values[:5]), [-20, -10, 0, 10, 20], atol=1e-12
+    )
     assert np.isnan(record["c/delta_e"].values[5:]).all()
     rows = flighttest.signals.flags(record).set_index("kind")
     assert (rows.loc["outside", "start"], rows.loc["outside", "samples"]) == (0.5, 2)
-    assert "raw values beyond the calibration table, or infinite, now NaN: delta_e 2 from 0.5 s" in flighttest.records.faults(record)[0]
+    assert (
+        "raw values beyond the calibration table, or infinite, now NaN: delta_e 2 from 0.5 s"
+        in flighttest.records.faults(record)[0]
+    )
 
 
 def test_table_in_a_file_next_to_the_map(tmp_path):
     (tmp_path / "bench.csv").write_text("count,degrees\n# bench of Tuesday\n0,-10\n10,10\n")
-    channel = read_names(mapped(tmp_path, '[c]\ndelta_e = { column = "pot", unit = "deg", table = "bench.csv" }\n')).leaves["c"]["delta_e"]
+    channel = read_names(
+        mapped(tmp_path, '[c]\ndelta_e = { column = "pot", unit = "deg", table = "bench.csv" }\n')
+    ).leaves["c"]["delta_e"]
     assert channel.table == ((0.0, -10.0), (10.0, 10.0))
 
 
@@ -80,14 +95,19 @@ def test_every_fault_of_calibrations_and_clocks_at_once(tmp_path):
 def test_first_column_of_a_list_that_is_there(tmp_path):
     file = tmp_path / "f.csv"
     file.write_text("time,new\n0,1\n1,2\n")
-    record = flighttest.read(file, mapped(tmp_path, '[a]\np = { column = ["old", "new"], unit = "rad/s" }\n'))
+    record = flighttest.read(
+        file, mapped(tmp_path, '[a]\np = { column = ["old", "new"], unit = "rad/s" }\n')
+    )
     assert record["a/p"].attrs["calibration"] == "new [rad/s]"
 
 
 def test_optional_channels_are_left_out_and_reported(tmp_path):
     file = tmp_path / "f.csv"
     file.write_text("time,p\n0,1\n1,2\n")
-    names = mapped(tmp_path, 'optional = true\n[a]\np = { column = "p", unit = "rad/s" }\nq = "pitch"\n[b]\nV = "tas"\n')
+    names = mapped(
+        tmp_path,
+        'optional = true\n[a]\np = { column = "p", unit = "rad/s" }\nq = "pitch"\n[b]\nV = "tas"\n',
+    )
     record = flighttest.read(file, names)
     assert list(record.children) == ["a"]
     assert record.attrs["absent"] == "pitch tas"

@@ -32,7 +32,12 @@ def bus_packets():
         sent = [ch10.command(5, True, 1, 5), 0x2800, 7, theta, lat >> 16, lat & 0xFFFF, 0x8000 | k]
         received = [ch10.command(6, False, 2, 2), 100 + k, 200, 0x3000]
         faulty = [ch10.command(5, True, 1, 5), 0x2800, *[0xFFFF] * 5]
-        messages = [(rtc + 50, 0, sent), (rtc + 900, 0, received), (rtc + 2000, 0x1000, faulty), (rtc + 3000, 0x0800, [*received, 0])]
+        messages = [
+            (rtc + 50, 0, sent),
+            (rtc + 900, 0, received),
+            (rtc + 2000, 0x1000, faulty),
+            (rtc + 3000, 0x0800, [*received, 0]),
+        ]
         out.append(ch10.bus_1553(3, rtc, messages))
     return out
 
@@ -92,7 +97,8 @@ def test_buses_in_engineering_units(tmp_path):
     k = np.arange(20)
     np.testing.assert_allclose(record["air/V"].values, (250.0 + k) * 1852 / 3600)
     np.testing.assert_allclose(np.degrees(record["roll/phi"].values), -2.0 * k, atol=180 / 2**15)
-    # the clock begins with the first packet of data, here the time packet; gap times are from word to word
+    # the clock begins with the first packet of data, here the time packet; gap times are from word
+    # to word
     np.testing.assert_allclose(record["air/time"].values, 1.0 + 0.1 * k, atol=1e-9)
     np.testing.assert_allclose(record["roll/time"].values, 1.002 + 0.1 * k, atol=1e-9)
     np.testing.assert_allclose(np.degrees(record["ins/theta"].values), 1.5 * k, atol=0.0028)
@@ -147,7 +153,16 @@ def test_pcm_frames(tmp_path, bits, packed, wide):
             frames.append(
                 (
                     rtc + j * SECOND // 40,
-                    [0xFE6B & mask, 0x2840 & mask, j, n, -2 * n & mask, (1 << (bits - 1)) + 10 + n, -(2 * n + 1) & mask, 0],
+                    [
+                        0xFE6B & mask,
+                        0x2840 & mask,
+                        j,
+                        n,
+                        -2 * n & mask,
+                        (1 << (bits - 1)) + 10 + n,
+                        -(2 * n + 1) & mask,
+                        0,
+                    ],
                 )
             )
         packets.append(ch10.pcm(7, rtc, frames, bits, packed, wide))
@@ -156,7 +171,9 @@ def test_pcm_frames(tmp_path, bits, packed, wide):
     np.testing.assert_allclose(np.degrees(record["c/delta_e"].values), np.arange(40), atol=1e-9)
     np.testing.assert_allclose(record["c/time"].values, 0.025 * np.arange(40), atol=1e-9)
     np.testing.assert_allclose(record["n/az_imu"].values, -0.01 * 9.80665 * np.arange(80))
-    np.testing.assert_allclose(record["n/time"].values[:4], 0.025 * np.array([4 / 8, 6 / 8, 12 / 8, 14 / 8]), atol=1e-9)
+    np.testing.assert_allclose(
+        record["n/time"].values[:4], 0.025 * np.array([4 / 8, 6 / 8, 12 / 8, 14 / 8]), atol=1e-9
+    )
     np.testing.assert_allclose(record["o/p_static"].values, 10 + np.arange(2, 40, 4))
 
 
@@ -164,7 +181,10 @@ def test_pcm_frames(tmp_path, bits, packed, wide):
 def test_analogue_samples(tmp_path, bits, mode):
     ch10.fresh()
     rows = [(i, -i) for i in range(60)]
-    packets = [ch10.analog(9, START + k * SECOND // 5, rows[20 * k : 20 * k + 20], bits, mode) for k in range(3)]
+    packets = [
+        ch10.analog(9, START + k * SECOND // 5, rows[20 * k : 20 * k + 20], bits, mode)
+        for k in range(3)
+    ]
     text = '[decode.a]\nkind = "analog"\nchannel = 9\n[decode.a.parameters]\n'
     text += 'force = { subchannel = 2, code = "twos", lsb = 0.5, unit = "N" }\n'
     file, names = recorded(tmp_path, packets, text + '[f]\nengine1.thrust = "a"\n')
@@ -191,7 +211,10 @@ def test_missing_and_damaged_packets_are_reported(tmp_path):
 def test_end_that_was_cut_off(tmp_path):
     file, names = recorded(tmp_path, bus_packets(), NAMES)
     file.write_bytes(file.read_bytes()[:-17])
-    assert "the end of the file may be cut off" in flighttest.records.faults(flighttest.read(file, names))[0]
+    assert (
+        "the end of the file may be cut off"
+        in flighttest.records.faults(flighttest.read(file, names))[0]
+    )
 
 
 def test_count_of_words_that_does_not_fit_its_packet(tmp_path):
@@ -207,7 +230,9 @@ def test_count_of_words_that_does_not_fit_its_packet(tmp_path):
 
 def test_without_a_table_of_words_the_channels_are_listed(tmp_path):
     file, _ = recorded(tmp_path, bus_packets(), NAMES)
-    with pytest.raises(SchemaError, match=r"channel 3: MIL-STD-1553, 20 packets; channel 12: ARINC 429, 20 packets"):
+    with pytest.raises(
+        SchemaError, match=r"channel 3: MIL-STD-1553, 20 packets; channel 12: ARINC 429, 20 packets"
+    ):
         flighttest.read(file)
     rows = flighttest.records.contents(file)["channels"]
     assert rows[1] == {"channel": 12, "content": "ARINC 429", "packets": 20, "labels": "210 325"}

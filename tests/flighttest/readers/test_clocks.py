@@ -52,7 +52,10 @@ def test_clock_set_back_is_refused_unless_the_map_allows_it():
 
 def test_stamps_too_coarse_for_their_samples():
     raw = np.floor(np.arange(500) / 50)
-    with pytest.raises(SchemaError, match=r"490 of 500 stamps repeat.*50 samples to each: the clock is too coarse; give rate"):
+    with pytest.raises(
+        SchemaError,
+        match=r"490 of 500 stamps repeat.*50 samples to each: the clock is too coarse; give rate",
+    ):
         settled(raw, Clock(), 1.0, "x")
     found = settled(raw, Clock(rate=50.0), 1.0, "x")
     np.testing.assert_allclose(found.time, np.arange(500) / 50)
@@ -69,16 +72,22 @@ def test_offset_and_drift():
 def test_gaps_are_marked_on_the_clock_of_the_record():
     raw = np.concatenate([np.arange(10), 20 + np.arange(10)]) * 0.1
     found = settled(raw, Clock(offset=5.0), 1.0, "x")
-    assert [(m.kind, m.start, m.stop) for m in found.flags] == [("gap", pytest.approx(5.9), pytest.approx(7.0))]
+    assert [(m.kind, m.start, m.stop) for m in found.flags] == [
+        ("gap", pytest.approx(5.9), pytest.approx(7.0))
+    ]
 
 
 def test_clock_of_one_table(tmp_path):
     import xarray as xr
 
     a = xr.Dataset({"q": ("time", [1.0, 2.0, 3.0], {"units": "rad/s"})}, {"time": [0.0, 1.0, 2.0]})
-    b = xr.Dataset({"itow": ("n", [1000.0, 1200.0, 1400.0]), "V": ("n", [50.0, 51.0, 52.0], {"units": "kt"})})
+    b = xr.Dataset(
+        {"itow": ("n", [1000.0, 1200.0, 1400.0]), "V": ("n", [50.0, 51.0, 52.0], {"units": "kt"})}
+    )
     xr.DataTree.from_dict({"/a": a, "/b": b}).to_netcdf(tmp_path / "f.nc", engine="h5netcdf")
-    (tmp_path / "n.toml").write_text('[time.b]\ncolumn = "itow"\nunit = "ms"\noffset = "-1 s"\n[imu]\nq = "a/q"\n[air]\nV = "b/V"\n')
+    (tmp_path / "n.toml").write_text(
+        '[time.b]\ncolumn = "itow"\nunit = "ms"\noffset = "-1 s"\n[imu]\nq = "a/q"\n[air]\nV = "b/V"\n'
+    )
     record = flighttest.read(tmp_path / "f.nc", tmp_path / "n.toml")
     np.testing.assert_allclose(record["air/time"].values, [0.0, 0.2, 0.4])
     np.testing.assert_allclose(record["imu/time"].values, [0.0, 1.0, 2.0])
@@ -91,9 +100,13 @@ def gps_file(tmp_path, drift, outliers=0):
     utc = 1_520_848_800.25 + time / (1 + drift) + rng.normal(0, 2e-3, len(time))
     utc[:5] = 0.0
     utc[100 : 100 + outliers] += 3600.0
-    text = "time,utc,alpha\n" + "".join(f"{t:.3f},{u:.6f},1\n" for t, u in zip(time, utc, strict=True))
+    text = "time,utc,alpha\n" + "".join(
+        f"{t:.3f},{u:.6f},1\n" for t, u in zip(time, utc, strict=True)
+    )
     (tmp_path / "f.csv").write_text(text)
-    (tmp_path / "n.toml").write_text('[utc]\ncolumn = "data/utc"\n[a]\nalpha = { column = "alpha", unit = "deg" }\n')
+    (tmp_path / "n.toml").write_text(
+        '[utc]\ncolumn = "data/utc"\n[a]\nalpha = { column = "alpha", unit = "deg" }\n'
+    )
     return flighttest.read(tmp_path / "f.csv", tmp_path / "n.toml")
 
 
@@ -109,16 +122,28 @@ def test_time_of_the_world_names_the_start_and_the_drift(tmp_path):
 
 def test_satellite_time_is_ahead_of_utc(tmp_path):
     (tmp_path / "f.csv").write_text("time,gps,alpha\n0,1204880418,1\n1,1204880419,2\n")
-    (tmp_path / "n.toml").write_text('[utc]\ncolumn = "data/gps"\nepoch = "gps"\n[a]\nalpha = { column = "alpha", unit = "deg" }\n')
+    (tmp_path / "n.toml").write_text(
+        '[utc]\ncolumn = "data/gps"\nepoch = "gps"\n[a]\nalpha = { column = "alpha", unit = "deg" }\n'
+    )
     # 1204880418 s after 1980-01-06 is 2018-03-12T09:00:18, 18 leap seconds earlier in UTC
-    assert flighttest.read(tmp_path / "f.csv", tmp_path / "n.toml").attrs["start"] == "2018-03-12T09:00:00.000000Z"
+    assert (
+        flighttest.read(tmp_path / "f.csv", tmp_path / "n.toml").attrs["start"]
+        == "2018-03-12T09:00:00.000000Z"
+    )
 
 
 def test_records_of_two_recorders_on_one_clock(tmp_path):
-    for name, start, column in (("a", "2018-03-12T10:00:00Z", "alpha"), ("b", "2018-03-12T10:00:02.5Z", "beta")):
+    for name, start, column in (
+        ("a", "2018-03-12T10:00:00Z", "alpha"),
+        ("b", "2018-03-12T10:00:02.5Z", "beta"),
+    ):
         (tmp_path / f"{name}.csv").write_text(f"time,{column}\n0,1\n1,2\n5,3\n6,3\n7,4\n")
-        (tmp_path / f"{name}.toml").write_text(f'[record]\nstart = "{start}"\n[air]\n{column} = {{ column = "{column}", unit = "deg" }}\n')
-    records = [flighttest.read(tmp_path / f"{name}.csv", tmp_path / f"{name}.toml") for name in "ab"]
+        (tmp_path / f"{name}.toml").write_text(
+            f'[record]\nstart = "{start}"\n[air]\n{column} = {{ column = "{column}", unit = "deg" }}\n'
+        )
+    records = [
+        flighttest.read(tmp_path / f"{name}.csv", tmp_path / f"{name}.toml") for name in "ab"
+    ]
     both = flighttest.merge(records)
     assert list(both.children) == ["air", "air_2"]
     np.testing.assert_allclose(both["air_2/time"].values, [2.5, 3.5, 7.5, 8.5, 9.5])

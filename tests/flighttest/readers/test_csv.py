@@ -43,7 +43,9 @@ def test_ways_to_write_a_table(tmp_path, text):
 
 
 def test_times_of_day_run_over_midnight(tmp_path):
-    file, names = written(tmp_path, "time,alpha\n23:59:59.8,1\n23:59:59.9,2\n00:00:00.0,3\n00:00:00.1,4\n")
+    file, names = written(
+        tmp_path, "time,alpha\n23:59:59.8,1\n23:59:59.9,2\n00:00:00.0,3\n00:00:00.1,4\n"
+    )
     record = flighttest.read(file, names)
     np.testing.assert_allclose(np.diff(record["air/time"].values), 0.1, atol=1e-9)
     assert record["air/time"].values[0] == pytest.approx(86399.8)
@@ -52,18 +54,26 @@ def test_times_of_day_run_over_midnight(tmp_path):
 
 def test_day_of_the_year_before_the_time(tmp_path):
     file, names = written(tmp_path, "time,alpha\n032:00:00:01,1\n032:00:00:02,2\n")
-    np.testing.assert_allclose(flighttest.read(file, names)["air/time"].values, [31 * 86400 + 1, 31 * 86400 + 2])
+    np.testing.assert_allclose(
+        flighttest.read(file, names)["air/time"].values, [31 * 86400 + 1, 31 * 86400 + 2]
+    )
 
 
 def test_dates_name_the_start(tmp_path):
-    file, names = written(tmp_path, "time,alpha\n2018-03-12T10:00:00.5Z,1\n2018-03-12T10:00:01.5Z,2\n")
+    file, names = written(
+        tmp_path, "time,alpha\n2018-03-12T10:00:00.5Z,1\n2018-03-12T10:00:01.5Z,2\n"
+    )
     record = flighttest.read(file, names)
     np.testing.assert_allclose(record["air/time"].values, [0, 1])
     assert record.attrs["start"] == "2018-03-12T10:00:00.500000Z"
 
 
 def test_clock_in_milliseconds(tmp_path):
-    file, names = written(tmp_path, "tick,alpha\n1000,1\n1020,2\n1040,3\n", '[time]\ncolumn = "tick"\nunit = "ms"\n' + NAMES)
+    file, names = written(
+        tmp_path,
+        "tick,alpha\n1000,1\n1020,2\n1040,3\n",
+        '[time]\ncolumn = "tick"\nunit = "ms"\n' + NAMES,
+    )
     record = flighttest.read(file, names)
     np.testing.assert_allclose(record["air/time"].values, [1.0, 1.02, 1.04])
     assert record["air"].attrs["rate"] == pytest.approx(50.0)
@@ -121,7 +131,9 @@ def test_commas_that_may_be_thousands_are_refused(tmp_path, text, cell):
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-32", "cp1252"])
 def test_line_ends_and_encodings(tmp_path, end, encoding):
     text = "# Flügel\ntime;alpha;höhe\n0;1;5\n0.1;2;5\n0.2;3;5\n".replace("\n", end)
-    file, names = written(tmp_path, text.encode(encoding), NAMES + '[sat]\nh = { column = "höhe", unit = "m" }\n')
+    file, names = written(
+        tmp_path, text.encode(encoding), NAMES + '[sat]\nh = { column = "höhe", unit = "m" }\n'
+    )
     record = flighttest.read(file, names)
     np.testing.assert_allclose(np.degrees(record["air/alpha"].values), [1, 2, 3])
     assert record["sat/h"].values[0] == 5.0
@@ -130,7 +142,10 @@ def test_line_ends_and_encodings(tmp_path, end, encoding):
 
 
 def test_infinite_samples_are_flagged_and_have_no_value(tmp_path):
-    file, names = written(tmp_path, "time,alpha\n" + "".join(f"{k / 10},{'-inf' if k == 5 else k}\n" for k in range(20)))
+    file, names = written(
+        tmp_path,
+        "time,alpha\n" + "".join(f"{k / 10},{'-inf' if k == 5 else k}\n" for k in range(20)),
+    )
     record = flighttest.read(file, names)
     assert np.flatnonzero(np.isnan(record["air/alpha"].values)).tolist() == [5]
     assert list(flighttest.signals.flags(record)["kind"]) == ["outside", "missing"]
@@ -144,7 +159,9 @@ def test_an_infinite_sample_is_not_called_the_fault_of_another_line(tmp_path):
 
 def test_cells_and_rows_without_end(tmp_path, monkeypatch):
     file, names = written(tmp_path, "time,alpha\n0,1\n0.1," + "x" * 140_000 + "\n")
-    with pytest.raises(ParseError, match=r"line 3: .*at most 131072 characters; look for a quotation mark"):
+    with pytest.raises(
+        ParseError, match=r"line 3: .*at most 131072 characters; look for a quotation mark"
+    ):
         flighttest.read(file, names)
     monkeypatch.setattr("flightmech.support.input_files.MOST_COLUMNS", 3)
     file, names = written(tmp_path, "time,alpha,p,q\n0,1,2,3\n")
@@ -158,7 +175,10 @@ def test_cells_and_rows_without_end(tmp_path, monkeypatch):
         ("1,2\n3,4\n", "one line of column names"),
         ("time,alpha,alpha\n0,1,2\n", "two columns called 'alpha'"),
         (b"time,alpha\n" + b"0,1\n" * 2000 + bytes(3000), "line 2002: found zero bytes"),
-        (gzip.compress(b"time,alpha\n" + b"0,1\n" * 9000, mtime=0)[:60], "cannot be decoded .*a whole .gz file"),
+        (
+            gzip.compress(b"time,alpha\n" + b"0,1\n" * 9000, mtime=0)[:60],
+            "cannot be decoded .*a whole .gz file",
+        ),
         (b"time,alpha\n0,1\n" + bytes([0, 1, 2]), "one of the formats"),
     ],
 )
@@ -171,7 +191,9 @@ def test_hostile_text(tmp_path, text, word):
 def test_parts_parsed_in_parallel_are_the_whole(tmp_path, monkeypatch):
     rng = np.random.default_rng(1)
     time, alpha = np.arange(5000) / 50, rng.normal(0, 1, 5000)
-    text = "time,alpha\n" + "".join(f"{t!r},{a!r}\n" for t, a in zip(time.tolist(), alpha.tolist(), strict=True))
+    text = "time,alpha\n" + "".join(
+        f"{t!r},{a!r}\n" for t, a in zip(time.tolist(), alpha.tolist(), strict=True)
+    )
     monkeypatch.setattr(csv_text, "_CHUNK", 20_000)
     monkeypatch.setattr(csv_text.os, "cpu_count", lambda: 7)
     file, names = written(tmp_path, text)
@@ -200,9 +222,14 @@ def test_one_unit_of_another_quantity(tmp_path):
         flighttest.read(file, names)
 
 
-@pytest.mark.parametrize(("year", "name"), [("2018", "20180312_1"), ("2019", "20190305_2_partial"), ("2020", "20200310_2")])
+@pytest.mark.parametrize(
+    ("year", "name"),
+    [("2018", "20180312_1"), ("2019", "20190305_2_partial"), ("2020", "20200310_2")],
+)
 def test_sound_flights_carry_no_marks(year, name):
-    """Parked, taxiing, in flight, a parabola and a landing: ordinary life of real channels is no fault."""
+    """Parked, taxiing, in flight, a parabola and a landing: ordinary life of real channels is no
+    fault.
+    """
     root = Path(__file__).parents[3]
     file = root / ".." / "shared" / "data" / "flight" / "citation_phlab" / f"flight_{name}.csv.gz"
     if not file.exists():
@@ -217,24 +244,59 @@ CELLS = st.one_of(
     st.integers(-(10**25), 10**25).map(str),
     st.from_regex(r"[-+]?[0-9]{0,22}\.?[0-9]{0,22}([eE][-+]?[0-9]{1,3})?", fullmatch=True),
     st.sampled_from(["", "nan", "NaN", " 1", "1 ", "+2", "-.5", "5."]),
-    st.sampled_from(["1", "1", "1e", "--1", "1.2.3", "1-2", "1 2", "nan(1)", "-nan", "+nan", "inf", "x", '"1"', "#", "1_0", "0x1", "1,5"]),
+    st.sampled_from(
+        [
+            "1",
+            "1",
+            "1e",
+            "--1",
+            "1.2.3",
+            "1-2",
+            "1 2",
+            "nan(1)",
+            "-nan",
+            "+nan",
+            "inf",
+            "x",
+            '"1"',
+            "#",
+            "1_0",
+            "0x1",
+            "1,5",
+        ]
+    ),
 )
 
 
-@given(st.lists(st.lists(CELLS, min_size=2, max_size=3), min_size=1, max_size=4), st.sampled_from(",;\t "), st.sampled_from(".,"))
+@given(
+    st.lists(st.lists(CELLS, min_size=2, max_size=3), min_size=1, max_size=4),
+    st.sampled_from(",;\t "),
+    st.sampled_from(".,"),
+)
 def test_both_ways_to_parse_numbers_give_the_same(rows, separator, decimal):
-    """Small tables of numbers are parsed by NumPy; where that gives something, pandas gives the same to the bit."""
+    """Small tables of numbers are parsed by NumPy; where that gives something, pandas gives the
+    same to the bit.
+    """
     decimal = "." if separator == "," else decimal
-    text = "".join(separator.join(cell.replace(".", decimal) for cell in row) + "\n" for row in rows).encode()
+    text = "".join(
+        separator.join(cell.replace(".", decimal) for cell in row) + "\n" for row in rows
+    ).encode()
     heads = ["a", "b", "c"][: len(rows[0])]
     found = csv_text._plain_table(text, heads, separator, decimal)
     if found is None:
         return
     frame = csv_text._frame(text, heads, set(), separator, decimal)
-    assert {name: column.tobytes() for name, column in found.items()} == {name: frame[name].to_numpy().tobytes() for name in heads}
+    assert {name: column.tobytes() for name, column in found.items()} == {
+        name: frame[name].to_numpy().tobytes() for name in heads
+    }
 
 
-@given(st.lists(st.tuples(st.floats(allow_infinity=False), st.floats(allow_infinity=False)), min_size=1), st.sampled_from(",;\t "))
+@given(
+    st.lists(
+        st.tuples(st.floats(allow_infinity=False), st.floats(allow_infinity=False)), min_size=1
+    ),
+    st.sampled_from(",;\t "),
+)
 def test_numpy_parses_what_is_plainly_a_table_of_numbers(rows, separator):
     text = "\n\n".join(separator.join(map(repr, row)) for row in rows).encode()
     found = csv_text._plain_table(text, ["a", "b"], separator, ".")
@@ -257,6 +319,12 @@ def test_a_blank_cell_is_a_missing_value_wherever_it_stands(tmp_path, separator,
 @pytest.mark.slow
 def test_pandas_is_imported_for_what_is_no_plain_table_of_numbers_only(tmp_path):
     code = "import sys; from flighttest.records.reading import read_arrays; read_arrays(*sys.argv[1:]); sys.exit('pandas' in sys.modules)"
-    for text, imported in (("time,alpha\n0,1\n0.1,\n0.2,nan\n", 0), ("time,alpha\n0,1\n0.1,NULL\n0.2,3\n", 1)):
+    for text, imported in (
+        ("time,alpha\n0,1\n0.1,\n0.2,nan\n", 0),
+        ("time,alpha\n0,1\n0.1,NULL\n0.2,3\n", 1),
+    ):
         file, names = written(tmp_path, text)
-        assert subprocess.run([sys.executable, "-c", code, str(file), str(names)]).returncode == imported
+        assert (
+            subprocess.run([sys.executable, "-c", code, str(file), str(names)]).returncode
+            == imported
+        )

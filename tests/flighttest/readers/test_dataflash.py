@@ -10,7 +10,17 @@ from recorders import dataflash
 import flighttest
 from flightmech.errors import ParseError
 
-UNITS = {"s": "s", "d": "deg", "h": "degheading", "E": "rad/s", "o": "m/s/s", "#": "instance", "P": "Pa", "D": "deglatitude", "m": "m"}
+UNITS = {
+    "s": "s",
+    "d": "deg",
+    "h": "degheading",
+    "E": "rad/s",
+    "o": "m/s/s",
+    "#": "instance",
+    "P": "Pa",
+    "D": "deglatitude",
+    "m": "m",
+}
 COUNT = 300
 
 
@@ -43,19 +53,26 @@ def test_shipped_map_extended_by_the_bench(log, tmp_path):
     )
     record = flighttest.read(log, tmp_path / "mine.toml")
     index = np.arange(COUNT)
-    np.testing.assert_allclose(np.degrees(record["attitude/phi"].values), 0.25 * index % 90, atol=1e-9)
+    np.testing.assert_allclose(
+        np.degrees(record["attitude/phi"].values), 0.25 * index % 90, atol=1e-9
+    )
     np.testing.assert_allclose(np.degrees(record["attitude/psi"].values), 359.99, atol=1e-9)
     np.testing.assert_allclose(record["imu/p"].values, 0.01 * index, rtol=1e-6)
     np.testing.assert_allclose(record["imu/az_imu"].values, -9.5)
     np.testing.assert_allclose(record["air_data/h_baro"].values, 100.0 + index)
     np.testing.assert_allclose(np.degrees(record["gps/lon"].values), -11.5, atol=1e-9)
     np.testing.assert_allclose(record["imu/time"].values, 1.0 + 0.02 * index)
-    np.testing.assert_allclose(np.degrees(record["controls/delta_e"].values[[0, -1]]), [22.5, 22.5 - 299 / 400 * 22.1])
+    np.testing.assert_allclose(
+        np.degrees(record["controls/delta_e"].values[[0, -1]]), [22.5, 22.5 - 299 / 400 * 22.1]
+    )
     assert record["gps"].attrs["rate"] == pytest.approx(5.0)
 
 
 def test_units_multipliers_and_instances_of_the_log(log):
-    tables = {table["table"]: {c["column"]: c for c in table["columns"]} for table in flighttest.records.contents(log)["tables"]}
+    tables = {
+        table["table"]: {c["column"]: c for c in table["columns"]}
+        for table in flighttest.records.contents(log)["tables"]
+    }
     assert tables["ATT"]["Yaw"]["unit"] == "deg"
     assert tables["IMU.1"]["AccZ"]["unit"] == "m/s2"
     assert tables["IMU.1"]["AccZ"]["max"] == pytest.approx(-10.5)
@@ -69,7 +86,13 @@ def test_header_bytes_inside_a_message_are_no_message(tmp_path):
     rows = [(t, trap, i) for i, t in enumerate(stamps())]
     messages = {
         **MESSAGES,
-        "TRAP": ("QBB".replace("BB", "de"), "TimeUS,Bits,I", "s--", "F--", [(t, 0.5, i) for i, t in enumerate(stamps())]),
+        "TRAP": (
+            "QBB".replace("BB", "de"),
+            "TimeUS,Bits,I",
+            "s--",
+            "F--",
+            [(t, 0.5, i) for i, t in enumerate(stamps())],
+        ),
     }
     raw = bytearray(dataflash.written(messages, UNITS))
     place = 0
@@ -77,7 +100,10 @@ def test_header_bytes_inside_a_message_are_no_message(tmp_path):
         raw[place : place + 4] = trap.to_bytes(4, "little")
         place += 8
     (tmp_path / "f.bin").write_bytes(raw)
-    tables = {table["table"]: table["samples"] for table in flighttest.records.contents(tmp_path / "f.bin")["tables"]}
+    tables = {
+        table["table"]: table["samples"]
+        for table in flighttest.records.contents(tmp_path / "f.bin")["tables"]
+    }
     assert tables["ATT"] == COUNT
     assert tables["TRAP"] == len(rows)
 
@@ -89,7 +115,9 @@ def test_damage_in_the_middle_is_skipped_and_reported(log):
     log.write_bytes(raw)
     record = flighttest.read(log, "ardupilot")
     assert COUNT - 10 < record["attitude"].sizes["time"] < COUNT
-    assert "bytes of the log fit no message and were skipped" in flighttest.records.faults(record)[0]
+    assert (
+        "bytes of the log fit no message and were skipped" in flighttest.records.faults(record)[0]
+    )
 
 
 def test_no_message_at_all(log):
@@ -108,6 +136,14 @@ def test_texts_and_messages_without_a_clock_are_named(tmp_path):
         "OLD": ("fB", "Value,Id", "--", "--", [(1.0, 2)] * 5),
     }
     (tmp_path / "a.bin").write_bytes(dataflash.written({**MESSAGES, **more}, UNITS))
-    found = {one["name"]: one["reason"] for one in flighttest.records.contents(tmp_path / "a.bin")["left_out"]}
+    found = {
+        one["name"]: one["reason"]
+        for one in flighttest.records.contents(tmp_path / "a.bin")["left_out"]
+    }
     one = "1 sample; a clock needs two samples"
-    assert found == {"MSG": one, "EV": one, "NOTE/Text": "text", "OLD": "5 messages without a time stamp"}
+    assert found == {
+        "MSG": one,
+        "EV": one,
+        "NOTE/Text": "text",
+        "OLD": "5 messages without a time stamp",
+    }

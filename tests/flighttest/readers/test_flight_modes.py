@@ -1,4 +1,6 @@
-"""Flight modes in the logs of autopilots: PX4 and ArduPilot, on the clock of the record, as manoeuvres of tables and projects."""
+"""Flight modes in the logs of autopilots: PX4 and ArduPilot, on the clock of the record, as
+manoeuvres of tables and projects.
+"""
 
 import json
 import sys
@@ -20,10 +22,18 @@ from flighttest.records.readers.recording import ARDUPLANE, PX4, changes
 from flighttest.records.record import modes
 
 STAMPS = [5_000_000 + 20_000 * i for i in range(500)]  # 5.00 to 14.98 s
-SPANS = [("stabilized", 5.0, 8.0), ("auto_mission", 8.0, 11.0), ("mode_9", 11.0, 12.5), ("stabilized", 12.5, 14.98)]
+SPANS = [
+    ("stabilized", 5.0, 8.0),
+    ("auto_mission", 8.0, 11.0),
+    ("mode_9", 11.0, 12.5),
+    ("stabilized", 12.5, 14.98),
+]
 
 
-def px4(path, modes_at=((1_000_000, 15), (6_000_000, 15), (8_000_000, 3), (11_000_000, 9), (12_500_000, 15))):
+def px4(
+    path,
+    modes_at=((1_000_000, 15), (6_000_000, 15), (8_000_000, 3), (11_000_000, 9), (12_500_000, 15)),
+):
     topics = {
         ("vehicle_angular_velocity", 0): ([("uint64_t", "timestamp"), ("float[3]", "xyz")], [(t, 0.1, 0.2, 0.3) for t in STAMPS]),
         ("vehicle_status", 0): ([("uint64_t", "timestamp"), ("uint8_t", "nav_state")], list(modes_at)),
@@ -34,9 +44,27 @@ def px4(path, modes_at=((1_000_000, 15), (6_000_000, 15), (8_000_000, 3), (11_00
 
 def ardupilot(path, vehicle=b"ArduPlane V4.5.1", form="QMBB", columns="TimeUS,Mode,ModeNum,Rsn"):
     messages = {
-        "IMU": ("QBfff", "TimeUS,I,GyrX,GyrY,GyrZ", "s#EEE", "F-000", [(t, 0, 0.1, 0.2, 0.3) for t in STAMPS]),
-        "MODE": (form, columns, "s---", "F---", [(1_000_000, 5, 5, 1), (8_000_000, 8, 8, 2), (11_000_000, 99, 99, 2)]),
-        "MSG": ("QZ", "TimeUS,Message", "s-", "F-", [(900_000, b"Frame: Plane"), (1_000_000, vehicle)]),
+        "IMU": (
+            "QBfff",
+            "TimeUS,I,GyrX,GyrY,GyrZ",
+            "s#EEE",
+            "F-000",
+            [(t, 0, 0.1, 0.2, 0.3) for t in STAMPS],
+        ),
+        "MODE": (
+            form,
+            columns,
+            "s---",
+            "F---",
+            [(1_000_000, 5, 5, 1), (8_000_000, 8, 8, 2), (11_000_000, 99, 99, 2)],
+        ),
+        "MSG": (
+            "QZ",
+            "TimeUS,Message",
+            "s-",
+            "F-",
+            [(900_000, b"Frame: Plane"), (1_000_000, vehicle)],
+        ),
     }
     path.write_bytes(dataflash.written(messages, {"s": "s", "E": "rad/s", "#": "instance"}))
     return path
@@ -50,7 +78,9 @@ def test_modes_of_px4(tmp_path):
     record = flighttest.read(px4(tmp_path / "a.ulg"), "px4")
     assert [name for name, _, _ in spans(record)] == [name for name, _, _ in SPANS]
     np.testing.assert_allclose([span[1:] for span in spans(record)], [span[1:] for span in SPANS])
-    assert len(flighttest.manoeuvres(record)) == 0  # modes are no marks: the movements of the controls are still searched
+    assert (
+        len(flighttest.manoeuvres(record)) == 0
+    )  # modes are no marks: the movements of the controls are still searched
     assert "vehicle_status" not in record.attrs["unmapped"]
     assert set(modes(record)["note"]) == {"flight mode of the log"}
 
@@ -67,7 +97,9 @@ def test_modes_follow_the_clock_of_the_record(tmp_path):
 def test_modes_of_ardupilot_by_the_vehicle_that_the_log_states(tmp_path):
     record = flighttest.read(ardupilot(tmp_path / "a.bin"), "ardupilot")
     assert [name for name, _, _ in spans(record)] == ["fbwa", "autotune", "mode_99"]
-    np.testing.assert_allclose([span[1:] for span in spans(record)], [(5.0, 8.0), (8.0, 11.0), (11.0, 14.98)])
+    np.testing.assert_allclose(
+        [span[1:] for span in spans(record)], [(5.0, 8.0), (8.0, 11.0), (11.0, 14.98)]
+    )
     assert record.attrs["vehicle"] == "ArduPlane"
     other = flighttest.read(ardupilot(tmp_path / "b.bin", b"ArduCopter V4.5.1"), "ardupilot")
     assert [name for name, _, _ in spans(other)] == ["mode_5", "mode_8", "mode_99"]
@@ -80,7 +112,10 @@ def test_a_log_without_changes_of_mode(tmp_path):
 
 
 def test_numbers_without_a_name_keep_their_number():
-    assert changes(np.array([2.0, 1.0, 3.0]), np.array([0, 0, 7]), PX4) == ((1.0, "manual"), (3.0, "mode_7"))
+    assert changes(np.array([2.0, 1.0, 3.0]), np.array([0, 0, 7]), PX4) == (
+        (1.0, "manual"),
+        (3.0, "mode_7"),
+    )
     assert ARDUPLANE[5] == "fbwa"
     assert ARDUPLANE[17] == "qstabilize"
     assert PX4[14] == "offboard"
@@ -102,7 +137,12 @@ def test_the_verb_shows_modes_and_writes_them_as_a_table(tmp_path):
     with pytest.raises(SchemaError, match="exclude each other"):
         call("manoeuvres", log, "--names", "px4", "--modes", "--find")
     save_record(flighttest.read(log, "px4"), tmp_path / "a.nc")  # they stay with the record
-    assert json.loads(call("manoeuvres", tmp_path / "a.nc", "--modes", "--json").output)["manoeuvres"][1]["manoeuvre"] == "auto_mission"
+    assert (
+        json.loads(call("manoeuvres", tmp_path / "a.nc", "--modes", "--json").output)["manoeuvres"][
+            1
+        ]["manoeuvre"]
+        == "auto_mission"
+    )
 
 
 def test_records_of_other_recorders_have_none(tmp_path):

@@ -1,4 +1,6 @@
-"""Columns whose headings carry a unit in brackets, in every format, in name maps and as ``aeromatch init`` drafts them."""
+"""Columns whose headings carry a unit in brackets, in every format, in name maps and as ``aeromatch
+init`` drafts them.
+"""
 
 import h5py
 import numpy as np
@@ -8,7 +10,13 @@ import flighttest
 from aeromatch.drafting.columns import guess
 from flightmech.errors import UnitError, UnknownName
 from flightmech.units import known_unit
-from flighttest.records.readers.columns import clear_unit, column_called, split_heading, split_headings, unit_of_column
+from flighttest.records.readers.columns import (
+    clear_unit,
+    column_called,
+    split_heading,
+    split_headings,
+    unit_of_column,
+)
 from flighttest.records.readers.recording import Table
 
 T = np.arange(0.0, 2.0, 0.02)
@@ -43,10 +51,21 @@ def test_a_unit_in_brackets(heading, name, unit):
 
 
 def test_headings_that_would_share_a_name_keep_their_text():
-    assert split_headings(["q [deg/s]", "q [rad/s]", "p [deg/s]"]) == (["q [deg/s]", "q [rad/s]", "p"], {"p": "deg/s"})
+    assert split_headings(["q [deg/s]", "q [rad/s]", "p [deg/s]"]) == (
+        ["q [deg/s]", "q [rad/s]", "p"],
+        {"p": "deg/s"},
+    )
 
 
-SPELT = {"°/s": "deg/s", "°C": "degC", "deg/sec": "deg/s", "m/s²": "m/s2", "ft/s^2": "ft/s2", "feet": "ft", "-": "1"}
+SPELT = {
+    "°/s": "deg/s",
+    "°C": "degC",
+    "deg/sec": "deg/s",
+    "m/s²": "m/s2",
+    "ft/s^2": "ft/s2",
+    "feet": "ft",
+    "-": "1",
+}
 
 
 @pytest.mark.parametrize(("text", "unit"), SPELT.items())
@@ -55,7 +74,9 @@ def test_units_as_recorders_spell_them(text, unit):
 
 
 def test_columns_are_found_with_and_without_brackets():
-    table = Table({"alpha": T, "rate [counts]": T, "v (a)": T, "v (b)": T, "xyz[0]": T}, {"alpha": "deg"})
+    table = Table(
+        {"alpha": T, "rate [counts]": T, "v (a)": T, "v (b)": T, "xyz[0]": T}, {"alpha": "deg"}
+    )
     assert column_called("alpha", table) == "alpha"
     assert column_called("alpha [deg]", table) == "alpha"
     assert column_called("alpha [rad]", table) is None
@@ -70,13 +91,22 @@ def csv(path, heads, *columns):
     return path
 
 
-MAPS = ('q = "Roll Rate (deg/s)"', 'q = "Roll Rate"', 'q = "data/Roll Rate (deg/s)"', 'q = { column = "Roll Rate (deg/s)", sign = 1 }')
+MAPS = (
+    'q = "Roll Rate (deg/s)"',
+    'q = "Roll Rate"',
+    'q = "data/Roll Rate (deg/s)"',
+    'q = { column = "Roll Rate (deg/s)", sign = 1 }',
+)
 
 
 @pytest.mark.parametrize("line", MAPS)
 def test_a_name_map_takes_headings_as_they_stand(tmp_path, line):
-    file = csv(tmp_path / "a.csv", ["Time (s)", "Roll Rate (deg/s)", "OAT (°C)"], 10.0 + T, 15.0 + 0.0 * T)
-    (tmp_path / "n.toml").write_text(f'[time]\ncolumn = "Time (s)"\n[imu]\n{line}\ntemperature = "OAT (°C)"\n', encoding="utf-8")
+    file = csv(
+        tmp_path / "a.csv", ["Time (s)", "Roll Rate (deg/s)", "OAT (°C)"], 10.0 + T, 15.0 + 0.0 * T
+    )
+    (tmp_path / "n.toml").write_text(
+        f'[time]\ncolumn = "Time (s)"\n[imu]\n{line}\ntemperature = "OAT (°C)"\n', encoding="utf-8"
+    )
     record = flighttest.read(file, tmp_path / "n.toml")
     np.testing.assert_allclose(record["imu/q"].values, np.radians(10.0 + T), rtol=1e-5)
     np.testing.assert_allclose(record["imu/temperature"].values, 288.15)
@@ -85,14 +115,25 @@ def test_a_name_map_takes_headings_as_they_stand(tmp_path, line):
 
 def test_canonical_names_with_units_need_no_map_in_any_format(tmp_path):
     with h5py.File(tmp_path / "a.h5", "w") as file:
-        file["imu/time"], file["imu/q [deg s-1]"], file["imu/alpha_vane (deg)"] = T, 10.0 + T, 3.0 + 0.0 * T
+        file["imu/time"], file["imu/q [deg s-1]"], file["imu/alpha_vane (deg)"] = (
+            T,
+            10.0 + T,
+            3.0 + 0.0 * T,
+        )
     record = flighttest.read(tmp_path / "a.h5")
     np.testing.assert_allclose(record["imu/q"].values, np.radians(10.0 + T))
     np.testing.assert_allclose(record["imu/alpha_vane"].values, np.radians(3.0))
 
 
 def test_arrays_and_sides_in_brackets_are_names(tmp_path):
-    file = csv(tmp_path / "a.csv", ["time", "xyz[0]", "xyz[1]", "Elevator (left)", "Elevator (right)"], T, T, T, T)
+    file = csv(
+        tmp_path / "a.csv",
+        ["time", "xyz[0]", "xyz[1]", "Elevator (left)", "Elevator (right)"],
+        T,
+        T,
+        T,
+        T,
+    )
     assert list(flighttest.records.contents(file, None)["tables"][0]["columns"][k]["column"] for k in range(1, 5)) == [
         "xyz[0]", "xyz[1]", "Elevator (left)", "Elevator (right)"
     ]  # fmt: skip
@@ -103,11 +144,15 @@ def test_a_unit_that_nothing_knows_is_named(tmp_path):
         flighttest.read(csv(tmp_path / "a.csv", ["time", "alpha_vane [grad]"], T))
     (tmp_path / "n.toml").write_text('[a]\nq = "Pitch Rate (rad/s)"\n')
     with pytest.raises(UnknownName, match="Pitch Rate"):
-        flighttest.read(csv(tmp_path / "b.csv", ["time", "Pitch Rate (deg/s)"], T), tmp_path / "n.toml")
+        flighttest.read(
+            csv(tmp_path / "b.csv", ["time", "Pitch Rate (deg/s)"], T), tmp_path / "n.toml"
+        )
 
 
 def test_drafted_names_of_headings_with_units():
-    assert [guess(text).name for text in ("Roll Rate (deg/s)", "alpha [deg]", "Press Alt (ft)")] == ["p", "alpha_vane", "h_baro"]
+    assert [
+        guess(text).name for text in ("Roll Rate (deg/s)", "alpha [deg]", "Press Alt (ft)")
+    ] == ["p", "alpha_vane", "h_baro"]
     assert guess("Roll Rate (deg/s)").unit == "deg/s"
 
 
@@ -136,7 +181,9 @@ def test_a_unit_at_the_end_counts_where_it_fits_the_quantity(heading, name, unit
 
 
 def test_the_unit_of_an_ending_converts_the_column(tmp_path):
-    file = csv(tmp_path / "a.csv", ["time_ms", "q_deg_s", '"Thrust, kN"'], 10.0 + 0.0 * T, 2.0 + 0.0 * T)
+    file = csv(
+        tmp_path / "a.csv", ["time_ms", "q_deg_s", '"Thrust, kN"'], 10.0 + 0.0 * T, 2.0 + 0.0 * T
+    )
     file.write_text(file.read_text().replace("time_ms", "time"))
     (tmp_path / "n.toml").write_text('[imu]\nq = "q_deg_s"\nengine1.thrust = "Thrust"\n')
     record = flighttest.read(file, tmp_path / "n.toml")

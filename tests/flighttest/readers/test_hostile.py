@@ -1,4 +1,6 @@
-"""Damaged files of every format: read, or refused with an error of the package; never another exception, never endless."""
+"""Damaged files of every format: read, or refused with an error of the package; never another
+exception, never endless.
+"""
 
 import gzip
 import sys
@@ -75,12 +77,16 @@ def classic(path):
 
 def px4(path):
     rows = [(int(1e6 * t) + 1, t) for t in T]
-    path.write_bytes(ulog.written({("imu", 0): ([("uint64_t", "timestamp"), ("float", "q")], rows)}))
+    path.write_bytes(
+        ulog.written({("imu", 0): ([("uint64_t", "timestamp"), ("float", "q")], rows)})
+    )
 
 
 def ardupilot(path):
     rows = [(int(1e6 * t), t) for t in T]
-    path.write_bytes(dataflash.written({"IMU": ("Qf", "TimeUS,q", "sE", "F0", rows)}, {"s": "s", "E": "rad/s"}))
+    path.write_bytes(
+        dataflash.written({"IMU": ("Qf", "TimeUS,q", "sE", "F0", rows)}, {"s": "s", "E": "rad/s"})
+    )
 
 
 def ch10(path):
@@ -89,7 +95,9 @@ def ch10(path):
     for k in range(20):
         rtc = 100_000 * k
         out.append(chapter10.arinc(12, rtc, [(0, 0, chapter10.bnr(0o210, 15, 2048.0, 1.0 * k))]))
-        out.append(chapter10.bus_1553(3, rtc, [(rtc, 0, [chapter10.command(5, True, 1, 2), 0, 1, 2])]))
+        out.append(
+            chapter10.bus_1553(3, rtc, [(rtc, 0, [chapter10.command(5, True, 1, 2), 0, 1, 2])])
+        )
         out.append(chapter10.pcm(7, rtc, [(rtc, [1, 2, 3, 4])]))
         out.append(chapter10.analog(9, rtc, [(1,), (2,)]))
     path.write_bytes(b"".join(out))

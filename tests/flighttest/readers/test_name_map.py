@@ -94,4 +94,7 @@ def test_column_without_a_unit():
 
 
 def test_calibration_is_described_in_words():
-    assert Channel(column="acc", unit="g", sign=-1, offset="-1 g").calibration(None) == "- acc [g] + -1 g"
+    assert (
+        Channel(column="acc", unit="g", sign=-1, offset="-1 g").calibration(None)
+        == "- acc [g] + -1 g"
+    )

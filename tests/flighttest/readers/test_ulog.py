@@ -20,7 +20,13 @@ def quaternion(roll, pitch, yaw):
     """Scalar first, turns about z, y, x in this order."""
     (cr, sr), (cp, sp), (cy, sy) = ((np.cos(a / 2), np.sin(a / 2)) for a in (roll, pitch, yaw))
     return np.stack(
-        [cr * cp * cy + sr * sp * sy, sr * cp * cy - cr * sp * sy, cr * sp * cy + sr * cp * sy, cr * cp * sy - sr * sp * cy], axis=-1
+        [
+            cr * cp * cy + sr * sp * sy,
+            sr * cp * cy - cr * sp * sy,
+            cr * sp * cy + sr * cp * sy,
+            cr * cp * sy - sr * sp * cy,
+        ],
+        axis=-1,
     )
 
 
@@ -30,7 +36,10 @@ def topics(extra=()):
     force = [(t + 3, 0.1, 0.2, -9.8) for t in STAMPS]
     servos = [(t + 5, 0.0, 0.0, np.sin(i / 10), *[0.0] * 5) for i, t in enumerate(STAMPS)]
     utc = 1_520_848_800_000_000
-    gps = [(t, t - 5_000_000 + utc, 48.1, 11.5, 500.0 + i, 1.0, 2.0, -0.5) for i, t in enumerate(STAMPS[::10])]
+    gps = [
+        (t, t - 5_000_000 + utc, 48.1, 11.5, 500.0 + i, 1.0, 2.0, -0.5)
+        for i, t in enumerate(STAMPS[::10])
+    ]
     found = {
         ("vehicle_attitude", 0): ([("uint64_t", "timestamp"), ("float[4]", "q")], attitude),
         ("vehicle_angular_velocity", 0): ([("uint64_t", "timestamp"), ("uint64_t", "timestamp_sample"), ("float[3]", "xyz")], rates),
@@ -76,7 +85,11 @@ def test_fixed_wing_log_with_the_shipped_map_and_bench_table(log, tmp_path):
     np.testing.assert_allclose(record["accelerations/az_imu"].values, -9.8, rtol=1e-6)
     np.testing.assert_allclose(record["estimator/wind_e"].values, -4.0)
     demand = np.sin(STEPS / 10)
-    np.testing.assert_allclose(np.degrees(record["controls/delta_e"].values), np.interp(demand, [-1, 0, 1], [21.5, 0.8, -24.0]), atol=1e-5)
+    np.testing.assert_allclose(
+        np.degrees(record["controls/delta_e"].values),
+        np.interp(demand, [-1, 0, 1], [21.5, 0.8, -24.0]),
+        atol=1e-5,
+    )
     np.testing.assert_allclose(np.degrees(record["gps/lat"].values), 48.1)
     # the log's clock shows 5 s when UTC shows 10:00
     assert record.attrs["start"].startswith("2018-03-12T09:59:55")
@@ -95,12 +108,16 @@ def test_time_of_the_measurement_as_clock(log, tmp_path):
 
 
 def test_second_instance_of_a_topic(log, tmp_path):
-    (tmp_path / "n.toml").write_text('[a]\nq_c = { column = "differential_pressure.1/differential_pressure_pa", unit = "Pa" }\n')
+    (tmp_path / "n.toml").write_text(
+        '[a]\nq_c = { column = "differential_pressure.1/differential_pressure_pa", unit = "Pa" }\n'
+    )
     np.testing.assert_allclose(flighttest.read(log, tmp_path / "n.toml")["a/q_c"].values, 101.0)
 
 
 def test_unknown_topic_and_field_name_the_near_ones(log, tmp_path):
-    (tmp_path / "n.toml").write_text('[a]\np = { column = "vehicle_angular_velocity/xyz[3]", unit = "rad/s" }\n')
+    (tmp_path / "n.toml").write_text(
+        '[a]\np = { column = "vehicle_angular_velocity/xyz[3]", unit = "rad/s" }\n'
+    )
     with pytest.raises(UnknownName, match=r"'xyz\[3\]'; near it: .*xyz\[0\]"):
         flighttest.read(log, tmp_path / "n.toml")
 
@@ -137,18 +154,35 @@ def test_header_alone(log):
 
 def test_euler_angles_of_known_turns():
     half = np.sqrt(0.5)
-    np.testing.assert_allclose(np.array(euler([half], [half], [0.0], [0.0])).ravel(), [np.pi / 2, 0, 0], atol=1e-15)
-    np.testing.assert_allclose(np.array(euler([half], [0.0], [0.0], [-half])).ravel(), [0, 0, 1.5 * np.pi], atol=1e-15)
+    np.testing.assert_allclose(
+        np.array(euler([half], [half], [0.0], [0.0])).ravel(), [np.pi / 2, 0, 0], atol=1e-15
+    )
+    np.testing.assert_allclose(
+        np.array(euler([half], [0.0], [0.0], [-half])).ravel(), [0, 0, 1.5 * np.pi], atol=1e-15
+    )
 
 
 def test_topics_of_one_sample_are_left_out_and_named(tmp_path):
-    once = {("wind", 0): ([("uint64_t", "timestamp"), ("float", "windspeed_north"), ("float", "windspeed_east")], [(STAMPS[0], 3.0, -4.0)])}
-    once[("vehicle_acceleration", 0)] = ([("uint64_t", "timestamp"), ("float[3]", "xyz")], [(STAMPS[3], 0.1, 0.2, -9.8)])
+    once = {
+        ("wind", 0): (
+            [("uint64_t", "timestamp"), ("float", "windspeed_north"), ("float", "windspeed_east")],
+            [(STAMPS[0], 3.0, -4.0)],
+        )
+    }
+    once[("vehicle_acceleration", 0)] = (
+        [("uint64_t", "timestamp"), ("float[3]", "xyz")],
+        [(STAMPS[3], 0.1, 0.2, -9.8)],
+    )
     (tmp_path / "flight.ulg").write_bytes(ulog.written(topics(once)))
-    (tmp_path / "mine.toml").write_text(OWN + '[wind]\nax_imu = { column = "vehicle_acceleration/xyz[0]", unit = "m/s2" }\n')
+    (tmp_path / "mine.toml").write_text(
+        OWN + '[wind]\nax_imu = { column = "vehicle_acceleration/xyz[0]", unit = "m/s2" }\n'
+    )
     record = flighttest.read(tmp_path / "flight.ulg", tmp_path / "mine.toml")
     assert flighttest.records.record.locate(record, "p")
-    assert "vehicle_acceleration (1 sample; a clock needs two samples): left out, and with it ay_imu" in record.attrs["notes"]
+    assert (
+        "vehicle_acceleration (1 sample; a clock needs two samples): left out, and with it ay_imu"
+        in record.attrs["notes"]
+    )
     found = flighttest.records.contents(tmp_path / "flight.ulg")
     assert {one["name"] for one in found["left_out"]} == {"wind", "vehicle_acceleration"}
     assert not any(table["clock_fault"] for table in found["tables"])

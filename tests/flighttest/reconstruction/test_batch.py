@@ -35,7 +35,13 @@ def test_path_follows_the_truth(found):
     batch, _, truth = found
     states = batch.paths[0].states
     # standard errors of the constants times their leverage, as for the smoother
-    for name, tol in {"V": 0.05, "alpha": 0.0006, "beta": 0.0006, "theta": 0.0004, "h": 0.6}.items():
+    for name, tol in {
+        "V": 0.05,
+        "alpha": 0.0006,
+        "beta": 0.0006,
+        "theta": 0.0004,
+        "h": 0.6,
+    }.items():
         assert np.sqrt(np.mean((states[name].values - truth[name].values) ** 2)) < tol, name
 
 
@@ -69,7 +75,9 @@ def test_noise_of_the_channels_is_estimated(flown, precise):
     record = flown(0, inertial_noise=RIGID)[0]
     noise = flighttest.reconstruct_batch([record], noisier).noise
     assert noise.loc["alpha_vane", "given"] == pytest.approx(3e-3)
-    assert noise.loc["alpha_vane", "estimated"] == pytest.approx(1.5e-3, rel=0.05)  # 2001 readings scatter by 1.6 %
+    assert noise.loc["alpha_vane", "estimated"] == pytest.approx(
+        1.5e-3, rel=0.05
+    )  # 2001 readings scatter by 1.6 %
 
 
 def test_records_share_their_constants(flown, precise):
@@ -81,7 +89,9 @@ def test_records_share_their_constants(flown, precise):
     assert both.starts.sizes["segment"] == 3
     assert (np.abs(deviations(both.estimates, error)) < 2.0).mean() > 0.8
     name = "bias.alpha_vane"
-    assert float(both.estimates["stderr"].sel(parameter=name)) < float(alone.estimates["stderr"].sel(parameter=name))
+    assert float(both.estimates["stderr"].sel(parameter=name)) < float(
+        alone.estimates["stderr"].sel(parameter=name)
+    )
     biases = [path.biases["estimate"].sel(parameter=name) for path in both.paths]
     assert float(biases[0]) == float(biases[1])
 
@@ -95,7 +105,8 @@ def test_steady_flight_hides_vertical_wind_behind_the_vane(flown, precise):
     assert all(name in words[0] for name in names)
     row = sight.directions.isel(direction=0)
     move = dict(zip(row["parameter"].values, row["move"].values))
-    # an offset of the vane makes up for air that sinks: K wind_d/V, V = 85 m/s, K = 1.08; V of the first path is good to 3 %
+    # an offset of the vane makes up for air that sinks: K wind_d/V, V = 85 m/s, K = 1.08; V of the
+    # first path is good to 3 %
     assert move["wind_d"] / move["bias.alpha_vane"] == pytest.approx(85.0 / 1.08, rel=0.03)
     with pytest.raises(IdentificationError, match=r"not seen apart: .*wind_d"):
         flighttest.reconstruct_batch([record], precise, free=names)
@@ -103,18 +114,32 @@ def test_steady_flight_hides_vertical_wind_behind_the_vane(flown, precise):
 
 def test_a_manoeuvre_separates_them(flown, precise):
     record = flown(0, inertial_noise=RIGID)[0]
-    assert flighttest.reconstruction.visible([record], precise, free=["bias.alpha_vane", "wind_d"]).hidden() == []
+    assert (
+        flighttest.reconstruction.visible(
+            [record], precise, free=["bias.alpha_vane", "wind_d"]
+        ).hidden()
+        == []
+    )
 
 
 def test_held_constants_stay(flown, precise):
     error = {"lag.vanes": 0.05, "static_error": 0.0, "delay.air_data": 0.12, "delay.gps": 0.15}
-    error |= {"factor.alpha_vane": 1.08, "factor.beta_vane": 1.05, "bias.alpha_vane": 0.01, "bias.q": 4e-4}
+    error |= {
+        "factor.alpha_vane": 1.08,
+        "factor.beta_vane": 1.05,
+        "bias.alpha_vane": 0.01,
+        "bias.q": 4e-4,
+    }
     record, _, truth = flown(0, inertial_noise=RIGID, error=error)
-    batch = flighttest.reconstruct_batch([record], precise, free=["bias.alpha_vane", "bias.q", "wind_n", "wind_e"])
+    batch = flighttest.reconstruct_batch(
+        [record], precise, free=["bias.alpha_vane", "bias.q", "wind_n", "wind_e"]
+    )
     estimates = batch.estimates.sel(parameter=["bias.alpha_vane", "bias.q"])
     assert (np.abs(estimates["estimate"] - [0.01, 4e-4]) < 3.0 * estimates["stderr"]).all()
     assert float(batch.estimates["estimate"].sel(parameter="lag.vanes")) == 0.05
-    assert ["lag.vanes", "0.05", "held", "s"] in [line.split() for line in batch.report().splitlines()]
+    assert ["lag.vanes", "0.05", "held", "s"] in [
+        line.split() for line in batch.report().splitlines()
+    ]
     assert np.std(batch.paths[0].states["alpha"].values - truth["alpha"].values) < 5e-4
 
 

@@ -1,4 +1,6 @@
-"""Data compatibility: raw, corrected and reconstructed signals of a flight whose instrument errors are known."""
+"""Data compatibility: raw, corrected and reconstructed signals of a flight whose instrument errors
+are known.
+"""
 
 import numpy as np
 import pytest
@@ -16,7 +18,8 @@ def flight(flown, aircraft):
 
 def test_correction_takes_the_errors_off(flight):
     table = flighttest.reconstruction.compatibility_table(flight[0])
-    # factor 1.07 about 0.06 rad and an offset of -0.010 rad on the vane: -0.006 rad; the remainder is its noise
+    # factor 1.07 about 0.06 rad and an offset of -0.010 rad on the vane: -0.006 rad; the remainder
+    # is its noise
     assert table.loc["alpha_vane", "before"] == pytest.approx(0.0066, abs=3e-4)
     assert table.loc["alpha_vane", "after"] == pytest.approx(0.0015, rel=0.05)
     assert (table["after"] <= table["before"] * 1.001).all()
@@ -26,7 +29,9 @@ def test_correction_takes_the_errors_off(flight):
 def test_reconstructed_signal_is_what_the_truth_shows(flight):
     path, _, truth = flight
     shown = path.compatibility["theta"].sel(version="reconstructed").values
-    assert np.abs(shown - truth["theta"].values).max() < 0.003  # three standard errors of bias.theta
+    assert (
+        np.abs(shown - truth["theta"].values).max() < 0.003
+    )  # three standard errors of bias.theta
     shown = path.compatibility["h_gps"].sel(version="reconstructed")
     there = np.isfinite(shown.values)
     assert np.abs(shown.values[there] - truth["h"].values[there]).max() < 1.5
@@ -35,8 +40,13 @@ def test_reconstructed_signal_is_what_the_truth_shows(flight):
 def test_corrected_stands_where_the_reading_was_true(flight):
     path, error, _ = flight
     signals = path.compatibility["vn"]
-    raw, corrected = (path.states["time"].values[np.isfinite(signals.sel(version=v).values)] for v in ("raw", "corrected"))
-    assert np.median(raw[-100:] - corrected[-100:]) == pytest.approx(error["delay.gps"], abs=0.011)  # half a sample
+    raw, corrected = (
+        path.states["time"].values[np.isfinite(signals.sel(version=v).values)]
+        for v in ("raw", "corrected")
+    )
+    assert np.median(raw[-100:] - corrected[-100:]) == pytest.approx(
+        error["delay.gps"], abs=0.011
+    )  # half a sample
 
 
 def test_report_has_a_line_per_channel(flight):

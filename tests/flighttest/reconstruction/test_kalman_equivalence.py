@@ -1,7 +1,9 @@
-"""One Gauss-Newton step of the reconstruction is the extended Kalman smoother linearised about the same path ([Bell1994]).
+"""One Gauss-Newton step of the reconstruction is the extended Kalman smoother linearised about the
+same path ([Bell1994]).
 
-The steps, readings and priors that `linearise` adds to the normal equations are taken down here and solved a second time by
-the recursions: Kalman filter with the constants as states that do not change, then Rauch-Tung-Striebel backwards.
+The steps, readings and priors that `linearise` adds to the normal equations are taken down here and
+solved a second time by the recursions: Kalman filter with the constants as states that do not
+change, then Rauch-Tung-Striebel backwards.
 """
 
 import copy
@@ -54,7 +56,9 @@ class TakenDown(NormalEquations):
 
 @pytest.fixture
 def linearised(flown, aircraft, monkeypatch):
-    craft = copy.deepcopy(aircraft)  # without latencies, so that every reading belongs to one sample
+    craft = copy.deepcopy(
+        aircraft
+    )  # without latencies, so that every reading belongs to one sample
     for table in ("air_data", "gps"):
         del craft.instruments[table]["delay"]
     record = flown(0, duration=4.0)[0]
@@ -72,7 +76,9 @@ def update(mean, P, H, r):
 
 
 def smoother(equations):
-    """Return the smoothed changes of states and constants, and the covariance of the constants, by filter and backward pass."""
+    """Return the smoothed changes of states and constants, and the covariance of the constants, by
+    filter and backward pass.
+    """
     samples, n, nc = equations.G.shape
     (deviation, precision), ((_, start, weight),) = equations.prior[0], equations.start
     mean, P = np.zeros(n + nc), np.zeros((n + nc, n + nc))
@@ -83,7 +89,11 @@ def smoother(equations):
     for k in range(samples):
         if k:
             r, A, B, C = _step(equations, k - 1, n, nc)
-            F, shift, spread = -np.linalg.solve(B, np.hstack([A, C])), -np.linalg.solve(B, r), np.linalg.inv(B)
+            F, shift, spread = (
+                -np.linalg.solve(B, np.hstack([A, C])),
+                -np.linalg.solve(B, r),
+                np.linalg.inv(B),
+            )
             forward = np.eye(n + nc)
             forward[:n] = F
             ahead, P_ahead = forward @ mean, forward @ P @ forward.T
@@ -122,7 +132,8 @@ def test_one_step_is_the_extended_kalman_smoother(linearised):
     dx, dc, information = linearised.solve()
     path, constants, covariance = smoother(linearised)
     sigma = np.sqrt(np.diag(np.linalg.inv(information)))
-    # in standard errors: the covariance recursion loses digits where start (500 m) and noise (1e-4 rad) lie far apart
+    # in standard errors: the covariance recursion loses digits where start (500 m) and noise (1e-4
+    # rad) lie far apart
     np.testing.assert_allclose(constants / sigma, dc / sigma, atol=1e-3)
     np.testing.assert_allclose(np.sqrt(np.diag(covariance)), sigma, rtol=1e-3)
     scale = np.abs(dx).max(axis=0)

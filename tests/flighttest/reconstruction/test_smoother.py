@@ -31,8 +31,11 @@ def calm(flown, aircraft):
 
 def test_states_follow_the_truth(calm):
     path, _, truth = calm
-    # standard errors of the constants times their leverage: 1e-3 rad in theta (bias against ax), 0.05 m/s from wind and temperature
-    assert {name: rms(path, truth, name) for name in ERROR_FREE} == {name: pytest.approx(0.0, abs=tol) for name, tol in ERROR_FREE.items()}
+    # standard errors of the constants times their leverage: 1e-3 rad in theta (bias against ax),
+    # 0.05 m/s from wind and temperature
+    assert {name: rms(path, truth, name) for name in ERROR_FREE} == {
+        name: pytest.approx(0.0, abs=tol) for name, tol in ERROR_FREE.items()
+    }
 
 
 def test_reconstruction_beats_the_readings(calm, flown):
@@ -44,12 +47,15 @@ def test_reconstruction_beats_the_readings(calm, flown):
 
 def test_forces_are_at_the_cg(calm):
     path, _, truth = calm
-    # the noise of one reading, 0.04 m/s2, and the error of the differentiated rates over the arm of 0.9 m
+    # the noise of one reading, 0.04 m/s2, and the error of the differentiated rates over the arm of
+    # 0.9 m
     assert rms(path, truth, "az") < 0.05
 
 
 def test_errors_of_the_states_are_what_the_path_does_when_a_constant_is_wrong(flown, aircraft):
-    """Against paths solved again with every constant held, one standard error of one independent error away."""
+    """Against paths solved again with every constant held, one standard error of one independent
+    error away.
+    """
     record = flown(0, duration=12.0)[0]
     setup, solution = solve(record, aircraft)
     errors = state_errors(record, aircraft, setup, solution)
@@ -66,8 +72,11 @@ def test_errors_of_the_states_are_what_the_path_does_when_a_constant_is_wrong(fl
         changed = motion(record, aircraft, setup, other.x, other.c)
         for name in ("alpha", "qbar", "ax"):
             wanted = changed[name] - nominal[name]
-            # to first order, and in single precision: 2 % of the largest change of the state by any source
-            np.testing.assert_allclose(errors[name].sel(error=label), wanted, atol=0.02 * float(np.abs(errors[name]).max()))
+            # to first order, and in single precision: 2 % of the largest change of the state by any
+            # source
+            np.testing.assert_allclose(
+                errors[name].sel(error=label), wanted, atol=0.02 * float(np.abs(errors[name]).max())
+            )
 
 
 @pytest.mark.slow
@@ -80,7 +89,8 @@ def test_constants_lie_within_their_standard_errors(flown, aircraft):
         estimate, stderr = (found[k].sel(parameter=names).values for k in ("estimate", "stderr"))
         z.append((estimate - [error[n] for n in names]) / stderr)
     z = np.array(z)
-    # 190 deviations; 95.4 % of normal ones lie within two; they are correlated within a flight, so the count scatters by 3 %
+    # 190 deviations; 95.4 % of normal ones lie within two; they are correlated within a flight, so
+    # the count scatters by 3 %
     assert (np.abs(z) < 2.0).mean() > 0.89
     assert 0.8 < np.sqrt(np.mean(z**2)) < 1.2
 
@@ -105,7 +115,10 @@ def test_gusts_are_found(flown, aircraft):
     path = flighttest.reconstruct(record, aircraft)
     assert path.states.attrs["gusts"] != "none"
     late = slice(100, -100)
-    for name, tol in (("alpha", 0.004), ("V", 0.4)):  # rad, m/s: vane factor and lag rest on their priors in turbulence
+    for name, tol in (
+        ("alpha", 0.004),
+        ("V", 0.4),
+    ):  # rad, m/s: vane factor and lag rest on their priors in turbulence
         e = path.states[name].values - truth[name].values
         assert np.sqrt(np.mean((e - e.mean())[late] ** 2)) < tol, name
     # an estimate in calm air would carry the whole gust: 0.6 m/s in V
@@ -134,7 +147,9 @@ def test_without_ground_velocity_the_air_path_remains(flown, aircraft):
 
 def test_without_sideslip_vane_sideslip_comes_from_the_side_force(flown, aircraft):
     record, _, truth = flown(2)
-    record = record.assign({"vanes": xr.DataTree(record["vanes"].to_dataset().drop_vars("beta_vane"))})
+    record = record.assign(
+        {"vanes": xr.DataTree(record["vanes"].to_dataset().drop_vars("beta_vane"))}
+    )
     path = flighttest.reconstruct(record, aircraft)
     assert np.corrcoef(path.states["beta"].values, truth["beta"].values)[0, 1] > 0.98
 
@@ -171,7 +186,9 @@ def test_step_turns_the_velocity_with_the_heading():
     assert np.arctan2(after[0, 4], after[0, 3]) - np.arctan2(30.0, 80.0) == pytest.approx(0.3)
     small = 1e-5 * np.arange(1.0, 8.0)[None]
     np.testing.assert_allclose(moved(x, small), x + small, atol=1e-7)
-    assert after[0, 5] == 4.0  # roll and sideways steps leave the climb alone, as they do the height
+    assert (
+        after[0, 5] == 4.0
+    )  # roll and sideways steps leave the climb alone, as they do the height
 
 
 def test_lower_rate(flown, aircraft):
@@ -203,7 +220,9 @@ def test_steep_attitude_is_refused(flown, aircraft):
     record["imu/theta"].values[700:710] = 1.5
     with pytest.raises(OutOfRange, match="pitch attitude reaches 86 deg"):
         flighttest.reconstruct(record, aircraft)
-    assert flighttest.reconstruct(record, aircraft, windows=[(20.0, 30.0)]).states.sizes["time"] == 501
+    assert (
+        flighttest.reconstruct(record, aircraft, windows=[(20.0, 30.0)]).states.sizes["time"] == 501
+    )
 
 
 @pytest.mark.slow
@@ -242,31 +261,48 @@ def test_misspelt_key_of_an_instrument(flown, aircraft):
 def test_a_programme_knows_its_instruments_better(flown, aircraft):
     whole = flown(5)[0]
     parts = [slice(0.0, 13.0), slice(13.0, 26.0), slice(26.0, 40.0)]
-    records = [whole.map_over_datasets(lambda d, part=part: d.sel(time=part) if d.data_vars else d) for part in parts]
+    records = [
+        whole.map_over_datasets(lambda d, part=part: d.sel(time=part) if d.data_vars else d)
+        for part in parts
+    ]
     alone = [flighttest.reconstruct(r, aircraft) for r in records]
     together = flighttest.reconstruct_programme(records, aircraft)
-    names = [n for n in alone[0].biases["parameter"].values if n.startswith(("bias", "factor", "delay"))]
+    names = [
+        n for n in alone[0].biases["parameter"].values if n.startswith(("bias", "factor", "delay"))
+    ]
     for a, b in zip(alone, together, strict=True):
-        assert (b.biases["stderr"].sel(parameter=names) < 1.001 * a.biases["stderr"].sel(parameter=names)).all()
+        assert (
+            b.biases["stderr"].sel(parameter=names)
+            < 1.001 * a.biases["stderr"].sel(parameter=names)
+        ).all()
     combined = flighttest.reconstruction.combine_biases(alone)
     assert "wind_n" not in combined["parameter"]
     assert combined.attrs["runs"] == 3
-    # what proves the model takes the instruments from the others and gives them nothing, to the last bit
+    # what proves the model takes the instruments from the others and gives them nothing, to the
+    # last bit
     blind = flighttest.reconstruct_programme(records[:2], aircraft, validation=records[2:])
     pair = flighttest.reconstruct_programme(records[:2], aircraft)
     for a, b in zip(pair, blind[:2], strict=True):
         xr.testing.assert_identical(a.states, b.states)
         xr.testing.assert_identical(a.biases, b.biases)
-    xr.testing.assert_identical(blind[2].states, together[2].states)  # here the others are the same two
+    xr.testing.assert_identical(
+        blind[2].states, together[2].states
+    )  # here the others are the same two
 
 
 def test_combination_is_the_sum_of_information(flown, aircraft):
     found = flighttest.reconstruct(flown(0)[0], aircraft).biases
-    once, twice = flighttest.reconstruction.combine_biases([found]), flighttest.reconstruction.combine_biases([found, found])
+    once, twice = (
+        flighttest.reconstruction.combine_biases([found]),
+        flighttest.reconstruction.combine_biases([found, found]),
+    )
     shared = once["parameter"].values
-    np.testing.assert_allclose(once["estimate"], found["estimate"].sel(parameter=shared), rtol=1e-6, atol=1e-12)
+    np.testing.assert_allclose(
+        once["estimate"], found["estimate"].sel(parameter=shared), rtol=1e-6, atol=1e-12
+    )
     np.testing.assert_allclose(once["stderr"], found["stderr"].sel(parameter=shared), rtol=1e-6)
-    # where the data outweigh the prior, two equal runs halve the variance; the prior of 5e-4 rad/s is 1/30 of the information
+    # where the data outweigh the prior, two equal runs halve the variance; the prior of 5e-4 rad/s
+    # is 1/30 of the information
     ratio = (twice["stderr"] / once["stderr"]).sel(parameter="bias.p")
     assert float(ratio) == pytest.approx(np.sqrt(0.5), rel=5e-3)
 
@@ -283,11 +319,17 @@ def test_runs_with_different_priors_are_not_combined(flown, aircraft):
 def test_prior_of_other_runs_is_used(flown, aircraft):
     record, _, _ = flown(4, duration=20.0)
     alone = flighttest.reconstruct(record, aircraft)
-    prior = flighttest.reconstruction.combine_biases([flighttest.reconstruct(flown(4)[0], aircraft)])
+    prior = flighttest.reconstruction.combine_biases(
+        [flighttest.reconstruct(flown(4)[0], aircraft)]
+    )
     after = flighttest.reconstruct(record, aircraft, prior=prior)
     k = "bias.theta"
-    assert float(after.biases["stderr"].sel(parameter=k)) < float(alone.biases["stderr"].sel(parameter=k))
-    np.testing.assert_allclose(after.biases["prior"].sel(parameter=k), prior["estimate"].sel(parameter=k))
+    assert float(after.biases["stderr"].sel(parameter=k)) < float(
+        alone.biases["stderr"].sel(parameter=k)
+    )
+    np.testing.assert_allclose(
+        after.biases["prior"].sel(parameter=k), prior["estimate"].sel(parameter=k)
+    )
 
 
 def specified(aircraft, **factors):
@@ -300,21 +342,27 @@ def specified(aircraft, **factors):
 
 @pytest.mark.parametrize("factor", [1.0 / 1.11, 1.0 / 1.4])
 def test_a_noise_specification_too_small_is_no_turbulence(calm, flown, aircraft, factor):
-    """The residual of q_c is larger than specified and white: the vane factors are estimated as before, and the noise is named."""
+    """The residual of q_c is larger than specified and white: the vane factors are estimated as
+    before, and the noise is named.
+    """
     path = flighttest.reconstruct(flown(0)[0], specified(aircraft, q_c=factor))
     assert path.states.attrs["gusts"] == "none"
     row, right = (found.biases.sel(parameter="factor.alpha_vane") for found in (path, calm[0]))
     assert abs(float(row["estimate"] - right["estimate"])) < 0.5 * float(right["stderr"])
     (remark,) = [one for one in path.remarks if one.term == "q_c"]
     assert remark.kind == "noise"
-    assert remark.value == pytest.approx(1.0 / factor, rel=0.05)  # two thousand readings scatter by 1.6 %
+    assert remark.value == pytest.approx(
+        1.0 / factor, rel=0.05
+    )  # two thousand readings scatter by 1.6 %
     assert "noise of q_c is 1." in path.report()
     assert path.summary()["remarks"][0]["kind"] == "noise"
     assert calm[0].remarks == []
 
 
 def test_gusts_are_distinguished_from_noise_by_what_lasts():
-    """Two thousand readings at 50 a second: white noise of any size is none, a gust as large as half the noise is one."""
+    """Two thousand readings at 50 a second: white noise of any size is none, a gust as large as
+    half the noise is one.
+    """
     t = 0.02 * np.arange(2000)
     for seed in range(20):
         rng = np.random.default_rng(seed)
@@ -329,22 +377,42 @@ def test_what_has_not_settled_is_named(flown, aircraft, monkeypatch):
     """A single iteration and no more: the constants that still move are reported with how far."""
     monkeypatch.setattr(smoother, "CALM_STEPS", 1)
     whole = smoother.estimate
-    monkeypatch.setattr(smoother, "estimate", lambda problem, x, c, iterations=1, held=(), known=None: whole(problem, x, c, 1, held))
-    with pytest.raises(IdentificationError, match=r"did not settle in 2 iterations: still moving are \S+ by \S+ .*standard errors\)"):
+    monkeypatch.setattr(
+        smoother,
+        "estimate",
+        lambda problem, x, c, iterations=1, held=(), known=None: whole(problem, x, c, 1, held),
+    )
+    with pytest.raises(
+        IdentificationError,
+        match=r"did not settle in 2 iterations: still moving are \S+ by \S+ .*standard errors\)",
+    ):
         flighttest.reconstruct(flown(0)[0], aircraft)
 
 
 def test_instruments_keep_their_latency_in_a_record_of_one_table(flown, aircraft):
-    """A CSV has one clock for all channels: the same readings in one leaf give the same path as in a leaf per instrument."""
+    """A CSV has one clock for all channels: the same readings in one leaf give the same path as in
+    a leaf per instrument.
+    """
     record = flown(0, duration=8.0)[0]
     leaves = {name: record[name].to_dataset() for name in ("imu", "vanes", "air_data", "controls")}
     clock = leaves["imu"]["time"]
-    leaves = {name: data.assign_coords(time=clock) for name, data in leaves.items()}  # equal but for rounding
-    leaves["gps"] = record["gps"].to_dataset().interp(time=clock, kwargs={"fill_value": "extrapolate"})
+    leaves = {
+        name: data.assign_coords(time=clock) for name, data in leaves.items()
+    }  # equal but for rounding
+    leaves["gps"] = (
+        record["gps"].to_dataset().interp(time=clock, kwargs={"fill_value": "extrapolate"})
+    )
     separate = xr.DataTree.from_dict({f"/{name}": data for name, data in leaves.items()})
-    together = xr.DataTree.from_dict({"/data": xr.merge(leaves.values(), join="exact", combine_attrs="override")})
-    paths = [flighttest.reconstruct(item, aircraft, windows=[(1.0, 7.0)]) for item in (separate, together)]
+    together = xr.DataTree.from_dict(
+        {"/data": xr.merge(leaves.values(), join="exact", combine_attrs="override")}
+    )
+    paths = [
+        flighttest.reconstruct(item, aircraft, windows=[(1.0, 7.0)])
+        for item in (separate, together)
+    ]
     for name in ("estimate", "stderr"):
         a, b = (path.biases[name] for path in paths)
         np.testing.assert_allclose(b.sel(parameter=a["parameter"]), a, rtol=1e-9, atol=1e-12)
-    assert float(paths[1].biases["stderr"].sel(parameter="delay.gps")) < 0.01  # of a prior of 0.03 s
+    assert (
+        float(paths[1].biases["stderr"].sel(parameter="delay.gps")) < 0.01
+    )  # of a prior of 0.03 s

@@ -1,1 +1,3 @@
-"""Writers of recordings, made from the published descriptions of the formats and knowing nothing of the readers."""
+"""Writers of recordings, made from the published descriptions of the formats and knowing nothing of
+the readers.
+"""

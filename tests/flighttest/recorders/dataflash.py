@@ -1,4 +1,6 @@
-"""An ArduPilot log after AP_Logger's LogStructure.h: FMT describes itself and every other message; UNIT, MULT and FMTU give the units."""
+"""An ArduPilot log after AP_Logger's LogStructure.h: FMT describes itself and every other message;
+UNIT, MULT and FMTU give the units.
+"""
 
 import struct
 
@@ -28,7 +30,9 @@ def head(kind):
 
 def described(kind, name, form, columns):
     length = 3 + struct.calcsize("<" + "".join(CODES[c] for c in form))
-    return head(FMT) + struct.pack("<BB4s16s64s", kind, length, name.encode(), form.encode(), columns.encode())
+    return head(FMT) + struct.pack(
+        "<BB4s16s64s", kind, length, name.encode(), form.encode(), columns.encode()
+    )
 
 
 def row(kind, form, values):
@@ -37,7 +41,9 @@ def row(kind, form, values):
 
 
 def written(messages, units=None):
-    """messages: {name: (format, columns, unit ids, multiplier ids, rows)}, the first column TimeUS; units {id: label}."""
+    """messages: {name: (format, columns, unit ids, multiplier ids, rows)}, the first column TimeUS;
+    units {id: label}.
+    """
     out = [
         described(FMT, "FMT", "BBnNZ", "Type,Length,Name,Format,Columns"),
         described(UNIT, "UNIT", "QbZ", "TimeUS,Id,Label"),
@@ -53,5 +59,9 @@ def written(messages, units=None):
         out.append(row(MULT, "Qbd", (0, ord(letter), factor)))
     for name, (_, _, ids, factors, _) in messages.items():
         out.append(row(FMTU, "QBNN", (0, kinds[name], ids.encode(), factors.encode())))
-    rows = [(values[0], row(kinds[name], form, values)) for name, (form, _, _, _, rows) in messages.items() for values in rows]
+    rows = [
+        (values[0], row(kinds[name], form, values))
+        for name, (form, _, _, _, rows) in messages.items()
+        for values in rows
+    ]
     return b"".join(out + [part for _, part in sorted(rows, key=lambda part: part[0])])

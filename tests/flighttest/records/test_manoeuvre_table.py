@@ -9,7 +9,12 @@ from click.testing import CliRunner
 import flighttest
 from flightmech.errors import ParseError, SchemaError
 from flighttest.cli.records import mark
-from flighttest.records.manoeuvre_table import edit_manoeuvres, marked, read_manoeuvres, write_manoeuvres
+from flighttest.records.manoeuvre_table import (
+    edit_manoeuvres,
+    marked,
+    read_manoeuvres,
+    write_manoeuvres,
+)
 
 HEAD = "record,kind,control,start,end\n"
 
@@ -20,16 +25,23 @@ def table(tmp_path, text, name="manoeuvres.csv"):
 
 
 def test_csv_by_record_in_order_of_time(tmp_path):
-    text = HEAD.replace(",", ";") + "run_2;doublet;rudder;3;9\nrun_1;3211;elevator;1 min;75.5\n\nrun_1;trim;;0;8\n"
+    text = (
+        HEAD.replace(",", ";")
+        + "run_2;doublet;rudder;3;9\nrun_1;3211;elevator;1 min;75.5\n\nrun_1;trim;;0;8\n"
+    )
     found = table(tmp_path, text)
-    assert list(found["run_1"].itertuples(index=False, name=None)) == [("trim", "", 0.0, 8.0, ""), ("3211", "elevator", 60.0, 75.5, "")]
+    assert list(found["run_1"].itertuples(index=False, name=None)) == [
+        ("trim", "", 0.0, 8.0, ""),
+        ("3211", "elevator", 60.0, 75.5, ""),
+    ]
     assert found["run_2"].columns.tolist() == ["manoeuvre", "control", "start", "end", "note"]
 
 
 def test_toml_is_the_same(tmp_path):
     text = '[[manoeuvre]]\nrecord = "run_1"\nkind = 3211\ncontrol = "elevator"\nstart = 60\nend = "75.5 s"\n'
     pd.testing.assert_frame_equal(
-        table(tmp_path, text, "manoeuvres.toml")["run_1"], table(tmp_path, HEAD + "run_1,3211,elevator,60,75.5\n")["run_1"]
+        table(tmp_path, text, "manoeuvres.toml")["run_1"],
+        table(tmp_path, HEAD + "run_1,3211,elevator,60,75.5\n")["run_1"],
     )
 
 
@@ -60,26 +72,67 @@ def test_a_row_of_another_length(tmp_path):
 
 
 def test_what_is_written_is_read_and_marks_a_record(tmp_path):
-    rows = pd.DataFrame([{"manoeuvre": "doublet", "control": "rudder", "start": 3.02, "end": 9.5, "confidence": 0.871, "note": "a, b"}])
+    rows = pd.DataFrame(
+        [
+            {
+                "manoeuvre": "doublet",
+                "control": "rudder",
+                "start": 3.02,
+                "end": 9.5,
+                "confidence": 0.871,
+                "note": "a, b",
+            }
+        ]
+    )
     write_manoeuvres({"run_1": rows}, tmp_path / "found.csv")
-    assert (tmp_path / "found.csv").read_text().splitlines()[1] == 'run_1,doublet,rudder,3.02,9.5,0.87,"a, b"'
+    assert (tmp_path / "found.csv").read_text().splitlines()[
+        1
+    ] == 'run_1,doublet,rudder,3.02,9.5,0.87,"a, b"'
     again = read_manoeuvres(tmp_path / "found.csv")["run_1"]
-    record = xr.DataTree.from_dict({"/imu": xr.Dataset({"q": ("time", np.zeros(3))}, {"time": np.arange(3.0)})})
+    record = xr.DataTree.from_dict(
+        {"/imu": xr.Dataset({"q": ("time", np.zeros(3))}, {"time": np.arange(3.0)})}
+    )
     pd.testing.assert_frame_equal(flighttest.manoeuvres(marked(record, again)), again)
     assert len(flighttest.manoeuvres(record)) == 0
 
 
 def marks(tmp_path, *words):
     done = CliRunner().invoke(mark, [str(tmp_path / "marks.csv"), "run_1", *words, "--json"])
-    return done, read_manoeuvres(tmp_path / "marks.csv").get("run_1") if (tmp_path / "marks.csv").exists() else None
+    return done, read_manoeuvres(tmp_path / "marks.csv").get("run_1") if (
+        tmp_path / "marks.csv"
+    ).exists() else None
 
 
 def test_a_row_is_added_changed_and_removed(tmp_path):
-    (tmp_path / "marks.csv").write_text(HEAD.strip() + ",confidence,note\nrun_2,sweep,rudder,1,2,0.71,kept\n")
-    assert marks(tmp_path, "--kind", "doublet", "--control", "elevator", "--span", "5", "8")[0].exit_code == 0
-    assert marks(tmp_path, "--kind", "3211", "--control", "aileron", "--span", "1", "4", "--note", "first, by time")[0].exit_code == 0
+    (tmp_path / "marks.csv").write_text(
+        HEAD.strip() + ",confidence,note\nrun_2,sweep,rudder,1,2,0.71,kept\n"
+    )
+    assert (
+        marks(tmp_path, "--kind", "doublet", "--control", "elevator", "--span", "5", "8")[
+            0
+        ].exit_code
+        == 0
+    )
+    assert (
+        marks(
+            tmp_path,
+            "--kind",
+            "3211",
+            "--control",
+            "aileron",
+            "--span",
+            "1",
+            "4",
+            "--note",
+            "first, by time",
+        )[0].exit_code
+        == 0
+    )
     found = marks(tmp_path, "--row", "2", "--span", "5.5", "9")[1]
-    expected = [("3211", "aileron", 1.0, 4.0, "first, by time"), ("doublet", "elevator", 5.5, 9.0, "")]
+    expected = [
+        ("3211", "aileron", 1.0, 4.0, "first, by time"),
+        ("doublet", "elevator", 5.5, 9.0, ""),
+    ]
     assert list(found.itertuples(index=False, name=None)) == expected
     assert "run_2,sweep,rudder,1,2,0.71,kept" in (tmp_path / "marks.csv").read_text()
     found = marks(tmp_path, "--row", "1", "--remove")[1]
@@ -105,10 +158,23 @@ def test_a_faulty_row_leaves_the_table_alone(tmp_path, words, text):
 
 
 def test_the_marks_of_a_record_are_the_start(tmp_path, monkeypatch):
-    record = xr.DataTree(xr.Dataset(attrs={"manoeuvres": '[{"manoeuvre": "trim", "start": 0, "end": 3}]'}))
+    record = xr.DataTree(
+        xr.Dataset(attrs={"manoeuvres": '[{"manoeuvre": "trim", "start": 0, "end": 3}]'})
+    )
     monkeypatch.setattr("flighttest.records.record.read", lambda *_: record)
     (tmp_path / "run_1.nc").write_text("")
-    found = marks(tmp_path, "--start-from", str(tmp_path / "run_1.nc"), "--kind", "doublet", "--control", "rudder", "--span", "4", "5")[1]
+    found = marks(
+        tmp_path,
+        "--start-from",
+        str(tmp_path / "run_1.nc"),
+        "--kind",
+        "doublet",
+        "--control",
+        "rudder",
+        "--span",
+        "4",
+        "5",
+    )[1]
     assert found["manoeuvre"].tolist() == ["trim", "doublet"]
     found = marks(tmp_path, "--start-from", str(tmp_path / "run_1.nc"), "--row", "2", "--remove")[1]
     assert found["manoeuvre"].tolist() == ["trim"]

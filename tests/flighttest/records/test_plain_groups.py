@@ -15,16 +15,28 @@ TIME = np.arange(5) / 50.0
 
 def states():
     data = {
-        "V": ("time", np.array([80.0, 81.0, np.nan, -0.0, 84.0]), {"units": "m s-1", "long_name": "true airspeed"}),
+        "V": (
+            "time",
+            np.array([80.0, 81.0, np.nan, -0.0, 84.0]),
+            {"units": "m s-1", "long_name": "true airspeed"},
+        ),
         "alpha": ("time", np.linspace(0.0, 0.1, 5), {"units": "rad"}),
-        "theta": ("time", np.linspace(0.1, 0.2, 5), {"units": "rad", "limits": np.array([-1.0, 1.0]), "column": 3}),
+        "theta": (
+            "time",
+            np.linspace(0.1, 0.2, 5),
+            {"units": "rad", "limits": np.array([-1.0, 1.0]), "column": 3},
+        ),
         "error.alpha": (("error", "time"), np.ones((2, 5), np.float32)),
         "mass": ((), 2200.0),
         "held": ("error", np.array([0, 1], np.int8)),
         "unit": ("error", ["rad", "Pa"]),
         "bare": ("axis", np.arange(3.0)),  # a dimension without a coordinate
     }
-    return xr.Dataset(data, {"time": ("time", TIME, {"units": "s"}), "error": ["bias.q", "vane"]}, {"title": "a flight", "step": 0.02})
+    return xr.Dataset(
+        data,
+        {"time": ("time", TIME, {"units": "s"}), "error": ["bias.q", "vane"]},
+        {"title": "a flight", "step": 0.02},
+    )
 
 
 def read(path, group="/"):
@@ -35,12 +47,19 @@ def read(path, group="/"):
 def test_a_group_is_what_xarray_reads(tmp_path):
     packed = {"V": {"zlib": True}}
     states().to_netcdf(tmp_path / "path.nc", group="states", engine="h5netcdf", encoding=packed)
-    found, due = read(tmp_path / "path.nc", "states"), xr.load_dataset(tmp_path / "path.nc", group="states", engine="h5netcdf")
+    found, due = (
+        read(tmp_path / "path.nc", "states"),
+        xr.load_dataset(tmp_path / "path.nc", group="states", engine="h5netcdf"),
+    )
     assert found.identical(due)
     assert list(found.variables) == list(due.variables)
     assert found["V"].values.tobytes() == due["V"].values.tobytes()
-    assert {name: item.dtype for name, item in found.variables.items()} == {name: item.dtype for name, item in due.variables.items()}
-    assert [type(x) for x in found["theta"].attrs.values()] == [type(x) for x in due["theta"].attrs.values()]
+    assert {name: item.dtype for name, item in found.variables.items()} == {
+        name: item.dtype for name, item in due.variables.items()
+    }
+    assert [type(x) for x in found["theta"].attrs.values()] == [
+        type(x) for x in due["theta"].attrs.values()
+    ]
     kept = open_path(tmp_path / "path.nc")
     assert kept.states.identical(due)
     assert kept.errors is None
@@ -81,7 +100,10 @@ def test_texts_are_read_however_they_are_kept(tmp_path):
         file["time"].attrs["one"] = np.array(["a"], object)
         file["time"].attrs["two numbers"] = np.array([1.0, 2.0])  # of the size of a text
         file["time"].attrs.create("ascii", "clock", dtype=h5py.string_dtype("ascii"))
-    found, due = read(tmp_path / "path.nc"), xr.load_dataset(tmp_path / "path.nc", engine="h5netcdf")
+    found, due = (
+        read(tmp_path / "path.nc"),
+        xr.load_dataset(tmp_path / "path.nc", engine="h5netcdf"),
+    )
     assert found.identical(due)
     assert found["time"].attrs["ascii"] == "clock"
 

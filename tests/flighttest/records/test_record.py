@@ -29,13 +29,16 @@ def csv(tmp_path, text, name="flight.csv"):
 
 
 def netcdf(path, leaves, **attrs):
-    xr.DataTree.from_dict({"/": xr.Dataset(attrs=attrs), **leaves}).to_netcdf(path, engine="h5netcdf")
+    xr.DataTree.from_dict({"/": xr.Dataset(attrs=attrs), **leaves}).to_netcdf(
+        path, engine="h5netcdf"
+    )
     return path
 
 
 def leaf(time, **columns):
     return xr.Dataset(
-        {n: ("time", np.asarray(x, float), {"units": u}) for n, (x, u) in columns.items()}, coords={"time": np.asarray(time, float)}
+        {n: ("time", np.asarray(x, float), {"units": u}) for n, (x, u) in columns.items()},
+        coords={"time": np.asarray(time, float)},
     )
 
 
@@ -79,13 +82,17 @@ def test_column_of_the_map_is_not_there(tmp_path, names):
 
 
 def test_column_without_a_canonical_name_needs_a_map(tmp_path):
-    with pytest.raises(UnknownName, match="1 columns without a canonical name \\(flap\\); pass names="):
+    with pytest.raises(
+        UnknownName, match="1 columns without a canonical name \\(flap\\); pass names="
+    ):
         flighttest.read(csv(tmp_path, CSV))
 
 
 def test_netcdf_leaves_keep_their_clocks(tmp_path):
     file = netcdf(
-        tmp_path / "r.nc", {"/a": leaf([0, 1, 2], q=([1, 2, 3], "deg/s")), "/b": leaf([0, 0.5], V=([10, 20], "kt"))}, title="two clocks"
+        tmp_path / "r.nc",
+        {"/a": leaf([0, 1, 2], q=([1, 2, 3], "deg/s")), "/b": leaf([0, 0.5], V=([10, 20], "kt"))},
+        title="two clocks",
     )
     record = flighttest.read(file)
     assert locate(record, "V") == "b"
@@ -96,14 +103,20 @@ def test_netcdf_leaves_keep_their_clocks(tmp_path):
 
 
 def test_aileron_is_formed_from_both_sides(tmp_path):
-    file = netcdf(tmp_path / "r.nc", {"/c": leaf([0, 1], delta_a_left=([-0.1, 0.0], "rad"), delta_a_right=([0.1, 0.2], "rad"))})
+    file = netcdf(
+        tmp_path / "r.nc",
+        {"/c": leaf([0, 1], delta_a_left=([-0.1, 0.0], "rad"), delta_a_right=([0.1, 0.2], "rad"))},
+    )
     np.testing.assert_allclose(flighttest.read(file)["c/delta_a"].values, [0.1, 0.1])
 
 
 def test_column_of_another_group(tmp_path):
     names = tmp_path / "n.toml"
     names.write_text('[x]\nq = "a/q"\nV = "b/V"\n')
-    file = netcdf(tmp_path / "r.nc", {"/a": leaf([0, 1], q=([1, 2], "deg/s")), "/b": leaf([0, 0.5], V=([10, 20], "kt"))})
+    file = netcdf(
+        tmp_path / "r.nc",
+        {"/a": leaf([0, 1], q=([1, 2], "deg/s")), "/b": leaf([0, 0.5], V=([10, 20], "kt"))},
+    )
     with pytest.raises(SchemaError, match=r"different clocks \(a, b\); make a leaf of each"):
         flighttest.read(file, names)
 
@@ -146,18 +159,38 @@ def test_known_latency_is_removed(tmp_path):
     file = netcdf(tmp_path / "r.nc", {"/a": leaf(t, q=(np.sin(t - 0.1), "rad/s"))})
     record = flighttest.read(file, names)
     inside = slice(0, 95)
-    np.testing.assert_allclose(record["a/q"].values[inside], np.sin(t)[inside], atol=1e-6)  # cubic spline, 20 Hz on 0.16 Hz
+    np.testing.assert_allclose(
+        record["a/q"].values[inside], np.sin(t)[inside], atol=1e-6
+    )  # cubic spline, 20 Hz on 0.16 Hz
 
 
 def test_manoeuvres_and_overview(tmp_path):
     flown = json.dumps([{"manoeuvre": "doublet", "control": "elevator", "start": 1.0, "end": 2.0}])
-    record = flighttest.read(netcdf(tmp_path / "r.nc", {"/a": leaf([0, 1], q=([1, 2], "rad/s"))}, manoeuvres=flown))
-    assert manoeuvres(record).iloc[0].to_dict() == {"manoeuvre": "doublet", "control": "elevator", "start": 1.0, "end": 2.0, "note": ""}
+    record = flighttest.read(
+        netcdf(tmp_path / "r.nc", {"/a": leaf([0, 1], q=([1, 2], "rad/s"))}, manoeuvres=flown)
+    )
+    assert manoeuvres(record).iloc[0].to_dict() == {
+        "manoeuvre": "doublet",
+        "control": "elevator",
+        "start": 1.0,
+        "end": 2.0,
+        "note": "",
+    }
     row = overview(record).iloc[0]
-    assert (row["leaf"], row["channel"], row["min"], row["max"], row["missing"]) == ("a", "q", 1.0, 2.0, 0)
+    assert (row["leaf"], row["channel"], row["min"], row["max"], row["missing"]) == (
+        "a",
+        "q",
+        1.0,
+        2.0,
+        0,
+    )
 
 
-@pytest.mark.parametrize("text", ["{", "[" * 100_000, "9" * 5000, "[1]", "5"], ids=["cut", "deep", "digits", "no_rows", "no_list"])
+@pytest.mark.parametrize(
+    "text",
+    ["{", "[" * 100_000, "9" * 5000, "[1]", "5"],
+    ids=["cut", "deep", "digits", "no_rows", "no_list"],
+)
 def test_a_list_of_manoeuvres_that_is_none(text):
     record = xr.DataTree(xr.Dataset(attrs={"manoeuvres": text, "source_file": "run.nc"}))
     with pytest.raises(ParseError, match=r"run.nc: found"):

@@ -39,7 +39,10 @@ def run(*arguments):
 
 
 def resealed(content):
-    return content + b"\nsha256 of the bytes above: %s\n" % hashlib.sha256(content).hexdigest().encode()
+    return (
+        content
+        + b"\nsha256 of the bytes above: %s\n" % hashlib.sha256(content).hexdigest().encode()
+    )
 
 
 def unsealed(path):
@@ -49,18 +52,40 @@ def unsealed(path):
 
 
 def faulty():
-    """Return a record with gaps, repeated stamps, NaN, a held value, a spike and a list of manoeuvres."""
+    """Return a record with gaps, repeated stamps, NaN, a held value, a spike and a list of
+    manoeuvres.
+    """
     time = np.concatenate([np.arange(200) * 0.02, 6.0 + np.arange(200) * 0.02])
     rng = np.random.default_rng(3)
     q = np.cumsum(rng.standard_normal(400)) * 1e-3
     q[50], q[100:103], q[250:300] = 5.0, np.nan, q[249]
     q[300:] += 1.0
-    flown = [{"manoeuvre": "doublet", "control": "elevator", "start": 1, "end": None, "note": "by hand\u00a0"}]
+    flown = [
+        {
+            "manoeuvre": "doublet",
+            "control": "elevator",
+            "start": 1,
+            "end": None,
+            "note": "by hand\u00a0",
+        }
+    ]
     leaves = {
-        "/imu": xr.Dataset({"q": ("time", q, {"units": "rad/s"}), "r": ("time", q * np.nan, {"units": "rad/s"})}, {"time": time}),
-        "/air": xr.Dataset({"V_cas": ("time", q + 50.0, {"units": "kt"})}, {"time": np.sort(np.append(time[1:], time[7]))}),
+        "/imu": xr.Dataset(
+            {"q": ("time", q, {"units": "rad/s"}), "r": ("time", q * np.nan, {"units": "rad/s"})},
+            {"time": time},
+        ),
+        "/air": xr.Dataset(
+            {"V_cas": ("time", q + 50.0, {"units": "kt"})},
+            {"time": np.sort(np.append(time[1:], time[7]))},
+        ),
     }
-    facts = {"title": "a record", "manoeuvres": json.dumps(flown), "latitude": 0.7, "number": 3, "notes": json.dumps(["a note"])}
+    facts = {
+        "title": "a record",
+        "manoeuvres": json.dumps(flown),
+        "latitude": 0.7,
+        "number": 3,
+        "notes": json.dumps(["a note"]),
+    }
     return xr.DataTree.from_dict({"/": xr.Dataset(attrs=facts), **leaves})
 
 
@@ -96,7 +121,10 @@ def test_a_real_flight_prints_the_same_too(tmp_path):
     recording = CITATION / "flight_20190305_2_partial.csv.gz"
     if not recording.is_file():
         pytest.skip("needs ../shared/data/flight/citation_phlab")
-    save_record(flighttest.read(recording, ROOT / "tests" / "real" / "maps" / "citation_2019.toml"), tmp_path / "run.nc")
+    save_record(
+        flighttest.read(recording, ROOT / "tests" / "real" / "maps" / "citation_2019.toml"),
+        tmp_path / "run.nc",
+    )
     shown = [run(*verb, tmp_path / "run.nc") for verb in VERBS]
     assert stored_overview(tmp_path / "run.nc", "listing")
     unsealed(tmp_path / "run.nc")
@@ -109,12 +137,16 @@ def test_a_real_flight_prints_the_same_too(tmp_path):
     values=st.lists(st.floats(-1e3, 1e3) | st.just(np.nan), min_size=2, max_size=12),
     facts=st.dictionaries(
         st.sampled_from(["title", "record", "start", "purpose", "unmapped", "notes", "number"]),
-        st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=8) | st.integers(-(2**31), 2**31) | st.floats(-9.0, 9.0),
+        st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=8)
+        | st.integers(-(2**31), 2**31)
+        | st.floats(-9.0, 9.0),
     ),
 )
 def test_whatever_a_record_holds_its_overview_is_what_is_read(tmp_path_factory, values, facts):
     path = tmp_path_factory.mktemp("any") / "any.nc"
-    leaf = xr.Dataset({"q": ("time", values, {"units": "rad/s"})}, {"time": np.arange(len(values)) * 0.1})
+    leaf = xr.Dataset(
+        {"q": ("time", values, {"units": "rad/s"})}, {"time": np.arange(len(values)) * 0.1}
+    )
     save_record(xr.DataTree.from_dict({"/": xr.Dataset(attrs=facts), "/imu": leaf}), path)
     shown = [run(*verb, path) for verb in VERBS]
     unsealed(path)
@@ -122,11 +154,33 @@ def test_whatever_a_record_holds_its_overview_is_what_is_read(tmp_path_factory, 
 
 
 def test_what_the_overview_record_2_holds(tmp_path):
-    """A change of what `show` and `info` print of a file requires a new number: files carry what older rules gave."""
-    rates = xr.Dataset({"q": ("time", [0.0, 0.5, np.nan, -1.0], {"units": "deg/s"})}, {"time": [0.0, 0.1, 0.2, 0.9]})
-    save_record(xr.DataTree.from_dict({"/": xr.Dataset(attrs={"purpose": "test"}), "/imu": rates}), tmp_path / "a.nc")
-    channel = {"leaf": "imu", "channel": "q", "rate": 10.0, "start": 0.0, "stop": 0.9, "min": np.radians(-1.0), "max": np.radians(0.5)}
-    facts = {"purpose": "test", "title": "a", "source_file": "a.nc", "format": "netCDF-4 or HDF5", "absent": ""}
+    """A change of what `show` and `info` print of a file requires a new number: files carry what
+    older rules gave.
+    """
+    rates = xr.Dataset(
+        {"q": ("time", [0.0, 0.5, np.nan, -1.0], {"units": "deg/s"})},
+        {"time": [0.0, 0.1, 0.2, 0.9]},
+    )
+    save_record(
+        xr.DataTree.from_dict({"/": xr.Dataset(attrs={"purpose": "test"}), "/imu": rates}),
+        tmp_path / "a.nc",
+    )
+    channel = {
+        "leaf": "imu",
+        "channel": "q",
+        "rate": 10.0,
+        "start": 0.0,
+        "stop": 0.9,
+        "min": np.radians(-1.0),
+        "max": np.radians(0.5),
+    }
+    facts = {
+        "purpose": "test",
+        "title": "a",
+        "source_file": "a.nc",
+        "format": "netCDF-4 or HDF5",
+        "absent": "",
+    }
     assert OVERVIEW == "record 2"
     assert stored_overview(tmp_path / "a.nc", "listing") == {
         "facts": facts,
@@ -139,8 +193,24 @@ def test_what_the_overview_record_2_holds(tmp_path):
         {"column": "q", "unit": "deg/s", "min": -1.0, "max": 0.5},
         {"column": "time", "unit": "", "min": 0.0, "max": 0.9},
     ]
-    table = {"table": "imu", "samples": 4, "rate": 10.0, "start": 0.0, "stop": 0.9, "clock_fault": "", "slower": [], "columns": columns}
-    about = {"file": "a.nc", "format": "netCDF-4 or HDF5", "facts": {"purpose": "test"}, "notes": [], "tables": [table], "left_out": []}
+    table = {
+        "table": "imu",
+        "samples": 4,
+        "rate": 10.0,
+        "start": 0.0,
+        "stop": 0.9,
+        "clock_fault": "",
+        "slower": [],
+        "columns": columns,
+    }
+    about = {
+        "file": "a.nc",
+        "format": "netCDF-4 or HDF5",
+        "facts": {"purpose": "test"},
+        "notes": [],
+        "tables": [table],
+        "left_out": [],
+    }
     assert stored_overview(tmp_path / "a.nc", "contents") == about
 
 
@@ -155,7 +225,12 @@ finally:
     print(*sorted({"numpy", "h5py", "xarray", "pandas"} & set(sys.modules)), file=sys.stderr)
 """
     for verb in VERBS:
-        done = subprocess.run([sys.executable, "-c", code, verb[0], str(file), *verb[1:]], capture_output=True, text=True, check=True)
+        done = subprocess.run(
+            [sys.executable, "-c", code, verb[0], str(file), *verb[1:]],
+            capture_output=True,
+            text=True,
+            check=True,
+        )
         assert done.stderr == "\n"
         assert done.stdout == run(*verb, file)
 
@@ -164,7 +239,11 @@ finally:
 def test_a_file_under_another_name(file, stated, title):
     """Its name is the source of the record, and its title where the record states none."""
     record = faulty()
-    record.attrs = {**record.attrs, "title": stated} if stated else {key: item for key, item in record.attrs.items() if key != "title"}
+    record.attrs = (
+        {**record.attrs, "title": stated}
+        if stated
+        else {key: item for key, item in record.attrs.items() if key != "title"}
+    )
     save_record(record, file)
     other = file.rename(file.with_name("other.by hand.nc"))
     facts = stored_overview(other, "listing")["facts"]
@@ -181,10 +260,19 @@ def test_a_name_map_goes_before_the_overview(file, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "kept", [b"", b"\noverview record 0: {}", b"\noverview record 2: {}", b"\noverview record 2: no JSON", b"\noverview 1: [{}, []]"]
+    "kept",
+    [
+        b"",
+        b"\noverview record 0: {}",
+        b"\noverview record 2: {}",
+        b"\noverview record 2: no JSON",
+        b"\noverview 1: [{}, []]",
+    ],
 )
 def test_without_an_overview_that_it_knows_show_reads_the_record(file, kept):
-    """Files of older versions have none, those of later ones may have one of other rules; that of a database is another one."""
+    """Files of older versions have none, those of later ones may have one of other rules; that of a
+    database is another one.
+    """
     shown = [run(*verb, file) for verb in VERBS]
     content = file.read_bytes()
     file.write_bytes(resealed(content[: content.rindex(b"\noverview record")] + kept))
@@ -203,7 +291,21 @@ def places(path):
     """Yield places of the content, the overview and the seal, all over the file."""
     size = path.stat().st_size
     tail = path.read_bytes().rindex(b"\noverview record")
-    yield from (8, 40, 41, tail // 7, tail // 2, tail - 1, tail, tail + 3, tail + 40, (tail + size) // 2, size - 90, size - 70, size - 1)
+    yield from (
+        8,
+        40,
+        41,
+        tail // 7,
+        tail // 2,
+        tail - 1,
+        tail,
+        tail + 3,
+        tail + 40,
+        (tail + size) // 2,
+        size - 90,
+        size - 70,
+        size - 1,
+    )
 
 
 def test_a_damaged_byte_anywhere_is_an_error(file):
@@ -212,17 +314,32 @@ def test_a_damaged_byte_anywhere_is_an_error(file):
         damaged = bytearray(content)
         damaged[place] ^= 0x11
         file.write_bytes(damaged)
-        for act in (lambda: run("show", file), lambda: run("info", file), lambda: flighttest.read(file)):
+        for act in (
+            lambda: run("show", file),
+            lambda: run("info", file),
+            lambda: flighttest.read(file),
+        ):
             with pytest.raises(ParseError, match=r"damaged file.*write or copy it again"):
                 act()
 
 
 @pytest.mark.parametrize(
-    "harm", [lambda c: c[:-1], lambda c: c[:-200], lambda c: c[:5000], lambda c: c + b"\0" * 512, lambda c: c[:-300] + b"\0" * 300]
+    "harm",
+    [
+        lambda c: c[:-1],
+        lambda c: c[:-200],
+        lambda c: c[:5000],
+        lambda c: c + b"\0" * 512,
+        lambda c: c[:-300] + b"\0" * 300,
+    ],
 )
 def test_a_file_that_ends_early_or_late_is_an_error(file, harm):
     file.write_bytes(harm(file.read_bytes()))
-    for act in (lambda: run("show", file), lambda: run("info", file), lambda: flighttest.read(file)):
+    for act in (
+        lambda: run("show", file),
+        lambda: run("info", file),
+        lambda: flighttest.read(file),
+    ):
         with pytest.raises(ParseError):
             act()
 
@@ -241,7 +358,9 @@ def in_h5netcdf(file):
 def test_a_program_that_changes_the_file_in_place_cuts_the_overview_off(file, change):
     change(file)
     assert b"overview record" not in file.read_bytes()
-    assert "77 " in next(line for line in run("show", file).splitlines() if line.startswith("imu/q "))
+    assert "77 " in next(
+        line for line in run("show", file).splitlines() if line.startswith("imu/q ")
+    )
     assert flighttest.read(file)["imu/q"].values[0] == 77.0
 
 
@@ -272,7 +391,9 @@ def test_a_file_with_bytes_of_another_program_behind_its_content_is_read(file):
 def test_a_manoeuvre_that_was_cut_carries_one(tmp_path):
     record = flighttest.read(*(ROOT / part for part in REAL["multisine"]))
     save(flighttest.cut(record, 10.0, 12.0, 50.0), tmp_path / "cut.nc")
-    channels = [row["channel"] for row in stored_overview(tmp_path / "cut.nc", "listing")["channels"]]
+    channels = [
+        row["channel"] for row in stored_overview(tmp_path / "cut.nc", "listing")["channels"]
+    ]
     assert len(channels) == 50
     shown = [run(*verb, tmp_path / "cut.nc") for verb in VERBS]
     unsealed(tmp_path / "cut.nc")
@@ -290,7 +411,10 @@ def test_a_record_that_show_refuses_is_sealed_with_its_contents(tmp_path):
 
 
 def test_a_clock_that_is_set_back_is_reported_under_the_name_of_the_file(tmp_path):
-    leaf = xr.Dataset({"q": ("time", np.ones(40), {"units": "deg/s"})}, {"time": np.append(np.arange(20.0), np.arange(20.0))})
+    leaf = xr.Dataset(
+        {"q": ("time", np.ones(40), {"units": "deg/s"})},
+        {"time": np.append(np.arange(20.0), np.arange(20.0))},
+    )
     save_record(xr.DataTree.from_dict({"/": xr.Dataset(), "/imu": leaf}), tmp_path / "a.nc")
     assert "a.nc, table imu" in run("info", tmp_path / "a.nc")
     with pytest.raises(SchemaError, match=r"a\.nc, leaf imu"):

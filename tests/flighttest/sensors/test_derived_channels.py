@@ -13,7 +13,13 @@ from flighttest.reconstruction.dynamics.derived_channels import (
     forces_from_velocity,
     rates_from_attitude,
 )
-from flighttest.records.sensors.position_corrections import incidence_at_cg, true_pressures, vane_at_cg, vane_true, velocity_at
+from flighttest.records.sensors.position_corrections import (
+    incidence_at_cg,
+    true_pressures,
+    vane_at_cg,
+    vane_true,
+    velocity_at,
+)
 
 
 @pytest.fixture(scope="module")
@@ -65,19 +71,33 @@ def test_forces_from_velocity_follow_slow_motion_and_state_how_slow(flight):
     data, errors, truth = flight
     undelayed = data.copy()
     for name in ("vn", "ve", "vd"):
-        undelayed[name] = "time", flighttest.signals.remove_delay(data["time"], data[name], errors["delay.gps"], name), data[name].attrs
+        undelayed[name] = (
+            "time",
+            flighttest.signals.remove_delay(data["time"], data[name], errors["delay.gps"], name),
+            data[name].attrs,
+        )
     made = forces_from_velocity(undelayed)["az"]
     assert made.attrs["bandwidth"] == pytest.approx(0.28, abs=0.03)  # nine points of 5 Hz
-    slow = flighttest.signals.lowpass(made - np.interp(data["time"], truth["time"], truth["az"]), 50.0, 0.2)
+    slow = flighttest.signals.lowpass(
+        made - np.interp(data["time"], truth["time"], truth["az"]), 50.0, 0.2
+    )
     assert rms(slow[300:-300]) < 0.1
 
 
-@pytest.mark.parametrize(("height", "g"), [({}, 9.80665), ({"h_gps": 7500.0}, 9.78356), ({"h_baro": 7500.0, "h": 0.0}, 9.80665)])
+@pytest.mark.parametrize(
+    ("height", "g"),
+    [({}, 9.80665), ({"h_gps": 7500.0}, 9.78356), ({"h_baro": 7500.0, "h": 0.0}, 9.80665)],
+)
 def test_gravity_of_the_forces_falls_with_the_height(height, g):
     """Steady level flight: az = -g, at 7500 m 9.80665 (1 - 2 h/R)."""
     t = np.arange(100) * 0.02
     zero = {name: ("time", 0.0 * t) for name in ("phi", "theta", "psi", "ve", "vd")}
-    data = xr.Dataset(zero | {"vn": ("time", 80.0 + 0.0 * t)} | {n: ("time", x + 0.0 * t) for n, x in height.items()}, {"time": t})
+    data = xr.Dataset(
+        zero
+        | {"vn": ("time", 80.0 + 0.0 * t)}
+        | {n: ("time", x + 0.0 * t) for n, x in height.items()},
+        {"time": t},
+    )
     np.testing.assert_allclose(forces_from_velocity(data)["az"], -g, atol=1e-5)
 
 
@@ -88,20 +108,39 @@ def test_airspeed_from_pressures(flight):
     # bias of the pressure and error of the static port are lasting errors: 2 % of q_c is 1 % of V
     assert rms(made["V"] - V) < 0.03 * V.mean()
     # third differences hold noise only, sqrt(20) times; the motion is gone
-    assert rms(np.diff(made["V"], 3)) == pytest.approx(np.sqrt(20.0) * made["V"].attrs["stderr"], rel=0.1)
+    assert rms(np.diff(made["V"], 3)) == pytest.approx(
+        np.sqrt(20.0) * made["V"].attrs["stderr"], rel=0.1
+    )
 
 
 def test_complete_adds_and_replaces_nothing(flight):
     data, _, truth = flight
     lacking = data.drop_vars(["p", "q", "r"])
     found = complete(lacking, wind_error=6.0)
-    assert {"p", "q", "r", "p_dot", "ax", "ay", "az", "V", "alpha", "beta", "mach", "rho", "qbar"} <= set(found.data_vars)
+    assert {
+        "p",
+        "q",
+        "r",
+        "p_dot",
+        "ax",
+        "ay",
+        "az",
+        "V",
+        "alpha",
+        "beta",
+        "mach",
+        "rho",
+        "qbar",
+    } <= set(found.data_vars)
     for name in lacking.data_vars:
         np.testing.assert_array_equal(found[name], lacking[name])
     assert found["p"].attrs["made_from"] == "derivatives of phi theta psi"
     late = complete(data)
     assert "made_from" not in late["p"].attrs
-    assert rms(found["alpha"] - np.interp(data["time"], truth["time"], truth["alpha"])) < 3.0 * found["alpha"].attrs["stderr"]
+    assert (
+        rms(found["alpha"] - np.interp(data["time"], truth["time"], truth["alpha"]))
+        < 3.0 * found["alpha"].attrs["stderr"]
+    )
 
 
 def test_what_is_missing_is_named(flight):

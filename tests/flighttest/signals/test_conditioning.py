@@ -12,13 +12,19 @@ def record(rate=50.0, stop=10.0, gap=None):
     if gap:
         t = t[(t <= gap[0]) | (t >= gap[1])]
     fast = xr.Dataset(
-        {"q": ("time", np.sin(t)), "delta_e": ("time", np.where(t % 2 < 1, 0.1, -0.1)), "psi": ("time", (3.1 + 0.1 * t) % (2 * np.pi))},
+        {
+            "q": ("time", np.sin(t)),
+            "delta_e": ("time", np.where(t % 2 < 1, 0.1, -0.1)),
+            "psi": ("time", (3.1 + 0.1 * t) % (2 * np.pi)),
+        },
         coords={"time": t},
         attrs={"rate": rate},
     )
     s = np.arange(0, stop, 1.0)
     slow = xr.Dataset({"mass": ("time", 2000.0 - s)}, coords={"time": s}, attrs={"rate": 1.0})
-    return xr.DataTree.from_dict({"/": xr.Dataset(attrs={"title": "test"}), "/imu": fast, "/fuel": slow})
+    return xr.DataTree.from_dict(
+        {"/": xr.Dataset(attrs={"title": "test"}), "/imu": fast, "/fuel": slow}
+    )
 
 
 def test_lowpass_has_no_phase_and_minus_three_decibel_at_the_cutoff():
@@ -34,7 +40,9 @@ def test_lowpass_keeps_a_straight_line():
     x = 3.0 + 0.2 * np.arange(500)
     y = lowpass(x, 50.0, 4.0)
     np.testing.assert_allclose(y[50:-50], x[50:-50], atol=1e-4)
-    np.testing.assert_allclose(y, x, atol=0.03)  # within a seventh of a sample's step at the ends, which count as lost
+    np.testing.assert_allclose(
+        y, x, atol=0.03
+    )  # within a seventh of a sample's step at the ends, which count as lost
 
 
 def test_cutoff_above_half_the_rate():
@@ -52,14 +60,17 @@ def test_controls_do_not_overshoot_and_others_are_smooth():
 
 
 def test_what_counts_as_a_control():
-    assert [is_control(n) for n in ("delta_e", "engine2.throttle", "gear", "F_column", "engine1.thrust", "theta")] == [True] * 4 + [
-        False
-    ] * 2
+    assert [
+        is_control(n)
+        for n in ("delta_e", "engine2.throttle", "gear", "F_column", "engine1.thrust", "theta")
+    ] == [True] * 4 + [False] * 2
 
 
 def test_rate_reduction_does_not_fold_down():
     t = np.arange(0, 40, 0.01)
-    x = np.sin(2 * np.pi * 0.3 * t) + np.sin(2 * np.pi * 9.0 * t)  # 9 Hz would show as 1 Hz at 10 samples per second
+    x = np.sin(2 * np.pi * 0.3 * t) + np.sin(
+        2 * np.pi * 9.0 * t
+    )  # 9 Hz would show as 1 Hz at 10 samples per second
     grid = np.arange(0, 40, 0.1)
     y = to_grid(t, x, grid, "q")
     assert np.abs(y - np.sin(2 * np.pi * 0.3 * grid))[20:-20].max() < 0.01
@@ -71,7 +82,12 @@ def test_cut_has_one_clock_and_scalars_for_slow_channels():
     np.testing.assert_allclose(data["q"], np.sin(data["time"]), atol=1e-3)
     assert data["mass"].dims == ()
     assert float(data["mass"]) == 1996.0
-    assert (data.attrs["start"], data.attrs["stop"], data.attrs["rate"], data.attrs["record"]) == (2.0, 6.0, 25.0, "test")
+    assert (data.attrs["start"], data.attrs["stop"], data.attrs["rate"], data.attrs["record"]) == (
+        2.0,
+        6.0,
+        25.0,
+        "test",
+    )
 
 
 def test_cut_unwraps_the_heading():

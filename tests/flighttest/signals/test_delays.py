@@ -10,7 +10,9 @@ STEP, FINE = 0.02, 10  # s; samples of the underlying signal per step
 
 
 def pair(seed, count, band, noise, tau=None):
-    """A band-limited random signal and its delayed, doubled copy, both with noise; the delay is drawn when not given."""
+    """A band-limited random signal and its delayed, doubled copy, both with noise; the delay is
+    drawn when not given.
+    """
     rng = np.random.default_rng(seed)
     clock = np.arange(FINE * count + 10_000) * STEP / FINE
     signal = sosfiltfilt(butter(2, band, fs=FINE / STEP, output="sos"), rng.normal(size=len(clock)))
@@ -24,7 +26,13 @@ def pair(seed, count, band, noise, tau=None):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("count", "band", "noise"),
-    [(600, 1.5, (0.05, 0.1)), *(pytest.param(3000, *more, marks=pytest.mark.slow) for more in [(1.5, (0.05, 0.1)), (1.0, (0.3, 0.3))])],
+    [
+        (600, 1.5, (0.05, 0.1)),
+        *(
+            pytest.param(3000, *more, marks=pytest.mark.slow)
+            for more in [(1.5, (0.05, 0.1)), (1.0, (0.3, 0.3))]
+        ),
+    ],
 )
 def test_standard_error_covers(count, band, noise):
     ratios = []
@@ -32,7 +40,8 @@ def test_standard_error_covers(count, band, noise):
         x, y, tau = pair(seed, count, band, noise)
         found = time_delay(x, y, STEP)
         ratios.append((found.estimate - tau) / found.stderr)
-    # 200 draws at 95 %: two binomial standard errors are 3 %; short records are one point short of that
+    # 200 draws at 95 %: two binomial standard errors are 3 %; short records are one point short of
+    # that
     assert 0.91 <= np.mean(np.abs(ratios) < 2.0) <= 0.985
     assert abs(np.mean(ratios)) < 0.25
 
@@ -57,7 +66,10 @@ def test_removed_delay_keeps_what_is_missing():
     x = 3.0 * time
     x[8] = np.nan
     moved = remove_delay(time, x, 1.5 * STEP, "theta")
-    assert np.flatnonzero(np.isnan(moved)).tolist() == [6, 7]  # what would come from next to sample 8
+    assert np.flatnonzero(np.isnan(moved)).tolist() == [
+        6,
+        7,
+    ]  # what would come from next to sample 8
     np.testing.assert_allclose(moved[:6], 3.0 * (time[:6] + 1.5 * STEP), atol=1e-12)
 
 

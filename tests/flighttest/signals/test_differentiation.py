@@ -11,7 +11,9 @@ def test_a_quartic_is_differentiated_exactly_ends_included():
     t = np.arange(40) * STEP
     x = 1.0 - 2.0 * t + 3.0 * t**2 - t**3 + 0.5 * t**4
     exact = -2.0 + 6.0 * t - 3.0 * t**2 + 2.0 * t**3
-    np.testing.assert_allclose(derivative(x, STEP), exact, atol=1e-10)  # order four fits it; rounding of x/step remains
+    np.testing.assert_allclose(
+        derivative(x, STEP), exact, atol=1e-10
+    )  # order four fits it; rounding of x/step remains
 
 
 def test_the_gain_formula_is_what_happens_to_a_sine():
@@ -24,9 +26,13 @@ def test_the_gain_formula_is_what_happens_to_a_sine():
 
 def test_the_noise_formula_is_the_scatter_of_differentiated_noise():
     noise = np.random.default_rng(1).normal(size=200_000)
-    assert np.std(derivative(noise, STEP)) == pytest.approx(derivative_noise(STEP), rel=0.01)  # 1/sqrt(2 N/9) is 0.5 %
+    assert np.std(derivative(noise, STEP)) == pytest.approx(
+        derivative_noise(STEP), rel=0.01
+    )  # 1/sqrt(2 N/9) is 0.5 %
 
 
 def test_too_few_samples_are_refused():
-    with pytest.raises(IdentificationError, match="8 samples cannot be differentiated over a window of 9"):
+    with pytest.raises(
+        IdentificationError, match="8 samples cannot be differentiated over a window of 9"
+    ):
         derivative(np.zeros(8), STEP)

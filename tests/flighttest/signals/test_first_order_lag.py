@@ -18,14 +18,18 @@ def truth(time):
 def behind(time, tau):
     """Steady response of a first-order lag to `truth`, in closed form."""
     parts = [(0.1, 2.0, 0.0), (0.03, 7.0, 0.4)]
-    return sum(a / np.hypot(1.0, w * tau) * np.sin(w * time + p - np.arctan(w * tau)) for a, w, p in parts)
+    return sum(
+        a / np.hypot(1.0, w * tau) * np.sin(w * time + p - np.arctan(w * tau)) for a, w, p in parts
+    )
 
 
 @pytest.mark.parametrize("jitter", [0.0, 0.002])
 def test_a_lag_is_taken_off(jitter):
     time = TIME + jitter * np.random.default_rng(1).uniform(-1.0, 1.0, len(TIME))
     found = remove_lag(time, behind(time, 0.08), 0.08, "alpha_vane")
-    assert np.abs(found - truth(time)).max() < (2e-5 if jitter == 0.0 else 2e-3)  # of 0.13; the polynomial of a ninth part of a second
+    assert np.abs(found - truth(time)).max() < (
+        2e-5 if jitter == 0.0 else 2e-3
+    )  # of 0.13; the polynomial of a ninth part of a second
 
 
 @pytest.mark.parametrize("jitter", [0.0, 0.002])
@@ -42,7 +46,9 @@ def test_step_of_a_command_in_closed_form():
     found = remove_lag(TIME, step, -0.1, "delta_e")
     at = TIME > 2.01
     # the recorded step is a ramp over one sample: its response in closed form
-    ramp = 1.0 - 0.1 / STEP * (np.exp(-(TIME[at] - 2.0) / 0.1) - np.exp(-(TIME[at] - 2.0 + STEP) / 0.1))
+    ramp = 1.0 - 0.1 / STEP * (
+        np.exp(-(TIME[at] - 2.0) / 0.1) - np.exp(-(TIME[at] - 2.0 + STEP) / 0.1)
+    )
     np.testing.assert_allclose(found[at], ramp, atol=1e-12)
     assert found[TIME < 1.97].max() == 0.0
 
@@ -80,7 +86,9 @@ def test_heading_that_passes_north():
 
 def test_lag_of_the_name_map(tmp_path):
     rows = zip(TIME, np.degrees(behind(TIME - 0.06, 0.08)), np.degrees(truth(TIME)))
-    (tmp_path / "flight.csv").write_text("time,vane,demand\n" + "".join(f"{t:.2f},{a:.9f},{b:.9f}\n" for t, a, b in rows))
+    (tmp_path / "flight.csv").write_text(
+        "time,vane,demand\n" + "".join(f"{t:.2f},{a:.9f},{b:.9f}\n" for t, a, b in rows)
+    )
     (tmp_path / "names.toml").write_text(
         '[vane]\nalpha_vane = { column = "vane", unit = "deg", delay = "60 ms", lag = "80 ms" }\n'
         '[controls]\ndelta_e = { column = "demand", unit = "deg", lag = "-0.08 s" }\n'
@@ -94,11 +102,17 @@ def test_lag_of_the_name_map(tmp_path):
 
 
 def test_limits_of_an_actuator_in_closed_form():
-    """A step of one: a straight rise at the rate limit to the stop; without limits the lag alone, to the last bit of it."""
+    """A step of one: a straight rise at the rate limit to the stop; without limits the lag alone,
+    to the last bit of it.
+    """
     step = np.where(TIME >= 2.0, 1.0, 0.0)
     found = follow_command(TIME, step, 0.0, 2.0, (-0.3, 0.7))
     np.testing.assert_allclose(found, np.clip(2.0 * (TIME - 2.0 + STEP), 0.0, 0.7), atol=1e-9)
-    np.testing.assert_allclose(follow_command(TIME, truth(TIME), 0.08), remove_lag(TIME, truth(TIME), -0.08, "delta_e"), atol=1e-12)
+    np.testing.assert_allclose(
+        follow_command(TIME, truth(TIME), 0.08),
+        remove_lag(TIME, truth(TIME), -0.08, "delta_e"),
+        atol=1e-12,
+    )
     fast = np.abs(np.diff(follow_command(TIME, step, 0.1, 1.5)))
     assert fast.max() == pytest.approx(1.5 * STEP)
 

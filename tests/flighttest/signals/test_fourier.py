@@ -25,8 +25,10 @@ def exact(f):
 
 @pytest.mark.parametrize("f", [0.02, 0.1, 0.5, 0.79, 0.81, 1.0, 3.0])
 def test_a_signal_that_does_not_end_where_it_began_is_transformed_exactly(f):
-    """Both sides of 0.796 Hz, where series and closed form of the corrections meet.  Published: 1e-8 to 4e-8 of the
-    transform where the plain sum has 0.2 % at 0.02 Hz and 37 % at 3 Hz; the error of a cubic grows with the frequency."""
+    """Both sides of 0.796 Hz, where series and closed form of the corrections meet.  Published:
+    1e-8 to 4e-8 of the transform where the plain sum has 0.2 % at 0.02 Hz and 37 % at 3 Hz; the
+    error of a cubic grows with the frequency.
+    """
     error = abs(finite_fourier(decaying(TIME), STEP, [f])[0] - exact(f))
     assert error < 1e-7 * abs(exact(0.02))
     plain = abs(STEP * np.exp(-2j * np.pi * f * TIME) @ decaying(TIME) - exact(f))
@@ -72,5 +74,7 @@ def test_bands_that_cannot_be_worked_in_are_refused():
         harmonics(2.0, 0.6, 0.9)
     with pytest.raises(IdentificationError, match="30 Hz is beyond half the sampling rate, 25 Hz"):
         finite_fourier(TIME, STEP, [30.0])
-    with pytest.raises(IdentificationError, match="7 samples for a Fourier transform; 8 are needed"):
+    with pytest.raises(
+        IdentificationError, match="7 samples for a Fourier transform; 8 are needed"
+    ):
         finite_fourier(TIME[:7], STEP, [1.0])

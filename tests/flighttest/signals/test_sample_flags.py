@@ -25,7 +25,9 @@ def test_nothing_in_a_sound_channel():
 
 def test_nothing_in_steps_of_a_control():
     time, x = noisy()
-    step = np.where((time > 20) & (time < 21), 0.2, 0.0) - np.where((time >= 21) & (time < 22), 0.2, 0.0)
+    step = np.where((time > 20) & (time < 21), 0.2, 0.0) - np.where(
+        (time >= 21) & (time < 22), 0.2, 0.0
+    )
     assert found(time, step) == []
     assert found(time, step + 0.001 * x) == []
 
@@ -95,7 +97,9 @@ def test_marks_and_faults_of_a_record(tmp_path):
 def test_marks_of_others_are_added_once_and_stay_in_the_file(tmp_path):
     flown = record(tmp_path)
     more = [Flag("q", "held", 30.0, 31.0, 50, "by hand")]
-    flown = flighttest.signals.add_flags(flighttest.signals.add_flags(flown, "imu", more), "imu", more)
+    flown = flighttest.signals.add_flags(
+        flighttest.signals.add_flags(flown, "imu", more), "imu", more
+    )
     flighttest.save_record(flown, tmp_path / "g.nc")
     again = flighttest.read(tmp_path / "g.nc")
     assert flighttest.signals.flags(again)["kind"].tolist() == ["spike", "held"]
@@ -109,7 +113,9 @@ def test_marks_of_others_are_added_once_and_stay_in_the_file(tmp_path):
 @pytest.mark.parametrize("name", ["psi", "phi", "lon"])
 def test_noise_of_an_angle_across_its_full_turn_is_no_spike(name):
     time, _ = noisy()
-    around = (0.012 + np.random.default_rng(3).normal(0.0, 0.005, len(time))) % (2.0 * np.pi)  # single samples west of north
+    around = (0.012 + np.random.default_rng(3).normal(0.0, 0.005, len(time))) % (
+        2.0 * np.pi
+    )  # single samples west of north
     assert {m.kind for m in sample_faults(time, around, "q", RATE)} == {"spike"}
     assert sample_faults(time, around, name, RATE) == []
     around[1000] = 1.5

@@ -1,4 +1,6 @@
-"""Spin: rates about the flight path, published structures and numbers, models as databases, what the kernel makes of them."""
+"""Spin: rates about the flight path, published structures and numbers, models as databases, what
+the kernel makes of them.
+"""
 
 import csv
 from pathlib import Path
@@ -9,11 +11,25 @@ import xarray as xr
 
 import aerodb
 import flightmech
-from flightmech.errors import IdentificationError, ParseError, SchemaError, SimulationError, UnknownName
+from flightmech.errors import (
+    IdentificationError,
+    ParseError,
+    SchemaError,
+    SimulationError,
+    UnknownName,
+)
 from flighttest.regression.equation_error.model import Model
 from flighttest.special_tests.spin import polynomial_models as structure
-from flighttest.special_tests.spin.polynomial_models import Polynomial, polynomial_database, read_polynomials
-from flighttest.special_tests.spin.rotation_rates import nominal_variables, spin_variables, wind_axis_rates
+from flighttest.special_tests.spin.polynomial_models import (
+    Polynomial,
+    polynomial_database,
+    read_polynomials,
+)
+from flighttest.special_tests.spin.rotation_rates import (
+    nominal_variables,
+    spin_variables,
+    wind_axis_rates,
+)
 
 ROOT = Path(__file__).parents[3]
 DATA, PUBLISHED = ROOT / "data" / "cz150", ROOT / ".." / "shared" / "data" / "published"
@@ -24,7 +40,13 @@ NOMINAL = {  # [Gresham] eq. (23)
 }  # fmt: skip
 SURFACES = ("delta_e", "delta_a", "delta_r")
 START = {f"init.{name}": NOMINAL[name] for name in ("V", "alpha", "beta", "p", "q", "r")}
-START |= {"init.phi": -24.0 * DEG, "init.theta": -74.0 * DEG, "init.h": 600.0, "mode.earth": 0.0, "mode.trim": 0.0}
+START |= {
+    "init.phi": -24.0 * DEG,
+    "init.theta": -74.0 * DEG,
+    "init.h": 600.0,
+    "mode.earth": 0.0,
+    "mode.trim": 0.0,
+}
 
 
 @pytest.fixture(scope="module")
@@ -35,16 +57,23 @@ def cz150():
 def without_cubed_rate(polynomials):
     model, estimates, sigma = polynomials["Cm"]
     kept = [k for k, term in enumerate(model.terms) if term != "qhat**3"]
-    return {**polynomials, "Cm": Polynomial(Model("Cm", [model.terms[k] for k in kept]), estimates[kept], sigma[kept])}
+    return {
+        **polynomials,
+        "Cm": Polynomial(Model("Cm", [model.terms[k] for k in kept]), estimates[kept], sigma[kept]),
+    }
 
 
 def database(polynomials, aircraft):
-    return polynomial_database({c: (p.model, p.estimates) for c, p in polynomials.items()}, aircraft)
+    return polynomial_database(
+        {c: (p.model, p.estimates) for c, p in polynomials.items()}, aircraft
+    )
 
 
 @pytest.fixture(scope="module")
 def glider(cz150):
-    return flightmech.compile(cz150, database(without_cubed_rate(read_polynomials(DATA / "glide.csv")), cz150))
+    return flightmech.compile(
+        cz150, database(without_cubed_rate(read_polynomials(DATA / "glide.csv")), cz150)
+    )
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +84,9 @@ def spinner(cz150):
 
 def quiet(seconds):
     time = np.array([0.0, seconds]) if seconds < 0.1 else np.arange(0.0, seconds + 1e-9, 0.02)
-    return xr.Dataset({name: ("time", np.full(len(time), NOMINAL[name])) for name in SURFACES}, {"time": time})
+    return xr.Dataset(
+        {name: ("time", np.full(len(time), NOMINAL[name])) for name in SURFACES}, {"time": time}
+    )
 
 
 def test_rates_of_the_nominal_spin():
@@ -69,14 +100,21 @@ def test_rates_of_the_nominal_spin():
 
 def test_reduced_rates_of_the_nominal_spin(cz150):
     found = nominal_variables(NOMINAL, cz150)
-    expected = {"Omegahat": -0.3557, "phat_osc": -0.00433, "qhat_osc": 0.01031, "rhat_osc": -0.01236}
+    expected = {
+        "Omegahat": -0.3557,
+        "phat_osc": -0.00433,
+        "qhat_osc": 0.01031,
+        "rhat_osc": -0.01236,
+    }
     assert {name: found[name] for name in expected} == pytest.approx(expected, abs=5e-5)
     assert found["alphadothat"] == found["betadothat"] == 0.0
 
 
 def random_motion(size=200, seed=0):
     rng = np.random.default_rng(seed)
-    return [rng.normal(0.0, 3.0, size) for _ in range(3)] + [rng.uniform(-1.2, 1.2, size) for _ in range(2)]
+    return [rng.normal(0.0, 3.0, size) for _ in range(3)] + [
+        rng.uniform(-1.2, 1.2, size) for _ in range(2)
+    ]
 
 
 def test_the_rest_is_at_right_angles_to_the_flight_path_and_has_two_components():
@@ -84,11 +122,17 @@ def test_the_rest_is_at_right_angles_to_the_flight_path_and_has_two_components()
     found = wind_axis_rates(p, q, r, alpha, beta)
     path = np.array([np.cos(alpha) * np.cos(beta), np.sin(beta), np.sin(alpha) * np.cos(beta)])
     assert (path * np.array(found[1:4])).sum(axis=0) == pytest.approx(0.0, abs=1e-14)
-    assert np.array(found[1:4]) + found.Omega * path == pytest.approx(np.array([p, q, r]), abs=1e-14)
+    assert np.array(found[1:4]) + found.Omega * path == pytest.approx(
+        np.array([p, q, r]), abs=1e-14
+    )
     # two components carry it all: wind y and wind z
     q_wind = found.q_osc / np.cos(beta)
-    assert found.p_osc == pytest.approx(-q_wind * np.cos(alpha) * np.sin(beta) - found.r_wind * np.sin(alpha), abs=1e-13)
-    assert found.r_osc == pytest.approx(-q_wind * np.sin(alpha) * np.sin(beta) + found.r_wind * np.cos(alpha), abs=1e-13)
+    assert found.p_osc == pytest.approx(
+        -q_wind * np.cos(alpha) * np.sin(beta) - found.r_wind * np.sin(alpha), abs=1e-13
+    )
+    assert found.r_osc == pytest.approx(
+        -q_wind * np.sin(alpha) * np.sin(beta) + found.r_wind * np.cos(alpha), abs=1e-13
+    )
 
 
 def test_alpha_dot_is_nearly_q_osc(spinner, cz150):
@@ -99,21 +143,29 @@ def test_alpha_dot_is_nearly_q_osc(spinner, cz150):
     g = 9.80665
     x, z = y["ax"].values - g * np.sin(th), y["az"].values + g * np.cos(th) * np.cos(ph)
     rest = (z * np.cos(al) - x * np.sin(al)) / (V * np.cos(be))
-    assert data["q_osc"].values / np.cos(be) ** 2 + rest == pytest.approx(y["alpha_dot"].values, abs=1e-10)
+    assert data["q_osc"].values / np.cos(be) ** 2 + rest == pytest.approx(
+        y["alpha_dot"].values, abs=1e-10
+    )
 
 
 def test_missing_state_is_named(cz150):
     with pytest.raises(UnknownName, match="'beta'"):
-        spin_variables(xr.Dataset({name: ("time", [1.0]) for name in ("V", "alpha", "p", "q", "r")}), cz150)
+        spin_variables(
+            xr.Dataset({name: ("time", [1.0]) for name in ("V", "alpha", "p", "q", "r")}), cz150
+        )
 
 
 def test_structures_have_the_published_terms():
-    """seed-numbers.md 1: eq. (24)-(29) have 6, 6, 5, 5, 7, 8 terms, eq. (30)-(35) 12, 12, 13, 13, 13, 13."""
+    """seed-numbers.md 1: eq. (24)-(29) have 6, 6, 5, 5, 7, 8 terms, eq. (30)-(35) 12, 12, 13, 13,
+    13, 13.
+    """
     assert [len(terms) for terms in structure.GLIDE.values()] == [6, 6, 5, 5, 7, 8]
     assert [len(terms) for terms in structure.SPIN.values()] == [12, 12, 13, 13, 13, 13]
     for shipped, name in ((structure.GLIDE, "glide.csv"), (structure.SPIN, "spin.csv")):
         polynomials = read_polynomials(DATA / name)
-        assert {c: p.model.terms for c, p in polynomials.items()} == {c: Model(c, terms).terms for c, terms in shipped.items()}
+        assert {c: p.model.terms for c, p in polynomials.items()} == {
+            c: Model(c, terms).terms for c, terms in shipped.items()
+        }
 
 
 def test_two_components_instead_of_three(cz150):
@@ -123,7 +175,9 @@ def test_two_components_instead_of_three(cz150):
     assert all(len(shorter[c]) == len(structure.SPIN[c]) - 1 for c in shorter)
     built = structure.models(shorter, nominal_variables(NOMINAL, cz150))
     assert built["Cm"].reference["rhat_wind"] == pytest.approx(
-        wind_axis_rates(*(NOMINAL[name] for name in ("p", "q", "r", "alpha", "beta"))).r_wind * cz150.b / (2.0 * NOMINAL["V"])
+        wind_axis_rates(*(NOMINAL[name] for name in ("p", "q", "r", "alpha", "beta"))).r_wind
+        * cz150.b
+        / (2.0 * NOMINAL["V"])
     )
     with pytest.raises(UnknownName, match="does not have the three rates"):
         two_component(structure.GLIDE)
@@ -137,24 +191,42 @@ CANONICAL = {
 
 
 @pytest.mark.skipif(not PUBLISHED.is_dir(), reason="needs the published tables of ../shared")
-@pytest.mark.parametrize(("theirs", "ours"), [("table2_nominal_glide", "glide"), ("table3_spin", "spin")])
+@pytest.mark.parametrize(
+    ("theirs", "ours"), [("table2_nominal_glide", "glide"), ("table3_spin", "spin")]
+)
 def test_shipped_tables_are_the_published_ones(theirs, ours):
     def words(row):
         factors = [part.partition("^") for part in row["regressor"].split("*")]
-        return "*".join(CANONICAL.get(name, name) + ("**" + power if power else "") for name, _, power in factors)
+        return "*".join(
+            CANONICAL.get(name, name) + ("**" + power if power else "")
+            for name, _, power in factors
+        )
 
     with open(PUBLISHED / f"gresham_{theirs}.csv", newline="") as file:
         published = [
-            (CANONICAL.get(row["coefficient"], row["coefficient"]), words(row), row["estimate"], row["sigma"])
+            (
+                CANONICAL.get(row["coefficient"], row["coefficient"]),
+                words(row),
+                row["estimate"],
+                row["sigma"],
+            )
             for row in csv.DictReader(file)
         ]
     with open(DATA / f"{ours}.csv", newline="") as file:
-        shipped = [(row["coefficient"], row["term"], row["estimate"], row["sigma"]) for row in csv.DictReader(file)]
-    assert [(c, t, float(e), float(s)) for c, t, e, s in shipped] == [(c, t, float(e), float(s)) for c, t, e, s in published]
+        shipped = [
+            (row["coefficient"], row["term"], row["estimate"], row["sigma"])
+            for row in csv.DictReader(file)
+        ]
+    assert [(c, t, float(e), float(s)) for c, t, e, s in shipped] == [
+        (c, t, float(e), float(s)) for c, t, e, s in published
+    ]
 
 
 def test_what_flies_lies_within_one_sigma_of_what_was_published():
-    published, flown = read_polynomials(DATA / "spin.csv"), read_polynomials(DATA / "spin.csv", column="flown")
+    published, flown = (
+        read_polynomials(DATA / "spin.csv"),
+        read_polynomials(DATA / "spin.csv", column="flown"),
+    )
     for coefficient, polynomial in published.items():
         change = np.abs(flown[coefficient].estimates - polynomial.estimates)
         assert (change <= polynomial.sigma * (1.0 + 1e-12)).all(), coefficient
@@ -163,12 +235,24 @@ def test_what_flies_lies_within_one_sigma_of_what_was_published():
 @pytest.mark.parametrize(
     ("V", "expected"),
     [
-        (50.0, {"alpha": 3.16, "theta": -6.46, "delta_e": -1.92, "delta_a": -0.31, "delta_r": 3.24, "phi": -1.64}),
+        (
+            50.0,
+            {
+                "alpha": 3.16,
+                "theta": -6.46,
+                "delta_e": -1.92,
+                "delta_a": -0.31,
+                "delta_r": 3.24,
+                "phi": -1.64,
+            },
+        ),
         (60.0, {"alpha": 0.66, "theta": -11.36, "delta_e": 0.38}),
     ],
 )
 def test_glide_trims_as_computed_from_the_published_model(glider, V, expected):
-    """seed-numbers.md 1 (rho 0.0023 slug/ft3).  That computation kept the void cubic pitch rate and another g: to 0.04 deg."""
+    """seed-numbers.md 1 (rho 0.0023 slug/ft3).  That computation kept the void cubic pitch rate and
+    another g: to 0.04 deg.
+    """
     trimmed = glide_trim(glider, V)
     for name, value in expected.items():
         found = trimmed[f"applied.{name}" if name.startswith("delta_") else name]
@@ -179,8 +263,19 @@ def test_modes_of_the_glide(glider):
     """seed-numbers.md 1, at 50 ft/s."""
     linear = flightmech.linearize(glider, flightmech.start_of(glide_trim(glider, 50.0)))
     found = np.sort_complex(np.linalg.eigvals(linear["A"].values))
-    expected = [-13.50, -5.63 - 6.56j, -5.63 + 6.56j, -1.13 - 3.51j, -1.13 + 3.51j, -0.113 - 0.728j, -0.113 + 0.728j, -0.108]
-    assert np.sort_complex(found) == pytest.approx(np.sort_complex(np.array(expected)), rel=0.005, abs=0.001)
+    expected = [
+        -13.50,
+        -5.63 - 6.56j,
+        -5.63 + 6.56j,
+        -1.13 - 3.51j,
+        -1.13 + 3.51j,
+        -0.113 - 0.728j,
+        -0.113 + 0.728j,
+        -0.108,
+    ]
+    assert np.sort_complex(found) == pytest.approx(
+        np.sort_complex(np.array(expected)), rel=0.005, abs=0.001
+    )
 
 
 def glide_trim(sim, feet):
@@ -194,14 +289,20 @@ def glide_trim(sim, feet):
 
 
 def test_the_kernel_flies_the_spin_model_as_written(spinner, cz150):
-    """Coefficients of the kernel against the polynomials on variables formed from its own motion; tables of 1 deg: 4e-5."""
+    """Coefficients of the kernel against the polynomials on variables formed from its own motion;
+    tables of 1 deg: 4e-5.
+    """
     sim, polynomials = spinner
     y = flightmech.simulate(sim, quiet(4.0), START)
     data = spin_variables(y, cz150).assign({name: y[f"applied.{name}"] for name in SURFACES})
     al = y["alpha"].values
     CX = -y["CD"].values * np.cos(al) + y["CL"].values * np.sin(al)
     CZ = -y["CD"].values * np.sin(al) - y["CL"].values * np.cos(al)
-    for name, flown in {"CX": CX, "CZ": CZ, **{name: y[name].values for name in ("CY", "Cl", "Cm", "Cn")}}.items():
+    for name, flown in {
+        "CX": CX,
+        "CZ": CZ,
+        **{name: y[name].values for name in ("CY", "Cl", "Cm", "Cn")},
+    }.items():
         model, estimates, _ = polynomials[name]
         assert flown == pytest.approx(model.design(data) @ estimates, abs=5e-5), name
 
@@ -215,7 +316,9 @@ def test_the_spin_settles_near_the_nominal_one(spinner):
 
 
 def test_the_published_medians_do_not_spin(cz150):
-    """About eq. (23) they have a real root of +14 per second: what flies must not be mistaken for the table."""
+    """About eq. (23) they have a real root of +14 per second: what flies must not be mistaken for
+    the table.
+    """
     polynomials = read_polynomials(DATA / "spin.csv", nominal_variables(NOMINAL, cz150))
     sim = flightmech.compile(cz150, database(polynomials, cz150))
     with pytest.raises(SimulationError):
@@ -223,7 +326,9 @@ def test_the_published_medians_do_not_spin(cz150):
 
 
 def test_spin_intercepts_against_the_balance_of_forces(cz150):
-    """seed-numbers.md 1: a model in deviations has the coefficients of the nominal state as its constants, to 0.035."""
+    """seed-numbers.md 1: a model in deviations has the coefficients of the nominal state as its
+    constants, to 0.035.
+    """
     polynomials = read_polynomials(DATA / "spin.csv")
     balance = {"CX": -0.094, "CY": -0.095, "CZ": -0.841, "Cl": -0.0002, "Cm": 0.0080, "Cn": 0.0014}
     for name, value in balance.items():
@@ -237,13 +342,22 @@ def test_a_product_in_a_database_is_the_polynomial(cz150):
     values = np.array([0.01, -3.0, 0.7, 2.0])
     db = polynomial_database({**others, "Cm": (model, values)}, cz150)
     conditions = {"alpha": 0.2, "beta": -0.1, "phat": 0.3, "delta_e": 0.25, "delta_a": -0.2}
-    total = sum(float(flightmech.terms.evaluate(leaf.to_dataset(), conditions)) for leaf in db["Cm"].children.values())
-    assert total == pytest.approx(0.01 - 3.0 * 0.008 + 0.7 * 0.15 * -0.2 + 2.0 * 0.2 * -0.1 * 0.3, rel=1e-12)
+    total = sum(
+        float(flightmech.terms.evaluate(leaf.to_dataset(), conditions))
+        for leaf in db["Cm"].children.values()
+    )
+    assert total == pytest.approx(
+        0.01 - 3.0 * 0.008 + 0.7 * 0.15 * -0.2 + 2.0 * 0.2 * -0.1 * 0.3, rel=1e-12
+    )
 
 
 @pytest.mark.parametrize(
     ("terms", "text"),
-    [(["alpha**4"], "alpha\\*\\*4"), (["Omegahat*alpha"], "Omegahat\\*alpha"), (["Omegahat", "phat"], "phat next to Omegahat")],
+    [
+        (["alpha**4"], "alpha\\*\\*4"),
+        (["Omegahat*alpha"], "Omegahat\\*alpha"),
+        (["Omegahat", "phat"], "phat next to Omegahat"),
+    ],
 )
 def test_what_the_kernel_has_no_form_for(terms, text, cz150):
     others = {c: (Model(c, ["1"]), np.zeros(1)) for c in ("CX", "CY", "CZ", "Cl", "Cn")}
@@ -258,7 +372,9 @@ def test_the_database_of_a_spin_is_sound(cz150):
 
 def test_six_coefficients_are_needed(cz150):
     with pytest.raises(SchemaError, match="no model of CZ"):
-        polynomial_database({c: (Model(c, ["1"]), np.zeros(1)) for c in ("CX", "CY", "Cl", "Cm", "Cn")}, cz150)
+        polynomial_database(
+            {c: (Model(c, ["1"]), np.zeros(1)) for c in ("CX", "CY", "Cl", "Cm", "Cn")}, cz150
+        )
 
 
 def test_faulty_files_of_polynomials(tmp_path):

@@ -1,4 +1,6 @@
-"""A spin flown, recorded, reconstructed in turned axes and identified; the whole study is benchmarks/spin_study.py."""
+"""A spin flown, recorded, reconstructed in turned axes and identified; the whole study is
+benchmarks/spin_study.py.
+"""
 
 from pathlib import Path
 
@@ -38,12 +40,16 @@ def spin(study, cz150):
 def flown(spin, cz150):
     """Record of one spin, and the truth at the clock of a reconstruction."""
     errors = draw_errors(cz150, np.random.default_rng(5))
-    record = fly_and_record(spin.sim, cz150, spin.inputs[0], spin.surfaces, spin.start, errors, np.random.default_rng(6))
+    record = fly_and_record(
+        spin.sim, cz150, spin.inputs[0], spin.surfaces, spin.start, errors, np.random.default_rng(6)
+    )
     time = np.arange(0.0, spin.inputs[0]["time"].values[-1] + 1e-9, 0.005)
     inputs = spin.inputs[0][list(spin.surfaces)].interp(time=time)
     for name, level in spin.surfaces.items():
         inputs[name] = inputs[name] + level
-    truth = flightmech.simulate(spin.sim, inputs, {**spin.start, "mode.earth": 0.0, "mode.trim": 0.0}, step=0.005)
+    truth = flightmech.simulate(
+        spin.sim, inputs, {**spin.start, "mode.earth": 0.0, "mode.trim": 0.0}, step=0.005
+    )
     return record, errors, truth
 
 
@@ -61,8 +67,12 @@ def test_a_record_shows_the_truth_with_the_errors_drawn(flown, cz150):
     centripetal = np.cross(omega, np.cross(omega, arm))[:, 0]
     omega_dot = np.stack([truth[f"{name}_dot"].values for name in "pqr"], axis=1)
     moved = centripetal + np.cross(omega_dot, arm)[:, 0]
-    assert (imu["ax_imu"].values - truth["ax"].values - moved).mean() == pytest.approx(errors["bias.ax_imu"], abs=0.02)
-    late = np.interp(record["gps"]["time"].values - errors["delay.gps"], truth["time"].values, truth["vn"].values)
+    assert (imu["ax_imu"].values - truth["ax"].values - moved).mean() == pytest.approx(
+        errors["bias.ax_imu"], abs=0.02
+    )
+    late = np.interp(
+        record["gps"]["time"].values - errors["delay.gps"], truth["time"].values, truth["vn"].values
+    )
     assert np.std(record["gps"]["vn"].values - late) == pytest.approx(0.03, rel=0.5)
 
 
@@ -74,10 +84,19 @@ def test_reconstruction_in_turned_axes(flown, cz150):
     states = reconstruct_steep(record, cz150).states
 
     def error(name):
-        return states[name].values - np.interp(states["time"].values, truth["time"].values, truth[name].values)
+        return states[name].values - np.interp(
+            states["time"].values, truth["time"].values, truth[name].values
+        )
 
     # as seen, and half as much again
-    for name, bound in (("alpha", 0.2), ("beta", 0.3), ("theta", 0.15), ("p", 0.25), ("q", 0.35), ("r", 0.35)):
+    for name, bound in (
+        ("alpha", 0.2),
+        ("beta", 0.3),
+        ("theta", 0.15),
+        ("p", 0.25),
+        ("q", 0.35),
+        ("r", 0.35),
+    ):
         assert np.degrees(np.sqrt(np.mean(error(name) ** 2))) < bound, name
     for name, bound in (("V", 0.2), ("ax", 0.1), ("az", 0.1)):
         assert np.sqrt(np.mean(error(name) ** 2)) < bound, name
@@ -85,18 +104,46 @@ def test_reconstruction_in_turned_axes(flown, cz150):
 
 @pytest.mark.slow
 def test_turned_axes_make_no_difference_where_both_work(study, cz150):
-    """A dive from 60 deg, pulled out to no less than 15: then neither pair of Euler angles is steep."""
+    """A dive from 60 deg, pulled out to no less than 15: then neither pair of Euler angles is
+    steep.
+    """
     glide = study.glide(cz150)
-    dive = {**glide.start, "init.theta": -60.0 * DEG, "init.phi": 0.2, "init.V": 18.0, "init.alpha": 0.05}
+    dive = {
+        **glide.start,
+        "init.theta": -60.0 * DEG,
+        "init.phi": 0.2,
+        "init.V": 18.0,
+        "init.alpha": 0.05,
+    }
     quiet = glide.inputs[0].isel(time=slice(0, 101)) * 0.0
-    record = fly_and_record(glide.sim, cz150, quiet, glide.surfaces, dive, NO_ERRORS, np.random.default_rng(3))
-    straight, turned = flighttest.reconstruct(record, cz150).states, reconstruct_steep(record, cz150).states
-    assert -65.0 < np.degrees(straight["theta"].values.min()) < np.degrees(straight["theta"].values.max()) < -15.0
-    # biases of the inertial unit and the attitude act about other axes in the two, so they may differ by as much as these may be
+    record = fly_and_record(
+        glide.sim, cz150, quiet, glide.surfaces, dive, NO_ERRORS, np.random.default_rng(3)
+    )
+    straight, turned = (
+        flighttest.reconstruct(record, cz150).states,
+        reconstruct_steep(record, cz150).states,
+    )
+    assert (
+        -65.0
+        < np.degrees(straight["theta"].values.min())
+        < np.degrees(straight["theta"].values.max())
+        < -15.0
+    )
+    # biases of the inertial unit and the attitude act about other axes in the two, so they may
+    # differ by as much as these may be
     angle, rate, force = 0.3 * DEG, 0.1 * DEG, 0.05
-    bounds = dict.fromkeys(("alpha", "beta", "phi", "theta"), angle) | dict.fromkeys("pqr", rate) | dict.fromkeys(("ax", "ay", "az"), force)
+    bounds = (
+        dict.fromkeys(("alpha", "beta", "phi", "theta"), angle)
+        | dict.fromkeys("pqr", rate)
+        | dict.fromkeys(("ax", "ay", "az"), force)
+    )
     length = cz150.b / (2.0 * straight["V"].values.min())
-    bounds |= {"betadothat": rate * length, "alphadothat": rate * length, "qhat": rate * length, "V": 0.1}
+    bounds |= {
+        "betadothat": rate * length,
+        "alphadothat": rate * length,
+        "qhat": rate * length,
+        "V": 0.1,
+    }
     for name, bound in bounds.items():
         assert np.sqrt(np.mean((straight[name].values - turned[name].values) ** 2)) < bound, name
 
@@ -112,7 +159,8 @@ def test_a_spin_is_recovered_within_the_published_bounds(study, spin, cz150):
     apart = (found.table["median"] - found.table["flown"]).abs() / found.table["sigma"]
     assert apart.max() < 0.7
     assert "76 of 76 terms within two sigma" in found.report()
-    # "nearly cancelling pairs" of seed-numbers.md: alpha_dot and q_osc are hardly distinguishable, and the fit reports it
+    # "nearly cancelling pairs" of seed-numbers.md: alpha_dot and q_osc are hardly distinguishable,
+    # and the fit reports it
     assert found.table.loc[("CZ", "alphadothat"), "vif"] > 100.0
     fresh = study.run_data(spin, cz150, errors, [2, 1000], which=1)
     predicted = predictions(fresh, found.models(spin.models))
@@ -122,5 +170,7 @@ def test_a_spin_is_recovered_within_the_published_bounds(study, spin, cz150):
 
 def test_the_window_is_the_moving_stretch(spin, flown, cz150):
     signal = spin.inputs[0]
-    data = measured_variables(flown[0], cz150, (signal.attrs["active_start"], signal.attrs["active_stop"]), steep=True)
+    data = measured_variables(
+        flown[0], cz150, (signal.attrs["active_start"], signal.attrs["active_stop"]), steep=True
+    )
     assert data["time"].values[[0, -1]] == pytest.approx([4.0, 13.98])

@@ -6,7 +6,9 @@ from flighttest.regression.uncertainty.coloured_residuals import coloured, colou
 
 STEP, SAMPLES = 0.01, 1000
 TIME = STEP * np.arange(SAMPLES)
-RISING = np.array([6.0, -4.0, 1.0])  # autocovariance of second differences of white noise, as of accelerations from positions
+RISING = np.array(
+    [6.0, -4.0, 1.0]
+)  # autocovariance of second differences of white noise, as of accelerations from positions
 
 
 def regressors(frequency):
@@ -21,11 +23,16 @@ def residual(X, seed):
 
 @pytest.mark.parametrize("frequency", [4.0, 8.0])
 def test_motion_faster_than_the_blocks_has_the_noise_of_its_frequency(frequency):
-    """Noise that grows with the fourth power of the frequency; taken as white it makes standard errors nine to 24 times too large."""
+    """Noise that grows with the fourth power of the frequency; taken as white it makes standard
+    errors nine to 24 times too large.
+    """
     X = regressors(frequency)
     A = np.linalg.pinv(X)
     expected = np.sqrt(np.diag(A @ toeplitz(np.pad(RISING, (0, SAMPLES - 3))) @ A.T))
-    found = [np.sqrt(np.diag(coloured(X, residual(X, seed), [slice(0, SAMPLES)], [STEP]).covariance)) for seed in range(10)]
+    found = [
+        np.sqrt(np.diag(coloured(X, residual(X, seed), [slice(0, SAMPLES)], [STEP]).covariance))
+        for seed in range(10)
+    ]
     ratio = np.sqrt(np.mean(np.square(found), axis=0)) / expected
     assert ((ratio[1:] > 0.8) & (ratio[1:] < 2.0)).all(), ratio
 
@@ -44,7 +51,9 @@ def test_two_clocks_are_shortened_together():
 
 @pytest.mark.parametrize("steps", [(0.01, 0.01), (0.001, 0.001), (0.001, 0.0014), (0.0004, 0.0006)])
 def test_short_blocks_of_unlike_length_have_spectra_of_their_own(steps):
-    """The same samples, taken for 700 and 1000 a second: fast motion shortens the blocks to one sample."""
+    """The same samples, taken for 700 and 1000 a second: fast motion shortens the blocks to one
+    sample.
+    """
     X, pieces = regressors(25.0), [slice(0, 500), slice(500, 1000)]
     one, other = colours(X, residual(X, 1), pieces, steps)
     assert (one.length, other.length) == (1, 1)

@@ -24,9 +24,13 @@ def test_a_perfect_prediction():
 def test_a_sine_of_half_the_size():
     """rms error is a quarter of the range over sqrt(2); R2 = 1 - 0.25; TIC = 0.5/(1 + 0.5)."""
     assert goodness_of_fit.theil(SINE, SINE / 2) == pytest.approx(1 / 3, rel=1e-12)
-    assert goodness_of_fit.nrmse(SINE, SINE / 2) == pytest.approx(100 * 0.25 / np.sqrt(2), rel=1e-4)  # peak lies between samples
+    assert goodness_of_fit.nrmse(SINE, SINE / 2) == pytest.approx(
+        100 * 0.25 / np.sqrt(2), rel=1e-4
+    )  # peak lies between samples
     assert goodness_of_fit.r_squared(SINE, SINE / 2) == pytest.approx(0.75, rel=1e-12)
-    assert goodness_of_fit.theil_single_root(SINE, SINE / 2) == pytest.approx(0.5 / np.sqrt(1.25), rel=1e-12)
+    assert goodness_of_fit.theil_single_root(SINE, SINE / 2) == pytest.approx(
+        0.5 / np.sqrt(1.25), rel=1e-12
+    )
 
 
 def test_bounds_of_both_forms_of_theils_coefficient():
@@ -36,8 +40,12 @@ def test_bounds_of_both_forms_of_theils_coefficient():
 
 def test_shares_name_the_kind_of_error_and_sum_to_one():
     rng = np.random.default_rng(1)
-    assert goodness_of_fit.theil_shares(SINE, SINE + 0.3) == pytest.approx((1.0, 0.0, 0.0), abs=1e-12)
-    assert goodness_of_fit.theil_shares(SINE, 2.0 * SINE) == pytest.approx((0.0, 1.0, 0.0), abs=1e-12)
+    assert goodness_of_fit.theil_shares(SINE, SINE + 0.3) == pytest.approx(
+        (1.0, 0.0, 0.0), abs=1e-12
+    )
+    assert goodness_of_fit.theil_shares(SINE, 2.0 * SINE) == pytest.approx(
+        (0.0, 1.0, 0.0), abs=1e-12
+    )
     found = goodness_of_fit.theil_shares(SINE, 0.7 * SINE + 0.1 + rng.normal(0.0, 0.2, 1000))
     assert sum(found) == pytest.approx(1.0, rel=1e-12)
     assert min(found) > 0.02
@@ -45,12 +53,18 @@ def test_shares_name_the_kind_of_error_and_sum_to_one():
 
 def test_samples_that_are_missing_are_left_out():
     gappy = np.where(TIME < 0.1, np.nan, SINE)
-    assert goodness_of_fit.theil(gappy, SINE / 2) == pytest.approx(goodness_of_fit.theil(SINE[100:], SINE[100:] / 2), rel=1e-12)
+    assert goodness_of_fit.theil(gappy, SINE / 2) == pytest.approx(
+        goodness_of_fit.theil(SINE[100:], SINE[100:] / 2), rel=1e-12
+    )
 
 
 @pytest.mark.parametrize(
     ("measured", "predicted", "text"),
-    [(SINE, SINE[1:], "one clock"), (np.ones(9), np.ones(9) * 2, "do not move"), ([np.nan, 1.0], [1.0, 1.0], "1 samples")],
+    [
+        (SINE, SINE[1:], "one clock"),
+        (np.ones(9), np.ones(9) * 2, "do not move"),
+        ([np.nan, 1.0], [1.0, 1.0], "1 samples"),
+    ],
 )
 def test_refusals(measured, predicted, text):
     with pytest.raises(IdentificationError, match=text):
@@ -59,7 +73,8 @@ def test_refusals(measured, predicted, text):
 
 def test_table_has_the_layout_of_the_published_ones():
     table = goodness_of_fit.validation_table(
-        {"CX": SINE, "Cm": SINE}, {"glide": {"CX": SINE / 2, "Cm": -SINE}, "spin": {"CX": SINE, "Cm": SINE}}
+        {"CX": SINE, "Cm": SINE},
+        {"glide": {"CX": SINE / 2, "Cm": -SINE}, "spin": {"CX": SINE, "Cm": SINE}},
     )
     assert list(table.index) == list(product(["TIC", "NRMSE", "R2"], ["glide", "spin"]))
     assert table.loc[("TIC", "glide"), "CX"] == pytest.approx(1 / 3)
@@ -76,7 +91,9 @@ def test_table_names_what_is_missing():
 
 @pytest.mark.skipif(not PUBLISHED.is_dir(), reason="needs the published tables of ../shared")
 def test_published_metrics_belong_to_the_standard_form():
-    """Table 4, CY: rms/range = NRMSE/(2 TIC) by the standard form; by the printed one it would exceed that of a pure sine, 1/(2 sqrt 2)."""
+    """Table 4, CY: rms/range = NRMSE/(2 TIC) by the standard form; by the printed one it would
+    exceed that of a pure sine, 1/(2 sqrt 2).
+    """
     with open(PUBLISHED / "gresham_table4_glide_validation.csv", newline="") as file:
         rows = {row["metric"]: float(row["Cy"]) for row in csv.DictReader(file)}
     standard = rows["NRMSE_percent"] / 100.0 / (2.0 * rows["TIC"])

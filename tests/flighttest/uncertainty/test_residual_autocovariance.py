@@ -8,7 +8,9 @@ FREE = Disturbance(np.array([-0.9, 0.3, 0.2]), 1.0)
 
 
 def test_the_autocovariance_is_that_of_the_recursion():
-    """Yule and Walker: r_k + a_1 r_(k-1) + ... = 0 for k > 0, the variance of the innovation at k = 0."""
+    """Yule and Walker: r_k + a_1 r_(k-1) + ... = 0 for k > 0, the variance of the innovation at k =
+    0.
+    """
     r, a = FREE.autocovariance(40), FREE.coefficients
     for k in range(40):
         total = sum(a[i] * r[abs(k - i)] for i in range(4))
@@ -41,4 +43,6 @@ def test_innovations_from_the_first_sample_on_undo_the_covariance():
     """v'R^-1 v of nine samples, and of fewer than the order."""
     for size in (9, 2):
         v = np.random.default_rng(2).normal(size=size)
-        assert np.sum(FREE.innovations(v) ** 2) == pytest.approx(v @ np.linalg.solve(toeplitz(FREE.autocovariance(size)), v))
+        assert np.sum(FREE.innovations(v) ** 2) == pytest.approx(
+            v @ np.linalg.solve(toeplitz(FREE.autocovariance(size)), v)
+        )

@@ -9,7 +9,14 @@ from scipy.linalg import toeplitz
 
 from flighttest.regression.uncertainty import residual_spectrum as module
 from flighttest.regression.uncertainty.coloured_residuals import coloured, colours
-from flighttest.regression.uncertainty.residual_spectrum import ROUGHNESS, UNKNOWN, Disturbance, Hats, Mode, residual_spectrum
+from flighttest.regression.uncertainty.residual_spectrum import (
+    ROUGHNESS,
+    UNKNOWN,
+    Disturbance,
+    Hats,
+    Mode,
+    residual_spectrum,
+)
 
 
 def residual(X, v):
@@ -23,8 +30,12 @@ def slow_terms(samples):
 
 
 def test_the_slow_part_that_a_fit_has_taken_up_is_found_again():
-    """Memory of 1 s in 10 s, intercept and three slow regressors: the residual has lost most of the variance of its mean."""
-    truth = Disturbance(np.array([-np.exp(-0.08)]), 1.0 - np.exp(-0.16))  # 0.08 s per sample, variance one
+    """Memory of 1 s in 10 s, intercept and three slow regressors: the residual has lost most of the
+    variance of its mean.
+    """
+    truth = Disturbance(
+        np.array([-np.exp(-0.08)]), 1.0 - np.exp(-0.16)
+    )  # 0.08 s per sample, variance one
     X = slow_terms(125)
     A = np.linalg.pinv(X)
     expected = (A @ toeplitz(truth.autocovariance(125)) @ A.T)[0, 0]
@@ -33,7 +44,9 @@ def test_the_slow_part_that_a_fit_has_taken_up_is_found_again():
         v = residual(X, truth.sample(125, np.random.default_rng(seed)))
         r = residual_spectrum(X, v, [slice(0, 125)]).model.autocovariance(125)
         found.append((A @ toeplitz(r) @ A.T)[0, 0])
-        windowed = np.array([(v[: 125 - k] @ v[k:]) / 125 * max(0.0, 1 - k / 12) for k in range(125)])
+        windowed = np.array(
+            [(v[: 125 - k] @ v[k:]) / 125 * max(0.0, 1 - k / 12) for k in range(125)]
+        )
         naive.append((A @ toeplitz(windowed) @ A.T)[0, 0])
     assert np.median(found) > 0.35 * expected  # skewed: some of the sixty see hardly any slow part
     assert np.median(naive) < 0.6 * np.median(found)
@@ -42,7 +55,9 @@ def test_the_slow_part_that_a_fit_has_taken_up_is_found_again():
 @pytest.mark.parametrize("tau", [0.05, 0.3, 2.0])
 def test_slopes_of_the_posterior_are_its_differences(tau):
     likelihood = module._Likelihood(
-        slow_terms(200), residual(slow_terms(200), coloured_noise(np.random.default_rng(0), 200, tau)), [slice(0, 200)]
+        slow_terms(200),
+        residual(slow_terms(200), coloured_noise(np.random.default_rng(0), 200, tau)),
+        [slice(0, 200)],
     )
     rng = np.random.default_rng(1)
     n = len(likelihood.knots)
@@ -51,8 +66,13 @@ def test_slopes_of_the_posterior_are_its_differences(tau):
     H, g = likelihood._slopes(likelihood._at(c, prior), prior)
     step = 1e-5 * np.eye(n)
     up, down = ([likelihood._at(c + side * one, prior) for one in step] for side in (1.0, -1.0))
-    np.testing.assert_allclose(g, [(a.cost - b.cost) / 2e-5 for a, b in zip(up, down)], rtol=1e-5, atol=1e-6)
-    slopes = [(likelihood._slopes(a, prior)[1] - likelihood._slopes(b, prior)[1]) / 2e-5 for a, b in zip(up, down)]
+    np.testing.assert_allclose(
+        g, [(a.cost - b.cost) / 2e-5 for a, b in zip(up, down)], rtol=1e-5, atol=1e-6
+    )
+    slopes = [
+        (likelihood._slopes(a, prior)[1] - likelihood._slopes(b, prior)[1]) / 2e-5
+        for a, b in zip(up, down)
+    ]
     np.testing.assert_allclose(H, slopes, rtol=1e-5, atol=1e-6)
 
 
@@ -66,16 +86,24 @@ def test_every_start_leads_to_the_one_minimum(tau, roughness):
     n = len(likelihood.knots)
     best = likelihood.mode(np.zeros(n), roughness)
     for _ in range(40):
-        start = rng.normal(scale=4.0) + rng.normal(scale=5.0) * np.linspace(1.0, -1.0, n) + rng.normal(scale=2.0, size=n)
+        start = (
+            rng.normal(scale=4.0)
+            + rng.normal(scale=5.0) * np.linspace(1.0, -1.0, n)
+            + rng.normal(scale=2.0, size=n)
+        )
         found = likelihood.mode(start, roughness)
         np.testing.assert_allclose(found.c, best.c, atol=1e-8)
         assert found.evidence == pytest.approx(best.evidence, abs=1e-8)
 
 
 def test_the_hidden_variance_is_bounded_by_its_prior():
-    """A fit that has taken up all that is slow, of a residual without any colour to see: not more than a few times the residual."""
+    """A fit that has taken up all that is slow, of a residual without any colour to see: not more
+    than a few times the residual.
+    """
     t = np.arange(100)
-    X = np.stack([np.cos(np.pi * k * (t + 0.5) / 100) for k in range(20)], axis=1)  # the 20 slowest transforms
+    X = np.stack(
+        [np.cos(np.pi * k * (t + 0.5) / 100) for k in range(20)], axis=1
+    )  # the 20 slowest transforms
     v = residual(X, np.cumsum(np.random.default_rng(3).normal(size=100)))
     assert 1.0 < residual_spectrum(X, v, [slice(0, 100)]).hidden < 20.0
 
@@ -102,10 +130,14 @@ def test_very_short_pieces_have_a_covariance(lengths):
 def test_regressors_that_nearly_vanish_do_not_enlarge_rounding():
     """A column that differs from another by 1e-9 of it, both perturbed by 1e-12."""
     rng = np.random.default_rng(5)
-    X = np.column_stack([slow_terms(300), slow_terms(300)[:, 1] * (1.0 + 1e-9 * rng.normal(size=300))])
+    X = np.column_stack(
+        [slow_terms(300), slow_terms(300)[:, 1] * (1.0 + 1e-9 * rng.normal(size=300))]
+    )
     v = residual(X[:, :4], coloured_noise(rng, 300, 0.5))
     first = residual_spectrum(X, v, [slice(0, 300)]).model.autocovariance(50)
-    again = residual_spectrum(X * (1.0 + 1e-12 * rng.normal(size=X.shape)), v, [slice(0, 300)]).model.autocovariance(50)
+    again = residual_spectrum(
+        X * (1.0 + 1e-12 * rng.normal(size=X.shape)), v, [slice(0, 300)]
+    ).model.autocovariance(50)
     np.testing.assert_allclose(again, first, atol=1e-8 * first[0])
 
 
@@ -116,17 +148,27 @@ def test_what_differs_between_stretches_as_a_constant_is_no_slow_disturbance():
     found = colours(np.ones((4000, 1)), v - v.mean(), pieces, [0.02] * 8)
     slow = sum(found[0].model.autocovariance(100)) / found[0].model.autocovariance(1)[0]
     assert slow < 3.0  # white would be one; the offsets would make it near a hundred
-    assert coloured(np.ones((4000, 1)), v - v.mean(), pieces, [0.02] * 8).offset == pytest.approx(5.0, rel=0.6)
+    assert coloured(np.ones((4000, 1)), v - v.mean(), pieces, [0.02] * 8).offset == pytest.approx(
+        5.0, rel=0.6
+    )
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "case", ["one of 10 s", "five of 12 s with offsets", "25 s with gaps and noise of the regressors", "25 s, AR(1) of 1 s"]
+    "case",
+    [
+        "one of 10 s",
+        "five of 12 s with offsets",
+        "25 s with gaps and noise of the regressors",
+        "25 s, AR(1) of 1 s",
+    ],
 )
 @pytest.mark.nightly
 def test_two_standard_errors_cover_92_to_98_percent(case):
-    """150 records of the study of 1000 in benchmarks/regression_coverage.py: the share of 150 x 4 estimates, a quarter of them taken as
-    independent, scatters by 0.02 about 0.94: two and a half of these on both sides of the band."""
+    """150 records of the study of 1000 in benchmarks/regression_coverage.py: the share of 150 x 4
+    estimates, a quarter of them taken as independent, scatters by 0.02 about 0.94: two and a half
+    of these on both sides of the band.
+    """
     path = Path(__file__).parents[3] / "benchmarks" / "regression_coverage.py"
     spec = importlib.util.spec_from_file_location("regression_coverage", path)
     study = importlib.util.module_from_spec(spec)
@@ -138,12 +180,16 @@ def test_sums_over_the_two_knots_next_to_a_frequency_are_those_of_the_hat_functi
     """Against the hat functions written out as a matrix."""
     rng = np.random.default_rng(5)
     knots, x = 7, rng.uniform(0.0, 6.0, 200)
-    hats = Hats(knots, np.minimum(x.astype(int), knots - 2), 1.0 + np.minimum(x.astype(int), knots - 2) - x)
+    hats = Hats(
+        knots, np.minimum(x.astype(int), knots - 2), 1.0 + np.minimum(x.astype(int), knots - 2) - x
+    )
     B = np.maximum(0.0, 1.0 - np.abs(x[:, None] - np.arange(knots)))
     weights, c = rng.uniform(0.1, 2.0, len(x)), rng.normal(size=knots)
     np.testing.assert_allclose(hats.at(c), B @ c, rtol=0.0, atol=1e-14)
     np.testing.assert_allclose(hats.sums(weights), weights @ B, rtol=1e-13)
-    np.testing.assert_allclose(hats.products(weights), (B * weights[:, None]).T @ B, rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(
+        hats.products(weights), (B * weights[:, None]).T @ B, rtol=0.0, atol=1e-12
+    )
     root = rng.normal(size=(knots, knots))
     mode = Mode(c, root @ root.T, 0.0)
     variance = ((B @ mode.covariance) * B).sum(axis=1)

@@ -1,4 +1,6 @@
-"""What a fit states about itself: tests at their nominal rate on noise, signs, spikes, collinear terms, reversed time."""
+"""What a fit states about itself: tests at their nominal rate on noise, signs, spikes, collinear
+terms, reversed time.
+"""
 
 import numpy as np
 import pytest
@@ -18,11 +20,15 @@ from flighttest.remarks import Remark, barred
 
 
 def noise_only(seed, duration=20.0, tau=0.3):
-    """Controls that move, and a coefficient that is nothing but a disturbance (white when tau is 0)."""
+    """Controls that move, and a coefficient that is nothing but a disturbance (white when tau is
+    0).
+    """
     rng = np.random.default_rng(seed)
     data = record(rng, duration, noise=0.0)
     n = data.sizes["time"]
-    return data.assign(CL=("time", 0.01 * (coloured_noise(rng, n, tau) if tau else rng.normal(size=n))))
+    return data.assign(
+        CL=("time", 0.01 * (coloured_noise(rng, n, tau) if tau else rng.normal(size=n)))
+    )
 
 
 def kinds(fit):
@@ -32,66 +38,96 @@ def kinds(fit):
 @pytest.mark.slow
 @pytest.mark.parametrize("tau", [0.0, pytest.param(0.3, marks=pytest.mark.slow)])
 def test_noise_is_called_no_excitation(tau):
-    """Sixty records each: F below 1 % in 0 to 0.7 % of 300 records of ten and thirty seconds; four of sixty are beyond chance."""
+    """Sixty records each: F below 1 % in 0 to 0.7 % of 300 records of ten and thirty seconds; four
+    of sixty are beyond chance.
+    """
     fits = [regress(LIFT, noise_only(seed, tau=tau)) for seed in range(60)]
     passed = [fit for fit in fits if "no excitation" not in kinds(fit)]
     assert len(passed) <= 4
     assert all(barred(fit.remarks) for fit in fits if fit not in passed)
     p = np.concatenate([fit.estimates["p_value"].values[1:] for fit in fits])
-    assert 0.02 < np.mean(p < 0.05) < 0.09  # 2.7 to 4.7 % measured in 300 records of ten and thirty seconds
+    assert (
+        0.02 < np.mean(p < 0.05) < 0.09
+    )  # 2.7 to 4.7 % measured in 300 records of ten and thirty seconds
 
 
 @pytest.mark.slow
 def test_noise_is_no_excitation_in_frequency_too():
     """Sixty records of seventeen frequencies."""
-    passed = [seed for seed in range(60) if "no excitation" not in kinds(regress_frequency(LIFT, noise_only(seed), (0.05, 0.9)))]
+    passed = [
+        seed
+        for seed in range(60)
+        if "no excitation" not in kinds(regress_frequency(LIFT, noise_only(seed), (0.05, 0.9)))
+    ]
     assert len(passed) <= 4
 
 
 @pytest.mark.slow
 def test_a_good_record_carries_no_remark_and_its_intervals_cover_the_truth():
-    """Forty records of twenty seconds: 95 % of 160 estimates, give or take 3.4 % of one sigma of dependent ones."""
+    """Forty records of twenty seconds: 95 % of 160 estimates, give or take 3.4 % of one sigma of
+    dependent ones.
+    """
     inside = []
     for seed in range(40):
         fit = regress(LIFT, record(np.random.default_rng(seed), 20.0, 0.003))
         assert not barred(fit.remarks)
         truth = np.array(list(TRUTH.values()))
-        inside.append((fit.estimates["low"].values < truth) & (truth < fit.estimates["high"].values))
+        inside.append(
+            (fit.estimates["low"].values < truth) & (truth < fit.estimates["high"].values)
+        )
     assert 0.9 < np.mean(inside) <= 0.99
     e = fit.estimates
     half = 0.5 * (e["high"] - e["low"]).values / e["stderr"].values
-    np.testing.assert_allclose(half, stats.t.ppf(0.975, e["dof"].values), rtol=1e-9)  # no systematic errors here
+    np.testing.assert_allclose(
+        half, stats.t.ppf(0.975, e["dof"].values), rtol=1e-9
+    )  # no systematic errors here
 
 
 def test_systematic_errors_widen_the_interval_and_leave_the_test_alone():
     data = record(np.random.default_rng(1), 20.0)
     change = np.stack([0.02 * data["CL"].values])
     plain = regress(LIFT, data).estimates
-    wide = regress(LIFT, data.assign_coords(error=["qbar"]).assign(CL_error=(("error", "time"), change))).estimates
+    wide = regress(
+        LIFT, data.assign_coords(error=["qbar"]).assign(CL_error=(("error", "time"), change))
+    ).estimates
     np.testing.assert_array_equal(plain["t"], wide["t"])
     assert ((wide["high"] - wide["low"]) > (plain["high"] - plain["low"])).all()
 
 
 def test_a_term_that_does_nothing_is_not_significant():
-    """qhat takes no part: at five per cent it is remarked in nearly all of twenty records, the others in none."""
+    """qhat takes no part: at five per cent it is remarked in nearly all of twenty records, the
+    others in none.
+    """
     found = []
     for seed in range(20):
         data = record(np.random.default_rng(seed), 20.0, 0.003)
         data["CL"] = data["CL"] - TRUTH["qhat"] * data["qhat"]
-        found.append([remark.term for remark in regress(LIFT, data).remarks if remark.kind == "not significant"])
+        found.append(
+            [
+                remark.term
+                for remark in regress(LIFT, data).remarks
+                if remark.kind == "not significant"
+            ]
+        )
     assert sum(terms == ["qhat"] for terms in found) >= 16
     assert sum(bool(terms) for terms in found) == sum("qhat" in terms for terms in found)
 
 
 def test_a_control_of_the_wrong_sign_is_remarked_by_the_convention():
     data = record(np.random.default_rng(2), 20.0, 0.002)
-    (remark,) = [one for one in regress(LIFT, data.assign(delta_e=-data["delta_e"])).remarks if one.kind == "sign"]
+    (remark,) = [
+        one
+        for one in regress(LIFT, data.assign(delta_e=-data["delta_e"])).remarks
+        if one.kind == "sign"
+    ]
     assert (remark.term, remark.severity) == ("delta_e", "error")
     assert remark.value < remark.threshold < -2.0
     assert remark.text.startswith("sign against the convention: dCL/ddelta_e is -0.5")
     assert "positive by the definition of delta_e" in remark.text
     assert regress(LIFT, data).remarks == []
-    curved = Model.parse("CL = 1 + alpha + qhat + delta_e + alpha*delta_e")  # the slope at the mean of the samples counts, not one term
+    curved = Model.parse(
+        "CL = 1 + alpha + qhat + delta_e + alpha*delta_e"
+    )  # the slope at the mean of the samples counts, not one term
     assert "sign" not in kinds(regress(curved, data))
     assert "sign" in kinds(regress(curved, data.assign(delta_e=-data["delta_e"])))
 
@@ -100,7 +136,9 @@ def test_a_sign_against_the_prior_is_remarked():
     fit = regress(LIFT, record(np.random.default_rng(2), 20.0, 0.002))
     (remark,) = [one for one in mixed(fit, {"alpha": (-4.0, 0.5)}).remarks if one.kind == "sign"]
     assert (remark.term, remark.severity) == ("alpha", "error")
-    assert "sign" not in [one.kind for one in mixed(fit, {"alpha": (-4.0, 5.0)}).remarks]  # a prior that does not know its sign
+    assert "sign" not in [
+        one.kind for one in mixed(fit, {"alpha": (-4.0, 5.0)}).remarks
+    ]  # a prior that does not know its sign
     assert "sign" not in [one.kind for one in mixed(fit, {"alpha": (4.0, 0.5)}).remarks]
 
 
@@ -126,13 +164,18 @@ def test_one_spike_is_named_with_what_it_does():
     assert "spike" not in kinds(clean)
     robust = regress(LIFT, spoilt, weights="robust")
     assert "spike" not in kinds(robust)
-    far = np.abs(robust.estimates["estimate"] - clean.estimates["estimate"]) / clean.estimates["stderr"]
+    far = (
+        np.abs(robust.estimates["estimate"] - clean.estimates["estimate"])
+        / clean.estimates["stderr"]
+    )
     assert float(far.max()) < 1.0
 
 
 @pytest.mark.parametrize("tau", [0.0, 0.3, 1.0])
 def test_noise_has_no_spikes(tau):
-    """Twenty records of a thousand samples each; eight robust sigma of Gaussian noise are never reached."""
+    """Twenty records of a thousand samples each; eight robust sigma of Gaussian noise are never
+    reached.
+    """
     assert not any("spike" in kinds(regress(LIFT, noise_only(seed, tau=tau))) for seed in range(20))
 
 
@@ -144,11 +187,17 @@ def test_time_that_runs_backwards_is_refused():
         lambda d: regress_frequency(LIFT, d, (0.05, 1.0)),
         lambda d: select_orthogonal("CL", ["1", "alpha"], d),
     ):
-        with pytest.raises(IdentificationError, match=r"time of manoeuvre 0 does not rise: .*all of its 1000 samples, from 19.98 to 0 s"):
+        with pytest.raises(
+            IdentificationError,
+            match=r"time of manoeuvre 0 does not rise: .*all of its 1000 samples, from 19.98 to 0 s",
+        ):
             fit(reversed_record)
     time = data["time"].values.copy()
     time[500] = time[499]
-    with pytest.raises(IdentificationError, match=r"time of manoeuvre 1 does not rise: .* from 9.98 to 9.98 s at sample 500"):
+    with pytest.raises(
+        IdentificationError,
+        match=r"time of manoeuvre 1 does not rise: .* from 9.98 to 9.98 s at sample 500",
+    ):
         regress(LIFT, [data, data.assign_coords(time=time)])
 
 
@@ -156,9 +205,14 @@ def test_terms_that_no_instrument_distinguishes_are_refused_by_name():
     data = record(np.random.default_rng(6), 20.0)
     rng = np.random.default_rng(0)
     counterpart = data["alpha"] * 0.01 + 1e-8 * rng.normal(size=data.sizes["time"])
-    with pytest.raises(IdentificationError, match=r"cannot distinguish (alpha|qhat) \(.*e\+.*\), (alpha|qhat) .* limit of 1e\+06"):
+    with pytest.raises(
+        IdentificationError,
+        match=r"cannot distinguish (alpha|qhat) \(.*e\+.*\), (alpha|qhat) .* limit of 1e\+06",
+    ):
         regress(LIFT, data.assign(qhat=counterpart))
-    near = regress(LIFT, data.assign(qhat=data["alpha"] * 0.01 + 2e-5 * rng.normal(size=data.sizes["time"])))
+    near = regress(
+        LIFT, data.assign(qhat=data["alpha"] * 0.01 + 2e-5 * rng.normal(size=data.sizes["time"]))
+    )
     assert "collinear" in kinds(near)
 
 
@@ -167,7 +221,12 @@ def test_gaps_and_few_samples_leave_the_tests_finite():
     data["CL"][100:130] = np.nan
     data["CL"][600:640] = np.nan
     e = regress(LIFT, data).estimates
-    assert np.isfinite([e.attrs[name] for name in ("F", "F_dof", "F_probability", "portmanteau", "correlation_time")]).all()
+    assert np.isfinite(
+        [
+            e.attrs[name]
+            for name in ("F", "F_dof", "F_probability", "portmanteau", "correlation_time")
+        ]
+    ).all()
     assert (e["dof"].values >= 1.0).all()
 
 
@@ -186,10 +245,15 @@ def test_whiteness_against_the_definition():
     parts = [v[:600] - v[:600].mean(), v[600:] - v[600:].mean()]
     power = sum(x @ x for x in parts)
     rho = [sum(x[: len(x) - k] @ x[k:] for x in parts) / power for k in range(21)]
-    assert found["portmanteau"] == pytest.approx(1000 * 1002 * sum(rho[k] ** 2 / (1000 - k) for k in range(1, 21)), rel=1e-9)
+    assert found["portmanteau"] == pytest.approx(
+        1000 * 1002 * sum(rho[k] ** 2 / (1000 - k) for k in range(1, 21)), rel=1e-9
+    )
     assert found["correlation_time"] == pytest.approx(0.3, abs=0.15)
     assert found["portmanteau_probability"] < 1e-10
-    levels = [whiteness(rng.normal(size=500), [slice(0, 500)], [STEP])["portmanteau_probability"] for _ in range(200)]
+    levels = [
+        whiteness(rng.normal(size=500), [slice(0, 500)], [STEP])["portmanteau_probability"]
+        for _ in range(200)
+    ]
     assert np.mean(np.array(levels) < 0.05) < 0.1
 
 
@@ -200,7 +264,9 @@ def test_degrees_of_freedom_are_those_of_the_frequencies_that_count():
     for m in (1, 10, 40):
         A = sum(np.cos(2 * np.pi * (5 + k) * t / 2000 + rng.uniform(0, 6)) for k in range(m))[None]
         found = [degrees(A, rng.normal(size=2000), [slice(0, 2000)], 0)[0] for _ in range(200)]
-        expected = 2 * m if m > 1 else 4  # a single ordinate is itself all there is: the moments give 4 for it
+        expected = (
+            2 * m if m > 1 else 4
+        )  # a single ordinate is itself all there is: the moments give 4 for it
         assert np.median(found) == pytest.approx(expected, rel=0.25)
 
 

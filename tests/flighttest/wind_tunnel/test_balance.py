@@ -1,4 +1,6 @@
-"""Balance data: axes, moment reference, tare, errors and nuisance terms against a simulated tail that shares no code with them."""
+"""Balance data: axes, moment reference, tare, errors and nuisance terms against a simulated tail
+that shares no code with them.
+"""
 
 import json
 import sys
@@ -49,14 +51,19 @@ def test_without_noise_the_coefficients_are_those_of_the_simulation(tmp_path, se
     found = balance_coefficients(path, setup)
     alpha, beta, strut = (found[name].values for name in ("alpha", "beta", "strut"))
     for name, terms, extra in (("CL", tunnel.CL, tunnel.STRUT * strut), ("CD", tunnel.CD, 0.0)):
-        truth = sum(value * tunnel._regressor(term, alpha, beta) for term, value in terms.items()) + extra
+        truth = (
+            sum(value * tunnel._regressor(term, alpha, beta) for term, value in terms.items())
+            + extra
+        )
         assert found[name].values == pytest.approx(truth, abs=1e-9)
     assert np.abs(found["Cm"].values).max() < 1e-9  # all loads act at the moment reference point
     assert float(found["time"][0]) == 10.0  # points with the wind off are the tare
 
 
 def test_an_error_of_the_angle_moves_the_constant_of_the_lift(tmp_path, setup, monkeypatch):
-    """The same points with the angle read one standard error too large: estimates change as the source states."""
+    """The same points with the angle read one standard error too large: estimates change as the
+    source states.
+    """
     monkeypatch.setattr(tunnel, "NOISE", 0.0)
     model, fits = Model("CL", list(tunnel.CL)), []
     for name, error in (("right", 0.0), ("wrong", np.radians(0.1))):
@@ -74,25 +81,33 @@ def test_an_error_of_the_angle_moves_the_constant_of_the_lift(tmp_path, setup, m
 def test_the_true_terms_are_selected_and_lie_within_their_errors(data, setup):
     for name, truth in (("CL", tunnel.CL), ("CD", tunnel.CD)):
         candidates = monomials(["alpha", "beta"], 4)
-        chosen = select_stepwise(name, candidates, without_nuisance(data, Model(name, candidates), setup), gain=0.0)
+        chosen = select_stepwise(
+            name, candidates, without_nuisance(data, Model(name, candidates), setup), gain=0.0
+        )
         assert set(chosen.fit.model.terms) == set(truth)
         model = Model(name, list(truth))
         e = regress(model, without_nuisance(data, model, setup)).estimates
         for term, value in truth.items():
             row = e.sel(term=term)
-            assert abs(float(row["estimate"]) - value) < WITHIN * float(np.hypot(row["stderr"], row["stderr_systematic"]))
+            assert abs(float(row["estimate"]) - value) < WITHIN * float(
+                np.hypot(row["stderr"], row["stderr_systematic"])
+            )
 
 
 @pytest.mark.parametrize(("k", "band"), [(1029, None), (1029, (0.05, 2.0)), (1002, (0.05, 2.0))])
 def test_an_early_choice_is_exchanged_and_a_small_term_found(tmp_path, setup, k, band):
-    """Entered alone, alpha**4 does better than alpha**3; in the band alpha**2*beta**2 adds 0.4 % of R2 with a partial F of 500."""
+    """Entered alone, alpha**4 does better than alpha**3; in the band alpha**2*beta**2 adds 0.4 % of
+    R2 with a partial F of 500.
+    """
     draws, points = np.random.default_rng(k), []
     wrong = np.radians(0.1) * draws.standard_normal(), 0.05 * draws.standard_normal()
     for i, speed in enumerate((8.0, 11.0)):
         tunnel.record(100 + 2 * k + i, speed, *wrong).to_csv(tmp_path / "points.csv", index=False)
         points.append(balance_coefficients(tmp_path / "points.csv", setup))
     candidates = monomials(["alpha", "beta"], 4)
-    chosen = select_stepwise("CL", candidates, without_nuisance(points, Model("CL", candidates), setup), band, gain=0.0)
+    chosen = select_stepwise(
+        "CL", candidates, without_nuisance(points, Model("CL", candidates), setup), band, gain=0.0
+    )
     assert set(chosen.fit.model.terms) == set(tunnel.CL)
 
 
@@ -104,7 +119,9 @@ def test_nuisance_terms_taken_off_equal_those_in_the_fit(data, setup):
     fit = regress(model, without_nuisance(data, model, setup))
     assert fit.estimates["estimate"].values == pytest.approx(joint[:-1], rel=1e-9)
     v = z - X @ joint
-    both = np.sqrt(float(v @ v) / (len(z) - X.shape[1]) * np.linalg.inv(X.T @ X)[:-1, :-1].diagonal())
+    both = np.sqrt(
+        float(v @ v) / (len(z) - X.shape[1]) * np.linalg.inv(X.T @ X)[:-1, :-1].diagonal()
+    )
     alone = [one.drop_sel(error=[str(n) for n in one["error"].values if not str(n).startswith("nuisance")]) for one in
              without_nuisance(data, model, setup)]  # fmt: skip
     e = regress(model, alone).estimates
@@ -119,7 +136,9 @@ def test_a_tare_that_only_the_airspeed_shows_is_found(folder, setup, tmp_path):
     for k in (1, 2):
         table = pd.read_csv(folder / f"tail_{k}.csv")
         path = tmp_path / f"{k}.csv"
-        table[table["speed"] > 0.0].to_csv(path, index=False)  # nobody recorded a point with the wind off
+        table[table["speed"] > 0.0].to_csv(
+            path, index=False
+        )  # nobody recorded a point with the wind off
         still.append(path)
     wanted = setup.model_copy(update={"nuisance": {"CD": ("tare",)}})
     data = [balance_coefficients(path, wanted) for path in still]
@@ -133,10 +152,15 @@ def test_a_tare_that_only_the_airspeed_shows_is_found(folder, setup, tmp_path):
 def test_a_balance_fixed_in_the_tunnel_needs_no_turn_by_the_model(tmp_path, setup):
     alpha = np.radians([0.0, 5.0, 10.0])
     path = tmp_path / "fixed.csv"
-    rows = [f"{np.degrees(a)},20,{-1.0},{0.0},{-10.0}" for a in alpha]  # drag 1 N, lift 10 N in tunnel axes
+    rows = [
+        f"{np.degrees(a)},20,{-1.0},{0.0},{-10.0}" for a in alpha
+    ]  # drag 1 N, lift 10 N in tunnel axes
     path.write_text("alpha,V,Fx,Fy,Fz\n" + "\n".join(rows) + "\n", encoding="utf-8")
     fixed = setup.model_copy(
-        update={"columns": {"alpha": "alpha [deg]"}, "balance": setup.balance.model_copy(update={"moves": False, "rotation": (0.0,) * 3})}
+        update={
+            "columns": {"alpha": "alpha [deg]"},
+            "balance": setup.balance.model_copy(update={"moves": False, "rotation": (0.0,) * 3}),
+        }
     )
     found = balance_coefficients(path, fixed)
     qS = 0.5 * 1.2 * 400.0 * 0.032
@@ -156,7 +180,10 @@ def test_bad_input_is_refused(tmp_path, folder, setup):
     with pytest.raises(IdentificationError, match="with the wind on"):
         balance_coefficients(path, plain)
     bad = tmp_path / "bad.toml"
-    bad.write_text('[reference]\nS = "1 m2"\nb = "1 m"\nc = "1 m"\n[errors]\nFq = "1 N"\n[nuisance]\nCQ = ["tare"]\n', encoding="utf-8")
+    bad.write_text(
+        '[reference]\nS = "1 m2"\nb = "1 m"\nc = "1 m"\n[errors]\nFq = "1 N"\n[nuisance]\nCQ = ["tare"]\n',
+        encoding="utf-8",
+    )
     with pytest.raises(SchemaError, match="Fq"):
         read_setup(bad)
 
@@ -176,9 +203,27 @@ def test_the_fits_are_drawn_over_both_angles(data, setup, tmp_path):
 
 @pytest.mark.slow
 def test_the_verb_writes_fits_for_the_database(folder, tmp_path):
-    words = ["balance", str(folder / "tail_1.csv"), str(folder / "tail_2.csv"), "--setup", str(folder / "balance.toml")]
+    words = [
+        "balance",
+        str(folder / "tail_1.csv"),
+        str(folder / "tail_2.csv"),
+        "--setup",
+        str(folder / "balance.toml"),
+    ]
     done = CliRunner().invoke(
-        flight, [*words, "--select", "CL", "--model", "CD = 1 + alpha**2", "--band", "0.05", "2", "-o", str(tmp_path / "fits")]
+        flight,
+        [
+            *words,
+            "--select",
+            "CL",
+            "--model",
+            "CD = 1 + alpha**2",
+            "--band",
+            "0.05",
+            "2",
+            "-o",
+            str(tmp_path / "fits"),
+        ],
     )
     assert done.exit_code == 0, done.output
     assert set(open_fit(tmp_path / "fits" / "CL.nc").model.terms) == set(tunnel.CL)
@@ -189,8 +234,29 @@ def test_the_verb_writes_fits_for_the_database(folder, tmp_path):
 
 
 def test_the_verb_chooses_in_frequency(folder):
-    words = ["balance", str(folder / "tail_1.csv"), str(folder / "tail_2.csv"), "--setup", str(folder / "balance.toml"), "--select", "CL"]
-    done = CliRunner().invoke(flight, [*words, "--select-in", "frequency", "--band", "0.05", "2", "--weights", "spectrum", "--json"])
+    words = [
+        "balance",
+        str(folder / "tail_1.csv"),
+        str(folder / "tail_2.csv"),
+        "--setup",
+        str(folder / "balance.toml"),
+        "--select",
+        "CL",
+    ]
+    done = CliRunner().invoke(
+        flight,
+        [
+            *words,
+            "--select-in",
+            "frequency",
+            "--band",
+            "0.05",
+            "2",
+            "--weights",
+            "spectrum",
+            "--json",
+        ],
+    )
     assert done.exit_code == 0, done.output
     assert set(json.loads(done.output)["fits"]["CL"]) == set(tunnel.CL)
     without = CliRunner().invoke(flight, [*words, "--select-in", "frequency"])

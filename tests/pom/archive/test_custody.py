@@ -38,14 +38,18 @@ def test_the_first_hash_counts_and_a_swap_is_found_even_when_it_is_taken_back(tm
     swapped(file, b"forged")
     assert custody.sha256(file) == first
     swapped(file, b"flight")
-    with pytest.raises(SchemaError, match=r"record\.csv changed while the batch ran; nothing was written"):
+    with pytest.raises(
+        SchemaError, match=r"record\.csv changed while the batch ran; nothing was written"
+    ):
         custody.check()
     file.unlink()
     with pytest.raises(SchemaError, match="changed while the batch ran"):
         custody.check()
 
 
-def test_an_fmu_that_changed_after_it_was_read_flies_for_nothing(write_case, lag_states, toy, tmp_path, monkeypatch):
+def test_an_fmu_that_changed_after_it_was_read_flies_for_nothing(
+    write_case, lag_states, toy, tmp_path, monkeypatch
+):
     own = Path(shutil.copy(toy(), tmp_path / "own.fmu"))
     kept = tmp_path / "kept"
     run = process.Child.run
@@ -76,7 +80,9 @@ def test_a_record_that_changed_while_the_batch_ran_is_refused_before_anything_is
         return perform(*arguments)
 
     monkeypatch.setattr(batch, "perform", later)
-    done = aeromatch("pom", "run", case, "--model", f"toy={toy()}", "-o", tmp_path / "report", "--no-pdf")
+    done = aeromatch(
+        "pom", "run", case, "--model", f"toy={toy()}", "-o", tmp_path / "report", "--no-pdf"
+    )
     assert done.returncode == 2
     assert "record.nc changed while the batch ran; nothing was written" in done.stderr
     assert not (tmp_path / "report").exists()

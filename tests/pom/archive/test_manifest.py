@@ -31,7 +31,11 @@ def made(write_case, lag_states, toy, tmp_path):
 
 
 def changed(folder):
-    return {(item.kind, item.name): item for item in pom.verify(folder / "report") if item.state != "same"}
+    return {
+        (item.kind, item.name): item
+        for item in pom.verify(folder / "report")
+        if item.state != "same"
+    }
 
 
 @pytest.mark.slow
@@ -52,14 +56,24 @@ def test_an_untouched_report_holds(made):
     ]
 
 
-def test_a_report_moved_nearer_to_the_root_than_its_inputs_lay_holds(write_case, lag_states, toy, tmp_path):
+def test_a_report_moved_nearer_to_the_root_than_its_inputs_lay_holds(
+    write_case, lag_states, toy, tmp_path
+):
     lag_states.to_netcdf(tmp_path / "record.nc", engine="h5netcdf")
     read = read_case(write_case(more="trim = false"))
     deep = tmp_path / "one/two/three/four/five/six/seven/eight"
     made_from = pom.provenance(read.files(), {"toy": toy()}, "aeromatch pom run", "2026-11-21")
-    pom.write_report([replay(read, {"toy": toy()}, lag_states)], deep, title="Toy", provenance=made_from, paper=None)
+    pom.write_report(
+        [replay(read, {"toy": toy()}, lag_states)],
+        deep,
+        title="Toy",
+        provenance=made_from,
+        paper=None,
+    )
     with tempfile.TemporaryDirectory() as near:
-        assert len(Path(near).parts) < len(deep.relative_to(tmp_path).parts)  # its inputs would lie beyond the root
+        assert len(Path(near).parts) < len(
+            deep.relative_to(tmp_path).parts
+        )  # its inputs would lie beyond the root
         shutil.copytree(deep, Path(near) / "report")
         found = pom.verify(Path(near) / "report")
     assert {item.state for item in found if item.kind == "statement"} == {"same"}
@@ -74,7 +88,11 @@ def test_the_manifest_is_an_in_toto_statement_without_places_or_clock(made):
     definition = statement["predicate"]["buildDefinition"]
     assert definition["externalParameters"]["command"] == "aeromatch pom run"
     assert definition["internalParameters"]["cases"][0]["name"] == "a_case"
-    assert [item["uri"] for item in definition["resolvedDependencies"]] == ["../case.toml", "../record.nc", "../toy.fmu"]
+    assert [item["uri"] for item in definition["resolvedDependencies"]] == [
+        "../case.toml",
+        "../record.nc",
+        "../toy.fmu",
+    ]
     assert str(made) not in text
     for file in ("results.json", "results.nc", "report.html"):
         assert str(made).encode() not in (made / "report" / file).read_bytes()
@@ -107,7 +125,10 @@ def rehash(folder, name):
 def test_changed_samples_are_judged_again(made):
     with h5py.File(made / "report" / "results.nc", "r+") as file:
         group = file["a_case"]
-        run, channel = (list(group[name].asstr()[()]).index(word) for name, word in (("run", "toy"), ("channel", "q")))
+        run, channel = (
+            list(group[name].asstr()[()]).index(word)
+            for name, word in (("run", "toy"), ("channel", "q"))
+        )
         group["signals"][run, channel, 200] += np.radians(5.0)
     rehash(made, "results.nc")
     found = changed(made)
@@ -145,9 +166,21 @@ def test_a_status_in_json_without_its_verdicts_is_found(made):
             "manifest: title, revision, command, date, cases",
             'title: results.nc has "Toy", manifest "Other"',
         ),
-        (("externalParameters", "command"), "manifest: title, revision, command, date, cases", 'manifest "Other"'),
-        (("internalParameters", "cases", 0, "title"), "manifest: resolved cases", "0: results.nc has"),
-        (("internalParameters", "cases", 0, "criteria", 0, "band", "limits", 0, "value"), "manifest: resolved cases", "0: results.nc has"),
+        (
+            ("externalParameters", "command"),
+            "manifest: title, revision, command, date, cases",
+            'manifest "Other"',
+        ),
+        (
+            ("internalParameters", "cases", 0, "title"),
+            "manifest: resolved cases",
+            "0: results.nc has",
+        ),
+        (
+            ("internalParameters", "cases", 0, "criteria", 0, "band", "limits", 0, "value"),
+            "manifest: resolved cases",
+            "0: results.nc has",
+        ),
     ],
 )
 def test_what_the_manifest_states_is_compared_with_the_results(made, place, name, detail):
@@ -169,40 +202,64 @@ def test_versions_and_hashes_of_the_manifest_are_compared(made):
     assert 'manifest "0.1"' in changed(made)["statement", "manifest: versions"].detail
 
 
-def test_wider_bands_under_the_name_of_the_regulation_are_found(write_case, lag_states, toy, tmp_path):
+def test_wider_bands_under_the_name_of_the_regulation_are_found(
+    write_case, lag_states, toy, tmp_path
+):
     case = read_case(write_case(more="trim = false"))
-    wide = [replace(c, band=replace(c.band, limits=tuple(replace(x, value=2.5 * x.value) for x in c.band.limits))) for c in case.criteria]
+    wide = [
+        replace(
+            c,
+            band=replace(
+                c.band, limits=tuple(replace(x, value=2.5 * x.value) for x in c.band.limits)
+            ),
+        )
+        for c in case.criteria
+    ]
     result = replay(replace(case, criteria=tuple(wide)), {"toy": toy()}, lag_states)
     pom.write_report([result], tmp_path / "report", title="Toy", paper=None)
     detail = changed(tmp_path)["tolerance", "a_case"].detail
-    assert "pitch_angle: band '3.75 deg', the table of FAA 14 CFR Part 60 App A Table A2A, 2014-01-01 has '1.5 deg'" in detail
+    assert (
+        "pitch_angle: band '3.75 deg', the table of FAA 14 CFR Part 60 App A Table A2A, 2014-01-01 has '1.5 deg'"
+        in detail
+    )
 
 
 def test_a_band_of_the_case_file_is_no_deviation(write_case, lag_states, toy, tmp_path):
     case = read_case(write_case(more='trim = false\n[tolerance]\npitch_angle = "3 deg"'))
-    pom.write_report([replay(case, {"toy": toy()}, lag_states)], tmp_path / "report", title="Toy", paper=None)
+    pom.write_report(
+        [replay(case, {"toy": toy()}, lag_states)], tmp_path / "report", title="Toy", paper=None
+    )
     assert changed(tmp_path) == {}
 
 
-def test_a_trim_beyond_its_limits_that_no_row_states_is_found(write_case, lag_states, toy, tmp_path):
+def test_a_trim_beyond_its_limits_that_no_row_states_is_found(
+    write_case, lag_states, toy, tmp_path
+):
     result = replay(read_case(write_case(more="trim = false")), {"toy": toy()}, lag_states)
     result.trim.loc["trim.delta_e", "toy"] = np.radians(2.0)
     pom.write_report([result], tmp_path / "report", title="Toy", paper=None)
-    assert changed(tmp_path)["verdict", "a_case, toy"].detail == "trim.delta_e +2 deg is beyond 1 deg: not stated"
+    assert (
+        changed(tmp_path)["verdict", "a_case, toy"].detail
+        == "trim.delta_e +2 deg is beyond 1 deg: not stated"
+    )
 
 
 def test_a_watched_channel_that_no_row_states_is_found(write_case, lag_states, toy, tmp_path):
     result = replay(read_case(write_case(more="trim = false")), {"toy": toy()}, lag_states)
     banked = np.zeros((2, result.signals.sizes["time"]))
     banked[1, 200:] = np.radians(5.0)
-    result = replace(result, signals=result.signals.assign(phi=(("run", "time"), banked, {"units": "rad"})))
+    result = replace(
+        result, signals=result.signals.assign(phi=(("run", "time"), banked, {"units": "rad"}))
+    )
     pom.write_report([result], tmp_path / "report", title="Toy", paper=None)
     text = "bank angle off by 5 deg at 5.0 s, without a tolerance, watched within 4 deg: not stated"
     assert changed(tmp_path)["verdict", "a_case, toy"].detail == text
 
 
 def test_a_crashed_model_stays_invalid(write_case, lag_states, toy, tmp_path):
-    result = replay(read_case(write_case(more="trim = false")), {"good": toy(), "bad": toy("error")}, lag_states)
+    result = replay(
+        read_case(write_case(more="trim = false")), {"good": toy(), "bad": toy("error")}, lag_states
+    )
     assert result.failure.startswith("bad: ")
     pom.write_report([result], tmp_path / "report", title="Toy", paper=None)
     assert changed(tmp_path) == {}
@@ -220,8 +277,14 @@ def test_verify_on_the_command_line(aeromatch, made):
     done = aeromatch("pom", "verify", made / "report")
     first, sign, not_covered = done.stdout.strip().splitlines()
     assert done.returncode == 0
-    assert first == "all as it was: 5 outputs, 2 inputs, 1 model, 6 statements, 1 tolerance, 1 verdict checked"
-    assert sign == f"SHA-256 of manifest.json, to be signed: {pom.archive.origins.sha256(made / 'report' / manifest.NAME)}"
+    assert (
+        first
+        == "all as it was: 5 outputs, 2 inputs, 1 model, 6 statements, 1 tolerance, 1 verdict checked"
+    )
+    assert (
+        sign
+        == f"SHA-256 of manifest.json, to be signed: {pom.archive.origins.sha256(made / 'report' / manifest.NAME)}"
+    )
     assert not_covered == "not covered: who wrote the report, and page and PDF but for their hashes"
     (made / "case.toml").write_text("else")
     done = aeromatch("pom", "verify", made / "report")
@@ -229,11 +292,23 @@ def test_verify_on_the_command_line(aeromatch, made):
     assert "case.toml" in done.stdout
     assert "1 of 16 differ" in done.stdout
     done = aeromatch("pom", "verify", made / "report", "--json")
-    assert [item["name"] for item in json.loads(done.stdout) if item["state"] != "same"] == ["case.toml"]
+    assert [item["name"] for item in json.loads(done.stdout) if item["state"] != "same"] == [
+        "case.toml"
+    ]
 
 
 def test_options_of_a_report_on_the_command_line(aeromatch, made, tmp_path):
-    words = ["--junit", tmp_path / "j.xml", "-o", tmp_path / "run", "--revision", "C", "--date", "2026-11-22", "--no-pdf"]
+    words = [
+        "--junit",
+        tmp_path / "j.xml",
+        "-o",
+        tmp_path / "run",
+        "--revision",
+        "C",
+        "--date",
+        "2026-11-22",
+        "--no-pdf",
+    ]
     done = aeromatch("pom", "run", made / "case.toml", "--model", f"toy={made / 'toy.fmu'}", *words)
     assert done.returncode == 0, done.stderr
     assert 'failures="0"' in (tmp_path / "j.xml").read_text(encoding="utf-8")
@@ -244,15 +319,39 @@ def test_options_of_a_report_on_the_command_line(aeromatch, made, tmp_path):
 
 
 def test_a_report_is_written_again_from_results(aeromatch, made, tmp_path):
-    done = aeromatch("pom", "report", made / "report", "-o", tmp_path / "again", "--no-pdf", "--revision", "B", "--title", "Toy again")
+    done = aeromatch(
+        "pom",
+        "report",
+        made / "report",
+        "-o",
+        tmp_path / "again",
+        "--no-pdf",
+        "--revision",
+        "B",
+        "--title",
+        "Toy again",
+    )
     assert done.returncode == 0, done.stderr
     assert "Toy again" in (tmp_path / "again" / "report.html").read_text(encoding="utf-8")
     assert pom.read_archive(tmp_path / "again").revision == "B"
-    assert {item.state for item in pom.verify(tmp_path / "again")} == {"same"}  # its inputs are found from the new place
+    assert {item.state for item in pom.verify(tmp_path / "again")} == {
+        "same"
+    }  # its inputs are found from the new place
 
 
 def test_reports_are_joined(aeromatch, made, tmp_path):
-    done = aeromatch("pom", "report", made / "report", made / "report" / "results.nc", "-o", tmp_path / "both", "--no-pdf")
+    done = aeromatch(
+        "pom",
+        "report",
+        made / "report",
+        made / "report" / "results.nc",
+        "-o",
+        tmp_path / "both",
+        "--no-pdf",
+    )
     assert done.returncode == 0, done.stderr
     assert len(pom.read_archive(tmp_path / "both").results) == 2
-    assert sorted(path.name for path in Path(tmp_path / "both" / "csv").iterdir()) == ["a_case-2.csv", "a_case.csv"]
+    assert sorted(path.name for path in Path(tmp_path / "both" / "csv").iterdir()) == [
+        "a_case-2.csv",
+        "a_case.csv",
+    ]

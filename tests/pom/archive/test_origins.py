@@ -10,9 +10,20 @@ def test_inputs_are_named_from_their_common_folder(tmp_path):
         file.write_text(file.name)
     fmu = tmp_path / "model.fmu"
     fmu.write_bytes(b"zip")
-    found = pom.provenance([*files, tmp_path / "a" / "deep" / ".." / "one.toml"], {"final": fmu}, "aeromatch pom run")
-    assert found["inputs"] == {"deep/two.nc": hashlib.sha256(b"two.nc").hexdigest(), "one.toml": hashlib.sha256(b"one.toml").hexdigest()}
+    found = pom.provenance(
+        [*files, tmp_path / "a" / "deep" / ".." / "one.toml"], {"final": fmu}, "aeromatch pom run"
+    )
+    assert found["inputs"] == {
+        "deep/two.nc": hashlib.sha256(b"two.nc").hexdigest(),
+        "one.toml": hashlib.sha256(b"one.toml").hexdigest(),
+    }
     assert found["places"] == {"deep/two.nc": str(files[1]), "one.toml": str(files[0])}
-    assert found["models"] == {"final": {"file": "model.fmu", "sha256": hashlib.sha256(b"zip").hexdigest(), "path": str(fmu)}}
+    assert found["models"] == {
+        "final": {
+            "file": "model.fmu",
+            "sha256": hashlib.sha256(b"zip").hexdigest(),
+            "path": str(fmu),
+        }
+    }
     assert found["command"] == "aeromatch pom run"
     assert set(found["versions"]) >= {"aeromatch", "numpy"}

@@ -29,7 +29,14 @@ def folder(untouched, write_case, lag_states, toy, tmp_path):
         made_from = pom.provenance(case.files(), {"toy": own}, "aeromatch pom run", "2026-11-21")
         made_from["records"] = {"case a_case": "record"}
         result = replay(case, {"toy": toy()}, lag_states)
-        pom.write_report([result], tmp_path / "report", title="Toy", provenance=made_from, revision="A", paper=None)
+        pom.write_report(
+            [result],
+            tmp_path / "report",
+            title="Toy",
+            provenance=made_from,
+            revision="A",
+            paper=None,
+        )
         shutil.copytree(tmp_path, untouched, dirs_exist_ok=True)
     shutil.copytree(untouched, tmp_path / "copy")
     return tmp_path / "copy"
@@ -53,7 +60,11 @@ def test_twenty_single_bytes(folder):
     for file in at:
         content = file.read_bytes()
         place = drawn.randrange(len(content))
-        file.write_bytes(content[:place] + bytes([content[place] ^ 1 << drawn.randrange(8)]) + content[place + 1 :])
+        file.write_bytes(
+            content[:place]
+            + bytes([content[place] ^ 1 << drawn.randrange(8)])
+            + content[place + 1 :]
+        )
         missed += [] if found(folder) else [(file.name, place)]
         file.write_bytes(content)
     assert len(at) == 20
@@ -88,18 +99,24 @@ FIELDS = [
 
 
 def edited(folder, name, place):
-    """Change one field of a file, and its hash in the manifest, as somebody does who wants to hide it."""
+    """Change one field of a file, and its hash in the manifest, as somebody does who wants to hide
+    it.
+    """
     path = folder / "report" / name
     document = json.loads(path.read_text(encoding="utf-8"))
     item = document
     for key in place[:-1]:
         item = item[key]
-    item[place[-1]] = item[place[-1]] + 0.25 if isinstance(item[place[-1]], float) else f"{item[place[-1]]}x"
+    item[place[-1]] = (
+        item[place[-1]] + 0.25 if isinstance(item[place[-1]], float) else f"{item[place[-1]]}x"
+    )
     path.write_text(json.dumps(document), encoding="utf-8")
     if name != manifest.NAME:
         path = folder / "report" / manifest.NAME
         statement = json.loads(path.read_text(encoding="utf-8"))
-        next(item for item in statement["subject"] if item["name"] == name)["digest"]["sha256"] = sha256(folder / "report" / name)
+        next(item for item in statement["subject"] if item["name"] == name)["digest"]["sha256"] = (
+            sha256(folder / "report" / name)
+        )
         path.write_text(manifest.text_of(statement), encoding="utf-8")
 
 
@@ -107,7 +124,10 @@ def edited(folder, name, place):
 def test_twenty_fields_with_the_hashes_put_right(folder):
     missed = []
     for name, place in FIELDS:
-        before = {file: (folder / "report" / file).read_bytes() for file in ("manifest.json", "results.json")}
+        before = {
+            file: (folder / "report" / file).read_bytes()
+            for file in ("manifest.json", "results.json")
+        }
         edited(folder, name, place)
         missed += [] if found(folder) else [(name, place)]
         for file, content in before.items():

@@ -12,7 +12,11 @@ def criteria(path):
 
 def test_short_period_has_one_group_of_alternatives(write_case):
     found = criteria(write_case())
-    assert {name: c.group for name, c in found.items()} == {"pitch_angle": "pitch", "pitch_rate": "pitch", "normal_acceleration": "g3"}
+    assert {name: c.group for name, c in found.items()} == {
+        "pitch_angle": "pitch",
+        "pitch_rate": "pitch",
+        "normal_acceleration": "g3",
+    }
     assert [c.channel for c in found.values()] == ["theta", "q", "nz"]
     assert found["pitch_angle"].band.text == "1.5 deg"
     assert found["normal_acceleration"].band.text == "0.1 g"
@@ -20,7 +24,10 @@ def test_short_period_has_one_group_of_alternatives(write_case):
 
 
 def test_every_problem_at_once(write_case):
-    path = write_case(case='windw = [1.0, 2.0]\nfeatures = ["reversible_control"]', more='[conditions]\ndelta_ff = 1\ngear = "3 ft"')
+    path = write_case(
+        case='windw = [1.0, 2.0]\nfeatures = ["reversible_control"]',
+        more='[conditions]\ndelta_ff = 1\ngear = "3 ft"',
+    )
     with pytest.raises(SchemaError) as caught:
         read_case(path)
     text = str(caught.value)
@@ -51,24 +58,37 @@ def test_broken_toml_names_its_line(tmp_path):
 
 
 def test_window_of_a_change_runs_from_5_s_before_to_15_s_after(write_case):
-    path = write_case("2.c.4", case='shortened = "short record"', more="[events]\nchange_start = 3.0\nchange_end = 5.0")
-    assert criteria(path)["airspeed"].window == (1.0, 9.0)  # -2 ... 20 s required, cut to the case with a stated reason
+    path = write_case(
+        "2.c.4",
+        case='shortened = "short record"',
+        more="[events]\nchange_start = 3.0\nchange_end = 5.0",
+    )
+    assert criteria(path)["airspeed"].window == (
+        1.0,
+        9.0,
+    )  # -2 ... 20 s required, cut to the case with a stated reason
     with pytest.raises(SchemaError, match=r"shorter than row airspeed asks \(-2 ... 20 s"):
         read_case(write_case("2.c.4", more="[events]\nchange_start = 3.0\nchange_end = 5.0"))
 
 
 def test_a_bounding_event_must_be_marked(write_case):
-    with pytest.raises(SchemaError, match=r"unknown event 'input_end'.*give its time in \[events\]"):
+    with pytest.raises(
+        SchemaError, match=r"unknown event 'input_end'.*give its time in \[events\]"
+    ):
         read_case(write_case("2.c.9"))
 
 
 def test_rows_with_a_condition_apply_only_with_the_feature(write_case):
     assert not criteria(write_case("2.d.2"))["wheel_force"].applies
-    assert criteria(write_case("2.d.2", case='features = ["reversible_controls"]'))["wheel_force"].applies
+    assert criteria(write_case("2.d.2", case='features = ["reversible_controls"]'))[
+        "wheel_force"
+    ].applies
 
 
 def test_a_tolerance_of_the_case_replaces_that_of_the_row(write_case):
-    found = criteria(write_case(more='[tolerance]\ntheta = "1 deg"\nnz = { abs = "0.1", percent = 10 }'))
+    found = criteria(
+        write_case(more='[tolerance]\ntheta = "1 deg"\nnz = { abs = "0.1", percent = 10 }')
+    )
     assert found["pitch_angle"].band.text == "1 deg"
     assert found["pitch_angle"].provenance == "case file"
     assert found["pitch_angle"].group == "pitch"
@@ -104,10 +124,15 @@ def test_conditions_carry_units(write_case):
 
 
 def test_equipment_that_the_aeroplane_has_not_is_stated_by_the_case(write_case):
-    found = criteria(write_case("1.d.3", case='absent = ["epr", "torque"]', more="[events]\ncapture = 8.0"))
+    found = criteria(
+        write_case("1.d.3", case='absent = ["epr", "torque"]', more="[events]\ncapture = 8.0")
+    )
     assert {name for name, c in found.items() if c.applies} == {"n1", "fuel_flow"}
     assert found["epr"].reason == "the aeroplane has no epr: case.absent of the case file"
-    with pytest.raises(SchemaError, match=r"case\.absent: unknown equipment of this test 'n1'; allowed: epr, torque"):
+    with pytest.raises(
+        SchemaError,
+        match=r"case\.absent: unknown equipment of this test 'n1'; allowed: epr, torque",
+    ):
         criteria(write_case("1.d.3", case='absent = ["n1"]', more="[events]\ncapture = 8.0"))
 
 
@@ -118,7 +143,9 @@ def test_memory_rows_keep_their_mark(write_case):
 
 
 def test_engineering_reference_takes_the_fraction_of_its_edition(write_case):
-    """Rule R9: 20 % in the edition of 2014, 40 % from 2016 on; a fraction in the file goes before both."""
+    """Rule R9: 20 % in the edition of 2014, 40 % from 2016 on; a fraction in the file goes before
+    both.
+    """
     assert read_case(write_case(case='reference = "engineering"')).fraction == 0.2
     later = 'reference = "engineering"\nedition = "2016-05-31 (Amdt 60-4)"'
     assert read_case(write_case("2.c.8.a", case=later)).fraction == 0.4
@@ -129,7 +156,11 @@ def test_engineering_reference_takes_the_fraction_of_its_edition(write_case):
 
 def test_texts_and_ranges_reach_the_case(write_case):
     more = '[ranges]\n"engine1.thrust" = "1000 lbf"\n[ticks]\npitch_angle = "A. Smith, 2026-11-21, agreed"\n[rationale]\ntheta = "gust"\n'
-    case = read_case(write_case(case='objective = "shows it"\nmanual = "pull"', more=more + '[source]\nrun = "21"'))
+    case = read_case(
+        write_case(
+            case='objective = "shows it"\nmanual = "pull"', more=more + '[source]\nrun = "21"'
+        )
+    )
     assert case.ranges == {"engine1.thrust": pytest.approx(4448.2216)}
     assert (case.objective, case.manual, case.source["run"]) == ("shows it", "pull", "21")
     assert case.ticks["pitch_angle"].startswith("A. Smith")
@@ -137,7 +168,9 @@ def test_texts_and_ranges_reach_the_case(write_case):
 
 
 def test_a_floor_takes_its_certified_value(write_case):
-    case = read_case(write_case("1.c.2", more='[certified]\nclimb_gradient = "2.4 %"', case='shortened = "x"'))
+    case = read_case(
+        write_case("1.c.2", more='[certified]\nclimb_gradient = "2.4 %"', case='shortened = "x"')
+    )
     assert case.certified == {"climb_gradient": pytest.approx(0.024)}
 
 
@@ -145,7 +178,10 @@ def test_a_floor_takes_its_certified_value(write_case):
     ("more", "text"),
     [
         ('[ticks]\npitch = "x"', "ticks: unknown criterion 'pitch'; near it: pitch_"),
-        ('[rationale]\nthetta = "x"', "rationale: unknown criterion, channel or trim quantity 'thetta'; near it: theta"),
+        (
+            '[rationale]\nthetta = "x"',
+            "rationale: unknown criterion, channel or trim quantity 'thetta'; near it: theta",
+        ),
         ('[ranges]\ntheta = "3 ft"', "ranges.theta: unit 'ft' cannot be converted to 'rad'"),
         ('[certified]\nclimb_gradient = "2.4 %"', "certified: unknown parameter 'climb_gradient'"),
     ],
@@ -157,11 +193,15 @@ def test_tables_of_texts_and_ranges_know_their_keys(write_case, more, text):
 
 
 def test_problems_of_every_table_come_together(write_case):
-    """One file, one list: wrong limits, a loop without its drive, an event, a tick and a missing record."""
+    """One file, one list: wrong limits, a loop without its drive, an event, a tick and a missing
+    record.
+    """
     loop = '[[drive.pilot]]\ncontrol = "delta_q"\nchannel = "phi"\ngain = 1\nlimit = 1'
     path = write_case(more=f'[events]\nrelease_x = 1\n[ticks]\nnone = "x"\n{loop}')
     text = path.read_text().replace("record.nc", "no.nc")
-    path.write_text(text.replace("[drive]", '[drive]\nlimits = { delta_e = "-1 deg", delta_x = 3 }'))
+    path.write_text(
+        text.replace("[drive]", '[drive]\nlimits = { delta_e = "-1 deg", delta_x = 3 }')
+    )
     with pytest.raises(SchemaError) as caught:
         read_case(path)
     problems = "\n".join(caught.value.problems)
@@ -177,14 +217,20 @@ def test_problems_of_every_table_come_together(write_case):
         assert part in problems
 
 
-@pytest.mark.parametrize("wrong", ['reference = "flght"', "objektive = 3", "fraction = 7", "show = 3"])
+@pytest.mark.parametrize(
+    "wrong", ['reference = "flght"', "objektive = 3", "fraction = 7", "show = 3"]
+)
 def test_a_key_of_wrong_form_does_not_hide_the_rest(write_case, wrong):
     path = write_case("2.c.9", case=wrong, more='[conditions]\ngear = "3 ft"\n[ticks]\nnone = "x"')
     with pytest.raises(SchemaError) as caught:
         read_case(path)
     problems = "\n".join(caught.value.problems)
     assert f"case.{wrong.split(' ')[0]}" in problems
-    for part in ("conditions.gear: unit 'ft'", "unknown criterion 'none'", "unknown event 'input_end'"):
+    for part in (
+        "conditions.gear: unit 'ft'",
+        "unknown criterion 'none'",
+        "unknown event 'input_end'",
+    ):
         assert part in problems
     assert len(caught.value.problems) == len(set(caught.value.problems))
 

@@ -16,17 +16,31 @@ T37 = Path(__file__).parents[3] / "data" / "t37" / "cases"
 
 def test_every_key_is_explained():
     schema = case_schema()
-    for table in (schema, *(schema["$defs"][model.__name__] for model in (CaseTable, DriveTable, LoopTable))):
-        unexplained = [key for key, item in table["properties"].items() if not item.get("description") and "$ref" not in item]
+    for table in (
+        schema,
+        *(schema["$defs"][model.__name__] for model in (CaseTable, DriveTable, LoopTable)),
+    ):
+        unexplained = [
+            key
+            for key, item in table["properties"].items()
+            if not item.get("description") and "$ref" not in item
+        ]
         assert unexplained == []
     assert set(schema["properties"]) == set(CaseFile.model_fields)
 
 
 def test_an_editor_knows_the_words_of_the_tolerance_table():
     schema = case_schema()
-    assert {"2.c.10", "2.d(7)", "1.b.1"} <= set(schema["$defs"]["CaseTable"]["properties"]["id"]["enum"])
-    assert {"input_end", "capture", "200ft_agl"} <= set(schema["properties"]["events"]["properties"])
-    assert schema["properties"]["conditions"]["properties"]["delta_f"]["description"] == "flap deflection [rad], or a text with its unit"
+    assert {"2.c.10", "2.d(7)", "1.b.1"} <= set(
+        schema["$defs"]["CaseTable"]["properties"]["id"]["enum"]
+    )
+    assert {"input_end", "capture", "200ft_agl"} <= set(
+        schema["properties"]["events"]["properties"]
+    )
+    assert (
+        schema["properties"]["conditions"]["properties"]["delta_f"]["description"]
+        == "flap deflection [rad], or a text with its unit"
+    )
 
 
 @pytest.mark.parametrize("file", sorted(T37.rglob("*.toml")), ids=lambda file: file.stem)

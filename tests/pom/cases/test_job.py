@@ -13,16 +13,48 @@ from pom.cases.job import job_of
 
 @pytest.fixture
 def rolling() -> xr.Dataset:
-    """Two seconds on a runway at 118 m, at 3 m/s, pitched up by 2 degrees, in 4 m/s of wind from ahead."""
+    """Two seconds on a runway at 118 m, at 3 m/s, pitched up by 2 degrees, in 4 m/s of wind from
+    ahead.
+    """
     t = np.arange(0.0, 10.0, 0.1)
-    still = {"phi": 0.0, "theta": np.radians(2.0), "psi": 1.5, "p": 1e-4, "q": -2e-4, "r": 1e-4, "V": 7.0, "alpha": 0.1, "beta": 0.0}
-    still |= {"h": 119.0, "vn": 3.0 * np.cos(1.5), "ve": 3.0 * np.sin(1.5), "delta_e": 0.01, "delta_a": 0.0, "delta_r": 0.0}
-    still |= {"u": 7.0, "v": 0.0, "w": 0.7, "x_cg_b": 0.1, "y_cg_b": 0.0, "z_cg_b": 0.2, "wow_left": 1.0}
+    still = {
+        "phi": 0.0,
+        "theta": np.radians(2.0),
+        "psi": 1.5,
+        "p": 1e-4,
+        "q": -2e-4,
+        "r": 1e-4,
+        "V": 7.0,
+        "alpha": 0.1,
+        "beta": 0.0,
+    }
+    still |= {
+        "h": 119.0,
+        "vn": 3.0 * np.cos(1.5),
+        "ve": 3.0 * np.sin(1.5),
+        "delta_e": 0.01,
+        "delta_a": 0.0,
+        "delta_r": 0.0,
+    }
+    still |= {
+        "u": 7.0,
+        "v": 0.0,
+        "w": 0.7,
+        "x_cg_b": 0.1,
+        "y_cg_b": 0.0,
+        "z_cg_b": 0.2,
+        "wow_left": 1.0,
+    }
     still |= {"engine1.thrust": 900.0, "engine1.n1": 0.8, "engine1.throttle": 0.6}
     data = {name: ("time", np.full(t.size, value)) for name, value in still.items()}
     down = -np.sin(still["theta"]) * 0.1 + np.cos(still["theta"]) * 0.2
     return xr.Dataset(
-        {**data, "h_agl": ("time", np.full(t.size, 1.0 + down)), "brake": ("time", np.where(t < 4.0, 0.7, 0.004))}, {"time": t}
+        {
+            **data,
+            "h_agl": ("time", np.full(t.size, 1.0 + down)),
+            "brake": ("time", np.where(t < 4.0, 0.7, 0.004)),
+        },
+        {"time": t},
     )
 
 
@@ -34,9 +66,15 @@ def job(write_case, tmp_path, states, drive: str):
 
 @pytest.mark.parametrize(
     ("engine", "drive", "value", "mode"),
-    [("thrust", "thrust_drive", 900.0, 2.0), ("n1", "n1_drive", 0.8, 1.0), ("throttle", "throttle", 0.6, 0.0)],
+    [
+        ("thrust", "thrust_drive", 900.0, 2.0),
+        ("n1", "n1_drive", 0.8, 1.0),
+        ("throttle", "throttle", 0.6, 0.0),
+    ],
 )
-def test_engines_are_driven_as_the_case_states(engine, drive, value, mode, write_case, tmp_path, rolling):
+def test_engines_are_driven_as_the_case_states(
+    engine, drive, value, mode, write_case, tmp_path, rolling
+):
     found = job(write_case, tmp_path, rolling, f'engine = "{engine}"')
     assert set(found.inputs["engine1." + drive]) == {value}
     assert found.parameters["mode.engine"] == mode
@@ -57,7 +95,9 @@ def test_start_on_the_wheels(write_case, tmp_path, rolling):
 def test_one_pedal_recorded_brakes_both_wheels_and_its_noise_none(write_case, tmp_path, rolling):
     found = job(write_case, tmp_path, rolling, "trim = true")
     for side in ("brake_left", "brake_right"):
-        assert found.inputs[side] == pytest.approx(np.where(rolling["brake"] > 0.5, 0.7, 0.0), abs=1e-12)  # the first is a mean
+        assert found.inputs[side] == pytest.approx(
+            np.where(rolling["brake"] > 0.5, 0.7, 0.0), abs=1e-12
+        )  # the first is a mean
         assert side in found.needed_inputs
     released = rolling.assign(brake=rolling["brake"] * 0.0 + 0.004)
     assert "brake_left" not in job(write_case, tmp_path, released, "trim = true").needed_inputs
@@ -68,13 +108,21 @@ FORCES = {"F_column": 20.0, "F_wheel": 1.0, "F_pedal": -5.0}
 
 
 def cockpit(states: xr.Dataset, values: dict[str, float]) -> xr.Dataset:
-    return states.assign({name: ("time", np.full(states.sizes["time"], value)) for name, value in values.items()})
+    return states.assign(
+        {name: ("time", np.full(states.sizes["time"], value)) for name, value in values.items()}
+    )
 
 
-@pytest.mark.parametrize(("level", "values", "mode"), [("cockpit", TRAVELS, 1.0), ("force", FORCES, 2.0)])
-def test_cockpit_channels_drive_and_surfaces_give_the_start_only(level, values, mode, write_case, tmp_path, rolling):
+@pytest.mark.parametrize(
+    ("level", "values", "mode"), [("cockpit", TRAVELS, 1.0), ("force", FORCES, 2.0)]
+)
+def test_cockpit_channels_drive_and_surfaces_give_the_start_only(
+    level, values, mode, write_case, tmp_path, rolling
+):
     moving = rolling.assign(delta_e=0.01 + 0.001 * (rolling["time"] > 2.0))
-    found = job(write_case, tmp_path, cockpit(moving, values), f'engine = "thrust"\nsurfaces = "{level}"')
+    found = job(
+        write_case, tmp_path, cockpit(moving, values), f'engine = "thrust"\nsurfaces = "{level}"'
+    )
     assert {name: found.inputs[name][-1] for name in values} == values
     assert set(values) <= set(found.needed_inputs)
     assert set(found.inputs["delta_e"]) == {0.01}  # held: the circuits start there, then move it
@@ -88,16 +136,31 @@ def test_surfaces_are_the_default_and_set_no_mode(write_case, tmp_path, rolling)
 
 def test_friction_holds_controls_that_forces_drive_and_no_others(write_case, tmp_path, rolling):
     states = cockpit(rolling, {"F_column": 20.0, "F_wheel": 0.0, "F_pedal": 0.0})
-    found = job(write_case, tmp_path, states, 'engine = "thrust"\nsurfaces = "force"\nheld_by = "friction"')
-    assert found.parameters["column.trim_friction"] == found.parameters["pedal.trim_friction"] == 1.0
-    with pytest.raises(SchemaError, match=r'"friction" holds controls that forces drive; drive.surfaces is "cockpit"'):
-        job(write_case, tmp_path, states, 'engine = "thrust"\nsurfaces = "cockpit"\nheld_by = "friction"')
+    found = job(
+        write_case, tmp_path, states, 'engine = "thrust"\nsurfaces = "force"\nheld_by = "friction"'
+    )
+    assert (
+        found.parameters["column.trim_friction"] == found.parameters["pedal.trim_friction"] == 1.0
+    )
+    with pytest.raises(
+        SchemaError,
+        match=r'"friction" holds controls that forces drive; drive.surfaces is "cockpit"',
+    ):
+        job(
+            write_case,
+            tmp_path,
+            states,
+            'engine = "thrust"\nsurfaces = "cockpit"\nheld_by = "friction"',
+        )
 
 
 def test_a_force_that_is_not_recorded_is_required_or_held(write_case, tmp_path, rolling):
     states = cockpit(rolling, {"F_column": 20.0})
     drive = 'engine = "thrust"\nsurfaces = "force"'
-    with pytest.raises(UnknownName, match=r"'F_wheel'.*drives the pilot forces as recorded; map the channel, or hold it by \[conditions\]"):
+    with pytest.raises(
+        UnknownName,
+        match=r"'F_wheel'.*drives the pilot forces as recorded; map the channel, or hold it by \[conditions\]",
+    ):
         job(write_case, tmp_path, states, drive)
     held = job(write_case, tmp_path, states, drive + "\n[conditions]\nF_wheel = 0.0\nF_pedal = 0.0")
     assert not held.inputs["F_wheel"].any()
@@ -106,12 +169,21 @@ def test_a_force_that_is_not_recorded_is_required_or_held(write_case, tmp_path, 
 def test_wind_of_the_record_or_none(write_case, tmp_path, rolling):
     windy = rolling.assign(wind_n=0.0 * rolling["time"] + 4.0)
     assert set(job(write_case, tmp_path, windy, 'engine = "thrust"').inputs["wind_n"]) == {4.0}
-    assert "wind_n" not in job(write_case, tmp_path, windy, 'engine = "thrust"\nwind = "none"').inputs
+    assert (
+        "wind_n" not in job(write_case, tmp_path, windy, 'engine = "thrust"\nwind = "none"').inputs
+    )
 
 
 def test_a_loop_on_the_throttle_moves_every_lever(write_case, tmp_path, rolling):
-    states = rolling.assign({"engine2.throttle": rolling["engine1.throttle"], "engine2.thrust": rolling["engine1.thrust"]})
-    loop = '[[drive.pilot]]\ncontrol = "throttle"\nchannel = "V_cas"\ngain = "2 %/kt"\nlimit = "30 %"'
+    states = rolling.assign(
+        {
+            "engine2.throttle": rolling["engine1.throttle"],
+            "engine2.thrust": rolling["engine1.thrust"],
+        }
+    )
+    loop = (
+        '[[drive.pilot]]\ncontrol = "throttle"\nchannel = "V_cas"\ngain = "2 %/kt"\nlimit = "30 %"'
+    )
     drive = f'engine = "throttle"\nsurfaces = "pilot"\n{loop}'
     found = job(write_case, tmp_path, states.assign(V_cas=states["V"]), drive)
     assert [loop.control for loop in found.pilot] == ["engine1.throttle", "engine2.throttle"]
@@ -121,7 +193,11 @@ def test_a_loop_on_the_throttle_moves_every_lever(write_case, tmp_path, rolling)
 
 
 def test_controls_that_only_the_tables_know_are_driven_as_recorded(write_case, tmp_path, rolling):
-    states = rolling.assign({"device.body_flap.deflection": ("time", np.linspace(0.0, 0.1, rolling.sizes["time"]))})
+    states = rolling.assign(
+        {"device.body_flap.deflection": ("time", np.linspace(0.0, 0.1, rolling.sizes["time"]))}
+    )
     found = job(write_case, tmp_path, states, 'engine = "thrust"')
     assert found.inputs["device.body_flap.deflection"][-1] == 0.1
-    assert "device.body_flap.deflection" in found.needed_inputs  # a model without it cannot fly the case
+    assert (
+        "device.body_flap.deflection" in found.needed_inputs
+    )  # a model without it cannot fly the case

@@ -1,4 +1,6 @@
-"""A pass against a flight record with an error is not a plain pass; page, index and JUnit state the error."""
+"""A pass against a flight record with an error is not a plain pass; page, index and JUnit state the
+error.
+"""
 
 import json
 import sys
@@ -14,7 +16,13 @@ from flightmech.errors import SchemaError
 from pom.archive.archive import read_archive
 from pom.cases.case import read_case
 from pom.checking.batch_check import KeptChecks, check_batch
-from pom.checking.case_check import RecordCheck, RecordError, check_records, checks_text, with_record_checks
+from pom.checking.case_check import (
+    RecordCheck,
+    RecordError,
+    check_records,
+    checks_text,
+    with_record_checks,
+)
 from pom.report import exports
 from pom.report.writer import write_report
 from pom.result import notices, status_text
@@ -23,7 +31,9 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 import report_fixture as fixture
 
 C182 = Path(__file__).parents[3] / "data" / "c182"
-SIGN = RecordError("sign:delta_a+p", "delta_a has the wrong sign; delta_a = { column = 'Aileron', sign = -1 }")
+SIGN = RecordError(
+    "sign:delta_a+p", "delta_a has the wrong sign; delta_a = { column = 'Aileron', sign = -1 }"
+)
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +45,9 @@ def passed():
 
 
 def on_record(result, *errors):
-    (made,) = with_record_checks([result], {result.case.record: RecordCheck("r", "not fit", errors)})
+    (made,) = with_record_checks(
+        [result], {result.case.record: RecordCheck("r", "not fit", errors)}
+    )
     return made
 
 
@@ -50,15 +62,27 @@ def test_a_pass_on_a_faulty_record_has_a_status_of_its_own(passed):
 
 def test_an_error_outside_of_the_window_changes_nothing(passed):
     start, stop = passed.case.window
-    assert on_record(passed, replace(SIGN, start=stop + 1.0, stop=stop + 2.0)).status("final") == "pass"
-    assert on_record(passed, replace(SIGN, start=start - 2.0, stop=start + 0.1)).status("final") == "record_error"
+    assert (
+        on_record(passed, replace(SIGN, start=stop + 1.0, stop=stop + 2.0)).status("final")
+        == "pass"
+    )
+    assert (
+        on_record(passed, replace(SIGN, start=start - 2.0, stop=start + 0.1)).status("final")
+        == "record_error"
+    )
     assert on_record(passed) is passed
 
 
 def test_report_states_the_error_on_page_and_index(passed, tmp_path):
-    made_from = {"record_errors": checks_text([RecordCheck("r", "not fit", (SIGN,)), RecordCheck("sound", "sound")])}
+    made_from = {
+        "record_errors": checks_text(
+            [RecordCheck("r", "not fit", (SIGN,)), RecordCheck("sound", "sound")]
+        )
+    }
     assert made_from == {"record_errors": {"r": f"sign:delta_a+p: {SIGN.text}"}}
-    write_report([on_record(passed, SIGN)], tmp_path / "rep", title="T", provenance=made_from, jobs=1)
+    write_report(
+        [on_record(passed, SIGN)], tmp_path / "rep", title="T", provenance=made_from, jobs=1
+    )
     assert (tmp_path / "rep" / "report.pdf").stat().st_size > 1000
     page = (tmp_path / "rep" / "report.html").read_text()
     assert "pass on a record with errors" in page
@@ -98,7 +122,9 @@ def spoilt(tmp_path_factory):
     rows = [line.split(",") for line in lines[1:]]
     for row in rows:
         row[column] = str(-float(row[column]))
-    (folder / "check_roll.csv").write_text("\n".join([lines[0], *(",".join(row) for row in rows), ""]))
+    (folder / "check_roll.csv").write_text(
+        "\n".join([lines[0], *(",".join(row) for row in rows), ""])
+    )
     text = (C182 / "cases" / "roll_response.toml").read_text()
     (folder / "case.toml").write_text(text.replace("../flight/", "").replace("../", ""))
     return folder
@@ -112,7 +138,11 @@ def test_checks_of_records_are_those_of_the_assessment(spoilt):
     assert [error.name for error in checks["bad"].errors] == ["sign:delta_a+p"]
     assert checks["good"].errors == ()
     assert checks["good"].verdict.startswith("sound: 0 errors")
-    assert checks["bad"].lines()[0].startswith("record bad: sign:delta_a+p: delta_a has the wrong sign")
+    assert (
+        checks["bad"]
+        .lines()[0]
+        .startswith("record bad: sign:delta_a+p: delta_a has the wrong sign")
+    )
 
 
 def test_batch_checks_cases_and_keeps_the_checks_of_records(spoilt, tmp_path, monkeypatch):
@@ -127,10 +157,18 @@ def test_batch_checks_cases_and_keeps_the_checks_of_records(spoilt, tmp_path, mo
 def test_batch_states_all_problems_of_raw_records_before_the_first_flight(spoilt):
     case = read_case(spoilt / "case.toml")
     beyond = replace(case, name="beyond", window=(case.window[0], 500.0))
-    undriven = replace(case, name="undriven", drive=replace(case.drive, surfaces="cockpit", engine="n1"))
+    undriven = replace(
+        case, name="undriven", drive=replace(case.drive, surfaces="cockpit", engine="n1")
+    )
     with pytest.raises(SchemaError) as error:
         check_batch([case, beyond, undriven])
     texts = "\n".join(error.value.problems)
-    for part in ("case beyond: the window", "case undriven: unknown recorded control 'column'", "'wheel'", "'pedal'", "engine1.n1"):
+    for part in (
+        "case beyond: the window",
+        "case undriven: unknown recorded control 'column'",
+        "'wheel'",
+        "'pedal'",
+        "engine1.n1",
+    ):
         assert part in texts
     assert "case roll_response" not in texts

@@ -20,7 +20,9 @@ def run(write_case, lag_states, tmp_path):
     folder = tmp_path / "cases"
     folder.mkdir()
     for k in range(3):
-        (folder / f"{k}.toml").write_text(text.replace("a_case", f"case_{k}").replace("record.nc", "../record.nc"))
+        (folder / f"{k}.toml").write_text(
+            text.replace("a_case", f"case_{k}").replace("record.nc", "../record.nc")
+        )
 
     def call(*words):
         return CliRunner().invoke(pom, ["run", str(folder), *map(str, words)])
@@ -31,12 +33,19 @@ def run(write_case, lag_states, tmp_path):
 @pytest.mark.slow
 def test_a_foreign_fmu_is_replayed_by_its_table_and_its_flights_are_kept(run, toy, tmp_path):
     (tmp_path / "names.toml").write_text(NAMES)
-    words = ("--model", f"strange={toy(rename={'delta_e': 'Elev'})}", "--names", f"strange={tmp_path / 'names.toml'}")
+    words = (
+        "--model",
+        f"strange={toy(rename={'delta_e': 'Elev'})}",
+        "--names",
+        f"strange={tmp_path / 'names.toml'}",
+    )
     words += ("--resume", tmp_path / "kept", "-j", 2, "--json")
     done = run(*words)
     assert done.exit_code == 0, done.output
     assert [row["case"] for row in json.loads(done.stdout)] == ["case_0", "case_1", "case_2"]
-    (kept,) = (tmp_path / "kept").rglob("*.npy")  # three cases that give the model the same are one flight
+    (kept,) = (tmp_path / "kept").rglob(
+        "*.npy"
+    )  # three cases that give the model the same are one flight
     kept.touch()
     assert run(*words).stdout == done.stdout
     assert list((tmp_path / "kept").rglob("*.npy")) == [kept]
@@ -58,13 +67,33 @@ def test_faulty_words_for_a_table_are_reported(run, toy):
 def test_jobs_share_out_the_report_too_and_change_no_byte(run, toy, tmp_path, monkeypatch):
     monkeypatch.setattr("pom.report.writer.LEAST_SHARE", 1)
     effective, asked = joblib.effective_n_jobs, []
-    monkeypatch.setattr(joblib, "effective_n_jobs", lambda jobs: asked.append(jobs) or effective(jobs))
+    monkeypatch.setattr(
+        joblib, "effective_n_jobs", lambda jobs: asked.append(jobs) or effective(jobs)
+    )
     reports = []
     for jobs in (1, 2):
         folder = tmp_path / f"report{jobs}"
-        done = run("--model", f"toy={toy()}", "-j", jobs, "-o", folder, "--date", "2026-11-21", "--title", "Toy", "--json")
+        done = run(
+            "--model",
+            f"toy={toy()}",
+            "-j",
+            jobs,
+            "-o",
+            folder,
+            "--date",
+            "2026-11-21",
+            "--title",
+            "Toy",
+            "--json",
+        )
         assert done.exit_code == 0, done.output
-        reports.append({file.relative_to(folder).as_posix(): file.read_bytes() for file in folder.rglob("*") if file.is_file()})
+        reports.append(
+            {
+                file.relative_to(folder).as_posix(): file.read_bytes()
+                for file in folder.rglob("*")
+                if file.is_file()
+            }
+        )
     assert {1, 2} <= set(asked)
     assert {"report.html", "report.pdf", "results.nc", "csv/case_2.csv"} <= reports[0].keys()
     assert reports[0] == reports[1]

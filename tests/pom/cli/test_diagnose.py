@@ -27,7 +27,9 @@ def files(write_case, trainer, tmp_path):
     """A case with its record and aircraft, and two databases."""
     final = trainer.database()
     aerodb.save(final, tmp_path / "final.nc")
-    aerodb.save(trainer.scaled(final, Cm_elevator=0.6, CL_basic=0.8, Cl_phat=0.5), tmp_path / "prior.nc")
+    aerodb.save(
+        trainer.scaled(final, Cm_elevator=0.6, CL_basic=0.8, Cl_phat=0.5), tmp_path / "prior.nc"
+    )
     case = write_case(case='aircraft = "trainer.toml"')
     pulse = [(0.0, 0.0), (2.0, 0.0), (2.06, -0.06), (4.0, -0.06), (4.06, 0.0)]
     trainer.flight(final, delta_e=pulse).to_netcdf(tmp_path / "record.nc", engine="h5netcdf")
@@ -45,7 +47,10 @@ def test_the_ranking_and_the_corrected_database(aeromatch, files, tmp_path):
     table = {tuple(line.split()[:2]): line for line in lines}
     assert "pass" in table["sequence", "CL/basic"]
     assert "100 %" in table["group", "pitch"]
-    assert "With Cm/elevator and CL/basic from the final model, the corrected a-priori model is within tolerance." in done.output
+    assert (
+        "With Cm/elevator and CL/basic from the final model, the corrected a-priori model is within tolerance."
+        in done.output
+    )
     assert lines[-1] == "written: corrected.nc, with CL/basic Cm/elevator of final.nc"
     history = aerodb.terms(aerodb.open(tmp_path / "corrected.nc"))["Cm/elevator"].attrs["history"]
     assert "pom diagnose: from final.nc (SHA-256 " in history
@@ -69,7 +74,8 @@ def test_parts_of_the_aircraft_go_into_a_corrected_file(aeromatch, write_case, t
         replace(
             trainer.AIRCRAFT,
             engines=tuple(
-                replace(e, thrust=make([500.0, full], {"throttle": [0.0, 1.0]}), time_constant=0.5) for e in trainer.AIRCRAFT.engines
+                replace(e, thrust=make([500.0, full], {"throttle": [0.0, 1.0]}), time_constant=0.5)
+                for e in trainer.AIRCRAFT.engines
             ),
         )
         for full in (4500.0, 2500.0)
@@ -83,12 +89,29 @@ def test_parts_of_the_aircraft_go_into_a_corrected_file(aeromatch, write_case, t
     start = {"init.V": 85.0, "init.h": 1500.0, "mode.engine": 0.0, "mode.trim": 2.0}
     pushed = xr.Dataset({f"engine{i}.throttle": ("time", lever) for i in (1, 2)}, {"time": time})
     flown = flightmech.simulate(flightmech.compile(strong, db), pushed, start)
-    found = flown.drop_vars([n for n in flown if str(n).startswith(("applied.", "trim.", "out_of", "air."))] + ["lat", "lon"])
-    found = found.assign({name: flown[f"applied.{name}"] for name in ("delta_e", "delta_a", "delta_r")})
-    found = found.assign({name: values + float(flown["trim.throttle"][0]) for name, values in pushed.items()})
-    found.assign(mass=2200.0, z_cg_b=0.2, delta_f=0.0, gear=0.0).to_netcdf(tmp_path / "record.nc", engine="h5netcdf")
-    path = write_case("2.c.1", 'aircraft = "strong.toml"\nshortened = "test"', "[events]\nchange_start = 3.0\nchange_end = 4.0")
-    path.write_text(path.read_text().replace('engine = "thrust"', 'engine = "throttle"').replace("[1.0, 9.0]", "[0.0, 15.0]"))
+    found = flown.drop_vars(
+        [n for n in flown if str(n).startswith(("applied.", "trim.", "out_of", "air."))]
+        + ["lat", "lon"]
+    )
+    found = found.assign(
+        {name: flown[f"applied.{name}"] for name in ("delta_e", "delta_a", "delta_r")}
+    )
+    found = found.assign(
+        {name: values + float(flown["trim.throttle"][0]) for name, values in pushed.items()}
+    )
+    found.assign(mass=2200.0, z_cg_b=0.2, delta_f=0.0, gear=0.0).to_netcdf(
+        tmp_path / "record.nc", engine="h5netcdf"
+    )
+    path = write_case(
+        "2.c.1",
+        'aircraft = "strong.toml"\nshortened = "test"',
+        "[events]\nchange_start = 3.0\nchange_end = 4.0",
+    )
+    path.write_text(
+        path.read_text()
+        .replace('engine = "thrust"', 'engine = "throttle"')
+        .replace("[1.0, 9.0]", "[0.0, 15.0]")
+    )
     models = [path, "--prior", "db.nc", "--final", "db.nc"]
     done = aeromatch(*models, "--apriori", "weak.toml", "--aircraft-output", "corrected.toml")
     assert done.exit_code == 0, done.output

@@ -28,7 +28,9 @@ def aeromatch(tmp_path, monkeypatch, capsys):
 def case(write_case, lag_states, tmp_path):
     """A case whose record is a reconstructed path in a file."""
     path = write_case(more="trim = false")
-    lag_states.assign(alpha=lag_states["alpha"]).to_netcdf(tmp_path / "record.nc", engine="h5netcdf")
+    lag_states.assign(alpha=lag_states["alpha"]).to_netcdf(
+        tmp_path / "record.nc", engine="h5netcdf"
+    )
     return path
 
 
@@ -47,7 +49,9 @@ def test_run_passes_with_code_0_and_writes_the_report(aeromatch, case, toy, tmp_
 
 
 @pytest.mark.slow
-def test_a_control_law_is_hashed_with_the_inputs_and_a_changed_one_is_found(aeromatch, write_case, law, toy, lag_states, tmp_path):
+def test_a_control_law_is_hashed_with_the_inputs_and_a_changed_one_is_found(
+    aeromatch, write_case, law, toy, lag_states, tmp_path
+):
     law()
     case = write_case(more='trim = false\n[control_law]\nfmu = "law.fmu"\nmoves = ["delta_e"]\n')
     flown = lag_states.assign(column=-lag_states["delta_e"] / 1.2)
@@ -55,16 +59,27 @@ def test_a_control_law_is_hashed_with_the_inputs_and_a_changed_one_is_found(aero
     done = aeromatch("pom", "run", case, "--model", f"toy={toy()}", "-o", tmp_path / "out")
     assert done.returncode in (0, 1), done.stderr
     manifest = json.loads((tmp_path / "out" / "manifest.json").read_text())
-    inputs = {item["name"]: item for item in manifest["predicate"]["buildDefinition"]["resolvedDependencies"]}
-    assert inputs["law.fmu"]["digest"]["sha256"] == hashlib.sha256((tmp_path / "law.fmu").read_bytes()).hexdigest()
+    inputs = {
+        item["name"]: item
+        for item in manifest["predicate"]["buildDefinition"]["resolvedDependencies"]
+    }
+    assert (
+        inputs["law.fmu"]["digest"]["sha256"]
+        == hashlib.sha256((tmp_path / "law.fmu").read_bytes()).hexdigest()
+    )
     assert inputs["law.fmu"]["uri"] == "../law.fmu"
     assert {item.state for item in pom.verify(tmp_path / "out")} == {"same"}
     law("degrees")
-    assert [(item.kind, item.name) for item in pom.verify(tmp_path / "out") if item.state != "same"] == [("input", "law.fmu")]
+    assert [
+        (item.kind, item.name) for item in pom.verify(tmp_path / "out") if item.state != "same"
+    ] == [("input", "law.fmu")]
 
 
 def test_a_failed_match_is_code_1(aeromatch, case, toy):
-    case.write_text(case.read_text() + '[conditions]\ntheta = "4 deg"\n[tolerance]\nq = { abs = "0.1 deg/s", group = "q" }\n')
+    case.write_text(
+        case.read_text()
+        + '[conditions]\ntheta = "4 deg"\n[tolerance]\nq = { abs = "0.1 deg/s", group = "q" }\n'
+    )
     done = aeromatch("pom", "run", case, "--model", f"toy={toy()}")
     assert done.returncode == 1
     assert "FAIL" in done.stdout
@@ -75,10 +90,16 @@ def test_json_is_one_document(aeromatch, case, toy):
     done = aeromatch("pom", "run", case, "--model", f"toy={toy()}", "--json")
     (result,) = json.loads(done.stdout)
     assert result["status"] == {"toy": "pass"}
-    assert {row["criterion"] for row in result["verdict"]} == {"pitch_angle", "pitch_rate", "normal_acceleration"}
+    assert {row["criterion"] for row in result["verdict"]} == {
+        "pitch_angle",
+        "pitch_rate",
+        "normal_acceleration",
+    }
 
 
-def test_when_every_fmu_crashes_the_code_is_2_and_nothing_is_written(aeromatch, case, toy, tmp_path):
+def test_when_every_fmu_crashes_the_code_is_2_and_nothing_is_written(
+    aeromatch, case, toy, tmp_path
+):
     done = aeromatch("pom", "run", case, "--model", f"bad={toy('crash')}", "-o", tmp_path / "out")
     assert done.returncode == 2
     assert done.stderr.strip() == "error: no model could be replayed: bad: crashed: signal SIGSEGV"
@@ -86,7 +107,9 @@ def test_when_every_fmu_crashes_the_code_is_2_and_nothing_is_written(aeromatch, 
 
 
 def test_one_crash_among_two_models_is_a_result(aeromatch, case, toy):
-    done = aeromatch("pom", "run", case, "--model", f"bad={toy('crash')}", "--model", f"good={toy()}")
+    done = aeromatch(
+        "pom", "run", case, "--model", f"bad={toy('crash')}", "--model", f"good={toy()}"
+    )
     assert done.returncode == 1
     assert "INVALID  crashed: signal SIGSEGV" in done.stdout
     assert "1 INVALID, 1 pass" in done.stdout
@@ -125,7 +148,9 @@ def test_check_reports_all_that_is_wrong_with_all_cases(aeromatch, case, lag_sta
     lag_states.to_netcdf(tmp_path / "record.nc", engine="h5netcdf")
     text = case.read_text()
     (tmp_path / "late.toml").write_text(text.replace("window = [1.0, 9.0]", "window = [1.0, 90.0]"))
-    wrong = text.replace('name = "a_case"', 'name = "a/case"').replace("trim = false", 'trim = "yes"')
+    wrong = text.replace('name = "a_case"', 'name = "a/case"').replace(
+        "trim = false", 'trim = "yes"'
+    )
     (tmp_path / "wrong.toml").write_text(wrong)
     done = aeromatch("pom", "check", tmp_path)
     assert done.returncode == 2
@@ -138,6 +163,8 @@ def test_check_reports_all_that_is_wrong_with_all_cases(aeromatch, case, lag_sta
 def test_the_record_may_be_the_file_of_a_reconstruction(aeromatch, case, toy, lag_states, tmp_path):
     """`flight reconstruct` writes the states as a group next to constants and residuals."""
     lag_states.to_netcdf(tmp_path / "record.nc", group="states", engine="h5netcdf")
-    lag_states[["q"]].to_netcdf(tmp_path / "record.nc", group="residuals", mode="a", engine="h5netcdf")
+    lag_states[["q"]].to_netcdf(
+        tmp_path / "record.nc", group="residuals", mode="a", engine="h5netcdf"
+    )
     done = aeromatch("pom", "run", case, "--model", f"toy={toy()}")
     assert (done.returncode, done.stderr) == (0, "")

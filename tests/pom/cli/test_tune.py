@@ -1,4 +1,6 @@
-"""``aeromatch pom tune`` from the command line: what it writes, what it refuses, and the chapter of the report."""
+"""``aeromatch pom tune`` from the command line: what it writes, what it refuses, and the chapter of
+the report.
+"""
 
 import json
 import re
@@ -30,7 +32,12 @@ def uncertain(db, share):
     """Return `db` with standard errors of a share of the largest value of the terms of pitch."""
     leaves = aerodb.terms(db)
     names = [name for name in leaves if name.split("/")[0] in ("CL", "CD", "Cm")]
-    new = {n: leaves[n].assign(stderr=xr.full_like(leaves[n]["value"], share * float(abs(leaves[n]["value"]).max()))) for n in names}
+    new = {
+        n: leaves[n].assign(
+            stderr=xr.full_like(leaves[n]["value"], share * float(abs(leaves[n]["value"]).max()))
+        )
+        for n in names
+    }
     return aerodb.replace_terms(db, new)
 
 
@@ -56,9 +63,18 @@ def test_cases_that_pass_move_nothing(aeromatch, files, tmp_path):
     lines = done.output.splitlines()
     assert lines[0] == "nothing moved: no row fails"
     assert lines[-1] == "written: tuned"
-    assert {file.name for file in (tmp_path / "tuned").iterdir()} == {"tuned.nc", "tuned.toml", "tuning.json", "tuning.txt"}
+    assert {file.name for file in (tmp_path / "tuned").iterdir()} == {
+        "tuned.nc",
+        "tuned.toml",
+        "tuning.json",
+        "tuning.txt",
+    }
     log = read_log(tmp_path / "tuned" / "tuning.json")
-    assert (log["moves"], log["distance"], log["files"]["database"]["name"]) == ([], 0.0, "model.nc")
+    assert (log["moves"], log["distance"], log["files"]["database"]["name"]) == (
+        [],
+        0.0,
+        "model.nc",
+    )
     assert log["rows"][0]["before"] == log["rows"][0]["after"] == "pass"
 
 
@@ -71,10 +87,19 @@ BAD = [
     ),
     (["-o", "tuned", "--rationale", "Cm/elevator="], "Cm/elevator: a rationale without words"),
     (["-o", "tuned", "--rationale", "trainer.toml"], r"one table \[rationale\] is needed"),
-    (["-o", "tuned", "--rationale", "Cm/qhat=a", "--rationale", "Cm/qhat=b"], "Cm/qhat: has two rationales"),
-    (["-o", "tuned", "--database", "trainer.toml"], "no netCDF-4 .* a database, as `aeromatch db build` writes it"),
+    (
+        ["-o", "tuned", "--rationale", "Cm/qhat=a", "--rationale", "Cm/qhat=b"],
+        "Cm/qhat: has two rationales",
+    ),
+    (
+        ["-o", "tuned", "--database", "trainer.toml"],
+        "no netCDF-4 .* a database, as `aeromatch db build` writes it",
+    ),
     (["-o", "tuned", "--database", "bare.nc"], "no term has standard errors"),
-    (["-o", "tuned", "--evidence", "coarse.nc"], "Cm/basic: the evidence has other breakpoints than the model"),
+    (
+        ["-o", "tuned", "--evidence", "coarse.nc"],
+        "Cm/basic: the evidence has other breakpoints than the model",
+    ),
 ]
 
 
@@ -82,7 +107,10 @@ BAD = [
 def test_bad_input_is_named(aeromatch, files, trainer, tmp_path):
     db = uncertain(trainer.database(), 0.05)
     aerodb.save(trainer.database(), tmp_path / "bare.nc")
-    aerodb.save(aerodb.replace_terms(db, {"Cm/basic": aerodb.terms(db)["Cm/basic"].isel(alpha=[0, 3])}), tmp_path / "coarse.nc")
+    aerodb.save(
+        aerodb.replace_terms(db, {"Cm/basic": aerodb.terms(db)["Cm/basic"].isel(alpha=[0, 3])}),
+        tmp_path / "coarse.nc",
+    )
     for words, text in BAD:
         done = aeromatch("tune", *files, *words)
         message = done.output if isinstance(done.exception, SystemExit) else str(done.exception)
@@ -93,12 +121,18 @@ def test_bad_input_is_named(aeromatch, files, trainer, tmp_path):
 
 @pytest.mark.slow
 def test_a_model_that_cannot_be_flown_is_named(aeromatch, files, trainer, tmp_path):
-    aerodb.save(uncertain(trainer.scaled(trainer.database(), Cm_qhat=-100.0), 0.05), tmp_path / "wild.nc")
+    aerodb.save(
+        uncertain(trainer.scaled(trainer.database(), Cm_qhat=-100.0), 0.05), tmp_path / "wild.nc"
+    )
     done = aeromatch("tune", *files, "--database", "wild.nc", "--row", "a_case")
-    assert re.search("a_case: the model cannot be flown or judged: .* is not finite at t = ", str(done.exception))
+    assert re.search(
+        "a_case: the model cannot be flown or judged: .* is not finite at t = ", str(done.exception)
+    )
     done = aeromatch("tune", *files, "--database", "wild.nc")
     assert done.exit_code == 0
-    assert done.output.splitlines()[0].startswith("nothing moved: no row fails; ")  # so that none is wanted
+    assert done.output.splitlines()[0].startswith(
+        "nothing moved: no row fails; "
+    )  # so that none is wanted
     assert re.match(".*; invalid a_case$", done.output.splitlines()[0], re.IGNORECASE)
     done = aeromatch("tune", *files, "--row", "a_case")
     assert done.output.splitlines()[0] == "nothing moved: the wanted rows pass as they are"
@@ -120,12 +154,17 @@ def test_what_is_no_log_is_refused(content, text, tmp_path):
 
 @pytest.mark.slow
 def test_refusal_price_rationale_and_report(aeromatch, files, trainer, tmp_path):
-    """The elevator is off by fifteen of its standard errors: refused with the price, done with a rationale, and reported."""
+    """The elevator is off by fifteen of its standard errors: refused with the price, done with a
+    rationale, and reported.
+    """
     model = uncertain(trainer.scaled(trainer.database(), Cm_elevator=0.7), 0.02)
     aerodb.save(model, tmp_path / "model.nc")
     refused = aeromatch("tune", *files, "-o", "tuned", "--log", "refusal.json")
     assert refused.exit_code == 1, refused.output
-    assert "refused: a_case: cannot pass within 2 standard errors; it would take Cm/elevator" in refused.output
+    assert (
+        "refused: a_case: cannot pass within 2 standard errors; it would take Cm/elevator"
+        in refused.output
+    )
     assert not (tmp_path / "tuned").exists()
     price = json.loads((tmp_path / "refusal.json").read_text())
     assert {move["term"]: move["moved"] for move in price["moves"]}["Cm/elevator"] > 2.0
@@ -133,7 +172,9 @@ def test_refusal_price_rationale_and_report(aeromatch, files, trainer, tmp_path)
     with pytest.raises(AeromatchError, match="the log of a refusal"):
         read_log(tmp_path / "refusal.json")
 
-    (tmp_path / "why.toml").write_text('[rationale]\n"Cm/elevator" = "the horn was changed after the flights"\n')
+    (tmp_path / "why.toml").write_text(
+        '[rationale]\n"Cm/elevator" = "the horn was changed after the flights"\n'
+    )
     done = aeromatch("tune", *files, "--rationale", "why.toml", "-o", "tuned", "--fmu", "--json")
     assert done.exit_code == 0, done.output
     log = json.loads(done.stdout)
@@ -144,12 +185,31 @@ def test_refusal_price_rationale_and_report(aeromatch, files, trainer, tmp_path)
     leaf = aerodb.terms(tuned)["Cm/elevator"]
     assert "pom tune for a_case: 1 of 1 nodes moved" in leaf.attrs["history"]
     assert "the horn was changed" in leaf.attrs["history"]
-    assert np.array_equal(aerodb.terms(aerodb.store.previous(tuned))["Cm/elevator"]["value"], aerodb.terms(model)["Cm/elevator"]["value"])
+    assert np.array_equal(
+        aerodb.terms(aerodb.store.previous(tuned))["Cm/elevator"]["value"],
+        aerodb.terms(model)["Cm/elevator"]["value"],
+    )
 
-    flightmech.write_fmu(flightmech.compile(flightmech.read_aircraft("trainer.toml"), model), "before.fmu")
-    words = ["run", files[0], "--jobs", 1, "--model", "before=before.fmu", "--model", "tuned=tuned/tuned.fmu", "--no-pdf", "-o", "report"]
+    flightmech.write_fmu(
+        flightmech.compile(flightmech.read_aircraft("trainer.toml"), model), "before.fmu"
+    )
+    words = [
+        "run",
+        files[0],
+        "--jobs",
+        1,
+        "--model",
+        "before=before.fmu",
+        "--model",
+        "tuned=tuned/tuned.fmu",
+        "--no-pdf",
+        "-o",
+        "report",
+    ]
     wrong = aeromatch(*words, "--tuning", "before=tuned/tuning.json")
-    assert "before.fmu does not hold the tables that tuned/tuning.json states" in str(wrong.exception)
+    assert "before.fmu does not hold the tables that tuned/tuning.json states" in str(
+        wrong.exception
+    )
     flown = aeromatch(*words, "--tuning", "tuned=tuned/tuning.json")
     assert flown.exit_code == 1, flown.output  # the model before fails
     assert {item.state for item in pom.verify(tmp_path / "report")} == {"same"}

@@ -27,13 +27,19 @@ def bench(known, idle=()):
 
 def test_a_known_choice_is_not_flown():
     late, _, made = bench({frozenset("a"): "judged by the diagnosis"})
-    assert late.judged([["a"], ["b"]], exact=True) == ["judged by the diagnosis", "judged by an earlier job"]
+    assert late.judged([["a"], ["b"]], exact=True) == [
+        "judged by the diagnosis",
+        "judged by an earlier job",
+    ]
     assert made == []
 
 
 def test_a_new_choice_makes_the_bench_once_with_all_that_is_known():
     late, whole, made = bench({frozenset("a"): "judged by the diagnosis"}, idle=["c"])
-    assert late.judged([["a", "b"], ["a"]], exact=True) == ["judged ['a', 'b']", "judged by the diagnosis"]
+    assert late.judged([["a", "b"], ["a"]], exact=True) == [
+        "judged ['a', 'b']",
+        "judged by the diagnosis",
+    ]
     assert late.judged([["b", "c"]], exact=True) == ["judged ['b', 'c']"]
     assert made == [1]
     assert whole.idle == {"c": 0.1}
@@ -41,7 +47,12 @@ def test_a_new_choice_makes_the_bench_once_with_all_that_is_known():
 
 
 @pytest.mark.parametrize(
-    ("choice", "idle", "meant"), [(("a",), "bc", {"a"}), (("a", "b"), "bcd", {"a"}), (("a", "b", "c"), "bcd", {"a", "b", "c", "d"})]
+    ("choice", "idle", "meant"),
+    [
+        (("a",), "bc", {"a"}),
+        (("a", "b"), "bcd", {"a"}),
+        (("a", "b", "c"), "bcd", {"a", "b", "c", "d"}),
+    ],
 )
 def test_a_choice_takes_all_idle_terms_or_none(choice, idle, meant):
     late, _, _ = bench({}, idle)

@@ -1,4 +1,6 @@
-"""A thinned job drives a model as the whole one does, and outputs return to the samples of the record."""
+"""A thinned job drives a model as the whole one does, and outputs return to the samples of the
+record.
+"""
 
 from dataclasses import replace
 
@@ -25,11 +27,19 @@ def test_inputs_keep_their_integral_and_both_ends(step, every):
     assert short.parameters == {"init.V": 100.0, "mode.step": step}
     assert short.inputs["delta_e"][[0, -1]].tolist() == SCATTER[[0, -1]].tolist()
     assert_allclose(short.inputs["delta_f"], 0.3, rtol=1e-15)
-    assert_allclose(short.inputs["delta_a"][:-2], short.time[:-2] - 100.0, atol=1e-12)  # a line stays one
-    inside = np.where((TIME[2 * every] < TIME) & (TIME[-3 * every] > TIME), SCATTER, 0.0)  # away from both ends
+    assert_allclose(
+        short.inputs["delta_a"][:-2], short.time[:-2] - 100.0, atol=1e-12
+    )  # a line stays one
+    inside = np.where(
+        (TIME[2 * every] < TIME) & (TIME[-3 * every] > TIME), SCATTER, 0.0
+    )  # away from both ends
     coarse = thinned(job(delta_e=inside), step)
-    assert np.trapezoid(coarse.inputs["delta_e"], coarse.time) == pytest.approx(np.trapezoid(inside, TIME), rel=1e-12)
-    assert abs(np.trapezoid(inside[::every], TIME[::every]) / np.trapezoid(inside, TIME) - 1.0) > 0.1  # single samples do not
+    assert np.trapezoid(coarse.inputs["delta_e"], coarse.time) == pytest.approx(
+        np.trapezoid(inside, TIME), rel=1e-12
+    )
+    assert (
+        abs(np.trapezoid(inside[::every], TIME[::every]) / np.trapezoid(inside, TIME) - 1.0) > 0.1
+    )  # single samples do not
 
 
 @pytest.mark.parametrize(

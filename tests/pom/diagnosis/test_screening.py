@@ -1,4 +1,6 @@
-"""Terms that cannot matter in a case are not flown alone: the bound holds, and the conclusion is that of all swaps."""
+"""Terms that cannot matter in a case are not flown alone: the bound holds, and the conclusion is
+that of all swaps.
+"""
 
 import numpy as np
 import pytest
@@ -22,7 +24,16 @@ def models(trainer):
     final = trainer.database()
     yaw = {"Cn_beta": 0.97, "Cn_rhat": 0.9, "Cn_phat": 0.9, "Cn_rudder": 0.9}
     roll = {"Cl_beta": 0.97, "Cl_phat": 0.97, "Cl_rhat": 0.95, "Cl_aileron": 0.99}
-    prior = trainer.scaled(final, Cm_elevator=0.6, Cm_qhat=0.8, Cm_basic=0.95, Cm_alphadothat=0.9999, CL_basic=0.9, **yaw, **roll)
+    prior = trainer.scaled(
+        final,
+        Cm_elevator=0.6,
+        Cm_qhat=0.8,
+        Cm_basic=0.95,
+        Cm_alphadothat=0.9999,
+        CL_basic=0.9,
+        **yaw,
+        **roll,
+    )
     return SwapModels.of(prior, final, (trainer.AIRCRAFT, trainer.AIRCRAFT))
 
 
@@ -65,16 +76,22 @@ def test_the_conclusion_is_that_of_all_swaps(bench, write_case, trainer, models,
     every = diagnosis.ranked(whole)
     assert len(bench.known) < len(whole.known)
     assert pom.corrected_terms([fewer]) == pom.corrected_terms([every])
-    one, other = (table[table["stage"] != "idle"].set_index(["stage", "term"]) for table in (fewer, every))
+    one, other = (
+        table[table["stage"] != "idle"].set_index(["stage", "term"]) for table in (fewer, every)
+    )
     for stage in ("sequence", "pair", "share"):
         assert list(one.loc[stage].index) == list(other.loc[stage].index)
     apart = np.abs(one["explained"] - other["explained"][one.index])
     assert apart.max() < screening.LEAST_TOGETHER
-    assert apart[["single", "pair", "sequence"]].max() == 0.0  # with a rest of mostly idle terms a choice takes all of these
+    assert (
+        apart[["single", "pair", "sequence"]].max() == 0.0
+    )  # with a rest of mostly idle terms a choice takes all of these
 
 
 def test_without_a_measure_the_check_has_all_flown_that_matter(bench, monkeypatch):
-    """Only the two largest of a coefficient are flown for the measure; the check of all others together finds what is missing."""
+    """Only the two largest of a coefficient are flown for the measure; the check of all others
+    together finds what is missing.
+    """
     monkeypatch.setattr(screening, "SAFETY", 0.0)
     screening.screen(bench)
     assert bench.idle
@@ -99,7 +116,9 @@ def test_a_choice_takes_the_idle_terms_all_or_none_but_for_the_joint_model(bench
     screening.screen(bench)
     first, *rest = bench.idle
     known = len(bench.known)
-    assert bench.judged([[first], ["Cm/elevator", *rest]]) == bench.judged([[], ["Cm/elevator", *bench.idle]])
+    assert bench.judged([[first], ["Cm/elevator", *rest]]) == bench.judged(
+        [[], ["Cm/elevator", *bench.idle]]
+    )
     assert len(bench.known) == known + 1
     bench.judged([[first]], exact=True)
     assert len(bench.known) == known + 2
@@ -111,14 +130,22 @@ def test_steps_are_as_long_as_both_models_agree(bench, write_case, trainer, mode
     monkeypatch.setattr(swap_runs, "STEP_ERROR", 0.3)
     coarse = Bench.of(read_case(write_case()), models, trainer.flight(trainer.database(), **PULSE))
     assert coarse.flown.time.size < coarse.job.time.size
-    for one, other in zip(bench.judged([(), bench.names]), coarse.judged([(), bench.names]), strict=True):
+    for one, other in zip(
+        bench.judged([(), bench.names]), coarse.judged([(), bench.names]), strict=True
+    ):
         assert one.mismatch.keys() == other.mismatch.keys()
-        assert 0.0 < max(abs(value - other.mismatch[name]) for name, value in one.mismatch.items()) < 0.1
+        assert (
+            0.0
+            < max(abs(value - other.mismatch[name]) for name, value in one.mismatch.items())
+            < 0.1
+        )
     monkeypatch.setattr(swap_runs, "STEP_ERROR", -1.0)  # no two runs are that near
     usual = Bench.of(read_case(write_case()), models, trainer.flight(trainer.database(), **PULSE))
     assert usual.flown is usual.job
     assert "mode.step" not in usual.job.parameters
-    for one, other in zip(bench.judged([(), bench.names]), usual.judged([(), usual.names]), strict=True):
+    for one, other in zip(
+        bench.judged([(), bench.names]), usual.judged([(), usual.names]), strict=True
+    ):
         assert one.verdict == other.verdict
         for name, value in one.mismatch.items():
             assert abs(value - other.mismatch[name]) < 2e-3
@@ -127,6 +154,8 @@ def test_steps_are_as_long_as_both_models_agree(bench, write_case, trainer, mode
 def test_a_choice_of_parts_is_compiled_once(models, monkeypatch):
     calls = []
     own = swap_runs.SwapModels.of(models.prior, models.final, models.aircraft)
-    monkeypatch.setattr("pom.diagnosis.term_swaps.swap_parts", lambda *pair: calls.append(pair) or pair[0])
+    monkeypatch.setattr(
+        "pom.diagnosis.term_swaps.swap_parts", lambda *pair: calls.append(pair) or pair[0]
+    )
     assert own.compiled(()) is own.compiled(frozenset())
     assert len(calls) == 1

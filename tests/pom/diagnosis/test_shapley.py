@@ -12,7 +12,9 @@ def one_value(rule):
 
 
 def test_the_glove_game():
-    """Player 0 has the left glove, 1 and 2 a right one each; a pair is worth 1: shares 2/3, 1/6, 1/6."""
+    """Player 0 has the left glove, 1 and 2 a right one each; a pair is worth 1: shares 2/3, 1/6,
+    1/6.
+    """
     found = shares(3, one_value(lambda s: 0 in s and bool(s & {1, 2})), 8)
     assert found.share[:, 0] == pytest.approx([2 / 3, 1 / 6, 1 / 6])
     assert found.orders == 0
@@ -27,7 +29,9 @@ def test_the_majority_of_weights():
 
 
 def test_several_quantities_at_once():
-    found = shares(2, lambda choices: np.array([[len(c), 5.0 * (c == {0, 1}) + 7.0] for c in choices]), 4)
+    found = shares(
+        2, lambda choices: np.array([[len(c), 5.0 * (c == {0, 1}) + 7.0] for c in choices]), 4
+    )
     assert found.share == pytest.approx(np.array([[1.0, 2.5], [1.0, 2.5]]))
 
 
@@ -51,7 +55,8 @@ def test_sampled_shares_lie_within_their_standard_errors():
         found = shares(8, game, 200, seed)
         assert found.share.sum() == pytest.approx(value[frozenset(range(8))] - value[frozenset()])
         deviations += list(((found.share - exact.share) / found.stderr)[:, 0])
-    # 240 deviations of about a dozen pairs each; Student's spread is 1.1, the shares of a seed are tied by their sum
+    # 240 deviations of about a dozen pairs each; Student's spread is 1.1, the shares of a seed are
+    # tied by their sum
     assert 0.85 < np.std(deviations) < 1.35
     assert shares(8, game, 200, 4).share == pytest.approx(shares(8, game, 200, 4).share, abs=0.0)
 

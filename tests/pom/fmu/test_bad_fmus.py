@@ -1,4 +1,6 @@
-"""FMUs that crash, hang, fork, flood, forge or are broken: each spoils its own row, and nothing else."""
+"""FMUs that crash, hang, fork, flood, forge or are broken: each spoils its own row, and nothing
+else.
+"""
 
 import os
 import signal
@@ -20,8 +22,11 @@ from pom.fmu.worker.messages import columns_of, read_reply, reply_bytes
 from pom.replaying.replay_case import replay
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals and limits of POSIX")
-HANGING = 5.0  # s, that those which hang are given, whatever the machine does; the others have as long as a busy machine takes
-# guid of bad.c -> what its row states; "i:" in instantiation, "x:" in initialisation, "e:" in the end, else in a step
+# s, that those which hang are given, whatever the machine does; the others have as long as a busy
+# machine takes
+HANGING = 5.0
+# guid of bad.c -> what its row states; "i:" in instantiation, "x:" in initialisation, "e:" in the
+# end, else in a step
 IN_FLIGHT = {
     "i:null": "instantiation failed",
     "i:segv": "SIGSEGV",
@@ -74,7 +79,9 @@ def case(write_case):
 
 
 def broken(folder, toy):
-    """Yield FMUs whose files are broken so that the child finds it: name, file, what the row states."""
+    """Yield FMUs whose files are broken so that the child finds it: name, file, what the row
+    states.
+    """
     good = toy()
     with zipfile.ZipFile(good) as file:
         content = {name: file.read(name) for name in file.namelist()}
@@ -83,7 +90,10 @@ def broken(folder, toy):
         "no_library": ({**content, library: None}, "failed"),
         "text_library": ({**content, library: b"no library"}, "failed"),
         "half_library": ({**content, library: content[library][:2000]}, "half_library: "),
-        "bomb": ({**content, "resources/zeros": bytes(20_000_000)}, "20 MB unpacked, allowed are 5 MB"),
+        "bomb": (
+            {**content, "resources/zeros": bytes(20_000_000)},
+            "20 MB unpacked, allowed are 5 MB",
+        ),
     }
     for name, (files, stated) in kinds.items():
         with zipfile.ZipFile(folder / f"{name}.fmu", "w", zipfile.ZIP_DEFLATED) as file:
@@ -94,7 +104,9 @@ def broken(folder, toy):
 
 
 @pytest.mark.slow
-def test_every_kind_spoils_its_own_row_and_no_other(case, bad, toy, lag_states, tmp_path, monkeypatch):
+def test_every_kind_spoils_its_own_row_and_no_other(
+    case, bad, toy, lag_states, tmp_path, monkeypatch
+):
     monkeypatch.setenv("AEROMATCH_FMU_WRITTEN", "1 MB")
     monkeypatch.setenv("AEROMATCH_FMU_UNPACKED", "5 MB")
     monkeypatch.setenv("AEROMATCH_FMU_MEMORY", "1500 MB")
@@ -109,20 +121,31 @@ def test_every_kind_spoils_its_own_row_and_no_other(case, bad, toy, lag_states, 
 
     def flown(names):
         timeout = HANGING if names[0] in hanging else 300.0
-        return replay(case, {"good": toy(), **{name: runs[name] for name in names}, "last": toy()}, lag_states, timeout=timeout)
+        return replay(
+            case,
+            {"good": toy(), **{name: runs[name] for name in names}, "last": toy()},
+            lag_states,
+            timeout=timeout,
+        )
 
     groups = [[name] for name in hanging] + [others[k::4] for k in range(4)]
     with ThreadPoolExecutor(12) as pool:  # most of the time they wait for those that hang
         results = list(pool.map(flown, groups))
     for names, result in zip(groups, results, strict=True):
         failures = result.failure.split("; ")
-        unstated = [name for name in names if not any(text.startswith(f"{name}: ") and stated[name] in text for text in failures)]
+        unstated = [
+            name
+            for name in names
+            if not any(text.startswith(f"{name}: ") and stated[name] in text for text in failures)
+        ]
         assert unstated == [], result.failure
         assert [result.status(name) for name in names] == ["invalid"] * len(names)
         assert (result.status("good"), result.status("last")) == ("pass", "pass")
     inf = replay(case, {"inf": bad("inf")}, lag_states)
     assert inf.status("inf") == "invalid"
-    assert not (tmp_path / "written").exists() or (tmp_path / "written").stat().st_size == 1_000_000  # and nothing was unpickled
+    assert (
+        not (tmp_path / "written").exists() or (tmp_path / "written").stat().st_size == 1_000_000
+    )  # and nothing was unpickled
 
 
 def job(n=100):
@@ -136,7 +159,9 @@ def job(n=100):
 def test_a_process_that_is_left_behind_holds_nobody_up(bad):
     child = Child(bad("leave_hang"))
     child._start()
-    folder = Path(child._folder).name  # in the command line of this child and of what it forks, of no other test
+    folder = Path(
+        child._folder
+    ).name  # in the command line of this child and of what it forks, of no other test
     reply = child.run(job(), HANGING)
     left = _processes_of(folder)
     for number in left:
@@ -185,11 +210,17 @@ def test_a_reply_is_text_and_numbers_there_and_back():
     text, found = read_reply(frame(reply_bytes(7, "Flügel ab", columns)), 7, (2, 2))
     assert text == "Flügel ab"
     np.testing.assert_array_equal(found, columns)
-    assert read_reply(frame(reply_bytes(7, "no model", np.empty((0, 0)))), 7, (2, 2)) == ("no model", None)
+    assert read_reply(frame(reply_bytes(7, "no model", np.empty((0, 0)))), 7, (2, 2)) == (
+        "no model",
+        None,
+    )
 
 
 def test_the_columns_of_a_pilot_that_never_came_to_act_are_empty():
-    columns = columns_of({"time": [0.0, 1.0], "pilot": {"move": {"delta_e": (0, 1.0)}}}, {"outputs": np.zeros((2, 1)), "moved": {}})
+    columns = columns_of(
+        {"time": [0.0, 1.0], "pilot": {"move": {"delta_e": (0, 1.0)}}},
+        {"outputs": np.zeros((2, 1)), "moved": {}},
+    )
     np.testing.assert_array_equal(columns, [[0.0, np.nan], [0.0, np.nan]])
 
 
@@ -211,10 +242,20 @@ def test_what_is_no_reply_to_the_job_is_refused(content, number, error):
 
 def test_limits_of_the_environment():
     assert limits({}) == Limits()
-    given = {"AEROMATCH_FMU_MEMORY": "8GB", "AEROMATCH_FMU_WRITTEN": "500 kB", "AEROMATCH_FMU_UNPACKED": "none"}
+    given = {
+        "AEROMATCH_FMU_MEMORY": "8GB",
+        "AEROMATCH_FMU_WRITTEN": "500 kB",
+        "AEROMATCH_FMU_UNPACKED": "none",
+    }
     assert limits(given) == Limits(8_000_000_000, 500_000, 0)
     with pytest.raises(SchemaError) as caught:
-        limits({"AEROMATCH_FMU_MEMORY": "much", "AEROMATCH_FMU_UNPACKED": "0", "AEROMATCH_FMU_SANDBOX": "jail"})
+        limits(
+            {
+                "AEROMATCH_FMU_MEMORY": "much",
+                "AEROMATCH_FMU_UNPACKED": "0",
+                "AEROMATCH_FMU_SANDBOX": "jail",
+            }
+        )
     assert [text.split(";")[0] for text in caught.value.problems] == [
         "AEROMATCH_FMU_MEMORY is 'much'",
         "AEROMATCH_FMU_UNPACKED is '0'",
@@ -224,12 +265,18 @@ def test_limits_of_the_environment():
 
 def test_a_sandbox_without_bubblewrap_is_refused(monkeypatch):
     monkeypatch.setenv("PATH", "")
-    with pytest.raises(SchemaError, match="there is no program bwrap; install bubblewrap, or leave the variable out"):
+    with pytest.raises(
+        SchemaError,
+        match="there is no program bwrap; install bubblewrap, or leave the variable out",
+    ):
         limits({"AEROMATCH_FMU_SANDBOX": "bwrap"})
 
 
 def test_a_description_that_would_fill_the_memory_is_not_unpacked(tmp_path):
-    with zipfile.ZipFile(tmp_path / "bomb.fmu", "w", zipfile.ZIP_DEFLATED) as file, file.open("modelDescription.xml", "w") as xml:
+    with (
+        zipfile.ZipFile(tmp_path / "bomb.fmu", "w", zipfile.ZIP_DEFLATED) as file,
+        file.open("modelDescription.xml", "w") as xml,
+    ):
         for _ in range(65):
             xml.write(bytes(1_000_000))
     with pytest.raises(ParseError, match=r"modelDescription\.xml has 65 MB"):

@@ -1,4 +1,6 @@
-"""FMI 1.0: a slave and a model in C with degrees, a nose-down elevator, Booleans and an Integer, joined by a table of names."""
+"""FMI 1.0: a slave and a model in C with degrees, a nose-down elevator, Booleans and an Integer,
+joined by a table of names.
+"""
 
 import importlib.util
 from pathlib import Path
@@ -10,7 +12,9 @@ from pom.cases.case import read_case
 from pom.fmu.description import read_fmu
 from pom.replaying.replay_case import replay
 
-spec = importlib.util.spec_from_file_location("pom_conftest", (Path(__file__).parents[1] / "conftest.py"))
+spec = importlib.util.spec_from_file_location(
+    "pom_conftest", (Path(__file__).parents[1] / "conftest.py")
+)
 tools = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(tools)
 
@@ -53,12 +57,25 @@ nz = "LoadFactor"
 
 def describe(guid="lag", slave=True, interpolates=True):
     start, real = 'variability="parameter" causality="internal"', 'Real start="0"'
-    rows = [("Elevator", 0, 'causality="input"', 'Real unit="deg"'), ("Thrust", 1, 'causality="input"', "Real")]
-    rows += [("Down", 2, 'causality="input" variability="discrete"', "Boolean"), ("Lever", 4, 'causality="input"', "Boolean")]
+    rows = [
+        ("Elevator", 0, 'causality="input"', 'Real unit="deg"'),
+        ("Thrust", 1, 'causality="input"', "Real"),
+    ]
+    rows += [
+        ("Down", 2, 'causality="input" variability="discrete"', "Boolean"),
+        ("Lever", 4, 'causality="input"', "Boolean"),
+    ]
     rows += [("Notch", 3, 'causality="input" variability="discrete"', "Integer")]
-    rows += [("Pitch", 10, 'causality="output"', 'Real unit="deg"'), ("PitchRate", 11, 'causality="output"', "Real")]
+    rows += [
+        ("Pitch", 10, 'causality="output"', 'Real unit="deg"'),
+        ("PitchRate", 11, 'causality="output"', "Real"),
+    ]
     rows += [("LoadFactor", 12, 'causality="output"', "Real")]
-    rows += [("V0", 100, start, real), ("Pitch0", 101, start, real), *((f"P{i}", 100 + i, start, real) for i in range(2, 9))]
+    rows += [
+        ("V0", 100, start, real),
+        ("Pitch0", 101, start, real),
+        *((f"P{i}", 100 + i, start, real) for i in range(2, 9)),
+    ]
     implementation = SLAVE.format(str(interpolates).lower()) if slave else ""
     variables = "\n".join(VARIABLE.format(*row) for row in rows)
     return DESCRIPTION.format(guid=guid, variables=variables, implementation=implementation)
@@ -84,12 +101,16 @@ def names(tmp_path):
 
 @pytest.fixture
 def flown(case, names, lag_states):
-    """Return results of models against a flight with the gear going out at 5 s and 20 deg of flaps from 6 s on."""
+    """Return results of models against a flight with the gear going out at 5 s and 20 deg of flaps
+    from 6 s on.
+    """
     time = lag_states["time"].values
     gear, flap = (time >= 5.0).astype(float), np.where(time >= 6.0, np.radians(20.0), 0.0)
     nz = lag_states["nz"].values - 0.1 * gear + 0.02 * (flap > 0.0) + 0.001 * (time >= 4.0)
     lever = (time >= 4.0).astype(float)
-    states = lag_states.assign(gear=("time", gear), delta_f=("time", flap), nz=("time", nz), brake_left=("time", lever))
+    states = lag_states.assign(
+        gear=("time", gear), delta_f=("time", flap), nz=("time", nz), brake_left=("time", lever)
+    )
     return lambda **runs: replay(case, runs, states, names=dict.fromkeys(runs, names))
 
 
@@ -101,7 +122,9 @@ def test_a_slave_with_input_derivatives_is_exact_in_the_canonical_sign_and_unit(
     result = flown(slave=fmu())
     assert result.failure == ""
     assert worst(result, "theta") < 1e-14
-    assert worst(result, "nz") < 1e-14  # Booleans and the Integer are read at their sample, not one later
+    assert (
+        worst(result, "nz") < 1e-14
+    )  # Booleans and the Integer are read at their sample, not one later
     assert result.passed("slave")
     assert result.signals.attrs["model.slave"].startswith("lag.fmu, FMI 1.0, sha256 ")
     assert result.signals.attrs["names.slave"].startswith("names.toml, sha256 ")
@@ -122,7 +145,11 @@ def test_a_model_for_exchange_is_integrated_by_us(flown, fmu):
 
 
 @pytest.mark.parametrize(
-    ("guid", "message"), [("error", "the step to t = 2.02 s failed"), ("refuse", "initialisation failed: fmi1InitializeSlave")]
+    ("guid", "message"),
+    [
+        ("error", "the step to t = 2.02 s failed"),
+        ("refuse", "initialisation failed: fmi1InitializeSlave"),
+    ],
 )
 def test_a_status_that_fmpy_takes_for_a_text_is_an_error_and_not_a_crash(flown, fmu, guid, message):
     result = flown(bad=fmu(guid=guid))

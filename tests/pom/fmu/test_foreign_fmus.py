@@ -1,4 +1,6 @@
-"""FMUs that know nothing of ours: plain C by the headers of the standards, in degrees, with their own names and no modes."""
+"""FMUs that know nothing of ours: plain C by the headers of the standards, in degrees, with their
+own names and no modes.
+"""
 
 import importlib.util
 import inspect
@@ -59,7 +61,17 @@ DESCRIPTIONS = {
 </ModelVariables><ModelStructure/></fmiModelDescription>
 """,
 }
-LACKING = ["engine1.thrust_drive", "init.V", "init.phi", "init.psi", "init.p", "init.q", "init.r", "init.h", "mode.engine"]
+LACKING = [
+    "engine1.thrust_drive",
+    "init.V",
+    "init.phi",
+    "init.psi",
+    "init.p",
+    "init.q",
+    "init.r",
+    "init.h",
+    "mode.engine",
+]
 NAMES = """waived = {waived}
 [inputs]
 delta_e = {{ variable = "ELEV", unit = "deg", sign = -1 }}
@@ -76,7 +88,9 @@ ACTUATOR = 1
 
 @pytest.fixture(scope="module", params=[2, 3])
 def foreign(request, tmp_path_factory):
-    """An FMU of FMI 2.0 or 3.0; what the sources do not need for a replay is there and fails, for FMPy looks it up."""
+    """An FMU of FMI 2.0 or 3.0; what the sources do not need for a replay is there and fails, for
+    FMPy looks it up.
+    """
     folder = tmp_path_factory.mktemp(f"foreign{request.param}")
     source = SOURCES / f"slave{request.param}.c"
     kind = {2: fmi2.FMU2Slave, 3: fmi3.FMU3Slave}[request.param]
@@ -84,10 +98,28 @@ def foreign(request, tmp_path_factory):
     words = (HEADERS / f"fmi{request.param}Functions.h").read_text()
     known |= set(re.findall(rf"TYPE\s+(fmi{request.param}\w+);", words))
     missing = sorted(name for name in known if f"{name}(" not in source.read_text())
-    (folder / "missing.c").write_text("".join(f"int {name}(void) {{ return 3; }}\n" for name in missing))
+    (folder / "missing.c").write_text(
+        "".join(f"int {name}(void) {{ return 3; }}\n" for name in missing)
+    )
     library = folder / f"toy{fmpy.sharedLibraryExtension}"
-    command = [sys.executable, "-m", "ziglang", "cc", "-shared", "-fPIC", "-O1", f"-I{HEADERS}", f"-I{SOURCES}", "-Wall", "-Werror"]
-    subprocess.run([*command, "-o", str(library), str(source), str(folder / "missing.c")], check=True, capture_output=True)
+    command = [
+        sys.executable,
+        "-m",
+        "ziglang",
+        "cc",
+        "-shared",
+        "-fPIC",
+        "-O1",
+        f"-I{HEADERS}",
+        f"-I{SOURCES}",
+        "-Wall",
+        "-Werror",
+    ]
+    subprocess.run(
+        [*command, "-o", str(library), str(source), str(folder / "missing.c")],
+        check=True,
+        capture_output=True,
+    )
     return tools.write_fmu(folder / "sim.fmu", DESCRIPTIONS[request.param], library)
 
 
@@ -107,19 +139,37 @@ def test_a_simulator_with_names_of_its_own_replays(foreign, table, write_case, l
     assert result.failure == ""
     assert result.passed("sim")
     # the middle of a step is held, an error of s h^2/(12 tau), and 5 ms steps of the fourth order
-    assert np.abs(result.signals["theta"][1] - result.signals["theta"][0]).max() < 2.0 * 0.02 * 0.02**2 / (12.0 * 0.5) * 1.01
-    assert notices(result, "sim") == [f"flown without {', '.join(LACKING)}, waived by the table of names"]
+    assert (
+        np.abs(result.signals["theta"][1] - result.signals["theta"][0]).max()
+        < 2.0 * 0.02 * 0.02**2 / (12.0 * 0.5) * 1.01
+    )
+    assert notices(result, "sim") == [
+        f"flown without {', '.join(LACKING)}, waived by the table of names"
+    ]
 
 
 @pytest.mark.slow
-def test_what_a_simulator_lacks_is_listed_once_for_all_cases(foreign, table, write_case, lag_states):
+def test_what_a_simulator_lacks_is_listed_once_for_all_cases(
+    foreign, table, write_case, lag_states
+):
     case = read_case(write_case(more="trim = false"))
     second = replace(case, name="second")
     with pytest.raises(SchemaError) as caught:
-        replay_all([case, second], {"sim": foreign}, {"record": lag_states}, names={"sim": table(LACKING[2:])})
-    assert [text.split("'")[1] for text in caught.value.problems] == ["engine1.thrust_drive", "init.V"]
+        replay_all(
+            [case, second],
+            {"sim": foreign},
+            {"record": lag_states},
+            names={"sim": table(LACKING[2:])},
+        )
+    assert [text.split("'")[1] for text in caught.value.problems] == [
+        "engine1.thrust_drive",
+        "init.V",
+    ]
     assert all(text.startswith(f"FMU {foreign} (sim): unknown ") for text in caught.value.problems)
-    assert all(text.endswith("or waive an input or parameter there; case a_case, second") for text in caught.value.problems)
+    assert all(
+        text.endswith("or waive an input or parameter there; case a_case, second")
+        for text in caught.value.problems
+    )
 
 
 def test_what_is_waived_must_be_needed_and_absent(toy, tmp_path):

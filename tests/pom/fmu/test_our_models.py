@@ -1,4 +1,6 @@
-"""Replay of a flight of which the model is the truth: by FMI 2.0, by FMI 3.0, and by the kernel itself."""
+"""Replay of a flight of which the model is the truth: by FMI 2.0, by FMI 3.0, and by the kernel
+itself.
+"""
 
 import tempfile
 from dataclasses import replace as changed
@@ -50,25 +52,36 @@ def test_the_truth_is_matched_by_every_way_of_replay(write_case, truth, models, 
     scale = {"theta": np.radians(1.5), "q": np.radians(2.0), "nz": 0.1}
     for name, width in scale.items():
         signal = result.signals[name]
-        # FMI 2.0 takes input derivatives, FMI 3.0 the whole record: the same linear inputs as the direct call, whose time
+        # FMI 2.0 takes input derivatives, FMI 3.0 the whole record: the same linear inputs as the
+        # direct call, whose time
         # does not start at zero
         assert np.abs(signal.sel(run="2.0").values - direct[name]).max() < 1e-9 * width
         assert np.abs(signal.sel(run="3.0").values - direct[name]).max() < 1e-9 * width
-        # the direct replay starts from lines through the first half second: the truth within their rounding
+        # the direct replay starts from lines through the first half second: the truth within their
+        # rounding
         assert np.abs(signal.sel(run="flight").values - direct[name]).max() < 1e-2 * width
     assert result.passed("2.0")
     assert result.passed("3.0")
 
 
 def test_the_levels_of_replay_agree_within_their_holds(write_case, truth, models, trainer):
-    """The whole record in one step, input derivatives, and the middle of each step held, on one job."""
+    """The whole record in one step, input derivatives, and the middle of each step held, on one
+    job.
+    """
     _, runs = models
     job = job_of(read_case(write_case()), flight_states(read_case(write_case()), truth))
     with tempfile.TemporaryDirectory() as folder:
         whole = worker.Model(str(runs["3.0"]), f"{folder}/3")
         inputs = {name: values for name, values in job.inputs.items() if name in whole.variables}
-        parameters = {name: value for name, value in job.parameters.items() if name in whole.variables}
-        task = {"time": job.time, "inputs": inputs, "parameters": parameters, "outputs": ["theta", "q"]}
+        parameters = {
+            name: value for name, value in job.parameters.items() if name in whole.variables
+        }
+        task = {
+            "time": job.time,
+            "inputs": inputs,
+            "parameters": parameters,
+            "outputs": ["theta", "q"],
+        }
         assert whole.takes_records
         record = worker.replay(whole, task)
         whole.takes_records = False
@@ -78,7 +91,9 @@ def test_the_levels_of_replay_agree_within_their_holds(write_case, truth, models
     assert np.ptp(record["outputs"][:, 0]) > 0.02
     np.testing.assert_allclose(sloped["outputs"], record["outputs"], rtol=0.0, atol=1e-11)
     difference = np.abs(middle["outputs"] - record["outputs"]).max()
-    assert 1e-8 < difference < 3e-4  # held middles of 20 ms: second order, seen at the kinks of the doublets
+    assert (
+        1e-8 < difference < 3e-4
+    )  # held middles of 20 ms: second order, seen at the kinks of the doublets
 
 
 def test_a_record_that_diverges_keeps_what_was_flown(models):
@@ -86,7 +101,12 @@ def test_a_record_that_diverges_keeps_what_was_flown(models):
     time = 0.02 * np.arange(101)
     with tempfile.TemporaryDirectory() as folder:
         model = worker.Model(str(runs["3.0"]), folder)
-        task = {"time": time, "inputs": {}, "parameters": {"mass.Iyy": 1.0, "init.V": 80.0, "init.alpha": 0.1}, "outputs": ["theta"]}
+        task = {
+            "time": time,
+            "inputs": {},
+            "parameters": {"mass.Iyy": 1.0, "init.V": 80.0, "init.alpha": 0.1},
+            "outputs": ["theta"],
+        }
         found = worker.replay(model, task)
     assert found["error"].startswith("the replay failed: ")
     assert "replay failed after" in found["error"]
@@ -120,29 +140,41 @@ def test_a_trim_beyond_its_limit_is_remarked(write_case, truth, tmp_path, traine
     wrong = aerodb.replace_terms(db, {"Cm/basic": aerodb.terms(db)["Cm/basic"] + 0.05})
     flightmech.write_fmu(flightmech.compile(trainer.AIRCRAFT, wrong), tmp_path / "wrong.fmu")
     result = replay(read_case(write_case()), {"m": tmp_path / "wrong.fmu"}, truth)
-    assert all("trim.delta_e" in note and "is beyond 1 deg" in note for note in result.verdict["remarks"].map(text_of))
+    assert all(
+        "trim.delta_e" in note and "is beyond 1 deg" in note
+        for note in result.verdict["remarks"].map(text_of)
+    )
     elevator = 0.05 / (1.1 - 0.4 * 0.7 / 5.0)  # its own lift is carried back by the angle of attack
     assert result.trim.loc["trim.delta_e", "m"] == pytest.approx(elevator, rel=0.01)
 
 
 @pytest.mark.slow
 def test_the_math_pilot_of_the_child_is_that_of_the_kernel(write_case, truth, models, trainer):
-    """A loop on the pitch attitude of a model with two thirds of the elevator: two ways of closing it, one flight."""
+    """A loop on the pitch attitude of a model with two thirds of the elevator: two ways of closing
+    it, one flight.
+    """
     weak = trainer.scaled(trainer.database(), Cm_elevator=0.67)
-    case = changed(read_case(write_case(case='show = ["theta"]')), drive=Drive("pilot", pilot=(Loop("delta_e", "theta", -0.8, 0.1, -0.3),)))
+    case = changed(
+        read_case(write_case(case='show = ["theta"]')),
+        drive=Drive("pilot", pilot=(Loop("delta_e", "theta", -0.8, 0.1, -0.3),)),
+    )
     job = job_of(case, flight_states(case, truth))
     sim = flightmech.compile(trainer.AIRCRAFT, weak)
     direct, failures = fly(sim, job)
     assert failures == [""]
     with tempfile.TemporaryDirectory() as folder:
-        runs = {v: flightmech.write_fmu(sim, f"{folder}/{v}.fmu", version=v) for v in ("2.0", "3.0")}
+        runs = {
+            v: flightmech.write_fmu(sim, f"{folder}/{v}.fmu", version=v) for v in ("2.0", "3.0")
+        }
         result = replay(case, runs, truth)
     assert result.failure == ""
     moved = result.signals["delta_e"] - result.signals["delta_e"].sel(run="flight")
     assert np.abs(moved.sel(run="2.0")).max() > np.radians(1.0)
     theta = result.signals["theta"]
     assert np.abs(theta.sel(run="2.0").values - direct["theta"][0]).max() < 1e-10
-    assert np.abs(theta.sel(run="3.0").values - direct["theta"][0]).max() < 3e-4  # middles of 20 ms held
+    assert (
+        np.abs(theta.sel(run="3.0").values - direct["theta"][0]).max() < 3e-4
+    )  # middles of 20 ms held
 
 
 def test_no_model_has_the_name_of_the_recording():

@@ -11,7 +11,9 @@ from pom.fmu.description import read_fmu
 from pom.fmu.process import Child
 from pom.replaying.replay_case import replay
 
-spec = importlib.util.spec_from_file_location("pom_conftest", (Path(__file__).parents[1] / "conftest.py"))
+spec = importlib.util.spec_from_file_location(
+    "pom_conftest", (Path(__file__).parents[1] / "conftest.py")
+)
 tools = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(tools)
 SIXTIETH = '<DefaultExperiment stepSize="0.016666666666666666"/>'
@@ -41,7 +43,8 @@ def test_it_is_stepped_by_its_own_length_and_read_between(case, fixed, lag_state
     result = replay(case, {"fixed": fixed()}, lag_states)
     assert result.failure == ""
     error = np.abs(result.signals["theta"][1] - result.signals["theta"][0]).max()
-    # inputs and outputs on straight lines: the corner of the ramp lies up to a step away, the curve of theta bends by 0.08 rad/s2
+    # inputs and outputs on straight lines: the corner of the ramp lies up to a step away, the curve
+    # of theta bends by 0.08 rad/s2
     assert 0.0 < error < 2.0 * 0.02 * (1.0 / 60.0) ** 2 / 0.5
     assert result.passed("fixed")
     assert result.signals["time"].size == 401  # the samples of the record, not of the model
@@ -57,7 +60,9 @@ def test_uneven_samples_are_flown_at_even_steps(case, toys, lag_states):
 
 
 def test_a_step_that_divides_the_samples_is_exact_at_them(case, fixed, lag_states):
-    sparse = lag_states.interp(time=np.arange(0.0, 9.91, 0.1))  # six steps per sample, the corner of the ramp on a sample
+    sparse = lag_states.interp(
+        time=np.arange(0.0, 9.91, 0.1)
+    )  # six steps per sample, the corner of the ramp on a sample
     result = replay(case, {"fixed": fixed()}, sparse)
     assert np.abs(result.signals["nz"][1] - result.signals["nz"][0]).max() < 1e-12
 

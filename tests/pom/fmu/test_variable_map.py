@@ -1,4 +1,6 @@
-"""Tables of names: what joins canonical names and a foreign FMU, and what is refused before anything runs."""
+"""Tables of names: what joins canonical names and a foreign FMU, and what is refused before
+anything runs.
+"""
 
 import pytest
 
@@ -37,7 +39,9 @@ def table(tmp_path):
 def test_names_that_are_canonical_need_no_entry(foreign, table):
     links = links_of(read_fmu(foreign), table(NAMES))
     assert links.inputs["delta_e"] == Link("Elev", -1.0)
-    assert links.outputs["theta"].factor == pytest.approx(0.017453292519943295, rel=1e-15)  # as the FMU declares it
+    assert links.outputs["theta"].factor == pytest.approx(
+        0.017453292519943295, rel=1e-15
+    )  # as the FMU declares it
     assert links.outputs["q"] == Link("q")
     assert "Pitch" not in links.outputs
     assert links.parameters["init.theta"].to_fmu(0.017453292519943295) == pytest.approx(1.0)
@@ -68,7 +72,9 @@ h = "q"
     text = str(caught.value)
     assert "inputs.delta_e: unknown input of the FMU 'Elevv'; near it: Elev" in text
     assert "inputs.delta_x: unknown quantity 'delta_x'" in text
-    assert "outputs.theta: the table gives 'rad' and the FMU declares 'deg'; correct the table" in text
+    assert (
+        "outputs.theta: the table gives 'rad' and the FMU declares 'deg'; correct the table" in text
+    )
     assert "outputs.phi: unit 'ft' cannot be converted to 'rad'" in text
     assert "outputs.h: 'q' is phi already; a variable has one canonical name" in text
     assert "outputs.h: unit 'rad/s' cannot be converted to 'm'" in text
@@ -79,7 +85,9 @@ h = "q"
 
 def test_a_scale_is_for_a_variable_without_a_unit(foreign, table):
     text = NAMES.replace('variable = "Elev"', 'variable = "Elev", scale = "10 deg"')
-    with pytest.raises(SchemaError, match="a scale is for a variable without a unit; this one is in 'rad'"):
+    with pytest.raises(
+        SchemaError, match="a scale is for a variable without a unit; this one is in 'rad'"
+    ):
         links_of(read_fmu(foreign), table(text))
 
 
@@ -97,12 +105,17 @@ def test_a_table_for_a_model_that_is_not_there(write_case, toy, table, lag_state
 def test_the_case_still_states_what_it_lacks(write_case, foreign, table, lag_states):
     case = read_case(write_case(more="trim = false"))
     text = NAMES.replace('theta = {variable = "Pitch"}', "")
-    with pytest.raises(SchemaError, match=r"unknown output 'theta'.*the case needs it and the FMU does not offer it"):
+    with pytest.raises(
+        SchemaError,
+        match=r"unknown output 'theta'.*the case needs it and the FMU does not offer it",
+    ):
         replay(case, {"toy": foreign}, lag_states, names={"toy": table(text)})
 
 
 def test_a_fixed_value_and_the_sign_reach_the_fmu(write_case, toy, table, lag_states):
-    """The toy in degrees of pitch with an elevator the other way: the recorded one is turned back, the thrust stays as fixed."""
+    """The toy in degrees of pitch with an elevator the other way: the recorded one is turned back,
+    the thrust stays as fixed.
+    """
     case = read_case(write_case(case='show = ["theta"]', more="trim = false"))
     turned = lag_states.assign(delta_e=-lag_states["delta_e"])
     text = '[inputs]\ndelta_e = {variable = "Elev", sign = -1}\n'
@@ -110,19 +123,31 @@ def test_a_fixed_value_and_the_sign_reach_the_fmu(write_case, toy, table, lag_st
     result = replay(case, {"toy": fmu}, turned, names={"toy": table(text)})
     assert abs(result.signals["theta"][1] - result.signals["theta"][0]).max() < 1e-14
     fixed = replay(
-        case, {"toy": fmu}, lag_states.assign(delta_e=0.0 * lag_states["delta_e"]), names={"toy": table("[fixed]\nElev = 0.1\n")}
+        case,
+        {"toy": fmu},
+        lag_states.assign(delta_e=0.0 * lag_states["delta_e"]),
+        names={"toy": table("[fixed]\nElev = 0.1\n")},
     )
     assert fixed.signals["nz"][1].values == pytest.approx(1.0 - 4.0 * 0.1, abs=1e-15)
 
 
-def test_a_case_file_may_name_the_table_and_the_call_goes_before_it(write_case, toy, table, lag_states, tmp_path):
+def test_a_case_file_may_name_the_table_and_the_call_goes_before_it(
+    write_case, toy, table, lag_states, tmp_path
+):
     turned = table('[inputs]\ndelta_e = {variable = "Elev", sign = -1}\n')
     (tmp_path / "plain.toml").write_text('[inputs]\ndelta_e = "Elev"\n')
-    case = read_case(write_case(case='show = ["theta"]', more='trim = false\n[models]\ntoy = "names.toml"\nother = "plain.toml"'))
+    case = read_case(
+        write_case(
+            case='show = ["theta"]',
+            more='trim = false\n[models]\ntoy = "names.toml"\nother = "plain.toml"',
+        )
+    )
     assert case.files()[2:] == [str(turned), str(tmp_path / "plain.toml")]
     fmu = toy(rename={"delta_e": "Elev"})
     own = replay(case, {"toy": fmu}, lag_states)
     given = replay(case, {"toy": fmu}, lag_states, names={"toy": tmp_path / "plain.toml"})
-    assert own.signals["theta"][1].values == pytest.approx(-given.signals["theta"][1].values, abs=1e-15)
+    assert own.signals["theta"][1].values == pytest.approx(
+        -given.signals["theta"][1].values, abs=1e-15
+    )
     with pytest.raises(SchemaError, match=r"models\.toy: no file .*gone.toml"):
         read_case(write_case(more='trim = false\n[models]\ntoy = "gone.toml"'))

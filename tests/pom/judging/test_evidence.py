@@ -17,20 +17,38 @@ COUNT = 500
 def states():
     """Angle of attack, pitch rate and elevator of no aeroplane: random, so that every term acts."""
     rng = np.random.default_rng(1)
-    names = ("alpha", "beta", "qhat", "phat", "rhat", "alphadothat", "delta_e", "delta_a", "delta_r", "gear")
+    names = (
+        "alpha",
+        "beta",
+        "qhat",
+        "phat",
+        "rhat",
+        "alphadothat",
+        "delta_e",
+        "delta_a",
+        "delta_r",
+        "gear",
+    )
     values = {name: ("time", 0.05 * rng.standard_normal(COUNT)) for name in names}
-    return xr.Dataset({**values, "mach": ("time", np.full(COUNT, 0.3))}, coords={"time": 0.02 * np.arange(COUNT)})
+    return xr.Dataset(
+        {**values, "mach": ("time", np.full(COUNT, 0.3))}, coords={"time": 0.02 * np.arange(COUNT)}
+    )
 
 
 @pytest.fixture(scope="module")
 def evidence(trainer):
-    """The true database as flight found it: standard errors of 5 %, all nodes from flight but those of Cn/rudder."""
+    """The true database as flight found it: standard errors of 5 %, all nodes from flight but those
+    of Cn/rudder.
+    """
     db = trainer.database()
     leaves = {}
     for name, leaf in aerodb.terms(db).items():
         source = "datcom" if name == "Cn/rudder" else "flight"
         marked = np.full(leaf["value"].shape, terms.SOURCES.index(source), np.uint8)
-        leaves[name] = leaf.assign(stderr=abs(leaf["value"]) * SHARE + 1e-9, source=(leaf["value"].dims, marked, terms.SOURCE_ATTRS))
+        leaves[name] = leaf.assign(
+            stderr=abs(leaf["value"]) * SHARE + 1e-9,
+            source=(leaf["value"].dims, marked, terms.SOURCE_ATTRS),
+        )
     return aerodb.replace_terms(db, leaves)
 
 
@@ -49,15 +67,21 @@ def test_the_evidence_is_at_no_distance_from_itself(compared, trainer):
 
 
 def test_a_term_off_by_a_share_lies_that_share_over_its_standard_error_away(compared, trainer):
-    """0.4 of Cm/qhat and 0.75 of Cm/elevator compensate each other in a short period; 60 and 25 % over 5 %."""
+    """0.4 of Cm/qhat and 0.75 of Cm/elevator compensate each other in a short period; 60 and 25 %
+    over 5 %.
+    """
     found = distances(compared, trainer, Cm_qhat=0.4, Cm_elevator=0.75)
     assert list(found)[:2] == ["Cm/qhat", "Cm/elevator"]
     assert found["Cm/qhat"] == pytest.approx(0.6 / SHARE, rel=1e-6)
     assert found["Cm/elevator"] == pytest.approx(0.25 / SHARE, rel=1e-6)
-    assert max(size for name, size in found.items() if name not in ("Cm/qhat", "Cm/elevator")) < 1e-9
+    assert (
+        max(size for name, size in found.items() if name not in ("Cm/qhat", "Cm/elevator")) < 1e-9
+    )
 
 
-def test_what_flight_did_not_find_and_what_a_case_does_not_use_is_not_counted(compared, evidence, states, trainer):
+def test_what_flight_did_not_find_and_what_a_case_does_not_use_is_not_counted(
+    compared, evidence, states, trainer
+):
     assert "Cn/rudder" not in distances(compared, trainer, Cn_rudder=3.0)
     still = Evidence(evidence, states.assign(qhat=0.0 * states["qhat"]))
     assert "Cm/qhat" not in distances(still, trainer, Cm_qhat=0.4)
@@ -65,7 +89,9 @@ def test_what_flight_did_not_find_and_what_a_case_does_not_use_is_not_counted(co
 
 def test_a_term_that_a_model_lacks_counts_as_zero(compared, trainer):
     db = aerodb.delete_terms(trainer.database(), ["Cl/phat"])
-    assert compared.distances(flightmech.compile(trainer.AIRCRAFT, db))["Cl/phat"] == pytest.approx(1.0 / SHARE, rel=1e-6)
+    assert compared.distances(flightmech.compile(trainer.AIRCRAFT, db))["Cl/phat"] == pytest.approx(
+        1.0 / SHARE, rel=1e-6
+    )
 
 
 def test_remarks_name_the_terms_beyond_three_standard_errors(compared, trainer, tmp_path):
@@ -80,4 +106,7 @@ def test_remarks_name_the_terms_beyond_three_standard_errors(compared, trainer, 
 
 def test_a_foreign_fmu_is_not_compared_with_the_reason_stated(compared, toy):
     (remark,) = evidence_remarks(compared, toy())
-    assert remark.text == "not compared with the flight evidence: the FMU holds no tables of this program"
+    assert (
+        remark.text
+        == "not compared with the flight evidence: the FMU holds no tables of this program"
+    )

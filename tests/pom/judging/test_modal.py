@@ -26,7 +26,12 @@ def sine(period, zeta, time=TIME, amplitude=5.0, phase=0.4, offset=90.0, slope=0
 
 
 def matched(time, flight, model, id):
-    return Match.of(PomCase("c", "C", id, rows.STANDARD, rows.EDITION, "c.toml", "r.nc", (0.0, 120.0)), time, flight, model)
+    return Match.of(
+        PomCase("c", "C", id, rows.STANDARD, rows.EDITION, "c.toml", "r.nc", (0.0, 120.0)),
+        time,
+        flight,
+        model,
+    )
 
 
 def modal(criterion, time, flight, model, id="1.a.1"):
@@ -41,7 +46,9 @@ def criterion(measure, band=TEN, channel="V_cas", window=(0.0, 120.0)):
     return Criterion(measure, "", channel, measure, "g", band, window)
 
 
-@pytest.mark.parametrize(("period", "zeta"), [(38.0, 0.05), (35.0, -0.01), (30.0, 0.0), (60.0, 0.2)])
+@pytest.mark.parametrize(
+    ("period", "zeta"), [(38.0, 0.05), (35.0, -0.01), (30.0, 0.0), (60.0, 0.2)]
+)
 def test_fit_returns_the_mode_exactly(period, zeta):
     mode = fit_mode(TIME + 7.0, sine(period, zeta))
     assert mode.period == pytest.approx(period, rel=1e-6)
@@ -59,8 +66,15 @@ def test_the_derivative_of_the_residual_is_that_of_differences(sigma):
     trace, wd, step = sine(38.0, 0.05) + noise, 0.14, 1e-6
     exact = _project(TIME, trace, sigma, wd).jacobian
     for k, (ds, dw) in enumerate([(step, 0.0), (0.0, step)]):
-        ahead, behind = (_project(TIME, trace, sigma + sign * ds, wd + sign * dw).rest for sign in (1.0, -1.0))
-        np.testing.assert_allclose(exact[:, k], (ahead - behind) / (2.0 * step), rtol=0.0, atol=1e-6 * np.abs(exact[:, k]).max())
+        ahead, behind = (
+            _project(TIME, trace, sigma + sign * ds, wd + sign * dw).rest for sign in (1.0, -1.0)
+        )
+        np.testing.assert_allclose(
+            exact[:, k],
+            (ahead - behind) / (2.0 * step),
+            rtol=0.0,
+            atol=1e-6 * np.abs(exact[:, k]).max(),
+        )
 
 
 def test_the_fit_is_where_the_derivative_of_the_misfit_is_zero():
@@ -73,7 +87,8 @@ def test_the_fit_is_where_the_derivative_of_the_misfit_is_zero():
 
 
 def test_fit_in_noise_errs_in_the_period_by_far_less_than_the_tolerance():
-    # the case of the tolerance README: 10 kt phugoid, 0.3 kt noise, 3 cycles; a raw peak picker errs by 71 %
+    # the case of the tolerance README: 10 kt phugoid, 0.3 kt noise, 3 cycles; a raw peak picker
+    # errs by 71 %
     noise = np.random.default_rng(3).normal(0.0, 0.3, TIME.size)
     mode = fit_mode(TIME, sine(38.0, 0.05, amplitude=10.0) + noise)
     assert mode.period == pytest.approx(38.0, rel=5e-3)
@@ -91,7 +106,9 @@ def test_phugoid_passes_up_to_ten_percent_of_period(longer, verdict):
 def test_damping_alternative_is_the_wider_below_0p2():
     flight, model = {"V_cas": sine(38.0, 0.05)}, {"V_cas": sine(38.0, 0.065)}
     assert modal(criterion("t_half"), TIME, flight, model).verdict == "fail"  # 23 % shorter
-    assert modal(criterion("damping_ratio", ZETA), TIME, flight, model).verdict == "pass"  # 0.015 of 0.02
+    assert (
+        modal(criterion("damping_ratio", ZETA), TIME, flight, model).verdict == "pass"
+    )  # 0.015 of 0.02
 
 
 def test_an_unstable_model_of_a_stable_flight_fails_inside_the_width():
@@ -105,27 +122,40 @@ def test_an_unstable_model_of_a_stable_flight_fails_inside_the_width():
 def test_a_phugoid_in_a_turn_is_reported(bank, reported):
     """The damping of a model that rolls off is that of a spiral dive as well."""
     flight = {"V_cas": sine(38.0, 0.05), "phi": np.full(TIME.size, math.radians(2.0))}
-    model = {"V_cas": sine(38.0, 0.05), "phi": math.radians(2.0) + math.radians(bank) * TIME / TIME[-1]}
+    model = {
+        "V_cas": sine(38.0, 0.05),
+        "phi": math.radians(2.0) + math.radians(bank) * TIME / TIME[-1],
+    }
     note = text_of(modal(criterion("damping_ratio", ZETA), TIME, flight, model, "2.c.9").remarks)
     assert (f"bank of the model up to {abs(bank):.0f} deg off the flight's" in note) == reported
-    assert "bank" not in text_of(modal(criterion("damping_ratio", ZETA), TIME, flight, model, "2.d.7").remarks)
+    assert "bank" not in text_of(
+        modal(criterion("damping_ratio", ZETA), TIME, flight, model, "2.d.7").remarks
+    )
 
 
 def test_too_few_cycles_are_invalid_unless_the_time_to_half_is_seen():
     short = TIME <= 80.0
     window = (0.0, 80.0)
     slow = {"V_cas": sine(38.0, 0.03)[short]}  # 2.1 cycles, time to half 140 s
-    with pytest.raises(Invalid, match=r"2.1 cycles and less than the time to half \(140 s\) in 80 s"):
+    with pytest.raises(
+        Invalid, match=r"2.1 cycles and less than the time to half \(140 s\) in 80 s"
+    ):
         modal(criterion("period", window=window), TIME[short], slow, slow, "2.c.9")
     fast = {"V_cas": sine(38.0, 0.08)[short]}  # time to half 52 s
-    assert modal(criterion("period", window=window), TIME[short], fast, fast, "2.c.9").verdict == "pass"
+    assert (
+        modal(criterion("period", window=window), TIME[short], fast, fast, "2.c.9").verdict
+        == "pass"
+    )
 
 
 def test_a_model_that_does_not_oscillate_fails_and_a_flight_that_does_not_is_invalid():
     still = {"V_cas": 90.0 + np.random.default_rng(1).normal(size=TIME.size)}
     flight = {"V_cas": sine(38.0, 0.05)}
     got = modal(criterion("period"), TIME, flight, still)
-    assert (got.verdict, text_of(got.remarks).startswith("flight 38.00 s; the model: no oscillation")) == ("fail", True)
+    assert (
+        got.verdict,
+        text_of(got.remarks).startswith("flight 38.00 s; the model: no oscillation"),
+    ) == ("fail", True)
     with pytest.raises(Invalid, match="flight: no oscillation"):
         modal(criterion("period"), TIME, still, flight)
 
@@ -157,12 +187,19 @@ def test_a_sample_that_is_no_number_has_no_mode(gap):
 def test_few_samples_have_no_mode(samples):
     time = TIME[:samples]
     with pytest.raises(Invalid, match=f"{samples} samples; a mode needs 7 at least"):
-        modal(criterion("period", window=(0.0, float(time[-1]))), time, {"V_cas": sine(0.5, 0.05, time)}, {"V_cas": sine(0.5, 0.05, time)})
+        modal(
+            criterion("period", window=(0.0, float(time[-1]))),
+            time,
+            {"V_cas": sine(0.5, 0.05, time)},
+            {"V_cas": sine(0.5, 0.05, time)},
+        )
 
 
 def test_peak_lag_from_fitted_phases():
     time = np.arange(0.0, 20.0, 0.02)
-    band = Band((Limit("percent", 20.0, "%"), Limit("absolute", 0.1, "s")), "greater_of", "ref_scalar")
+    band = Band(
+        (Limit("percent", 20.0, "%"), Limit("absolute", 0.1, "s")), "greater_of", "ref_scalar"
+    )
 
     def run(lag):  # bank peaks `lag` before sideslip, period 2.5 s
         wd = 2.0 * math.pi / 2.5
@@ -174,11 +211,15 @@ def test_peak_lag_from_fitted_phases():
     assert got.worst == pytest.approx(0.05, abs=1e-4)
     assert got.width == pytest.approx(0.12, rel=1e-3)  # 20 % of 0.6 s
     late = peak_lag(criterion("peak_lag", band, "phi", (0.0, 19.9)), time, run(1.2), run(-1.2))
-    assert late.worst == pytest.approx(0.1, abs=1e-4)  # -1.2 s is the peak of the next cycle, at 1.3 s
+    assert late.worst == pytest.approx(
+        0.1, abs=1e-4
+    )  # -1.2 s is the peak of the next cycle, at 1.3 s
 
 
 def test_a_model_that_rolls_over_is_judged_without_the_jump_of_its_bank():
-    """Bank through 180 deg, given within half a turn: the lag is that of the smooth trace, which the report stores and judges again."""
+    """Bank through 180 deg, given within half a turn: the lag is that of the smooth trace, which
+    the report stores and judges again.
+    """
     time = np.arange(0.0, 20.0, 0.02)
     wd = 2.0 * math.pi / 2.5
     band = Band((Limit("absolute", 0.1, "s"),), "single", "ref_scalar")
@@ -188,10 +229,15 @@ def test_a_model_that_rolls_over_is_judged_without_the_jump_of_its_bank():
     jumping = {**smooth, "phi": np.angle(np.exp(1j * smooth["phi"]))}
     assert np.abs(np.diff(jumping["phi"])).max() > 6.0
     for model in (smooth, jumping):
-        assert peak_lag(criterion("peak_lag", band, "phi", (0.0, 19.9)), time, flight, model).worst == pytest.approx(0.05, abs=1e-3)
+        assert peak_lag(
+            criterion("peak_lag", band, "phi", (0.0, 19.9)), time, flight, model
+        ).worst == pytest.approx(0.05, abs=1e-3)
 
 
-@pytest.mark.parametrize(("id", "edition"), [("2.c(9)", "EASA CS-FSTD(A) Issue 2 AMC1 FSTD(A).300"), ("2.c.9", rows.STANDARD)])
+@pytest.mark.parametrize(
+    ("id", "edition"),
+    [("2.c(9)", "EASA CS-FSTD(A) Issue 2 AMC1 FSTD(A).300"), ("2.c.9", rows.STANDARD)],
+)
 def test_three_cycles_are_required_by_whatever_name_the_standard_has_for_the_test(id, edition):
     short = TIME <= 80.0
     slow = {"V_cas": sine(38.0, 0.03)[short]}
@@ -201,11 +247,16 @@ def test_three_cycles_are_required_by_whatever_name_the_standard_has_for_the_tes
 
 
 def test_a_legal_period_is_far_off_as_a_trace():
-    """Trap 4: 10 % more period differs by 62 % of the amplitude within three cycles at a damping ratio of 0.05."""
+    """Trap 4: 10 % more period differs by 62 % of the amplitude within three cycles at a damping
+    ratio of 0.05.
+    """
     flat = {"amplitude": 10.0, "phase": -0.5 * math.pi, "offset": 0.0, "slope": 0.0}
     time = np.arange(0.0, 3.0 * 38.0, 0.05)
     for longer, expected in ((1.10, 0.62), (1.05, 0.34), (1.02, 0.14)):
-        apart = np.abs(sine(38.0 * longer, 0.05, time, **flat) - sine(38.0, 0.05, time, **flat)).max() / 10.0
+        apart = (
+            np.abs(sine(38.0 * longer, 0.05, time, **flat) - sine(38.0, 0.05, time, **flat)).max()
+            / 10.0
+        )
         assert apart == pytest.approx(expected, abs=0.006)
     flight, model = ({"V_cas": sine(period, 0.05, **flat)} for period in (38.0, 38.0 * 1.0999))
     assert modal(criterion("period"), TIME, flight, model, "2.c.9").verdict == "pass"
@@ -213,9 +264,13 @@ def test_a_legal_period_is_far_off_as_a_trace():
 
 def test_half_a_second_is_17_percent_of_a_dutch_roll():
     """Trap 5: the greater of 10 % and 0.5 s on 3 s."""
-    band = Band((Limit("percent", 10.0, "%"), Limit("absolute", 0.5, "s")), "greater_of", "ref_scalar")
+    band = Band(
+        (Limit("percent", 10.0, "%"), Limit("absolute", 0.5, "s")), "greater_of", "ref_scalar"
+    )
     time = np.arange(0.0, 20.0, 0.02)
-    flight, model = ({"r": sine(period, 0.1, time, 0.1, offset=0.0, slope=0.0)} for period in (3.0, 3.49))
+    flight, model = (
+        {"r": sine(period, 0.1, time, 0.1, offset=0.0, slope=0.0)} for period in (3.0, 3.49)
+    )
     got = modal(criterion("period", band, "r", (0.0, 19.9)), time, flight, model)
     assert (got.verdict, round(got.worst_ratio, 3)) == ("pass", 0.98)
     assert got.applied == "10 % of the flight value or 0.5 s, the greater (3 s): 0.5 s"
@@ -228,14 +283,25 @@ def test_a_figure_of_the_flight_that_depends_on_the_window_is_remarked_and_the_v
     both = clean + (6.0 * np.exp(-0.15 * TIME) * np.cos(0.55 * TIME))[short]
 
     def judged(flight, band):
-        return modal(criterion("damping_ratio", band, window=window), TIME[short], {"V_cas": flight}, {"V_cas": both})
+        return modal(
+            criterion("damping_ratio", band, window=window),
+            TIME[short],
+            {"V_cas": flight},
+            {"V_cas": both},
+        )
 
     got = judged(both, ZETA)
     (remark,) = (one for one in got.remarks if one.kind == "window")
     assert got.verdict == "pass"
     assert (remark.quantity, remark.unit) == ("damping_ratio", "1")
-    assert remark.values == pytest.approx({"flight": 0.0745, "moved": 0.1204, "limit": 0.02}, abs=1e-4)
-    assert "damping ratio 0.07454 in the window of the case, 0.1204 in 0.0 ... 63.2 s" in remark.text  # a third of the period less
+    assert remark.values == pytest.approx(
+        {"flight": 0.0745, "moved": 0.1204, "limit": 0.02}, abs=1e-4
+    )
+    assert (
+        "damping ratio 0.07454 in the window of the case, 0.1204 in 0.0 ... 63.2 s" in remark.text
+    )  # a third of the period less
     wide = Band((Limit("absolute", 0.05, "-"),))
-    assert "depends on the window" not in text_of(judged(both, wide).remarks)  # 0.046 is inside this tolerance
+    assert "depends on the window" not in text_of(
+        judged(both, wide).remarks
+    )  # 0.046 is inside this tolerance
     assert "depends on the window" not in text_of(judged(clean, ZETA).remarks)  # the mode is alone

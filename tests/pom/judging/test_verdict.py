@@ -1,4 +1,6 @@
-"""What becomes of each row in a case: judged, advisory, not tested, invalid; conditions, drives, references, standards."""
+"""What becomes of each row in a case: judged, advisory, not tested, invalid; conditions, drives,
+references, standards.
+"""
 
 from dataclasses import replace
 
@@ -27,11 +29,23 @@ def case(id, drive=None, **more):
     window = (0.0, 39.9)
     rows = table.rows_of(id)
     criteria = [
-        table.criterion(r, name, window, tuple(more.get("features", ())), engine_parameter="engine1.thrust")
+        table.criterion(
+            r, name, window, tuple(more.get("features", ())), engine_parameter="engine1.thrust"
+        )
         for r, name in zip(rows, table.names_of(rows), strict=True)
     ]
     return PomCase(
-        "c", "C", id, table.STANDARD, table.EDITION, "c.toml", "r.nc", window, drive=drive or Drive(), criteria=tuple(criteria), **more
+        "c",
+        "C",
+        id,
+        table.STANDARD,
+        table.EDITION,
+        "c.toml",
+        "r.nc",
+        window,
+        drive=drive or Drive(),
+        criteria=tuple(criteria),
+        **more,
     )
 
 
@@ -44,7 +58,10 @@ def named(case, name):
 
 def test_what_drives_a_model_is_not_judged():
     c = case("1.f.1")
-    assert unjudged(c, named(c, "ti")) == "engine1.thrust is driven by the record; what drives a model cannot be judged"
+    assert (
+        unjudged(c, named(c, "ti"))
+        == "engine1.thrust is driven by the record; what drives a model cannot be judged"
+    )
     assert unjudged(case("1.f.1", Drive(engine="throttle")), named(c, "ti")) == ""
 
 
@@ -61,7 +78,10 @@ def test_forces_are_judged_where_the_cockpit_is_driven():
 def test_what_a_math_pilot_holds_is_not_judged_and_what_he_moves_is():
     pilot = Drive("pilot", "throttle", pilot=(Loop("delta_a", "phi", 0.5, 0.1),))
     c = case("2.d.8", pilot)
-    assert unjudged(c, named(c, "bank_angle")) == "phi is held by the math pilot; what a controller holds cannot be judged"
+    assert (
+        unjudged(c, named(c, "bank_angle"))
+        == "phi is held by the math pilot; what a controller holds cannot be judged"
+    )
     assert unjudged(c, named(c, "aileron")) == ""
     still = case("2.d.8", Drive(trim=False))
     assert unjudged(still, named(still, "aileron")).startswith("delta_a is driven")
@@ -71,12 +91,19 @@ def test_a_footprint_has_no_band_and_no_verdict():
     c = replace(case("2.d.6"), reference="footprint")
     flight = {"r": 0.1 * np.sin(TIME)}
     got = judge(c, c.criteria[0], TIME, flight, flight)
-    assert (got.verdict, text_of(got.remarks)) == ("not_tested", "a footprint: a recording without a reference has no band and no verdict")
+    assert (got.verdict, text_of(got.remarks)) == (
+        "not_tested",
+        "a footprint: a recording without a reference has no band and no verdict",
+    )
     assert not bands(c, TIME, flight).data_vars
 
 
 def test_demonstrations_are_explained():
-    icing = table.criterion(table.rows_of("2.i", table.STANDARD, "2016-05-31 (Amdt 60-4)")[0], "demonstration", (0.0, 10.0))
+    icing = table.criterion(
+        table.rows_of("2.i", table.STANDARD, "2016-05-31 (Amdt 60-4)")[0],
+        "demonstration",
+        (0.0, 10.0),
+    )
     got = judge(case("2.g"), icing, TIME, {}, {})
     assert (got.verdict, text_of(got.remarks)) == ("not_tested", table.DEMONSTRATION)
     assert "four recordings" in case("2.g").criteria[0].note  # the row states what to fly
@@ -85,15 +112,23 @@ def test_demonstrations_are_explained():
 def test_windshear_is_judged_by_the_trend_of_the_airspeed():
     shear = {"V_cas": 60.0 - 8.0 * np.clip(TIME - 3.0, 0.0, 1.0)}
     c = case("2.g")
-    assert judge(c, c.criteria[0], TIME, shear, shear).verdict == "advisory"  # a tick makes it a pass
+    assert (
+        judge(c, c.criteria[0], TIME, shear, shear).verdict == "advisory"
+    )  # a tick makes it a pass
     assert judge(c, c.criteria[0], TIME, shear, {"V_cas": 60.0 + 0.0 * TIME}).verdict == "fail"
 
 
 def test_a_nose_wheel_that_the_record_commands_is_not_judged():
     c = case("2.a.5")
-    sweep = {"pedal": np.sin(TIME), "gear.steering": 0.1 * np.sin(TIME), "delta_nw": 0.1 * np.sin(TIME)}
+    sweep = {
+        "pedal": np.sin(TIME),
+        "gear.steering": 0.1 * np.sin(TIME),
+        "delta_nw": 0.1 * np.sin(TIME),
+    }
     c = replace(c, drive=replace(c.drive, surfaces="cockpit"))
-    assert "gear.steering follows delta_nw" in text_of(judge(c, c.criteria[0], TIME, sweep, sweep).remarks)
+    assert "gear.steering follows delta_nw" in text_of(
+        judge(c, c.criteria[0], TIME, sweep, sweep).remarks
+    )
     held = replace(c, conditions={"delta_nw": 0.0})
     assert judge(held, c.criteria[0], TIME, sweep, sweep).verdict == "pass"
 
@@ -106,7 +141,9 @@ def test_a_trim_surface_is_judged_where_the_trim_solves_for_it():
     assert "driven by the record" in text_of(judge(forced, tab, TIME, level, level).remarks)
     solved = replace(c, drive=replace(c.drive, surfaces="force", trim_surfaces=("delta_t",)))
     assert judge(solved, tab, TIME, level, level).verdict == "pass"
-    assert judge(solved, tab, TIME, level, {"delta_t": 0.03 + 0.0 * TIME}).verdict == "fail"  # 0.57 of 0.5 deg
+    assert (
+        judge(solved, tab, TIME, level, {"delta_t": 0.03 + 0.0 * TIME}).verdict == "fail"
+    )  # 0.57 of 0.5 deg
 
 
 def test_a_channel_that_one_side_lacks_is_not_tested():
@@ -137,7 +174,9 @@ def test_short_data_and_missing_samples_are_invalid_not_an_exception():
 
 
 def test_a_row_outside_its_segment_does_not_count(judged):
-    """Trap 9: the heading band of 1.b.6 counts above 40 kt, below it the trend; bank of 2.c.8 above the warning."""
+    """Trap 9: the heading band of 1.b.6 counts above 40 kt, below it the trend; bank of 2.c.8 above
+    the warning.
+    """
     V = 2.0 * TIME  # 40 kt at 10.3 s
     flight = {"V_cas": V, "vn": V, "ve": 0.0 * V, "psi": 0.0 * V}
     flight |= dict.fromkeys(("theta", "alpha", "h_agl", "phi", "beta", "pedal"), 0.0 * FLAT)
@@ -146,17 +185,34 @@ def test_a_row_outside_its_segment_does_not_count(judged):
     got = judged("1.b.6", TIME, flight, excursion, events=events)
     assert got["heading"]["verdict"] == "pass"
     assert (
-        judged("1.b.6", TIME, flight, flight | {"psi": np.where(TIME > 10.5, 3.1, 0.0) * DEG}, events=events)["heading"]["verdict"]
+        judged(
+            "1.b.6",
+            TIME,
+            flight,
+            flight | {"psi": np.where(TIME > 10.5, 3.1, 0.0) * DEG},
+            events=events,
+        )["heading"]["verdict"]
         == "fail"
     )
-    slow = judged("1.b.6", TIME, flight | {"psi": 0.02 * np.sin(TIME)}, flight | {"psi": 0.021 * np.sin(TIME)}, events=events)
+    slow = judged(
+        "1.b.6",
+        TIME,
+        flight | {"psi": 0.02 * np.sin(TIME)},
+        flight | {"psi": 0.021 * np.sin(TIME)},
+        events=events,
+    )
     assert slow["heading trend"]["verdict"] == "advisory"
 
     V = 60.0 - 0.5 * TIME  # warning at 50 m/s, 20 s
     stall = {"V_cas": V, "phi": 0.0 * FLAT, "alpha": 0.1 + 0.001 * TIME}
     rolls = stall | {"phi": np.where(TIME > 20.1, 30.0, 1.0) * DEG}
-    got = judged("2.c.8", TIME, stall, rolls, events={"stall_warning": 20.0, "initial_buffet": 22.0})
-    assert (got["bank_angle"]["verdict"], got["bank_angle"]["worst_ratio"]) == ("pass", pytest.approx(0.5))
+    got = judged(
+        "2.c.8", TIME, stall, rolls, events={"stall_warning": 20.0, "initial_buffet": 22.0}
+    )
+    assert (got["bank_angle"]["verdict"], got["bank_angle"]["worst_ratio"]) == (
+        "pass",
+        pytest.approx(0.5),
+    )
 
 
 def test_parts_of_a_stall_lie_between_its_events(judged):
@@ -176,13 +232,20 @@ def test_parts_of_a_stall_lie_between_its_events(judged):
     after = next(item for name, item in got.items() if name.startswith("pitch_angle trace"))
     assert (after["window_start"], after["window_stop"], after["verdict"]) == (20.0, 30.0, "fail")
     unmarked = judged("2.c.8.a", TIME, flight, model, **OF_2016)["pitch_angle"]
-    assert text_of(unmarked["remarks"]).startswith("give the event stall_warning in [events]: the row counts only in approach_to_stall")
+    assert text_of(unmarked["remarks"]).startswith(
+        "give the event stall_warning in [events]: the row counts only in approach_to_stall"
+    )
 
 
 def test_groups_are_alternatives_across_parameters(judged):
-    """Trap 1.  Short period: pitch angle or pitch rate, and load factor.  Half a second of 4 deg/s is too much for the rate."""
+    """Trap 1.  Short period: pitch angle or pitch rate, and load factor.  Half a second of 4 deg/s
+    is too much for the rate.
+    """
     flight = {"theta": 0.0 * FLAT, "q": 0.0 * FLAT, "nz": FLAT}
-    model = flight | {"q": np.where((TIME > 10.0) & (TIME < 10.5), 4.0, 0.0) * DEG, "theta": np.where(TIME > 10.0, 1.4, 0.0) * DEG}
+    model = flight | {
+        "q": np.where((TIME > 10.0) & (TIME < 10.5), 4.0, 0.0) * DEG,
+        "theta": np.where(TIME > 10.0, 1.4, 0.0) * DEG,
+    }
     got = judged("2.c.10", TIME, flight, model)
     assert (got["pitch_angle"]["verdict"], got["pitch_rate"]["verdict"]) == ("pass", "fail")
     verdicts = {name: item["verdict"] for name, item in got.items()}
@@ -228,7 +291,9 @@ def test_spiral_is_judged_at_the_end_and_its_trend_is_advice():
 
 def test_a_trend_states_its_criteria(judged):
     flight = {"phi": 20.0 * DEG * np.exp(-TIME / 60.0)}  # 20 (exp(-20/60) - 1) = -5.67 deg
-    half = judged("2.d.4", TIME, flight, {"phi": 0.5 * flight["phi"] + 10.0 * DEG})["bank_angle trend"]
+    half = judged("2.d.4", TIME, flight, {"phi": 0.5 * flight["phi"] + 10.0 * DEG})[
+        "bank_angle trend"
+    ]
     assert half["verdict"] == "advisory"
     assert text_of(half["remarks"]).startswith(
         "largest change of flight -5.67 deg, of model -2.83 deg, amplitude ratio 0.50, correlation 1.00; "
@@ -237,26 +302,45 @@ def test_a_trend_states_its_criteria(judged):
     away = judged("2.d.4", TIME, flight, {"phi": 40.0 * DEG - flight["phi"]})["bank_angle trend"]
     assert away["verdict"] == "fail"
     assert "not met: sign, correlation; an engineer may tick it" in text_of(away["remarks"])
-    small = judged("2.d.4", TIME, flight, {"phi": 0.4 * flight["phi"] + 12.0 * DEG})["bank_angle trend"]
+    small = judged("2.d.4", TIME, flight, {"phi": 0.4 * flight["phi"] + 12.0 * DEG})[
+        "bank_angle trend"
+    ]
     assert "not met: amplitude;" in text_of(small["remarks"])
     assert small["verdict"] == "fail"
 
 
 def test_a_change_within_the_scatter_of_the_flight_is_no_trend(judged):
-    """0.03 deg is no trend whatever its sign, and a model that moves by 2 deg there has one that the flight has not."""
+    """0.03 deg is no trend whatever its sign, and a model that moves by 2 deg there has one that
+    the flight has not.
+    """
     flight = {"phi": 0.03 * DEG * TIME / TIME[-1]}
     still = judged("2.d.4", TIME, flight, {"phi": -flight["phi"]})["bank_angle trend"]
     assert still["verdict"] == "advisory"
-    assert "within the dead band of +0.1 deg: no trend; of model -0.015 deg, allowed +2 deg" in text_of(still["remarks"])
-    moving = judged("2.d.4", TIME, flight, {"phi": 4.2 * DEG * TIME / TIME[-1]}, ticks={"bank_angle trend": "A. Engineer"})
+    assert (
+        "within the dead band of +0.1 deg: no trend; of model -0.015 deg, allowed +2 deg"
+        in text_of(still["remarks"])
+    )
+    moving = judged(
+        "2.d.4",
+        TIME,
+        flight,
+        {"phi": 4.2 * DEG * TIME / TIME[-1]},
+        ticks={"bank_angle trend": "A. Engineer"},
+    )
     assert moving["bank_angle trend"]["verdict"] == "fail"
-    assert "the tick (A. Engineer) does not hold: the flight has no trend" in text_of(moving["bank_angle trend"]["remarks"])
+    assert "the tick (A. Engineer) does not hold: the flight has no trend" in text_of(
+        moving["bank_angle trend"]["remarks"]
+    )
     rough = 0.5 * DEG * np.sin(9.0 * TIME)
-    assert trends.dead_band("phi", TIME, rough) == pytest.approx(3.0 * 0.5 * DEG / np.sqrt(2.0), rel=0.1)
+    assert trends.dead_band("phi", TIME, rough) == pytest.approx(
+        3.0 * 0.5 * DEG / np.sqrt(2.0), rel=0.1
+    )
 
 
 def test_a_sample_without_a_number_leaves_no_alternative(judged):
-    """Either pitch angle or pitch rate passes 2.c.10; a model whose pitch rate is no number passes neither."""
+    """Either pitch angle or pitch rate passes 2.c.10; a model whose pitch rate is no number passes
+    neither.
+    """
     flight = {"theta": 0.0 * FLAT, "q": 0.0 * FLAT, "nz": FLAT}
     c = case("2.c.10")
     model = flight | {"q": np.where(TIME > 10.0, np.nan, 0.0)}
@@ -266,7 +350,9 @@ def test_a_sample_without_a_number_leaves_no_alternative(judged):
         "pitch_rate": "invalid",
         "normal_acceleration": "pass",
     }
-    assert text_of(outcomes["pitch_angle"].remarks).startswith("its alternative pitch_rate: the model has no value in ")
+    assert text_of(outcomes["pitch_angle"].remarks).startswith(
+        "its alternative pitch_rate: the model has no value in "
+    )
 
 
 def test_the_order_of_peaks_is_part_of_the_trend(judged):
@@ -274,16 +360,24 @@ def test_the_order_of_peaks_is_part_of_the_trend(judged):
     flight = {"phi": np.sin(TIME / 3.0) * np.where(TIME < 9.5, 1.1, 1.0)}
     swapped = {"phi": -np.sin(TIME / 3.0) * np.where(TIME < 9.5, 1.0, 1.2)}
     got = judged("2.d.4", TIME, flight, swapped)["bank_angle trend"]
-    assert "not met: order of peaks, correlation; an engineer may tick it" in text_of(got["remarks"])
+    assert "not met: order of peaks, correlation; an engineer may tick it" in text_of(
+        got["remarks"]
+    )
 
 
 def test_a_tick_makes_a_trend_a_pass_that_names_who_but_not_a_wrong_sign(judged):
     flight = {"phi": 20.0 * DEG * np.exp(-TIME / 60.0)}
     ticks = {"bank_angle trend": "A. Engineer, 2026-11-21, both converge"}
-    got = judged("2.d.4", TIME, flight, {"phi": 0.4 * flight["phi"] + 12.0 * DEG}, ticks=ticks)["bank_angle trend"]
+    got = judged("2.d.4", TIME, flight, {"phi": 0.4 * flight["phi"] + 12.0 * DEG}, ticks=ticks)[
+        "bank_angle trend"
+    ]
     assert got["verdict"] == "pass"
-    assert "not met: amplitude; ticked by A. Engineer, 2026-11-21, both converge" in text_of(got["remarks"])
-    away = judged("2.d.4", TIME, flight, {"phi": 40.0 * DEG - flight["phi"]}, ticks=ticks)["bank_angle trend"]
+    assert "not met: amplitude; ticked by A. Engineer, 2026-11-21, both converge" in text_of(
+        got["remarks"]
+    )
+    away = judged("2.d.4", TIME, flight, {"phi": 40.0 * DEG - flight["phi"]}, ticks=ticks)[
+        "bank_angle trend"
+    ]
     assert away["verdict"] == "fail"
     assert "does not hold: the model moves the other way" in text_of(away["remarks"])
 
@@ -294,7 +388,11 @@ def test_a_tick_makes_a_trend_a_pass_that_names_who_but_not_a_wrong_sign(judged)
 def test_rows_are_in_the_unit_of_the_table():
     c = case("2.c.10")
     flight = {"q": 0.0 * TIME}
-    found = row("m", named(c, "pitch_rate"), judge(c, named(c, "pitch_rate"), TIME, flight, {"q": flight["q"] + 3.0 * DEG}))
+    found = row(
+        "m",
+        named(c, "pitch_rate"),
+        judge(c, named(c, "pitch_rate"), TIME, flight, {"q": flight["q"] + 3.0 * DEG}),
+    )
     assert (found["unit"], found["tolerance_text"], found["applied_text"], found["provenance"]) == (
         "deg/s",
         "2 deg/s",
@@ -320,7 +418,9 @@ def test_memory_stays_in_every_row(judged):
     rates = dict.fromkeys("pqr", 0.1 * np.sin(TIME)) | {"V_cas": 60.0 * FLAT}
     got = judged("1.b.8", TIME, rates, rates, events={"engine_failure": 10.0})
     assert {item["provenance"] for item in got.values()} == {"verified"}
-    later = judged("2.c.8.a", TIME, {"p": TIME}, {}, events={"stall_warning": 10.0, "stall": 20.0}, **OF_2016)
+    later = judged(
+        "2.c.8.a", TIME, {"p": TIME}, {}, events={"stall_warning": 10.0, "stall": 20.0}, **OF_2016
+    )
     assert later["roll_rate"]["provenance"] == "memory"
 
 
@@ -331,7 +431,11 @@ def test_bands_are_drawn_where_they_count():
     assert np.isnan(width[TIME < 9.9]).all()
     np.testing.assert_allclose(width[(TIME > 10.1) & (TIME < 19.9)], 3.0 * DEG)  # 10 % of 30 deg/s
     fast = replace(inside, condition="groundspeed>=40kt")
-    width = bands(replace(c, criteria=(fast,)), TIME, {"p": 30.0 * DEG * FLAT, "vn": 1.4 * TIME, "ve": 0.0 * TIME})["p"].values
+    width = bands(
+        replace(c, criteria=(fast,)),
+        TIME,
+        {"p": 30.0 * DEG * FLAT, "vn": 1.4 * TIME, "ve": 0.0 * TIME},
+    )["p"].values
     assert np.isnan(width[TIME < 40.0 * KNOT / 1.4]).all()
     assert np.isfinite(width[(TIME > 40.0 * KNOT / 1.4 + 0.1) & (TIME < 19.9)]).all()
 
@@ -350,18 +454,54 @@ def test_what_a_model_has_to_offer():
 @pytest.mark.parametrize(
     ("id", "standard", "edition", "name", "off", "verdict"),
     [
-        ("2.c(10)", "EASA CS-FSTD(A) Issue 2 AMC1 FSTD(A).300", "2018-05-03", "pitch_rate", 1.9, "pass"),
-        ("2.d(2)", "EASA CS-FSTD(A) Issue 2 AMC1 FSTD(A).300", "2018-05-03", "roll_rate", 2.1, "fail"),
-        ("2.f", "CAAC CCAR-60 App A aeroplane simulator tests", "2005-09-01", "pitch_angle", 0.9, "pass"),
+        (
+            "2.c(10)",
+            "EASA CS-FSTD(A) Issue 2 AMC1 FSTD(A).300",
+            "2018-05-03",
+            "pitch_rate",
+            1.9,
+            "pass",
+        ),
+        (
+            "2.d(2)",
+            "EASA CS-FSTD(A) Issue 2 AMC1 FSTD(A).300",
+            "2018-05-03",
+            "roll_rate",
+            2.1,
+            "fail",
+        ),
+        (
+            "2.f",
+            "CAAC CCAR-60 App A aeroplane simulator tests",
+            "2005-09-01",
+            "pitch_angle",
+            0.9,
+            "pass",
+        ),
         ("2.c.8", "FAA 14 CFR Part 60 App B Table B2A", "2014-01-01", "bank_angle", 2.1, "fail"),
-        ("2.c.8.b", "FAA 14 CFR Part 60 App A Table A2A", "2016-05-31 (Amdt 60-4)", "bank_angle", 1.9, "pass"),
+        (
+            "2.c.8.b",
+            "FAA 14 CFR Part 60 App A Table A2A",
+            "2016-05-31 (Amdt 60-4)",
+            "bank_angle",
+            1.9,
+            "pass",
+        ),
     ],
 )
-def test_a_case_of_every_standard_is_read_and_judged(write_case, id, standard, edition, name, off, verdict):
-    path = write_case(id, case=f'standard = "{standard}"\nedition = "{edition}"', more="[events]\ncapture = 5.0\nstall_warning = 8.0")
+def test_a_case_of_every_standard_is_read_and_judged(
+    write_case, id, standard, edition, name, off, verdict
+):
+    path = write_case(
+        id,
+        case=f'standard = "{standard}"\nedition = "{edition}"',
+        more="[events]\ncapture = 5.0\nstall_warning = 8.0",
+    )
     read = pom.read_case(path)
     time = np.arange(1.0, 9.001, 0.02)
-    flight = {channel: 0.0 * time for channel in ("theta", "q", "p", "phi")} | {"V_cas": 60.0 - time}
+    flight = {channel: 0.0 * time for channel in ("theta", "q", "p", "phi")} | {
+        "V_cas": 60.0 - time
+    }
     criterion = named(read, name)
     got = judge(read, criterion, time, flight, {k: v + off * DEG for k, v in flight.items()})
     assert (got.verdict, criterion.provenance) == (
@@ -371,11 +511,20 @@ def test_a_case_of_every_standard_is_read_and_judged(write_case, id, standard, e
 
 
 def test_a_case_may_take_a_percentage_of_the_range_in_service():
-    c = replace(case("1.d.3"), ranges={"engine1.n1": 1.04}, drive=Drive(engine="throttle"), events={"capture": 20.0})
+    c = replace(
+        case("1.d.3"),
+        ranges={"engine1.n1": 1.04},
+        drive=Drive(engine="throttle"),
+        events={"capture": 20.0},
+    )
     changed = override(c.criteria, "n1", {"percent": 2.0, "base": "range_max"}, c.window)
     n1 = next(x for x in changed if x.name == "n1")
     got = judge(c, n1, TIME, {"engine1.n1": 0.5 * FLAT}, {"engine1.n1": 0.52 * FLAT})
-    assert (got.verdict, got.worst_ratio, n1.provenance) == ("pass", pytest.approx(0.02 / 0.0208), "case file")
+    assert (got.verdict, got.worst_ratio, n1.provenance) == (
+        "pass",
+        pytest.approx(0.02 / 0.0208),
+        "case file",
+    )
     assert got.applied == "2 % of the largest value in service (104 %): 2.08 %"
 
 

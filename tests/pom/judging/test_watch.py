@@ -14,14 +14,32 @@ DEG = np.pi / 180.0
 def case(id, reference="flight"):
     window = (0.0, float(TIME[-1]))
     rows = table.rows_of(id)
-    criteria = [table.criterion(r, name, window, ()) for r, name in zip(rows, table.names_of(rows), strict=True)]
-    return PomCase("c", "C", id, table.STANDARD, table.EDITION, "c.toml", "r.nc", window, criteria=tuple(criteria), reference=reference)
+    criteria = [
+        table.criterion(r, name, window, ())
+        for r, name in zip(rows, table.names_of(rows), strict=True)
+    ]
+    return PomCase(
+        "c",
+        "C",
+        id,
+        table.STANDARD,
+        table.EDITION,
+        "c.toml",
+        "r.nc",
+        window,
+        criteria=tuple(criteria),
+        reference=reference,
+    )
 
 
 def phugoid(phase=0.0, amplitude=6.0, drift=0.0):
     """Speed and pitch of a phugoid: period 50 s, time to half 60 s."""
     wave = np.exp(-TIME * np.log(2.0) / 60.0) * np.cos(2.0 * np.pi * TIME / 50.0 + phase)
-    return {"V_cas": 90.0 + amplitude * wave + drift * TIME, "theta": 0.6 * amplitude * DEG * wave, "phi": 0.0 * TIME}
+    return {
+        "V_cas": 90.0 + amplitude * wave + drift * TIME,
+        "theta": 0.6 * amplitude * DEG * wave,
+        "phi": 0.0 * TIME,
+    }
 
 
 @pytest.mark.parametrize(
@@ -42,7 +60,10 @@ def test_the_remark_states_channel_size_time_and_band():
     model = phugoid() | {"phi": np.where((TIME > 60.0) & (TIME < 61.0), -5.0 * DEG, 0.0)}
     (remark,) = watch(case("2.c.9"), TIME, phugoid(), model)
     assert remark.kind == "watch"
-    assert remark.text == "bank angle off by 5 deg at 60.1 s, without a tolerance, watched within 4 deg"
+    assert (
+        remark.text
+        == "bank angle off by 5 deg at 60.1 s, without a tolerance, watched within 4 deg"
+    )
     assert remark.values == pytest.approx({"off": 5.0, "band": 4.0})
 
 
@@ -63,7 +84,12 @@ def test_what_a_time_history_judges_is_not_watched_again():
 def test_what_cannot_be_compared_is_not():
     """A missing channel, samples without a number, flow angles at rest, a footprint."""
     flight = {"beta": 0.0 * TIME, "V_cas": np.where(TIME < 60.0, 5.0, 60.0), "r": 0.0 * TIME}
-    model = {"beta": np.where(TIME < 60.0, 1.5, 0.0), "V_cas": flight["V_cas"], "r": np.full(TIME.size, np.nan), "q": TIME}
+    model = {
+        "beta": np.where(TIME < 60.0, 1.5, 0.0),
+        "V_cas": flight["V_cas"],
+        "r": np.full(TIME.size, np.nan),
+        "q": TIME,
+    }
     assert watch(case("2.c.9"), TIME, flight, model) == ()
     assert watch(case("2.c.9", reference="footprint"), TIME, phugoid(), phugoid(phase=np.pi)) == ()
     assert set(BANDS) == {"V_cas", "h", "theta", "phi", "psi", "alpha", "beta", "p", "q", "r", "nz"}

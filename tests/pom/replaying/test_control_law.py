@@ -1,4 +1,6 @@
-"""The FMU of a control law between the recorded pilot and the model, coupled sample by sample; feedback one step late."""
+"""The FMU of a control law between the recorded pilot and the model, coupled sample by sample;
+feedback one step late.
+"""
 
 import json
 
@@ -27,7 +29,9 @@ def flight(lag_states):
 
 
 def expected(result, flight, gain=0.1, step=STEP):
-    """Return pitch attitude and elevator, sample by sample: the lag under held inputs, the law one step behind."""
+    """Return pitch attitude and elevator, sample by sample: the lag under held inputs, the law one
+    step behind.
+    """
     time = result.signals["time"].values
     points = np.arange(round((time[-1] - time[0]) / step) + 1) * step + time[0]
     column = np.interp(points, flight["time"].values, flight["column"].values)
@@ -36,7 +40,9 @@ def expected(result, flight, gain=0.1, step=STEP):
     theta, u = [float(at_start["theta"])], [-1.2 * column[0] + gain * float(at_start["q"])]
     for k in range(points.size - 1):
         theta.append(held * theta[k] + 2.0 * (1.0 - held) * u[k])
-        q = (2.0 * u[max(k - 1, 0)] - theta[k]) / TAU  # of the sample, under the input that acted until then
+        q = (
+            2.0 * u[max(k - 1, 0)] - theta[k]
+        ) / TAU  # of the sample, under the input that acted until then
         u.append(-1.2 * column[k] + gain * q)
     every = round(STEP / step)
     return np.array(theta)[::every], np.array(u)[::every]
@@ -55,18 +61,24 @@ def test_model_and_law_are_coupled_with_one_step_of_delay(law, write_case, toy, 
     assert "delta_e" not in driven(case)
 
 
-def test_units_names_and_parameters_of_the_law_are_those_of_its_table(law, write_case, toy, flight, tmp_path):
+def test_units_names_and_parameters_of_the_law_are_those_of_its_table(
+    law, write_case, toy, flight, tmp_path
+):
     law("degrees", names=("stick", "rate", "elevator"), units=("m", "deg/s", "deg"))
     (tmp_path / "law.toml").write_text(
         '[inputs]\ncolumn = "stick"\nq = { variable = "rate", unit = "deg/s" }\n'
         '[outputs]\ndelta_e = { variable = "elevator", unit = "deg" }\n[fixed]\ngain = 0.05\n'
     )
-    case = read_case(write_case(case='show = ["theta"]', more="trim = false\n" + LAW + 'names = "law.toml"\n'))
+    case = read_case(
+        write_case(case='show = ["theta"]', more="trim = false\n" + LAW + 'names = "law.toml"\n')
+    )
     result = replay(case, {"toy": toy()}, flight)
     theta, u = expected(result, flight, gain=0.05)
     assert np.abs(result.signals["theta"].values[1] - theta).max() < 1e-13
     assert np.abs(result.signals["delta_e"].values[1] - u).max() < 1e-13
-    assert {str(tmp_path / name) for name in ("law.fmu", "law.toml")} <= set(case.files())  # hashed with the inputs of a report
+    assert {str(tmp_path / name) for name in ("law.fmu", "law.toml")} <= set(
+        case.files()
+    )  # hashed with the inputs of a report
 
 
 def test_a_law_of_fixed_steps_gives_the_pace(law, write_case, toy, flight):
@@ -87,7 +99,8 @@ def test_what_does_not_fit_is_refused(law, write_case, toy, flight, tmp_path):
     law(names=("wheel", "p", "delta_e"), units=("rad", "rad/s", "rad"))
     case = read_case(write_case(more="trim = false\n" + LAW))
     with pytest.raises(
-        SchemaError, match=r"(?s)input wheel: the record has no such channel.*input p: the model lag\.fmu has no such output"
+        SchemaError,
+        match=r"(?s)input wheel: the record has no such channel.*input p: the model lag\.fmu has no such output",
     ):
         replay(case, {"toy": toy()}, flight)
     law(units=("m", "deg/s", "rad"))
@@ -95,10 +108,17 @@ def test_what_does_not_fit_is_refused(law, write_case, toy, flight, tmp_path):
         replay(case, {"toy": toy()}, flight)
     law()
     with pytest.raises(OutOfRange, match="input column has no value in 1 samples"):
-        replay(case, {"toy": toy()}, flight.assign(column=flight["column"].where(flight["time"] != 3.0)))
+        replay(
+            case,
+            {"toy": toy()},
+            flight.assign(column=flight["column"].where(flight["time"] != 3.0)),
+        )
     with pytest.raises(SchemaError, match="its FMU is not flown by the kernel alone"):
         fly(None, job_of(case, plan_of(case, flight).states))
-    with pytest.raises(SchemaError, match=r'it drives surfaces, and drive\.surfaces is "cockpit"; make it "recorded"'):
+    with pytest.raises(
+        SchemaError,
+        match=r'it drives surfaces, and drive\.surfaces is "cockpit"; make it "recorded"',
+    ):
         read_case(write_case(more='trim = false\nsurfaces = "cockpit"\n' + LAW))
     with pytest.raises(SchemaError, match=r"control_law\.fmu: no file"):
         read_case(write_case(more="trim = false\n" + LAW.replace("law.fmu", "nolaw.fmu")))
@@ -119,13 +139,21 @@ def test_a_case_with_a_law_survives_its_archive(law, write_case, tmp_path):
 
 
 @pytest.mark.slow
-def test_our_model_with_the_law_flies_as_with_the_same_law_in_python(law, write_case, trainer, tmp_path):
-    """The coupled FMUs and `flightmech.simulate_closed_loop` with a delay of one period are the same sampled system."""
+def test_our_model_with_the_law_flies_as_with_the_same_law_in_python(
+    law, write_case, trainer, tmp_path
+):
+    """The coupled FMUs and `flightmech.simulate_closed_loop` with a delay of one period are the
+    same sampled system.
+    """
     law()
     db = trainer.database()
-    states = trainer.flight(db, delta_e=[(0.0, 0.0), (2.0, 0.0), (2.5, -0.02), (20.0, -0.02)]).drop_vars("delta_e")
+    states = trainer.flight(
+        db, delta_e=[(0.0, 0.0), (2.0, 0.0), (2.5, -0.02), (20.0, -0.02)]
+    ).drop_vars("delta_e")
     time = states["time"].values
-    states = states.assign(column=("time", np.interp(time, [0.0, 2.0, 2.3, 3.0, 3.4], [0.0, 0.0, 0.01, 0.01, 0.0])))
+    states = states.assign(
+        column=("time", np.interp(time, [0.0, 2.0, 2.3, 3.0, 3.4], [0.0, 0.0, 0.01, 0.01, 0.0]))
+    )
     sim = flightmech.compile(trainer.AIRCRAFT, db)
     flightmech.write_fmu(sim, tmp_path / "model.fmu")
     case = read_case(write_case(case='show = ["theta", "q"]', more=LAW))
@@ -133,12 +161,17 @@ def test_our_model_with_the_law_flies_as_with_the_same_law_in_python(law, write_
     assert result.failure == ""
     job = job_of(case, plan_of(case, states).states)
     first = -1.2 * job.law.recorded["column"][0] + 0.1 * job.law.start["q"]
-    given = {name: ("time", values) for name, values in job.inputs.items()} | {"delta_e": ("time", np.full(job.time.size, first))}
+    given = {name: ("time", values) for name, values in job.inputs.items()} | {
+        "delta_e": ("time", np.full(job.time.size, first))
+    }
     parameters = {name: value for name, value in job.parameters.items() if name in sim.parameters}
     run = flightmech.simulate_closed_loop(
         sim,
         xr.Dataset(given, {"time": job.time - job.time[0]}),
-        lambda t, y, u: {"delta_e": -1.2 * np.interp(t, job.time - job.time[0], job.law.recorded["column"]) + 0.1 * y["q"]},
+        lambda t, y, u: {
+            "delta_e": -1.2 * np.interp(t, job.time - job.time[0], job.law.recorded["column"])
+            + 0.1 * y["q"]
+        },
         0.02,
         parameters,
         delay=1,

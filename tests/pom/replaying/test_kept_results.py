@@ -1,4 +1,6 @@
-"""Results of a batch that are kept: the same to the last bit, and judged anew as soon as anything they depend on is another."""
+"""Results of a batch that are kept: the same to the last bit, and judged anew as soon as anything
+they depend on is another.
+"""
 
 import math
 from dataclasses import replace as changed
@@ -41,7 +43,11 @@ def assert_identical(one, other):
         assert found.identical(due)
         assert list(found.variables) == list(due.variables)
         assert all(found[name].dtype == due[name].dtype for name in due.variables)
-        assert all(found[name].values.tobytes() == due[name].values.tobytes() for name in due.variables if name != "run")
+        assert all(
+            found[name].values.tobytes() == due[name].values.tobytes()
+            for name in due.variables
+            if name != "run"
+        )
     for table in ("trim", "verdict"):
         found, due = getattr(one, table), getattr(other, table)
         assert found.equals(due)
@@ -66,7 +72,9 @@ def test_no_number_and_infinity_are_kept(case, toy, lag_states, tmp_path):
     verdict = result.verdict.assign(worst_ratio=math.inf, worst=-math.inf, at=math.nan)
     signals = result.signals.copy(deep=True)
     signals["q"][0, :3] = [math.nan, -0.0, 1e-310]
-    odd = changed(result, verdict=verdict, signals=signals, conditions={**result.conditions, "h": 0.1 + 0.2})
+    odd = changed(
+        result, verdict=verdict, signals=signals, conditions={**result.conditions, "h": 0.1 + 0.2}
+    )
     KeptResults(tmp_path).write("ab12", odd)
     assert_identical(KeptResults(tmp_path).read("ab12"), odd)
 
@@ -80,7 +88,10 @@ def test_nothing_is_kept_without_a_folder_or_a_name(case, toy, lag_states, tmp_p
     assert KeptResults(tmp_path / "kept").read("ab12") is None
 
 
-@pytest.mark.parametrize("damage", [lambda content: content[:-8], lambda content: content[:-1] + b"\x00", lambda content: b""])
+@pytest.mark.parametrize(
+    "damage",
+    [lambda content: content[:-8], lambda content: content[:-1] + b"\x00", lambda content: b""],
+)
 def test_a_damaged_file_is_judged_anew(case, toy, lag_states, tmp_path, judged, damage):
     runs, paths = {"a": toy()}, {"record": lag_states.assign(q=lag_states["q"] + 0.1)}
     (first,) = replay_all([case], runs, paths, jobs=1, resume=tmp_path)
@@ -96,7 +107,9 @@ def test_a_damaged_file_is_judged_anew(case, toy, lag_states, tmp_path, judged, 
 
 def test_a_result_with_a_failed_flight_is_not_kept(case, toy, lag_states, tmp_path, judged):
     for _ in range(2):
-        replay_all([case], {"a": toy(), "b": toy("error")}, {"record": lag_states}, jobs=1, resume=tmp_path)
+        replay_all(
+            [case], {"a": toy(), "b": toy("error")}, {"record": lag_states}, jobs=1, resume=tmp_path
+        )
     assert judged == ["a_case"] * 2
     assert not (tmp_path / "results").exists()
 
@@ -106,7 +119,14 @@ def test_new_cases_join_the_kept_ones_in_order(case, toy, lag_states, tmp_path, 
     runs, paths = {"a": toy()}, {"record": lag_states}
     replay_all(cases[1:4:2], runs, paths, jobs=1, resume=tmp_path)
     reported = []
-    results = replay_all(cases, runs, paths, jobs=2, resume=tmp_path, progress=lambda result: reported.append(result.case.name))
+    results = replay_all(
+        cases,
+        runs,
+        paths,
+        jobs=2,
+        resume=tmp_path,
+        progress=lambda result: reported.append(result.case.name),
+    )
     assert [result.case.name for result in results] == reported == [case.name for case in cases]
     assert sorted(judged) == [f"case_{k}" for k in range(5)]
 
@@ -134,7 +154,9 @@ def test_whatever_decides_a_result_is_in_its_name(case, toy, lag_states, tmp_pat
         "more models": name(runs={"a": toy(), "b": toy(interpolates=False)}),
         "program": name(program="2"),
         "no evidence": name(evidence=None),
-        "evidence": name(evidence=xr.DataTree.from_dict({"/CL/basic": xr.Dataset({"value": 1.0, "stderr": 0.2})})),
+        "evidence": name(
+            evidence=xr.DataTree.from_dict({"/CL/basic": xr.Dataset({"value": 1.0, "stderr": 0.2})})
+        ),
         "biases": name(biases=xr.Dataset({"estimate": 1.0})),
     }
     assert name() == names["as it is"]
@@ -151,7 +173,9 @@ def test_whatever_decides_a_result_is_in_its_name(case, toy, lag_states, tmp_pat
     assert name() == ""
 
 
-def test_a_record_that_changes_while_it_is_read_leaves_no_result(case, toy, lag_states, tmp_path, monkeypatch, judged):
+def test_a_record_that_changes_while_it_is_read_leaves_no_result(
+    case, toy, lag_states, tmp_path, monkeypatch, judged
+):
     record, kept, plan_of = tmp_path / "path.nc", tmp_path / "kept", batch.plan_of
     lag_states.to_netcdf(record, engine="h5netcdf")
     case = changed(case, record=str(record))
@@ -166,4 +190,6 @@ def test_a_record_that_changes_while_it_is_read_leaves_no_result(case, toy, lag_
     monkeypatch.undo()
     replay_all([case], {"a": toy()}, jobs=1, resume=kept)
     assert len([file for file in (kept / "results").rglob("*") if file.is_file()]) == 1
-    assert np.isfinite(replay_all([case], {"a": toy()}, jobs=1, resume=kept)[0].signals["theta"]).all()
+    assert np.isfinite(
+        replay_all([case], {"a": toy()}, jobs=1, resume=kept)[0].signals["theta"]
+    ).all()

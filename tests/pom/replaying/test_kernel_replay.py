@@ -21,17 +21,28 @@ def sim(trainer):
 
 @pytest.fixture
 def job(write_case, trainer):
-    truth = trainer.flight(trainer.database(), delta_e=[(0.0, 0.0), (2.0, 0.0), (2.06, -0.06), (4.0, -0.06), (4.06, 0.0)])
+    truth = trainer.flight(
+        trainer.database(),
+        delta_e=[(0.0, 0.0), (2.0, 0.0), (2.06, -0.06), (4.0, -0.06), (4.06, 0.0)],
+    )
     case = read_case(write_case())
     return job_of(case, flight_states(case, truth))
 
 
 def test_each_run_is_the_simulation_with_its_parameters(sim, job):
     scales = [1.0, 0.5, 0.0] * 25  # more runs than are kept in memory at once
-    outputs, failures = fly(sim, job, [{"term.Cm.qhat": scale, "term.CY.no_such": 1.0} for scale in scales], ["q", "theta"])
+    outputs, failures = fly(
+        sim,
+        job,
+        [{"term.Cm.qhat": scale, "term.CY.no_such": 1.0} for scale in scales],
+        ["q", "theta"],
+    )
     assert failures == [""] * 75
     assert list(outputs) == ["q", "theta"]
-    inputs = xr.Dataset({name: ("time", values) for name, values in job.inputs.items() if name in sim.inputs}, {"time": job.time})
+    inputs = xr.Dataset(
+        {name: ("time", values) for name, values in job.inputs.items() if name in sim.inputs},
+        {"time": job.time},
+    )
     start = {name: value for name, value in job.parameters.items() if name in sim.parameters}
     for run in (0, 1, 2, 74):
         alone = flightmech.simulate(sim, inputs, {**start, "term.Cm.qhat": scales[run]})
@@ -49,7 +60,10 @@ def test_a_run_that_fails_has_no_values(sim, job):
 def test_one_run_is_the_same_to_the_last_bit(sim, job):
     bank = {"phi": 0.05 * np.sin(job.time)}
     piloted = replace(job, pilot=(Loop("delta_a", "phi", gain=-2.0, limit=0.2),), targets=bank)
-    failing = replace(job, inputs={**job.inputs, "delta_e": np.where(job.time > 3.0, np.inf, job.inputs["delta_e"])})
+    failing = replace(
+        job,
+        inputs={**job.inputs, "delta_e": np.where(job.time > 3.0, np.inf, job.inputs["delta_e"])},
+    )
     for one in (job, piloted, failing):
         many, (why,) = fly(sim, one, channels=["q", "phi", "no_such"])
         found, failure = fly_once(sim, one, ["q", "phi", "no_such"])
@@ -61,22 +75,42 @@ def test_one_run_is_the_same_to_the_last_bit(sim, job):
 
 def test_the_math_pilot_flies_in_the_kernel(sim, job):
     bank = 0.05 * np.sin(job.time)
-    loops = (Loop("delta_a", "phi", gain=-2.0, limit=0.2), Loop("delta_a", "p", gain=-0.5, limit=0.2))
+    loops = (
+        Loop("delta_a", "phi", gain=-2.0, limit=0.2),
+        Loop("delta_a", "p", gain=-0.5, limit=0.2),
+    )
     targets = {"phi": bank, "p": 0.05 * np.cos(job.time)}
     free, _ = fly(sim, job, channels=["phi", "q"])
-    idle, failures = fly(sim, replace(job, pilot=(replace(loops[0], gain=0.0),), targets=targets), channels=["phi", "q"])
+    idle, failures = fly(
+        sim,
+        replace(job, pilot=(replace(loops[0], gain=0.0),), targets=targets),
+        channels=["phi", "q"],
+    )
     assert failures == [""]
     assert np.abs(idle["q"] - free["q"]).max() < 1e-12
-    flown, failures = fly(sim, replace(job, pilot=loops, targets=targets), [{"term.CL.basic": 1.0}, {"term.CL.basic": np.inf}], ["phi"])
+    flown, failures = fly(
+        sim,
+        replace(job, pilot=loops, targets=targets),
+        [{"term.CL.basic": 1.0}, {"term.CL.basic": np.inf}],
+        ["phi"],
+    )
     assert failures[0] == ""
     assert failures[1]
     late = job.time > 4.0
-    assert np.abs(flown["phi"][0] - bank)[late].max() < 0.5 * np.abs(free["phi"][0] - bank)[late].max()
+    assert (
+        np.abs(flown["phi"][0] - bank)[late].max() < 0.5 * np.abs(free["phi"][0] - bank)[late].max()
+    )
 
 
 def test_piloted_runs_side_by_side_are_those_one_by_one(sim, job):
-    """Loops that reach their limit and come back, two on one control, an angle that is turns away, a run that fails."""
-    targets = {"phi": 0.3 * np.sin(2.0 * job.time), "p": np.zeros(job.time.size), "psi": np.full(job.time.size, 3.1 + 6.0 * np.pi)}
+    """Loops that reach their limit and come back, two on one control, an angle that is turns away,
+    a run that fails.
+    """
+    targets = {
+        "phi": 0.3 * np.sin(2.0 * job.time),
+        "p": np.zeros(job.time.size),
+        "psi": np.full(job.time.size, 3.1 + 6.0 * np.pi),
+    }
     loops = (
         Loop("delta_a", "phi", gain=-2.0, limit=0.05, integral=-1.0),
         Loop("delta_r", "psi", gain=-0.5, limit=0.1),
@@ -84,7 +118,12 @@ def test_piloted_runs_side_by_side_are_those_one_by_one(sim, job):
     )
     piloted = replace(job, pilot=loops, targets=targets)
     scales = [1.0, 0.8, np.inf, 0.5, 1.2, 0.0, 2.0, 1.1, 0.9, 0.7, 0.6]
-    outputs, failures = fly(sim, piloted, [{"term.Cl.phat": scale} for scale in scales], ["phi", "psi", "applied.delta_a"])
+    outputs, failures = fly(
+        sim,
+        piloted,
+        [{"term.Cl.phat": scale} for scale in scales],
+        ["phi", "psi", "applied.delta_a"],
+    )
     for run, scale in enumerate(scales):
         one = replace(piloted, parameters={**piloted.parameters, "term.Cl.phat": scale})
         found, failure = fly_once(sim, one, ["phi", "psi", "applied.delta_a"])

@@ -1,4 +1,6 @@
-"""The flight side of a case whose record is raw: reconstruction, and what is stated when it does not settle."""
+"""The flight side of a case whose record is raw: reconstruction, and what is stated when it does
+not settle.
+"""
 
 import pytest
 import xarray as xr
@@ -11,7 +13,9 @@ from pom.cases.reference_states import flight_states, recorded_states
 
 @pytest.fixture
 def raw(write_case, trainer, tmp_path, monkeypatch):
-    """A case with a raw record; the reconstruction is played by a function that remembers its prior."""
+    """A case with a raw record; the reconstruction is played by a function that remembers its
+    prior.
+    """
     case = write_case(case='aircraft = "trainer.toml"')
     (tmp_path / "trainer.toml").write_text(trainer.TOML)
     xr.Dataset({"q": ("time", [0.0, 0.0], {"units": "rad s-1"})}, {"time": [0.0, 0.1]}).to_netcdf(
@@ -20,7 +24,11 @@ def raw(write_case, trainer, tmp_path, monkeypatch):
     asked = {}
 
     def reconstruct(record, aircraft, prior=None):
-        asked.update(channels=flighttest.records.overview(record)["channel"].tolist(), aircraft=aircraft.name, prior=prior)
+        asked.update(
+            channels=flighttest.records.overview(record)["channel"].tolist(),
+            aircraft=aircraft.name,
+            prior=prior,
+        )
         raise IdentificationError("the reconstruction did not settle in 40 iterations")
 
     monkeypatch.setattr(flighttest, "reconstruct", reconstruct)
@@ -30,7 +38,9 @@ def raw(write_case, trainer, tmp_path, monkeypatch):
 def test_what_helps_a_reconstruction_is_stated(raw):
     case, asked = raw
     prior = xr.Dataset()
-    with pytest.raises(IdentificationError, match=r"case a_case: .*did not settle.*--biases") as caught:
+    with pytest.raises(
+        IdentificationError, match=r"case a_case: .*did not settle.*--biases"
+    ) as caught:
         recorded_states(case, prior)
     assert "reconstructed path as the record" in str(caught.value)
     assert asked["channels"] == ["q"]
@@ -55,13 +65,19 @@ def test_measured_wind_is_that_of_the_raw_record(write_case, lag_states, tmp_pat
     path = write_case()
     clock = [0.0, 5.0, 10.0]
     wind = xr.Dataset(
-        {"wind_n": ("time", [2.0, 4.0, 4.0], {"units": "m s-1"}), "wind_e": ("time", [0.0, 0.0, 1.0], {"units": "m s-1"})}, {"time": clock}
+        {
+            "wind_n": ("time", [2.0, 4.0, 4.0], {"units": "m s-1"}),
+            "wind_e": ("time", [0.0, 0.0, 1.0], {"units": "m s-1"}),
+        },
+        {"time": clock},
     )
     wind.to_netcdf(tmp_path / "record.nc", group="air", engine="h5netcdf")
     states = lag_states.assign(wind_n=lag_states["V"] * 0.0 + 9.0)
     assert float(flight_states(read_case(path), states)["wind_n"][0]) == 9.0
     measured = flight_states(with_wind(path, "measured"), states)
-    assert measured["wind_n"].sel(time=[1.0, 7.5], method="nearest").values == pytest.approx([2.4, 4.0])
+    assert measured["wind_n"].sel(time=[1.0, 7.5], method="nearest").values == pytest.approx(
+        [2.4, 4.0]
+    )
     assert measured["wind_e"].sel(time=7.5, method="nearest") == pytest.approx(0.5)
     assert not measured["wind_d"].any()  # none is recorded
 

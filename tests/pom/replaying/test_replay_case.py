@@ -23,9 +23,12 @@ def test_the_model_that_made_the_record_matches_to_rounding(case, toy, lag_state
     result = replay(case, {"toy": toy()}, lag_states)
     assert result.failure == ""
     assert result.passed("toy")
-    # the record is linear between samples except at the corner of the ramp, which is a sample: exact
+    # the record is linear between samples except at the corner of the ramp, which is a sample:
+    # exact
     assert np.abs(result.signals["theta"][1] - result.signals["theta"][0]).max() < 1e-14
-    assert np.abs(result.signals["nz"][1] - result.signals["nz"][0]).max() < 1e-14  # direct feed-through is not late
+    assert (
+        np.abs(result.signals["nz"][1] - result.signals["nz"][0]).max() < 1e-14
+    )  # direct feed-through is not late
     assert result.signals["time"].values[0] == pytest.approx(1.0)
     assert result.runs == ["toy"]
     assert result.conditions["mass"] == 2900.0
@@ -36,7 +39,8 @@ def test_the_model_that_made_the_record_matches_to_rounding(case, toy, lag_state
 def test_without_input_derivatives_the_middle_of_the_step_is_held(case, toy, lag_states):
     result = replay(case, {"held": toy(interpolates=False)}, lag_states)
     error = np.abs(result.signals["theta"][1] - result.signals["theta"][0]).max()
-    # the mean of a ramp is its middle: a steady slope is followed with an error of slope h^2/(12 tau) at most
+    # the mean of a ramp is its middle: a steady slope is followed with an error of slope h^2/(12
+    # tau) at most
     assert 0.0 < error < 2.0 * 0.02 * 0.02**2 / (12.0 * 0.5) * 1.01
     assert np.abs(result.signals["nz"][1] - result.signals["nz"][0]).max() < 1e-14
 
@@ -44,7 +48,9 @@ def test_without_input_derivatives_the_middle_of_the_step_is_held(case, toy, lag
 def test_every_criterion_has_a_row_for_every_model(case, toy, lag_states):
     result = replay(case, {"a": toy(), "b": toy(interpolates=False)}, lag_states)
     assert list(zip(result.verdict["run"], result.verdict["criterion"], strict=True)) == [
-        (run, name) for run in ("a", "b") for name in ("pitch_angle", "pitch_rate", "normal_acceleration")
+        (run, name)
+        for run in ("a", "b")
+        for name in ("pitch_angle", "pitch_rate", "normal_acceleration")
     ]
     assert set(result.verdict["verdict"]) == {"pass"}
     np.testing.assert_allclose(result.tolerance["theta"], np.radians(1.5), rtol=1e-15)
@@ -68,7 +74,9 @@ def test_a_worse_model_fails_with_place_and_size(case, toy, lag_states):
         ("error", "the step to t = 2.02 s failed"),
     ],
 )
-def test_a_bad_fmu_is_a_result_and_the_good_one_still_runs(case, toy, lag_states, kind, stated, monkeypatch):
+def test_a_bad_fmu_is_a_result_and_the_good_one_still_runs(
+    case, toy, lag_states, kind, stated, monkeypatch
+):
     run = Child.run
 
     def run_with_limit(child, job, timeout, once=False):
@@ -107,7 +115,9 @@ def test_nan_outputs_are_invalid(case, toy, lag_states):
 def test_a_nan_in_an_input_is_refused_before_the_run(case, toy, lag_states):
     states = lag_states.copy(deep=True)
     states["delta_e"][300:303] = np.nan
-    with pytest.raises(OutOfRange, match=r"input delta_e has no value in 3 of 401 samples, first at t = 6 s"):
+    with pytest.raises(
+        OutOfRange, match=r"input delta_e has no value in 3 of 401 samples, first at t = 6 s"
+    ):
         replay(case, {"toy": toy()}, states)
 
 
@@ -118,7 +128,11 @@ def test_a_window_outside_the_record_is_refused(case, toy, lag_states):
 
 def test_misspelt_names_of_an_fmu_are_reported_with_the_near_ones(case, toy, lag_states):
     with pytest.raises(SchemaError) as caught:
-        replay(case, {"toy": toy(rename={"theta": "thetta", "delta_e": "delta_el", "init.V": "init.VV"})}, lag_states)
+        replay(
+            case,
+            {"toy": toy(rename={"theta": "thetta", "delta_e": "delta_el", "init.V": "init.VV"})},
+            lag_states,
+        )
     text = str(caught.value)
     assert "unknown output 'theta'; near it: thetta" in text
     assert "unknown input 'delta_e'; near it: delta_el" in text
@@ -155,7 +169,9 @@ def test_no_fmu(case, lag_states, tmp_path):
 
 
 def test_conditions_of_the_case_replace_the_record(write_case, toy, lag_states):
-    case = read_case(write_case(more='trim = false\n[conditions]\ntheta = "2 deg"\nmass = "6000 lb"'))
+    case = read_case(
+        write_case(more='trim = false\n[conditions]\ntheta = "2 deg"\nmass = "6000 lb"')
+    )
     result = replay(case, {"toy": toy()}, lag_states)
     assert result.trim.loc["theta", "toy"] == pytest.approx(np.radians(2.0), rel=1e-12)
     assert result.conditions["mass"] == pytest.approx(2721.55422)
@@ -165,15 +181,22 @@ def test_a_result_survives_json(case, toy, lag_states):
     result = replay(case, {"bad": toy("error"), "good": toy()}, lag_states)
     again = pom.PomResult.from_json(result.to_json())
     assert again.case == result.case
-    np.testing.assert_allclose(again.signals["theta"].values, result.signals["theta"].values, rtol=5e-9)  # nine significant digits
+    np.testing.assert_allclose(
+        again.signals["theta"].values, result.signals["theta"].values, rtol=5e-9
+    )  # nine significant digits
     assert again.status("bad") == "invalid"
     assert again.failure == result.failure
 
 
 def test_models_on_the_command_line():
-    assert list(files_by_name("--model", ("a=x.fmu", "b=y.fmu"), "final=out/final.fmu")) == ["a", "b"]
+    assert list(files_by_name("--model", ("a=x.fmu", "b=y.fmu"), "final=out/final.fmu")) == [
+        "a",
+        "b",
+    ]
     with pytest.raises(SchemaError) as caught:
-        files_by_name("--model", ("x.fmu", "flight=x.fmu", "a=x.fmu", "a=y.fmu"), "final=out/final.fmu")
+        files_by_name(
+            "--model", ("x.fmu", "flight=x.fmu", "a=x.fmu", "a=y.fmu"), "final=out/final.fmu"
+        )
     assert caught.value.problems == [
         "'x.fmu': write name=file.fmu, such as final=out/final.fmu",
         "'flight=x.fmu': the name 'flight' is taken; give every model its own",

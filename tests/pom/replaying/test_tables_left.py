@@ -19,7 +19,10 @@ def left(ranges, steps=12.0, **outputs):
 def test_a_range_that_was_left_is_named():
     alpha = np.where(TIME > 5.0, 22.1 * DEG, 3.0 * DEG)
     (remark,) = left((ALPHA,), alpha=alpha)
-    assert remark.text == "tables over alpha left: above 20 deg by up to 2.1 deg, at 5.0 s, in 50 % of the samples; held there"
+    assert (
+        remark.text
+        == "tables over alpha left: above 20 deg by up to 2.1 deg, at 5.0 s, in 50 % of the samples; held there"
+    )
     assert remark.values == pytest.approx({"limit": 20.0, "beyond": 2.1})
     (remark,) = left((FLAP,), **{"applied.delta_f": -1.0 * DEG + 0.0 * TIME})
     assert remark.text.startswith("tables over delta_f left: below 0 deg by up to 1 deg")
@@ -27,7 +30,9 @@ def test_a_range_that_was_left_is_named():
 
 def test_rounding_is_no_leaving():
     assert left((FLAP,), **{"applied.delta_f": 40.0 * DEG + 1e-16 + 0.0 * TIME}) == ()
-    noisy = {"applied.delta_f": 1e-4 * DEG * np.sin(TIME)}  # flaps up, with the noise of their pick-up
+    noisy = {
+        "applied.delta_f": 1e-4 * DEG * np.sin(TIME)
+    }  # flaps up, with the noise of their pick-up
     assert left((FLAP, TableRange("engine1.corrected_n1", 0.3, 1.1, "1")), **noisy) == ()
 
 
@@ -45,7 +50,9 @@ def test_without_a_count_or_a_name():
 
 
 def test_the_ranges_are_read_from_the_fmu(trainer, toy, tmp_path):
-    flightmech.write_fmu(flightmech.compile(trainer.AIRCRAFT, trainer.database()), tmp_path / "m.fmu")
+    flightmech.write_fmu(
+        flightmech.compile(trainer.AIRCRAFT, trainer.database()), tmp_path / "m.fmu"
+    )
     (found,) = table_ranges(tmp_path / "m.fmu", "0")
     assert found.variable == "alpha"
     np.testing.assert_allclose((found.low, found.high), np.radians([-10.0, 20.0]))

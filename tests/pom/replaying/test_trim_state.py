@@ -1,4 +1,6 @@
-"""Limits of the trim: the default for a remark, the case file's for a verdict; drift and corrections of a result."""
+"""Limits of the trim: the default for a remark, the case file's for a verdict; drift and
+corrections of a result.
+"""
 
 import json
 
@@ -21,14 +23,20 @@ DEGREE = np.radians(1.0)
 
 @pytest.fixture
 def flown(write_case, lag_states):
-    """Return a function: outputs of a model that follows the toy flight, changed by words, as a result of one case."""
+    """Return a function: outputs of a model that follows the toy flight, changed by words, as a
+    result of one case.
+    """
 
     def fly(more="", **changed):
         path = write_case()
         path.write_text(path.read_text().replace('engine = "thrust"', f'engine = "thrust"\n{more}'))
         case = read_case(path)
         outputs = {name: lag_states[name].values for name in ("theta", "q", "nz", "V", "h")}
-        constant = {name: np.full(lag_states.sizes["time"], value) for name, value in changed.items() if np.ndim(value) == 0}
+        constant = {
+            name: np.full(lag_states.sizes["time"], value)
+            for name, value in changed.items()
+            if np.ndim(value) == 0
+        }
         outputs |= {name.replace("trim_", "trim."): values for name, values in constant.items()}
         outputs |= {name: np.asarray(value) for name, value in changed.items() if np.ndim(value)}
         states = lag_states.isel(time=(lag_states["time"] >= 1.0) & (lag_states["time"] <= 9.0))
@@ -49,35 +57,61 @@ def test_a_bias_beyond_the_default_limit_is_judged_and_no_plain_pass(flown):
     assert result.status("model") == "limits_exceeded"
     assert not result.passed("model")
     assert trim_remarks(result, "model") == ["trim.delta_e -1.5 deg is beyond 1 deg"]
-    assert flown(trim_delta_e=np.nan).status("model") == "limits_exceeded"  # no number is not within a limit
+    assert (
+        flown(trim_delta_e=np.nan).status("model") == "limits_exceeded"
+    )  # no number is not within a limit
     assert (result.verdict["verdict"] == "pass").all()
-    assert result.verdict["remarks"].map(text_of).str.contains("trim.delta_e -1.5 deg is beyond 1 deg", regex=False).all()
+    assert (
+        result.verdict["remarks"]
+        .map(text_of)
+        .str.contains("trim.delta_e -1.5 deg is beyond 1 deg", regex=False)
+        .all()
+    )
 
 
 def test_a_bias_beyond_the_limit_of_the_case_file_makes_the_run_invalid(flown):
     result = flown('limits = { delta_e = "0.5 deg" }', trim_delta_e=0.9 * DEGREE)
     assert result.status("model") == "invalid"
-    assert result.verdict["remarks"].map(text_of).str.startswith("trim.delta_e +0.9 deg is beyond 0.5 deg").all()
+    assert (
+        result.verdict["remarks"]
+        .map(text_of)
+        .str.startswith("trim.delta_e +0.9 deg is beyond 0.5 deg")
+        .all()
+    )
     wide = 'limits = { delta_e = "3 deg" }'
-    assert flown(wide, trim_delta_e=2.0 * DEGREE).status("model") == "limits_exceeded"  # wider than usual, without a reason
+    assert (
+        flown(wide, trim_delta_e=2.0 * DEGREE).status("model") == "limits_exceeded"
+    )  # wider than usual, without a reason
     reason = '\n[rationale]\n"trim.delta_e" = "pick-up of the elevator, calibrated to 2 deg"'
     stated = flown(wide + reason, trim_delta_e=2.0 * DEGREE)
     assert stated.passed("model")
-    text = "trim.delta_e +2 deg is beyond 1 deg; allowed: pick-up of the elevator, calibrated to 2 deg"
+    text = (
+        "trim.delta_e +2 deg is beyond 1 deg; allowed: pick-up of the elevator, calibrated to 2 deg"
+    )
     assert stated.verdict["remarks"].map(text_of).str.contains(text, regex=False).all()
     assert flown(wide + reason, trim_delta_e=4.0 * DEGREE).status("model") == "invalid"
 
 
 def test_thrust_is_limited_by_a_share_of_what_was_recorded(flown):
     """5 % of 3000 N, as the longitudinal trim of 2.c.5 allows."""
-    assert "trim.thrust +33.9 lbf is beyond 33.7 lbf" in flown(trim_thrust=151.0).verdict["remarks"].map(text_of)[0]
+    assert (
+        "trim.thrust +33.9 lbf is beyond 33.7 lbf"
+        in flown(trim_thrust=151.0).verdict["remarks"].map(text_of)[0]
+    )
     assert "trim" not in flown(trim_thrust=149.0).verdict["remarks"].map(text_of)[0]
 
 
-def test_what_the_trim_leaves_is_limited_and_a_roll_on_the_wheels_only_where_it_is_steady(flown, write_case):
-    assert "trim.q_dot -0.172 deg/s2 is beyond 0.115 deg/s2" in flown(trim_q_dot=-3e-3).verdict["remarks"].map(text_of)[0]
+def test_what_the_trim_leaves_is_limited_and_a_roll_on_the_wheels_only_where_it_is_steady(
+    flown, write_case
+):
+    assert (
+        "trim.q_dot -0.172 deg/s2 is beyond 0.115 deg/s2"
+        in flown(trim_q_dot=-3e-3).verdict["remarks"].map(text_of)[0]
+    )
     path = write_case()
-    path.write_text(path.read_text().replace('engine = "thrust"', 'engine = "thrust"\ntrim = "ground"'))
+    path.write_text(
+        path.read_text().replace('engine = "thrust"', 'engine = "thrust"\ntrim = "ground"')
+    )
     limits = trim_limits(read_case(path), {})
     assert set(limits) == {"w_dot", "p_dot", "q_dot"}
     assert beyond_limits(limits, {"trim.u_dot": np.array([3.0])}, demanded=False) == ()
@@ -85,9 +119,19 @@ def test_what_the_trim_leaves_is_limited_and_a_roll_on_the_wheels_only_where_it_
 
 def test_cockpit_quantities_stand_in_the_table_when_they_count():
     one = np.array([0.1])
-    outputs = {"applied.delta_e": one, "applied.column": one, "trim.F_column": 0.0 * one, "trim.delta_e": 0.0 * one}
-    assert list(trim_table({"delta_e": one}, {"model": outputs}).index) == ["delta_e", "trim.delta_e"]
-    forced = trim_table({"delta_e": one, "column": one}, {"model": {**outputs, "trim.F_column": one}})
+    outputs = {
+        "applied.delta_e": one,
+        "applied.column": one,
+        "trim.F_column": 0.0 * one,
+        "trim.delta_e": 0.0 * one,
+    }
+    assert list(trim_table({"delta_e": one}, {"model": outputs}).index) == [
+        "delta_e",
+        "trim.delta_e",
+    ]
+    forced = trim_table(
+        {"delta_e": one, "column": one}, {"model": {**outputs, "trim.F_column": one}}
+    )
     assert list(forced.index) == ["delta_e", "column", "trim.delta_e", "trim.F_column"]
 
 
@@ -114,7 +158,9 @@ def test_corrections_of_the_instruments_travel_with_the_result(flown, lag_states
     lag_states.attrs["calibration"] = calibration_text(biases)
     result = flown()
     again = type(result).from_json(result.to_json())
-    assert calibration(again).to_dict("records") == [{"parameter": "bias.theta", "estimate": 0.01, "stderr": 0.002, "unit": "rad"}]
+    assert calibration(again).to_dict("records") == [
+        {"parameter": "bias.theta", "estimate": 0.01, "stderr": 0.002, "unit": "rad"}
+    ]
     del lag_states.attrs["calibration"]
     assert calibration(flown()).empty
     assert json.loads(calibration_text(biases))[0]["parameter"] == "bias.theta"

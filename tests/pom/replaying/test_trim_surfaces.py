@@ -28,7 +28,10 @@ def forces(monkeypatch):
         def fly(model, job, wanted, timeout, store):
             lengths.append(len(job.time))
             found = law(job.inputs["delta_t"][0], job.inputs["delta_tr"][0])
-            return {name: np.full(len(job.time), value) for name, value in zip(OUTPUTS, found, strict=True)}, ""
+            return {
+                name: np.full(len(job.time), value)
+                for name, value in zip(OUTPUTS, found, strict=True)
+            }, ""
 
         monkeypatch.setattr(module, "fly", fly)
         return lengths
@@ -38,7 +41,9 @@ def forces(monkeypatch):
 
 def test_both_forces_are_taken_away(forces):
     """Two surfaces that work on each other's force, one of them not quite linearly."""
-    lengths = forces(lambda t, tr: (30.0 - 900.0 * t - 4000.0 * t**3 + 50.0 * tr, -8.0 + 20.0 * t + 400.0 * tr))
+    lengths = forces(
+        lambda t, tr: (30.0 - 900.0 * t - 4000.0 * t**3 + 50.0 * tr, -8.0 + 20.0 * t + 400.0 * tr)
+    )
     job, remarks, failure = module.solved(JOB, ("delta_t", "delta_tr"), model(), 1.0)
     t, tr = job.inputs["delta_t"], job.inputs["delta_tr"]
     assert failure == ""
@@ -64,8 +69,15 @@ def test_a_model_that_lacks_the_force_is_refused_in_words():
 
 
 def test_only_forces_leave_a_trim_surface_free(write_case):
-    with pytest.raises(SchemaError, match="trim_surfaces: a trim surface is solved for where recorded forces hold the controls"):
+    with pytest.raises(
+        SchemaError,
+        match="trim_surfaces: a trim surface is solved for where recorded forces hold the controls",
+    ):
         read_case(write_case("2.c.5", more='trim_surfaces = ["delta_t"]\n[events]\ncapture = 5.0'))
-    case = read_case(write_case("2.c.5", more='surfaces = "force"\ntrim_surfaces = ["delta_t"]\n[events]\ncapture = 5.0'))
+    case = read_case(
+        write_case(
+            "2.c.5", more='surfaces = "force"\ntrim_surfaces = ["delta_t"]\n[events]\ncapture = 5.0'
+        )
+    )
     assert case.drive.trim_surfaces == ("delta_t",)
     assert type(case).from_dict(case.to_dict()) == case

@@ -15,4 +15,6 @@ from report_pages import texts, write
 def report(tmp_path_factory):
     folder = tmp_path_factory.mktemp("report")
     path = write(folder)
-    return texts(path.read_text(encoding="utf-8")), json.loads((folder / "results.json").read_text(encoding="utf-8"))
+    return texts(path.read_text(encoding="utf-8")), json.loads(
+        (folder / "results.json").read_text(encoding="utf-8")
+    )

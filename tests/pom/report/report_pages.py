@@ -26,7 +26,9 @@ def write(folder, **change):
         "paper": None,
         **change,
     }
-    return pom.write_report(arguments.pop("results", None) or fixture.results(), folder, **arguments)
+    return pom.write_report(
+        arguments.pop("results", None) or fixture.results(), folder, **arguments
+    )
 
 
 def parcels(html):
@@ -38,7 +40,10 @@ def parcels(html):
 
 def texts(html):
     """Return the page with every packed part unpacked in its place."""
-    return html + "".join(f'<article id="{name}">{head["page"]}</article>' for name, (head, _) in parcels(html).items())
+    return html + "".join(
+        f'<article id="{name}">{head["page"]}</article>'
+        for name, (head, _) in parcels(html).items()
+    )
 
 
 def page(results, fits=(), databases=None, support=None):
@@ -50,17 +55,38 @@ def html(results, fits=(), databases=None, support=None):
     """The page and what it loads."""
     heading = Heading("T-37", "A", len(results), {}, bool(databases))
     named = zip(keys(results), results, strict=True)
-    cases = [packed_page(i, key, result, heading, None, mode_table(result)) for i, (key, result) in enumerate(named, 1)]
-    return html_files(results, cases, "T-37", "A", {}, drawn(databases or {}, support or {}, fits, {}, (), {}, ()))
+    cases = [
+        packed_page(i, key, result, heading, None, mode_table(result))
+        for i, (key, result) in enumerate(named, 1)
+    ]
+    return html_files(
+        results, cases, "T-37", "A", {}, drawn(databases or {}, support or {}, fits, {}, (), {}, ())
+    )
 
 
 def paper(results, form="a4", **more):
     """The document for paper; further arguments are those of `pdf_pages`."""
-    common = {"title": "T-37", "revision": "A", "provenance": {}, "attached": {}, "chapters": Chapters({}), **more}
+    common = {
+        "title": "T-37",
+        "revision": "A",
+        "provenance": {},
+        "attached": {},
+        "chapters": Chapters({}),
+        **more,
+    }
     names, diagnoses = keys(results), common.pop("diagnoses", {})
     with TemporaryDirectory() as folder:
         cases = [
-            case_on_paper(Path(folder), i, name, result, common["provenance"], diagnoses.get(result.case.name), mode_table(result), form)
+            case_on_paper(
+                Path(folder),
+                i,
+                name,
+                result,
+                common["provenance"],
+                diagnoses.get(result.case.name),
+                mode_table(result),
+                form,
+            )
             for i, (name, result) in enumerate(zip(names, results, strict=True), 1)
         ]
         return pdf_pages(Path(folder), results, names, cases, paper=form, **common)

@@ -21,14 +21,18 @@ from pom.tolerances.bands import RowRemark
 def test_a_sweep_is_drawn_force_over_position():
     result = fixture.column_sweep_result()
     (cross,) = cross_plots.crosses(result)
-    data, body = case_data.data(result, panels.panels(result), [cross], case.line_styles(result.runs))
+    data, body = case_data.data(
+        result, panels.panels(result), [cross], case.line_styles(result.runs)
+    )
     (drawn,) = data["crosses"]
     assert (drawn["abscissa"]["channel"], drawn["ordinate"]["unit"]) == ("column", "lbf")
     assert [row["run"] for row in drawn["verdicts"]] == list(fixture.RUNS)
     inside = slice(50, 951)  # the window of the row, 1 to 19 s
     force = result.signals["F_column"].sel(run="flight").values[inside] / 4.4482216152605
     np.testing.assert_allclose(traces.restore(drawn["y"]["flight"], body), force, atol=5.0 / 1000)
-    np.testing.assert_allclose(traces.restore(drawn["half"], body), np.maximum(5.0, 0.1 * np.abs(force)), atol=5.0 / 1000)
+    np.testing.assert_allclose(
+        traces.restore(drawn["half"], body), np.maximum(5.0, 0.1 * np.abs(force)), atol=5.0 / 1000
+    )
     reach = np.ptp(traces.restore(drawn["x"]["flight"], body))
     assert reach == pytest.approx(quantities.label("column").width(0.3), rel=2e-3)
     assert cross_plots.crosses(fixture.roll_result()) == []
@@ -40,9 +44,21 @@ def test_what_fails_without_a_number_is_named():
     result = fixture.roll_result()
     verdict = result.verdict.copy()
     remark = RowRemark("no_mode", "the model does not oscillate")
-    set_rows(verdict, "run", "datcom", worst_ratio=np.nan, at=np.nan, remarks=(RowRemark("values", "flight 2.84 s"), remark))
+    set_rows(
+        verdict,
+        "run",
+        "datcom",
+        worst_ratio=np.nan,
+        at=np.nan,
+        remarks=(RowRemark("values", "flight 2.84 s"), remark),
+    )
     (row, *_) = case.outcomes(replace(result, verdict=verdict), case.line_styles(result.runs))
-    assert (row["status"], row["criterion"], row["ratio_text"], row["why"]) == ("fail", "roll rate", "–", "the model does not oscillate")
+    assert (row["status"], row["criterion"], row["ratio_text"], row["why"]) == (
+        "fail",
+        "roll rate",
+        "–",
+        "the model does not oscillate",
+    )
 
 
 def test_an_invalid_run_states_why():
@@ -51,13 +67,30 @@ def test_an_invalid_run_states_why():
     result = fixture.roll_result()
     verdict = result.verdict.copy()
     beyond = (
-        RowRemark("trim", "trim.delta_e -3.44 deg is beyond 2 deg", "delta_e", {"found": -3.44, "limit": 2.0}, "deg"),
-        RowRemark("trim", "trim.thrust -852 N is beyond 107 N", "thrust", {"found": -852.0, "limit": 107.0}, "N"),
+        RowRemark(
+            "trim",
+            "trim.delta_e -3.44 deg is beyond 2 deg",
+            "delta_e",
+            {"found": -3.44, "limit": 2.0},
+            "deg",
+        ),
+        RowRemark(
+            "trim",
+            "trim.thrust -852 N is beyond 107 N",
+            "thrust",
+            {"found": -852.0, "limit": 107.0},
+            "N",
+        ),
     )
-    set_rows(verdict, "run", "datcom", worst_ratio=np.nan, at=np.nan, verdict="invalid", remarks=beyond)
+    set_rows(
+        verdict, "run", "datcom", worst_ratio=np.nan, at=np.nan, verdict="invalid", remarks=beyond
+    )
     result = replace(result, verdict=verdict)
     (row, *_) = case.outcomes(result, case.line_styles(result.runs))
-    assert (row["status"], row["why"]) == ("invalid", "elevator deflection biased by the trim: −3.44 deg, beyond 2 deg")
+    assert (row["status"], row["why"]) == (
+        "invalid",
+        "elevator deflection biased by the trim: −3.44 deg, beyond 2 deg",
+    )
     both = "elevator deflection biased by the trim: −3.44 deg, beyond 2 deg; net thrust biased by the trim: −852 N, beyond 107 N"
     assert f"datcom: {both}" in remarks.notes(result)
 
@@ -82,9 +115,18 @@ def test_what_an_engineer_writes_is_printed():
         notes="Flown in smooth air.",
     )
     html = page([replace(before, case=changed)])
-    for words in ("Show the roll mode.", "Wheel left for five seconds.", "FT-12, page 7", "The gyro lags by 8 ms.", "Flown in smooth air."):
+    for words in (
+        "Show the roll mode.",
+        "Wheel left for five seconds.",
+        "FT-12, page 7",
+        "The gyro lags by 8 ms.",
+        "Flown in smooth air.",
+    ):
         assert words in html
-    assert "☒</span> sideslip trend: correct trend and magnitude, ticked by A. Smith, 2026-11-20, trend agrees" in html
+    assert (
+        "☒</span> sideslip trend: correct trend and magnitude, ticked by A. Smith, 2026-11-20, trend agrees"
+        in html
+    )
 
 
 def test_an_engineering_reference_and_its_share_are_reported():
@@ -93,17 +135,27 @@ def test_an_engineering_reference_and_its_share_are_reported():
     before = fixture.roll_result()
     html = page([replace(before, case=replace(before.case, reference="engineering", fraction=0.2))])
     assert "20 % of the tolerance applied" in html
-    assert "The reference is an engineering simulator, not a flight; 20 % of the flight tolerance is applied." in html
+    assert (
+        "The reference is an engineering simulator, not a flight; 20 % of the flight tolerance is applied."
+        in html
+    )
 
 
 def test_what_the_case_sets_against_record_and_table_is_reported():
     from dataclasses import replace
 
     before = fixture.roll_result()
-    result = replace(before, case=replace(before.case, shortened="the record ends", conditions={"delta_f": np.radians(40.0)}))
+    result = replace(
+        before,
+        case=replace(
+            before.case, shortened="the record ends", conditions={"delta_f": np.radians(40.0)}
+        ),
+    )
     html = page([result])
     assert "The window is shorter than the table requires: the record ends." in html
-    assert "From the case file, not from the record: flap deflection 40\N{NO-BREAK SPACE}deg." in html
+    assert (
+        "From the case file, not from the record: flap deflection 40\N{NO-BREAK SPACE}deg." in html
+    )
 
 
 def test_a_case_without_an_objective_states_what_its_entry_compares():
@@ -113,12 +165,18 @@ def test_a_case_without_an_objective_states_what_its_entry_compares():
     case_of = replace(result.case, objective="", description="Wheel left, then released.")
     text = remarks.objective(case_of)
     assert text.startswith("Roll response (rate): roll rate")
-    assert text.endswith(f"of the models against flight, within the tolerances of {result.case.id}.")
+    assert text.endswith(
+        f"of the models against flight, within the tolerances of {result.case.id}."
+    )
     html = page([replace(result, case=case_of)])
     assert text in html
     assert "<strong>Manoeuvre.</strong> Wheel left, then released." in html
-    assert html.index('class="plots"') < html.index('class="facts"')  # in print the figure follows the head of the case
-    assert remarks.objective(replace(case_of, reference="footprint")).endswith("of the device, kept for later comparison.")
+    assert html.index('class="plots"') < html.index(
+        'class="facts"'
+    )  # in print the figure follows the head of the case
+    assert remarks.objective(replace(case_of, reference="footprint")).endswith(
+        "of the device, kept for later comparison."
+    )
 
 
 def test_an_aeroplane_at_rest_has_no_flow_angles():
@@ -126,10 +184,16 @@ def test_an_aeroplane_at_rest_has_no_flow_angles():
 
     result = fixture.roll_result()
     table = result.trim.copy()
-    names = {row["label"].name for _, rows in initial_conditions.trim(result)["parts"] for row in rows}
+    names = {
+        row["label"].name for _, rows in initial_conditions.trim(result)["parts"] for row in rows
+    }
     assert "alpha" in names
     table.loc["V"] = 0.5
-    still = {row["label"].name for _, rows in initial_conditions.trim(replace(result, trim=table))["parts"] for row in rows}
+    still = {
+        row["label"].name
+        for _, rows in initial_conditions.trim(replace(result, trim=table))["parts"]
+        for row in rows
+    }
     assert names - still == {"alpha"}
 
 
@@ -138,15 +202,26 @@ def test_longest_runs_outside_are_one_note_per_model():
 
     result = fixture.roll_result()
     verdict = result.verdict.copy()
-    set_rows(verdict, "run", "datcom", remarks=(RowRemark("outside", "longest run outside 1.50 s", values={"longest": 1.5}, unit="s"),))
+    set_rows(
+        verdict,
+        "run",
+        "datcom",
+        remarks=(
+            RowRemark("outside", "longest run outside 1.50 s", values={"longest": 1.5}, unit="s"),
+        ),
+    )
     notes = remarks.notes(replace(result, verdict=verdict))
-    (note,) = [text for text in notes if text.startswith("datcom") and "longest run outside" in text]
+    (note,) = [
+        text for text in notes if text.startswith("datcom") and "longest run outside" in text
+    ]
     assert note.startswith("datcom, longest run outside: ")
     assert note.count("1.50 s") == len(result.case.criteria)
 
 
 def dutch_roll():
-    """A case judged by its mode: the flight rings with 3 s and damping 0.08, one model lies close, one does not ring."""
+    """A case judged by its mode: the flight rings with 3 s and damping 0.08, one model lies close,
+    one does not ring.
+    """
     from dataclasses import replace
 
     import xarray as xr
@@ -158,21 +233,44 @@ def dutch_roll():
     def ring(zeta, amplitude=0.1):
         return amplitude * np.exp(-zeta * wd / np.sqrt(1 - zeta**2) * time) * np.cos(wd * time)
 
-    runs = {"flight": ring(0.08), "datcom": ring(0.08, 0.0), "corrected": ring(0.06), "final": ring(0.081)}
-    signals = xr.Dataset({"r": (("run", "time"), np.stack(list(runs.values())))}, {"run": list(runs), "time": time})
-    period = fixture.criterion("period", "r", "g1", window, fixture.Limit("percent", 10.0, "%"), provenance="memory")
-    criteria = (replace(period, measure="period"), replace(period, name="damping_ratio", measure="damping_ratio", group="g2"))
-    case_ = replace(base.case, id="2.d.7", window=(0.0, 19.98), events={"input_end": 1.0}, criteria=criteria)
+    runs = {
+        "flight": ring(0.08),
+        "datcom": ring(0.08, 0.0),
+        "corrected": ring(0.06),
+        "final": ring(0.081),
+    }
+    signals = xr.Dataset(
+        {"r": (("run", "time"), np.stack(list(runs.values())))}, {"run": list(runs), "time": time}
+    )
+    period = fixture.criterion(
+        "period", "r", "g1", window, fixture.Limit("percent", 10.0, "%"), provenance="memory"
+    )
+    criteria = (
+        replace(period, measure="period"),
+        replace(period, name="damping_ratio", measure="damping_ratio", group="g2"),
+    )
+    case_ = replace(
+        base.case, id="2.d.7", window=(0.0, 19.98), events={"input_end": 1.0}, criteria=criteria
+    )
     from pom.judging.verdict import judge, row
     from pom.result import verdict_table
 
     flights = {run: {"r": values} for run, values in runs.items()}
     rows = [
-        row(run, c, judge(case_, c, time, flights["flight"], flights[run])) for run in ("datcom", "corrected", "final") for c in criteria
+        row(run, c, judge(case_, c, time, flights["flight"], flights[run]))
+        for run in ("datcom", "corrected", "final")
+        for c in criteria
     ]
     inputs = xr.Dataset({"delta_r": ("time", 0.1 * (time < 1.0))}, {"time": time})
     tolerance = xr.Dataset(coords={"time": time})
-    return replace(base, case=case_, signals=signals, tolerance=tolerance, inputs=inputs, verdict=verdict_table(rows))
+    return replace(
+        base,
+        case=case_,
+        signals=signals,
+        tolerance=tolerance,
+        inputs=inputs,
+        verdict=verdict_table(rows),
+    )
 
 
 def test_table_of_modes(tmp_path):
@@ -180,14 +278,20 @@ def test_table_of_modes(tmp_path):
     table = mode_table(result)
     found = table.set_index("run")
     assert list(found.index) == ["flight", "datcom", "corrected", "final"]
-    np.testing.assert_allclose(found.loc["flight", ["period", "damping_ratio", "cycles"]].astype(float), [3.0, 0.08, 18.5 / 3.0], rtol=1e-3)
+    np.testing.assert_allclose(
+        found.loc["flight", ["period", "damping_ratio", "cycles"]].astype(float),
+        [3.0, 0.08, 18.5 / 3.0],
+        rtol=1e-3,
+    )
     assert found.loc["corrected", "damping_ratio"] == pytest.approx(0.06, rel=1e-4)
     assert "hardly oscillates" in found.loc["datcom", "note"]
     (block,) = modal.mode_table(result, table, case.line_styles(result.runs))
     assert [row["period"] for row in block["rows"]] == ["3.00", "–", "3.00", "3.00"]
     html = texts(write(tmp_path, results=[result], diagnoses={}).read_text(encoding="utf-8"))
     document = json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))
-    assert document["modes"]["roll_response_clean"][2]["damping_ratio"] == pytest.approx(0.06, rel=1e-4)
+    assert document["modes"]["roll_response_clean"][2]["damping_ratio"] == pytest.approx(
+        0.06, rel=1e-4
+    )
     assert "<h2>Modes</h2>" in html
     assert (
         "zeta 0.0" not in html[html.index("Notes and rationale") : html.index("Signatures")]
@@ -201,8 +305,12 @@ def test_biases_of_the_trim_are_marked_beyond_their_limit():
     table = fixture.trim(("datcom",))
     table.loc["trim.delta_e", "datcom"] = np.radians(-1.2)
     table.loc["trim.throttle"] = [np.nan, 0.0]
-    parts = dict(initial_conditions.trim(replace(fixture.short_period_result(), trim=table))["parts"])
-    found = [(row["label"].name, row["cells"], row["limit"]) for row in parts["Biases found by the trim"]]
+    parts = dict(
+        initial_conditions.trim(replace(fixture.short_period_result(), trim=table))["parts"]
+    )
+    found = [
+        (row["label"].name, row["cells"], row["limit"]) for row in parts["Biases found by the trim"]
+    ]
     assert found == [
         ("trim.delta_e", [("–", False), ("−1.20", True)], "± 1"),
         ("trim.thrust", [("–", False), ("27.0", False)], ""),
@@ -225,7 +333,10 @@ def test_thrust_that_drives_is_shown_once():
 def test_a_control_that_a_pilot_moves_is_shown_with_the_models():
     result = fixture.roll_result()
     aileron = result.inputs["delta_a"].values
-    result.signals["delta_a"] = ("run", "time"), np.stack([aileron, 1.1 * aileron, aileron, aileron])
+    result.signals["delta_a"] = (
+        ("run", "time"),
+        np.stack([aileron, 1.1 * aileron, aileron, aileron]),
+    )
     panel = next(panel for panel in panels.panels(result) if panel.channel == "delta_a")
     assert panel.kind == "input"
     assert list(panel.traces) == ["flight", *fixture.RUNS]

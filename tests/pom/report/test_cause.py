@@ -28,14 +28,26 @@ def rows(table):
 
 def numbers(svg, css):
     """Left ends and widths of the rectangles of a class."""
-    return [tuple(map(float, found)) for found in re.findall(rf'<rect class="{css}" x="([-\d.]+)" y="[-\d.]+" width="([\d.]+)"', svg)]
+    return [
+        tuple(map(float, found))
+        for found in re.findall(
+            rf'<rect class="{css}" x="([-\d.]+)" y="[-\d.]+" width="([\d.]+)"', svg
+        )
+    ]
 
 
 def test_the_cause_in_words(table):
     text = diagnosis.story(table)
-    assert "the lift increment due to gear extension (CL/gear) explains most of the gap, 81 %." in text
-    assert "With the lift increment due to gear extension (CL/gear) from the final model, the corrected a-priori model is within" in text
-    assert text.endswith("Terms do not simply add up: CL/gear and Cm/qhat explain 81 % and 9 % alone, 100 % together.")
+    assert (
+        "the lift increment due to gear extension (CL/gear) explains most of the gap, 81 %." in text
+    )
+    assert (
+        "With the lift increment due to gear extension (CL/gear) from the final model, the corrected a-priori model is within"
+        in text
+    )
+    assert text.endswith(
+        "Terms do not simply add up: CL/gear and Cm/qhat explain 81 % and 9 % alone, 100 % together."
+    )
 
 
 def test_the_table_shows_every_stage(table):
@@ -46,7 +58,12 @@ def test_the_table_shows_every_stage(table):
     left, width = single["rows"][0]["bar"]
     assert left == pytest.approx(100 * 0.2 / 1.4, abs=0.1)  # from no change ...
     assert width == pytest.approx(100 * 0.807 / 1.4, abs=0.1)  # ... to its share
-    assert single["rows"][0]["cells"] == ["81 %", "0.61", "78 %", "0.42"]  # what is explained, and the largest ratio
+    assert single["rows"][0]["cells"] == [
+        "81 %",
+        "0.61",
+        "78 %",
+        "0.42",
+    ]  # what is explained, and the largest ratio
     (pair,) = next(stage for title, stage in stages.items() if "two terms" in title)["rows"]
     assert pair["names"] == ["CL/gear", "Cm/qhat"]
     assert found["linked"] == ["CL/gear", "Cm/qhat", "CL/basic"]
@@ -64,22 +81,32 @@ def test_the_terms_that_were_not_flown_alone_are_named(table):
         blank | {"term": "Cl/phat", "bound": 4e-6},
     ]
     text = rows(pd.concat([table, pd.DataFrame(idle)], ignore_index=True))[1]["idle"]
-    assert text.startswith("2 terms were not flown alone, since no judged output moves by more than this share of its mismatch")
+    assert text.startswith(
+        "2 terms were not flown alone, since no judged output moves by more than this share of its mismatch"
+    )
     assert text.endswith(": Cn/rhat 0.31 %, Cl/phat below 0.01 %. All together move 0.12 %.")
 
 
 def test_a_cause_that_no_term_explains(table):
     table = table[table["stage"].isin(["prior", "final", "single"])].assign(explained=np.nan)
-    assert diagnosis.story(table).endswith("No single term of the final model brings it nearer to the flight.")
+    assert diagnosis.story(table).endswith(
+        "No single term of the final model brings it nearer to the flight."
+    )
     stages, found = rows(table)
     assert found["figure"] == ""
-    assert stages["a-priori model with one term taken from the final model"]["rows"][0]["bar"] is None
+    assert (
+        stages["a-priori model with one term taken from the final model"]["rows"][0]["bar"] is None
+    )
     table.loc[table["stage"] == "prior", "verdict"] = "pass"
     assert "no term has to be taken" in diagnosis.story(table)
 
 
 @pytest.mark.parametrize(
-    ("verdict", "expected"), [("not_tested", "there is no mismatch to explain"), ("invalid", "The a-priori model could not be judged. Of")]
+    ("verdict", "expected"),
+    [
+        ("not_tested", "there is no mismatch to explain"),
+        ("invalid", "The a-priori model could not be judged. Of"),
+    ],
 )
 def test_a_model_without_a_verdict_is_not_called_out_of_tolerance(table, verdict, expected):
     table.loc[table["stage"] == "prior", "verdict"] = verdict
@@ -90,11 +117,21 @@ def test_the_bars_of_the_waterfall_follow_each_other(table):
     svg = waterfall.cause_figure(table)
     (start, *_), (end, *_) = numbers(svg, "run-1-area"), numbers(svg, "run-3-area")
     scale = start[1] / 1.21  # units per half width
-    (taken, *_), (added, *_), (open_, *_) = numbers(svg, "run-2-area"), numbers(svg, "exit"), numbers(svg, "band frame")
-    assert added[0] == pytest.approx(start[0] + start[1], abs=0.2)  # CL/basic adds to the right of the a-priori mismatch ...
+    (taken, *_), (added, *_), (open_, *_) = (
+        numbers(svg, "run-2-area"),
+        numbers(svg, "exit"),
+        numbers(svg, "band frame"),
+    )
+    assert added[0] == pytest.approx(
+        start[0] + start[1], abs=0.2
+    )  # CL/basic adds to the right of the a-priori mismatch ...
     assert added[1] == pytest.approx(0.02 * scale, abs=0.2)
-    assert open_[0] + open_[1] == pytest.approx(added[0] + added[1], abs=0.2)  # ... from there Cm/qhat goes back ...
-    assert taken[0] == pytest.approx(end[0] + end[1], abs=0.2)  # ... and CL/gear down to the mismatch of the final model
+    assert open_[0] + open_[1] == pytest.approx(
+        added[0] + added[1], abs=0.2
+    )  # ... from there Cm/qhat goes back ...
+    assert taken[0] == pytest.approx(
+        end[0] + end[1], abs=0.2
+    )  # ... and CL/gear down to the mismatch of the final model
     assert "87 ± 3 %" in svg
 
 
@@ -104,7 +141,10 @@ def test_the_waterfall_in_words(table):
     assert label.startswith(
         "Waterfall of the mismatch from the a-priori to the final model. all criteria, from 1.21 to 0.02 half widths: CL/basic"
     )
-    assert "pitch rate, from 0.90 to 0.03 half widths: CL/basic −1 ± 3 %, Cm/qhat 13 ± 3 %, CL/gear 89 ± 3 %." in label
+    assert (
+        "pitch rate, from 0.90 to 0.03 half widths: CL/basic −1 ± 3 %, Cm/qhat 13 ± 3 %, CL/gear 89 ± 3 %."
+        in label
+    )
 
 
 def test_a_criterion_without_a_gap_has_no_panel(table):

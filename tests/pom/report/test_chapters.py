@@ -1,4 +1,6 @@
-"""Chapters of a report kept with its results: it is written again with them, byte by byte, without databases, fits and submodels."""
+"""Chapters of a report kept with its results: it is written again with them, byte by byte, without
+databases, fits and submodels.
+"""
 
 import re
 import sys
@@ -24,8 +26,12 @@ import report_pages
 
 BOTH = ("identification", "database")
 LINES = {
-    "5000 ft, 2000 kg, clean": xr.Dataset({"alpha": ("mach", np.radians([12.0, 4.0, np.nan]))}, {"mach": [0.15, 0.3, 0.45]}),
-    "5000 ft, 2100 kg, flaps 20 deg": xr.Dataset({"alpha": ("mach", np.radians([9.0, 2.0, 0.0]))}, {"mach": [0.15, 0.3, 0.45]}),
+    "5000 ft, 2000 kg, clean": xr.Dataset(
+        {"alpha": ("mach", np.radians([12.0, 4.0, np.nan]))}, {"mach": [0.15, 0.3, 0.45]}
+    ),
+    "5000 ft, 2100 kg, flaps 20 deg": xr.Dataset(
+        {"alpha": ("mach", np.radians([9.0, 2.0, 0.0]))}, {"mach": [0.15, 0.3, 0.45]}
+    ),
 }
 
 
@@ -33,14 +39,26 @@ LINES = {
 def folder(tmp_path_factory):
     """A report with databases, fits and a term swap; both chapters on paper."""
     place = tmp_path_factory.mktemp("chapters") / "old"
-    more = {"databases": fixture.databases(), "fits": fixture.fits(), "level_lines": LINES, "chapters": BOTH}
-    pom.write_report([fixture.roll_result()], place, title="T-37", provenance=fixture.PROVENANCE, jobs=1, **more)
+    more = {
+        "databases": fixture.databases(),
+        "fits": fixture.fits(),
+        "level_lines": LINES,
+        "chapters": BOTH,
+    }
+    pom.write_report(
+        [fixture.roll_result()], place, title="T-37", provenance=fixture.PROVENANCE, jobs=1, **more
+    )
     return place
 
 
 def test_warnings_of_a_database_are_on_the_first_page_and_in_the_pdf(tmp_path):
-    """And in a report that is written again from its results; without warnings there is no such section."""
-    databases, warning = fixture.databases(), "no place in the database, the estimate is left out: CL: delta_e of 'multisine'"
+    """And in a report that is written again from its results; without warnings there is no such
+    section.
+    """
+    databases, warning = (
+        fixture.databases(),
+        "no place in the database, the estimate is left out: CL: delta_e of 'multisine'",
+    )
     last = list(databases)[-1]
     databases[last].attrs["notices"] = f"{warning}\nincompatible fits: Cn"
     more = {"title": "T-37", "provenance": fixture.PROVENANCE, "jobs": 1}
@@ -61,47 +79,90 @@ def test_a_report_from_its_results_is_the_same_in_every_byte(folder, tmp_path):
     assert archive.chapters
     assert 'id="notices"' not in (folder / "report.html").read_text(encoding="utf-8")
     provenance = {**archive.provenance}
-    pom.write_report(archive.results, tmp_path / "new", title="T-37", provenance=provenance, kept=archive.chapters, jobs=1)
+    pom.write_report(
+        archive.results,
+        tmp_path / "new",
+        title="T-37",
+        provenance=provenance,
+        kept=archive.chapters,
+        jobs=1,
+    )
     for name in ("report.html", "report.pdf", "results.nc", "results.json"):
         assert (tmp_path / "new" / name).read_bytes() == (folder / name).read_bytes(), name
-    assert [item.state for item in pom.verify(tmp_path / "new") if item.kind == "statement"] == ["same"] * 6
+    assert [item.state for item in pom.verify(tmp_path / "new") if item.kind == "statement"] == [
+        "same"
+    ] * 6
 
 
 @pytest.mark.slow
 def test_the_verb_writes_the_chapters_again(folder, tmp_path):
-    done = CliRunner().invoke(group, ["report", str(folder), "-o", str(tmp_path / "letter"), "--paper", "letter"])
+    done = CliRunner().invoke(
+        group, ["report", str(folder), "-o", str(tmp_path / "letter"), "--paper", "letter"]
+    )
     assert done.exit_code == 0, done.output
-    old, new = (report_pages.parcels((place / "report.html").read_text(encoding="utf-8")) for place in (folder, tmp_path / "letter"))
+    old, new = (
+        report_pages.parcels((place / "report.html").read_text(encoding="utf-8"))
+        for place in (folder, tmp_path / "letter")
+    )
     for name in ("models", "identification"):
         assert new[name] == old[name]
     assert restored(pom.read_archive(tmp_path / "letter").chapters).on_paper == BOTH
     one = ["report", str(folder), "-o", str(tmp_path / "one"), "--chapter", "database"]
     assert CliRunner().invoke(group, one).exit_code == 0
-    sizes = [len((place / "report.pdf").read_bytes()) for place in (tmp_path / "one", tmp_path / "letter")]
+    sizes = [
+        len((place / "report.pdf").read_bytes())
+        for place in (tmp_path / "one", tmp_path / "letter")
+    ]
     assert sizes[0] < sizes[1]
 
 
 def test_what_was_not_kept_is_named(tmp_path):
-    """Figures of the fits for paper are kept where they were wanted; without databases there is nothing to compare."""
-    fits = {"title": "T-37", "provenance": fixture.PROVENANCE, "fits": fixture.fits(), "paper": None, "jobs": 1}
+    """Figures of the fits for paper are kept where they were wanted; without databases there is
+    nothing to compare.
+    """
+    fits = {
+        "title": "T-37",
+        "provenance": fixture.PROVENANCE,
+        "fits": fixture.fits(),
+        "paper": None,
+        "jobs": 1,
+    }
     pom.write_report([fixture.roll_result()], tmp_path / "old", **fits)
     words = ["report", str(tmp_path / "old"), "-o", str(tmp_path / "new")]
-    with pytest.raises(SchemaError, match="identification: the results hold no figures of it; match again"):
+    with pytest.raises(
+        SchemaError, match="identification: the results hold no figures of it; match again"
+    ):
         CliRunner().invoke(group, [*words, "--chapter", "identification"], catch_exceptions=False)
-    with pytest.raises(SchemaError, match="database: the results compare no databases; give them as --database"):
+    with pytest.raises(
+        SchemaError, match="database: the results compare no databases; give them as --database"
+    ):
         CliRunner().invoke(group, [*words, "--chapter", "database"], catch_exceptions=False)
     assert not (tmp_path / "new").exists()
-    archive, now = pom.read_archive(tmp_path / "old"), {**fits, "databases": fixture.databases(), "fits": (), "chapters": ("database",)}
-    pom.write_report(archive.results, tmp_path / "more", kept=archive.chapters, **now)  # given now, it need not have been kept
+    archive, now = (
+        pom.read_archive(tmp_path / "old"),
+        {**fits, "databases": fixture.databases(), "fits": (), "chapters": ("database",)},
+    )
+    pom.write_report(
+        archive.results, tmp_path / "more", kept=archive.chapters, **now
+    )  # given now, it need not have been kept
     more = restored(pom.read_archive(tmp_path / "more").chapters)
-    assert (more.on_paper, list(more.databases), bool(more.identification)) == (("database",), list(fixture.databases()), True)
+    assert (more.on_paper, list(more.databases), bool(more.identification)) == (
+        ("database",),
+        list(fixture.databases()),
+        True,
+    )
     assert CliRunner().invoke(group, [*words, "--no-pdf"]).exit_code == 0
-    assert "identification" in report_pages.parcels((tmp_path / "new" / "report.html").read_text(encoding="utf-8"))
+    assert "identification" in report_pages.parcels(
+        (tmp_path / "new" / "report.html").read_text(encoding="utf-8")
+    )
 
 
 def test_sections_pictures_and_traces_come_back_as_they_were():
     section = Section(
-        "gear", (("strut", "type 2", "3 %"),), (Grid("constants", ("name", "value"), (("k", "1"),)),), (Picture("<g/>", 9.0, "x"),)
+        "gear",
+        (("strut", "type 2", "3 %"),),
+        (Grid("constants", ("name", "value"), (("k", "1"),)),),
+        (Picture("<g/>", 9.0, "x"),),
     )
     made = drawn(fixture.databases(), {}, fixture.fits(), LINES, [section], {}, BOTH)
     again = restored(made.kept())
@@ -116,5 +177,7 @@ def test_sections_pictures_and_traces_come_back_as_they_were():
 def test_the_map_of_the_flights_has_the_one_g_lines():
     bare, found = sample_map(fixture.fits()), sample_map(fixture.fits(), LINES)
     assert "1 g lines: 5000 ft, 2000 kg, clean, 5000 ft, 2100 kg, flaps 20 deg" in found.words
-    assert found.body.count('class="trace run-') - bare.body.count('class="trace run-') == 4  # a line and its sample each
+    assert (
+        found.body.count('class="trace run-') - bare.body.count('class="trace run-') == 4
+    )  # a line and its sample each
     assert found.height > bare.height

@@ -10,13 +10,40 @@ from hypothesis.extra import numpy as arrays
 
 from pom.report.exports import csv_lines
 
-EDGES = [0.0, -0.0, math.nan, math.inf, -math.inf, 5e-324, 1.7e308, 1e9, 999999999.5, 999999999.4999, 99999999.95, 1e-5, 9.999999995e-5]
-EDGES += [9.9999999949e-5, 1e-100, 9.999999996e99, 1e22, 1e23, 123456789.5, 12345678.95, 0.5, 1e-4, -1e-4]
+EDGES = [
+    0.0,
+    -0.0,
+    math.nan,
+    math.inf,
+    -math.inf,
+    5e-324,
+    1.7e308,
+    1e9,
+    999999999.5,
+    999999999.4999,
+    99999999.95,
+    1e-5,
+    9.999999995e-5,
+]
+EDGES += [
+    9.9999999949e-5,
+    1e-100,
+    9.999999996e99,
+    1e22,
+    1e23,
+    123456789.5,
+    12345678.95,
+    0.5,
+    1e-4,
+    -1e-4,
+]
 
 
 def as_python_writes(columns):
     rows = zip(*(column.tolist() for column in columns), strict=True)
-    return "".join(",".join("" if math.isnan(x) else f"{x:.9g}" for x in row) + "\n" for row in rows)
+    return "".join(
+        ",".join("" if math.isnan(x) else f"{x:.9g}" for x in row) + "\n" for row in rows
+    )
 
 
 def test_numbers_of_every_size():
@@ -26,7 +53,8 @@ def test_numbers_of_every_size():
     columns = [
         rng.normal(size=count) * 10.0**exponents,
         np.round(rng.normal(size=count), 3),
-        rng.integers(0, 10**11, count) * 0.5 ** rng.integers(0, 12, count),  # half way between two texts among them
+        rng.integers(0, 10**11, count)
+        * 0.5 ** rng.integers(0, 12, count),  # half way between two texts among them
         np.nextafter(10.0 ** np.round(exponents), np.resize([-np.inf, 0.0, np.inf], count)),
         np.resize(EDGES, count),
         np.full(count, -0.0),
@@ -36,7 +64,11 @@ def test_numbers_of_every_size():
     assert "".join(csv_lines(columns)) == as_python_writes(columns)
 
 
-@given(arrays.arrays(float, st.tuples(st.integers(1, 4), st.integers(0, 9)), elements=st.floats(width=64)))
+@given(
+    arrays.arrays(
+        float, st.tuples(st.integers(1, 4), st.integers(0, 9)), elements=st.floats(width=64)
+    )
+)
 def test_any_numbers(columns):
     assert "".join(csv_lines([*columns])) == as_python_writes([*columns])
 

@@ -28,9 +28,19 @@ import report_fixture as fixture
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     place = tmp_path_factory.mktemp("report")
-    table = fixture.diagnosis().assign(**{"spiral stderr": np.nan})  # a column without any number stays one of numbers
+    table = fixture.diagnosis().assign(
+        **{"spiral stderr": np.nan}
+    )  # a column without any number stays one of numbers
     diagnoses = {"short_period_full_flaps": table}
-    pom.write_report(fixture.results(), place, title="T-37", provenance=fixture.PROVENANCE, diagnoses=diagnoses, revision="A", paper=None)
+    pom.write_report(
+        fixture.results(),
+        place,
+        title="T-37",
+        provenance=fixture.PROVENANCE,
+        diagnoses=diagnoses,
+        revision="A",
+        paper=None,
+    )
     return place
 
 
@@ -54,7 +64,9 @@ def test_results_come_back_from_netcdf_bit_for_bit(folder):
 def test_columns_of_an_earlier_diagnosis_get_their_present_names(tmp_path):
     """Files that were written before the columns were renamed hold ``closes`` and ``miss``."""
     now = fixture.diagnosis()
-    before = now.rename(columns=lambda name: name.replace("explained", "closes").replace("mismatch", "miss"))
+    before = now.rename(
+        columns=lambda name: name.replace("explained", "closes").replace("mismatch", "miss")
+    )
     assert {"closes", "miss", "pitch_rate closes", "pitch_rate miss"} <= set(before.columns)
     archive.write_archive(tmp_path / "results.nc", archive.Archive([], diagnoses={"a": before}), [])
     pd.testing.assert_frame_equal(archive.read_archive(tmp_path / "results.nc").diagnoses["a"], now)
@@ -73,7 +85,9 @@ def test_general_tools_read_the_archive(folder):
     tree = xr.open_datatree(folder / "results.nc", engine="h5netcdf")
     case = tree["short_period_full_flaps"].to_dataset()
     theta = case["signals"].sel(run="final", channel="theta")
-    np.testing.assert_array_equal(theta, fixture.short_period_result().signals["theta"].sel(run="final"))
+    np.testing.assert_array_equal(
+        theta, fixture.short_period_result().signals["theta"].sel(run="final")
+    )
     tree.close()
 
 
@@ -96,13 +110,17 @@ def test_json_holds_every_number_and_no_samples(folder):
         assert not {"signals", "tolerance"} & set(item)
         assert item["status"] == {run: result.status(run) for run in result.runs}
         assert [row["verdict"] for row in item["verdict"]] == list(result.verdict["verdict"])
-        np.testing.assert_array_equal([row["worst_ratio"] or np.nan for row in item["verdict"]], result.verdict["worst_ratio"])
+        np.testing.assert_array_equal(
+            [row["worst_ratio"] or np.nan for row in item["verdict"]], result.verdict["worst_ratio"]
+        )
     assert len(document["diagnoses"]["short_period_full_flaps"]) == len(fixture.diagnosis())
 
 
 def test_junit_counts_what_the_report_states(folder):
     root = ElementTree.parse(folder / "results.xml").getroot()
-    groups = [verdict for r in fixture.results() for run in r.runs for verdict in r.groups(run).values()]
+    groups = [
+        verdict for r in fixture.results() for run in r.runs for verdict in r.groups(run).values()
+    ]
     assert root.get("tests") == str(len(groups))
     assert root.get("failures") == str(groups.count("fail")) != "0"
     assert root.get("errors") == str(groups.count("invalid")) != "0"
@@ -114,7 +132,10 @@ def test_junit_counts_what_the_report_states(folder):
 def test_a_failed_alternative_is_no_failure(folder):
     """Pitch angle outside, pitch rate inside: one of the two is enough, so the test passes."""
     result = fixture.short_period_result()
-    result.verdict.loc[(result.verdict["run"] == "final") & (result.verdict["criterion"] == "pitch_angle"), "verdict"] = "fail"
+    result.verdict.loc[
+        (result.verdict["run"] == "final") & (result.verdict["criterion"] == "pitch_angle"),
+        "verdict",
+    ] = "fail"
     suite = ElementTree.fromstring(exports.junit([result], "x").split("\n", 1)[1])
     tests = suite.findall("testsuite/testcase[@classname='short_period_full_flaps.final']")
     assert all(test.find("failure") is None for test in tests)
@@ -122,7 +143,13 @@ def test_a_failed_alternative_is_no_failure(folder):
 
 def test_a_trim_beyond_its_limits_is_a_failed_test_of_its_own():
     result = fixture.short_period_result()
-    remark = RowRemark("trim", "trim.delta_e +2.2 deg is beyond 1 deg", "delta_e", {"found": 2.2, "limit": 1.0}, "deg")
+    remark = RowRemark(
+        "trim",
+        "trim.delta_e +2.2 deg is beyond 1 deg",
+        "delta_e",
+        {"found": 2.2, "limit": 1.0},
+        "deg",
+    )
     for index in result.verdict.index[result.verdict["run"] == "final"]:
         result.verdict.at[index, "remarks"] = (remark,)
     assert result.status("final") == "limits_exceeded"
@@ -144,7 +171,11 @@ def test_csv_has_all_samples_in_si(folder):
         head, *rows = csv.reader(file)
     assert len(rows) == result.signals.sizes["time"]
     column = head.index("theta final")
-    np.testing.assert_allclose([float(row[column]) for row in rows], result.signals["theta"].sel(run="final"), rtol=5.001e-9)
+    np.testing.assert_allclose(
+        [float(row[column]) for row in rows],
+        result.signals["theta"].sel(run="final"),
+        rtol=5.001e-9,
+    )
     assert all(row[head.index("theta corrected")] == "" for row in rows)  # the model that crashed
     assert "theta tolerance" in head
     assert "delta_e input" in head

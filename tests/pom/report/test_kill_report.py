@@ -1,4 +1,6 @@
-"""A process that is killed while it writes databases, models and their report: they are always of one job."""
+"""A process that is killed while it writes databases, models and their report: they are always of
+one job.
+"""
 
 import json
 import os
@@ -19,11 +21,15 @@ def job(folder, number, result):
     with folder_written_atomically(folder, own=["final.fmu", "report"].__contains__) as new:
         (new / "final.fmu").write_text(f"model {number}")
         made_from = pom.provenance([], {"final": new / "final.fmu"})
-        pom.write_report([result], new / "report", title=f"job {number}", provenance=made_from, paper=None)
+        pom.write_report(
+            [result], new / "report", title=f"job {number}", provenance=made_from, paper=None
+        )
 
 
 def report_killed_at_each_call(folder):
-    """Write a second job over the first and be killed; both files and report are those of one job, then as after it."""
+    """Write a second job over the first and be killed; both files and report are those of one job,
+    then as after it.
+    """
     result, out = fixture.roll_result(), folder / "out"
     job(out, 0, result)
     before = {file: file.read_bytes() for file in sorted(out.rglob("*")) if file.is_file()}
@@ -43,7 +49,9 @@ def report_killed_at_each_call(folder):
 
 
 def title_of_job(out):
-    """Return the title of the report in a folder, after a check that report and model belong together."""
+    """Return the title of the report in a folder, after a check that report and model belong
+    together.
+    """
     report = out / "report"
     statement = json.loads((report / "manifest.json").read_text())
     files = [file for file in report.rglob("*") if file.is_file() and file.name != "manifest.json"]

@@ -17,7 +17,10 @@ from pom.report.presentation import quantities, traces
 def test_models_page_shows_what_differs_and_names_the_rest(report):
     html, _ = report
     drawn = dict(
-        re.findall(r'data-term="([^"]+)" id="[^"]*">\s*<h2>[^<]*<span class="quiet">(?:[^<;]+; )?((?:not in|replaced|unch)[^<;]*)', html)
+        re.findall(
+            r'data-term="([^"]+)" id="[^"]*">\s*<h2>[^<]*<span class="quiet">(?:[^<;]+; )?((?:not in|replaced|unch)[^<;]*)',
+            html,
+        )
     )
     assert drawn == {
         "CL/basic": "replaced",
@@ -28,24 +31,37 @@ def test_models_page_shows_what_differs_and_names_the_rest(report):
         "Cm/basic": "unchanged",
         "Cm/elevator": "replaced",
     }
-    assert re.search(r'scope="row">CL/flap</th><td>lift increment due to flap extension</td><td>alpha 11, delta_f 3', html)
+    assert re.search(
+        r'scope="row">CL/flap</th><td>lift increment due to flap extension</td><td>alpha 11, delta_f 3',
+        html,
+    )
 
 
-@pytest.mark.parametrize("order", [("Ch_e/basic", "Ch_a/basic", "Ch_r/basic"), ("Ch_r/basic", "Ch_e/basic", "Ch_a/basic")])
+@pytest.mark.parametrize(
+    "order",
+    [("Ch_e/basic", "Ch_a/basic", "Ch_r/basic"), ("Ch_r/basic", "Ch_e/basic", "Ch_a/basic")],
+)
 def test_terms_of_the_same_place_come_in_the_order_of_the_databases(order):
     """Not in that of a set, which is another one in every process."""
     made = [
-        xr.DataTree.from_dict({"/": xr.Dataset(attrs=fixture.databases()["final"].attrs)} | {name: terms.make(value) for name in order})
+        xr.DataTree.from_dict(
+            {"/": xr.Dataset(attrs=fixture.databases()["final"].attrs)}
+            | {name: terms.make(value) for name in order}
+        )
         for value in (0.1, 0.2)
     ]
-    found = database_comparison.compared(dict(zip(("datcom", "final"), made, strict=True)), {}, {"datcom": "run-0", "final": "run-1"})
+    found = database_comparison.compared(
+        dict(zip(("datcom", "final"), made, strict=True)), {}, {"datcom": "run-0", "final": "run-1"}
+    )
     assert tuple(item["term"] for item in found["terms"]) == order
 
 
 def test_supporting_samples_are_drawn_in_their_slice():
     import pandas as pd
 
-    support = {"CL/basic": pd.DataFrame({"alpha": np.radians([1.0, 2.0, 3.0]), "mach": [0.12, 0.28, 0.31]})}
+    support = {
+        "CL/basic": pd.DataFrame({"alpha": np.radians([1.0, 2.0, 3.0]), "mach": [0.12, 0.28, 0.31]})
+    }
     results, databases = [fixture.roll_result()], fixture.databases()
     html = page(results, databases=databases, support=support)
     section = html[html.index('data-term="CL/basic"') : html.index('data-term="CL/gear"')]
@@ -64,8 +80,13 @@ def test_identification_shows_every_local_model():
         assert np.abs(measured - lift).max() <= np.ptp(lift) / 1000 * (1 + 1e-9)
         assert np.std(measured - fitted) == pytest.approx(np.std(fit.residual), rel=0.02)
         assert drawn["starts"] == [300]
-        for name, estimate in zip(fit.estimates["term"].values, fit.estimates["estimate"].values, strict=True):
-            assert re.search(rf'scope="row">{name}</th><td class="num">{re.escape(quantities.number(float(estimate), 4))}</td>', html)
+        for name, estimate in zip(
+            fit.estimates["term"].values, fit.estimates["estimate"].values, strict=True
+        ):
+            assert re.search(
+                rf'scope="row">{name}</th><td class="num">{re.escape(quantities.number(float(estimate), 4))}</td>',
+                html,
+            )
     assert 'class="test-point"' in html
     assert "Correlated estimates: 1 with alpha" in html
     assert "identification" not in parcels(page([fixture.roll_result()]))
@@ -89,19 +110,25 @@ def test_tables_of_unlike_axes_share_a_figure():
         "scalar": terms.make(6.0),
     }
     tables = {name: leaf["value"] for name, leaf in holders.items()}
-    curves = {c["name"]: c for c in database_comparison._curves(tables, holders, "value", "alpha", {"mach": 0.6})}
+    curves = {
+        c["name"]: c
+        for c in database_comparison._curves(tables, holders, "value", "alpha", {"mach": 0.6})
+    }
     np.testing.assert_allclose(curves["wide"]["y"], [2.0, 4.0])
     np.testing.assert_allclose(curves["narrow"]["y"], [5.0, 7.0])  # one node only: held
     np.testing.assert_allclose(curves["flat"]["y"], [10.0, 10.0])  # beyond its last node: held
     np.testing.assert_allclose(curves["scalar"]["y"], [6.0, 6.0])
     for curve in curves.values():
         np.testing.assert_allclose(curve["x"], [0.0, 10.0])
-    middle = {c["name"]: c for c in database_comparison._curves(tables, holders, "value", "alpha", {"mach": 0.3})}
+    middle = {
+        c["name"]: c
+        for c in database_comparison._curves(tables, holders, "value", "alpha", {"mach": 0.3})
+    }
     np.testing.assert_allclose(middle["wide"]["y"], [1.25, 3.25])
     shared, styles = database_comparison._shared(holders), case.line_styles(holders)
-    assert database_comparison._figure("CL/basic", "value", holders, shared, None, styles).words.startswith(
-        "CL/basic value against alpha in"
-    )
+    assert database_comparison._figure(
+        "CL/basic", "value", holders, shared, None, styles
+    ).words.startswith("CL/basic value against alpha in")
 
 
 def test_databases_that_hold_the_same_table_share_a_line():
@@ -110,7 +137,9 @@ def test_databases_that_hold_the_same_table_share_a_line():
     leaf = terms.make([1.0, 2.0], {"mach": [0.2, 0.6]})
     other = terms.make([1.0, 2.5], {"mach": [0.2, 0.6]})
     narrower = terms.make([1.0, 2.0], {"mach": [0.2, 0.6]}, stderr=0.1)
-    assert database_comparison._shared({"a": leaf, "b": other, "c": leaf.copy(), "d": narrower}) == {
+    assert database_comparison._shared(
+        {"a": leaf, "b": other, "c": leaf.copy(), "d": narrower}
+    ) == {
         "a": ["a", "c"],
         "b": ["b"],
         "d": ["d"],

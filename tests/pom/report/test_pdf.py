@@ -43,15 +43,18 @@ def paper(results, form="a4", **more):
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     place = tmp_path_factory.mktemp("paper")
-    pom.write_report(fixture.results(), place, title="T-37", provenance=fixture.PROVENANCE, revision="A")
+    pom.write_report(
+        fixture.results(), place, title="T-37", provenance=fixture.PROVENANCE, revision="A"
+    )
     return place
 
 
 def streams(pdf):
     """Yield every stream of a PDF, inflated where it is deflated.
 
-    The line end before ``endstream`` may follow a stream whose own last byte is a carriage return, so only the line feed is
-    taken off; an inflater of objects leaves what stands behind the end of its data.
+    The line end before ``endstream`` may follow a stream whose own last byte is a carriage return,
+    so only the line feed is taken off; an inflater of objects leaves what stands behind the end of
+    its data.
     """
     for found in re.finditer(rb"stream\r?\n(.*?)\nendstream", pdf, re.DOTALL):
         try:
@@ -90,16 +93,32 @@ def test_it_is_pdf_a_3b_and_pdf_ua_1(folder):
 
 @pytest.mark.slow
 def test_equal_input_gives_equal_bytes(folder, tmp_path):
-    pom.write_report(fixture.results(), tmp_path, title="T-37", provenance=fixture.PROVENANCE, revision="A")
-    for name in ("report.pdf", "manifest.json", "results.nc", "results.xml", "csv/roll_response_clean.csv"):
+    pom.write_report(
+        fixture.results(), tmp_path, title="T-37", provenance=fixture.PROVENANCE, revision="A"
+    )
+    for name in (
+        "report.pdf",
+        "manifest.json",
+        "results.nc",
+        "results.xml",
+        "csv/roll_response_clean.csv",
+    ):
         assert (tmp_path / name).read_bytes() == (folder / name).read_bytes()
 
 
 @pytest.mark.slow
 def test_fonts_come_from_the_package(folder):
-    names = set(re.findall(rb"/BaseFont/(?:[A-Z]{6}\+)?([\w-]+)", re.sub(rb"\s*/", b"/", everything((folder / "report.pdf").read_bytes()))))
+    names = set(
+        re.findall(
+            rb"/BaseFont/(?:[A-Z]{6}\+)?([\w-]+)",
+            re.sub(rb"\s*/", b"/", everything((folder / "report.pdf").read_bytes())),
+        )
+    )
     assert names
-    assert {name.partition(b"-")[0] for name in names} <= {b"SourceSansPro", b"DejaVuSansMono"}  # ours, and one inside typst
+    assert {name.partition(b"-")[0] for name in names} <= {
+        b"SourceSansPro",
+        b"DejaVuSansMono",
+    }  # ours, and one inside typst
 
 
 def test_results_and_manifest_are_inside(folder):
@@ -114,8 +133,13 @@ def test_results_and_manifest_are_inside(folder):
 def alternatives(pdf):
     """Return the alternative texts of all figures."""
     whole = everything(pdf)
-    found = [bytes.fromhex(x.decode()).decode("utf-16") if x else "" for x in re.findall(rb"/Alt\s*<FEFF([0-9A-Fa-f]*)>", whole)]
-    return b"\n".join(re.findall(rb"/Alt\s*\((.*?)\)", whole, re.DOTALL)).decode("latin-1") + "\n".join(found)
+    found = [
+        bytes.fromhex(x.decode()).decode("utf-16") if x else ""
+        for x in re.findall(rb"/Alt\s*<FEFF([0-9A-Fa-f]*)>", whole)
+    ]
+    return b"\n".join(re.findall(rb"/Alt\s*\((.*?)\)", whole, re.DOTALL)).decode(
+        "latin-1"
+    ) + "\n".join(found)
 
 
 def test_every_panel_has_its_alternative_text(folder):
@@ -128,7 +152,13 @@ def test_every_panel_has_its_alternative_text(folder):
 
 @pytest.mark.slow
 def test_chapters_of_the_data_report_are_there_when_wanted(tmp_path):
-    more = {"title": "T-37", "provenance": fixture.PROVENANCE, "fits": fixture.fits(), "databases": fixture.databases(), "jobs": 1}
+    more = {
+        "title": "T-37",
+        "provenance": fixture.PROVENANCE,
+        "fits": fixture.fits(),
+        "databases": fixture.databases(),
+        "jobs": 1,
+    }
     found = {}
     for chapters in ((), ("identification",), ("identification", "database")):
         for place in ("one", "two"):
@@ -136,7 +166,11 @@ def test_chapters_of_the_data_report_are_there_when_wanted(tmp_path):
         found[chapters] = (tmp_path / "one" / "report.pdf").read_bytes()
         assert (tmp_path / "two" / "report.pdf").read_bytes() == found[chapters]
     words = [alternatives(pdf) for pdf in found.values()]
-    flown = ["Angle of attack and Mach number of", "CL of short period, 4 terms: measured", "CL of short period, 2 terms: measured"]
+    flown = [
+        "Angle of attack and Mach number of",
+        "CL of short period, 4 terms: measured",
+        "CL of short period, 2 terms: measured",
+    ]
     terms = compared(fixture.databases(), {}, line_styles(fixture.databases()))["terms"]
     tables = [figure.words for term in terms for figure in term["figures"]]
     assert tables
@@ -148,16 +182,23 @@ def test_chapters_of_the_data_report_are_there_when_wanted(tmp_path):
 
 
 def test_the_figure_of_a_fit_and_a_published_one_without_samples(tmp_path):
-    (tmp_path / "values.csv").write_text("model,coefficient,term,value,stderr,mach,alpha [deg]\nreport,CL,alpha,4.9,0.1,0.3,4\n")
+    (tmp_path / "values.csv").write_text(
+        "model,coefficient,term,value,stderr,mach,alpha [deg]\nreport,CL,alpha,4.9,0.1,0.3,4\n"
+    )
     (published,) = flighttest.combining.read_published(tmp_path / "values.csv")
     first, _, bare = chapter([*fixture.fits(), published], {}, on_paper=True)["fits"]
-    assert first["drawing"].words.startswith("CL of short period, 4 terms: measured, fitted, residual with an rms of 0.00")
+    assert first["drawing"].words.startswith(
+        "CL of short period, 4 terms: measured, fitted, residual with an rms of 0.00"
+    )
     assert first["drawing"].body.count("trace run-3") == 1
     assert bare["drawing"] is None
     assert [row["name"] for row in bare["terms"]] == ["alpha"]
 
 
-@pytest.mark.parametrize(("date", "printed"), [("2026-11-21", "2026-11-21T00:00:00+00:00"), ("", "1970-01-01T00:00:00+00:00")])
+@pytest.mark.parametrize(
+    ("date", "printed"),
+    [("2026-11-21", "2026-11-21T00:00:00+00:00"), ("", "1970-01-01T00:00:00+00:00")],
+)
 def test_the_date_is_that_of_the_results(date, printed):
     pdf = paper([fixture.roll_result()], provenance={"date": date})
     assert metadata(pdf, "xmp:CreateDate").replace("Z", "+00:00") == printed
@@ -165,7 +206,11 @@ def test_the_date_is_that_of_the_results(date, printed):
 
 @pytest.mark.parametrize("form", ["a4", "letter"])
 def test_paper_sizes(form):
-    width = float(re.search(rb"/MediaBox\s*\[0 0 ([\d.]+)", everything(paper([fixture.roll_result()], form))).group(1))
+    width = float(
+        re.search(
+            rb"/MediaBox\s*\[0 0 ([\d.]+)", everything(paper([fixture.roll_result()], form))
+        ).group(1)
+    )
     assert width / 72 * 25.4 == pytest.approx(PAPER_WIDTH[form], abs=0.1)
 
 
@@ -181,19 +226,38 @@ def test_more_than_seven_panels_go_on(tmp_path):
 
 @pytest.mark.slow
 def test_where_tables_fill_the_page_panels_take_the_next(tmp_path):
-    drawn = case_pages._drawings(tmp_path, 1, fixture.short_period_result(), None, 100.0, 1000.0)["pages"]
+    drawn = case_pages._drawings(tmp_path, 1, fixture.short_period_result(), None, 100.0, 1000.0)[
+        "pages"
+    ]
     assert drawn[0] == []
     assert sum(map(len, drawn)) == len(panels(fixture.short_period_result()))
     result = fixture.short_period_result()
-    again = [result.verdict.assign(criterion=result.verdict["criterion"] + f" {n}", group=f"g{n}") for n in range(18)]
-    assert paper([replace(result, verdict=pd.concat([result.verdict, *again], ignore_index=True))]).startswith(b"%PDF")
+    again = [
+        result.verdict.assign(criterion=result.verdict["criterion"] + f" {n}", group=f"g{n}")
+        for n in range(18)
+    ]
+    assert paper(
+        [replace(result, verdict=pd.concat([result.verdict, *again], ignore_index=True))]
+    ).startswith(b"%PDF")
 
 
-@pytest.mark.parametrize("words", ['"#[*_ $x$ \\ @a <b>` #panic() //', "短周期 🛩 \x07 \ud800 u\u0307\u0302", "עברית тест"])
+@pytest.mark.parametrize(
+    "words",
+    ['"#[*_ $x$ \\ @a <b>` #panic() //', "短周期 🛩 \x07 \ud800 u\u0307\u0302", "עברית тест"],
+)
 def test_texts_stay_texts(words):
     result = fixture.roll_result()
-    case = replace(result.case, title=words, objective=words, notes=words, rationale={"p": words}, ticks={"roll_rate": words})
-    assert paper([replace(result, case=case, failure=words)], title=words, revision=words).startswith(b"%PDF")
+    case = replace(
+        result.case,
+        title=words,
+        objective=words,
+        notes=words,
+        rationale={"p": words},
+        ticks={"roll_rate": words},
+    )
+    assert paper(
+        [replace(result, case=case, failure=words)], title=words, revision=words
+    ).startswith(b"%PDF")
 
 
 def test_without_a_pdf_an_old_one_goes(folder, tmp_path):
@@ -207,13 +271,19 @@ def test_without_a_pdf_an_old_one_goes(folder, tmp_path):
 def test_the_words_of_the_document_are_those_of_the_results():
     result = fixture.short_period_result()
     page = content.case(1, "key", result, fixture.PROVENANCE, None, mode_table(result))
-    rows = {(block["criterion"].replace(" ", "_"), row["run"]): row for block in page["verdicts"] for row in block["rows"]}
+    rows = {
+        (block["criterion"].replace(" ", "_"), row["run"]): row
+        for block in page["verdicts"]
+        for row in block["rows"]
+    }
     assert len(rows) == len(result.verdict)
     for row in result.verdict.to_dict("records"):
         mine = rows[row["criterion"], row["run"]]
         assert mine["state"] == row["verdict"]
         assert mine["ratio"] == f"{row['worst_ratio']:.2f}"
-    assert [(o["run"], o["state"]) for o in page["outcomes"]] == [(run, result.status(run)) for run in result.runs]
+    assert [(o["run"], o["state"]) for o in page["outcomes"]] == [
+        (run, result.status(run)) for run in result.runs
+    ]
     assert "100 %" in page["kind"]
     assert [row[2] for row in page["digests"]] == [
         fixture.PROVENANCE["inputs"]["flight/t37_21_short_period.nc"],
@@ -227,15 +297,38 @@ def test_the_words_of_the_document_are_those_of_the_results():
 def drawn(result, index=0, height=60.0):
     styles = {**line_styles(result.runs), "applied": "run-0"}
     shown = panels(result)
-    return figure.drawing("x", result.signals["time"].values, shown[index], styles, result.case.events, height, True, True), shown[index]
+    return figure.drawing(
+        "x",
+        result.signals["time"].values,
+        shown[index],
+        styles,
+        result.case.events,
+        height,
+        True,
+        True,
+    ), shown[index]
 
 
 def test_flight_lies_on_the_band_and_no_model_hides_it():
     item, _ = drawn(fixture.short_period_result())
-    order = [element.get("class") for element in ElementTree.fromstring(item.svg).iter(f"{SVG}path")]
-    order = [name for name in order if name in ("band", "exit", "hair") or (name or "").startswith("trace")]
+    order = [
+        element.get("class") for element in ElementTree.fromstring(item.svg).iter(f"{SVG}path")
+    ]
+    order = [
+        name
+        for name in order
+        if name in ("band", "exit", "hair") or (name or "").startswith("trace")
+    ]
     main = order[: order.index("hair") + 1]
-    assert main == ["band", "exit", "trace run-0", "trace run-1", "trace run-2", "trace run-3", "hair"]
+    assert main == [
+        "band",
+        "exit",
+        "trace run-0",
+        "trace run-1",
+        "trace run-2",
+        "trace run-3",
+        "hair",
+    ]
 
 
 def test_exits_are_hatched_where_they_are():
@@ -245,18 +338,29 @@ def test_exits_are_hatched_where_they_are():
     assert len(tree.findall(f".//{SVG}path[@class='exit']")) >= 1
     assert len(tree.findall(f".//{SVG}line[@class='tickmark']")) == 1
     calm = fixture.short_period_result(poor=1.0)
-    quiet = replace(calm, signals=calm.signals.where(calm.signals["run"] != "datcom", calm.signals.sel(run="flight")))
+    quiet = replace(
+        calm,
+        signals=calm.signals.where(calm.signals["run"] != "datcom", calm.signals.sel(run="flight")),
+    )
     assert 'class="exit"' not in drawn(quiet)[0].svg
 
 
 def test_lines_differ_without_colour():
     dashes = [dash for _, dash, _ in style.LINES.values()]
     assert len(set(dashes)) == len(dashes)
-    assert [style.LINES[f"run-{i}"][1] == "" for i in range(4)] == [True, False, False, False]  # flight alone is solid
+    assert [style.LINES[f"run-{i}"][1] == "" for i in range(4)] == [
+        True,
+        False,
+        False,
+        False,
+    ]  # flight alone is solid
 
 
 def luminance(colour):
-    linear = [c / 12.92 if c <= 0.03928 else ((c + 0.055) / 1.055) ** 2.4 for c in (int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5))]
+    linear = [
+        c / 12.92 if c <= 0.03928 else ((c + 0.055) / 1.055) ** 2.4
+        for c in (int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5))
+    ]
     return float(np.dot(linear, [0.2126, 0.7152, 0.0722]))  # WCAG 2.2, relative luminance
 
 
@@ -278,10 +382,15 @@ def test_no_text_is_below_seven_points():
 def test_the_rest_of_a_record_does_not_squeeze_the_window():
     result = fixture.short_period_result()
     signals = result.signals.copy(deep=True)
-    signals["theta"].loc[{"run": "flight", "time": signals["time"][:5]}] = 3.0  # before the window, as vanes at a standstill
+    signals["theta"].loc[{"run": "flight", "time": signals["time"][:5]}] = (
+        3.0  # before the window, as vanes at a standstill
+    )
     item, panel = drawn(replace(result, signals=signals))
     assert panel.limits[1] > np.degrees(3.0)
-    ticks = [float(t.text.replace("\N{MINUS SIGN}", "-")) for t in ElementTree.fromstring(item.svg).find(f"{SVG}g").iter(f"{SVG}text")]
+    ticks = [
+        float(t.text.replace("\N{MINUS SIGN}", "-"))
+        for t in ElementTree.fromstring(item.svg).find(f"{SVG}g").iter(f"{SVG}text")
+    ]
     assert max(ticks) < 40.0
 
 
@@ -295,28 +404,49 @@ def test_panels_fill_the_room_and_never_more(room):
 
 
 def shares():
-    rows = [("prior", "", 0.0, 0.0, 2.0), ("final", "", 1.0, 0.0, 0.4), ("share", "CD/gear", -0.1, 0.02, 2.16)]
+    rows = [
+        ("prior", "", 0.0, 0.0, 2.0),
+        ("final", "", 1.0, 0.0, 0.4),
+        ("share", "CD/gear", -0.1, 0.02, 2.16),
+    ]
     rows += [("share", "Cm/qhat", 0.8, 0.05, 0.88), ("share", "others", 0.3, 0.0, 0.4)]
     return pd.DataFrame(rows, columns=["stage", "term", "explained", "stderr", "mismatch"])
 
 
 def test_the_waterfall_falls_from_the_prior_to_the_final_model():
     item = waterfall(shares())
-    bars = [e for e in ElementTree.fromstring(item.svg).iter(f"{SVG}rect") if e.get("class") in ("bar", "rise", "total")]
+    bars = [
+        e
+        for e in ElementTree.fromstring(item.svg).iter(f"{SVG}rect")
+        if e.get("class") in ("bar", "rise", "total")
+    ]
     assert [bar.get("class") for bar in bars] == ["total", "rise", "bar", "bar", "total"]
     ends = [(float(bar.get("x")), float(bar.get("x")) + float(bar.get("width"))) for bar in bars]
-    assert ends[0][1] == pytest.approx(ends[1][0], abs=0.2)  # the first share starts at the mismatch of the prior
+    assert ends[0][1] == pytest.approx(
+        ends[1][0], abs=0.2
+    )  # the first share starts at the mismatch of the prior
     assert ends[1][1] == pytest.approx(ends[2][1], abs=0.2)
     assert ends[2][0] == pytest.approx(ends[3][1], abs=0.2)
-    assert ends[3][0] == pytest.approx(ends[4][1], abs=0.2)  # and the last ends at that of the final model
+    assert ends[3][0] == pytest.approx(
+        ends[4][1], abs=0.2
+    )  # and the last ends at that of the final model
     assert "Cm/qhat  (pitching-moment increment due to pitch rate): explains 80 ± 5 %" in item.words
     assert waterfall(shares().iloc[:2]) is None
-    assert paper([fixture.short_period_result()], diagnoses={"short_period_full_flaps": fixture.diagnosis()}).startswith(b"%PDF")
+    assert paper(
+        [fixture.short_period_result()], diagnoses={"short_period_full_flaps": fixture.diagnosis()}
+    ).startswith(b"%PDF")
 
 
 def test_legend_samples_do_not_overlap():
-    tree = ElementTree.fromstring(figure.legend(line_styles(["datcom", "corrected", "final", "a model with a rather long name"])).svg)
-    places = [tuple(map(float, re.findall(r"[\d.]+", group.get("transform")))) for group in tree.findall(f"{SVG}g")]
+    tree = ElementTree.fromstring(
+        figure.legend(
+            line_styles(["datcom", "corrected", "final", "a model with a rather long name"])
+        ).svg
+    )
+    places = [
+        tuple(map(float, re.findall(r"[\d.]+", group.get("transform"))))
+        for group in tree.findall(f"{SVG}g")
+    ]
     assert all(abs(a[0] - b[0]) > 30.0 or a[1] != b[1] for a, b in combinations(places, 2))
     assert all(x < 720.0 for x, _ in places)
 
@@ -324,13 +454,20 @@ def test_legend_samples_do_not_overlap():
 def test_a_cross_plot_turns_back_with_its_band():
     turn = np.linspace(0.0, 2.0 * np.pi, 200)
     x = {run: 10.0 * np.sin(turn) for run in ("flight", "final")}  # a sweep there and back
-    y = {"flight": 100.0 * np.sin(turn) + 20.0 * np.cos(turn), "final": 104.0 * np.sin(turn) + 18.0 * np.cos(turn)}
+    y = {
+        "flight": 100.0 * np.sin(turn) + 20.0 * np.cos(turn),
+        "final": 104.0 * np.sin(turn) + 18.0 * np.cos(turn),
+    }
     plot = Cross(("force",), label("column"), label("F_column"), x, y, np.full(200, 12.0))
     rows = [{"run": "final", "criterion": "force", "verdict": "pass", "worst_ratio": 0.42}]
     item = cross_drawing("x", plot, {"flight": "run-0", "final": "run-3"}, rows)
-    paths = {e.get("class"): e.get("d") for e in ElementTree.fromstring(item.svg).iter(f"{SVG}path")}
+    paths = {
+        e.get("class"): e.get("d") for e in ElementTree.fromstring(item.svg).iter(f"{SVG}path")
+    }
     assert list(paths)[-4:] == ["band", "trace run-0", "trace run-3", "hair"]
-    places = np.array([[float(v) for v in pair.split(",")] for pair in paths["trace run-0"][1:].split()])
+    places = np.array(
+        [[float(v) for v in pair.split(",")] for pair in paths["trace run-0"][1:].split()]
+    )
     assert np.diff(places[:, 0]).min() < 0.0 < np.diff(places[:, 0]).max()
     assert places[:, 0].min() > figure.LEFT
     assert "final: force pass, 0.42 of the tolerance" in item.words
@@ -345,7 +482,11 @@ def test_a_word_that_no_line_holds_is_broken(monkeypatch):
     word, result = "x" * 400, fixture.roll_result()
     result = replace(result, case=replace(result.case, title=word, objective=word, notes=word))
     monkeypatch.setattr(
-        document, "_set", lambda folder, _: typst.compile(str(folder / "report.typ"), root=str(folder), format="png", ppi=20)
+        document,
+        "_set",
+        lambda folder, _: typst.compile(
+            str(folder / "report.typ"), root=str(folder), format="png", ppi=20
+        ),
     )
     for page in paper([result], title=word):
         assert imread(io.BytesIO(page))[:, -4:, :3].min() == 1.0

@@ -1,4 +1,6 @@
-"""What the page prints and draws: quantised traces, line codes, scales, display units, names in words."""
+"""What the page prints and draws: quantised traces, line codes, scales, display units, names in
+words.
+"""
 
 import numpy as np
 import pytest
@@ -17,14 +19,19 @@ def test_quantised_traces_stay_below_a_500th_of_the_tolerance(index):
     result = fixture.results()[index]
     shown = panels.panels(result)
     data, body = case_data.data(result, shown, [], case.line_styles(result.runs))
-    np.testing.assert_allclose(traces.restore(data["time"], body), result.signals["time"].values, atol=1e-6)
+    np.testing.assert_allclose(
+        traces.restore(data["time"], body), result.signals["time"].values, atol=1e-6
+    )
     judged = 0
     for panel, head in zip(shown, data["panels"], strict=True):
         for run, values in panel.traces.items():
             error = np.abs(traces.restore(head["traces"][run], body) - values)
             if panel.half is not None:
                 assert np.nanmax(error) < np.nanmin(panel.half) / 500
-                assert np.nanmax(np.abs(traces.restore(head["half"], body) - panel.half)) < np.nanmin(panel.half) / 500
+                assert (
+                    np.nanmax(np.abs(traces.restore(head["half"], body) - panel.half))
+                    < np.nanmin(panel.half) / 500
+                )
                 judged += 1
             else:
                 assert np.nanmax(error) <= (panel.limits[1] - panel.limits[0]) / 1000 * (1 + 1e-9)
@@ -44,7 +51,10 @@ def test_gaps_and_large_jumps_survive_the_quantisation():
 def test_smooth_traces_are_differenced_twice_and_gaps_once():
     pack = traces.Pack.empty()
     smooth = 1e3 * np.sin(np.linspace(0.0, 6.0, 500))
-    entries = [pack.add(smooth, 0.01), pack.add(np.where(np.arange(500) == 250, np.nan, smooth), 0.01)]
+    entries = [
+        pack.add(smooth, 0.01),
+        pack.add(np.where(np.arange(500) == 250, np.nan, smooth), 0.01),
+    ]
     assert [(entry["order"], entry["type"]) for entry in entries] == [(2, "int16"), (1, "int16")]
     for entry, holes in zip(entries, (0, 1), strict=True):
         back = traces.restore(entry, bytes(pack.body))
@@ -64,7 +74,9 @@ def test_line_code_of_the_figures_and_of_other_models():
 def test_an_outlier_is_clipped_before_it_squeezes_the_band():
     time = np.linspace(0, 10, 201)
     flight, half = 3.0 * np.sin(time), np.full(201, 1.5)
-    low, high = panels.limits({"flight": flight, "poor": flight + np.where(time > 5, 300.0, 0.0)}, half, 0.0)
+    low, high = panels.limits(
+        {"flight": flight, "poor": flight + np.where(time > 5, 300.0, 0.0)}, half, 0.0
+    )
     assert low < -4.49
     assert 4.5 < high < 12.0
     assert 1.5 / (high - low) > panels.LEAST_BAND
@@ -124,13 +136,19 @@ def test_winds_are_named_from_where_they_blow():
     assert initial_conditions.wind(0.0, -5.0) == "from 090° true at 9.7 kt"
     assert initial_conditions.wind(-5.0, 0.0) == "from 360° true at 9.7 kt"
     assert initial_conditions.wind(0.0, 0.0) == "calm"
-    assert initial_conditions.wind(5.0, 0.0, -1.0).endswith("from 180° true at 9.7 kt, up 1.0\N{NO-BREAK SPACE}m/s")
+    assert initial_conditions.wind(5.0, 0.0, -1.0).endswith(
+        "from 180° true at 9.7 kt, up 1.0\N{NO-BREAK SPACE}m/s"
+    )
 
 
 def test_the_rest_of_a_record_does_not_squeeze_the_window():
     result = fixture.short_period_result()
-    result.signals["theta"].loc[{"run": "flight", "time": result.signals["time"][:5]}] = 3.0  # before the window, as vanes at a standstill
+    result.signals["theta"].loc[{"run": "flight", "time": result.signals["time"][:5]}] = (
+        3.0  # before the window, as vanes at a standstill
+    )
     panel = panels.panels(result)[0]
     assert panel.limits[1] > np.degrees(3.0)
-    assert panel.scale == panels.panels(fixture.short_period_result())[0].scale  # as if it were not there
+    assert (
+        panel.scale == panels.panels(fixture.short_period_result())[0].scale
+    )  # as if it were not there
     assert panels.panels(result)[1].scale == panels.panels(result)[1].limits

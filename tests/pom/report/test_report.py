@@ -29,7 +29,11 @@ class Table(HTMLParser):
         if tag == "article":
             self.case = found["id"].removeprefix("case-")
         if tag == "tr":
-            self.row = (self.case, found["data-criterion"], found["data-run"]) if "data-criterion" in found else None
+            self.row = (
+                (self.case, found["data-criterion"], found["data-run"])
+                if "data-criterion" in found
+                else None
+            )
             if self.row:
                 self.rows[self.row] = ""
 
@@ -60,7 +64,9 @@ def test_every_verdict_of_the_page_is_the_one_in_json(report):
     count = 0
     for item in document["results"]:
         for row in item["verdict"]:
-            text = table.rows[(item["case"]["name"], row["criterion"].replace("_", " "), row["run"])]
+            text = table.rows[
+                (item["case"]["name"], row["criterion"].replace("_", " "), row["run"])
+            ]
             assert verdict_text.WORDS[row["verdict"]] in text
             if row["worst_ratio"] is not None:
                 assert re.search(rf"\b{row['worst_ratio']:.2f}\b", text), (row["criterion"], text)
@@ -73,12 +79,18 @@ def test_hostile_texts_stay_text(tmp_path):
 
     evil = '</script><script>alert(1)</script><img src=x onerror="alert(2)">&\u2028'
     result = fixture.short_period_result()
-    result = replace(result, case=replace(result.case, title=evil, description=evil, name=evil), failure=evil)
+    result = replace(
+        result, case=replace(result.case, title=evil, description=evil, name=evil), failure=evil
+    )
     result.verdict["remarks"] = [(RowRemark("row", evil),)] * len(result.verdict)
-    html = write(tmp_path, results=[result], title=evil, revision=evil, diagnoses={evil: fixture.diagnosis()}).read_text(encoding="utf-8")
+    html = write(
+        tmp_path, results=[result], title=evil, revision=evil, diagnoses={evil: fixture.diagnosis()}
+    ).read_text(encoding="utf-8")
     assert "<script>alert" not in texts(html)
     assert "<img" not in texts(html)
-    assert html.count("<script") == html.count("</script>") == 5  # class switch, uPlot, our own; parcels of the case and of the models
+    assert (
+        html.count("<script") == html.count("</script>") == 5
+    )  # class switch, uPlot, our own; parcels of the case and of the models
     assert json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))["title"] == evil
 
 
@@ -91,7 +103,11 @@ def test_nothing_points_outside_the_file(report):
 
 
 def files(folder):
-    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes()
+        for path in folder.rglob("*")
+        if path.is_file()
+    }
 
 
 @pytest.mark.slow
@@ -131,7 +147,9 @@ def test_a_report_of_several_processes_has_the_bytes_of_one(tmp_path, monkeypatc
 
 @pytest.mark.slow
 def test_a_report_of_processes_in_another_folder_has_the_same_bytes(tmp_path, monkeypatch):
-    """Processes that are kept from an earlier call have its working directory; cases may name their files by relative paths."""
+    """Processes that are kept from an earlier call have its working directory; cases may name their
+    files by relative paths.
+    """
     from joblib import Parallel, delayed
 
     Parallel(n_jobs=2)(delayed(abs)(-1) for _ in range(2))
@@ -167,8 +185,16 @@ def test_names_that_differ_in_case_alone_are_different_files():
 @pytest.mark.parametrize("name", ["document", "chapters"])
 def test_a_case_is_called_as_a_part_of_the_results(tmp_path, name):
     result = fixture.roll_result()
-    given = {"title": "T-37", "provenance": fixture.PROVENANCE, "fits": fixture.fits(), "paper": None, "jobs": 1}
-    pom.write_report([replace(result, case=replace(result.case, name=name))], tmp_path / "out", **given)
+    given = {
+        "title": "T-37",
+        "provenance": fixture.PROVENANCE,
+        "fits": fixture.fits(),
+        "paper": None,
+        "jobs": 1,
+    }
+    pom.write_report(
+        [replace(result, case=replace(result.case, name=name))], tmp_path / "out", **given
+    )
     found = pom.read_archive(tmp_path / "out")
     assert [one.case.name for one in found.results] == [name]
     assert found.chapters
@@ -176,14 +202,22 @@ def test_a_case_is_called_as_a_part_of_the_results(tmp_path, name):
 
 def test_coverage_states_what_of_an_entry_was_not_judged_and_why():
     results = fixture.results()
-    set_rows(results[0].verdict, "criterion", "normal_acceleration", verdict="not_tested", remarks=reasons("no accelerometer"))
+    set_rows(
+        results[0].verdict,
+        "criterion",
+        "normal_acceleration",
+        verdict="not_tested",
+        remarks=reasons("no accelerometer"),
+    )
     rows = [
-        {"standard": r.case.standard, "edition": r.case.edition, "test_id": i, "title": i} for r in results[:1] for i in ("2.c.10", "9.z.9")
+        {"standard": r.case.standard, "edition": r.case.edition, "test_id": i, "title": i}
+        for r in results[:1]
+        for i in ("2.c.10", "9.z.9")
     ]
     (part,) = overview.coverage(results[:1], rows)
-    assert [(entry["id"], entry["judged"], entry["criteria"], entry["left"]) for entry in part["run"]] == [
-        ("2.c.10", 2, 3, [("normal acceleration", "no accelerometer")])
-    ]
+    assert [
+        (entry["id"], entry["judged"], entry["criteria"], entry["left"]) for entry in part["run"]
+    ] == [("2.c.10", 2, 3, [("normal acceleration", "no accelerometer")])]
     assert [entry["id"] for entry in part["missing"]] == ["9.z.9"]
 
 
@@ -209,7 +243,9 @@ def test_a_long_report_packs_each_case_into_a_file(monkeypatch, tmp_path):
     assert f'data-file="{name}"' in parts["report.html"]
     assert "'self'" in parts["report.html"]
     assert "'self'" not in whole["report.html"]  # which loads nothing
-    folder = pom.write_report(results, tmp_path / "report", title="T-37", revision="A", paper=None).parent
+    folder = pom.write_report(
+        results, tmp_path / "report", title="T-37", revision="A", paper=None
+    ).parent
     assert (folder / name).read_text(encoding="utf-8") == script
     assert {item.state for item in pom.verify(folder) if item.name == name} == {"same"}
     monkeypatch.undo()

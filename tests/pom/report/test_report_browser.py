@@ -56,7 +56,11 @@ def long_report(request, tmp_path_factory):
     folder = tmp_path_factory.mktemp("long")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("pom.report.page.MOST_HELD", request.param)
-        given = {"title": "T-37 flight model", "provenance": fixture.PROVENANCE, "databases": fixture.databases()}
+        given = {
+            "title": "T-37 flight model",
+            "provenance": fixture.PROVENANCE,
+            "databases": fixture.databases(),
+        }
         return pom.write_report(fixture.results(), folder, paper=None, **given)
 
 
@@ -78,7 +82,9 @@ def test_a_long_report_loads_a_case_when_it_is_opened(new_page, long_report):
     page.goto(f"{long_report.as_uri()}#models")
     page.locator("#models .body table").first.wait_for()
     assert "models.js" in asked
-    other = next(path for path in (long_report.parent / "pages").glob("case-*.js") if path.name != file)
+    other = next(
+        path for path in (long_report.parent / "pages").glob("case-*.js") if path.name != file
+    )
     kept = other.read_bytes()
     other.unlink()
     page.goto(f"{long_report.as_uri()}#{other.stem}")
@@ -107,10 +113,14 @@ PIXELS = """canvas => {
 
 def test_all_panels_are_drawn_in_their_colours(page, address):
     open_case(page, address)
-    channels = page.locator(f"{CASE} .panel").evaluate_all("panels => panels.map(p => p.dataset.channel)")
+    channels = page.locator(f"{CASE} .panel").evaluate_all(
+        "panels => panels.map(p => p.dataset.channel)"
+    )
     assert channels == ["theta", "q", "nz", "delta_e", "engine1.thrust_drive", "alpha", "V"]
     canvases = page.locator(f"{CASE} .panel canvas")
-    expect(canvases).to_have_count(10)  # three judged channels with a residual strip each, two inputs, two more
+    expect(canvases).to_have_count(
+        10
+    )  # three judged channels with a residual strip each, two inputs, two more
     colours = [set(canvases.nth(i).evaluate(PIXELS)) for i in range(10)]
     band, flight, final = "219,233,246", "0,0,0", "0,114,178"
     assert all(len(seen) > 10 for seen in colours)
@@ -190,7 +200,9 @@ def test_number_keys_hide_and_show_a_trace(page, address):
     final, shown = "0,114,178", page.locator(f'{CASE} .legend button[data-run="final"]')
     assert final in colours_of_first(page)
     page.keyboard.press("4")
-    expect(shown).to_have_attribute("aria-pressed", "false")  # the panels are drawn in the same turn
+    expect(shown).to_have_attribute(
+        "aria-pressed", "false"
+    )  # the panels are drawn in the same turn
     assert final not in colours_of_first(page)
     page.keyboard.press("4")
     expect(shown).to_have_attribute("aria-pressed", "true")
@@ -204,21 +216,30 @@ def test_one_cursor_reads_all_panels(page, address):
     values = page.locator(f"{CASE} .panel-values")
     expect(values).to_have_text([re.compile(r"^t 11\.0")] * 7)
     heads = values.all_text_contents()
-    theta = fixture.short_period_result().signals["theta"].sel(run="final").interp(time=float(heads[0].split()[1]))
+    theta = (
+        fixture.short_period_result()
+        .signals["theta"]
+        .sel(run="final")
+        .interp(time=float(heads[0].split()[1]))
+    )
     assert f"{float(theta) * 57.29578:.2f}" in heads[0]
 
 
 def test_scales_of_script_and_print_agree(page, address):
     open_case(page, address)
     whole = page.evaluate("report.scales()")
-    page.evaluate("report.zoom([4.0001, 17.9999])")  # the script's own rule instead of the limits that came with the data
+    page.evaluate(
+        "report.zoom([4.0001, 17.9999])"
+    )  # the script's own rule instead of the limits that came with the data
     expect(page).to_have_url(re.compile("&t="))
     for a, b in zip(whole, page.evaluate("report.scales()"), strict=True):
         assert b == pytest.approx(a, abs=0.01 * (a[1] - a[0]))
 
 
 def test_verdicts_of_the_overview_are_those_of_json(page, address):
-    document = json.loads(Path(address.removeprefix("file://")).with_name("results.json").read_text(encoding="utf-8"))
+    document = json.loads(
+        Path(address.removeprefix("file://")).with_name("results.json").read_text(encoding="utf-8")
+    )
     page.goto(address)
     rows = page.locator("#matrix tbody tr")
     for i, item in enumerate(document["results"]):
@@ -229,7 +250,11 @@ def test_verdicts_of_the_overview_are_those_of_json(page, address):
 def test_filters_and_order_of_the_overview(page, address):
     page.goto(address)
 
-    first, roll, step = "Short period, full flaps, gear down", "Roll response, clean", "Elevator step in approach"
+    first, roll, step = (
+        "Short period, full flaps, gear down",
+        "Roll response, clean",
+        "Elevator step in approach",
+    )
     shown = page.locator("#matrix tbody tr:visible a")
     expect(shown).to_have_text([first, roll, step])
     page.get_by_role("button", name="not run or not judged").click()
@@ -257,7 +282,9 @@ ROWS = """rows => rows.map(row => [row.dataset.criterion, row.dataset.run,
 def printed(page):
     """Ratio and verdict of every row of the verdict table, by criterion and model."""
     rows = page.locator(f"{CASE} .verdicts tr[data-row]").evaluate_all(ROWS)
-    return {(criterion, run): (ratio, word.split(maxsplit=1)[1]) for criterion, run, ratio, word in rows}
+    return {
+        (criterion, run): (ratio, word.split(maxsplit=1)[1]) for criterion, run, ratio, word in rows
+    }
 
 
 def outcome(page):
@@ -296,9 +323,14 @@ def test_the_verdicts_of_the_page_stay_those_of_the_file(page, address):
     expect(page).to_have_url(f"{address}{CASE}&f=40")
     page.get_by_role("button", name="100 %").click()
     expect(page).to_have_url(address + CASE)
-    document = json.loads(Path(address.removeprefix("file://")).with_name("results.json").read_text(encoding="utf-8"))
+    document = json.loads(
+        Path(address.removeprefix("file://")).with_name("results.json").read_text(encoding="utf-8")
+    )
     for item in document["results"][0]["verdict"]:
-        assert printed(page)[(item["criterion"].replace("_", " "), item["run"])] == (f"{item['worst_ratio']:.2f}", WORDS[item["verdict"]])
+        assert printed(page)[(item["criterion"].replace("_", " "), item["run"])] == (
+            f"{item['worst_ratio']:.2f}",
+            WORDS[item["verdict"]],
+        )
 
 
 def test_without_script_tables_and_figures_stand(new_page, address):
@@ -342,7 +374,9 @@ def test_print_of_the_overview_holds_everything(new_page, address):
     page.wait_for_selector(f"{CASE} .paper svg")
     expect(page.locator("article.page:visible")).to_have_count(1)
     expect(page.locator(f"{CASE} .panels")).to_be_hidden()
-    expect(page.locator(f"{CASE} .paper svg .exit").nth(1)).to_be_attached()  # hatched, for paper without colours
+    expect(
+        page.locator(f"{CASE} .paper svg .exit").nth(1)
+    ).to_be_attached()  # hatched, for paper without colours
 
 
 def test_paper_shows_the_panels_of_the_screen(page, address):
@@ -353,15 +387,21 @@ def test_paper_shows_the_panels_of_the_screen(page, address):
     words = page.locator(f"{CASE} .panel-title").evaluate_all(own_text)
     expect(page.locator(f"{CASE} .paper svg .title")).to_have_text(words)
     traces = page.locator(f"{CASE} .paper svg path.trace")
-    expect(traces).to_have_count(3 * 4 + 3 * 3 + 2 + 2 * 4)  # judged with their strips, inputs, the rest
-    frame = page.locator(f"{CASE} .paper rect.frame").first.evaluate("r => ['x', 'y', 'width', 'height'].map(n => +r.getAttribute(n))")
+    expect(traces).to_have_count(
+        3 * 4 + 3 * 3 + 2 + 2 * 4
+    )  # judged with their strips, inputs, the rest
+    frame = page.locator(f"{CASE} .paper rect.frame").first.evaluate(
+        "r => ['x', 'y', 'width', 'height'].map(n => +r.getAttribute(n))"
+    )
     path = traces.first.get_attribute("d")
     drawn = [tuple(map(float, point.split())) for point in re.split("[ML]", path)[1:]]
     flight = np.degrees(fixture.short_period_result().signals["theta"].sel(run="flight").values)
     low, high = page.evaluate("report.scales()")[0]
     time = (np.array([x for x, _ in drawn]) - frame[0]) / frame[2] * 14.0 + 4.0
     theta = low + (frame[1] + frame[3] - np.array([y for _, y in drawn])) / frame[3] * (high - low)
-    slack = 0.5 / frame[3] * (high - low) + 12.0 * 0.2 / frame[2] * 14.0  # thinning and rounding; the same in time on a slope of 12 deg/s
+    slack = (
+        0.5 / frame[3] * (high - low) + 12.0 * 0.2 / frame[2] * 14.0
+    )  # thinning and rounding; the same in time on a slope of 12 deg/s
     record = fixture.short_period_result().signals["time"].values
     assert np.abs(np.interp(record, time, theta) - flight).max() < slack
 
@@ -388,13 +428,13 @@ def test_a_sweep_is_a_cross_plot_on_screen_and_paper(page, tmp_path):
     page.keyboard.press("2")
     expect(lines).to_have_count(4)
     bars = page.locator("#case-column_sweep .crosses .bars-of-band")
-    height = (
-        "bars => { const [top, bottom] = bars.getAttribute('d').match(/ ([\\d.]+)V([\\d.]+)/).slice(1).map(Number); return bottom - top; }"
-    )
+    height = "bars => { const [top, bottom] = bars.getAttribute('d').match(/ ([\\d.]+)V([\\d.]+)/).slice(1).map(Number); return bottom - top; }"
     whole = bars.evaluate(height)
     page.get_by_role("button", name="40 %").click()
     expect(page).to_have_url(re.compile("&f=40$"))
-    assert 0.35 < bars.evaluate(height) / whole < 0.6  # 0.4, on a scale that the smaller band leaves tighter
+    assert (
+        0.35 < bars.evaluate(height) / whole < 0.6
+    )  # 0.4, on a scale that the smaller band leaves tighter
     page.emulate_media(media="print")
     expect(lines.first).to_be_visible()
 
@@ -405,7 +445,9 @@ def test_a_local_model_is_drawn_when_it_is_opened(page, address):
     expect(page.locator(".fit-figure svg")).to_have_count(0)
     page.locator('#identification a[href="#fit-1"]').click()
     page.wait_for_selector("#fit-1 .fit-figure svg path.trace")
-    expect(page.locator("#fit-1 .fit-figure svg path.trace")).to_have_count(3)  # measured, fitted, residual
+    expect(page.locator("#fit-1 .fit-figure svg path.trace")).to_have_count(
+        3
+    )  # measured, fitted, residual
     expect(page.locator("#fit-1 tbody tr")).to_have_count(2)
     page.goto(address + "#fit-0")
     page.wait_for_selector("#fit-0 .fit-figure svg path.trace")

@@ -1,4 +1,6 @@
-"""The chapter on submodels: every estimate with its standard error, on page and paper, and what the corrected model took."""
+"""The chapter on submodels: every estimate with its standard error, on page and paper, and what the
+corrected model took.
+"""
 
 import contextlib
 import re
@@ -25,7 +27,14 @@ from flighttest.submodels.landing_gear.identification import GearConstant
 from pom.diagnosis.term_swaps import by_submodel
 from pom.report.pdf import content
 from pom.report.pdf import drawings as style
-from pom.report.submodels.sections import _responses, _tables, context, landing_gear, needed, sections
+from pom.report.submodels.sections import (
+    _responses,
+    _tables,
+    context,
+    landing_gear,
+    needed,
+    sections,
+)
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 import report_fixture as fixture
@@ -38,7 +47,11 @@ def over_ground(h, seed):
     g = np.random.default_rng(seed)
     time = np.arange(0.0, 20.0, STEP)
     alpha = 0.08 + 0.03 * np.sin(0.9 * time + seed)
-    CL = 0.4 * (1.0 + (0.45 * h**-1.2 if h else 0.0)) + 5.0 * alpha + 1e-3 * g.standard_normal(time.size)
+    CL = (
+        0.4 * (1.0 + (0.45 * h**-1.2 if h else 0.0))
+        + 5.0 * alpha
+        + 1e-3 * g.standard_normal(time.size)
+    )
     columns = {"alpha": alpha, "CL": CL} | ({"h_agl": np.full(time.size, h)} if h else {})
     return xr.Dataset({name: ("time", x) for name, x in columns.items()}, {"time": time})
 
@@ -48,7 +61,12 @@ def swept(qbar):
     time = np.arange(0.0, 30.0, STEP)
     travel = 0.08 * np.sin(0.4 * time)
     force = 4.0 + 10.0 * np.sign(np.cos(0.4 * time)) + 0.6 * qbar * (0.005 + 0.7 * travel)
-    columns = {"column": travel, "F_column": force, "delta_e": -2.0 * travel, "qbar": np.full(time.size, qbar)}
+    columns = {
+        "column": travel,
+        "F_column": force,
+        "delta_e": -2.0 * travel,
+        "qbar": np.full(time.size, qbar),
+    }
     return xr.Dataset({name: ("time", x) for name, x in columns.items()}, {"time": time})
 
 
@@ -56,11 +74,15 @@ def swept(qbar):
 def results():
     """One result of each kind."""
     ground = identify_ground_effect(
-        [Model.parse("CL = 1 + alpha")], [over_ground(h, k) for k, h in enumerate((1.5, 2.0, 3.0, 6.0, 0.0))], {"CL": ["1"]}
+        [Model.parse("CL = 1 + alpha")],
+        [over_ground(h, k) for k, h in enumerate((1.5, 2.0, 3.0, 6.0, 0.0))],
+        {"CL": ["1"]},
     )
     loading = ControlLoading("column", -2.0, 1.0, 0.3, "Ch_e = 1 + delta_e", ("offset", "friction"))
     column = identify_control_loading(loading, [swept(q) for q in (1500.0, 6000.0)], order=2)
-    prior = make(np.outer([2e3, 5e3, 9e3], [1.0, 0.9]), {"corrected_n2": [0.6, 0.8, 1.0], "mach": [0.0, 0.4]})
+    prior = make(
+        np.outer([2e3, 5e3, 9e3], [1.0, 0.9]), {"corrected_n2": [0.6, 0.8, 1.0], "mach": [0.0, 0.4]}
+    )
     speeds = np.array([0.62, 0.7, 0.78, 0.86, 0.94, 0.98])
     points = {
         "n2": speeds,
@@ -68,7 +90,10 @@ def results():
         "h": np.zeros(6),
         "thrust": 1.1 * 0.97 * np.interp(speeds, [0.6, 0.8, 1.0], [2e3, 5e3, 9e3]),
     }
-    engine = identify_engine(recorded=xr.Dataset({k: ("point", v) for k, v in points.items()}), prior={"corrected_thrust": prior})
+    engine = identify_engine(
+        recorded=xr.Dataset({k: ("point", v) for k, v in points.items()}),
+        prior={"corrected_thrust": prior},
+    )
     return {"engine": engine, "column": column, "ground effect": ground}
 
 
@@ -92,7 +117,11 @@ def test_every_estimate_stands_with_its_standard_error(results):
     )
     assert sum(", taken" in row[0] for row in ground.grids[1].rows) == 1
     assert column.techniques[-1][:2] == ("free motion, simulated", "check, not fitted")
-    assert all(picture.words and picture.body for section in (engine, column, ground) for picture in section.pictures)
+    assert all(
+        picture.words and picture.body
+        for section in (engine, column, ground)
+        for picture in section.pictures
+    )
     assert [section.pictures[0].words.split(",")[0] for section in (engine, column, ground)] == [
         "Corrected net thrust over corrected speed",
         "Free motion of the column",
@@ -111,11 +140,20 @@ def test_the_largest_free_motion_is_drawn():
 
 
 def test_the_force_is_drawn_over_the_travel_at_every_speed(results):
-    """As [LR743] Fig. 10: both branches of the friction loop, recorded and by the constants, near speeds in one panel."""
-    (section,) = sections({"column": results["column"]}, {}, {"column": [swept(1500.0), swept(6000.0), swept(1510.0)]})
+    """As [LR743] Fig. 10: both branches of the friction loop, recorded and by the constants, near
+    speeds in one panel.
+    """
+    (section,) = sections(
+        {"column": results["column"]}, {}, {"column": [swept(1500.0), swept(6000.0), swept(1510.0)]}
+    )
     (force,) = section.pictures
-    assert force.words == "Force at the column over its travel while it slides, recorded and by the identified constants, at 2 speeds"
-    assert [text in force.body for text in ("dynamic pressure 1.5 kPa", "dynamic pressure 6.0 kPa")] == [True, True]
+    assert (
+        force.words
+        == "Force at the column over its travel while it slides, recorded and by the identified constants, at 2 speeds"
+    )
+    assert [
+        text in force.body for text in ("dynamic pressure 1.5 kPa", "dynamic pressure 6.0 kPa")
+    ] == [True, True]
     assert force.body.count('class="node run-0"') == force.body.count('class="node run-3"') > 0
     with pytest.raises(SchemaError, match="driven_motion: 'wheel' is no submodel"):
         sections({}, {}, {"wheel": []})
@@ -127,20 +165,40 @@ def test_the_response_of_the_spools_is_drawn(results):
 
     def change(size):
         n2 = 0.6 + size * (1.0 - np.exp(-time))
-        columns = {"throttle": time > 1.0, "n2": n2, "n2_model": n2 + 0.001, "n1": n2 - 0.1, "n1_model": n2 - 0.1}
-        return xr.Dataset({k: ("time", v.astype(float)) for k, v in columns.items()}, {"time": time}, {"record": f"change of {size}"})
+        columns = {
+            "throttle": time > 1.0,
+            "n2": n2,
+            "n2_model": n2 + 0.001,
+            "n1": n2 - 0.1,
+            "n1_model": n2 - 0.1,
+        }
+        return xr.Dataset(
+            {k: ("time", v.astype(float)) for k, v in columns.items()},
+            {"time": time},
+            {"record": f"change of {size}"},
+        )
 
     (picture,) = _responses("engine", [change(size) for size in (0.1, 0.4, 0.2, 0.3, 0.35)])
-    assert picture.words == "Response of the spools to the lever, recorded and simulated, 4 of 5 power changes"
+    assert (
+        picture.words
+        == "Response of the spools to the lever, recorded and simulated, 4 of 5 power changes"
+    )
     assert picture.body.index("change of 0.4") < picture.body.index("change of 0.2")
     assert "change of 0.1" not in picture.body
     assert picture.body.count('class="trace run-3"') == 4 * 2 + 1  # both spools, and the key
 
 
 def test_tables_over_a_flight_condition_have_a_line_for_every_node():
-    limit = make(np.outer([1.0, 2.0, 3.0], [1.0, 0.9]), {"n2": [0.6, 0.8, 1.0], "h": [0.0, 6000.0]}, stderr=0.01)
+    limit = make(
+        np.outer([1.0, 2.0, 3.0], [1.0, 0.9]),
+        {"n2": [0.6, 0.8, 1.0], "h": [0.0, 6000.0]},
+        stderr=0.01,
+    )
     command = make([0.5, 1.0], {"throttle": [0.0, 1.0]}, stderr=0.01)
-    (picture,) = _tables("engine", {"n2_up_limit": SimpleNamespace(leaf=limit), "n2_command": SimpleNamespace(leaf=command)})
+    (picture,) = _tables(
+        "engine",
+        {"n2_up_limit": SimpleNamespace(leaf=limit), "n2_command": SimpleNamespace(leaf=command)},
+    )
     assert picture.words == "n2 up limit, n2 at rest, 1, with one standard error"
     assert "h 6000" in picture.body
     assert picture.body.count('class="trace run-') == 2 + 2 + 1  # key, both heights, the schedule
@@ -150,22 +208,43 @@ def test_every_wheel_has_its_loads():
     wheels = ("nose", "left", "right")
     s = np.linspace(0.05, 0.12, 40)
     outputs = ["load.nose", "load.left", "load.right", "Fx"]
-    force = xr.DataArray(np.stack([48e3 * s, 95e3 * s, 95e3 * s, -10.0 * s], axis=1), {"output": outputs}, ("time", "output"))
-    compression = xr.DataArray(np.stack([s] * 3, axis=1), {"wheel": list(wheels)}, ("time", "wheel"))
-    noise = xr.Dataset({"stderr": (("manoeuvre", "output"), np.full((1, 4), 70.0))}, {"output": outputs})
-    loads = SimpleNamespace(fit=SimpleNamespace(noise=noise), loads=[xr.Dataset({"force": force, "compression": compression})])
+    force = xr.DataArray(
+        np.stack([48e3 * s, 95e3 * s, 95e3 * s, -10.0 * s], axis=1),
+        {"output": outputs},
+        ("time", "output"),
+    )
+    compression = xr.DataArray(
+        np.stack([s] * 3, axis=1), {"wheel": list(wheels)}, ("time", "wheel")
+    )
+    noise = xr.Dataset(
+        {"stderr": (("manoeuvre", "output"), np.full((1, 4), 70.0))}, {"output": outputs}
+    )
+    loads = SimpleNamespace(
+        fit=SimpleNamespace(noise=noise),
+        loads=[xr.Dataset({"force": force, "compression": compression})],
+    )
     constants = {"gear.left,right.stiffness": GearConstant(95e3, 480.0, "wheel loads")}
     groups = (SimpleNamespace(names=("nose",)), SimpleNamespace(names=("left", "right")))
     found = SimpleNamespace(
-        groups=groups, constants=constants, undetermined={"runway.mu_dry": "no wheel came near it"}, loads=loads, flown=None
+        groups=groups,
+        constants=constants,
+        undetermined={"runway.mu_dry": "no wheel came near it"},
+        loads=loads,
+        flown=None,
     )
     section = landing_gear("landing gear", found)
     assert section.grids[0].rows == (("gear.left,right.stiffness", "95000", "480", "wheel loads"),)
     assert section.remarks == ("runway.mu_dry not determined: no wheel came near it",)
     assert section.pictures[0].words == "Reconstructed load over compression of nose, left, right"
     assert section.pictures[0].body.count("h0") == 3 * len(s)  # a mark for every sample
-    classes = {css for group in re.findall(r'class="([^"]*)"', section.pictures[0].body) for css in group.split()}
-    assert all(f".{css}{{" in style.defs() or f".{css}," in style.defs() for css in classes)  # drawn on paper too
+    classes = {
+        css
+        for group in re.findall(r'class="([^"]*)"', section.pictures[0].body)
+        for css in group.split()
+    }
+    assert all(
+        f".{css}{{" in style.defs() or f".{css}," in style.defs() for css in classes
+    )  # drawn on paper too
 
 
 def test_what_is_no_submodel_is_refused(results):
@@ -178,7 +257,11 @@ def test_what_is_no_submodel_is_refused(results):
 
 def test_terms_and_parts_belong_to_submodels():
     database = xr.DataTree.from_dict(
-        {"/CL/basic": make(0.3), "/CL/ground": make([0.1, 0.0], {"h_agl": [1.0, 9.0]}), "/Ch_e/alpha": make(-0.1, regressors=["alpha"])}
+        {
+            "/CL/basic": make(0.3),
+            "/CL/ground": make([0.1, 0.0], {"h_agl": [1.0, 9.0]}),
+            "/Ch_e/alpha": make(-0.1, regressors=["alpha"]),
+        }
     )
     names = ["gear/nose", "Ch_e/alpha", "CL/ground", "CL/basic", "circuit/column", "engine/static"]
     assert by_submodel(names, database) == {
@@ -200,7 +283,10 @@ def test_what_the_corrected_model_takes():
     table = pd.DataFrame(rows, columns=["stage", "term", "explained"])
     database = xr.DataTree.from_dict({"/CL/basic": make(0.3)})
     grid = needed({"chop": table}, {"final": database})
-    assert [row[:2] for row in grid.rows] == [("aerodynamics", "CL/basic"), ("engine", "engine/static")]
+    assert [row[:2] for row in grid.rows] == [
+        ("aerodynamics", "CL/basic"),
+        ("engine", "engine/static"),
+    ]
     assert grid.rows[1][2] == "needed by chop (alone 70 % of the gap)"
     assert needed({}, {"final": database}) is None
 
@@ -211,12 +297,25 @@ def test_page_and_paper_hold_the_same(results, tmp_path):
     assert [item["key"] for item in page] == ["engine", "column", "ground-effect"]
     assert [item["grids"] for item in page] == [section.grids for section in chapter]
     paper = [content.submodel(section) for section in chapter]
-    assert [[grid["rows"] for grid in item["grids"]] for item in paper] == [[grid.rows for grid in item["grids"]] for item in page]
-    report = pom.write_report([fixture.roll_result()], tmp_path, title="T-37", submodels=results, free_motion={"column": [flown()]})
+    assert [[grid["rows"] for grid in item["grids"]] for item in paper] == [
+        [grid.rows for grid in item["grids"]] for item in page
+    ]
+    report = pom.write_report(
+        [fixture.roll_result()],
+        tmp_path,
+        title="T-37",
+        submodels=results,
+        free_motion={"column": [flown()]},
+    )
     assert 'href="#submodels"' in report.read_text(encoding="utf-8")
     whole = (tmp_path / "report.pdf").read_bytes()
-    texts = {bytes.fromhex(x.decode()).decode("utf-16") for x in re.findall(rb"/Alt\s*<FEFF([0-9A-Fa-f]*)>", inflated(whole))}
-    texts |= {x.decode("latin-1") for x in re.findall(rb"/Alt\s*\((.*?)\)", inflated(whole), re.DOTALL)}
+    texts = {
+        bytes.fromhex(x.decode()).decode("utf-16")
+        for x in re.findall(rb"/Alt\s*<FEFF([0-9A-Fa-f]*)>", inflated(whole))
+    }
+    texts |= {
+        x.decode("latin-1") for x in re.findall(rb"/Alt\s*\((.*?)\)", inflated(whole), re.DOTALL)
+    }
     assert {picture.words for section in chapter for picture in section.pictures} <= texts
 
 

@@ -1,4 +1,6 @@
-"""The chapter on tuning: on the page, on paper, in results.json, and checked against what was flown."""
+"""The chapter on tuning: on the page, on paper, in results.json, and checked against what was
+flown.
+"""
 
 import json
 import sys
@@ -22,7 +24,11 @@ from test_pdf import everything
 def test_the_log_is_a_chapter_and_kept(tmp_path):
     results = [fixture.roll_result()]
     log = fixture.tuning(results)
-    html = texts(write(tmp_path / "report", results=results, diagnoses={}, tunings={"final": log}).read_text(encoding="utf-8"))
+    html = texts(
+        write(tmp_path / "report", results=results, diagnoses={}, tunings={"final": log}).read_text(
+            encoding="utf-8"
+        )
+    )
     chapter = html[html.index('<article id="tuning">') :]
     assert "Tuned for roll_response" in chapter
     for cell in (
@@ -38,10 +44,16 @@ def test_the_log_is_a_chapter_and_kept(tmp_path):
     worst = results[0].worst("final")["worst_ratio"]
     assert f'<td class="num">1.70</td><td>pass</td><td class="num">{worst:.2f}</td>' in chapter
     assert f'<td class="num">{worst:.2f} pass</td>' in chapter
-    assert json.loads((tmp_path / "report" / "results.json").read_text())["tunings"] == {"final": log}
+    assert json.loads((tmp_path / "report" / "results.json").read_text())["tunings"] == {
+        "final": log
+    }
     assert pom.read_archive(tmp_path / "report").tunings == {"final": log}
     assert joined([tmp_path / "report"]).tunings == {"final": log}
-    assert not [item for item in pom.verify(tmp_path / "report") if item.kind == "statement" and item.state != "same"]
+    assert not [
+        item
+        for item in pom.verify(tmp_path / "report")
+        if item.kind == "statement" and item.state != "same"
+    ]
 
 
 def test_the_chapter_on_paper():
@@ -57,9 +69,13 @@ def test_a_model_that_does_otherwise_than_its_log_is_found():
     assert list(unlike_the_log(results, "final", log)) == []
     log["rows"][0]["ratio_after"] += 0.01
     log["rows"][1]["after"] = "fail"
-    assert [text.split(":")[0] for text in unlike_the_log(results, "final", log)] == [result.case.name for result in results]
+    assert [text.split(":")[0] for text in unlike_the_log(results, "final", log)] == [
+        result.case.name for result in results
+    ]
 
 
 def test_a_log_of_no_model_is_refused(tmp_path):
-    with pytest.raises(UnknownName, match="unknown model 'fynal'; near it: final; a tuning is that of a model"):
+    with pytest.raises(
+        UnknownName, match="unknown model 'fynal'; near it: final; a tuning is that of a model"
+    ):
         write(tmp_path, tunings={"fynal": fixture.tuning(fixture.results()[:1])})

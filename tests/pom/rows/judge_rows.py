@@ -1,7 +1,9 @@
-"""Judge every entry of Table A2A of 2014: the cases of the demo, and those of ``cases/`` with the final model of the demo.
+"""Judge every entry of Table A2A of 2014: the cases of the demo, and those of ``cases/`` with the
+final model of the demo.
 
-``python tests/pom/rows/judge_rows.py DEMO`` writes ``verdicts.csv`` from the output folder of `aeromatch demo`; the page
-``docs/tolerance-rows.md`` is made of it (``docs/make_tolerance_rows.py``).
+``python tests/pom/rows/judge_rows.py DEMO`` writes ``verdicts.csv`` from the output folder of
+`aeromatch demo`; the page ``docs/tolerance-rows.md`` is made of it
+(``docs/make_tolerance_rows.py``).
 """
 
 from __future__ import annotations
@@ -37,17 +39,28 @@ def read_table() -> list[dict[str, str]]:
 
 
 def judged(demo: Path, names: Container[str] | None = None) -> list[dict[str, str]]:
-    """Return the rows of the table from the output folder of the demo; of the cases `names` only if given."""
+    """Return the rows of the table from the output folder of the demo; of the cases `names` only if
+    given.
+    """
     return [*demo_rows(demo), *own_rows(demo, names)]
 
 
 def demo_rows(demo: Path) -> list[dict[str, str]]:
     results = json.loads((demo / "report" / "results.json").read_text(encoding="utf-8"))["results"]
-    return [_row(item["case"], item["status"]["final"], [row for row in item["verdict"] if row["run"] == "final"]) for item in results]
+    return [
+        _row(
+            item["case"],
+            item["status"]["final"],
+            [row for row in item["verdict"] if row["run"] == "final"],
+        )
+        for item in results
+    ]
 
 
 def own_rows(demo: Path, names: Container[str] | None = None) -> list[dict[str, str]]:
-    found = [read_case(file) for folder in (CASES, SHIPPED) for file in sorted(folder.glob("*.toml"))]
+    found = [
+        read_case(file) for folder in (CASES, SHIPPED) for file in sorted(folder.glob("*.toml"))
+    ]
     found = [case for case in found if names is None or case.name in names]
     rows = []
     with TemporaryDirectory() as folder:
@@ -55,7 +68,13 @@ def own_rows(demo: Path, names: Container[str] | None = None) -> list[dict[str, 
         for kind, model in models.items():
             cases = [case for case in found if (case.id in PEDAL_STEERING) == (kind == "steered")]
             for case, result in zip(cases, replay_all(cases, {"final": model}), strict=True):
-                rows.append(_row(case.to_dict(), result.status("final"), result.verdict.reset_index().to_dict("records")))
+                rows.append(
+                    _row(
+                        case.to_dict(),
+                        result.status("final"),
+                        result.verdict.reset_index().to_dict("records"),
+                    )
+                )
     return rows
 
 
@@ -69,7 +88,9 @@ def _steered(demo: Path, folder: Path) -> Path:
     return file
 
 
-def _row(case: Mapping[str, Any], status: str, verdicts: Iterable[Mapping[str, Any]]) -> dict[str, str]:
+def _row(
+    case: Mapping[str, Any], status: str, verdicts: Iterable[Mapping[str, Any]]
+) -> dict[str, str]:
     counted = [row for row in verdicts if row["verdict"] in JUDGED]
     absent = set() if counted else {text for row in verdicts for text in _reasons(row)}
     return {

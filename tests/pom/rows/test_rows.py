@@ -1,4 +1,6 @@
-"""Every entry of Table A2A of 2014 is judged end to end: record, replay by the final model of the T-37, verdict."""
+"""Every entry of Table A2A of 2014 is judged end to end: record, replay by the final model of the
+T-37, verdict.
+"""
 
 import importlib.util
 import runpy
@@ -15,21 +17,31 @@ judge_rows = importlib.util.module_from_spec(_SPEC)
 _SPEC.loader.exec_module(judge_rows)
 
 TABLE = judge_rows.read_table()
-ENTRIES = list(dict.fromkeys(row["test_id"] for row in rows.rows() if row["standard"] == rows.STANDARD and row["edition"] == rows.EDITION))
+ENTRIES = list(
+    dict.fromkeys(
+        row["test_id"]
+        for row in rows.rows()
+        if row["standard"] == rows.STANDARD and row["edition"] == rows.EDITION
+    )
+)
 BEYOND = ("2.a.4", "2.a.6", "2.a.7", "2.a.9")
 """Entries whose quantities the model does not have: tiller, trim indicator, drive of the trim surface, force on the brake pedals."""
 
 
 def test_the_table_has_every_entry():
     assert len(ENTRIES) == 75
-    assert list(dict.fromkeys(row["entry"] for row in TABLE)) == sorted(ENTRIES, key=judge_rows.order)
+    assert list(dict.fromkeys(row["entry"] for row in TABLE)) == sorted(
+        ENTRIES, key=judge_rows.order
+    )
     assert {row["entry"] for row in TABLE if row["status"] == "not_tested"} == set(BEYOND)
 
 
 def test_page_is_up_to_date():
     program = runpy.run_path(str(HERE.parents[2] / "docs" / "make_tolerance_rows.py"))
     page = HERE.parents[2] / "docs" / "tolerance-rows.md"
-    assert page.read_text(encoding="utf-8") == program["page"](), "run: python docs/make_tolerance_rows.py"
+    assert page.read_text(encoding="utf-8") == program["page"](), (
+        "run: python docs/make_tolerance_rows.py"
+    )
 
 
 def test_every_verdict_that_is_no_pass_has_its_reason():
@@ -46,17 +58,29 @@ def verdicts(demo, request):
     """Return the judged rows of all tests that run, by entry and case."""
     folder, run = demo
     assert run.returncode == 0, run.stderr
-    names = {item.callspec.params["row"]["case"] for item in request.session.items if item.name.startswith("test_entry_is_judged[")}
+    names = {
+        item.callspec.params["row"]["case"]
+        for item in request.session.items
+        if item.name.startswith("test_entry_is_judged[")
+    }
     return {(row["entry"], row["case"]): row for row in judge_rows.judged(folder, names)}
 
 
 def properties_of(row):
-    """Return what a row of the table is about: its chapter, its verdict, the criteria that are judged."""
-    return [row["entry"].rpartition(".")[0], row["status"], *(text.split()[0] for text in row["judged"].split("; ") if text)]
+    """Return what a row of the table is about: its chapter, its verdict, the criteria that are
+    judged.
+    """
+    return [
+        row["entry"].rpartition(".")[0],
+        row["status"],
+        *(text.split()[0] for text in row["judged"].split("; ") if text),
+    ]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("row", sampled(TABLE, properties_of), ids=[f"{row['entry']}-{row['case']}" for row in TABLE])
+@pytest.mark.parametrize(
+    "row", sampled(TABLE, properties_of), ids=[f"{row['entry']}-{row['case']}" for row in TABLE]
+)
 def test_entry_is_judged(row, verdicts):
     found = verdicts[row["entry"], row["case"]]
     assert (found["record"], found["status"]) == (row["record"], row["status"]), (

@@ -1,7 +1,9 @@
-"""All 320 rows of the tolerance table: which can be judged, and that a right model passes and a wrong one does not.
+"""All 320 rows of the tolerance table: which can be judged, and that a right model passes and a
+wrong one does not.
 
-For every row a flight is made that has what its measure needs: channels, events, ranges.  The right model is the flight
-itself; the wrong one answers at half speed, or is far off, or does not answer at all.
+For every row a flight is made that has what its measure needs: channels, events, ranges.  The right
+model is the flight itself; the wrong one answers at half speed, or is far off, or does not answer
+at all.
 """
 
 from collections import Counter
@@ -32,7 +34,9 @@ def ramp(low, high, start=START, stop=END):
 
 
 def sweep(slow=True):
-    """Neutral, full one way, full the other way, neutral; the second half of the record is the rapid sweep."""
+    """Neutral, full one way, full the other way, neutral; the second half of the record is the
+    rapid sweep.
+    """
     turn = 2.0 * np.pi * np.clip((TIME - START) / 50.0, 0.0, 1.0)
     fast = 2.0 * np.pi * np.clip((TIME - 80.0) / 10.0, 0.0, 1.0)
     return np.sin(turn) + np.sin(fast)
@@ -49,7 +53,12 @@ def signals(criterion: Criterion) -> dict[str, np.ndarray]:
     flat = np.ones_like(TIME)
     wave = 1.0 + 0.3 * np.sin(0.2 * TIME)
     found = dict.fromkeys(channels(criterion), wave)
-    found |= {"V_cas": 80.0 - ramp(0.0, 60.0), "vn": 80.0 - ramp(0.0, 79.9), "ve": 0.0 * flat, "alpha": ramp(0.05, 0.3)}
+    found |= {
+        "V_cas": 80.0 - ramp(0.0, 60.0),
+        "vn": 80.0 - ramp(0.0, 79.9),
+        "ve": 0.0 * flat,
+        "alpha": ramp(0.05, 0.3),
+    }
     match criterion.measure:
         case "steady":
             found[criterion.channel] = flat
@@ -57,29 +66,53 @@ def signals(criterion: Criterion) -> dict[str, np.ndarray]:
             found[criterion.channel] = ramp(0.1, 0.2, 20.0, 30.0)
         case "segment_mean" | "floor":
             down = criterion.parameter == "descent_rate" or "descent" in criterion.name
-            found |= {"h": 3000.0 + (-1.0 if down else 1.0) * 20.0 * TIME, "V": 100.0 * flat, "V_cas": 80.0 * flat}
+            found |= {
+                "h": 3000.0 + (-1.0 if down else 1.0) * 20.0 * TIME,
+                "V": 100.0 * flat,
+                "V_cas": 80.0 * flat,
+            }
         case "elapsed":
             rising = criterion.bounds[1] == "vr" or criterion.abscissa == "V_cas"
-            found |= {"h": 20.0 * TIME, "fuel": 900.0 - 0.1 * TIME, "h_agl": 40.0 - ramp(0.0, 39.0, 1.0, 80.0)}
+            found |= {
+                "h": 20.0 * TIME,
+                "fuel": 900.0 - 0.1 * TIME,
+                "h_agl": 40.0 - ramp(0.0, 39.0, 1.0, 80.0),
+            }
             found |= {"V_cas": ramp(0.0, 80.0, 5.0, 115.0), "vn": ramp(0.0, 80.0)} if rising else {}
         case "response_initial" | "response_total":
             found[criterion.channel] = ramp(1.0, 3.0)
-        case "curve" | "breakout" | "force_increment" | "scalar" if criterion.abscissa and criterion.parameter != "trim_rate":
+        case "curve" | "breakout" | "force_increment" | "scalar" if (
+            criterion.abscissa and criterion.parameter != "trim_rate"
+        ):
             x = sweep()
             way = np.sign(np.gradient(x))
             size = 1e7 if criterion.channel == "p_brake" else 100.0
-            found |= {criterion.abscissa: x, criterion.channel: size * (x + 0.2 * way + 0.1 * np.gradient(x, TIME))}
+            found |= {
+                criterion.abscissa: x,
+                criterion.channel: size * (x + 0.2 * way + 0.1 * np.gradient(x, TIME)),
+            }
         case "scalar":
-            found |= {"psi": ramp(0.0, 6.0, 0.0, 120.0), "vn": 5.0 * flat, "delta_t": ramp(0.0, 0.2)}
+            found |= {
+                "psi": ramp(0.0, 6.0, 0.0, 120.0),
+                "vn": 5.0 * flat,
+                "delta_t": ramp(0.0, 0.2),
+            }
         case "first_zero_crossing" | "period_n" | "overshoot_n" | "overshoot_count":
             found[criterion.channel] = ringing()
         case "time_90_to_10":
             found[criterion.channel] = 0.1 * np.exp(-np.maximum(TIME - START, 0.0))
         case "period" | "t_half" | "damping_ratio" | "peak_lag":
             ring = np.exp(-0.01 * TIME)
-            found |= {name: 5.0 * ring * np.cos(0.5 * TIME + i) for i, name in enumerate((criterion.channel, "beta"))}
+            found |= {
+                name: 5.0 * ring * np.cos(0.5 * TIME + i)
+                for i, name in enumerate((criterion.channel, "beta"))
+            }
         case "event_value" | "setup":
-            found |= {"stall_warning": (TIME > MIDDLE) * 1.0, "buffet": (TIME > MIDDLE) * 1.0, "h_agl": 40.0 - ramp(0.0, 39.0, 1.0, 80.0)}
+            found |= {
+                "stall_warning": (TIME > MIDDLE) * 1.0,
+                "buffet": (TIME > MIDDLE) * 1.0,
+                "h_agl": 40.0 - ramp(0.0, 39.0, 1.0, 80.0),
+            }
     if "F_rim" in found:
         found["F_wheel"] = 0.2 * found.pop("F_rim")
     return found
@@ -93,7 +126,10 @@ def wrong(criterion: Criterion, flight: dict[str, np.ndarray]) -> dict[str, np.n
     model = {name: 0.4 * values for name, values in flight.items()}
     if criterion.measure in ("elapsed", "response_initial", "response_total", *MODES):
         late = START + 0.5 * (TIME - START)
-        model = {name: np.interp(np.where(TIME > START, late, TIME), TIME, values) for name, values in flight.items()}
+        model = {
+            name: np.interp(np.where(TIME > START, late, TIME), TIME, values)
+            for name, values in flight.items()
+        }
     elif criterion.measure in ("event_value", "setup"):
         model = flight | {criterion.channel: 3.0 * flight[criterion.channel]}
     elif criterion.measure == "floor":
@@ -113,22 +149,54 @@ def wrong(criterion: Criterion, flight: dict[str, np.ndarray]) -> dict[str, np.n
 def case_of(row) -> tuple[PomCase, Criterion]:
     """Return a case that claims and marks what a row requires."""
     features = tuple(word for word in row["condition"].split(";") if word in rows.features())
-    times = {event: MIDDLE for event in rows.events()} | {"trim": 10.0, "capture": 60.0, "flare": 30.0, "touchdown": 60.0, "release": 10.0}
+    times = {event: MIDDLE for event in rows.events()} | {
+        "trim": 10.0,
+        "capture": 60.0,
+        "flare": 30.0,
+        "touchdown": 60.0,
+        "release": 10.0,
+    }
     times |= {"static_sweep_start": 5.0, "static_sweep_end": 70.0, "stall": 55.0, "g_break": 50.0}
     for bound, time in ((row["applies_from"], START), (row["applies_to"], END)):
         event = bound.split("+")[0].split("-5s")[0]
         if event in times:
             times[event] = time
-    times |= {"sweep_start": 75.0, "sweep_end": 118.0, "full_stop": END, "control_release": START, "input_end": START}
-    window = tuple(rows.bound(row[key], times, default) for key, default in (("applies_from", 0.0), ("applies_to", 120.0)))
+    times |= {
+        "sweep_start": 75.0,
+        "sweep_end": 118.0,
+        "full_stop": END,
+        "control_release": START,
+        "input_end": START,
+    }
+    window = tuple(
+        rows.bound(row[key], times, default)
+        for key, default in (("applies_from", 0.0), ("applies_to", 120.0))
+    )
     found = rows.criterion(row, "row", window, features, engine_parameter="engine1.n1")
     tabs = {"delta_t", "delta_tr"} & {found.channel, found.abscissa}
-    level = "pilot" if tabs else "force" if found.channel in ("column", "wheel", "pedal") else "cockpit"
-    engine = "n1" if found.channel.endswith(".pla") else "throttle"  # the angle of a lever that drives is not judged
+    level = (
+        "pilot" if tabs else "force" if found.channel in ("column", "wheel", "pedal") else "cockpit"
+    )
+    engine = (
+        "n1" if found.channel.endswith(".pla") else "throttle"
+    )  # the angle of a lever that drives is not judged
     drive = Drive(level, engine, pilot=tuple(Loop(name, "q", 1.0, 0.1) for name in tabs))
     more = {"ranges": {}, "certified": {found.parameter: 0.1}, "conditions": {"wheel_radius": 0.2}}
-    case = PomCase("c", "C", row["test_id"], row["standard"], row["edition"], "c.toml", "r.nc", (0.0, 120.0), drive=drive, **more)
-    return PomCase(**{**case.__dict__, "events": times, "features": features, "criteria": (found,)}), found
+    case = PomCase(
+        "c",
+        "C",
+        row["test_id"],
+        row["standard"],
+        row["edition"],
+        "c.toml",
+        "r.nc",
+        (0.0, 120.0),
+        drive=drive,
+        **more,
+    )
+    return PomCase(
+        **{**case.__dict__, "events": times, "features": features, "criteria": (found,)}
+    ), found
 
 
 def key(row):
@@ -183,10 +251,19 @@ def test_a_row_without_what_it_needs_states_what(missing):
             got = judge(case, found, TIME, {"nothing": TIME}, flight)
             assert got.verdict == "not_tested" or found.channel == "time", key(row)
             assert text_of(got.remarks)
-        elif found.measure in ("event_value", "setup", "steady", "change") or set(found.condition.split(";")) & set(PARTS):
+        elif found.measure in ("event_value", "setup", "steady", "change") or set(
+            found.condition.split(";")
+        ) & set(PARTS):
             got = judge(PomCase(**{**case.__dict__, "events": {}}), found, TIME, flight, flight)
-            reported = "buffet" in text_of(got.remarks) or "stall_warning" in text_of(got.remarks) or "wow" in text_of(got.remarks)
-            assert "[events]" in text_of(got.remarks) or got.verdict == "pass" or reported, (key(row), text_of(got.remarks))
+            reported = (
+                "buffet" in text_of(got.remarks)
+                or "stall_warning" in text_of(got.remarks)
+                or "wow" in text_of(got.remarks)
+            )
+            assert "[events]" in text_of(got.remarks) or got.verdict == "pass" or reported, (
+                key(row),
+                text_of(got.remarks),
+            )
 
 
 def test_memory_rows_carry_their_mark():

@@ -1,4 +1,6 @@
-"""The T-37 of the demo with two terms spoilt: the verb tunes it back from the flight evidence, and the report states so."""
+"""The T-37 of the demo with two terms spoilt: the verb tunes it back from the flight evidence, and
+the report states so.
+"""
 
 import json
 import sys
@@ -20,9 +22,20 @@ def test_spoilt_terms_are_tuned_back(demo, tmp_path, monkeypatch, capsys):
     final = aerodb.open(folder / "final.nc")
     leaves = aerodb.terms(final)
     factors = {"Cm/elevator": 0.5, "Cm/qhat": 0.3}
-    spoilt = {name: leaves[name].assign(value=leaves[name]["value"] * factor) for name, factor in factors.items()}
+    spoilt = {
+        name: leaves[name].assign(value=leaves[name]["value"] * factor)
+        for name, factor in factors.items()
+    }
     aerodb.save(aerodb.replace_terms(final, spoilt), tmp_path / "spoilt.nc")
-    words = ["pom", "tune", f"{CASES}/29_flap_change.toml", "--database", tmp_path / "spoilt.nc", "--aircraft", folder / "final.toml"]
+    words = [
+        "pom",
+        "tune",
+        f"{CASES}/29_flap_change.toml",
+        "--database",
+        tmp_path / "spoilt.nc",
+        "--aircraft",
+        folder / "final.toml",
+    ]
     words += ["--evidence", folder / "final.nc", "-o", tmp_path / "tuned", "--fmu", "--json"]
     monkeypatch.setattr(sys, "argv", ["aeromatch", *map(str, words)])
     with pytest.raises(SystemExit) as ended:
@@ -33,5 +46,7 @@ def test_spoilt_terms_are_tuned_back(demo, tmp_path, monkeypatch, capsys):
     assert (row["before"], row["after"]) == ("fail", "pass")
     assert sum(move["share"] for move in log["moves"] if move["term"] in factors) > 0.8
     assert max(move["from_evidence"] for move in log["moves"]) <= 2.0
-    result = pom.replay(pom.read_case(f"{CASES}/29_flap_change.toml"), {"tuned": tmp_path / "tuned" / "tuned.fmu"})
+    result = pom.replay(
+        pom.read_case(f"{CASES}/29_flap_change.toml"), {"tuned": tmp_path / "tuned" / "tuned.fmu"}
+    )
     assert result.worst("tuned")["worst_ratio"] == pytest.approx(row["ratio_after"], abs=1e-3)

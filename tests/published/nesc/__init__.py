@@ -1,1 +1,3 @@
-"""The F-16 of the NASA/NESC check cases on our kernel: aircraft, control law, scenarios, published records."""
+"""The F-16 of the NASA/NESC check cases on our kernel: aircraft, control law, scenarios, published
+records.
+"""

@@ -1,4 +1,6 @@
-"""The F-16 of the check cases from its DAVE-ML files: aero, inertia and propulsion as one compiled model."""
+"""The F-16 of the check cases from its DAVE-ML files: aero, inertia and propulsion as one compiled
+model.
+"""
 
 from __future__ import annotations
 
@@ -22,15 +24,21 @@ REFERENCE_MAC = 0.35
 
 @cache
 def database() -> xr.DataTree:
-    """The aerodynamic model as terms, coefficients CX CY CZ along body axes, moments about 35 % of the mean chord."""
+    """The aerodynamic model as terms, coefficients CX CY CZ along body axes, moments about 35 % of
+    the mean chord.
+    """
     return aerodb.exchange.import_daveml(MODELS / "F16_aero.dml")
 
 
 @cache
 def aircraft() -> flightmech.Aircraft:
-    """Geometry of the aero file, mass properties of the inertia file, static thrust of the propulsion file along body x."""
+    """Geometry of the aero file, mass properties of the inertia file, static thrust of the
+    propulsion file along body x.
+    """
     files = MODELS / "F16_inertia.dml", MODELS / "F16_prop.dml"
-    return aerodb.exchange.import_daveml_aircraft(database(), *files, {"CG_PCT_MAC": CG_PERCENT}, name="F-16", x_ref_mac=REFERENCE_MAC)
+    return aerodb.exchange.import_daveml_aircraft(
+        database(), *files, {"CG_PCT_MAC": CG_PERCENT}, name="F-16", x_ref_mac=REFERENCE_MAC
+    )
 
 
 @cache

@@ -1,4 +1,6 @@
-"""A DAVE-ML model without tables as a function of numbers: closures over one list of values, some hundred times faster than arrays."""
+"""A DAVE-ML model without tables as a function of numbers: closures over one list of values, some
+hundred times faster than arrays.
+"""
 
 from __future__ import annotations
 
@@ -21,14 +23,19 @@ _ONE: dict[str, Callable[[float], float]] = {"abs": abs, "cos": math.cos, "sin":
 _MANY = {"plus": operator.add, "times": operator.mul}
 
 
-def function_of(model: DaveModel, constants: Mapping[str, float] | None = None) -> Callable[[Mapping[str, float]], dict[str, float]]:
-    """Return the model as a function of its inputs, by varID, to its outputs, by varID, all in the units of the file.
+def function_of(
+    model: DaveModel, constants: Mapping[str, float] | None = None
+) -> Callable[[Mapping[str, float]], dict[str, float]]:
+    """Return the model as a function of its inputs, by varID, to its outputs, by varID, all in the
+    units of the file.
 
     `constants` gives constants of the file another value.
     """
     place = {varID: i for i, varID in enumerate(model.order)}
     given = dict(constants or {})
-    unknown = set(given) - {v.varID for v in model.variables.values() if v.calculation is None and not v.is_input}
+    unknown = set(given) - {
+        v.varID for v in model.variables.values() if v.calculation is None and not v.is_input
+    }
     if unknown:
         raise KeyError(f"no constant of {model.file}: {', '.join(sorted(unknown))}")
     start: Values = [0.0] * len(place)
@@ -68,7 +75,10 @@ def _closure(expression: Expression, place: Mapping[str, int]) -> Step:
 
 
 def _operation(expression: Apply, place: Mapping[str, int]) -> Step:
-    name, arguments = expression.operator, [_closure(argument, place) for argument in expression.arguments]
+    name, arguments = (
+        expression.operator,
+        [_closure(argument, place) for argument in expression.arguments],
+    )
     if name == "minus" and len(arguments) == 1:
         only = arguments[0]
         return lambda v: -only(v)
@@ -84,8 +94,15 @@ def _operation(expression: Apply, place: Mapping[str, int]) -> Step:
 
 
 def _choice(expression: Choice, place: Mapping[str, int]) -> Step:
-    pieces = [(_closure(condition, place), _closure(value, place)) for value, condition in expression.pieces]
-    rest = _closure(expression.otherwise, place) if expression.otherwise is not None else lambda v: math.nan
+    pieces = [
+        (_closure(condition, place), _closure(value, place))
+        for value, condition in expression.pieces
+    ]
+    rest = (
+        _closure(expression.otherwise, place)
+        if expression.otherwise is not None
+        else lambda v: math.nan
+    )
 
     def chosen(v: Values) -> float:
         for condition, value in pieces:

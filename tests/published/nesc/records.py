@@ -30,7 +30,8 @@ Columns = dict[str, np.ndarray]
 
 @cache
 def published(case: str, tool: str) -> Columns:
-    """Return the columns of one tool, ``time`` among them; `case` is the number in the file names, ``"13p1"``.
+    """Return the columns of one tool, ``time`` among them; `case` is the number in the file names,
+    ``"13p1"``.
 
     Times are rounded to milliseconds: tool 5 writes them in single precision.
 
@@ -43,29 +44,57 @@ def published(case: str, tool: str) -> Columns:
         raise FileNotFoundError(f"no trajectory of tool {tool} for case {case} in {DATA}")
     with files[0].open(encoding="utf-8") as lines:
         rows = list(csv.reader(lines))
-    columns = {name: np.array([float(row[i]) for row in rows[1:]]) for i, name in enumerate(rows[0])}
+    columns = {
+        name: np.array([float(row[i]) for row in rows[1:]]) for i, name in enumerate(rows[0])
+    }
     return {**columns, "time": np.round(columns["time"], 3)}
 
 
 def tools(case: str) -> tuple[str, ...]:
-    """Return the numbers of the tools that have a trajectory of a case; none when there is no record."""
+    """Return the numbers of the tools that have a trajectory of a case; none when there is no
+    record.
+    """
     return tuple(sorted(path.stem[-2:] for path in DATA.glob(f"Atmos_{case}_*/*.csv")))
 
 
 def as_recorded(run: xr.Dataset, craft: flightmech.Aircraft | None = None) -> Columns:
-    """Return our run in the names and units of the records; with the aircraft also forces, and moments about the centre of mass."""
+    """Return our run in the names and units of the records; with the aircraft also forces, and
+    moments about the centre of mass.
+    """
     y = {str(name): run[name].values for name in run.data_vars}
-    found: Columns = {"time": np.round(run.time.values, 3), "altitudeMsl_ft": y["h"] / FT, "mach": y["mach"]}
-    found |= {"longitude_deg": y["lon"] / DEG, "latitude_deg": y["lat"] / DEG, "altitudeRateWrtMsl_ft_min": y["hdot"] / FT * 60.0}
-    found |= {f"feVelocity_ft_s_{axis}": y[name] / FT for axis, name in zip("XYZ", ("vn", "ve", "vd"), strict=True)}
-    for axis, angle, rate in zip(("Roll", "Pitch", "Yaw"), ("phi", "theta", "psi"), "pqr", strict=True):
-        found[f"eulerAngle_deg_{axis}"], found[f"bodyAngularRateWrtEi_deg_s_{axis}"] = y[angle] / DEG, y[rate] / DEG
+    found: Columns = {
+        "time": np.round(run.time.values, 3),
+        "altitudeMsl_ft": y["h"] / FT,
+        "mach": y["mach"],
+    }
+    found |= {
+        "longitude_deg": y["lon"] / DEG,
+        "latitude_deg": y["lat"] / DEG,
+        "altitudeRateWrtMsl_ft_min": y["hdot"] / FT * 60.0,
+    }
+    found |= {
+        f"feVelocity_ft_s_{axis}": y[name] / FT
+        for axis, name in zip("XYZ", ("vn", "ve", "vd"), strict=True)
+    }
+    for axis, angle, rate in zip(
+        ("Roll", "Pitch", "Yaw"), ("phi", "theta", "psi"), "pqr", strict=True
+    ):
+        found[f"eulerAngle_deg_{axis}"], found[f"bodyAngularRateWrtEi_deg_s_{axis}"] = (
+            y[angle] / DEG,
+            y[rate] / DEG,
+        )
     found |= {
         "trueAirspeed_nmi_h": y["V"] / KT,
         "dynamicPressure_lbf_ft2": y["qbar"] / PSF,
-        "speedOfSound_ft_s": np.divide(y["V"], y["mach"], out=np.full(len(y["V"]), np.nan), where=y["mach"] > 0.0) / FT,
+        "speedOfSound_ft_s": np.divide(
+            y["V"], y["mach"], out=np.full(len(y["V"]), np.nan), where=y["mach"] > 0.0
+        )
+        / FT,
     }
-    found |= {"airDensity_slug_ft3": y["rho"] / DENSITY, "ambientPressure_lbf_ft2": y["p_static"] / PSF}
+    found |= {
+        "airDensity_slug_ft3": y["rho"] / DENSITY,
+        "ambientPressure_lbf_ft2": y["p_static"] / PSF,
+    }
     found |= {"ambientTemperature_dgR": y["temperature"] * 1.8, **_place(y)}
     return found if craft is None else found | _loads(y, craft)
 
@@ -81,15 +110,26 @@ def _loads(y: Mapping[str, np.ndarray], craft: flightmech.Aircraft) -> Columns:
     )
     moment = qS * np.array([craft.b * y["Cl"], craft.cbar * y["Cm"], craft.b * y["Cn"]])
     moment -= np.cross(craft.cg, force, axisb=0, axisc=0)
-    found = {f"aero_bodyForce_lbf_{axis}": values / LBF for axis, values in zip("XYZ", force, strict=True)}
-    return found | {f"aero_bodyMoment_ftlbf_{axis}": values / (LBF * FT) for axis, values in zip("LMN", moment, strict=True)}
+    found = {
+        f"aero_bodyForce_lbf_{axis}": values / LBF
+        for axis, values in zip("XYZ", force, strict=True)
+    }
+    return found | {
+        f"aero_bodyMoment_ftlbf_{axis}": values / (LBF * FT)
+        for axis, values in zip("LMN", moment, strict=True)
+    }
 
 
 def _place(y: Mapping[str, np.ndarray]) -> Columns:
-    """Position in Earth-fixed and inertial axes, which coincide at the start, inertial velocity, and the size of the gravitation."""
+    """Position in Earth-fixed and inertial axes, which coincide at the start, inertial velocity,
+    and the size of the gravitation.
+    """
     found = {"localGravity_ft_s2": y["gravitation"] / FT}
     for axis in "XYZ":
-        found[f"gePosition_ft_{axis}"], found[f"eiPosition_ft_{axis}"] = y[f"earth.{axis.lower()}"] / FT, y[f"inertial.{axis.lower()}"] / FT
+        found[f"gePosition_ft_{axis}"], found[f"eiPosition_ft_{axis}"] = (
+            y[f"earth.{axis.lower()}"] / FT,
+            y[f"inertial.{axis.lower()}"] / FT,
+        )
         found[f"eiVelocity_ft_s_{axis}"] = y[f"inertial.v{axis.lower()}"] / FT
     return found
 
@@ -97,12 +137,16 @@ def _place(y: Mapping[str, np.ndarray]) -> Columns:
 def differences(a: Columns, b: Columns, until: float = np.inf) -> dict[str, float]:
     """Return the largest differences of the columns that both have, at the times that both have.
 
-    Forces and moments count from the second line on: tool 5 writes the first one before its control law has moved anything.
+    Forces and moments count from the second line on: tool 5 writes the first one before its control
+    law has moved anything.
     """
     shared, at_a, at_b = np.intersect1d(a["time"], b["time"], return_indices=True)
     at_a, at_b = at_a[shared <= until], at_b[shared <= until]
     gap = {name: a[name][at_a] - b[name][at_b] for name in a if name in b and name != "time"}
-    return {name: _largest(name, values[1:] if name.startswith(LOADS) else values) for name, values in gap.items()}
+    return {
+        name: _largest(name, values[1:] if name.startswith(LOADS) else values)
+        for name, values in gap.items()
+    }
 
 
 def _largest(name: str, difference: np.ndarray) -> float:
@@ -113,10 +157,16 @@ def _largest(name: str, difference: np.ndarray) -> float:
 
 def spreads(case: str, until: float = np.inf) -> dict[tuple[str, str], dict[str, float]]:
     """Return the largest differences of each two tools."""
-    return {(a, b): differences(published(case, a), published(case, b), until) for a, b in combinations(tools(case), 2)}
+    return {
+        (a, b): differences(published(case, a), published(case, b), until)
+        for a, b in combinations(tools(case), 2)
+    }
 
 
 def grouped(found: Mapping[str, float]) -> dict[str, float]:
     """Return the largest difference of each of `GROUPS` that has a column."""
-    columns = {group: [value for name, value in found.items() if name.startswith(start)] for group, start in GROUPS.items()}
+    columns = {
+        group: [value for name, value in found.items() if name.startswith(start)]
+        for group, start in GROUPS.items()
+    }
     return {group: max(values) for group, values in columns.items() if values}

@@ -1,6 +1,8 @@
-"""Thin the trajectories of tool 4 to what `test_nesc.py` compares: ``python thin.py FOLDER``, the folder of the published files.
+"""Thin the trajectories of tool 4 to what `test_nesc.py` compares: ``python thin.py FOLDER``, the
+folder of the published files.
 
-Writes ``case_NN.csv`` next to this file: every tenth row (1 s) of the columns below, each number as it was published.
+Writes ``case_NN.csv`` next to this file: every tenth row (1 s) of the columns below, each number as
+it was published.
 """
 
 from __future__ import annotations
@@ -25,7 +27,11 @@ def thin(folder: Path, case: int) -> None:
     with file.open(encoding="utf-8") as lines:
         rows = list(csv.DictReader(lines))
     columns = COLUMNS + AIR * (case == 9)
-    with Path(__file__).with_name(f"case_{case:02d}.csv").open("w", encoding="utf-8", newline="") as target:
+    with (
+        Path(__file__)
+        .with_name(f"case_{case:02d}.csv")
+        .open("w", encoding="utf-8", newline="") as target
+    ):
         writer = csv.writer(target, lineterminator="\n")
         writer.writerow(columns)
         writer.writerows([row[name] for name in columns] for row in rows[::10])

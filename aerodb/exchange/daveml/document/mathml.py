@@ -1,7 +1,7 @@
 """MathML 2 content markup: read to a small tree, evaluate over arrays, write.
 
-Relations and logic give 1 and 0; where no piece of a ``piecewise`` holds and there is no ``otherwise`` the value is NaN, and so is
-a function outside its domain.
+Relations and logic give 1 and 0; where no piece of a ``piecewise`` holds and there is no
+``otherwise`` the value is NaN, and so is a function outside its domain.
 """
 
 from __future__ import annotations
@@ -42,7 +42,9 @@ class Apply:
 
 @dataclass(frozen=True)
 class Choice:
-    """Pieces (value, condition) of which the first that holds counts, and what counts when none does."""
+    """Pieces (value, condition) of which the first that holds counts, and what counts when none
+    does.
+    """
 
     pieces: tuple[tuple[Expression, Expression], ...]
     otherwise: Expression | None
@@ -70,7 +72,9 @@ def _logic(operation: Callable) -> Callable:
 def _root(value, degree=2.0):
     """Return the real root; the odd root of a negative number is negative."""
     odd = np.mod(degree, 2.0) == 1.0
-    return np.where(odd & (value < 0.0), -np.power(np.abs(value), 1.0 / degree), np.power(value, 1.0 / degree))
+    return np.where(
+        odd & (value < 0.0), -np.power(np.abs(value), 1.0 / degree), np.power(value, 1.0 / degree)
+    )
 
 
 _MANY = 10**6
@@ -80,13 +84,23 @@ OPERATORS: dict[str, tuple[Callable, int, int]] = {
     "minus": (lambda a, *b: a - b[0] if b else -a, 1, 2),
     "times": (lambda *values: reduce(np.multiply, values), 1, _MANY),
     "divide": (np.divide, 2, 2),
-    "quotient": (np.divide, 2, 2),  # the check cases of NASA's basic_functions.dml demand the ratio, MathML its whole part
+    "quotient": (
+        np.divide,
+        2,
+        2,
+    ),  # the check cases of NASA's basic_functions.dml demand the ratio, MathML its whole part
     "rem": (np.fmod, 2, 2),
     "power": (np.power, 2, 2),
     "root": (_root, 1, 2),
     "exp": (np.exp, 1, 1),
     "ln": (np.log, 1, 1),
-    "log": (lambda value, base=10.0: np.log10(value) if np.all(base == 10.0) else np.log(value) / np.log(base), 1, 2),
+    "log": (
+        lambda value, base=10.0: (
+            np.log10(value) if np.all(base == 10.0) else np.log(value) / np.log(base)
+        ),
+        1,
+        2,
+    ),
     "abs": (np.abs, 1, 1),
     "floor": (np.floor, 1, 1),
     "ceiling": (np.ceil, 1, 1),
@@ -119,7 +133,14 @@ OPERATORS: dict[str, tuple[Callable, int, int]] = {
     "xor": (_logic(np.logical_xor), 1, _MANY),
     "not": (lambda a: np.equal(a, 0.0).astype(float), 1, 1),
 }
-CONSTANTS = {"pi": np.pi, "exponentiale": np.e, "true": 1.0, "false": 0.0, "infinity": np.inf, "notanumber": np.nan}
+CONSTANTS = {
+    "pi": np.pi,
+    "exponentiale": np.e,
+    "true": 1.0,
+    "false": 0.0,
+    "infinity": np.inf,
+    "notanumber": np.nan,
+}
 _QUALIFIERS = {"root": "degree", "log": "logbase"}
 
 
@@ -151,7 +172,9 @@ def _expression(element: Element) -> Expression:
         return _piecewise(element)
     if element.tag == "apply":
         return _apply(element)
-    raise element.error(f"<{element.tag}>", f"apply, piecewise, cn, ci or one of {', '.join(CONSTANTS)}")
+    raise element.error(
+        f"<{element.tag}>", f"apply, piecewise, cn, ci or one of {', '.join(CONSTANTS)}"
+    )
 
 
 def _apply(element: Element) -> Expression:
@@ -163,10 +186,18 @@ def _apply(element: Element) -> Expression:
     operator = _operator(head)
     qualifier = _QUALIFIERS.get(operator)
     qualifiers = [_only(child, child.children) for child in rest if child.tag == qualifier]
-    arguments = tuple(_expression(child) for child in [*(c for c in rest if c.tag != qualifier), *qualifiers])
+    arguments = tuple(
+        _expression(child) for child in [*(c for c in rest if c.tag != qualifier), *qualifiers]
+    )
     _, least, most = OPERATORS[operator]
     if not least <= len(arguments) <= most:
-        wanted = f"{least}" if least == most else f"{least} to {most}" if most < _MANY else f"{least} or more"
+        wanted = (
+            f"{least}"
+            if least == most
+            else f"{least} to {most}"
+            if most < _MANY
+            else f"{least} or more"
+        )
         raise element.error(f"{operator} with {len(arguments)} arguments", f"{wanted}")
     return Apply(operator, arguments)
 
@@ -174,7 +205,10 @@ def _apply(element: Element) -> Expression:
 def _operator(head: Element) -> str:
     name = head.text if head.tag == "csymbol" else head.tag
     if name not in OPERATORS:
-        raise head.error(f"the operator {name}", f"one of {', '.join(OPERATORS)}; rewrite the calculation with these")
+        raise head.error(
+            f"the operator {name}",
+            f"one of {', '.join(OPERATORS)}; rewrite the calculation with these",
+        )
     return name
 
 
@@ -182,19 +216,28 @@ def _piecewise(element: Element) -> Choice:
     pieces = []
     for piece in element.all("piece"):
         if len(piece.children) != 2:
-            raise piece.error(f"<piece> with {len(piece.children)} elements", "a value and a condition")
+            raise piece.error(
+                f"<piece> with {len(piece.children)} elements", "a value and a condition"
+            )
         value, condition = (_expression(child) for child in piece.children)
         pieces.append((value, condition))
     rest = element.first("otherwise")
     if len(pieces) + (rest is not None) != len(element.children) or not pieces:
-        raise element.error("<piecewise> with something else than pieces and one <otherwise>", "one <piece> or more, then <otherwise>")
+        raise element.error(
+            "<piecewise> with something else than pieces and one <otherwise>",
+            "one <piece> or more, then <otherwise>",
+        )
     return Choice(tuple(pieces), None if rest is None else _expression(_only(rest, rest.children)))
 
 
 def _constant(element: Element) -> float:
     if element.attributes.get("base", "10").strip() != "10":
         raise element.error(f"a number to the base {element.attributes['base']}", "decimal numbers")
-    parts = [number(text, element) for text in element.text.split()] if element.children else [number(element.text, element)]
+    parts = (
+        [number(text, element) for text in element.text.split()]
+        if element.children
+        else [number(element.text, element)]
+    )
     if len(parts) == 1:
         return parts[0]
     kind = element.attributes.get("type", "")
@@ -202,7 +245,10 @@ def _constant(element: Element) -> float:
         return parts[0] * 10.0 ** parts[1]
     if len(parts) == 2 and kind == "rational" and parts[1] != 0.0:
         return parts[0] / parts[1]
-    raise element.error(f"<cn type={kind!r}> of {len(parts)} parts", "one number, or two with <sep/> of type e-notation or rational")
+    raise element.error(
+        f"<cn type={kind!r}> of {len(parts)} parts",
+        "one number, or two with <sep/> of type e-notation or rational",
+    )
 
 
 def evaluate(expression: Expression, values: Mapping[str, np.ndarray]) -> np.ndarray:
@@ -212,8 +258,14 @@ def evaluate(expression: Expression, values: Mapping[str, np.ndarray]) -> np.nda
     if isinstance(expression, Name):
         return values[expression.varID]
     if isinstance(expression, Apply):
-        return OPERATORS[expression.operator][0](*(evaluate(argument, values) for argument in expression.arguments))
-    result = np.asarray(np.nan) if expression.otherwise is None else evaluate(expression.otherwise, values)
+        return OPERATORS[expression.operator][0](
+            *(evaluate(argument, values) for argument in expression.arguments)
+        )
+    result = (
+        np.asarray(np.nan)
+        if expression.otherwise is None
+        else evaluate(expression.otherwise, values)
+    )
     for value, condition in reversed(expression.pieces):
         result = np.where(evaluate(condition, values) != 0.0, evaluate(value, values), result)
     return result

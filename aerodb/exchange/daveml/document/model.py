@@ -1,4 +1,6 @@
-"""A DAVE-ML model: variables, functions, check data; evaluated over arrays and checked against its own shots."""
+"""A DAVE-ML model: variables, functions, check data; evaluated over arrays and checked against its
+own shots.
+"""
 
 from __future__ import annotations
 
@@ -18,12 +20,16 @@ from flightmech.errors import OutOfRange, SchemaError, UnitError, UnknownName
 if TYPE_CHECKING:
     import pandas as pd
 
-_INTERNAL_TOLERANCE = 1e-6  # relative; the format gives internal values no tolerance, NASA's outputs carry 1e-6
+_INTERNAL_TOLERANCE = (
+    1e-6  # relative; the format gives internal values no tolerance, NASA's outputs carry 1e-6
+)
 
 
 @dataclass(frozen=True)
 class Provenance:
-    """Who made something, when, after which documents and in which modifications; references are refIDs and modIDs of the header."""
+    """Who made something, when, after which documents and in which modifications; references are
+    refIDs and modIDs of the header.
+    """
 
     authors: tuple[str, ...] = ()
     date: str = ""
@@ -34,9 +40,11 @@ class Provenance:
 
 @dataclass(frozen=True, eq=False)
 class Uncertainty:
-    """Spread of a value: ``effect`` additive, multiplicative, percentage or absolute; ``sigmas`` 0 for a uniform distribution.
+    """Spread of a value: ``effect`` additive, multiplicative, percentage or absolute; ``sigmas`` 0
+    for a uniform distribution.
 
-    ``bounds`` holds one or two entries: an array, of one value or of the shape of the table, or the varID of the variable that holds it.
+    ``bounds`` holds one or two entries: an array, of one value or of the shape of the table, or the
+    varID of the variable that holds it.
     """
 
     effect: str
@@ -102,7 +110,9 @@ class Variable:
 
 @dataclass(frozen=True, eq=False)
 class Function:
-    """A table look-up that gives the variable ``output`` from the variables ``inputs``; ``place`` counts the functions of the file."""
+    """A table look-up that gives the variable ``output`` from the variables ``inputs``; ``place``
+    counts the functions of the file.
+    """
 
     name: str
     inputs: tuple[str, ...]
@@ -118,7 +128,9 @@ class Function:
 
 @dataclass(frozen=True)
 class Signal:
-    """A value of a check case: ``key`` is a name, or a varID; ``tolerance`` is absolute, NaN when the file gives none."""
+    """A value of a check case: ``key`` is a name, or a varID; ``tolerance`` is absolute, NaN when
+    the file gives none.
+    """
 
     key: str
     is_varID: bool
@@ -170,15 +182,30 @@ class DaveModel:
     @cached_property
     def inputs(self) -> tuple[str, ...]:
         """varIDs of the inputs: marked as such, or neither constant nor computed."""
-        return tuple(varID for varID, variable in self.variables.items() if variable.is_input or not self._computed(variable))
+        return tuple(
+            varID
+            for varID, variable in self.variables.items()
+            if variable.is_input or not self._computed(variable)
+        )
 
     @cached_property
     def outputs(self) -> tuple[str, ...]:
-        """varIDs of the outputs: marked as such, or computed and used by nothing else (the rule of the reference manual)."""
+        """varIDs of the outputs: marked as such, or computed and used by nothing else (the rule of
+        the reference manual).
+        """
         used = {name for function in self.functions.values() for name in function.inputs}
-        used |= {name for v in self.variables.values() if v.calculation is not None for name in mathml.names(v.calculation)}
+        used |= {
+            name
+            for v in self.variables.values()
+            if v.calculation is not None
+            for name in mathml.names(v.calculation)
+        }
         final = {varID for varID in (*self.functions, *self._calculated) if varID not in used}
-        return tuple(varID for varID, variable in self.variables.items() if variable.is_output or varID in final)
+        return tuple(
+            varID
+            for varID, variable in self.variables.items()
+            if variable.is_output or varID in final
+        )
 
     def find(self, name: str) -> Variable:
         """Return the variable of a varID, or the one of this name.
@@ -194,20 +221,30 @@ class DaveModel:
         if len(found) == 1:
             return found[0]
         if found:
-            raise UnknownName(name, (v.varID for v in found), "varID", f"{len(found)} variables of the file have this name")
+            raise UnknownName(
+                name,
+                (v.varID for v in found),
+                "varID",
+                f"{len(found)} variables of the file have this name",
+            )
         raise UnknownName(name, self.variables, "variable", f"of {self.file}")
 
     def signal(self, signal: Signal) -> Variable:
         """Return the variable of a signal; its name counts before a varID that is the same word.
 
-        Of several variables with the name the one in the units of the signal is taken, else the one whose units can be converted.
+        Of several variables with the name the one in the units of the signal is taken, else the one
+        whose units can be converted.
 
         Raises
         ------
         UnknownName
             As `find`; also when the units leave several variables of one name, or none.
         """
-        named = [] if signal.is_varID else [variable for variable in self.variables.values() if variable.name == signal.key]
+        named = (
+            []
+            if signal.is_varID
+            else [variable for variable in self.variables.values() if variable.name == signal.key]
+        )
         if len(named) < 2:
             return named[0] if named else self.find(signal.key)
         equal = [variable for variable in named if variable.units.strip() == signal.units.strip()]
@@ -216,7 +253,9 @@ class DaveModel:
         found = equal or alike or convertible
         if len(found) == 1:
             return found[0]
-        listed = ", ".join(f"{variable.varID} in {variable.units or 'no unit'}" for variable in named)
+        listed = ", ".join(
+            f"{variable.varID} in {variable.units or 'no unit'}" for variable in named
+        )
         text = f"{listed} have this name, the signal is in {signal.units or 'no unit'}; give signalUnits of one of them, or its varID"
         raise UnknownName(signal.key, (variable.varID for variable in named), "signal", text)
 
@@ -251,8 +290,8 @@ class DaveModel:
         Parameters
         ----------
         inputs : mapping of str to array
-            By varID or by name, in the units of the file, broadcast against each other.  An input with an initial value may be left out,
-            and a constant may be given another value.
+            By varID or by name, in the units of the file, broadcast against each other.  An input
+            with an initial value may be left out, and a constant may be given another value.
 
         Returns
         -------
@@ -285,7 +324,9 @@ class DaveModel:
         return found
 
     def values(self, wanted: Iterable[str], inputs: Mapping[str, Any]) -> dict[str, np.ndarray]:
-        """Return all variables that the wanted ones rest on, by varID; inputs, units and errors as `evaluate`."""
+        """Return all variables that the wanted ones rest on, by varID; inputs, units and errors as
+        `evaluate`.
+        """
         needed = self.rests_on(wanted)
         return self._values(inputs, [varID for varID in self.order if varID in needed])
 
@@ -295,25 +336,48 @@ class DaveModel:
         Returns
         -------
         DataFrame
-            One row per output and internal value: ``shot kind variable expected found tolerance passed note``.  Outputs are judged by
-            the tolerance of the file, internal values, which have none, by 1e-6 of their size.
+            One row per output and internal value: ``shot kind variable expected found tolerance
+            passed note``.  Outputs are judged by the tolerance of the file, internal values, which
+            have none, by 1e-6 of their size.
         """
         import pandas as pd
 
-        return pd.DataFrame(self._checked, columns=["shot", "kind", "variable", "expected", "found", "tolerance", "passed", "note"])
+        return pd.DataFrame(
+            self._checked,
+            columns=[
+                "shot",
+                "kind",
+                "variable",
+                "expected",
+                "found",
+                "tolerance",
+                "passed",
+                "note",
+            ],
+        )
 
     @property
     def _calculated(self) -> list[str]:
-        return [varID for varID, variable in self.variables.items() if variable.calculation is not None]
+        return [
+            varID for varID, variable in self.variables.items() if variable.calculation is not None
+        ]
 
     def _computed(self, variable: Variable) -> bool:
-        return variable.calculation is not None or variable.varID in self.functions or variable.initial is not None
+        return (
+            variable.calculation is not None
+            or variable.varID in self.functions
+            or variable.initial is not None
+        )
 
-    def _values(self, inputs: Mapping[str, Any], order: Iterable[str] | None = None) -> dict[str, np.ndarray]:
+    def _values(
+        self, inputs: Mapping[str, Any], order: Iterable[str] | None = None
+    ) -> dict[str, np.ndarray]:
         given = {self.find(name).varID: np.asarray(item, float) for name, item in inputs.items()}
         shape = np.broadcast_shapes(*(np.shape(item) for item in given.values()))
         values: dict[str, np.ndarray] = {}
-        with np.errstate(all="ignore"):  # branches of a piecewise that do not count may divide by zero
+        with np.errstate(
+            all="ignore"
+        ):  # branches of a piecewise that do not count may divide by zero
             for varID in self.order if order is None else order:
                 variable = self.variables[varID]
                 value = self._raw(variable, given, values, shape)
@@ -322,11 +386,19 @@ class DaveModel:
                 values[varID] = np.broadcast_to(value, shape)
         return values
 
-    def _raw(self, variable: Variable, given: Mapping, values: Mapping[str, np.ndarray], shape: tuple[int, ...]) -> np.ndarray:
+    def _raw(
+        self,
+        variable: Variable,
+        given: Mapping,
+        values: Mapping[str, np.ndarray],
+        shape: tuple[int, ...],
+    ) -> np.ndarray:
         varID = variable.varID
         if variable.calculation is not None or varID in self.functions:
             if varID in given:
-                raise SchemaError(f"inputs of {self.file}", [f"{varID} is computed by the model; leave it out"])
+                raise SchemaError(
+                    f"inputs of {self.file}", [f"{varID} is computed by the model; leave it out"]
+                )
             if variable.calculation is not None:
                 return mathml.evaluate(variable.calculation, values)
             function = self.functions[varID]
@@ -335,13 +407,23 @@ class DaveModel:
         if varID in given:
             return given[varID]
         if variable.initial is None:
-            raise UnknownName(varID, given, "input", f"{self.file} needs {varID} ({variable.name}, in {variable.units or 'no unit'})")
+            raise UnknownName(
+                varID,
+                given,
+                "input",
+                f"{self.file} needs {varID} ({variable.name}, in {variable.units or 'no unit'})",
+            )
         return np.asarray(variable.initial)
 
     @cached_property
     def _checked(self) -> list[tuple]:
         """The rows of `check`; shots with the same inputs are run together, unless that fails."""
-        groups = [list(group) for _, group in groupby(self.shots, lambda shot: tuple((s.key, s.units) for s in shot.inputs))]
+        groups = [
+            list(group)
+            for _, group in groupby(
+                self.shots, lambda shot: tuple((s.key, s.units) for s in shot.inputs)
+            )
+        ]
         rows: list[tuple] = []
         for group in groups:
             try:
@@ -357,14 +439,23 @@ class DaveModel:
             return [(shot.name, "shot", "", np.nan, np.nan, np.nan, False, str(error))]
 
     def _run(self, shots: Sequence[Shot]) -> list[tuple]:
-        given = [{self.signal(signal).varID: self._readable(signal) for signal in shot.inputs} for shot in shots]
-        together = self._values({varID: np.array([inputs[varID][0].value for inputs in given]) for varID in given[0]})
+        given = [
+            {self.signal(signal).varID: self._readable(signal) for signal in shot.inputs}
+            for shot in shots
+        ]
+        together = self._values(
+            {varID: np.array([inputs[varID][0].value for inputs in given]) for varID in given[0]}
+        )
         rows: list[tuple] = []
         for i, (shot, inputs) in enumerate(zip(shots, given, strict=True)):
-            values = {varID: np.broadcast_to(value, len(shots))[i] for varID, value in together.items()}
+            values = {
+                varID: np.broadcast_to(value, len(shots))[i] for varID, value in together.items()
+            }
             for varID, (signal, note) in inputs.items():
                 if note:
-                    rows.append((shot.name, "input", varID, signal.value, signal.value, np.nan, False, note))
+                    rows.append(
+                        (shot.name, "input", varID, signal.value, signal.value, np.nan, False, note)
+                    )
             for kind, signals in (("internal", shot.internal), ("output", shot.outputs)):
                 rows += [(shot.name, kind, *self._judged(signal, values)) for signal in signals]
         return rows
@@ -375,13 +466,20 @@ class DaveModel:
         except UnknownName as error:
             return signal.key, signal.value, np.nan, signal.tolerance, False, str(error)
         found, (due, note) = float(values[varID]), self._readable(signal)
-        allowed = _INTERNAL_TOLERANCE * max(abs(due.value), 1e-3) if np.isnan(due.tolerance) else due.tolerance
-        # one rounding of the printed values is allowed in addition to the tolerance, which some files make as small as that
+        allowed = (
+            _INTERNAL_TOLERANCE * max(abs(due.value), 1e-3)
+            if np.isnan(due.tolerance)
+            else due.tolerance
+        )
+        # one rounding of the printed values is allowed in addition to the tolerance, which some
+        # files make as small as that
         passed = abs(found - due.value) <= allowed + 4.0 * np.spacing(abs(due.value)) and not note
         return varID, due.value, found, due.tolerance, bool(passed), note
 
     def _readable(self, signal: Signal) -> tuple[Signal, str]:
-        """Return a signal in the units of its variable, or as it stands with the reason why it cannot be converted."""
+        """Return a signal in the units of its variable, or as it stands with the reason why it
+        cannot be converted.
+        """
         try:
             return self.converted(signal), ""
         except UnitError as error:

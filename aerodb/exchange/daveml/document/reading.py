@@ -22,12 +22,27 @@ from aerodb.exchange.daveml.document.model import (
     Uncertainty,
     Variable,
 )
-from aerodb.exchange.daveml.document.tables import EXTRAPOLATE, INTERPOLATE, MAX_AXES, Axis, Gridded, Scattered
+from aerodb.exchange.daveml.document.tables import (
+    EXTRAPOLATE,
+    INTERPOLATE,
+    MAX_AXES,
+    Axis,
+    Gridded,
+    Scattered,
+)
 from aerodb.exchange.daveml.document.units import number, numbers, optional
 from aerodb.exchange.xml_reader import Element, parse
 from flightmech.errors import AeromatchWarning, ParseError, SchemaError
 
-_DEPRECATED = ("fileCreationDate", "functionCreationDate", "signalID", "confidenceBound", "griddedTable", "ungriddedTable", "address")
+_DEPRECATED = (
+    "fileCreationDate",
+    "functionCreationDate",
+    "signalID",
+    "confidenceBound",
+    "griddedTable",
+    "ungriddedTable",
+    "address",
+)
 
 
 def read(path: str | os.PathLike, checks: str = "raise") -> DaveModel:
@@ -50,7 +65,8 @@ def read(path: str | os.PathLike, checks: str = "raise") -> DaveModel:
     Warns
     -----
     AeromatchWarning
-        ``floor`` or ``ceiling`` at an ``independentVarRef``, which the DTD explains the wrong way round; ``quotient``.
+        ``floor`` or ``ceiling`` at an ``independentVarRef``, which the DTD explains the wrong way
+        round; ``quotient``.
     """
     if checks not in ("raise", "ignore"):
         raise ValueError(f"checks is {checks!r}; allowed: raise, ignore")
@@ -71,7 +87,9 @@ def require_checks(model: DaveModel) -> None:
             else f"{row.shot}: {row.note}"
             for row in failed.itertuples()
         ]
-        raise SchemaError(f"check cases of {model.file} that fail ({len(failed)} of {len(table)} values)", texts)
+        raise SchemaError(
+            f"check cases of {model.file} that fail ({len(failed)} of {len(table)} values)", texts
+        )
 
 
 class _Reader:
@@ -83,7 +101,9 @@ class _Reader:
         self.root = root
         self.notes: list[str] = []
         self.breakpoints = {e.attribute("bpID"): _breakpoints(e) for e in root.all("breakpointDef")}
-        self.tables = _by_id(root.all("griddedTableDef"), "gtID") | _by_id(root.all("ungriddedTableDef"), "utID")
+        self.tables = _by_id(root.all("griddedTableDef"), "gtID") | _by_id(
+            root.all("ungriddedTableDef"), "utID"
+        )
         self.provenances: dict[str, Provenance] = {}
 
     def model(self) -> DaveModel:
@@ -101,11 +121,17 @@ class _Reader:
         for place, element in enumerate(self.root.all("function")):
             function = self._function(element, place)
             if function.output in functions:
-                raise element.error(f"a second function for {function.output}", "one function per variable")
+                raise element.error(
+                    f"a second function for {function.output}", "one function per variable"
+                )
             functions[function.output] = function
         file = self.root.file
         order = _order(file, variables, functions)
-        shots = tuple(self._shot(element) for data in self.root.all("checkData") for element in data.all("staticShot"))
+        shots = tuple(
+            self._shot(element)
+            for data in self.root.all("checkData")
+            for element in data.all("staticShot")
+        )
         return DaveModel(file, header, variables, functions, order, shots, tuple(self.notes))
 
     def _note_dubious(self) -> None:
@@ -116,8 +142,13 @@ class _Reader:
             if element.tag in _DEPRECATED:
                 seen.add(element.tag)
             if element.tag == "quotient":
-                self._warn(element, "<quotient> is taken as a plain division, as NASA's check cases have it; MathML means its whole part")
-        self.notes += [f"<{tag}> is deprecated since DAVE-ML 2.0; read all the same" for tag in sorted(seen)]
+                self._warn(
+                    element,
+                    "<quotient> is taken as a plain division, as NASA's check cases have it; MathML means its whole part",
+                )
+        self.notes += [
+            f"<{tag}> is deprecated since DAVE-ML 2.0; read all the same" for tag in sorted(seen)
+        ]
 
     def _header(self, element: Element) -> Header:
         return Header(
@@ -127,11 +158,22 @@ class _Reader:
             _text(element, "fileVersion"),
             _text(element, "description"),
             tuple(
-                Reference(e.attribute("refID"), *(e.attributes.get(key, "").strip() for key in ("author", "title", "date", "accession")))
+                Reference(
+                    e.attribute("refID"),
+                    *(
+                        e.attributes.get(key, "").strip()
+                        for key in ("author", "title", "date", "accession")
+                    ),
+                )
                 for e in element.all("reference")
             ),
             tuple(
-                Modification(e.attribute("modID"), e.attributes.get("date", "").strip(), _authors(e), _text(e, "description"))
+                Modification(
+                    e.attribute("modID"),
+                    e.attributes.get("date", "").strip(),
+                    _authors(e),
+                    _text(e, "description"),
+                )
                 for e in element.all("modificationRecord")
             ),
         )
@@ -140,10 +182,14 @@ class _Reader:
         varID, calculation = element.attribute("varID"), element.first("calculation")
         is_input = any(element.first(tag) for tag in ("isInput", "isControl", "isDisturbance"))
         if calculation is not None and is_input:
-            raise element.error(f"the input {varID} with a calculation", "either an input or a calculation")
+            raise element.error(
+                f"the input {varID} with a calculation", "either an input or a calculation"
+            )
         low, high = optional(element, "minValue", -np.inf), optional(element, "maxValue", np.inf)
         if low > high:
-            raise element.error(f"{varID} with minValue {low:g} over maxValue {high:g}", "minValue below maxValue")
+            raise element.error(
+                f"{varID} with minValue {low:g} over maxValue {high:g}", "minValue below maxValue"
+            )
         initial = element.attributes.get("initialValue", "").strip()
         return Variable(
             varID,
@@ -167,57 +213,99 @@ class _Reader:
     def _function(self, element: Element, place: int) -> Function:
         inputs = element.all("independentVarPts") or element.all("independentVarRef")
         if not inputs:
-            raise element.error("a function without inputs", "independentVarPts or independentVarRef")
+            raise element.error(
+                "a function without inputs", "independentVarPts or independentVarRef"
+            )
         if len(inputs) > MAX_AXES:
-            raise element.error(f"a function of {len(inputs)} inputs", f"at most {MAX_AXES}; split the table")
+            raise element.error(
+                f"a function of {len(inputs)} inputs", f"at most {MAX_AXES}; split the table"
+            )
         if inputs[0].tag == "independentVarPts":
-            simple, axes = element.need("dependentVarPts"), tuple(self._axis(e, numbers(e.text, e)) for e in inputs)
+            simple, axes = (
+                element.need("dependentVarPts"),
+                tuple(self._axis(e, numbers(e.text, e)) for e in inputs),
+            )
             table: Gridded | Scattered = _gridded(numbers(simple.text, simple), axes, simple)
-            output, uncertainty, provenance = simple.attribute("varID"), None, self._provenance(element)
+            output, uncertainty, provenance = (
+                simple.attribute("varID"),
+                None,
+                self._provenance(element),
+            )
         else:
             output = element.need("dependentVarRef").attribute("varID")
             source = self._table(element.need("functionDefn"))
             table, axes = self._contents(source, inputs)
-            uncertainty, provenance = _uncertainty(source), self._provenance(element) or self._provenance(source)
+            uncertainty, provenance = (
+                _uncertainty(source),
+                self._provenance(element) or self._provenance(source),
+            )
         names = tuple(e.attribute("varID") for e in inputs)
         text = _text(element, "description")
         name = element.attributes.get("name", "").strip()
-        return Function(name, names, output, axes, table, element.line, place, text, uncertainty, provenance)
+        return Function(
+            name, names, output, axes, table, element.line, place, text, uncertainty, provenance
+        )
 
     def _table(self, definition: Element) -> Element:
-        """Return the element that holds the table of a functionDefn, whether it is written there or referred to."""
+        """Return the element that holds the table of a functionDefn, whether it is written there or
+        referred to.
+        """
         reference = definition.first("griddedTableRef", "ungriddedTableRef")
         if reference is None:
-            return definition.need("griddedTableDef", "griddedTable", "ungriddedTableDef", "ungriddedTable")
+            return definition.need(
+                "griddedTableDef", "griddedTable", "ungriddedTableDef", "ungriddedTable"
+            )
         key = "gtID" if reference.tag == "griddedTableRef" else "utID"
-        name = reference.attribute(key if key in reference.attributes else "gtID")  # DAVE-ML 1.7 wrote gtID in both
+        name = reference.attribute(
+            key if key in reference.attributes else "gtID"
+        )  # DAVE-ML 1.7 wrote gtID in both
         if name not in self.tables:
-            raise reference.error(f"a reference to the table {name!r}", f"one of {', '.join(self.tables) or 'none'}")
+            raise reference.error(
+                f"a reference to the table {name!r}", f"one of {', '.join(self.tables) or 'none'}"
+            )
         if self.tables[name].tag.startswith("ungridded") != (reference.tag == "ungriddedTableRef"):
-            self.notes.append(f"line {reference.line}: <{reference.tag}> points at a <{self.tables[name].tag}>, which is taken")
+            self.notes.append(
+                f"line {reference.line}: <{reference.tag}> points at a <{self.tables[name].tag}>, which is taken"
+            )
         return self.tables[name]
 
-    def _contents(self, source: Element, inputs: list[Element]) -> tuple[Gridded | Scattered, tuple[Axis, ...]]:
+    def _contents(
+        self, source: Element, inputs: list[Element]
+    ) -> tuple[Gridded | Scattered, tuple[Axis, ...]]:
         if source.tag.startswith("ungridded"):
-            return _scattered(source, len(inputs)), tuple(self._axis(e, np.zeros(1)) for e in inputs)
+            return _scattered(source, len(inputs)), tuple(
+                self._axis(e, np.zeros(1)) for e in inputs
+            )
         references = source.need("breakpointRefs").all("bpRef")
         if len(references) != len(inputs):
-            raise source.error(f"{len(references)} breakpoint sets for {len(inputs)} inputs", "one bpRef per independentVarRef, same order")
-        axes = tuple(self._axis(e, self._points(reference)) for e, reference in zip(inputs, references, strict=True))
+            raise source.error(
+                f"{len(references)} breakpoint sets for {len(inputs)} inputs",
+                "one bpRef per independentVarRef, same order",
+            )
+        axes = tuple(
+            self._axis(e, self._points(reference))
+            for e, reference in zip(inputs, references, strict=True)
+        )
         data = source.need("dataTable")
         return _gridded(numbers(data.text, data), axes, data), axes
 
     def _points(self, reference: Element) -> np.ndarray:
         name = reference.attribute("bpID")
         if name not in self.breakpoints:
-            raise reference.error(f"a reference to the breakpoints {name!r}", f"one of {', '.join(self.breakpoints) or 'none'}")
+            raise reference.error(
+                f"a reference to the breakpoints {name!r}",
+                f"one of {', '.join(self.breakpoints) or 'none'}",
+            )
         return self.breakpoints[name]
 
     def _axis(self, element: Element, points: np.ndarray) -> Axis:
         interpolate = element.attributes.get("interpolate", "linear").strip()
         extrapolate = element.attributes.get("extrapolate", "neither").strip()
         if interpolate not in INTERPOLATE:
-            raise element.error(f"interpolate={interpolate!r}", f"{', '.join(INTERPOLATE)}; quadratic splines are not unique, tabulate it")
+            raise element.error(
+                f"interpolate={interpolate!r}",
+                f"{', '.join(INTERPOLATE)}; quadratic splines are not unique, tabulate it",
+            )
         if extrapolate not in EXTRAPOLATE:
             raise element.error(f"extrapolate={extrapolate!r}", ", ".join(EXTRAPOLATE))
         _demand_rising(points, element)
@@ -245,7 +333,9 @@ class _Reader:
         if reference is not None:
             name = reference.attribute("provID")
             if name not in self.provenances:
-                raise reference.error(f"a reference to the provenance {name!r}", "a provID that stands before it")
+                raise reference.error(
+                    f"a reference to the provenance {name!r}", "a provID that stands before it"
+                )
             return self.provenances[name]
         element = parent.first("provenance")
         return None if element is None else self._keep(element)
@@ -254,7 +344,10 @@ class _Reader:
         found = Provenance(
             _authors(element),
             _date(element),
-            tuple(e.attributes.get("refID", e.attributes.get("docID", "")).strip() for e in element.all("documentRef")),
+            tuple(
+                e.attributes.get("refID", e.attributes.get("docID", "")).strip()
+                for e in element.all("documentRef")
+            ),
             tuple(e.attribute("modID") for e in element.all("modificationRef")),
             _text(element, "description"),
         )
@@ -263,17 +356,34 @@ class _Reader:
         return found
 
     def _shot(self, element: Element) -> Shot:
-        signals = [self._signals(element.first(tag)) for tag in ("checkInputs", "internalValues", "checkOutputs")]
+        signals = [
+            self._signals(element.first(tag))
+            for tag in ("checkInputs", "internalValues", "checkOutputs")
+        ]
         return Shot(element.attributes.get("name", "").strip(), *signals)
 
     def _signals(self, parent: Element | None) -> tuple[Signal, ...]:
-        return tuple(_signal(element) for element in parent.all("signal")) if parent is not None else ()
+        return (
+            tuple(_signal(element) for element in parent.all("signal"))
+            if parent is not None
+            else ()
+        )
 
 
 def _signal(element: Element) -> Signal:
-    key, value, tolerance = element.need("signalName", "varID", "signalID"), element.need("signalValue"), element.first("tol")
+    key, value, tolerance = (
+        element.need("signalName", "varID", "signalID"),
+        element.need("signalValue"),
+        element.first("tol"),
+    )
     allowed = np.nan if tolerance is None else number(tolerance.text, tolerance)
-    return Signal(key.text, key.tag != "signalName", _text(element, "signalUnits"), number(value.text, value), allowed)
+    return Signal(
+        key.text,
+        key.tag != "signalName",
+        _text(element, "signalUnits"),
+        number(value.text, value),
+        allowed,
+    )
 
 
 def _by_id(elements: Iterable[Element], key: str) -> dict[str, Element]:
@@ -297,13 +407,18 @@ def _demand_rising(points: np.ndarray, element: Element) -> None:
     fall = np.flatnonzero(np.diff(points) <= 0.0)
     if fall.size:
         at = int(fall[0])
-        raise element.error(f"breakpoints that do not rise: {points[at]:g}, then {points[at + 1]:g}", "rising breakpoints")
+        raise element.error(
+            f"breakpoints that do not rise: {points[at]:g}, then {points[at + 1]:g}",
+            "rising breakpoints",
+        )
 
 
 def _gridded(values: np.ndarray, axes: tuple[Axis, ...], element: Element) -> Gridded:
     shape = tuple(len(axis.points) for axis in axes)
     if values.size != int(np.prod(shape, dtype=float)):
-        raise element.error(f"{values.size} values", f"{' x '.join(map(str, shape))}, as the breakpoints have it")
+        raise element.error(
+            f"{values.size} values", f"{' x '.join(map(str, shape))}, as the breakpoints have it"
+        )
     return Gridded(values.reshape(shape))
 
 
@@ -311,7 +426,9 @@ def _scattered(element: Element, axes: int) -> Scattered:
     rows = [numbers(point.text, point) for point in element.all("dataPoint")]
     for row, point in zip(rows, element.all("dataPoint"), strict=True):
         if row.size != axes + 1:
-            raise point.error(f"a data point of {row.size} numbers", f"{axes} coordinates and a value")
+            raise point.error(
+                f"a data point of {row.size} numbers", f"{axes} coordinates and a value"
+            )
     if len(rows) < axes + 1:
         raise element.error(f"{len(rows)} data points", f"at least {axes + 1} for {axes} inputs")
     data = np.array(rows)
@@ -319,7 +436,9 @@ def _scattered(element: Element, axes: int) -> Scattered:
     if len(points) != len(data):
         raise element.error("a data point twice", "each place once")
     if np.linalg.matrix_rank(points - points[0]) < axes:
-        raise element.error("data points on one line or plane", f"points that span all {axes} inputs")
+        raise element.error(
+            "data points on one line or plane", f"points that span all {axes} inputs"
+        )
     return Scattered(points, data[first, -1])
 
 
@@ -347,7 +466,10 @@ def _bounds(element: Element) -> np.ndarray | str:
 
 def _authors(element: Element) -> tuple[str, ...]:
     return tuple(
-        ", ".join(text for key in ("name", "org") if (text := author.attributes.get(key, "").strip())) for author in element.all("author")
+        ", ".join(
+            text for key in ("name", "org") if (text := author.attributes.get(key, "").strip())
+        )
+        for author in element.all("author")
     )
 
 
@@ -362,28 +484,52 @@ def _text(element: Element, tag: str) -> str:
     return "" if child is None else "\n".join(line.strip() for line in child.text.splitlines())
 
 
-def _order(file: str, variables: Mapping[str, Variable], functions: Mapping[str, Function]) -> tuple[str, ...]:
+def _order(
+    file: str, variables: Mapping[str, Variable], functions: Mapping[str, Function]
+) -> tuple[str, ...]:
     """Return the varIDs so that each comes after what it is computed from."""
     needs: dict[str, set[str]] = {varID: set() for varID in variables}
     for varID, variable in variables.items():
         if variable.calculation is not None:
             needs[varID] = set(mathml.names(variable.calculation))
             if varID in functions:
-                raise ParseError(file, functions[varID].line, f"a function for {varID}, which has a calculation", "one of them")
+                raise ParseError(
+                    file,
+                    functions[varID].line,
+                    f"a function for {varID}, which has a calculation",
+                    "one of them",
+                )
         _demand_known(file, variable.line, needs[varID], variables)
     for varID, function in functions.items():
         _demand_known(file, function.line, {varID, *function.inputs}, variables)
         if variables[varID].is_input:
-            raise ParseError(file, function.line, f"a function for the input {varID}", "an output that is no input")
+            raise ParseError(
+                file,
+                function.line,
+                f"a function for the input {varID}",
+                "an output that is no input",
+            )
         needs[varID] = set(function.inputs)
     try:
         return tuple(TopologicalSorter(needs).static_order())
     except CycleError as error:
         loop = " <- ".join(error.args[1])
-        raise ParseError(file, variables[error.args[1][0]].line, f"variables computed from each other: {loop}", "an order") from None
+        raise ParseError(
+            file,
+            variables[error.args[1][0]].line,
+            f"variables computed from each other: {loop}",
+            "an order",
+        ) from None
 
 
-def _demand_known(file: str, line: int, names: Iterable[str], variables: Mapping[str, Variable]) -> None:
+def _demand_known(
+    file: str, line: int, names: Iterable[str], variables: Mapping[str, Variable]
+) -> None:
     unknown = sorted(set(names) - set(variables))
     if unknown:
-        raise ParseError(file, line, f"a reference to {', '.join(unknown)}", "varIDs of variables that the file defines")
+        raise ParseError(
+            file,
+            line,
+            f"a reference to {', '.join(unknown)}",
+            "varIDs of variables that the file defines",
+        )

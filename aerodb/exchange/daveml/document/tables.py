@@ -1,7 +1,8 @@
-"""Tables of DAVE-ML functions and their look-up: gridded over any mix of interpolation rules, or scattered points.
+"""Tables of DAVE-ML functions and their look-up: gridded over any mix of interpolation rules, or
+scattered points.
 
-An interpolation rule is linear in the values of the table, so each axis becomes weights on its breakpoints, and a look-up the sum over
-the products of the weights.
+An interpolation rule is linear in the values of the table, so each axis becomes weights on its
+breakpoints, and a look-up the sum over the products of the weights.
 """
 
 from __future__ import annotations
@@ -30,10 +31,11 @@ class Axis:
     points : array (node,)
         Breakpoints, rising. [unit of the input]
     interpolate : str
-        One of `INTERPOLATE`.  ``discrete`` takes the nearest breakpoint, the upper one at the middle; ``floor`` the last one not above
-        the input; ``ceiling`` the first one not below it.
+        One of `INTERPOLATE`.  ``discrete`` takes the nearest breakpoint, the upper one at the
+        middle; ``floor`` the last one not above the input; ``ceiling`` the first one not below it.
     extrapolate : str
-        One of `EXTRAPOLATE`: on which sides the table goes on with the slope of its end; elsewhere its end value holds.
+        One of `EXTRAPOLATE`: on which sides the table goes on with the slope of its end; elsewhere
+        its end value holds.
     low, high : float
         Limits of the input before it meets the table.
     """
@@ -55,7 +57,9 @@ class Axis:
         return self.extrapolate in ("max", "both")
 
     def weights(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return node indices and weights (samples, share) of inputs (samples,); NaN inputs have NaN weights."""
+        """Return node indices and weights (samples, share) of inputs (samples,); NaN inputs have
+        NaN weights.
+        """
         x = np.clip(x, self.low, self.high)
         if len(self.points) == 1:
             return np.zeros((len(x), 1), np.intp), np.where(np.isnan(x), np.nan, 1.0)[:, None]
@@ -70,7 +74,9 @@ class Axis:
         points = self.points
         low = np.clip(np.searchsorted(points, x, side="right") - 1, 0, len(points) - 2)
         fraction = (x - points[low]) / (points[low + 1] - points[low])
-        fraction = np.clip(fraction, -np.inf if self.open_low else 0.0, np.inf if self.open_high else 1.0)
+        fraction = np.clip(
+            fraction, -np.inf if self.open_low else 0.0, np.inf if self.open_high else 1.0
+        )
         return np.stack([low, low + 1], axis=1), np.stack([1.0 - fraction, fraction], axis=1)
 
     def _nearest(self, x: np.ndarray) -> np.ndarray:
@@ -84,16 +90,26 @@ class Axis:
         return np.clip(node, 0, len(points) - 1)
 
     def _spline(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Natural at a held end, clamped to the slope of the last two points at an open one, as the reference manual suggests."""
+        """Natural at a held end, clamped to the slope of the last two points at an open one, as the
+        reference manual suggests.
+        """
         from scipy.interpolate import CubicSpline
 
         points, unit = self.points, np.eye(len(self.points))
-        slopes = (unit[1] - unit[0]) / (points[1] - points[0]), (unit[-1] - unit[-2]) / (points[-1] - points[-2])
+        slopes = (
+            (unit[1] - unit[0]) / (points[1] - points[0]),
+            (unit[-1] - unit[-2]) / (points[-1] - points[-2]),
+        )
         flat = np.zeros(len(points))
-        ends = [(1, slope) if is_open else (2, flat) for slope, is_open in zip(slopes, (self.open_low, self.open_high), strict=True)]
+        ends = [
+            (1, slope) if is_open else (2, flat)
+            for slope, is_open in zip(slopes, (self.open_low, self.open_high), strict=True)
+        ]
         inside = np.clip(x, points[0], points[-1])
         weights = CubicSpline(points, unit, bc_type=(ends[0], ends[1]))(inside)
-        for slope, is_open, beyond in zip(slopes, (self.open_low, self.open_high), (x < points[0], x > points[-1]), strict=True):
+        for slope, is_open, beyond in zip(
+            slopes, (self.open_low, self.open_high), (x < points[0], x > points[-1]), strict=True
+        ):
             if is_open:
                 weights = weights + np.outer(np.where(beyond, x - inside, 0.0), slope)
         return np.broadcast_to(np.arange(len(points)), weights.shape), weights
@@ -101,14 +117,24 @@ class Axis:
 
 @dataclass(frozen=True, eq=False)
 class Gridded:
-    """Values over the product of breakpoint sets; ``values`` (breakpoints of axis 1, of axis 2, ...)."""
+    """Values over the product of breakpoint sets; ``values`` (breakpoints of axis 1, of axis 2,
+    ...).
+    """
 
     values: np.ndarray
 
     def look_up(self, axes: Sequence[Axis], inputs: Sequence[np.ndarray]) -> np.ndarray:
         """Return the table at inputs (samples,), one per axis."""
         starts = range(0, len(inputs[0]), _BLOCK)
-        return np.concatenate([np.zeros(0), *(self._block(axes, [x[start : start + _BLOCK] for x in inputs]) for start in starts)])
+        return np.concatenate(
+            [
+                np.zeros(0),
+                *(
+                    self._block(axes, [x[start : start + _BLOCK] for x in inputs])
+                    for start in starts
+                ),
+            ]
+        )
 
     def _block(self, axes: Sequence[Axis], inputs: Sequence[np.ndarray]) -> np.ndarray:
         at, share = np.zeros((len(inputs[0]), 1), np.intp), np.ones((len(inputs[0]), 1))
@@ -121,10 +147,12 @@ class Gridded:
 
 @dataclass(frozen=True, eq=False)
 class Scattered:
-    """Points of an ungridded table: ``points`` (point, axis) with ``values`` (point,), joined by Delaunay's triangulation.
+    """Points of an ungridded table: ``points`` (point, axis) with ``values`` (point,), joined by
+    Delaunay's triangulation.
 
-    Four points of a rectangle lie on one circle, and two triangulations are right.  The one whose diagonal runs where both inputs
-    rise is taken, by a metric that is sheared a little; the check case of the University of Toronto's example demands it.
+    Four points of a rectangle lie on one circle, and two triangulations are right.  The one whose
+    diagonal runs where both inputs rise is taken, by a metric that is sheared a little; the check
+    case of the University of Toronto's example demands it.
     """
 
     points: np.ndarray
@@ -142,7 +170,8 @@ class Scattered:
         return LinearNDInterpolator(self.points @ self._shear, self.values)
 
     def look_up(self, axes: Sequence[Axis], inputs: Sequence[np.ndarray]) -> np.ndarray:
-        """Return the table at inputs (samples,), one per axis; inputs beyond the box of the points are held at its side.
+        """Return the table at inputs (samples,), one per axis; inputs beyond the box of the points
+        are held at its side.
 
         Raises
         ------
@@ -159,5 +188,8 @@ class Scattered:
         bare = np.isnan(found) & ~np.isnan(x).any(axis=1)
         if bare.any():
             place = ", ".join(f"{value:.6g}" for value in x[bare][0])
-            raise OutOfRange(f"({place}) lies between no points of an ungridded table; ask inside the area its points cover", bare)
+            raise OutOfRange(
+                f"({place}) lies between no points of an ungridded table; ask inside the area its points cover",
+                bare,
+            )
         return found

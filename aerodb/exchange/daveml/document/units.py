@@ -1,4 +1,6 @@
-"""Units of measure as S-119 encodes them: an underscore divides, powers follow their unit (``ft_s2``, ``slugft2``, ``_deg``)."""
+"""Units of measure as S-119 encodes them: an underscore divides, powers follow their unit
+(``ft_s2``, ``slugft2``, ``_deg``).
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,9 @@ def number(text: str, element: Element) -> float:
 
 
 def numbers(text: str, element: Element) -> np.ndarray:
-    """Return the finite numbers of a list separated by commas, semicolons or blanks; anything else raises `ParseError`."""
+    """Return the finite numbers of a list separated by commas, semicolons or blanks; anything else
+    raises `ParseError`.
+    """
     words = _FORTRAN.sub("e", re.sub("[,;]", " ", text)).split()
     try:
         found = np.array(words, float) if "_" not in text else None
@@ -35,7 +39,11 @@ def numbers(text: str, element: Element) -> np.ndarray:
 
 def optional(element: Element, attribute: str, default: float) -> float:
     """Return the number of an attribute, or the default when it is not there."""
-    return number(element.attributes[attribute], element) if attribute in element.attributes else default
+    return (
+        number(element.attributes[attribute], element)
+        if attribute in element.attributes
+        else default
+    )
 
 
 def _culprit(words: list[str]) -> str:
@@ -60,7 +68,9 @@ _CODES = {
     "psf": "psf", "psi": "psi", "kt": "kt", "kts": "kt", "knots": "kt", "g": "g",
     "K": "K", "degK": "K", "R": "degR", "degR": "degR", "C": "degC", "degC": "degC", "F": "degF", "degF": "degF",
 }  # fmt: skip
-_WORD = re.compile("(" + "|".join(sorted(map(re.escape, _CODES), key=len, reverse=True)) + r")(\d*)")
+_WORD = re.compile(
+    "(" + "|".join(sorted(map(re.escape, _CODES), key=len, reverse=True)) + r")(\d*)"
+)
 _OUT = {"%": "pct", "1": "nd"}
 
 
@@ -104,7 +114,9 @@ def code_of(unit: str) -> str:
 
 
 def same_units(one: str, other: str) -> bool:
-    """Whether two codes mean the same unit; a code that cannot be read equals itself only, an empty one equals all."""
+    """Whether two codes mean the same unit; a code that cannot be read equals itself only, an empty
+    one equals all.
+    """
     if not one.strip() or not other.strip() or one.strip() == other.strip():
         return True
     try:
@@ -114,9 +126,11 @@ def same_units(one: str, other: str) -> bool:
 
 
 def between(one: str, other: str) -> tuple[float, float] | None:
-    """Return factor and offset of value [other] = factor * value [one] + offset, or None for units of different quantities.
+    """Return factor and offset of value [other] = factor * value [one] + offset, or None for units
+    of different quantities.
 
-    Equal codes and an empty one leave the value as it is.  An angle is no plain number: ``deg`` and ``nd`` are different quantities.
+    Equal codes and an empty one leave the value as it is.  An angle is no plain number: ``deg`` and
+    ``nd`` are different quantities.
 
     Examples
     --------
@@ -144,7 +158,9 @@ def _words(part: str, code: str) -> str:
     while at < len(part):
         match = _WORD.match(part, at)
         if match is None:
-            raise UnitError(f"unknown unit code {code!r}; S-119 codes are made of {', '.join(_CODES)}, powers and one underscore for 'per'")
+            raise UnitError(
+                f"unknown unit code {code!r}; S-119 codes are made of {', '.join(_CODES)}, powers and one underscore for 'per'"
+            )
         words.append(_CODES[match[1]] + match[2])
         at = match.end()
     return " ".join(words)

@@ -1,8 +1,9 @@
 """Whether the aeroplane responds to its controls with the signs of the vocabulary, and by how much.
 
-Kinematics do not show the sign of a surface; the aeroplane does.  Angular accelerations are regressed on rates, flow angles and
-surfaces, all high-passed so that trim and slow drift have no part in it.  Positive elevator pitches down, positive aileron rolls
-left, positive rudder yaws left; side force opposes sideslip; the surface follows the pilot's hand.
+Kinematics do not show the sign of a surface; the aeroplane does.  Angular accelerations are
+regressed on rates, flow angles and surfaces, all high-passed so that trim and slow drift have no
+part in it.  Positive elevator pitches down, positive aileron rolls left, positive rudder yaws left;
+side force opposes sideslip; the surface follows the pilot's hand.
 """
 
 from __future__ import annotations
@@ -17,7 +18,12 @@ import xarray as xr
 
 from flightmech.units import DEGREE
 from flighttest.reconstruction.quality.checks.signals import BAND, Signals, smooth
-from flighttest.reconstruction.quality.checks.surface_timing import LONGEST, SurfaceTiming, regressed, surface_timing
+from flighttest.reconstruction.quality.checks.surface_timing import (
+    LONGEST,
+    SurfaceTiming,
+    regressed,
+    surface_timing,
+)
 from flighttest.reconstruction.quality.finding import Finding, later, map_entry, rows
 from flighttest.records.signals.differentiation import derivative
 
@@ -27,9 +33,15 @@ _AMBIGUOUS = 0.1  # by which the other sign must correlate better at some delay
 _TRIM = 0.3  # Hz, below which nothing counts
 _LOWEST_R2 = 0.15
 _EARLY, _LATE = 0.05, -0.15  # s beyond which a surface was not recorded when it acted
-_GAINS, _SHARE = 0.003, 0.05  # of R2, and of what is unexplained without it, that the time must gain
+_GAINS, _SHARE = (
+    0.003,
+    0.05,
+)  # of R2, and of what is unexplained without it, that the time must gain
 _CERTAIN = 3.0  # standard errors by which the time must lie beyond
-_ACTIVE, _AROUND = 0.25, 1.5  # of the largest movement, and s around it: samples that show when a surface acts
+_ACTIVE, _AROUND = (
+    0.25,
+    1.5,
+)  # of the largest movement, and s around it: samples that show when a surface acts
 _MOVED = 1.0 * DEGREE  # total movement without which a delay is not informative
 _EFFECT = ("surface", "rate", "effect", "stderr", "ratio", "R2", "movement")
 _TIMING = ("lead", "lead_stderr", "gained", "explained", "bound", "sign", "other")
@@ -37,7 +49,11 @@ _FLOW = {"alpha_vane", "beta_vane"}
 _EXPLAINED = 0.4  # R2 that the equation must reach about the movements with the best delay
 _MOVES = 0.05 * DEGREE  # rms of quick movement that makes an input
 _SMALL = 0.6 * DEGREE  # total movement below which an effect must not be large
-_STRONGEST = {"delta_e": 100.0, "delta_a": 100.0, "delta_r": 20.0}  # 1/s2 per radian at the mean speed of the record
+_STRONGEST = {
+    "delta_e": 100.0,
+    "delta_a": 100.0,
+    "delta_r": 20.0,
+}  # 1/s2 per radian at the mean speed of the record
 _WORDS = {
     "delta_e": "pitches the nose up (convention: trailing edge down is positive and pitches down)",
     "delta_a": "rolls to the right (convention: right aileron down is positive and rolls left)",
@@ -80,12 +96,15 @@ def answers(signals: Signals) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        One row per surface that moves: ``surface rate effect stderr ratio R2 movement lead lead_stderr gained explained bound sign other``;
-        effect is the angular acceleration per radian at the mean dynamic pressure of the flight [s-2], with the surface at the time at
-        which it acts, stderr that of coloured residuals, movement the range between 0.5 and 99.5 % [rad].  Lead is the time by which the
-        surface is recorded before it acts and lead_stderr its standard error [s], infinite where it lies at the end of the search
-        (bound); gained the R2 that delaying it gains, explained the R2 with that delay, both about the movements of the surface.  Sign is
-        that of the effect, 0 where the other sign with the lead `other` [s] explains the motion as well: see `surface_timing`.
+        One row per surface that moves: ``surface rate effect stderr ratio R2 movement lead
+        lead_stderr gained explained bound sign other``; effect is the angular acceleration per
+        radian at the mean dynamic pressure of the flight [s-2], with the surface at the time at
+        which it acts, stderr that of coloured residuals, movement the range between 0.5 and 99.5 %
+        [rad].  Lead is the time by which the surface is recorded before it acts and lead_stderr its
+        standard error [s], infinite where it lies at the end of the search (bound); gained the R2
+        that delaying it gains, explained the R2 with that delay, both about the movements of the
+        surface.  Sign is that of the effect, 0 where the other sign with the lead `other` [s]
+        explains the motion as well: see `surface_timing`.
 
     Notes
     -----
@@ -95,49 +114,84 @@ def answers(signals: Signals) -> pd.DataFrame:
     found: dict[Equation, tuple] = {}
     rest = list(EQUATIONS)
     while rest:
-        tried = {equation: row for equation in rest if (row := _answer(equation, signals)) is not None}
+        tried = {
+            equation: row for equation in rest if (row := _answer(equation, signals)) is not None
+        }
         displaced = {equation: row for equation, (row, clear) in tried.items() if clear > 0.0}
         if not displaced:
             found.update({equation: row for equation, (row, _) in tried.items()})
             break
-        # a surface at another time spoils the equations that read it: the clearest one is put where it acts, and the others follow
+        # a surface at another time spoils the equations that read it: the clearest one is put where
+        # it acts, and the others follow
         clearest = max(displaced, key=lambda equation: tried[equation][1])
         found[clearest] = displaced[clearest]
         lead = found[clearest][len(_EFFECT)]
-        signals = signals.with_values({clearest.surface: np.interp(signals.time - lead, signals.time, signals[clearest.surface])})
+        signals = signals.with_values(
+            {
+                clearest.surface: np.interp(
+                    signals.time - lead, signals.time, signals[clearest.surface]
+                )
+            }
+        )
         rest = [equation for equation in tried if equation != clearest]
-    return pd.DataFrame([found[equation] for equation in EQUATIONS if equation in found], columns=[*_EFFECT, *_TIMING])
+    return pd.DataFrame(
+        [found[equation] for equation in EQUATIONS if equation in found],
+        columns=[*_EFFECT, *_TIMING],
+    )
 
 
 def _answer(equation: Equation, signals: Signals) -> tuple[tuple, float] | None:
-    """Return a row of `answers`, and how clearly the surface is displaced in time; None where a channel or its movement is missing."""
+    """Return a row of `answers`, and how clearly the surface is displaced in time; None where a
+    channel or its movement is missing.
+    """
     if not {equation.rate, equation.surface} <= set(signals.values):
         return None
     others = [name for name in equation.others if name in signals and np.ptp(signals[name]) > 0.0]
     mask = signals.mask((equation.rate, *others, equation.surface))
     x = signals[equation.surface][mask]
-    if mask.sum() * signals.step < 5.0 or np.ptp(x) == 0.0 or np.ptp(signals[equation.rate][mask]) == 0.0:
+    if (
+        mask.sum() * signals.step < 5.0
+        or np.ptp(x) == 0.0
+        or np.ptp(signals[equation.rate][mask]) == 0.0
+    ):
         return None
     scale = _pressure(signals, mask)
     y = _fast(derivative(_slow(signals, equation.rate), signals.step, 5, 2) / scale, signals)
-    columns = [_fast(_slow(signals, n) / (np.sqrt(scale) if n in "pqr" else 1.0), signals) for n in others]
+    columns = [
+        _fast(_slow(signals, n) / (np.sqrt(scale) if n in "pqr" else 1.0), signals) for n in others
+    ]
     surface = _fast(_slow(signals, equation.surface), signals)
     movement = float(np.percentile(x, 99.5) - np.percentile(x, 0.5))
     active = mask & _about_movements(surface, mask, signals.step)
     active = active if active.sum() > 10 * (len(columns) + 1) else mask
-    timing = surface_timing(y[active], [column[active] for column in columns], surface, signals.time, active)
-    # the effect is that at the time at which the surface acts, where the record shows another one than its clock does
-    # without its flow angle the equation lacks the response to it, which a delay of the surface takes up
+    timing = surface_timing(
+        y[active], [column[active] for column in columns], surface, signals.time, active
+    )
+    # the effect is that at the time at which the surface acts, where the record shows another one
+    # than its clock does
+    # without its flow angle the equation lacks the response to it, which a delay of the surface
+    # takes up
     complete = not (set(equation.others) & _FLOW) - set(others)
     displaced = complete and _is_displaced(timing, movement)
     acting = np.interp(signals.time - timing.lead, signals.time, surface) if displaced else surface
-    fit = regressed(y[mask], [*(column[mask] for column in columns), acting[mask]], mask, signals.step)
+    fit = regressed(
+        y[mask], [*(column[mask] for column in columns), acting[mask]], mask, signals.step
+    )
     if fit is None:
         return None
     effect, stderr, R2 = fit
     if not complete and np.sign(effect) != timing.sign:
         timing = replace(timing, sign=0)
-    row = (equation.surface, equation.rate, effect, stderr, effect / max(stderr, 1e-300), R2, movement, *astuple(timing))
+    row = (
+        equation.surface,
+        equation.rate,
+        effect,
+        stderr,
+        effect / max(stderr, 1e-300),
+        R2,
+        movement,
+        *astuple(timing),
+    )
     return row, timing.gained / max(1.0 - timing.explained, 1e-12) if displaced else 0.0
 
 
@@ -153,14 +207,18 @@ def _is_displaced(timing: SurfaceTiming, movement: float) -> bool:
     margin = 0.0 if timing.bound else _CERTAIN * timing.stderr
     off = timing.lead - margin > _EARLY or timing.lead + margin < _LATE
     gains = timing.gained > max(_GAINS, _SHARE * (1.0 - timing.explained + timing.gained))
-    return timing.sign != 0 and off and gains and movement > _MOVED and timing.explained > _EXPLAINED
+    return (
+        timing.sign != 0 and off and gains and movement > _MOVED and timing.explained > _EXPLAINED
+    )
 
 
 def hands(signals: Signals) -> pd.DataFrame:
-    """Return how each surface follows the pilot's control: ``control surface expected correlation delay position``.
+    """Return how each surface follows the pilot's control: ``control surface expected correlation
+    delay position``.
 
-    The correlation is the largest within a second of delay, and `delay` [s] is that by which the surface is recorded after the control; the
-    expected sign is kept where it correlates nearly as well, because half a period of delay looks like the opposite sign.
+    The correlation is the largest within a second of delay, and `delay` [s] is that by which the
+    surface is recorded after the control; the expected sign is kept where it correlates nearly as
+    well, because half a period of delay looks like the opposite sign.
     """
     table: list = []
     for control, surface, sign, position in HANDS:
@@ -168,35 +226,56 @@ def hands(signals: Signals) -> pd.DataFrame:
             mask = signals.mask((control, surface))
             x, y = (_fast(_slow(signals, name), signals) for name in (control, surface))
             if mask.sum() * signals.step > 5.0 and np.std(y[mask]) > _MOVES:
-                table.append((control, surface, sign, *_followed(x, y, sign, mask, signals.step), position))
-    return pd.DataFrame(table, columns=["control", "surface", "expected", "correlation", "delay", "position"])
+                table.append(
+                    (control, surface, sign, *_followed(x, y, sign, mask, signals.step), position)
+                )
+    return pd.DataFrame(
+        table, columns=["control", "surface", "expected", "correlation", "delay", "position"]
+    )
 
 
-def _followed(x: np.ndarray, y: np.ndarray, expected: int, mask: np.ndarray, step: float) -> tuple[float, float]:
-    """Return the correlation of a surface y with a control x, and the delay of the surface at which it is reached."""
+def _followed(
+    x: np.ndarray, y: np.ndarray, expected: int, mask: np.ndarray, step: float
+) -> tuple[float, float]:
+    """Return the correlation of a surface y with a control x, and the delay of the surface at which
+    it is reached.
+    """
     delays = np.arange(-round(LONGEST / step), round(LONGEST / step) + 1)
     found = []
     for k in delays:
         moved = np.roll(x, k)[mask]  # what comes in at the ends is high-passed, and small
         found.append(float(np.corrcoef(moved, y[mask])[0, 1]) if np.std(moved) > 0.0 else 0.0)
     right, wrong = (int(np.argmax(sign * np.array(found))) for sign in (expected, -expected))
-    at = right if abs(found[right]) > abs(found[wrong]) - _AMBIGUOUS and found[right] * expected > FOLLOWS else wrong
+    at = (
+        right
+        if abs(found[right]) > abs(found[wrong]) - _AMBIGUOUS and found[right] * expected > FOLLOWS
+        else wrong
+    )
     if abs(found[at]) < FOLLOWS:  # nothing follows at any delay
         at = right
     return found[at], float(delays[at] * step)
 
 
 def answer_findings(
-    table: pd.DataFrame, followed: pd.DataFrame, signals: Signals, record: xr.DataTree, late: Collection[str] = ()
+    table: pd.DataFrame,
+    followed: pd.DataFrame,
+    signals: Signals,
+    record: xr.DataTree,
+    late: Collection[str] = (),
 ) -> list[Finding]:
-    """Return the surfaces that move the aeroplane the wrong way, far too much or at another time, and the controls that nothing follows.
+    """Return the surfaces that move the aeroplane the wrong way, far too much or at another time,
+    and the controls that nothing follows.
 
-    Channels that are `late` themselves show nothing about the time of a surface, nor does an equation without its flow angle.
+    Channels that are `late` themselves show nothing about the time of a surface, nor does an
+    equation without its flow angle.
     """
     found = []
     for row in rows(table):
         others = next(equation.others for equation in EQUATIONS if equation.surface == row.surface)
-        complete, untimely = not (set(others) & _FLOW) - set(signals.values), set(others) & set(late)
+        complete, untimely = (
+            not (set(others) & _FLOW) - set(signals.values),
+            set(others) & set(late),
+        )
         timed = complete and not untimely
         seen = row.R2 >= _LOWEST_R2 and abs(row.ratio) >= SIGNIFICANT
         wrong = _surface(row, record, not untimely) if seen else []
@@ -209,27 +288,47 @@ def answer_findings(
 
 
 def _surface(row, record: xr.DataTree, timed: bool) -> list[Finding]:
-    """Return whether the sign or the unit of a surface is wrong; where a delay explains as much as a sign, neither is called wrong."""
+    """Return whether the sign or the unit of a surface is wrong; where a delay explains as much as
+    a sign, neither is called wrong.
+    """
     name, names = row.surface, (row.surface, row.rate)
     evidence = {"effect": row.effect, "stderr": row.stderr, "R2": row.R2}
     measured = f"{row.rate}_dot = {row.effect:+.3g} 1/s2 per rad of {name}, {abs(row.ratio):.0f} standard errors"
     if row.effect > 0.0 and row.sign > 0:
         tried = f"no delay up to {LONGEST:g} s explains as much"
         text = f"{name} has the wrong sign: positive {name} {_WORDS[name]}; {measured}; {tried}"
-        return [Finding("error", "sign", names, text, map_entry(record, name, -1.0), evidence=evidence)]
+        return [
+            Finding("error", "sign", names, text, map_entry(record, name, -1.0), evidence=evidence)
+        ]
     if row.effect > 0.0 and row.sign == 0 and timed and row.movement > _MOVED:
         first, second = sorted((row.lead, row.other), key=abs)
         text = (
             f"{name} has the wrong sign or is recorded at another time: {measured}; recorded {_when(first)} with one sign or "
             f"{_when(second)} with the other it explains the motion equally well"
         )
-        remedy = (
-            f"compare {name} with the pilot's control or with a record that holds a 3-2-1-1, then correct sign or delay in the name map"
-        )
-        return [Finding("warning", "undecided", names, text, remedy, evidence={**evidence, "lead": row.lead, "other": row.other})]
+        remedy = f"compare {name} with the pilot's control or with a record that holds a 3-2-1-1, then correct sign or delay in the name map"
+        return [
+            Finding(
+                "warning",
+                "undecided",
+                names,
+                text,
+                remedy,
+                evidence={**evidence, "lead": row.lead, "other": row.other},
+            )
+        ]
     if row.effect < 0.0 and row.movement < _SMALL and abs(row.effect) > _STRONGEST[name]:
         text = f"{name} is in rad and was taken as deg: it moves by {row.movement / DEGREE:.2g} deg in all, and {measured}"
-        return [Finding("error", "unit", names, text, map_entry(record, name, 1.0 / DEGREE), evidence=evidence)]
+        return [
+            Finding(
+                "error",
+                "unit",
+                names,
+                text,
+                map_entry(record, name, 1.0 / DEGREE),
+                evidence=evidence,
+            )
+        ]
     return []
 
 
@@ -238,35 +337,77 @@ def _when(lead: float) -> str:
 
 
 def _timing(row, record: xr.DataTree, slope: float) -> list[Finding]:
-    """Return whether a surface was recorded when it acted; `slope` is -1 where its sign is to be corrected in the same line."""
+    """Return whether a surface was recorded when it acted; `slope` is -1 where its sign is to be
+    corrected in the same line.
+    """
     name, names = row.surface, (row.surface, row.rate)
-    timing = SurfaceTiming(row.lead, row.lead_stderr, row.gained, row.explained, row.bound, row.sign, row.other)
+    timing = SurfaceTiming(
+        row.lead, row.lead_stderr, row.gained, row.explained, row.bound, row.sign, row.other
+    )
     if not _is_displaced(timing, row.movement):
         return []
     early = row.lead > 0.0
     measured = f"{1e3 * abs(row.lead):.0f} ms"
-    measured = f"at least {measured}" if row.bound else f"{measured} (standard error {1e3 * row.lead_stderr:.0f} ms)"
+    measured = (
+        f"at least {measured}"
+        if row.bound
+        else f"{measured} (standard error {1e3 * row.lead_stderr:.0f} ms)"
+    )
     end = f"; longer times than {LONGEST:g} s were not tried" if row.bound else ""
     text = (
         f"{name} is recorded {measured} {'before' if early else 'after'} it acts on {row.rate}_dot "
         f"(that time gains {row.gained:.2f} of R2, which is then {row.explained:.2f}{end})"
     )
     cause = "a command, whose actuator lags" if early else "a clock that is late"
-    line = "" if row.bound else later(record, name, **{"lag" if early else "delay": -row.lead}, slope=slope)
-    remedy = f"{line}, if it is {cause}" if line else f"{cause}: find the time between and put it into the name map"
-    evidence = {"lead": row.lead, "stderr": None if row.bound else row.lead_stderr, "gained": row.gained, "bound": bool(row.bound)}
+    line = (
+        ""
+        if row.bound
+        else later(record, name, **{"lag" if early else "delay": -row.lead}, slope=slope)
+    )
+    remedy = (
+        f"{line}, if it is {cause}"
+        if line
+        else f"{cause}: find the time between and put it into the name map"
+    )
+    evidence = {
+        "lead": row.lead,
+        "stderr": None if row.bound else row.lead_stderr,
+        "gained": row.gained,
+        "bound": bool(row.bound),
+    }
     return [Finding("warning", "lag", names, text, remedy, evidence=evidence)]
 
 
 def _hand(row, record: xr.DataTree) -> list[Finding]:
-    names, evidence = (row.control, row.surface), {"correlation": row.correlation, "delay": row.delay}
+    names, evidence = (
+        (row.control, row.surface),
+        {"correlation": row.correlation, "delay": row.delay},
+    )
     detail = f"(correlation {row.correlation:+.2f}, {1e3 * row.delay:+.0f} ms)"
     if row.expected * row.correlation < -FOLLOWS:
         text = f"{row.control} has the wrong sign: it moves with {row.surface} instead of against it {detail}"
-        return [Finding("error", "sign", names, text, map_entry(record, row.control, -1.0), evidence=evidence)]
+        return [
+            Finding(
+                "error",
+                "sign",
+                names,
+                text,
+                map_entry(record, row.control, -1.0),
+                evidence=evidence,
+            )
+        ]
     if row.position and abs(row.correlation) < FOLLOWS:
         text = f"{row.surface} moves and {row.control} does not go with it {detail}"
-        return [Finding("warning", "stuck", names, text, "check the pick-up; do not use the channel", evidence=evidence)]
+        return [
+            Finding(
+                "warning",
+                "stuck",
+                names,
+                text,
+                "check the pick-up; do not use the channel",
+                evidence=evidence,
+            )
+        ]
     return []
 
 
@@ -290,7 +431,16 @@ def _side_force(signals: Signals) -> list[Finding]:
     detail = f"{effect:+.3g} m/s2 per rad, {effect / stderr:.0f} standard errors"
     text = f"ay_imu grows with beta_vane ({detail}): side force must oppose sideslip"
     remedy = "sign = -1 on one of the two; the check of kinematics shows which"
-    return [Finding("error", "sign", ("ay_imu", "beta_vane"), text, remedy, evidence={"effect": effect, "stderr": stderr, "R2": R2})]
+    return [
+        Finding(
+            "error",
+            "sign",
+            ("ay_imu", "beta_vane"),
+            text,
+            remedy,
+            evidence={"effect": effect, "stderr": stderr, "R2": R2},
+        )
+    ]
 
 
 def _slow(signals: Signals, name: str) -> np.ndarray:
@@ -313,7 +463,10 @@ def _pressure(signals: Signals, mask: np.ndarray) -> np.ndarray:
 COLLINEAR = 0.9  # correlation of two inputs, or multiple correlation of one with the others
 _TRIM_BAND = 0.05  # Hz, slower than any manoeuvre
 _AXES = (("pitch", "delta_e", "q"), ("roll", "delta_a", "p"), ("yaw", "delta_r", "r"))
-_INPUT, _RATE = 0.25 * DEGREE, 0.4 * DEGREE  # rms over a second that count as movement: surface [rad], rate [rad s-1]
+_INPUT, _RATE = (
+    0.25 * DEGREE,
+    0.4 * DEGREE,
+)  # rms over a second that count as movement: surface [rad], rate [rad s-1]
 _LEVER = 0.02
 _SECOND = 1.0  # s
 _CONTROLS = {"elevator": "delta_e", "aileron": "delta_a", "rudder": "delta_r"}
@@ -326,9 +479,9 @@ def excitation(signals: Signals) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        ``axis surface rate input response share frequency``: largest rms over one second of surface [rad] and rate [rad s-1] without
-        trim and slow drift, share of the flight in which both move [1], frequency below which nine tenths of the surface's movement
-        lie [Hz].
+        ``axis surface rate input response share frequency``: largest rms over one second of surface
+        [rad] and rate [rad s-1] without trim and slow drift, share of the flight in which both move
+        [1], frequency below which nine tenths of the surface's movement lie [Hz].
     """
     table: list = []
     for axis, surface, rate in _AXES:
@@ -340,8 +493,20 @@ def excitation(signals: Signals) -> pd.DataFrame:
         moved = [_quick(signals, name) for name in (surface, rate)]
         x, y = (_rms(part, signals.step)[mask] for part in moved)
         share = float(np.mean((_held(x > _INPUT, signals.step)) & (y > _RATE)))
-        table.append((axis, surface, rate, float(x.max()), float(y.max()), share, _frequency(moved[0][mask], signals.step)))
-    return pd.DataFrame(table, columns=["axis", "surface", "rate", "input", "response", "share", "frequency"])
+        table.append(
+            (
+                axis,
+                surface,
+                rate,
+                float(x.max()),
+                float(y.max()),
+                share,
+                _frequency(moved[0][mask], signals.step),
+            )
+        )
+    return pd.DataFrame(
+        table, columns=["axis", "surface", "rate", "input", "response", "share", "frequency"]
+    )
 
 
 def correlations(signals: Signals) -> pd.DataFrame:
@@ -349,11 +514,16 @@ def correlations(signals: Signals) -> pd.DataFrame:
     columns, mask = _inputs(signals)
     if len(columns) < 2:
         return pd.DataFrame()
-    return pd.DataFrame(np.corrcoef([x[mask] for x in columns.values()]), index=list(columns), columns=list(columns))
+    return pd.DataFrame(
+        np.corrcoef([x[mask] for x in columns.values()]), index=list(columns), columns=list(columns)
+    )
 
 
-def excitation_findings(table: pd.DataFrame, matrix: pd.DataFrame, signals: Signals, flown: pd.DataFrame, purpose: str) -> list[Finding]:
-    """Return what was not excited, manoeuvres whose control did not move, and inputs that moved together.
+def excitation_findings(
+    table: pd.DataFrame, matrix: pd.DataFrame, signals: Signals, flown: pd.DataFrame, purpose: str
+) -> list[Finding]:
+    """Return what was not excited, manoeuvres whose control did not move, and inputs that moved
+    together.
 
     Parameters
     ----------
@@ -378,10 +548,22 @@ def _unexcited(table: pd.DataFrame, purpose: str) -> list[Finding]:
     needed = len(still) == len(table) and purpose != "validation"
     text = "{0.axis}: {0.surface} moves by {1:.2g} deg rms, {0.rate} by {2:.2g} deg/s"
     what = "; ".join(text.format(row, row.input / DEGREE, row.response / DEGREE) for row in still)
-    head = "no axis is excited" if len(still) == len(table) else f"not excited: {', '.join(row.axis for row in still)}"
+    head = (
+        "no axis is excited"
+        if len(still) == len(table)
+        else f"not excited: {', '.join(row.axis for row in still)}"
+    )
     text = f"{head} ({what})"
     remedy = "no derivative of these axes can be identified from this record; fly doublets, 3-2-1-1 or multisines"
-    return [Finding("warning" if needed else "note", "excitation", tuple(row.surface for row in still), text, remedy)]
+    return [
+        Finding(
+            "warning" if needed else "note",
+            "excitation",
+            tuple(row.surface for row in still),
+            text,
+            remedy,
+        )
+    ]
 
 
 def _unflown(row, signals: Signals) -> list[Finding]:
@@ -392,11 +574,17 @@ def _unflown(row, signals: Signals) -> list[Finding]:
         if name not in signals or name not in _CONTROLS.values():
             continue
         inside = (signals.time >= row.start) & (signals.time <= row.end)
-        movement = float(np.ptp(signals[name][inside])) if inside.sum() * signals.step > 1.0 else np.inf
+        movement = (
+            float(np.ptp(signals[name][inside])) if inside.sum() * signals.step > 1.0 else np.inf
+        )
         if movement < 2.0 * _INPUT:
             text = f"{row.manoeuvre} at {row.start:g} ... {row.end:g} s: {name} moves by {movement / DEGREE:.2g} deg only"
             remedy = "check the times of the list of manoeuvres, and the pick-up"
-            found.append(Finding("warning", "excitation", (name,), text, remedy, float(row.start), float(row.end)))
+            found.append(
+                Finding(
+                    "warning", "excitation", (name,), text, remedy, float(row.start), float(row.end)
+                )
+            )
     return found
 
 
@@ -409,7 +597,16 @@ def _collinear(matrix: pd.DataFrame) -> list[Finding]:
             paired |= {one, other}
             text = f"{one} and {other} move together (correlation {correlation:+.3f}): their effects cannot be distinguished"
             remedy = "fly them one after the other, or as orthogonal multisines; else fix one at its a-priori value"
-            found.append(Finding("warning", "collinear", (one, other), text, remedy, evidence={"correlation": correlation}))
+            found.append(
+                Finding(
+                    "warning",
+                    "collinear",
+                    (one, other),
+                    text,
+                    remedy,
+                    evidence={"correlation": correlation},
+                )
+            )
     if len(names) > 2 and not paired:
         multiple = np.sqrt(np.maximum(0.0, 1.0 - 1.0 / np.diag(np.linalg.pinv(values))))
         worst = int(np.argmax(multiple))
@@ -430,7 +627,11 @@ def _inputs(signals: Signals) -> tuple[dict[str, np.ndarray], np.ndarray]:
     if levers:
         columns["throttle"] = np.mean([_quick(signals, name) for name in levers], axis=0)
     sizes = {name: _LEVER if name == "throttle" else _INPUT for name in columns}
-    return {name: x for name, x in columns.items() if mask.any() and _rms(x, signals.step)[mask].max() > sizes[name]}, mask
+    return {
+        name: x
+        for name, x in columns.items()
+        if mask.any() and _rms(x, signals.step)[mask].max() > sizes[name]
+    }, mask
 
 
 def _quick(signals: Signals, name: str) -> np.ndarray:
@@ -452,4 +653,8 @@ def _held(moving: np.ndarray, step: float) -> np.ndarray:
 
 def _frequency(x: np.ndarray, step: float) -> float:
     power = np.cumsum(np.abs(np.fft.rfft(x - x.mean())) ** 2)
-    return float(np.searchsorted(power, 0.9 * power[-1]) / (len(x) * step)) if power[-1] > 0.0 else float("nan")
+    return (
+        float(np.searchsorted(power, 0.9 * power[-1]) / (len(x) * step))
+        if power[-1] > 0.0
+        else float("nan")
+    )

@@ -1,8 +1,9 @@
 """Air data that a record does not hold, formed from channels that it holds.
 
-Most recorders store calibrated and no true airspeed.  The relations that need V, or a pressure, then use what the standard atmosphere
-and the equations of the air-data computer give.  A formed channel rests on its sources: a mistake in one of them is a mistake of that
-source, and the search looks for it there.
+Most recorders store calibrated and no true airspeed.  The relations that need V, or a pressure,
+then use what the standard atmosphere and the equations of the air-data computer give.  A formed
+channel rests on its sources: a mistake in one of them is a mistake of that source, and the search
+looks for it there.
 """
 
 from __future__ import annotations
@@ -12,7 +13,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flightmech.air import GAMMA, R_AIR, RHO_SEA, atmosphere, impact_pressure_at, mach_number, pressure_altitude
+from flightmech.air import (
+    GAMMA,
+    R_AIR,
+    RHO_SEA,
+    atmosphere,
+    impact_pressure_at,
+    mach_number,
+    pressure_altitude,
+)
 from flighttest.records.sensors.measurements import pressure
 
 Arrays = Mapping[str, np.ndarray]
@@ -73,7 +82,9 @@ _IN_WORDS = {
 
 
 def sources(name: str, recorded: Collection[str]) -> tuple[str, ...]:
-    """Return the recorded channels on which a channel rests: itself where it is recorded, none where it cannot be formed."""
+    """Return the recorded channels on which a channel rests: itself where it is recorded, none
+    where it cannot be formed.
+    """
     if name in recorded:
         return (name,)
     way = _way(name, recorded)

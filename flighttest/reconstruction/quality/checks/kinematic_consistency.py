@@ -1,4 +1,6 @@
-"""Kinematic consistency in figures and findings: what mistakes there are, and how well the rest agrees."""
+"""Kinematic consistency in figures and findings: what mistakes there are, and how well the rest
+agrees.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,11 @@ import pandas as pd
 import xarray as xr
 
 from flightmech.errors import IdentificationError
-from flighttest.reconstruction.quality.checks.mistake_search import Explanation, plausible, units_mistaken
+from flighttest.reconstruction.quality.checks.mistake_search import (
+    Explanation,
+    plausible,
+    units_mistaken,
+)
 from flighttest.reconstruction.quality.checks.relations import RELATIONS, Comparison, compare_all
 from flighttest.reconstruction.quality.checks.signals import Signals
 from flighttest.reconstruction.quality.finding import Finding, exchanged, later, map_entry, rows
@@ -44,30 +50,42 @@ def lags(signals: Signals, placed: Iterable[str] = ()) -> pd.DataFrame:
     signals : Signals
         With right signs and units.
     placed : iterable of str
-        Channels whose place on the aeroplane was taken into account; a vane far ahead of the c.g. seems to be early or late otherwise.
+        Channels whose place on the aeroplane was taken into account; a vane far ahead of the c.g.
+        seems to be early or late otherwise.
 
     Returns
     -------
     DataFrame
-        ``channel against delay stderr correlation bound``; positive when the channel is late [s].  Where `bound`, the delay lies at the end
-        of the search: it is at least so long, and has no standard error (infinite).
+        ``channel against delay stderr correlation bound``; positive when the channel is late [s].
+        Where `bound`, the delay lies at the end of the search: it is at least so long, and has no
+        standard error (infinite).
     """
     table: list = []
     for relation in RELATIONS:
         if relation.name not in _PAIRS or relation.missing(signals):
             continue
-        if _PAIRS[relation.name][0] in _VANES and not {_PAIRS[relation.name][0], "ax_imu"} <= set(placed):
+        if _PAIRS[relation.name][0] in _VANES and not {_PAIRS[relation.name][0], "ax_imu"} <= set(
+            placed
+        ):
             continue
         mask = signals.mask(relation.channels(signals))
         first, second = relation.sides(signals.completed(relation.formed))
         late, other = (second, first) if relation.name in _REVERSED else (first, second)
-        found = [delay for piece in _stretches(mask, late, signals.step) if (delay := _delay(other[piece], late[piece], signals.step))]
+        found = [
+            delay
+            for piece in _stretches(mask, late, signals.step)
+            if (delay := _delay(other[piece], late[piece], signals.step))
+        ]
         if found:
             table.append((*_PAIRS[relation.name], *_pooled(found)))
-    return pd.DataFrame(table, columns=["channel", "against", "delay", "stderr", "correlation", "bound"])
+    return pd.DataFrame(
+        table, columns=["channel", "against", "delay", "stderr", "correlation", "bound"]
+    )
 
 
-def lag_findings(table: pd.DataFrame, specification: Instruments | None, record: xr.DataTree) -> list[Finding]:
+def lag_findings(
+    table: pd.DataFrame, specification: Instruments | None, record: xr.DataTree
+) -> list[Finding]:
     """Return delays that are longer than the aircraft file, or habit, allows."""
     found = []
     for row in rows(table):
@@ -81,9 +99,15 @@ def lag_findings(table: pd.DataFrame, specification: Instruments | None, record:
             text = f"{row.channel} is at least {measured}, the end of the search; {allowed}"
             remedy = "compare the clocks of the two instruments, and put the time between them into the name map"
         else:
-            text = f"{row.channel} is {measured} (standard error {1e3 * row.stderr:.1f} ms); {allowed}"
+            text = (
+                f"{row.channel} is {measured} (standard error {1e3 * row.stderr:.1f} ms); {allowed}"
+            )
             remedy = f"{later(record, row.channel, delay=row.delay)}, and the same delay for the other channels of that instrument"
-        evidence = {"delay": row.delay, "stderr": None if row.bound else row.stderr, "bound": bool(row.bound)}
+        evidence = {
+            "delay": row.delay,
+            "stderr": None if row.bound else row.stderr,
+            "bound": bool(row.bound),
+        }
         found.append(Finding("warning", "lag", (row.channel,), text, remedy, evidence=evidence))
     return found
 
@@ -93,7 +117,11 @@ def _allowed(channel: str, specification: Instruments | None) -> tuple[float, fl
     for pair in (given.delay, given.lag) if given is not None else ():
         if pair is not None:
             mean, sigma = pair
-            return min(0.0, mean - 3.0 * sigma) - FAST, mean + 3.0 * sigma + FAST, "the aircraft file"
+            return (
+                min(0.0, mean - 3.0 * sigma) - FAST,
+                mean + 3.0 * sigma + FAST,
+                "the aircraft file",
+            )
     limit = SLOW if channel in _SLOW_CHANNELS else FAST
     return -limit, limit, "habit"
 
@@ -102,7 +130,11 @@ def _stretches(mask: np.ndarray, motion: np.ndarray, step: float) -> list[slice]
     """Return the whole stretches of at most a minute with the most motion in them, up to eight."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
     longest = round(_LONGEST / step)
-    pieces = [slice(a, min(a + longest, b)) for start, b in zip(edges[::2], edges[1::2]) for a in range(start, b, longest)]
+    pieces = [
+        slice(a, min(a + longest, b))
+        for start, b in zip(edges[::2], edges[1::2])
+        for a in range(start, b, longest)
+    ]
     pieces = [piece for piece in pieces if piece.stop - piece.start >= 256]
     return sorted(pieces, key=lambda piece: -float(np.var(motion[piece])))[:8]
 
@@ -116,13 +148,18 @@ def _delay(reference: np.ndarray, late: np.ndarray, step: float) -> Delay | None
 
 
 def _pooled(found: list[Delay]) -> tuple[float, float, float, bool]:
-    """Return the weighted mean, its standard error inflated by the scatter, the median correlation, and whether it is only a bound."""
+    """Return the weighted mean, its standard error inflated by the scatter, the median correlation,
+    and whether it is only a bound.
+    """
     correlation = float(np.median([one.correlation for one in found]))
     inside = [one for one in found if not one.bound]
     if 2 * len(inside) < len(found):
         nearest = min((one.estimate for one in found if one.bound), key=abs)
         return nearest, np.inf, correlation, True
-    values, errors = np.array([one.estimate for one in inside]), np.array([one.stderr for one in inside])
+    values, errors = (
+        np.array([one.estimate for one in inside]),
+        np.array([one.stderr for one in inside]),
+    )
     errors = np.maximum(errors, 1e-4)
     weight = errors**-2 / np.sum(errors**-2)
     mean = float(weight @ values)
@@ -159,8 +196,9 @@ def kinematic_table(signals: Signals) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        ``relation title units disagreement limit consistent moving correlation slope slope_stderr offset rms``; slope of the first side
-        over the second with its standard error between blocks of five seconds, offset and rms difference in `units`.
+        ``relation title units disagreement limit consistent moving correlation slope slope_stderr
+        offset rms``; slope of the first side over the second with its standard error between blocks
+        of five seconds, offset and rms difference in `units`.
     """
     found = []
     for name, c in compare_all(signals).items():
@@ -177,15 +215,29 @@ def kinematic_table(signals: Signals) -> pd.DataFrame:
 
 
 def kinematic_findings(
-    explanations: list[Explanation], comparisons: dict[str, Comparison], signals: Signals, record: xr.DataTree
+    explanations: list[Explanation],
+    comparisons: dict[str, Comparison],
+    signals: Signals,
+    record: xr.DataTree,
 ) -> list[Finding]:
-    """Return the mistakes found, the relations that none of them resolves, and channels outside what is possible."""
+    """Return the mistakes found, the relations that none of them resolves, and channels outside
+    what is possible.
+    """
     found = [_mistake(explanation, record) for explanation in explanations]
     for name, c in comparisons.items():
         if not c.consistent:
             text = f"{c.relation.title} do not agree (disagreement {c.disagreement:.2f}), and no single sign, unit or axis resolves it"
             remedy = f"check {', '.join(c.relation.channels(signals))}; see the plot of {name}"
-            found.append(Finding("warning", "inconsistent", c.relation.channels(signals), text, remedy, evidence={"relation": name}))
+            found.append(
+                Finding(
+                    "warning",
+                    "inconsistent",
+                    c.relation.channels(signals),
+                    text,
+                    remedy,
+                    evidence={"relation": name},
+                )
+            )
     for name in signals.values:
         found += _outside(name, signals, record)
     return found
@@ -205,7 +257,16 @@ def accuracy_findings(table: pd.DataFrame) -> list[Finding]:
             text = f"{row.title}: the first is {row.slope:.3f} of the second (standard error {row.slope_stderr:.3f})"
             remedy = f"a scale error of {' or '.join(names)}: let the reconstruction find it, or calibrate"
             severity = "warning" if off > GROSS_SCALE else "note"
-            found.append(Finding(severity, "scale", names, text, remedy, evidence={"slope": row.slope, "stderr": row.slope_stderr}))
+            found.append(
+                Finding(
+                    severity,
+                    "scale",
+                    names,
+                    text,
+                    remedy,
+                    evidence={"slope": row.slope, "stderr": row.slope_stderr},
+                )
+            )
     return found
 
 
@@ -218,13 +279,23 @@ def _vane(row) -> list[Finding]:
     )
     remedy = "give factor and bias_sigma of the vane in the aircraft file; the reconstruction estimates them"
     severity = "note" if _UPWASH[0] < row.slope < _UPWASH[1] else "warning"
-    return [Finding(severity, "scale", ("alpha_vane",), text, remedy, evidence={"slope": row.slope, "offset": row.offset})]
+    return [
+        Finding(
+            severity,
+            "scale",
+            ("alpha_vane",),
+            text,
+            remedy,
+            evidence={"slope": row.slope, "offset": row.offset},
+        )
+    ]
 
 
 def _mistake(explanation: Explanation, record: xr.DataTree) -> Finding:
     repair = explanation.repair
     corrected = ", ".join(
-        f"{name} {before:.2f} to {after:.2f}" for name, before, after in zip(explanation.resolves, explanation.before, explanation.after)
+        f"{name} {before:.2f} to {after:.2f}"
+        for name, before, after in zip(explanation.resolves, explanation.before, explanation.after)
     )
     others = "".join(f"; or {other.mistake}" for other in explanation.instead)
     text = f"{repair.mistake}{others} (disagreements that this resolves: {corrected})"
@@ -252,14 +323,27 @@ def _outside(name: str, signals: Signals, record: xr.DataTree) -> list[Finding]:
             return [Finding("error", "unit", (name,), text, map_entry(record, name, factor))]
     worst = float(x[np.argmax(np.abs(x - np.clip(x, *limits)))])
     text = f"{name} reaches {worst:.4g}; possible are {limits[0]:g} to {limits[1]:g} (SI); {outside.mean():.1%} of the flight lies outside"
-    return [Finding("error", "range", (name,), text, "check unit, scale and column of the name map", evidence={"worst": worst})]
+    return [
+        Finding(
+            "error",
+            "range",
+            (name,),
+            text,
+            "check unit, scale and column of the name map",
+            evidence={"worst": worst},
+        )
+    ]
 
 
 def _slope(c: Comparison, step: float) -> tuple[float, float]:
-    """Return the slope and its standard error, from the scatter of what blocks of the record add to it."""
+    """Return the slope and its standard error, from the scatter of what blocks of the record add to
+    it.
+    """
     y, x = (side[c.mask] - side[c.mask].mean() for side in (c.first, c.second))
     width = max(round(_SECONDS / step), 1)
     blocks = max(len(y) // width, 1)
     residual = (x * (y - c.slope * x))[: blocks * width]
     sums = residual.reshape(blocks, -1).sum(axis=1)
-    return c.slope, float(np.sqrt((sums**2).sum() * blocks / max(blocks - 1, 1)) / max((x**2).sum(), 1e-30))
+    return c.slope, float(
+        np.sqrt((sums**2).sum() * blocks / max(blocks - 1, 1)) / max((x**2).sum(), 1e-30)
+    )

@@ -1,8 +1,9 @@
 """Which single mistake of sign, unit, axis or definition explains the relations that do not hold.
 
-Every mistake a name map can make is tried on every channel of the broken relations: undone, it must resolve them without breaking others.
-The best one is taken, and the search goes on with the corrected record until nothing is left to explain.  A mistake that two
-channels explain equally well is reported with both.
+Every mistake a name map can make is tried on every channel of the broken relations: undone, it must
+resolve them without breaking others. The best one is taken, and the search goes on with the
+corrected record until nothing is left to explain.  A mistake that two channels explain equally well
+is reported with both.
 """
 
 from __future__ import annotations
@@ -15,12 +16,19 @@ import numpy as np
 
 from flightmech.names import lookup
 from flightmech.units import DEGREE, FOOT, G0, KNOT, POUND_FORCE
-from flighttest.reconstruction.quality.checks.relations import RELATIONS, Comparison, Relation, compare_all
+from flighttest.reconstruction.quality.checks.relations import (
+    RELATIONS,
+    Comparison,
+    Relation,
+    compare_all,
+)
 from flighttest.reconstruction.quality.checks.signals import Signals
 
 GAIN = 0.25  # disagreement that a mistake must explain, summed over relations
 NEAR = 0.1  # mistakes that explain almost as much are compared more closely, without tolerances
-TIE = 0.3  # and cannot be distinguished when what they leave differs by less than this power of e, all relations together
+# and cannot be distinguished when what they leave differs by less than this power of e, all
+# relations together
+TIE = 0.3
 _EXACT = 0.005  # disagreement of numbers that were only rounded
 _MOST = 6  # mistakes in one record
 PSF = POUND_FORCE / FOOT**2
@@ -39,7 +47,8 @@ class Repair:
     mistake : str
         What was wrong, in words.
     slope, shift : float
-        The channel as it should be is slope * recorded + shift; not used where two change places. [1, SI]
+        The channel as it should be is slope * recorded + shift; not used where two change places.
+        [1, SI]
     """
 
     kind: str
@@ -96,7 +105,9 @@ def explain(signals: Signals) -> tuple[list[Explanation], Signals, dict[str, Com
 
 
 def burden(signals: Signals) -> float:
-    """Return the disagreement of all relations that do not hold, and what lies outside the plausible ranges."""
+    """Return the disagreement of all relations that do not hold, and what lies outside the
+    plausible ranges.
+    """
     state = _costs(signals)
     return sum(state[name] for name in _broken(state))
 
@@ -126,7 +137,9 @@ _RANGES: dict[str, tuple[float, float]] = {
 
 
 def _costs(signals: Signals) -> dict[str, float]:
-    """Return the disagreement of every relation, and what lies outside the plausible ranges as ``range.<channel>``."""
+    """Return the disagreement of every relation, and what lies outside the plausible ranges as
+    ``range.<channel>``.
+    """
     found = {}
     for relation in RELATIONS:
         comparison = relation.compare(signals)
@@ -160,7 +173,10 @@ def _broken(state: dict[str, float]) -> list[str]:
 def _best(signals: Signals, state: dict[str, float]) -> Explanation | None:
     suspects = {name for relation in _broken(state) for name in _members(relation, signals)}
     tried = [(repair, _change(signals, state, repair)) for repair in _repairs(signals, suspects)]
-    gains = [(sum(before - after for before, after in change.values()), repair, change) for repair, change in tried]
+    gains = [
+        (sum(before - after for before, after in change.values()), repair, change)
+        for repair, change in tried
+    ]
     most = max((gain for gain, _, _ in gains), default=0.0)
     if most < GAIN:
         return None
@@ -175,23 +191,32 @@ def _best(signals: Signals, state: dict[str, float]) -> Explanation | None:
 
 
 def _left(repairs: list[Repair], signals: Signals) -> list[float]:
-    """Return the log of what each repair leaves of disagreement, without tolerances, over the relations that any of them touches."""
+    """Return the log of what each repair leaves of disagreement, without tolerances, over the
+    relations that any of them touches.
+    """
     if len(repairs) == 1:
         return [0.0]
     touched = {name for repair in repairs for name in repair.channels}
     relations = [relation for relation in RELATIONS if touched & set(relation.channels(signals))]
     repaired = [repair.apply(signals) for repair in repairs]
     compared = [[relation.compare(state) for relation in relations] for state in repaired]
-    return [sum(math.log(found.raw + _EXACT) for found in row if found is not None) for row in compared]
+    return [
+        sum(math.log(found.raw + _EXACT) for found in row if found is not None) for row in compared
+    ]
 
 
-def _change(signals: Signals, state: dict[str, float], repair: Repair) -> dict[str, tuple[float, float]]:
+def _change(
+    signals: Signals, state: dict[str, float], repair: Repair
+) -> dict[str, tuple[float, float]]:
     """Return the costs before and after a repair, of all that reads its channels."""
     repaired = repair.apply(signals)
     found = {}
     for relation in RELATIONS:
         if relation.name in state and set(repair.channels) & set(relation.channels(signals)):
-            found[relation.name] = state[relation.name], _cost_after(repair, relation.compare(repaired), state[relation.name])
+            found[relation.name] = (
+                state[relation.name],
+                _cost_after(repair, relation.compare(repaired), state[relation.name]),
+            )
     for name in repair.channels:
         after = _range_cost(repaired, name)
         found.update({key: (state.get(key, 0.0), value) for key, value in after.items()})
@@ -199,7 +224,9 @@ def _change(signals: Signals, state: dict[str, float], repair: Repair) -> dict[s
 
 
 def _cost_after(repair: Repair, comparison: Comparison | None, before: float) -> float:
-    """Return the cost after a repair; a unit that only makes a wandering channel small while the other side rests explains nothing."""
+    """Return the cost after a repair; a unit that only makes a wandering channel small while the
+    other side rests explains nothing.
+    """
     if comparison is None:
         return before
     after = _cost(comparison)
@@ -221,7 +248,12 @@ _UNITS: dict[str, tuple[tuple[str, str, float], ...]] = {
     "rad": (("deg", "rad", DEGREE),),
     "rad s-1": (("deg/s", "rad/s", DEGREE),),
     "m s-2": (("g", "m/s2", G0), ("ft/s2", "m/s2", FOOT)),
-    "m s-1": (("kt", "m/s", KNOT), ("ft/s", "m/s", FOOT), ("km/h", "m/s", 1.0 / 3.6), ("ft/min", "m/s", FOOT / 60.0)),
+    "m s-1": (
+        ("kt", "m/s", KNOT),
+        ("ft/s", "m/s", FOOT),
+        ("km/h", "m/s", 1.0 / 3.6),
+        ("ft/min", "m/s", FOOT / 60.0),
+    ),
     "m": (("ft", "m", FOOT),),
     "Pa": (("hPa", "Pa", 100.0), ("kPa", "Pa", 1000.0), ("psf", "Pa", PSF)),
 }
@@ -252,7 +284,13 @@ def _of_one(name: str) -> Iterator[Repair]:
 def _load_factors(name: str) -> Iterator[Repair]:
     """What recorders call normal acceleration."""
     one = (name,)
-    yield Repair("definition", one, f"{name} is the load factor minus one, positive up, not the specific force", -1.0, -G0)
+    yield Repair(
+        "definition",
+        one,
+        f"{name} is the load factor minus one, positive up, not the specific force",
+        -1.0,
+        -G0,
+    )
     text = f"{name} is the acceleration without gravity, positive down, not the specific force"
     yield Repair("definition", one, text, 1.0, -G0)
     text = f"{name} is the load factor minus one in g, positive up, taken as m/s2"

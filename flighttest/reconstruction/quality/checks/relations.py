@@ -1,8 +1,10 @@
-"""What kinematics and the atmosphere demand of the channels of a record: pairs that must agree whatever the aeroplane does.
+"""What kinematics and the atmosphere demand of the channels of a record: pairs that must agree
+whatever the aeroplane does.
 
-Each relation computes one quantity twice, from different channels.  They agree to noise, wind and neglected effects (sideslip, sensor
-positions) when every channel has its sign, unit and axis; a mistake in any of these makes them disagree grossly.  Relations overlap, so
-that the one channel that explains all disagreements can be found (`repairs`).
+Each relation computes one quantity twice, from different channels.  They agree to noise, wind and
+neglected effects (sideslip, sensor positions) when every channel has its sign, unit and axis; a
+mistake in any of these makes them disagree grossly.  Relations overlap, so that the one channel
+that explains all disagreements can be found (`repairs`).
 """
 
 from __future__ import annotations
@@ -51,7 +53,8 @@ class Relation:
     optional : tuple of str
         Channels it uses where they are there.
     formed : tuple of str
-        Those of `needs` that may be formed from other channels where they are not recorded (`formed_channels`).
+        Those of `needs` that may be formed from other channels where they are not recorded
+        (`formed_channels`).
     """
 
     name: str
@@ -77,7 +80,9 @@ class Relation:
         return tuple(need for need in self.needs if not self._sources(need, signals))
 
     def compare(self, signals: Signals) -> Comparison | None:
-        """Return both sides and how far they disagree; None where a channel or enough of the flight is missing."""
+        """Return both sides and how far they disagree; None where a channel or enough of the flight
+        is missing.
+        """
         if self.missing(signals):
             return None
         mask = self.mask(signals)
@@ -89,12 +94,18 @@ class Relation:
         size = rms(y) + rms(x)
         late = _LATE * min(rms(np.gradient(side, signals.step)[mask]) for side in (first, second))
         allowed = np.hypot(self.tolerance, late)
-        apart = float(np.sqrt(max(rms(y - x) ** 2 - allowed**2, 0.0))) / max(size, 4.0 * self.tolerance)
+        apart = float(np.sqrt(max(rms(y - x) ** 2 - allowed**2, 0.0))) / max(
+            size, 4.0 * self.tolerance
+        )
         raw = rms(y - x) / max(size, _TINY)
-        return Comparison(self, signals.time, first, second, mask, apart, raw, size > 4.0 * self.tolerance)
+        return Comparison(
+            self, signals.time, first, second, mask, apart, raw, size > 4.0 * self.tolerance
+        )
 
     def mask(self, signals: Signals) -> np.ndarray:
-        """Return the samples that count: whole channels in flight, without what the ends of the filter may spoil."""
+        """Return the samples that count: whole channels in flight, without what the ends of the
+        filter may spoil.
+        """
         mask = signals.mask(self.channels(signals))
         edge = round(0.5 / (self.cutoff * signals.step))
         mask[:edge] = mask[len(mask) - edge :] = False
@@ -115,8 +126,9 @@ class Relation:
 class Comparison:
     """Both sides of a relation for a record.
 
-    `disagreement` is rms(difference beyond the tolerance)/(rms + rms): 0 equal, 0.7 unrelated, 1 opposite; two sides that are small
-    against the tolerance agree.  `raw` is the same without tolerance; `moving` shows whether there was more than that to compare.
+    `disagreement` is rms(difference beyond the tolerance)/(rms + rms): 0 equal, 0.7 unrelated, 1
+    opposite; two sides that are small against the tolerance agree.  `raw` is the same without
+    tolerance; `moving` shows whether there was more than that to compare.
     """
 
     relation: Relation
@@ -135,8 +147,13 @@ class Comparison:
 
     @property
     def has_signal(self) -> bool:
-        """Whether both sides move by more than the tolerance: one that wanders while the other rests shows no factor and no sign."""
-        sides = (side[self.mask] - (0.0 if self.relation.level else side[self.mask].mean()) for side in (self.first, self.second))
+        """Whether both sides move by more than the tolerance: one that wanders while the other
+        rests shows no factor and no sign.
+        """
+        sides = (
+            side[self.mask] - (0.0 if self.relation.level else side[self.mask].mean())
+            for side in (self.first, self.second)
+        )
         return min(rms(side) for side in sides) > self.relation.tolerance
 
     @property
@@ -146,8 +163,14 @@ class Comparison:
 
     @property
     def slope(self) -> float:
-        """First per second, errors in both alike: standard deviation over standard deviation, with the sign of the correlation."""
-        return float(np.sign(self.correlation) * np.std(self.first[self.mask]) / max(np.std(self.second[self.mask]), _TINY))
+        """First per second, errors in both alike: standard deviation over standard deviation, with
+        the sign of the correlation.
+        """
+        return float(
+            np.sign(self.correlation)
+            * np.std(self.first[self.mask])
+            / max(np.std(self.second[self.mask]), _TINY)
+        )
 
     @property
     def correlation(self) -> float:
@@ -168,13 +191,16 @@ def not_checked(signals: Signals) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        ``relation title missing reason``; `missing` are the channels that are absent, empty where they are there for too short a time.
+        ``relation title missing reason``; `missing` are the channels that are absent, empty where
+        they are there for too short a time.
     """
     table: list = []
     for relation in RELATIONS:
         missing = relation.missing(signals)
         if missing:
-            reason = "not recorded: " + "; ".join(in_words(name, name in relation.formed) for name in missing)
+            reason = "not recorded: " + "; ".join(
+                in_words(name, name in relation.formed) for name in missing
+            )
         elif (seconds := float(relation.mask(signals).sum() * signals.step)) < relation.shortest:
             together = ", ".join(relation.channels(signals))
             reason = f"{together} are whole together for {seconds:.1f} s of flight; {relation.shortest:.0f} s are needed"
@@ -197,14 +223,22 @@ def _angles(s: Signals) -> tuple[np.ndarray, ...]:
 
 
 def _alpha(s: Signals) -> np.ndarray:
-    """Angle of attack: the vane, else what attitude and climb give in wings-level flight, else zero."""
+    """Angle of attack: the vane, else what attitude and climb give in wings-level flight, else
+    zero.
+    """
     if "alpha_vane" in s:
         return np.clip(s["alpha_vane"], -0.6, 0.6)
-    return np.clip(_path_alpha(s), -0.6, 0.6) if {"h_baro", "V"} <= set(s.values) else np.zeros_like(s.time)
+    return (
+        np.clip(_path_alpha(s), -0.6, 0.6)
+        if {"h_baro", "V"} <= set(s.values)
+        else np.zeros_like(s.time)
+    )
 
 
 def _path_alpha(s: Signals) -> np.ndarray:
-    """Angle of attack without sideslip from sin(gamma) = cos(alpha) sin(theta) - sin(alpha) cos(phi) cos(theta)."""
+    """Angle of attack without sideslip from sin(gamma) = cos(alpha) sin(theta) - sin(alpha)
+    cos(phi) cos(theta).
+    """
     _, cf, st, ct = _angles(s)
     sine = np.clip(_rate(s, "h_baro") / np.maximum(np.abs(s["V"]), 1.0), -1.0, 1.0)
     size = np.maximum(np.hypot(st, cf * ct), 1e-3)
@@ -213,7 +247,9 @@ def _path_alpha(s: Signals) -> np.ndarray:
 
 def _bank_rate(s: Signals):
     sf, cf, st, ct = _angles(s)
-    return _rate(s, "phi"), s["p"] + (s["q"] * sf + s["r"] * cf) * st / np.where(np.abs(ct) < 0.1, 0.1, ct)
+    return _rate(s, "phi"), s["p"] + (s["q"] * sf + s["r"] * cf) * st / np.where(
+        np.abs(ct) < 0.1, 0.1, ct
+    )
 
 
 def _pitch_rate(s: Signals):
@@ -249,7 +285,9 @@ def _vertical(s: Signals):
 def _along(s: Signals):
     _, cf, st, ct = _angles(s)
     alpha = _alpha(s)
-    return _rate(s, "V"), (s["ax_imu"] - G0 * st) * np.cos(alpha) + (s["az_imu"] + G0 * ct * cf) * np.sin(alpha)
+    return _rate(s, "V"), (s["ax_imu"] - G0 * st) * np.cos(alpha) + (
+        s["az_imu"] + G0 * ct * cf
+    ) * np.sin(alpha)
 
 
 def _turn(s: Signals):
@@ -267,9 +305,9 @@ def _pull(s: Signals):
 def _heave(s: Signals):
     _, cf, _, ct = _angles(s)
     V = s["V"]
-    return derivative(V * np.sin(s["alpha_vane"]), s.step, window=5, order=2), s["q"] * V * np.cos(s["alpha_vane"]) + s[
-        "az_imu"
-    ] + G0 * ct * cf
+    return derivative(V * np.sin(s["alpha_vane"]), s.step, window=5, order=2), s["q"] * V * np.cos(
+        s["alpha_vane"]
+    ) + s["az_imu"] + G0 * ct * cf
 
 
 def _vane(s: Signals):
@@ -293,7 +331,11 @@ def _sound(s: Signals) -> np.ndarray:
 
 _ATTITUDE = ("phi", "theta", "p", "q", "r")
 _EARTH = ("phi", "theta", "psi", "vn", "ve", "vd")
-_PRESSURES = ("q_c", "p_static", "temperature")  # formed where they are not recorded; V itself never for a relation of air data
+_PRESSURES = (
+    "q_c",
+    "p_static",
+    "temperature",
+)  # formed where they are not recorded; V itself never for a relation of air data
 _NO_WIND = 0.25  # limit of relations that hold but for wind
 
 RELATIONS: tuple[Relation, ...] = (

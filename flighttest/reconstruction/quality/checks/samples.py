@@ -1,4 +1,6 @@
-"""Each channel by itself: clock, missing, held and wild samples, wrap-around, saturation, a dead sensor, noise and resolution."""
+"""Each channel by itself: clock, missing, held and wild samples, wrap-around, saturation, a dead
+sensor, noise and resolution.
+"""
 
 from __future__ import annotations
 
@@ -15,14 +17,24 @@ from flighttest.reconstruction.quality.checks.signals import Signals
 from flighttest.reconstruction.quality.finding import Finding, rows
 from flighttest.records.sensors.instruments import Instruments
 from flighttest.records.signals.conditioning import GAP, is_control
-from flighttest.records.signals.sample_flags import HELD_SAMPLES, HELD_TIME, Flag, flags, in_words, sample_faults
+from flighttest.records.signals.sample_flags import (
+    HELD_SAMPLES,
+    HELD_TIME,
+    Flag,
+    flags,
+    in_words,
+    sample_faults,
+)
 
 COARSE = 0.4  # share of samples that repeat the one before
 _ABSENT = (  # any one of these is enough, what it is for
     (("psi",), "heading: wind and heading rate cannot be checked"),
     (("beta_vane", "beta"), "sideslip: it follows from side force and rates only"),
     (("alpha_vane", "alpha"), "angle of attack: it follows from attitude, climb and airspeed only"),
-    (("vn", "north", "lat"), "ground velocity: wind and specific force cannot be checked against it"),
+    (
+        ("vn", "north", "lat"),
+        "ground velocity: wind and specific force cannot be checked against it",
+    ),
     (("ax_imu", "ax"), "specific force: no force coefficients without it"),
     (("temperature",), "temperature: density and true airspeed rest on an assumption"),
     (("V", "V_cas", "mach", "q_c"), "airspeed"),
@@ -34,7 +46,9 @@ _CLOSE = 4.0 * DEGREE  # rms within which a vane means something
 _BIN = 5.0  # m/s
 
 
-def remarks(signals: Signals, table: pd.DataFrame, comparisons: dict[str, Comparison], recorded: Signals) -> list[Finding]:
+def remarks(
+    signals: Signals, table: pd.DataFrame, comparisons: dict[str, Comparison], recorded: Signals
+) -> list[Finding]:
     """Return notes on a record.
 
     Parameters
@@ -48,7 +62,12 @@ def remarks(signals: Signals, table: pd.DataFrame, comparisons: dict[str, Compar
     recorded : Signals
         As recorded.
     """
-    return _absent(recorded) + _coarse(table) + _off_centre(signals) + _minimum_speed(signals, comparisons)
+    return (
+        _absent(recorded)
+        + _coarse(table)
+        + _off_centre(signals)
+        + _minimum_speed(signals, comparisons)
+    )
 
 
 def _absent(signals: Signals) -> list[Finding]:
@@ -56,7 +75,15 @@ def _absent(signals: Signals) -> list[Finding]:
     if not missing:
         return []
     text = "not in the record: " + "; ".join(why for _, why in missing)
-    return [Finding("note", "absent", tuple(names[0] for names, _ in missing), text, "check the name map if the file has them")]
+    return [
+        Finding(
+            "note",
+            "absent",
+            tuple(names[0] for names, _ in missing),
+            text,
+            "check the name map if the file has them",
+        )
+    ]
 
 
 def _coarse(table: pd.DataFrame) -> list[Finding]:
@@ -68,7 +95,13 @@ def _coarse(table: pd.DataFrame) -> list[Finding]:
                 "and changes far less often, or in coarse steps"
             )
             found.append(
-                Finding("note", "coarse", (row.channel,), text, "do not differentiate it; its bandwidth is below that of the recorder")
+                Finding(
+                    "note",
+                    "coarse",
+                    (row.channel,),
+                    text,
+                    "do not differentiate it; its bandwidth is below that of the recorder",
+                )
             )
     return found
 
@@ -80,8 +113,13 @@ def _off_centre(signals: Signals) -> list[Finding]:
     found = []
     for name in {"delta_a", "delta_r"} & set(signals.values):
         mask = signals.mask((name, "phi", "p", "r"))
-        mask &= (np.abs(signals["phi"]) < _STRAIGHT_BANK) & (np.hypot(signals["p"], signals["r"]) < _STRAIGHT_RATE)
-        if mask.sum() * signals.step < 30.0 or abs(middle := float(np.median(signals[name][mask]))) < _OFF_CENTRE:
+        mask &= (np.abs(signals["phi"]) < _STRAIGHT_BANK) & (
+            np.hypot(signals["p"], signals["r"]) < _STRAIGHT_RATE
+        )
+        if (
+            mask.sum() * signals.step < 30.0
+            or abs(middle := float(np.median(signals[name][mask]))) < _OFF_CENTRE
+        ):
             continue
         text = f"{name} stands at {middle / DEGREE:+.1f} deg in straight flight: bias of the pick-up, trim or an asymmetry"
         remedy = "let regressions have an intercept; calibrate the pick-up with the surface centred"
@@ -106,19 +144,38 @@ def _minimum_speed(signals: Signals, comparisons: dict[str, Comparison]) -> list
     text = f"alpha_vane means nothing below about {limit:.0f} m/s ({limit / KNOT:.0f} kt): it does not follow attitude and climb there"
     return [
         Finding(
-            "note", "minimum_speed", ("alpha_vane",), text, "give minimum_speed of the vane in the aircraft file", evidence={"speed": limit}
+            "note",
+            "minimum_speed",
+            ("alpha_vane",),
+            text,
+            "give minimum_speed of the vane in the aircraft file",
+            evidence={"speed": limit},
         )
     ]
 
 
 NOISY = 3.0  # times the noise that the specification gives
-_RESTLESS = 0.3  # noise over the typical step in a channel that moves by its noise from sample to sample
+_RESTLESS = (
+    0.3  # noise over the typical step in a channel that moves by its noise from sample to sample
+)
 _DIFFERENCE, _ENOUGH = 6, 50  # order of the differences that show noise only, and how many of them
 _MEDIAN_OF_NORMAL = 0.6745  # median of the absolute value of a standard normal variable
 _JUMP = 25.0  # typical steps of a channel
 _EXTREME = 0.05  # of the range: so near its ends a wrapped counter leaves and comes back
 _TIMES = {"gap", "wrap", "stray", "duplicate", "reset"}
-_DEVICES = ("gear", "speedbrake", "brake", "wow_", "delta_f", "delta_t", "mass", "x_cg", "y_cg", "z_cg", "I")
+_DEVICES = (
+    "gear",
+    "speedbrake",
+    "brake",
+    "wow_",
+    "delta_f",
+    "delta_t",
+    "mass",
+    "x_cg",
+    "y_cg",
+    "z_cg",
+    "I",
+)
 _ENDLESS = ("psi", "lon")  # wrap round by nature
 _LASTING = (  # what no aeroplane changes from one sample to the next
     "phi", "theta", "h_baro", "h_gps", "hdot", "V", "mach", "q_c", "p_static", "temperature", "vn", "ve", "vd", "north", "east", "lat",
@@ -139,7 +196,8 @@ _REMEDY = {
 
 
 def faults_of(record: xr.DataTree) -> pd.DataFrame:
-    """Return the flags of a record, those of its samples found anew, with jumps of the clock as gaps.
+    """Return the flags of a record, those of its samples found anew, with jumps of the clock as
+    gaps.
 
     Returns
     -------
@@ -147,25 +205,36 @@ def faults_of(record: xr.DataTree) -> pd.DataFrame:
         Columns as of `flighttest.signals.flags`.
     """
     known = flags(record)
-    table: list[dict] = [dict(row) for _, row in known[known["kind"].isin(_TIMES | {"outside"})].iterrows()]
+    table: list[dict] = [
+        dict(row) for _, row in known[known["kind"].isin(_TIMES | {"outside"})].iterrows()
+    ]
     for leaf, node in record.children.items():
         data = node.to_dataset()
         time = data["time"].values
         step = np.diff(time)
         if not (known["leaf"].eq(leaf) & known["kind"].eq("gap")).any():
             wide = np.flatnonzero(step > GAP * np.median(step))
-            gaps = [Flag("", "gap", float(time[i]), float(time[i + 1]), 0, f"{step[i]:.3g} s") for i in wide]
+            gaps = [
+                Flag("", "gap", float(time[i]), float(time[i + 1]), 0, f"{step[i]:.3g} s")
+                for i in wide
+            ]
             table += [{"leaf": leaf, **flag._asdict()} for flag in gaps]
         for name in map(str, data.data_vars):
             x, rate = data[name].values.astype(float), float(data.attrs["rate"])
             found = sample_faults(time, x, name, rate)
-            frozen = [flag for flag in _frozen(time, x, name, rate) if not any(_overlap(flag, other) for other in found)]
+            frozen = [
+                flag
+                for flag in _frozen(time, x, name, rate)
+                if not any(_overlap(flag, other) for other in found)
+            ]
             table += [{"leaf": leaf, **flag._asdict()} for flag in [*found, *frozen]]
     return pd.DataFrame(table, columns=known.columns)
 
 
 def _frozen(time: np.ndarray, x: np.ndarray, name: str, rate: float) -> list[Flag]:
-    """Return the runs of equal samples in a channel whose noise never lets it rest; its ends of range are another matter."""
+    """Return the runs of equal samples in a channel whose noise never lets it rest; its ends of
+    range are another matter.
+    """
     size = np.abs(np.diff(x))
     typical = float(np.median(size[size > 0.0])) if (size > 0.0).any() else np.inf
     if not _noise(x, name) > _RESTLESS * typical:
@@ -186,9 +255,12 @@ def _runs(mask: np.ndarray) -> list[tuple[int, int]]:
 
 
 def _lively(size: np.ndarray, start: int, stop: int, typical: float) -> bool:
-    """Whether the channel moves as it always does on both sides of a run: a parked aeroplane rests before and after, too."""
+    """Whether the channel moves as it always does on both sides of a run: a parked aeroplane rests
+    before and after, too.
+    """
     return all(
-        len(part) > 0 and float(np.median(part)) > 0.3 * typical for part in (size[max(0, start - 21) : start - 1], size[stop : stop + 20])
+        len(part) > 0 and float(np.median(part)) > 0.3 * typical
+        for part in (size[max(0, start - 21) : start - 1], size[stop : stop + 20])
     )
 
 
@@ -205,15 +277,26 @@ def flag_findings(faults: pd.DataFrame) -> list[Finding]:
         severity = "note" if kind == "duplicate" else "warning"
         span = float(group["start"].min()), float(group["stop"].max())
         evidence = {"samples": int(group["samples"].sum()), "places": len(group)}
-        found.append(Finding(severity, str(kind), (str(channel or leaf),), text, _REMEDY[str(kind)], *span, evidence))
+        found.append(
+            Finding(
+                severity,
+                str(kind),
+                (str(channel or leaf),),
+                text,
+                _REMEDY[str(kind)],
+                *span,
+                evidence,
+            )
+        )
     return found
 
 
 def channel_table(record: xr.DataTree) -> pd.DataFrame:
-    """Return one row per channel: ``leaf channel rate start stop minimum maximum noise resolution repeated missing units``.
+    """Return one row per channel: ``leaf channel rate start stop minimum maximum noise resolution
+    repeated missing units``.
 
-    ``noise`` is what is white, NaN for controls and short channels; ``resolution`` the smallest step, ``repeated`` the share of
-    samples that equal the one before.  All SI.
+    ``noise`` is what is white, NaN for controls and short channels; ``resolution`` the smallest
+    step, ``repeated`` the share of samples that equal the one before.  All SI.
     """
     table: list = []
     for leaf, node in record.children.items():
@@ -239,7 +322,9 @@ def channel_table(record: xr.DataTree) -> pd.DataFrame:
     return pd.DataFrame(table)
 
 
-def channel_findings(record: xr.DataTree, table: pd.DataFrame, specification: Instruments | None) -> list[Finding]:
+def channel_findings(
+    record: xr.DataTree, table: pd.DataFrame, specification: Instruments | None
+) -> list[Finding]:
     """Return what is wrong with single channels beyond their flags."""
     found: list[Finding] = []
     for row in rows(table):
@@ -248,7 +333,13 @@ def channel_findings(record: xr.DataTree, table: pd.DataFrame, specification: In
         whole = np.isfinite(x)
         if not whole.any():
             found.append(
-                Finding("error", "stuck", (row.channel,), f"{row.channel} holds no number at all", "check the column of the name map")
+                Finding(
+                    "error",
+                    "stuck",
+                    (row.channel,),
+                    f"{row.channel} holds no number at all",
+                    "check the column of the name map",
+                )
             )
         elif row.minimum == row.maximum:
             found += _stuck(row)
@@ -259,14 +350,18 @@ def channel_findings(record: xr.DataTree, table: pd.DataFrame, specification: In
 
 
 def _noise(x: np.ndarray, name: str) -> float:
-    """Return the size of white noise from sixth differences, by their median: motion, its bursts and steps have no part in it."""
+    """Return the size of white noise from sixth differences, by their median: motion, its bursts
+    and steps have no part in it.
+    """
     if is_control(name) or name in _ENDLESS or name.startswith(_DEVICES):
         return float("nan")
     sixth = np.abs(np.diff(x, _DIFFERENCE))
     sixth = sixth[np.isfinite(sixth)]
     if len(sixth) < _ENOUGH:
         return float("nan")
-    return float(np.median(sixth) / (_MEDIAN_OF_NORMAL * math.sqrt(math.comb(2 * _DIFFERENCE, _DIFFERENCE))))
+    return float(
+        np.median(sixth) / (_MEDIAN_OF_NORMAL * math.sqrt(math.comb(2 * _DIFFERENCE, _DIFFERENCE)))
+    )
 
 
 def _stuck(row) -> list[Finding]:
@@ -274,11 +369,17 @@ def _stuck(row) -> list[Finding]:
         return []
     text = f"{row.channel} never changes from {row.minimum:.6g} {row.units}"
     remedy = "check sensor, wiring and column; leave the channel out of the name map if it is dead"
-    return [Finding("note" if is_control(row.channel) else "error", "stuck", (row.channel,), text, remedy)]
+    return [
+        Finding(
+            "note" if is_control(row.channel) else "error", "stuck", (row.channel,), text, remedy
+        )
+    ]
 
 
 def _wrap(time: np.ndarray, x: np.ndarray, row) -> list[Finding]:
-    """A jump between the two ends of the range is a counter that ran over; any other one that stays is a jump."""
+    """A jump between the two ends of the range is a counter that ran over; any other one that stays
+    is a jump.
+    """
     if not row.channel.rpartition(".")[2].startswith(_LASTING):
         return []
     step = np.diff(x)
@@ -297,16 +398,38 @@ def _wrap(time: np.ndarray, x: np.ndarray, row) -> list[Finding]:
     span = float(time[at[0]]), float(time[at[-1] + 1])
     if around.all() and size[at].min() > 0.8 * width:
         text = f"{row.channel} runs over its range of about {width:.6g} {row.units} at {places}"
-        return [Finding("error", "wrap", (row.channel,), text, "unwrap the channel before it is read", *span, evidence)]
+        return [
+            Finding(
+                "error",
+                "wrap",
+                (row.channel,),
+                text,
+                "unwrap the channel before it is read",
+                *span,
+                evidence,
+            )
+        ]
     text = f"{row.channel} jumps by {size[at[0]]:.4g} {row.units} and stays there, at {places}"
-    return [Finding("warning", "jump", (row.channel,), text, "cut before or after it; check for a changed datum or range", *span, evidence)]
+    return [
+        Finding(
+            "warning",
+            "jump",
+            (row.channel,),
+            text,
+            "cut before or after it; check for a changed datum or range",
+            *span,
+            evidence,
+        )
+    ]
 
 
 def _stays(x: np.ndarray, i: int) -> bool:
     """Whether a jump after sample `i` is no spike: both sides keep their level for eight samples."""
     before, after = x[max(0, i - 7) : i + 1], x[i + 1 : i + 9]
     apart = abs(x[i + 1] - x[i])
-    return bool(len(before) > 3 and len(after) > 3 and max(np.ptp(before), np.ptp(after)) < 0.3 * apart)
+    return bool(
+        len(before) > 3 and len(after) > 3 and max(np.ptp(before), np.ptp(after)) < 0.3 * apart
+    )
 
 
 def _saturation(time: np.ndarray, x: np.ndarray, row) -> list[Finding]:
@@ -318,19 +441,29 @@ def _saturation(time: np.ndarray, x: np.ndarray, row) -> list[Finding]:
     typical = np.median(np.abs(np.diff(x))[np.diff(x) != 0.0])
     found = []
     for extreme, word in ((row.maximum, "largest"), (row.minimum, "smallest")):
-        runs = [(a, b) for a, b in _runs(x == extreme) if b - a >= needed and _breaks(x, a, b, typical)]
+        runs = [
+            (a, b) for a, b in _runs(x == extreme) if b - a >= needed and _breaks(x, a, b, typical)
+        ]
         if not runs or (word == "smallest" and name.startswith(_SPEEDS)):
             continue
-        total, first, last = sum(b - a for a, b in runs), float(time[runs[0][0]]), float(time[runs[-1][1] - 1])
+        total, first, last = (
+            sum(b - a for a, b in runs),
+            float(time[runs[0][0]]),
+            float(time[runs[-1][1] - 1]),
+        )
         text = f"{row.channel} stays at its {word} value {extreme:.5g} {row.units} exactly, {total} samples from {first:g} s"
         remedy = "the end of the instrument's range, or a stop; choose windows without it"
         evidence = {"samples": total, "value": extreme}
-        found.append(Finding("warning", "saturation", (row.channel,), text, remedy, first, last, evidence))
+        found.append(
+            Finding("warning", "saturation", (row.channel,), text, remedy, first, last, evidence)
+        )
     return found
 
 
 def _breaks(x: np.ndarray, first: int, behind: int, typical: float) -> bool:
-    """Whether the channel moved, on the average of five samples, when it reached a run or when it left it."""
+    """Whether the channel moved, on the average of five samples, when it reached a run or when it
+    left it.
+    """
     last = behind - 1
     before = abs(x[first] - x[first - 5]) / 5.0 if first >= 5 else 0.0
     after = abs(x[last + 5] - x[last]) / 5.0 if last + 5 < len(x) else 0.0
@@ -341,11 +474,23 @@ def _radio(x: np.ndarray, row) -> list[Finding]:
     if row.channel != "h_radio" or np.mean(x == row.maximum) < 0.01:
         return []
     text = f"h_radio holds its largest value, {row.maximum:.5g} m, in {np.mean(x == row.maximum):.0%} of all samples"
-    return [Finding("note", "saturation", ("h_radio",), text, "give the altimeter's `maximum` in the aircraft file")]
+    return [
+        Finding(
+            "note",
+            "saturation",
+            ("h_radio",),
+            text,
+            "give the altimeter's `maximum` in the aircraft file",
+        )
+    ]
 
 
 def _noisy(row, specification: Instruments | None) -> list[Finding]:
-    if specification is None or not specification.name_of(row.channel) or not np.isfinite(row.noise):
+    if (
+        specification is None
+        or not specification.name_of(row.channel)
+        or not np.isfinite(row.noise)
+    ):
         return []
     allowed = specification.noise(row.channel)
     if row.noise <= NOISY * allowed:
@@ -354,6 +499,13 @@ def _noisy(row, specification: Instruments | None) -> list[Finding]:
     evidence = {"noise": row.noise, "specified": allowed}
     return [
         Finding(
-            "warning", "noise", (row.channel,), text, "check the sensor, or give its true noise in the aircraft file", None, None, evidence
+            "warning",
+            "noise",
+            (row.channel,),
+            text,
+            "check the sensor, or give its true noise in the aircraft file",
+            None,
+            None,
+            evidence,
         )
     ]

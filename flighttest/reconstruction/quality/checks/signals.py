@@ -1,7 +1,9 @@
-"""The channels of a record on one slow clock, as the consistency checks read them, with the samples that count.
+"""The channels of a record on one slow clock, as the consistency checks read them, with the samples
+that count.
 
-Kinematics tie channels together at low frequency, where delays and sensor positions matter little.  So everything is low-passed
-without phase and brought to at most 20 samples per second; parts with missing or frozen samples, and parts on the ground, do not count.
+Kinematics tie channels together at low frequency, where delays and sensor positions matter little.
+So everything is low-passed without phase and brought to at most 20 samples per second; parts with
+missing or frozen samples, and parts on the ground, do not count.
 """
 
 from __future__ import annotations
@@ -46,7 +48,8 @@ class Signals:
     step : float
         [s]
     formed : dict of array (time,)
-        Channels formed so far from recorded ones (`completed`), kept because every relation needs them. [SI]
+        Channels formed so far from recorded ones (`completed`), kept because every relation needs
+        them. [SI]
     """
 
     time: np.ndarray
@@ -68,7 +71,11 @@ class Signals:
 
     def with_values(self, changed: dict[str, np.ndarray]) -> Signals:
         """Return the same signals with some channels replaced."""
-        kept = {name: x for name, x in self.formed.items() if not set(changed) & set(sources(name, self.values))}
+        kept = {
+            name: x
+            for name, x in self.formed.items()
+            if not set(changed) & set(sources(name, self.values))
+        }
         return replace(self, values={**self.values, **changed}, formed=kept)
 
     def without(self, names: Collection[str]) -> Signals:
@@ -77,7 +84,9 @@ class Signals:
         return replace(self, values=values, formed={})
 
     def completed(self, names: Collection[str]) -> Signals:
-        """Return the signals with those of `names` that are not recorded formed from channels that are, where that is possible."""
+        """Return the signals with those of `names` that are not recorded formed from channels that
+        are, where that is possible.
+        """
         wanted = [name for name in names if name not in self.values and sources(name, self.values)]
         if not wanted:
             return self
@@ -85,7 +94,10 @@ class Signals:
             if name not in self.formed and (x := formed(name, self.values)) is not None:
                 self.formed[name] = x
         values = {name: self.formed[name] for name in wanted}
-        whole = {name: np.logical_and.reduce([self.good[one] for one in sources(name, self.values)]) for name in wanted}
+        whole = {
+            name: np.logical_and.reduce([self.good[one] for one in sources(name, self.values)])
+            for name in wanted
+        }
         return replace(self, values={**self.values, **values}, good={**self.good, **whole})
 
 
@@ -107,22 +119,35 @@ def signals_of(record: xr.DataTree, flags: pd.DataFrame) -> Signals:
     home = {str(name): leaf for leaf, node in record.children.items() for name in node.data_vars}
     lead = next((home[name] for name in _CLOCKS if name in home), None)
     if lead is None:
-        raise SchemaError("flight record", [f"none of {' '.join(_CLOCKS)} is there; a quality check needs channels of motion"])
+        raise SchemaError(
+            "flight record",
+            [f"none of {' '.join(_CLOCKS)} is there; a quality check needs channels of motion"],
+        )
     clock = record[lead].to_dataset()["time"].values
     step = 1.0 / min(RATE, float(record[lead].attrs["rate"]))
     time = clock[0] + step * np.arange(max(int((clock[-1] - clock[0]) / step), 1) + 1)
     values, good = {}, {}
     for name, leaf in home.items():
         node = record[leaf].to_dataset()
-        spans = flags[(flags["leaf"] == leaf) & flags["channel"].isin(["", name]) & (flags["kind"] != "duplicate")]
+        spans = flags[
+            (flags["leaf"] == leaf)
+            & flags["channel"].isin(["", name])
+            & (flags["kind"] != "duplicate")
+        ]
         values[name], good[name] = _on_clock(
-            node["time"].values, node[name].values.astype(float), name, float(node.attrs["rate"]), time, spans
+            node["time"].values,
+            node[name].values.astype(float),
+            name,
+            float(node.attrs["rate"]),
+            time,
+            spans,
         )
     return Signals(time, values, good, _flying(values, good, step), step)
 
 
 def at_cg(signals: Signals, positions: Mapping[str, np.ndarray]) -> Signals:
-    """Return the signals with accelerometers and vanes moved to the c.g., where the aircraft file gives their places.
+    """Return the signals with accelerometers and vanes moved to the c.g., where the aircraft file
+    gives their places.
 
     Parameters
     ----------
@@ -139,7 +164,12 @@ def at_cg(signals: Signals, positions: Mapping[str, np.ndarray]) -> Signals:
     if "ax_imu" in positions and {"ax_imu", "ay_imu", "az_imu"} <= set(signals.values):
         turn = np.stack([derivative(signals[name], signals.step, 5, 2) for name in "pqr"], axis=1)
         force = np.stack([signals[name] for name in ("ax_imu", "ay_imu", "az_imu")], axis=1)
-        changed.update(zip(("ax_imu", "ay_imu", "az_imu"), force_at_cg(force, omega, turn, positions["ax_imu"]).T))
+        changed.update(
+            zip(
+                ("ax_imu", "ay_imu", "az_imu"),
+                force_at_cg(force, omega, turn, positions["ax_imu"]).T,
+            )
+        )
     if "V" in speed:
         p, q, r = omega.T
         V = np.maximum(speed["V"], 1.0)
@@ -176,7 +206,11 @@ def _on_clock(own, x, name, rate, time, spans) -> tuple[np.ndarray, np.ndarray]:
         return np.interp(time, own, x), good
     x = unwrapped(name, x)
     if not is_control(name):
-        x = smooth(np.interp(uniform := np.arange(own[0], own[-1] + 0.5 / rate, 1.0 / rate), own, x), 1.0 / rate, BAND)
+        x = smooth(
+            np.interp(uniform := np.arange(own[0], own[-1] + 0.5 / rate, 1.0 / rate), own, x),
+            1.0 / rate,
+            BAND,
+        )
         own = uniform
     return np.interp(time, own, x), good
 
@@ -185,7 +219,11 @@ def _flying(values: dict[str, np.ndarray], good: dict[str, np.ndarray], step: fl
     speed = next((name for name in _SPEEDS if name in values), None)
     if speed is None:
         return np.ones(len(next(iter(values.values()))), bool)
-    fast = np.hypot(values["vn"], values["ve"]) if speed == "vn" and "ve" in values else np.abs(values[speed])
+    fast = (
+        np.hypot(values["vn"], values["ve"])
+        if speed == "vn" and "ve" in values
+        else np.abs(values[speed])
+    )
     if speed == "q_c":
         fast = np.sqrt(fast)
     flying = fast > AIRBORNE * np.percentile(fast[good[speed]] if good[speed].any() else fast, 90.0)

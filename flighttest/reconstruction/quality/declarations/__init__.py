@@ -1,1 +1,3 @@
-"""What the name map and the aircraft file state, checked against the file, against geometry and against the motion."""
+"""What the name map and the aircraft file state, checked against the file, against geometry and
+against the motion.
+"""

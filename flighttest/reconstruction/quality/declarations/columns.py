@@ -1,7 +1,9 @@
-"""What the name map states about the columns of a file: one column for two channels, units and names that contradict the heading.
+"""What the name map states about the columns of a file: one column for two channels, units and
+names that contradict the heading.
 
-Such a contradiction is a warning, because a heading may be wrong.  It becomes an error where kinematics show that the channel is not
-what it is called, and a note where they show that the name map is right.
+Such a contradiction is a warning, because a heading may be wrong.  It becomes an error where
+kinematics show that the channel is not what it is called, and a note where they show that the name
+map is right.
 """
 
 from __future__ import annotations
@@ -26,22 +28,35 @@ from flighttest.reconstruction.quality.finding import Finding, map_entry, mapped
 from flighttest.records.readers.name_map import Channel, line_of
 
 _SIDES = re.compile(r"^engine\d+\.|^gear\.\w+\.|_(left|right|nose)$")
-_ALIKE = ({"vd", "hdot"}, {"alpha", "alpha_vane"}, {"beta", "beta_vane"}, {"ax", "ax_imu"}, {"ay", "ay_imu"}, {"az", "az_imu"})
+_ALIKE = (
+    {"vd", "hdot"},
+    {"alpha", "alpha_vane"},
+    {"beta", "beta_vane"},
+    {"ax", "ax_imu"},
+    {"ay", "ay_imu"},
+    {"az", "az_imu"},
+)
 _ABOUT = {  # the relations that state a channel; the others use it as well
     "phi": ("phi_rate",), "theta": ("theta_rate",), "psi": ("psi_rate",), "p": ("phi_rate",), "q": ("theta_rate",), "r": ("psi_rate",),
     "ax_imu": ("force_x", "along"), "ay_imu": ("force_y",), "az_imu": ("force_z", "pull"),
     "vn": ("track_n",), "ve": ("track_e",), "vd": ("climb",), "alpha_vane": ("vane", "heave"), "beta_vane": ("slip",),
 }  # fmt: skip
 _UNSTATED = ("", "1", "-", "none", "n/a")  # what files write where they do not know the unit
-_POUNDS = {"lbf": "lb", "kgf": "kg"}  # headings use the names of masses for forces and the other way round
-_CONVERTED = 1e-3  # relative difference of a scale from the factor of a unit within which it is that factor
+_POUNDS = {
+    "lbf": "lb",
+    "kgf": "kg",
+}  # headings use the names of masses for forces and the other way round
+_CONVERTED = (
+    1e-3  # relative difference of a scale from the factor of a unit within which it is that factor
+)
 _STATIC_ERROR = 0.03  # of the impact pressure, in static pressure
 _HEIGHT = 30.0  # m by which two pressure heights of one aeroplane may differ
 _SCATTER = 15.0  # m
 
 
 def column_findings(record: xr.DataTree, signals: Signals) -> tuple[list[Finding], tuple[str, ...]]:
-    """Return the columns that stand for two channels, and the channels that kinematics show to be wrong for that reason.
+    """Return the columns that stand for two channels, and the channels that kinematics show to be
+    wrong for that reason.
 
     Parameters
     ----------
@@ -61,18 +76,41 @@ def column_findings(record: xr.DataTree, signals: Signals) -> tuple[list[Finding
     for one, other, what in _shared(record, signals):
         at_fault = _at_fault(signals, one, other)
         names = (other, one) if at_fault == (other,) else (one, other)
-        remedy = _own_column(record, names[0]) or f"give {names[0]} its own column in the name map, or leave it out"
+        remedy = (
+            _own_column(record, names[0])
+            or f"give {names[0]} its own column in the name map, or leave it out"
+        )
         if at_fault:
-            proof = f"hold for {names[1]} and not for {names[0]}" if len(at_fault) == 1 else "do not hold with both"
-            findings.append(Finding("error", "column", names, f"{one} and {other} {what}; kinematics {proof}", remedy))
+            proof = (
+                f"hold for {names[1]} and not for {names[0]}"
+                if len(at_fault) == 1
+                else "do not hold with both"
+            )
+            findings.append(
+                Finding(
+                    "error",
+                    "column",
+                    names,
+                    f"{one} and {other} {what}; kinematics {proof}",
+                    remedy,
+                )
+            )
             wrong += at_fault
             continue
-        hint = " (h_baro is pressure height, a satellite receiver gives geometric height)" if {one, other} == {"h_baro", "h_gps"} else ""
-        findings.append(Finding("warning", "column", names, f"{one} and {other} {what}{hint}", remedy))
+        hint = (
+            " (h_baro is pressure height, a satellite receiver gives geometric height)"
+            if {one, other} == {"h_baro", "h_gps"}
+            else ""
+        )
+        findings.append(
+            Finding("warning", "column", names, f"{one} and {other} {what}{hint}", remedy)
+        )
     return findings, tuple(wrong)
 
 
-def heading_findings(record: xr.DataTree, signals: Signals, mistaken: Collection[str] = ()) -> list[Finding]:
+def heading_findings(
+    record: xr.DataTree, signals: Signals, mistaken: Collection[str] = ()
+) -> list[Finding]:
     """Return units, scales and columns of the name map that contradict what the file calls them.
 
     Parameters
@@ -81,11 +119,21 @@ def heading_findings(record: xr.DataTree, signals: Signals, mistaken: Collection
     signals : Signals
         Mistakes undone.
     mistaken : collection of str
-        Channels in which a mistake was found: their motion shows nothing about the name map any more.
+        Channels in which a mistake was found: their motion shows nothing about the name map any
+        more.
     """
     known = signals.without(mistaken)
     found = []
-    several = len({group for _, about in _mapped_channels(record) for group in about["column"].split("/")[:1]}) > 1
+    several = (
+        len(
+            {
+                group
+                for _, about in _mapped_channels(record)
+                for group in about["column"].split("/")[:1]
+            }
+        )
+        > 1
+    )
     for name, about in _mapped_channels(record):
         _, channel, file_unit = mapped(record, name)
         if channel is None:
@@ -93,14 +141,22 @@ def heading_findings(record: xr.DataTree, signals: Signals, mistaken: Collection
         found += _unit(record, known, name, channel, file_unit or "")
         found += _twice_converted(record, known, name, channel, file_unit or "")
         column = about["column"]
-        found += _column_name(name, column.replace("/", " ") if several else column.rpartition("/")[2])
+        found += _column_name(
+            name, column.replace("/", " ") if several else column.rpartition("/")[2]
+        )
     return found
 
 
 def with_headings(findings: list[Finding]) -> list[Finding]:
-    """Return findings in which a mistake of a unit also states the heading, instead of a finding of its own."""
+    """Return findings in which a mistake of a unit also states the heading, instead of a finding of
+    its own.
+    """
     stated = {finding.channels[0]: finding for finding in findings if finding.kind == "stated_unit"}
-    proven = {finding.channels[0] for finding in findings if finding.kind in ("unit", "weight") and finding.severity == "error"}
+    proven = {
+        finding.channels[0]
+        for finding in findings
+        if finding.kind in ("unit", "weight") and finding.severity == "error"
+    }
     found = []
     for finding in findings:
         name = finding.channels[0]
@@ -112,7 +168,9 @@ def with_headings(findings: list[Finding]) -> list[Finding]:
 
 
 def pressure_height_findings(signals: Signals) -> list[Finding]:
-    """Return whether the recorded pressure height is not that of the static pressure: a satellite height, or another altimeter setting."""
+    """Return whether the recorded pressure height is not that of the static pressure: a satellite
+    height, or another altimeter setting.
+    """
     if not {"h_baro", "p_static"} <= set(signals.values):
         return []
     mask = signals.mask(("h_baro", "p_static"))
@@ -121,8 +179,14 @@ def pressure_height_findings(signals: Signals) -> list[Finding]:
         return []
     apart = signals["h_baro"][mask] - pressure_altitude(p_static)
     middle, scatter = float(np.median(apart)), float(np.std(apart))
-    q_c = float(np.median(signals["q_c"][mask])) if "q_c" in signals else 0.05 * float(np.median(p_static))
-    port = _STATIC_ERROR * q_c / (12.0 * float(np.median(p_static)) / 101325.0)  # 12 Pa per metre at sea level
+    q_c = (
+        float(np.median(signals["q_c"][mask]))
+        if "q_c" in signals
+        else 0.05 * float(np.median(p_static))
+    )
+    port = (
+        _STATIC_ERROR * q_c / (12.0 * float(np.median(p_static)) / 101325.0)
+    )  # 12 Pa per metre at sea level
     if abs(middle) < _HEIGHT + port and scatter < _SCATTER + port:
         return []
     if abs(middle) > 0.5 * float(np.ptp(signals["h_baro"][mask])) + 1500.0:
@@ -133,7 +197,9 @@ def pressure_height_findings(signals: Signals) -> list[Finding]:
     )
     remedy = "map the column of pressure height, or leave h_baro out: p_static gives it"
     evidence = {"difference": middle, "scatter": scatter}
-    return [Finding("warning", "definition", ("h_baro", "p_static"), text, remedy, evidence=evidence)]
+    return [
+        Finding("warning", "definition", ("h_baro", "p_static"), text, remedy, evidence=evidence)
+    ]
 
 
 def _mapped_channels(record: xr.DataTree) -> Iterator[tuple[str, dict]]:
@@ -155,8 +221,16 @@ def _shared(record: xr.DataTree, signals: Signals) -> Iterator[tuple[str, str, s
     column_of = {name: column for column, names in users.items() for name in names}
     for one, other in combinations(sorted(set(column_of) & set(signals.values)), 2):
         same_kind = lookup(one).units == lookup(other).units and not _one_quantity(one, other)
-        if same_kind and column_of[one] != column_of[other] and _equal(signals[one], signals[other]):
-            yield one, other, f"have the same samples, in columns {_short(column_of[one])} and {_short(column_of[other])}"
+        if (
+            same_kind
+            and column_of[one] != column_of[other]
+            and _equal(signals[one], signals[other])
+        ):
+            yield (
+                one,
+                other,
+                f"have the same samples, in columns {_short(column_of[one])} and {_short(column_of[other])}",
+            )
 
 
 def _short(column: str) -> str:
@@ -164,7 +238,9 @@ def _short(column: str) -> str:
 
 
 def _own_column(record: xr.DataTree, name: str) -> str:
-    """Return the line of the name map with the one column that is called after a channel and that the map leaves out; empty without one."""
+    """Return the line of the name map with the one column that is called after a channel and that
+    the map leaves out; empty without one.
+    """
     leaf, channel, _ = mapped(record, name)
     if channel is None or name not in _WORDS:
         return ""
@@ -177,7 +253,9 @@ def _own_column(record: xr.DataTree, name: str) -> str:
 
 
 def _one_quantity(one: str, other: str) -> bool:
-    """Whether two channels may well be read from one column: two engines with one lever, vertical speed up and down."""
+    """Whether two channels may well be read from one column: two engines with one lever, vertical
+    speed up and down.
+    """
     return _SIDES.sub("", one) == _SIDES.sub("", other) or {one, other} in _ALIKE
 
 
@@ -186,11 +264,15 @@ def _equal(x: np.ndarray, y: np.ndarray) -> bool:
 
 
 def _at_fault(signals: Signals, one: str, other: str) -> tuple[str, ...]:
-    """Return the channel of a pair that breaks kinematics when the other one does not, both where it may be either."""
+    """Return the channel of a pair that breaks kinematics when the other one does not, both where
+    it may be either.
+    """
     if not {one, other} <= set(signals.values):
         return ()
     explanations, _, comparisons = explain(signals)
-    elsewhere = not any({one, other} & set(explanation.repair.channels) for explanation in explanations)
+    elsewhere = not any(
+        {one, other} & set(explanation.repair.channels) for explanation in explanations
+    )
     if elsewhere and all(c.consistent for c in comparisons.values()):
         return ()
     explanations, _, _ = explain(signals.without((one, other)))
@@ -204,8 +286,13 @@ def _at_fault(signals: Signals, one: str, other: str) -> tuple[str, ...]:
     if found or with_one > GAIN or with_other > GAIN:
         return found or (one, other)
     # one relation reads both: it counts for the channel that it is about
-    disagreement = {name: c.disagreement for name, c in compare_all(signals).items() if not c.consistent}
-    blamed = [sum(disagreement.get(relation, 0.0) for relation in _ABOUT.get(name, ())) for name in (one, other)]
+    disagreement = {
+        name: c.disagreement for name, c in compare_all(signals).items() if not c.consistent
+    }
+    blamed = [
+        sum(disagreement.get(relation, 0.0) for relation in _ABOUT.get(name, ()))
+        for name in (one, other)
+    ]
     return _worse(one, blamed[0], other, blamed[1]) or (one, other)
 
 
@@ -216,8 +303,14 @@ def _worse(one: str, of_one: float, other: str, of_other: float) -> tuple[str, .
     return (one,) if of_one > of_other else (other,)
 
 
-def _unit(record: xr.DataTree, signals: Signals, name: str, channel: Channel, file_unit: str) -> list[Finding]:
-    calibrated = channel.polynomial is not None or channel.table is not None or isinstance(channel.scale, str)
+def _unit(
+    record: xr.DataTree, signals: Signals, name: str, channel: Channel, file_unit: str
+) -> list[Finding]:
+    calibrated = (
+        channel.polynomial is not None
+        or channel.table is not None
+        or isinstance(channel.scale, str)
+    )
     if channel.unit is None or calibrated or file_unit.strip().lower() in _UNSTATED:
         return []
     stated, heading = _comparable(channel.unit, file_unit)
@@ -230,7 +323,15 @@ def _unit(record: xr.DataTree, signals: Signals, name: str, channel: Channel, fi
         if len(heading) == 1 or heading == "psi":
             return []  # a symbol in brackets, such as "Height (h)"
         remedy = "check the column, or correct the unit in the name map"
-        return [Finding("warning", "stated_unit", (name,), f"{text}, which is a unit of another quantity", remedy)]
+        return [
+            Finding(
+                "warning",
+                "stated_unit",
+                (name,),
+                f"{text}, which is a unit of another quantity",
+                remedy,
+            )
+        ]
     zero, other_zero = float(to_si(0.0, stated)), float(to_si(0.0, heading))
     if np.isclose(factor, other_factor, rtol=1e-6) and np.isclose(zero, other_zero):
         return []
@@ -240,7 +341,9 @@ def _unit(record: xr.DataTree, signals: Signals, name: str, channel: Channel, fi
     return _weighed(signals, Repair("unit", (name,), text, slope, shift), "stated_unit", remedy)
 
 
-def _twice_converted(record: xr.DataTree, signals: Signals, name: str, channel: Channel, file_unit: str) -> list[Finding]:
+def _twice_converted(
+    record: xr.DataTree, signals: Signals, name: str, channel: Channel, file_unit: str
+) -> list[Finding]:
     """Return whether the scale of a channel is the factor of its unit, which is applied as well."""
     unit = channel.unit or file_unit
     if isinstance(channel.scale, str) or channel.scale == 1.0 or not unit:
@@ -253,13 +356,21 @@ def _twice_converted(record: xr.DataTree, signals: Signals, name: str, channel: 
     text = f"the scale {channel.scale:g} of {name} is the factor of its unit {unit}, by which the column is converted as well"
     leaf, _, _ = mapped(record, name)
     remedy = f"if that is once too often: {line_of(name, channel.changed(scale=1.0))}   # in [{leaf}] of the name map"
-    return _weighed(signals, Repair("unit", (name,), text, 1.0 / channel.scale), "stated_unit", remedy)
+    return _weighed(
+        signals, Repair("unit", (name,), text, 1.0 / channel.scale), "stated_unit", remedy
+    )
 
 
 def _weighed(signals: Signals, repair: Repair, kind: str, remedy: str) -> list[Finding]:
-    """Return a contradiction: a warning, or a note where the motion shows that the name map is right."""
-    confirmed = repair.channels[0] in signals and burden(repair.apply(signals)) - burden(signals) > GAIN
-    severity, more = ("note", "; kinematics agree with the name map") if confirmed else ("warning", "")
+    """Return a contradiction: a warning, or a note where the motion shows that the name map is
+    right.
+    """
+    confirmed = (
+        repair.channels[0] in signals and burden(repair.apply(signals)) - burden(signals) > GAIN
+    )
+    severity, more = (
+        ("note", "; kinematics agree with the name map") if confirmed else ("warning", "")
+    )
     return [Finding(severity, kind, repair.channels, repair.mistake + more, remedy)]
 
 
@@ -308,15 +419,23 @@ _TOKEN = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")
 
 
 def _column_name(name: str, column: str) -> list[Finding]:
-    """Return whether the heading of a column is that of another quantity: pressure height from ``GPS Alt``."""
+    """Return whether the heading of a column is that of another quantity: pressure height from
+    ``GPS Alt``.
+    """
     if name not in _WORDS or _called_after(column, name) != "other":
         return []
     text = f"{name} ({lookup(name).long_name}) is read from the column {column!r}, which is called after another quantity"
-    return [Finding("warning", "column_name", (name,), text, f"check the column of {name} in the name map")]
+    return [
+        Finding(
+            "warning", "column_name", (name,), text, f"check the column of {name} in the name map"
+        )
+    ]
 
 
 def _called_after(column: str, name: str) -> str:
-    """Return whether a heading is called after a channel (``own``) or another one (``other``); empty where it shows neither."""
+    """Return whether a heading is called after a channel (``own``) or another one (``other``);
+    empty where it shows neither.
+    """
     own, others = (words.split() for words in _WORDS[name])
     tokens = [token.lower() for token in _TOKEN.findall(column)]
     if any(_is_word(token, word) for token in tokens for word in own):

@@ -1,7 +1,9 @@
-"""Cells of a CSV file that are no numbers: stamps, and columns of text or of numbers with a few words among them.
+"""Cells of a CSV file that are no numbers: stamps, and columns of text or of numbers with a few
+words among them.
 
-A column of text is left out and named.  In a column of numbers, words such as ``INVALID`` or ``----`` are missing samples, which the notes
-count.  A cell with digits that is no number, such as ``1.2.3``, is a fault of the file where the name map needs its column.
+A column of text is left out and named.  In a column of numbers, words such as ``INVALID`` or
+``----`` are missing samples, which the notes count.  A cell with digits that is no number, such as
+``1.2.3``, is a fault of the file where the name map needs its column.
 """
 
 from __future__ import annotations
@@ -46,8 +48,11 @@ def is_stamp(cell: str) -> bool:
     return bool(_DAY_TIME.match(cell) or _ISO.match(cell))
 
 
-def numbers_of(cells: Sequence[str], name: str, place: str, decimal: str = ".") -> tuple[np.ndarray | None, str, LeftOut | None]:
-    """Return the numbers of a column with words in it, a note on the words, and the column if it is left out.
+def numbers_of(
+    cells: Sequence[str], name: str, place: str, decimal: str = "."
+) -> tuple[np.ndarray | None, str, LeftOut | None]:
+    """Return the numbers of a column with words in it, a note on the words, and the column if it is
+    left out.
 
     Parameters
     ----------
@@ -77,7 +82,11 @@ def numbers_of(cells: Sequence[str], name: str, place: str, decimal: str = ".") 
     truth = {"true": 1.0, "false": 0.0}
     if words and all(word.lower() in truth for word in filled):
         values = {cell: truth.get(cell.lower(), np.nan) for cell in distinct}
-        return np.array([values[cell] for cell in cells]), f"column {name}: TRUE and FALSE are read as 1 and 0", None
+        return (
+            np.array([values[cell] for cell in cells]),
+            f"column {name}: TRUE and FALSE are read as 1 and 0",
+            None,
+        )
     faulty = next((word for word in common if _LIKE_A_NUMBER.match(word)), None)
     numeric = sum(number for word, number in words.items() if _LIKE_A_NUMBER.match(word))
     if faulty is None and count <= _MOST_WORDS * total:
@@ -85,19 +94,27 @@ def numbers_of(cells: Sequence[str], name: str, place: str, decimal: str = ".") 
     if faulty is not None and (numeric > _MOST_WORDS * count or count <= _MOST_WORDS * total):
         point = "" if decimal == "." else ", as in the first lines with a decimal comma"
         reason = f"{faulty[:60]!r} in column {name[:60]!r} and {count - words[faulty]} other cells of {total} that are no numbers"
-        return None, "", LeftOut(place, reason, f"a number in every cell{point}, or an empty one", fault=faulty)
+        return (
+            None,
+            "",
+            LeftOut(place, reason, f"a number in every cell{point}, or an empty one", fault=faulty),
+        )
     if count > _MOST_WORDS * total:
         return None, "", LeftOut(place, f"text in {count} of {total} cells ({shown})", REMEDY)
-    values = {cell: float(cell.replace(decimal, ".")) if cell in filled and cell not in words else np.nan for cell in distinct}
+    values = {
+        cell: float(cell.replace(decimal, ".")) if cell in filled and cell not in words else np.nan
+        for cell in distinct
+    }
     note = f"column {name}: {count} of {total} cells are no numbers ({shown}) and are read as missing samples"
     return np.array([values[cell] for cell in cells]), note, None
 
 
 def seconds_of(cells: np.ndarray, name: str, path: Path) -> tuple[np.ndarray, str]:
-    """Return times of day [s] (from the start of the first day of the year), or seconds after the first date and that date.
+    """Return times of day [s] (from the start of the first day of the year), or seconds after the
+    first date and that date.
 
-    The last of four numbers is a part of a second where it has three digits or more, or exceeds 59 somewhere; else they are day of
-    the year, hours, minutes and seconds.
+    The last of four numbers is a part of a second where it has three digits or more, or exceeds 59
+    somewhere; else they are day of the year, hours, minutes and seconds.
     """
     texts = [str(cell).strip() for cell in cells]
     first = next((text for text in texts if text), "")
@@ -117,9 +134,17 @@ def seconds_of(cells: np.ndarray, name: str, path: Path) -> tuple[np.ndarray, st
             day, hours, minutes, whole, rest = match.groups()
         else:
             raise ParseError(
-                str(path), 0, f"{text!r} in column {name!r}, row {i + 1} of the numbers", "hours:minutes:seconds in every line"
+                str(path),
+                0,
+                f"{text!r} in column {name!r}, row {i + 1} of the numbers",
+                "hours:minutes:seconds in every line",
             )
-        seconds[i] = (int(day or 1) - 1) * 86400.0 + int(hours) * 3600.0 + int(minutes) * 60.0 + float(f"{whole}.{rest or 0}")
+        seconds[i] = (
+            (int(day or 1) - 1) * 86400.0
+            + int(hours) * 3600.0
+            + int(minutes) * 60.0
+            + float(f"{whole}.{rest or 0}")
+        )
     return seconds, ""
 
 
@@ -127,10 +152,17 @@ def _seconds_of_dates(texts: list[str], name: str, path: Path) -> tuple[np.ndarr
     import pandas as pd
 
     # seconds end at 19 letters; a comma or a colon behind them begins their fraction
-    plain: list[str] = [f"{text[:19]}.{text[20:]}" if text[19:20] in (",", ":") else text for text in texts]
+    plain: list[str] = [
+        f"{text[:19]}.{text[20:]}" if text[19:20] in (",", ":") else text for text in texts
+    ]
     try:
         stamps = pd.DatetimeIndex(pd.to_datetime(plain, utc=True, format="ISO8601"))
     except ValueError as error:
-        raise ParseError(str(path), 0, f"a date in column {name!r} that cannot be read ({error})", "ISO dates in every line") from error
+        raise ParseError(
+            str(path),
+            0,
+            f"a date in column {name!r} that cannot be read ({error})",
+            "ISO dates in every line",
+        ) from error
     begin = stamps[stamps.notna()][0]
     return (stamps - begin).total_seconds().to_numpy(), begin.isoformat().replace("+00:00", "Z")

@@ -1,8 +1,9 @@
-"""ArduPilot logs (DataFlash, ``.bin``): one table per message, ``NAME.1`` ... for the further instances of a sensor.
+"""ArduPilot logs (DataFlash, ``.bin``): one table per message, ``NAME.1`` ... for the further
+instances of a sensor.
 
-The log describes itself: a message FMT gives number, length, name, format and columns of every other, FMTU, UNIT and MULT their units
-and multipliers.  Values are given in the units so stated.  MODE gives the flight modes.  The clock is the autopilot's ``TimeUS`` or, in
-old logs, ``TimeMS``.
+The log describes itself: a message FMT gives number, length, name, format and columns of every
+other, FMTU, UNIT and MULT their units and multipliers.  Values are given in the units so stated.
+MODE gives the flight modes.  The clock is the autopilot's ``TimeUS`` or, in old logs, ``TimeMS``.
 
 References
 ----------
@@ -19,7 +20,14 @@ import numpy as np
 
 from flightmech.errors import ParseError
 from flighttest.records.readers.name_map import NameMap
-from flighttest.records.readers.recording import ARDUPLANE, LeftOut, Recording, Table, changes, first
+from flighttest.records.readers.recording import (
+    ARDUPLANE,
+    LeftOut,
+    Recording,
+    Table,
+    changes,
+    first,
+)
 
 _HEAD = 3  # bytes: 0xa3 0x95 and the number of the message
 _VEHICLES = ("ArduPlane", "ArduCopter", "ArduRover", "Rover", "ArduSub", "Blimp", "AntennaTracker")
@@ -81,23 +89,40 @@ def read(path: Path, names: NameMap) -> Recording:
     named = {message.name: rows[kind] for kind, message in found.items()}
     vehicle = _vehicle(named)
     facts = {"title": path.name.split(".")[0], **({"vehicle": vehicle} if vehicle else {})}
-    return Recording("dataflash", dict(sorted(tables.items())), facts, tuple(notes), _modes(tables, vehicle), tuple(left_out))
+    return Recording(
+        "dataflash",
+        dict(sorted(tables.items())),
+        facts,
+        tuple(notes),
+        _modes(tables, vehicle),
+        tuple(left_out),
+    )
 
 
 def _vehicle(named: dict[str, np.ndarray]) -> str:
-    """Return the vehicle of the firmware, which the log states in a text: ArduPlane, ArduCopter ...; empty when it does not."""
-    texts = named["MSG"]["Message"] if "Message" in (named.get("MSG", np.zeros(0)).dtype.names or ()) else ()
+    """Return the vehicle of the firmware, which the log states in a text: ArduPlane, ArduCopter
+    ...; empty when it does not.
+    """
+    texts = (
+        named["MSG"]["Message"]
+        if "Message" in (named.get("MSG", np.zeros(0)).dtype.names or ())
+        else ()
+    )
     words = (text.decode("ascii", "replace").partition(" ")[0] for text in texts)
     return next((word for word in words if word in _VEHICLES), "")
 
 
 def _modes(tables: dict[str, Table], vehicle: str) -> tuple[tuple[float, str], ...]:
-    """Return the flight modes of the message MODE; numbers of other vehicles than aeroplanes have no names here."""
+    """Return the flight modes of the message MODE; numbers of other vehicles than aeroplanes have
+    no names here.
+    """
     mode = tables.get("MODE")
     column = None if mode is None else first(("ModeNum", "Mode"), mode.columns)
     if mode is None or mode.time is None or column is None:
         return ()
-    return changes(mode.time, mode.columns[column], ARDUPLANE if vehicle in ("", "ArduPlane") else {})
+    return changes(
+        mode.time, mode.columns[column], ARDUPLANE if vehicle in ("", "ArduPlane") else {}
+    )
 
 
 def _messages(raw: np.ndarray, path: Path) -> tuple[dict[int, Message], np.ndarray, list[str]]:
@@ -109,26 +134,46 @@ def _messages(raw: np.ndarray, path: Path) -> tuple[dict[int, Message], np.ndarr
     lengths[_FMT] = _FMT_LENGTH
     notes: list[str] = []
     for start in starts:
-        kind, length, name, form, columns = struct.unpack("<BB4s16s64s", raw[start + _HEAD : start + _FMT_LENGTH].tobytes())
-        text, form, columns = (part.split(b"\0")[0].decode("ascii", "replace") for part in (name, form, columns))
+        kind, length, name, form, columns = struct.unpack(
+            "<BB4s16s64s", raw[start + _HEAD : start + _FMT_LENGTH].tobytes()
+        )
+        text, form, columns = (
+            part.split(b"\0")[0].decode("ascii", "replace") for part in (name, form, columns)
+        )
         fields = columns.split(",") if columns else []
         if kind == _FMT or kind in found:
             continue
         unknown = set(form) - set(_TYPES)
-        if unknown or len(fields) != len(form) or len(set(fields)) != len(fields) or not all(fields):
-            notes.append(f"message {text} at byte {start} has a layout that is not known ({form!r}, {columns!r}); left out")
+        if (
+            unknown
+            or len(fields) != len(form)
+            or len(set(fields)) != len(fields)
+            or not all(fields)
+        ):
+            notes.append(
+                f"message {text} at byte {start} has a layout that is not known ({form!r}, {columns!r}); left out"
+            )
             lengths[kind] = length
             continue
-        dtype = np.dtype([(column, _TYPES[char][0]) for column, char in zip(fields, form, strict=True)])
+        dtype = np.dtype(
+            [(column, _TYPES[char][0]) for column, char in zip(fields, form, strict=True)]
+        )
         if dtype.itemsize + _HEAD != length:
-            notes.append(f"message {text} at byte {start}: {length} bytes do not fit its format {form!r}; left out")
+            notes.append(
+                f"message {text} at byte {start}: {length} bytes do not fit its format {form!r}; left out"
+            )
             lengths[kind] = length
             continue
         lengths[kind] = length
         factors = {column: _TYPES[char][1] for column, char in zip(fields, form, strict=True)}
         found[kind] = Message(text, length, dtype, factors)
     if not found:
-        raise ParseError(str(path), 0, "no message FMT that describes the others", "an ArduPilot DataFlash log (.bin)")
+        raise ParseError(
+            str(path),
+            0,
+            "no message FMT that describes the others",
+            "an ArduPilot DataFlash log (.bin)",
+        )
     return found, lengths, notes
 
 
@@ -142,9 +187,11 @@ def _headers(raw: np.ndarray, kind: int | None = None) -> np.ndarray:
 
 
 def _positions(raw: np.ndarray, lengths: np.ndarray) -> np.ndarray:
-    """Return where messages begin: headers that follow each other without a gap, and never inside a message before.
+    """Return where messages begin: headers that follow each other without a gap, and never inside a
+    message before.
 
-    Header bytes can stand inside a message by chance; such a place has no neighbour at the right distance, or lies inside its message.
+    Header bytes can stand inside a message by chance; such a place has no neighbour at the right
+    distance, or lies inside its message.
     """
     at = _headers(raw)
     length = lengths[raw[at + 2]]
@@ -191,23 +238,38 @@ def _describe(found: dict[int, Message], rows: dict[int, np.ndarray]) -> None:
         return
     if not all(
         {*wanted} <= set(named[name].dtype.names or ())
-        for name, wanted in {"FMTU": ("FmtType", "UnitIds", "MultIds"), "UNIT": ("Id", "Label"), "MULT": ("Id", "Mult")}.items()
+        for name, wanted in {
+            "FMTU": ("FmtType", "UnitIds", "MultIds"),
+            "UNIT": ("Id", "Label"),
+            "MULT": ("Id", "Mult"),
+        }.items()
     ):
         return
-    units = {chr(int(row["Id"]) & 0xFF): row["Label"].decode("utf-8", "replace") for row in named["UNIT"]}
+    units = {
+        chr(int(row["Id"]) & 0xFF): row["Label"].decode("utf-8", "replace") for row in named["UNIT"]
+    }
     factors = {chr(int(row["Id"]) & 0xFF): float(f"{row['Mult']:.7g}") for row in named["MULT"]}
     for row in named["FMTU"]:
         message = found.get(int(row["FmtType"]))
         if message is None:
             continue
-        pairs = zip(message.dtype.names or (), row["UnitIds"].decode("latin-1"), row["MultIds"].decode("latin-1"), strict=False)
+        pairs = zip(
+            message.dtype.names or (),
+            row["UnitIds"].decode("latin-1"),
+            row["MultIds"].decode("latin-1"),
+            strict=False,
+        )
         for column, unit, factor in pairs:
             if unit == "#":
                 message.instance = column
             label = units.get(unit, "")
             if label and unit not in "-?#":
                 message.units[column] = _UNITS.get(label, label)
-            if message.factors[column] == 1.0 and factors.get(factor, 0.0) > 0.0 and factor not in "-?":
+            if (
+                message.factors[column] == 1.0
+                and factors.get(factor, 0.0) > 0.0
+                and factor not in "-?"
+            ):
                 message.factors[column] = factors[factor]
 
 
@@ -228,7 +290,9 @@ def _tables(message: Message, rows: np.ndarray) -> dict[str, Table]:
                 columns[name] = part[name].astype(float) * message.factors[name]
         label = message.name if number in (None, 0) else f"{message.name}.{number}"
         stamps = part[clock].astype(float) * (1e-6 if clock == "TimeUS" else 1e-3)
-        found[label] = Table(columns, {name: unit for name, unit in message.units.items() if name in columns}, stamps)
+        found[label] = Table(
+            columns, {name: unit for name, unit in message.units.items() if name in columns}, stamps
+        )
     return found
 
 
@@ -243,5 +307,12 @@ def _left_out(message: Message, samples: int) -> list[LeftOut]:
     arrays = [name for name in fields if message.dtype[name].shape]
     return [
         *(LeftOut(f"{message.name}/{name}", "text", _REMEDY) for name in texts),
-        *(LeftOut(f"{message.name}/{name}", f"{message.dtype[name].shape[0]} numbers in each message", _REMEDY) for name in arrays),
+        *(
+            LeftOut(
+                f"{message.name}/{name}",
+                f"{message.dtype[name].shape[0]} numbers in each message",
+                _REMEDY,
+            )
+            for name in arrays
+        ),
     ]

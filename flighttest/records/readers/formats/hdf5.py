@@ -1,4 +1,6 @@
-"""HDF5 files: netCDF-4, MATLAB v7.3 and plain HDF5; every group with a clock is a table, and only the columns requested are read."""
+"""HDF5 files: netCDF-4, MATLAB v7.3 and plain HDF5; every group with a clock is a table, and only
+the columns requested are read.
+"""
 
 from __future__ import annotations
 
@@ -32,11 +34,15 @@ def read(path: Path, names: NameMap) -> Recording:
     demand_self_contained(path)
     with guarded(path, "a whole HDF5, netCDF-4 or MATLAB v7.3 file"):
         file = h5py.File(path, "r")
-        facts = {str(key): _plain(value) for key, value in file.attrs.items() if not key.startswith("_")}
+        facts = {
+            str(key): _plain(value) for key, value in file.attrs.items() if not key.startswith("_")
+        }
         root = _group(file.id, str(path), facts, 0)
         found, left_out = tables(root, names)
     if not found:
-        raise ParseError(str(path), 0, "no array of numbers", "a recording: arrays next to their stamps")
+        raise ParseError(
+            str(path), 0, "no array of numbers", "a recording: arrays next to their stamps"
+        )
     with path.open("rb") as stream:
         matlab = stream.read(16).startswith(b"MATLAB")
     facts = {key: value for key, value in facts.items() if isinstance(value, str | int | float)}
@@ -44,11 +50,17 @@ def read(path: Path, names: NameMap) -> Recording:
 
 
 def _group(place: h5py.h5g.GroupID, path: str, facts: dict[str, Any], depth: int) -> Group:
-    """Return the arrays of a group; the objects of HDF5 itself are opened, for those of h5py take six times as long."""
-    text = _stated(place, "flags", _stated(place, "marks", ""))  # marks: former name of the attribute
+    """Return the arrays of a group; the objects of HDF5 itself are opened, for those of h5py take
+    six times as long.
+    """
+    text = _stated(
+        place, "flags", _stated(place, "marks", "")
+    )  # marks: former name of the attribute
     found = Group(flags=text if isinstance(text, str) else "")
     if depth > _DEPTH:
-        raise ParseError(path, 0, f"groups inside each other more than {_DEPTH} deep", "a recording")
+        raise ParseError(
+            path, 0, f"groups inside each other more than {_DEPTH} deep", "a recording"
+        )
     for key in place:
         name = key.decode("utf-8", "surrogateescape")
         if name.startswith("#"):
@@ -76,14 +88,20 @@ def _stated(item: h5py.h5d.DatasetID | h5py.h5g.GroupID, name: str, default: Any
 
 
 def _attribute(item: h5py.h5d.DatasetID | h5py.h5g.GroupID, name: str, default: Any) -> Any:
-    """Return an attribute as h5py gives it; one that is a number, an array of them or a text is read in half the time."""
+    """Return an attribute as h5py gives it; one that is a number, an array of them or a text is
+    read in half the time.
+    """
     key = name.encode()
     if not h5a.exists(item, key):
         return default
     attribute = h5a.open(item, key)
     kind, shape = attribute.dtype, attribute.shape
     text = h5py.check_string_dtype(kind)
-    if shape is None or kind.subdtype is not None or (kind.kind not in "fiu" and (text is None or text.length is not None or shape)):
+    if (
+        shape is None
+        or kind.subdtype is not None
+        or (kind.kind not in "fiu" and (text is None or text.length is not None or shape))
+    ):
         owner: Any = Dataset(item) if isinstance(item, h5d.DatasetID) else h5py.Group(item)
         return AttributeManager(owner)[name]
     found = np.empty(shape, kind)
@@ -95,26 +113,36 @@ def _array(item: h5py.h5d.DatasetID, path: str, facts: dict[str, Any]) -> Array 
     """Return a dataset as an array; what it is where it is none, and None for what holds no values."""
     kind = _stated(item, "MATLAB_class", "")
     if kind in ("char", "cell", "struct", "function_handle"):
-        return {"char": "text", "cell": "a cell array", "struct": "an empty structure"}.get(kind, "a function")
+        return {"char": "text", "cell": "a cell array", "struct": "an empty structure"}.get(
+            kind, "a function"
+        )
     if item.dtype.kind not in "fiub":
         return _no_numbers(item)
     if _stated(item, "MATLAB_empty", 0) or item.shape is None:
         return "an empty array"
-    if str(_stated(item, "NAME", "")).startswith("This is a netCDF dimension but not a netCDF variable"):
+    if str(_stated(item, "NAME", "")).startswith(
+        "This is a netCDF dimension but not a netCDF variable"
+    ):
         return None
     unit = _stated(item, "units", _stated(item, "unit", ""))
     unit = unit if isinstance(unit, str) and unit else None
     since = _SINCE.match(unit) if unit else None
     if since:
         facts.setdefault("start", since.group(2).strip().replace(" ", "T", 1))
-        unit = {"m": "min", "h": "h"}.get(since.group(1)[0], "s") if not since.group(1).startswith(("ms", "milli")) else "ms"
+        unit = (
+            {"m": "min", "h": "h"}.get(since.group(1)[0], "s")
+            if not since.group(1).startswith(("ms", "milli"))
+            else "ms"
+        )
     error = _stated(item, "stderr")
     known = isinstance(error, float) and math.isfinite(error)
     return Array(tuple(item.shape), lambda: _values(item, path), unit, error if known else None)
 
 
 def _no_numbers(item: h5py.h5d.DatasetID) -> str | None:
-    """Return what the values of a dataset are that are no numbers; None for a reference of HDF5 itself."""
+    """Return what the values of a dataset are that are no numbers; None for a reference of HDF5
+    itself.
+    """
     if h5py.check_string_dtype(item.dtype) is not None or item.dtype.kind in "SU":
         return "text"
     if h5py.check_ref_dtype(item.dtype) is not None:
@@ -129,7 +157,8 @@ def _values(item: h5py.h5d.DatasetID, path: str) -> np.ndarray:
     with guarded(path, "a whole HDF5, netCDF-4 or MATLAB v7.3 file"):
         raw = _read(item)
         scale, offset = (
-            float(np.ravel(_attribute(item, key, default))[0]) for key, default in (("scale_factor", 1.0), ("add_offset", 0.0))
+            float(np.ravel(_attribute(item, key, default))[0])
+            for key, default in (("scale_factor", 1.0), ("add_offset", 0.0))
         )
         values = np.asarray(raw, float)
         if scale != 1.0 or offset != 0.0:
@@ -142,7 +171,9 @@ def _values(item: h5py.h5d.DatasetID, path: str) -> np.ndarray:
 
 
 def _read(item: h5py.h5d.DatasetID) -> np.ndarray:
-    """Return the numbers of a dataset as they are stored; the object of h5py takes three times as long to read a short one."""
+    """Return the numbers of a dataset as they are stored; the object of h5py takes three times as
+    long to read a short one.
+    """
     if item.dtype.kind == "b" or not all(item.shape):
         return Dataset(item)[()]
     found = np.empty(item.shape, item.dtype)
@@ -156,7 +187,11 @@ def _texts(group: h5py.h5g.GroupID) -> dict[str, str]:
     for name in ("units", "unit", "description"):
         item = h5o.open(group, name.encode()) if name.encode() in group else None
         if isinstance(item, h5d.DatasetID) and _stated(item, "MATLAB_class", "") == "char":
-            found[name] = "" if _stated(item, "MATLAB_empty", 0) else "".join(map(chr, np.ravel(Dataset(item)[()], order="F")))
+            found[name] = (
+                ""
+                if _stated(item, "MATLAB_empty", 0)
+                else "".join(map(chr, np.ravel(Dataset(item)[()], order="F")))
+            )
     return found
 
 

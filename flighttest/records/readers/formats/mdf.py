@@ -1,7 +1,8 @@
-"""Measurement data format (MDF 3 and 4) through asammdf: one table per channel group that has a time master.
+"""Measurement data format (MDF 3 and 4) through asammdf: one table per channel group that has a
+time master.
 
-asammdf decodes in C and can bring its process down on damaged bytes, so it works in a child process (`mdf_child`), which also keeps its
-second of import out of this one.
+asammdf decodes in C and can bring its process down on damaged bytes, so it works in a child process
+(`mdf_child`), which also keeps its second of import out of this one.
 """
 
 from __future__ import annotations
@@ -27,7 +28,8 @@ _REMEDY = "map a channel of numbers in a group with a time master"
 
 
 def read(path: Path, names: NameMap) -> Recording:
-    """Return the channel groups of an MDF file as tables, called by their acquisition name or ``group0``, ``group1``, ...
+    """Return the channel groups of an MDF file as tables, called by their acquisition name or
+    ``group0``, ``group1``, ...
 
     Only the channels that the name map may require are decoded; without a map all of them.
 
@@ -40,19 +42,31 @@ def read(path: Path, names: NameMap) -> Recording:
     """
     if importlib.util.find_spec("asammdf") is None:
         raise needs("asammdf", "flight", path)
-    command = [sys.executable, "-m", f"{__package__}.mdf_child", str(path), json.dumps(_wanted(names))]
+    command = [
+        sys.executable,
+        "-m",
+        f"{__package__}.mdf_child",
+        str(path),
+        json.dumps(_wanted(names)),
+    ]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(part for part in sys.path if part)}
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment) as child:
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment
+    ) as child:
         assert child.stdout is not None
         try:
             head, tables = _received(child.stdout, path)
         except (ValueError, EOFError, KeyError) as error:
             child.kill()
-            raise ParseError(str(path), 0, "bytes on which the decoder asammdf broke down", _EXPECTED) from error
+            raise ParseError(
+                str(path), 0, "bytes on which the decoder asammdf broke down", _EXPECTED
+            ) from error
     if head["fault"]:
         raise ParseError(str(path), 0, head["fault"], _EXPECTED)
     if not tables:
-        raise ParseError(str(path), 0, "no group of channels with a time master", "a measurement over time")
+        raise ParseError(
+            str(path), 0, "no group of channels with a time master", "a measurement over time"
+        )
     facts = {"title": path.name.split(".")[0], **head["facts"]}
     left_out = [LeftOut(place, reason, _REMEDY) for place, reason in head["left_out"]]
     return Recording("mdf", tables, facts, left_out=tuple(left_out))
@@ -60,8 +74,15 @@ def read(path: Path, names: NameMap) -> Recording:
 
 def _wanted(names: NameMap) -> list[str]:
     """Return the channels that the map may require, without their group."""
-    columns = [column for leaf in names.leaves.values() for channel in leaf.values() for column in channel.columns]
-    columns += [spec.column for spec in names.decode.values() if isinstance(spec, Arinc429) and spec.column]
+    columns = [
+        column
+        for leaf in names.leaves.values()
+        for channel in leaf.values()
+        for column in channel.columns
+    ]
+    columns += [
+        spec.column for spec in names.decode.values() if isinstance(spec, Arinc429) and spec.column
+    ]
     columns += [names.utc.column] if names.utc else []
     if columns:
         columns += [clock.column for clock in (names.clock, *names.clocks.values()) if clock.column]
@@ -69,13 +90,19 @@ def _wanted(names: NameMap) -> list[str]:
 
 
 def _received(stream: IO[bytes], path: Path) -> tuple[dict[str, Any], dict[str, Table]]:
-    """Return the head and the tables that the decoder sends: a line of JSON, then the arrays as they are."""
+    """Return the head and the tables that the decoder sends: a line of JSON, then the arrays as
+    they are.
+    """
     head = json.loads(stream.readline())
     tables = {}
     for group in head["groups"]:
         time = _array(stream, "<f8", group["samples"])
-        arrays = {name: _array(stream, kind, group["samples"]) for name, kind in group["decoded"].items()}
-        columns = Columns({name: partial(_column, name, arrays, str(path)) for name in group["channels"]})
+        arrays = {
+            name: _array(stream, kind, group["samples"]) for name, kind in group["decoded"].items()
+        }
+        columns = Columns(
+            {name: partial(_column, name, arrays, str(path)) for name in group["channels"]}
+        )
         tables[group["name"]] = Table(columns, group["units"], time)
     return head, tables
 
@@ -90,5 +117,7 @@ def _array(stream: IO[bytes], kind: str, length: int) -> np.ndarray:
 
 def _column(name: str, arrays: dict[str, np.ndarray], path: str) -> np.ndarray:
     if name not in arrays:
-        raise ParseError(path, 0, f"channel {name!r} holding no numbers", "channels of numbers in the name map")
+        raise ParseError(
+            path, 0, f"channel {name!r} holding no numbers", "channels of numbers in the name map"
+        )
     return arrays[name]

@@ -1,9 +1,11 @@
 """The child process that decodes MDF files.
 
-It is called as ``python -m flighttest.records.readers.formats.mdf_child FILE '["channel", ...]'``; an empty list means all channels.
+It is called as ``python -m flighttest.records.readers.formats.mdf_child FILE '["channel", ...]'``;
+an empty list means all channels.
 
-Standard output carries one line of JSON (``fault``, ``facts``, ``groups``) and then, group by group, the stamps and the channels that are
-called ``decoded`` there with their NumPy type, `samples` numbers each, as bare bytes.
+Standard output carries one line of JSON (``fault``, ``facts``, ``groups``) and then, group by
+group, the stamps and the channels that are called ``decoded`` there with their NumPy type,
+`samples` numbers each, as bare bytes.
 """
 
 from __future__ import annotations
@@ -34,8 +36,12 @@ def decode(path: str, wanted: set[str]) -> tuple[dict[str, Any], list[np.ndarray
                 continue
             time = np.asarray(file.get_master(index), float)
             if len(time) < 2 or len(group.channels) < 2:
-                samples = f"{len(time)} sample{'' if len(time) == 1 else 's'}; a clock needs two samples"
-                left_out.append((name, samples if len(time) < 2 else "a time master without a channel"))
+                samples = (
+                    f"{len(time)} sample{'' if len(time) == 1 else 's'}; a clock needs two samples"
+                )
+                left_out.append(
+                    (name, samples if len(time) < 2 else "a time master without a channel")
+                )
                 continue
             about, found, texts = _decoded(file, index, master, len(time), wanted)
             about["samples"] = len(time)
@@ -47,8 +53,12 @@ def decode(path: str, wanted: set[str]) -> tuple[dict[str, Any], list[np.ndarray
     return {"fault": "", "facts": facts, "groups": groups, "left_out": left_out}, arrays
 
 
-def _decoded(file, index: int, master: int, samples: int, wanted: set[str]) -> tuple[dict[str, Any], list[np.ndarray], dict[str, str]]:
-    """Return channels and their arrays, and what is no number or has the name of another channel, with the reason."""
+def _decoded(
+    file, index: int, master: int, samples: int, wanted: set[str]
+) -> tuple[dict[str, Any], list[np.ndarray], dict[str, str]]:
+    """Return channels and their arrays, and what is no number or has the name of another channel,
+    with the reason.
+    """
     left_out: dict[str, str] = {}
     numbers: dict[str, int] = {}
     units = {}
@@ -59,26 +69,42 @@ def _decoded(file, index: int, master: int, samples: int, wanted: set[str]) -> t
             left_out[f"{channel.name}.{number}"] = "a second channel of this name in its group"
             continue
         numbers[channel.name] = number
-        unit = getattr(channel, "unit", "") or getattr(getattr(channel, "conversion", None), "unit", "")
+        unit = getattr(channel, "unit", "") or getattr(
+            getattr(channel, "conversion", None), "unit", ""
+        )
         if unit:
             units[channel.name] = unit
     asked = [name for name in numbers if not wanted or name in wanted]
     decoded: dict[str, str] = {}
     arrays = []
-    for name, signal in zip(asked, file.select([(None, index, numbers[name]) for name in asked]) if asked else (), strict=True):
+    for name, signal in zip(
+        asked,
+        file.select([(None, index, numbers[name]) for name in asked]) if asked else (),
+        strict=True,
+    ):
         values, bad = np.asarray(signal.samples), getattr(signal, "invalidation_bits", None)
         if values.dtype.kind in "fiub" and values.shape == (samples,):
-            values = values if bad is None else np.where(np.asarray(bad, bool), np.nan, values.astype(float))
+            values = (
+                values
+                if bad is None
+                else np.where(np.asarray(bad, bool), np.nan, values.astype(float))
+            )
             decoded[name] = values.dtype.str
             arrays.append(values)
         else:
-            left_out[name] = "text" if values.dtype.kind in "SUO" else f"{values.dtype} values of shape {values.shape[1:]} in each sample"
+            left_out[name] = (
+                "text"
+                if values.dtype.kind in "SUO"
+                else f"{values.dtype} values of shape {values.shape[1:]} in each sample"
+            )
     known = list(numbers) if wanted else list(decoded)
     return {"channels": known, "decoded": decoded, "units": units}, arrays, left_out
 
 
 def _name(group, index: int, taken: set[str]) -> str:
-    name = (getattr(group.channel_group, "acq_name", "") or "").strip().replace("/", "_") or f"group{index}"
+    name = (getattr(group.channel_group, "acq_name", "") or "").strip().replace(
+        "/", "_"
+    ) or f"group{index}"
     return f"{name}.{index}" if name in taken else name
 
 
@@ -100,7 +126,12 @@ def main() -> None:
     except Exception as error:  # a foreign decoder on damaged bytes may raise anything
         text = " ".join(str(error).split())[:300]
         head, arrays = (
-            {"fault": f"content that cannot be decoded ({type(error).__name__}: {text})", "facts": {}, "groups": [], "left_out": []},
+            {
+                "fault": f"content that cannot be decoded ({type(error).__name__}: {text})",
+                "facts": {},
+                "groups": [],
+                "left_out": [],
+            },
             [],
         )
     send(head, arrays, stream)

@@ -23,18 +23,27 @@ def read(path: Path, names: NameMap) -> Recording:
     from scipy.io import netcdf_file
 
     root = Group()
-    with guarded(path, "a whole netCDF file"), netcdf_file(str(path), "r", mmap=False, maskandscale=True) as file:
+    with (
+        guarded(path, "a whole netCDF file"),
+        netcdf_file(str(path), "r", mmap=False, maskandscale=True) as file,
+    ):
         for name, variable in file.variables.items():
             if variable.data.dtype.kind not in "fiu":
                 root.left_out[name] = "text"
                 continue
-            values = np.ma.filled(np.ma.asarray(variable[:], float), np.nan) if variable.shape else np.asarray(variable.getValue(), float)
+            values = (
+                np.ma.filled(np.ma.asarray(variable[:], float), np.nan)
+                if variable.shape
+                else np.asarray(variable.getValue(), float)
+            )
             unit = getattr(variable, "units", b"")
             unit = unit.decode("utf-8", "replace") if isinstance(unit, bytes) else str(unit)
             root.arrays[name] = Array.of(values, unit.split(" since ")[0] or None)
         found, left_out = tables(root, names)
         title = getattr(file, "title", b"")
     if not found:
-        raise ParseError(str(path), 0, "no variable of numbers", "a recording: variables over their stamps")
+        raise ParseError(
+            str(path), 0, "no variable of numbers", "a recording: variables over their stamps"
+        )
     title = title.decode("utf-8", "replace") if isinstance(title, bytes) else str(title)
     return Recording("netcdf3", found, {"title": title} if title else {}, left_out=tuple(left_out))

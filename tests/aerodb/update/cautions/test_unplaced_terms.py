@@ -1,4 +1,6 @@
-"""Terms of fits that no table carries, by the t value and by what the tables can follow along the samples."""
+"""Terms of fits that no table carries, by the t value and by what the tables can follow along the
+samples.
+"""
 
 from types import SimpleNamespace
 
@@ -18,7 +20,17 @@ from flightmech import terms
 from flightmech.errors import AeromatchWarning, SchemaError, UnknownName
 
 DEG = np.pi / 180.0
-ROOT = dict(title="test", aircraft="test", S=16.0, cbar=1.6, b=10.0, x_ref=0.0, y_ref=0.0, z_ref=0.0, force_axes="stability")
+ROOT = dict(
+    title="test",
+    aircraft="test",
+    S=16.0,
+    cbar=1.6,
+    b=10.0,
+    x_ref=0.0,
+    y_ref=0.0,
+    z_ref=0.0,
+    force_axes="stability",
+)
 ALPHA = np.arange(-4.0, 13.0, 2.0) * DEG
 NOISE = 0.002
 TIME = np.arange(0.0, 12.0, 0.05)
@@ -39,14 +51,28 @@ def leaf(value, axes=None, regressors=(), stderr=0.1, **more):
 def clean():
     """A database of a clean listing: no table depends on the elevator."""
     basic = 0.25 + 5.2 * ALPHA
-    return {"CL/basic": leaf(basic, {"alpha": ALPHA}, stderr=0.05), "CL/qhat": leaf(7.0, {}, ["qhat"], stderr=2.0)}
+    return {
+        "CL/basic": leaf(basic, {"alpha": ALPHA}, stderr=0.05),
+        "CL/qhat": leaf(7.0, {}, ["qhat"], stderr=2.0),
+    }
 
 
-def fit(model=tuple(SLOPES), systematic=0.0, name="multisine", coefficient="CL", noise=NOISE, **motion):
-    """Least squares of a coefficient that depends on alpha, pitch rate and elevator, as `aerodb.tabulate` takes it."""
+def fit(
+    model=tuple(SLOPES), systematic=0.0, name="multisine", coefficient="CL", noise=NOISE, **motion
+):
+    """Least squares of a coefficient that depends on alpha, pitch rate and elevator, as
+    `aerodb.tabulate` takes it.
+    """
     data = {**MOTION, **motion}
-    columns = {"1": np.ones(TIME.size), "alpha**2": data["alpha"] ** 2, "delta_e**2": data["delta_e"] ** 2, **data}
-    z = sum(slope * columns[term] for term, slope in SLOPES.items()) + noise * np.random.default_rng(1).normal(size=TIME.size)
+    columns = {
+        "1": np.ones(TIME.size),
+        "alpha**2": data["alpha"] ** 2,
+        "delta_e**2": data["delta_e"] ** 2,
+        **data,
+    }
+    z = sum(
+        slope * columns[term] for term, slope in SLOPES.items()
+    ) + noise * np.random.default_rng(1).normal(size=TIME.size)
     X = np.column_stack([columns[term] for term in model])
     covariance = max(noise, 1e-9) ** 2 * np.linalg.inv(X.T @ X)
     estimates = {
@@ -57,7 +83,9 @@ def fit(model=tuple(SLOPES), systematic=0.0, name="multisine", coefficient="CL",
         "systematic": (("term", "error"), np.zeros((len(model), 0))),
     }
     attrs = {"coefficient": coefficient, "name": name}
-    samples = xr.Dataset({key: ("sample", value) for key, value in {**data, coefficient: z}.items()})
+    samples = xr.Dataset(
+        {key: ("sample", value) for key, value in {**data, coefficient: z}.items()}
+    )
     design = xr.DataArray(X, dims=("sample", "term"))
     found = xr.Dataset(estimates, {"term": list(model), "error": np.array([], str)}, attrs)
     return SimpleNamespace(name=name, estimates=found, data=samples, design=design)
@@ -70,9 +98,15 @@ def unplaced(leaves, *fits, held=()):
 WAYS = {
     "tabulate": tabulate,
     "join": join_submodels,
-    "direct": lambda fits, db, **more: regress_tables(samples_of(fits), db, white, local=fits, **more),
-    "direct without fits": lambda fits, db, **more: regress_tables(samples_of(fits), db, white, **more),
-    "direct, published": lambda fits, db, **more: regress_tables(samples_of(fits), db, white, fits=fits, **more),
+    "direct": lambda fits, db, **more: regress_tables(
+        samples_of(fits), db, white, local=fits, **more
+    ),
+    "direct without fits": lambda fits, db, **more: regress_tables(
+        samples_of(fits), db, white, **more
+    ),
+    "direct, published": lambda fits, db, **more: regress_tables(
+        samples_of(fits), db, white, fits=fits, **more
+    ),
 }
 
 
@@ -91,9 +125,14 @@ def white(samples, X, v):
 @pytest.mark.filterwarnings("ignore:incompatible fits")
 @pytest.mark.parametrize("way", WAYS)
 def test_an_elevator_without_a_table_stops_every_way(way):
-    """Term, estimate, t value and both remedies are in the text; with "warn" the same is a warning and stands in the history."""
+    """Term, estimate, t value and both remedies are in the text; with "warn" the same is a warning
+    and stands in the history.
+    """
     db = database(clean(), **ROOT)
-    with pytest.raises(SchemaError, match=r"(?s)CL: delta_e of 'multisine'.*estimate 0\.4\d+ \+- .*t \d+.*listing for elevator.*\[terms\."):
+    with pytest.raises(
+        SchemaError,
+        match=r"(?s)CL: delta_e of 'multisine'.*estimate 0\.4\d+ \+- .*t \d+.*listing for elevator.*\[terms\.",
+    ):
         WAYS[way]([fit()], db)
     with pytest.warns(AeromatchWarning, match=r"no place in the database.*delta_e of 'multisine'"):
         found = WAYS[way]([fit()], db, unplaced="warn")
@@ -124,21 +163,29 @@ def test_the_errors_of_the_instruments_count_in_the_t_value():
     assert row["t"] < SIGNIFICANT
     assert not row["significant"]
     assert row["stderr"] == pytest.approx(0.2, rel=0.1)
-    with pytest.warns(AeromatchWarning, match="incompatible"):  # chi-squared of the declared covariance alone
+    with pytest.warns(
+        AeromatchWarning, match="incompatible"
+    ):  # chi-squared of the declared covariance alone
         assert len(tabulate([fit(systematic=0.2)], database(clean(), **ROOT)).unplaced) == 1
 
 
 BEYOND = np.array([0.0, 20.0, 40.0]) * DEG
 CANNOT = {
     "breakpoints beyond the flown values": leaf([0.0, 0.2, 0.4], {"delta_e": BEYOND}),
-    "nodes that are all zero and exact": leaf([0.0, 0.0, 0.0], {"delta_e": BEYOND - 20.0 * DEG}, stderr=0.0),
+    "nodes that are all zero and exact": leaf(
+        [0.0, 0.0, 0.0], {"delta_e": BEYOND - 20.0 * DEG}, stderr=0.0
+    ),
     "a term over something else": leaf(0.1, {}, ["delta_a"]),
     "another power": leaf(0.1, {}, ["qhat", "delta_e"]),
 }
 CAN = {
     "a slope": leaf(0.1, {}, ["delta_e"]),
     "a slope over alpha": leaf(np.full(ALPHA.size, 0.1), {"alpha": ALPHA}, ["delta_e"]),
-    "a table": leaf([-0.2, -0.1, 0.0, 0.1], {"delta_e": np.array([-20.0, -10.0, 0.0, 10.0]) * DEG}, stderr=[0.1, 0.1, 0.0, 0.1]),
+    "a table": leaf(
+        [-0.2, -0.1, 0.0, 0.1],
+        {"delta_e": np.array([-20.0, -10.0, 0.0, 10.0]) * DEG},
+        stderr=[0.1, 0.1, 0.0, 0.1],
+    ),
     "a slope with the gear": leaf(0.1, {}, ["delta_e", "gear"]),
     "an exact slope": leaf(0.45, {}, ["delta_e"], stderr=0.0),
 }
@@ -165,7 +212,11 @@ def test_a_held_term_is_a_place():
 
 def test_a_bend_finer_than_the_breakpoints_is_reported_only():
     """The square of alpha inside one cell: the straight part has its place in the table."""
-    wide = {"CL/basic": leaf([-0.6, 1.2], {"alpha": ALPHA[[0, -1]]}), "CL/elevator": CAN["a slope"], "CL/qhat": clean()["CL/qhat"]}
+    wide = {
+        "CL/basic": leaf([-0.6, 1.2], {"alpha": ALPHA[[0, -1]]}),
+        "CL/elevator": CAN["a slope"],
+        "CL/qhat": clean()["CL/qhat"],
+    }
     curved = fit(("1", "alpha", "alpha**2", "qhat", "delta_e"), noise=1e-12)
     found = unplaced(wide, curved)
     assert list(found["term"]) == ["alpha**2"]
@@ -204,7 +255,9 @@ def test_incompatible_fits_are_a_warning_that_the_database_keeps(tmp_path):
     """Two fits of one place, 0.1 of lift away from each other with errors of 0.001."""
     other = fit(name="other")
     other.estimates["estimate"].values[0] += 0.1
-    with pytest.warns(AeromatchWarning, match=r"incompatible fits: CL \(chi-squared \d+.* of 8 estimates"):
+    with pytest.warns(
+        AeromatchWarning, match=r"incompatible fits: CL \(chi-squared \d+.* of 8 estimates"
+    ):
         found = tabulate([fit(), other], placed())
     assert incompatible_fits(found.compatibility) == list(found.notices)
     after = aerodb.replace_terms(aerodb.replace_terms(placed(), found), found)

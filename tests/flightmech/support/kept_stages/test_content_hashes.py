@@ -44,7 +44,10 @@ CHANGED = np.where(LONG == 5000.0, 5000.0 + 1e-9, LONG)  # where a printed table
             xr.DataTree.from_dict({"/a": xr.Dataset({"x": ("t", LONG)})}),
             xr.DataTree.from_dict({"/a": xr.Dataset({"x": ("t", CHANGED)})}),
         ),
-        (xr.DataTree.from_dict({"/a": xr.Dataset({"x": 1.0})}), xr.DataTree.from_dict({"/b": xr.Dataset({"x": 1.0})})),
+        (
+            xr.DataTree.from_dict({"/a": xr.Dataset({"x": 1.0})}),
+            xr.DataTree.from_dict({"/b": xr.Dataset({"x": 1.0})}),
+        ),
         (Pair(1, LONG), Pair(1, CHANGED)),
         ({1, 2}, {1, 3}),
         (Path("a"), Path("b")),
@@ -63,7 +66,12 @@ def test_a_view_of_a_mapping_counts_as_the_mapping():
 
 def test_a_file_counts_by_name_and_bytes_whatever_its_folder_and_time(tmp_path):
     found = []
-    for folder, name, text in (("a", "x.nc", "1"), ("b", "x.nc", "1"), ("b", "y.nc", "1"), ("b", "x.nc", "2")):
+    for folder, name, text in (
+        ("a", "x.nc", "1"),
+        ("b", "x.nc", "1"),
+        ("b", "y.nc", "1"),
+        ("b", "x.nc", "2"),
+    ):
         (tmp_path / folder).mkdir(exist_ok=True)
         (tmp_path / folder / name).write_text(text)
         found.append(content_hash(FileContent.of(tmp_path / folder / name)))

@@ -17,8 +17,19 @@ def test_every_file_of_every_package_counts(tmp_path, monkeypatch, forgotten):
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setattr(program, "PACKAGES", ("some_package",))
     found = []
-    files = (("__init__.py", ""), ("deep/a.py", "x = 1"), ("deep/a.py", "x = 2"), ("kernel.so", "code"), ("page.html", "<p>"))
-    for name, text in (*files, ("notes.md", "words"), (".hidden", "words"), ("deep/b.pyc", "compiled")):
+    files = (
+        ("__init__.py", ""),
+        ("deep/a.py", "x = 1"),
+        ("deep/a.py", "x = 2"),
+        ("kernel.so", "code"),
+        ("page.html", "<p>"),
+    )
+    for name, text in (
+        *files,
+        ("notes.md", "words"),
+        (".hidden", "words"),
+        ("deep/b.pyc", "compiled"),
+    ):
         (tmp_path / "some_package" / name).write_text(text)
         program.installation.cache_clear()
         found.append(program.installation())

@@ -15,7 +15,14 @@ from flightmech.errors import AeromatchWarning, SchemaError
 from flightmech.support.kept_stages import stages as module
 from flightmech.support.kept_stages.explanation import StageTrace
 from flightmech.support.kept_stages.stages import Kept, Stages, Values
-from flightmech.support.kept_stages.store import LIMIT, PLACE, StageStore, bytes_of, size_limit, store_folder
+from flightmech.support.kept_stages.store import (
+    LIMIT,
+    PLACE,
+    StageStore,
+    bytes_of,
+    size_limit,
+    store_folder,
+)
 
 
 @pytest.fixture
@@ -83,7 +90,12 @@ def test_a_damaged_entry_is_computed_again(store, damage):
     first = Stages(store).one("a", {}, make)
     (file,) = entries(store)
     whole = file.read_bytes()
-    broken = {"flip": whole[:-9] + bytes([whole[-9] ^ 1]) + whole[-8:], "cut": whole[:200], "empty": b"", "head": b"\0" + whole[1:]}
+    broken = {
+        "flip": whole[:-9] + bytes([whole[-9] ^ 1]) + whole[-8:],
+        "cut": whole[:200],
+        "empty": b"",
+        "head": b"\0" + whole[1:],
+    }
     file.write_bytes(broken[damage])
     again = Stages(store).one("a", {}, make)
     assert (again.value == first.value).all()
@@ -116,7 +128,10 @@ def test_without_a_store_everything_is_computed():
     make = Counted()
     stages = Stages()
     assert [stages.one("a", {"any": object()}, make).value for _ in range(2)] == [1.0, 1.0]
-    assert stages.each("b", {"x": {}, "y": {}}, float, lambda item: ("2",), threads=True)["y"].value == 2.0
+    assert (
+        stages.each("b", {"x": {}, "y": {}}, float, lambda item: ("2",), threads=True)["y"].value
+        == 2.0
+    )
     assert make.calls == 2
 
 
@@ -137,7 +152,9 @@ def test_what_is_complete_is_kept_when_another_item_fails(store):
         return (values[item],)
 
     def run():
-        return Stages(store).each("cubes", {item: {"value": value} for item, value in values.items()}, cube, arguments)
+        return Stages(store).each(
+            "cubes", {item: {"value": value} for item, value in values.items()}, cube, arguments
+        )
 
     with pytest.raises(ValueError, match="negative"):
         run()
@@ -238,7 +255,10 @@ def test_a_trace_with_half_a_line_is_read_as_far_as_it_goes(store, tmp_path):
     (file,) = (store.folder / "traces").iterdir()
     file.write_text(file.read_text() + '["b", {"x"')
     assert StageTrace.of(store.folder, tmp_path).reason("a", {"x": "2"}) == "changed: x"
-    assert StageTrace.of(store.folder, tmp_path).reason("b", {"x": "2"}) == "not computed for this folder before"
+    assert (
+        StageTrace.of(store.folder, tmp_path).reason("b", {"x": "2"})
+        == "not computed for this folder before"
+    )
 
 
 def test_what_was_not_used_for_the_longest_time_goes_first(store):
@@ -303,7 +323,9 @@ def test_a_job_that_is_killed_goes_on_where_it_was(tmp_path):
 
     def run(after):
         command = [sys.executable, "-c", KILLED, str(tmp_path / "store"), str(after)]
-        return subprocess.run(command, capture_output=True, text=True, env={**os.environ, "PYTHONPATH": root})
+        return subprocess.run(
+            command, capture_output=True, text=True, env={**os.environ, "PYTHONPATH": root}
+        )
 
     assert run(4).returncode == -9
     assert run(9).stdout.strip() == "2"

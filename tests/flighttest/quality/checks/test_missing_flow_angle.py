@@ -1,4 +1,6 @@
-"""Signs of surfaces in a record without flow angles: a delay must not take up the response to the angle that is missing."""
+"""Signs of surfaces in a record without flow angles: a delay must not take up the response to the
+angle that is missing.
+"""
 
 import pytest
 
@@ -15,14 +17,22 @@ def record():
 
 
 def findings(record, sign):
-    """Return the names of the findings on surfaces of a record without vanes whose elevator is multiplied by `sign`."""
+    """Return the names of the findings on surfaces of a record without vanes whose elevator is
+    multiplied by `sign`.
+    """
     changed = record.copy(deep=True)
     for leaf in changed.children.values():
         if "delta_e" in leaf:
             leaf["delta_e"].values[:] *= sign
-    bare = changed.map_over_datasets(lambda data: data.drop_vars(["alpha_vane", "beta_vane"], errors="ignore"))
+    bare = changed.map_over_datasets(
+        lambda data: data.drop_vars(["alpha_vane", "beta_vane"], errors="ignore")
+    )
     quality = flighttest.assess(bare, flightmech.read_aircraft(C182 / "aircraft.toml"))
-    return [finding.name for finding in quality.findings if finding.severity != "note" and "delta_e" in finding.channels]
+    return [
+        finding.name
+        for finding in quality.findings
+        if finding.severity != "note" and "delta_e" in finding.channels
+    ]
 
 
 def test_right_sign_is_sound(record):

@@ -1,4 +1,6 @@
-"""Sign and time of a surface together: a simulated short period behind a 3-2-1-1, recorded early, late and reversed."""
+"""Sign and time of a surface together: a simulated short period behind a 3-2-1-1, recorded early,
+late and reversed.
+"""
 
 from itertools import pairwise
 
@@ -11,7 +13,9 @@ from flighttest.reconstruction.quality.checks.surface_timing import LONGEST, sur
 STEP = 0.05
 TIME = np.arange(0.0, 20.0, STEP)
 EDGES = 4.0 + 0.7 * np.array([0.0, 3.0, 5.0, 6.0, 7.0])
-SURFACE = 0.03 * sum((-1) ** k * ((a <= TIME) & (b > TIME)) for k, (a, b) in enumerate(pairwise(EDGES)))
+SURFACE = 0.03 * sum(
+    (-1) ** k * ((a <= TIME) & (b > TIME)) for k, (a, b) in enumerate(pairwise(EDGES))
+)
 A = np.array([[-1.5, -6.0], [1.0, -1.0]])  # q_dot, alpha_dot over q, alpha
 
 

@@ -1,10 +1,15 @@
-"""Geometry and inertia of aircraft files: public aeroplanes pass, chord and span exchanged and wrong units do not."""
+"""Geometry and inertia of aircraft files: public aeroplanes pass, chord and span exchanged and
+wrong units do not.
+"""
 
 from dataclasses import dataclass
 
 import pytest
 
-from flighttest.reconstruction.quality.declarations.aircraft import geometry_findings, inertia_findings
+from flighttest.reconstruction.quality.declarations.aircraft import (
+    geometry_findings,
+    inertia_findings,
+)
 
 FOOT = 0.3048
 
@@ -55,7 +60,11 @@ def test_geometry_of_aeroplanes(name):
         assert finding.severity == ("warning" if slender and names == ("cbar", "b") else "error")
 
 
-@pytest.mark.parametrize("shape", [Shape(26.6, 8.61, 4.23, 8700.0), Shape(358.0, 27.66, 25.6, 140000.0)], ids=["HL-20", "Concorde"])
+@pytest.mark.parametrize(
+    "shape",
+    [Shape(26.6, 8.61, 4.23, 8700.0), Shape(358.0, 27.66, 25.6, 140000.0)],
+    ids=["HL-20", "Concorde"],
+)
 def test_odd_but_real_shapes_are_no_error(shape):
     assert [finding.severity for finding in geometry_findings(shape)] == ["warning"]
 
@@ -78,7 +87,9 @@ def test_inertia_of_aeroplanes(name):
     Ixx, Iyy, Izz = moments
     (finding,) = inertia_findings(Shape(1.0, 1.0, b, mass, Ixx, Iyy, 1.3 * (Ixx + Iyy)))
     assert (finding.severity, finding.kind, finding.channels[0]) == ("error", "inertia", "Izz")
-    found = inertia_findings(Shape(1.0, 1.0, b, mass, 23.73 * Ixx, 23.73 * Iyy, 23.73 * Izz))  # lb ft2 taken as kg m2
+    found = inertia_findings(
+        Shape(1.0, 1.0, b, mass, 23.73 * Ixx, 23.73 * Iyy, 23.73 * Izz)
+    )  # lb ft2 taken as kg m2
     assert found
     found = inertia_findings(Shape(1.0, 1.0, b, mass, Izz, Iyy, Ixx))
     assert "Izz" in found[-1].text

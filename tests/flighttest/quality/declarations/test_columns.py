@@ -1,4 +1,6 @@
-"""Columns and headings against the name map: what contradicts is named, what kinematics prove is an error, sound maps give nothing."""
+"""Columns and headings against the name map: what contradicts is named, what kinematics prove is an
+error, sound maps give nothing.
+"""
 
 import numpy as np
 import pytest
@@ -6,7 +8,11 @@ import pytest
 import flighttest
 from flightmech.air import pressure_altitude
 from flighttest.reconstruction.quality.checks.signals import signals_of
-from flighttest.reconstruction.quality.declarations.columns import column_findings, heading_findings, pressure_height_findings
+from flighttest.reconstruction.quality.declarations.columns import (
+    column_findings,
+    heading_findings,
+    pressure_height_findings,
+)
 from flighttest.records.sensors.measurements import pressure
 from flighttest.records.signals.sample_flags import flags
 
@@ -61,9 +67,11 @@ def test_two_columns_with_the_same_samples(read):
     "entries",
     [
         ATTITUDE,
-        'theta = "theta"\nengine1.throttle = "Lever"\nengine2.throttle = "Lever"',  # one lever for both engines
+        # one lever for both engines
+        'theta = "theta"\nengine1.throttle = "Lever"\nengine2.throttle = "Lever"',
         'theta = "theta"\nbrake_left = "Lever"\nbrake_right = "Lever"',
-        'theta = "theta"\nvd = { column = "CAS", sign = -1 }\nhdot = "CAS"',  # one vertical speed, down and up
+        # one vertical speed, down and up
+        'theta = "theta"\nvd = { column = "CAS", sign = -1 }\nhdot = "CAS"',
     ],
 )
 def test_legitimate_use_of_a_column(entries, read):
@@ -71,11 +79,15 @@ def test_legitimate_use_of_a_column(entries, read):
 
 
 def test_kinematics_show_which_channel_of_a_column_is_wrong(read):
-    """The rate of pitch attitude follows q; a bank angle read from the same column does not follow p."""
+    """The rate of pitch attitude follows q; a bank angle read from the same column does not follow
+    p.
+    """
     p, q, r = 0.05 * np.cos(1.7 * TIME), 5.0 * np.cos(TIME), 0.02 * np.sin(TIME)
     rates = {f"{name} [deg/s]": x for name, x in (("p", p), ("q", q), ("r", r))}
     columns = {"theta [deg]": MOTION["theta [deg]"], "Roll [deg]": np.cumsum(p) * 0.05, **rates}
-    findings, wrong = column_findings(*read('theta = "theta"\nphi = "theta"\np = "p"\nq = "q"\nr = "r"', columns))
+    findings, wrong = column_findings(
+        *read('theta = "theta"\nphi = "theta"\np = "p"\nq = "q"\nr = "r"', columns)
+    )
     assert named(findings) == [("error", "column:phi+theta")]
     assert findings[0].remedy == 'phi = "Roll"   # in [all] of the name map'
     assert wrong == ("phi",)
@@ -84,22 +96,54 @@ def test_kinematics_show_which_channel_of_a_column_is_wrong(read):
 def test_both_are_suspects_where_neither_fits(read):
     """Both attitude angles are read from a column that is neither: no other channel is blamed."""
     p, q, r = 20.0 * np.cos(1.3 * TIME), 15.0 * np.sin(0.9 * TIME), 3.0 * np.sin(TIME)
-    columns = {f"{name} [deg/s]": x for name, x in (("p", p), ("q", q), ("r", r))} | {"x [deg]": 9.0 * np.sin(2.1 * TIME)}
-    findings, wrong = column_findings(*read('theta = "x"\nphi = "x"\np = "p"\nq = "q"\nr = "r"', columns))
+    columns = {f"{name} [deg/s]": x for name, x in (("p", p), ("q", q), ("r", r))} | {
+        "x [deg]": 9.0 * np.sin(2.1 * TIME)
+    }
+    findings, wrong = column_findings(
+        *read('theta = "x"\nphi = "x"\np = "p"\nq = "q"\nr = "r"', columns)
+    )
     assert named(findings) == [("error", "column:theta+phi")]
     assert "do not hold with both" in findings[0].text
     assert set(wrong) == {"theta", "phi"}
 
 
 HEADINGS = {
-    "kg under lb": ('mass = { column = "Weight", unit = "kg" }', "stated_unit:mass", 'mass = { column = "Weight", unit = "lb" }'),
-    "N under lb": ('engine1.thrust = { column = "Thrust", unit = "N" }', "stated_unit:engine1.thrust", 'unit = "lbf"'),
-    "m/s under kt": ('V_cas = { column = "CAS", unit = "m/s" }', "stated_unit:V_cas", 'unit = "kt"'),
-    "rad under deg": ('theta = { column = "theta", unit = "rad" }', "stated_unit:theta", 'unit = "deg"'),
-    "ft under kt": ('h_baro = { column = "CAS", unit = "ft" }', "stated_unit:h_baro", "check the column"),
-    "converted twice": ('V_cas = { column = "CAS", scale = 0.514444 }', "stated_unit:V_cas", 'V_cas = "CAS"'),
+    "kg under lb": (
+        'mass = { column = "Weight", unit = "kg" }',
+        "stated_unit:mass",
+        'mass = { column = "Weight", unit = "lb" }',
+    ),
+    "N under lb": (
+        'engine1.thrust = { column = "Thrust", unit = "N" }',
+        "stated_unit:engine1.thrust",
+        'unit = "lbf"',
+    ),
+    "m/s under kt": (
+        'V_cas = { column = "CAS", unit = "m/s" }',
+        "stated_unit:V_cas",
+        'unit = "kt"',
+    ),
+    "rad under deg": (
+        'theta = { column = "theta", unit = "rad" }',
+        "stated_unit:theta",
+        'unit = "deg"',
+    ),
+    "ft under kt": (
+        'h_baro = { column = "CAS", unit = "ft" }',
+        "stated_unit:h_baro",
+        "check the column",
+    ),
+    "converted twice": (
+        'V_cas = { column = "CAS", scale = 0.514444 }',
+        "stated_unit:V_cas",
+        'V_cas = "CAS"',
+    ),
     "satellite height": ('h_baro = "GPS Alt"', "column_name:h_baro", "check the column"),
-    "sideslip": ('theta = { column = "phi", unit = "deg" }', "column_name:theta", "check the column"),
+    "sideslip": (
+        'theta = { column = "phi", unit = "deg" }',
+        "column_name:theta",
+        "check the column",
+    ),
 }
 
 
@@ -137,14 +181,25 @@ def test_kinematics_agree_with_the_name_map(read):
         "q [rad/s]": q / 2.0,
         "r [rad/s]": 0.0 * TIME,
     }
-    record, signals = read('theta = { column = "theta", unit = "rad" }\nphi = "phi"\nq = "q"\nr = "r"', columns)
+    record, signals = read(
+        'theta = { column = "theta", unit = "rad" }\nphi = "phi"\nq = "q"\nr = "r"', columns
+    )
     (finding,) = heading_findings(record, signals)
     assert (finding.severity, finding.name) == ("note", "stated_unit:theta")
 
 
-@pytest.mark.parametrize(("shift", "stretch", "found"), [(0.0, 1.0, False), (20.0, 1.0, False), (120.0, 1.0, True), (0.0, 1.06, True)])
+@pytest.mark.parametrize(
+    ("shift", "stretch", "found"),
+    [(0.0, 1.0, False), (20.0, 1.0, False), (120.0, 1.0, True), (0.0, 1.06, True)],
+)
 def test_height_of_a_satellite_receiver_is_no_pressure_height(shift, stretch, found, read):
     p_static = pressure(2000.0 + 60.0 * TIME)
-    columns = {"p_static [Pa]": p_static, "h_baro [m]": shift + stretch * pressure_altitude(p_static), "theta [deg]": MOTION["theta [deg]"]}
+    columns = {
+        "p_static [Pa]": p_static,
+        "h_baro [m]": shift + stretch * pressure_altitude(p_static),
+        "theta [deg]": MOTION["theta [deg]"],
+    }
     _, signals = read('theta = "theta"\np_static = "p_static"\nh_baro = "h_baro"', columns)
-    assert named(pressure_height_findings(signals)) == ([("warning", "definition:h_baro+p_static")] if found else [])
+    assert named(pressure_height_findings(signals)) == (
+        [("warning", "definition:h_baro+p_static")] if found else []
+    )

@@ -1,4 +1,6 @@
-"""The sign of Ixz: fast rolls show it, gentle ones do not, and nothing is reported where the coupling that is known is not given back."""
+"""The sign of Ixz: fast rolls show it, gentle ones do not, and nothing is reported where the
+coupling that is known is not given back.
+"""
 
 from dataclasses import dataclass
 from functools import cache
@@ -20,7 +22,9 @@ class Body:
 
 @cache
 def rolling(amplitude, Ixz=1500.0, noise=5e-4, seed=0):
-    """Return signals of a body with linear aerodynamics that aileron and elevator move at several frequencies."""
+    """Return signals of a body with linear aerodynamics that aileron and elevator move at several
+    frequencies.
+    """
     body, step = Body(Ixz=Ixz), 0.01
     time = np.arange(0.0, 60.0, step)
     delta_a = amplitude * (np.sin(1.9 * time) + np.sin(3.1 * time + 1.0))
@@ -40,7 +44,9 @@ def rolling(amplitude, Ixz=1500.0, noise=5e-4, seed=0):
         )
         omega = np.array([p, q, r])
         turning = inverse @ (moments - np.cross(omega, inertia @ omega))
-        states[k + 1] = states[k] + step * np.array([*turning, q - 1.2 * alpha - p * beta, -r - 0.2 * beta + p * alpha])
+        states[k + 1] = states[k] + step * np.array(
+            [*turning, q - 1.2 * alpha - p * beta, -r - 0.2 * beta + p * alpha]
+        )
     rng = np.random.default_rng(seed)
     seen = states + noise * np.array([1.0, 1.0, 1.0, 0.5, 0.5]) * rng.standard_normal(states.shape)
     values = dict(zip(("p", "q", "r", "alpha_vane", "beta_vane"), seen[::5].T))

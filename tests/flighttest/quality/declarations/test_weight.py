@@ -77,8 +77,20 @@ def test_level_of_a_database_in_steady_flight(signals, record, aircraft):
     """Without motion of the angle of attack the lift of a prior still shows a mass of 2.2 times."""
     alpha = np.radians([-8.0, 0.0, 8.0, 16.0])
     middle = float(np.median(signals["alpha_vane"]))
-    CL = terms.make(0.4 + 5.0 * (alpha - middle), {"alpha": alpha}, stderr=0.05, source="datcom", comment="by hand")
-    attributes = {"title": "by hand", "aircraft": aircraft.name, "S": aircraft.S, "cbar": aircraft.cbar, "b": aircraft.b}
+    CL = terms.make(
+        0.4 + 5.0 * (alpha - middle),
+        {"alpha": alpha},
+        stderr=0.05,
+        source="datcom",
+        comment="by hand",
+    )
+    attributes = {
+        "title": "by hand",
+        "aircraft": aircraft.name,
+        "S": aircraft.S,
+        "cbar": aircraft.cbar,
+        "b": aircraft.b,
+    }
     reference = {"x_ref": 0.0, "y_ref": 0.0, "z_ref": 0.0, "force_axes": "stability"}
     database = aerodb.database({"CL/basic": CL}, **attributes, **reference)
     still = signals.with_values({"alpha_vane": np.full_like(signals.time, middle)})

@@ -1,4 +1,6 @@
-"""IRIG 106 Chapter 10 recordings: packets in `packets`, time in `time_packets`, and a module for each kind of data."""
+"""IRIG 106 Chapter 10 recordings: packets in `packets`, time in `time_packets`, and a module for
+each kind of data.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,9 @@ if TYPE_CHECKING:
 
 
 def read(path: Path, names: NameMap) -> Recording:
-    """Return the parameters that ``[decode]`` of the name map takes out of a Chapter 10 file, see `tables.read`."""
+    """Return the parameters that ``[decode]`` of the name map takes out of a Chapter 10 file, see
+    `tables.read`.
+    """
     from flighttest.records.readers.formats.chapter10.tables import read as read_tables
 
     return read_tables(path, names)

@@ -14,23 +14,34 @@ import numpy as np
 from flightmech.errors import UnknownName
 from flighttest.records.readers.bus_words import Mil1553, Words
 from flighttest.records.readers.formats.chapter10.counts import engineering, joined
-from flighttest.records.readers.formats.chapter10.packets import ARINC429_F0, MIL1553_F1, TICK, Index, Packet
+from flighttest.records.readers.formats.chapter10.packets import (
+    ARINC429_F0,
+    MIL1553_F1,
+    TICK,
+    Index,
+    Packet,
+)
 from flighttest.records.readers.recording import Table
 
-_ERRORS = 0x1000 | 0x0400 | 0x0200 | 0x0038  # message, format, time-out; length, sync type, invalid word
+_ERRORS = (
+    0x1000 | 0x0400 | 0x0200 | 0x0038
+)  # message, format, time-out; length, sync type, invalid word
 
 
 def arinc_words(file: Index, channel: int, first_tick: int, name: str, notes: list[str]) -> Words:
     """Return all ARINC 429 words of a channel; words with a format error are left out.
 
-    The first word of a packet has the packet's time; each gap time counts from the beginning of the word before.
+    The first word of a packet has the packet's time; each gap time counts from the beginning of the
+    word before.
     """
     times, words, buses = [], [], []
     for packet in file.of(channel, ARINC429_F0, name):
         body = file.body(packet)
         count = struct.unpack_from("<H", body)[0] if len(body) >= 4 else -1
         if count < 0 or 4 + 8 * count > len(body):
-            notes.append(f"packet at byte {packet.start}: {count} ARINC 429 words do not fit its {len(body)} bytes; left out")
+            notes.append(
+                f"packet at byte {packet.start}: {count} ARINC 429 words do not fit its {len(body)} bytes; left out"
+            )
             continue
         pairs = np.frombuffer(body, "<u4", 2 * count, 4).reshape(count, 2)
         gaps = (pairs[:, 0] & 0xFFFFF).astype(np.int64)
@@ -45,10 +56,13 @@ def arinc_words(file: Index, channel: int, first_tick: int, name: str, notes: li
     return Words(np.concatenate(times), np.concatenate(words), np.concatenate(buses))
 
 
-def mil1553_tables(file: Index, spec: Mil1553, first_tick: int, name: str, notes: list[str]) -> dict[str, Table]:
+def mil1553_tables(
+    file: Index, spec: Mil1553, first_tick: int, name: str, notes: list[str]
+) -> dict[str, Table]:
     """Return the table of one message: its parameters at the times of the messages.
 
-    Messages that the recorder flags as faulty are left out, and so are transfers from terminal to terminal.
+    Messages that the recorder flags as faulty are left out, and so are transfers from terminal to
+    terminal.
 
     Raises
     ------
@@ -70,33 +84,58 @@ def mil1553_tables(file: Index, spec: Mil1553, first_tick: int, name: str, notes
             seen.add(key)
             if key != wanted:
                 continue
-            data = words[2:] if transmit else words[1:-1]  # a transmitting terminal sends its status before the data
+            data = (
+                words[2:] if transmit else words[1:-1]
+            )  # a transmitting terminal sends its status before the data
             if len(data) < needed:
                 short += 1
                 continue
             times.append((tick - first_tick) * TICK)
             rows.append(data[:needed])
     if not times:
-        there = [f"rt {rt} {'transmit' if sends else 'receive'} subaddress {sub}" for rt, sends, sub in sorted(seen)]
+        there = [
+            f"rt {rt} {'transmit' if sends else 'receive'} subaddress {sub}"
+            for rt, sends, sub in sorted(seen)
+        ]
         message = f"rt {spec.rt} {spec.direction} subaddress {spec.subaddress}"
-        raise UnknownName(message, there, "MIL-STD-1553 message", f"decode.{name} requires it on channel {spec.channel}")
+        raise UnknownName(
+            message,
+            there,
+            "MIL-STD-1553 message",
+            f"decode.{name} requires it on channel {spec.channel}",
+        )
     if short:
-        notes.append(f"decode.{name}: {short} messages with fewer than {needed} data words left out")
+        notes.append(
+            f"decode.{name}: {short} messages with fewer than {needed} data words left out"
+        )
     data = np.array(rows)
     columns = {
         parameter: engineering(
-            joined([data[:, i - 1] for i in word.words], 16), 16 * len(word.words), word.code, word.lsb, word.offset, word.bits
+            joined([data[:, i - 1] for i in word.words], 16),
+            16 * len(word.words),
+            word.code,
+            word.lsb,
+            word.offset,
+            word.bits,
         )
         for parameter, word in spec.parameters.items()
     }
-    return {name: Table(columns, {parameter: word.unit for parameter, word in spec.parameters.items()}, np.array(times))}
+    return {
+        name: Table(
+            columns,
+            {parameter: word.unit for parameter, word in spec.parameters.items()},
+            np.array(times),
+        )
+    }
 
 
 def _messages(file: Index, packet: Packet, notes: list[str]):
     """Yield tick, block status and words of every message of a packet."""
     body = file.body(packet)
     if packet.absolute_stamps:
-        notes.append(f"packet at byte {packet.start}: stamps in the format of the secondary header are not read; left out")
+        notes.append(
+            f"packet at byte {packet.start}: stamps in the format of the secondary header are not read; left out"
+        )
         return
     count = struct.unpack_from("<I", body)[0] & 0xFFFFFF if len(body) >= 4 else 0
     place = 4
@@ -108,7 +147,9 @@ def _messages(file: Index, packet: Packet, notes: list[str]):
         block, _, length = struct.unpack_from("<HHH", body, place + 8)
         place += 14
         if length % 2 or place + length > len(body):
-            notes.append(f"packet at byte {packet.start}: a MIL-STD-1553 message of {length} bytes does not fit")
+            notes.append(
+                f"packet at byte {packet.start}: a MIL-STD-1553 message of {length} bytes does not fit"
+            )
             return
         yield tick, block, np.frombuffer(body, "<u2", length // 2, place)
         place += length

@@ -1,4 +1,5 @@
-"""Packets of an IRIG 106 Chapter 10 file: headers found, checked and indexed; damaged ones skipped and reported.
+"""Packets of an IRIG 106 Chapter 10 file: headers found, checked and indexed; damaged ones skipped
+and reported.
 
 References
 ----------
@@ -45,7 +46,9 @@ class Packet:
 
     @property
     def absolute_stamps(self) -> bool:
-        """Whether stamps inside the packet are in the format of the secondary header and not of the relative time counter."""
+        """Whether stamps inside the packet are in the format of the secondary header and not of the
+        relative time counter.
+        """
         return bool(self.flags & 0x40)
 
 
@@ -69,10 +72,17 @@ class Index:
         UnknownName
             None is there; with the channels that hold this kind.
         """
-        found = [packet for packet in self.packets if packet.channel == channel and packet.kind == kind]
+        found = [
+            packet for packet in self.packets if packet.channel == channel and packet.kind == kind
+        ]
         if not found:
             there = {str(packet.channel) for packet in self.packets if packet.kind == kind}
-            raise UnknownName(str(channel), there, f"channel of {KIND_NAMES[kind]} packets", f"decode.{name} requires it")
+            raise UnknownName(
+                str(channel),
+                there,
+                f"channel of {KIND_NAMES[kind]} packets",
+                f"decode.{name} requires it",
+            )
         return found
 
 
@@ -104,13 +114,18 @@ def index(path: Path) -> Index:
             f"bytes {lost_from if lost_from >= 0 else place} to {len(data)} are no whole packet: the end of the file may be cut off"
         )
     if not packets:
-        raise ParseError(str(path), 0, "no packet with a valid header", "an IRIG 106 Chapter 10 recording")
+        raise ParseError(
+            str(path), 0, "no packet with a valid header", "an IRIG 106 Chapter 10 recording"
+        )
     return Index(data, packets, notes + _sequence_gaps(packets))
 
 
 def _packet(data: np.ndarray, place: int) -> tuple[Packet | None, int]:
     head = data[place : place + HEADER].tobytes()
-    if head[:2] != SYNC or sum(struct.unpack("<11H", head[:22])) & 0xFFFF != struct.unpack("<H", head[22:])[0]:
+    if (
+        head[:2] != SYNC
+        or sum(struct.unpack("<11H", head[:22])) & 0xFFFF != struct.unpack("<H", head[22:])[0]
+    ):
         return None, 0
     channel, size, length, _, sequence, flags, kind = struct.unpack("<HIIBBBB", head[2:16])
     start = place + HEADER + (SECONDARY if flags & 0x80 else 0)
@@ -141,4 +156,7 @@ def _sequence_gaps(packets: list[Packet]) -> list[str]:
             if missing:
                 lost[packet.channel] = lost.get(packet.channel, 0) + missing
         last[packet.channel] = packet.sequence
-    return [f"channel {channel}: {count} packets missing by their sequence numbers" for channel, count in sorted(lost.items())]
+    return [
+        f"channel {channel}: {count} packets missing by their sequence numbers"
+        for channel, count in sorted(lost.items())
+    ]

@@ -1,7 +1,8 @@
 """Chapter 10 files as tables: what the ``[decode]`` tables of the name map take out of the packets.
 
-The clock is the relative time counter from the first packet of data on; time packets give the fact ``start``.  Without ``[decode]`` there
-is nothing to read: which bits are which quantity is not in the file.  The error lists the channels.
+The clock is the relative time counter from the first packet of data on; time packets give the fact
+``start``.  Without ``[decode]`` there is nothing to read: which bits are which quantity is not in
+the file.  The error lists the channels.
 """
 
 from __future__ import annotations
@@ -12,7 +13,14 @@ from pathlib import Path
 from flightmech.errors import SchemaError
 from flighttest.records.readers.bus_words import Analog, Arinc429, Mil1553, Pcm, label_tables
 from flighttest.records.readers.formats.chapter10.buses import arinc_words, mil1553_tables
-from flighttest.records.readers.formats.chapter10.packets import ARINC429_F0, KIND_NAMES, SETUP, TIME_F1, Index, index
+from flighttest.records.readers.formats.chapter10.packets import (
+    ARINC429_F0,
+    KIND_NAMES,
+    SETUP,
+    TIME_F1,
+    Index,
+    index,
+)
 from flighttest.records.readers.formats.chapter10.samples import analog_tables, pcm_tables
 from flighttest.records.readers.formats.chapter10.time_packets import start_of_record
 from flighttest.records.readers.name_map import NameMap
@@ -33,9 +41,15 @@ def read(path: Path, names: NameMap) -> Recording:
     """
     file = index(path)
     if not names.decode:
-        listed = "; ".join(f"channel {c['channel']}: {c['content']}, {c['packets']} packets" for c in channels(file))
+        listed = "; ".join(
+            f"channel {c['channel']}: {c['content']}, {c['packets']} packets"
+            for c in channels(file)
+        )
         raise SchemaError(
-            f"name map for {path.name}", [f"a Chapter 10 file needs [decode.NAME] tables for its words; it holds {listed or 'no data'}"]
+            f"name map for {path.name}",
+            [
+                f"a Chapter 10 file needs [decode.NAME] tables for its words; it holds {listed or 'no data'}"
+            ],
         )
     data = [packet.rtc for packet in file.packets if packet.kind not in (SETUP, 0x00, 0x02, 0x03)]
     first_tick = min(data, default=0)
@@ -58,13 +72,25 @@ def read(path: Path, names: NameMap) -> Recording:
 
 
 def channels(file: Index) -> list[dict[str, object]]:
-    """Return the channels of a file: number, content, packets; of ARINC 429 the buses with their labels as stored."""
-    counts = Counter((packet.channel, packet.kind) for packet in file.packets if packet.kind not in (SETUP, TIME_F1))
+    """Return the channels of a file: number, content, packets; of ARINC 429 the buses with their
+    labels as stored.
+    """
+    counts = Counter(
+        (packet.channel, packet.kind)
+        for packet in file.packets
+        if packet.kind not in (SETUP, TIME_F1)
+    )
     rows: list[dict[str, object]] = []
     for (channel, kind), number in sorted(counts.items()):
-        row: dict[str, object] = {"channel": channel, "content": KIND_NAMES.get(kind, f"type {kind:#04x}"), "packets": number}
+        row: dict[str, object] = {
+            "channel": channel,
+            "content": KIND_NAMES.get(kind, f"type {kind:#04x}"),
+            "packets": number,
+        }
         if kind == ARINC429_F0:
             words = arinc_words(file, channel, 0, "", [])
-            row["labels"] = " ".join(f"{label:03o}" for label in sorted({int(word) & 0xFF for word in words.word}))
+            row["labels"] = " ".join(
+                f"{label:03o}" for label in sorted({int(word) & 0xFF for word in words.word})
+            )
         rows.append(row)
     return rows

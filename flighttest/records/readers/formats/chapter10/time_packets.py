@@ -1,4 +1,5 @@
-"""Time of the world in a Chapter 10 file: time packets (format 1) tie the relative time counter to the calendar.
+"""Time of the world in a Chapter 10 file: time packets (format 1) tie the relative time counter to
+the calendar.
 
 References
 ----------
@@ -16,7 +17,9 @@ _NO_SOURCE = 0xF
 
 
 def start_of_record(file: Index, first_tick: int) -> dict[str, str]:
-    """Return the fact ``start`` (ISO 8601), or ``start_day_of_year`` where the time code gives no year; nothing without time packets."""
+    """Return the fact ``start`` (ISO 8601), or ``start_day_of_year`` where the time code gives no
+    year; nothing without time packets.
+    """
     for packet in file.packets:
         if packet.kind != TIME_F1:
             continue
@@ -35,7 +38,9 @@ def start_of_record(file: Index, first_tick: int) -> dict[str, str]:
         except ValueError:
             continue
         if dated:
-            return {"start": (moment + shift).isoformat(timespec="microseconds").replace("+00:00", "Z")}
+            return {
+                "start": (moment + shift).isoformat(timespec="microseconds").replace("+00:00", "Z")
+            }
         moment += shift
         return {"start_day_of_year": f"{moment.timetuple().tm_yday:03d}T{moment:%H:%M:%S.%f}"}
     return {}
@@ -63,7 +68,11 @@ def _clock(words: tuple[int, ...]) -> timedelta:
 def _day_of_year(body: bytes) -> datetime:
     """Return the time in a leap year, so that day 366 exists; the year itself means nothing."""
     words = struct.unpack_from("<3H", body)
-    return datetime(2000, 1, 1, tzinfo=UTC) + timedelta(days=_digits(words[2], 4, 4, 2) - 1) + _clock(words)
+    return (
+        datetime(2000, 1, 1, tzinfo=UTC)
+        + timedelta(days=_digits(words[2], 4, 4, 2) - 1)
+        + _clock(words)
+    )
 
 
 def _calendar(body: bytes) -> datetime:
