@@ -359,9 +359,7 @@ def test_a_cluster_gives_the_same_and_a_dead_worker_loses_no_row(
     ) as local:
         the_same(replay_all(cases, runs, paths, scheduler=local.scheduler_address), expected)
         with monkeypatch.context() as patch:
-            patch.setattr(
-                "flightmech.support.kept_stages.program.machine", lambda: "another"
-            )
+            patch.setattr("flightmech.support.kept_stages.program.machine", lambda: "another")
             pom.replaying.batch.installation.cache_clear()
             with pytest.raises(SimulationError, match="another version of aeromatch"):
                 replay_all(cases, runs, paths, scheduler=local.scheduler_address)
