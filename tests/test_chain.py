@@ -6,6 +6,8 @@ Every import counts: at the top of a module, inside a function, and for type che
 
 import ast
 import runpy
+import subprocess
+import sys
 from collections import defaultdict
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
@@ -238,6 +240,15 @@ def test_every_kind_of_import_is_seen(tmp_path):
     known = modules(tmp_path)
     assert imported(file, known, tmp_path) == {"pom.rows", "pom.case", "aeromatch.cli", "..."}
     assert set(circle({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}})) == {"a", "b", "c"}
+
+
+@pytest.mark.slow
+def test_the_whole_job_is_imported_without_an_extra():
+    """`./run demo` installs none: what draws, serves or typesets is imported where it is used."""
+    extras = ("matplotlib", "starlette", "uvicorn", "typst", "distributed", "asammdf", "pin")
+    code = f"import sys; sys.modules.update(dict.fromkeys({extras}))\n"
+    code += "import aeromatch.planning.match_plan, aeromatch.workflow.steps, aeromatch.cli.verbs"
+    subprocess.run([sys.executable, "-c", code], check=True, cwd=ROOT)
 
 
 def test_kernel_knows_no_python():

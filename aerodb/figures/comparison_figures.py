@@ -22,17 +22,13 @@ from aerodb.figures.drawing import (
     MaxNLocator,
     Patch,
     Sheet,
-    axis_label,
-    derivative_unit,
     drawing,
     foot_height,
     foot_lines,
-    number,
-    positive,
     reference_notes,
-    shown,
 )
 from aerodb.figures.figures import held_text, quantity_symbol, title
+from aerodb.figures.symbols import axis_label, derivative_unit, number, positive, shown
 
 _TOP, _HEIGHT, _BETWEEN, _AXIS = 0.95, 2.6, 0.62, 0.36
 _FAR = 2.0  # standard errors beyond which a difference is hatched

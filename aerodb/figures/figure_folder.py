@@ -11,8 +11,9 @@ import xarray as xr
 
 from aerodb.comparison.conditions import Conditions, axes_of
 from aerodb.figures.comparison_figures import plot_difference
-from aerodb.figures.drawing import FORMATS, Figure, file_stem, save_figure
+from aerodb.figures.drawing import FORMATS, Figure, save_figure
 from aerodb.figures.figures import plot_comparison
+from aerodb.figures.symbols import file_stem
 from aerodb.store.schema import terms
 from flightmech import terms as _terms
 from flightmech.errors import SchemaError

@@ -11,10 +11,10 @@ import pandas as pd
 import xarray as xr
 
 from aerodb.figures.curve_families import fine, thinned
-from aerodb.figures.drawing import axis_label, equals, number, shown, symbol
 from aerodb.figures.lr743_set.chart import Chart, Line, NotDrawn, Panel, Points
 from aerodb.figures.lr743_set.combinations import at_rest, combined, leaves_of, points_of, span_of
 from aerodb.figures.lr743_set.flown import Flown, is_clean, is_free
+from aerodb.figures.symbols import axis_label, equals, number, shown, symbol
 from aerodb.store.overview import FREE_AIR
 from flightmech import terms as _terms
 from flightmech.names import lookup

@@ -14,7 +14,6 @@ import scipy
 import xarray as xr
 
 from aerodb.figures.curve_families import thinned
-from aerodb.figures.drawing import axis_label, equals, number, shown, symbol
 from aerodb.figures.lr743_set.build_up import Databases
 from aerodb.figures.lr743_set.chart import Chart, Line, NotDrawn, Panel, Points
 from aerodb.figures.lr743_set.combinations import at_rest, combined, points_of
@@ -26,6 +25,7 @@ from aerodb.figures.lr743_set.flown import (
     is_clean,
     is_free,
 )
+from aerodb.figures.symbols import axis_label, equals, number, shown, symbol
 from flightmech.air import GAMMA, atmosphere
 from flightmech.errors import AeromatchError, SimulationError
 from flightmech.flying_qualities.performance import one_g, polar, stall

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from aerodb.figures.drawing import number, printed_unit, shown
+from aerodb.figures.symbols import number, printed_unit, shown
 from aerodb.store.evaluation import contributions
 from aerodb.store.schema import terms
 from flightmech import terms as _terms

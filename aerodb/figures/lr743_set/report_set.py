@@ -22,9 +22,10 @@ from aerodb.figures.lr743_set.build_up import (
     pitch_rate,
     slope,
 )
-from aerodb.figures.lr743_set.chart import Chart, NotDrawn, draw
+from aerodb.figures.lr743_set.chart import Chart, NotDrawn
 from aerodb.figures.lr743_set.envelope import drag_polars, envelope, polars_clean, sweeps
 from aerodb.figures.lr743_set.flown import Flown
+from aerodb.figures.lr743_set.sheet import draw
 from flightmech.errors import SchemaError
 from flightmech.support.atomic_write import folder_written_atomically
 

@@ -15,9 +15,10 @@ import flightmech
 from aerodb.cli.group import db as group
 from aerodb.figures.lr743_set import build_up
 from aerodb.figures.lr743_set import envelope as trimmed
-from aerodb.figures.lr743_set.chart import Chart, Line, NotDrawn, Panel, Points, draw
+from aerodb.figures.lr743_set.chart import Chart, Line, NotDrawn, Panel, Points
 from aerodb.figures.lr743_set.combinations import combined
 from aerodb.figures.lr743_set.flown import configuration, heights
+from aerodb.figures.lr743_set.sheet import draw
 from aerodb.update.correlation import covariance_between
 from flightmech import terms
 from flightmech.air import atmosphere

@@ -1,0 +1,161 @@
+"""How quantities and terms are written in a figure: mathematical symbol, display unit, name of a file."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+import numpy as np
+
+from aerodb.store.overview import FREE_AIR, plain_number
+from flightmech.names import SIGNS, lookup
+from flightmech.units import from_si
+
+MINUS = "\N{MINUS SIGN}"
+
+
+_GREEK = ("alpha", "beta", "gamma", "delta", "theta", "phi", "psi", "rho")
+
+
+_SYMBOLS = {
+    "mach": "M",
+    "h_agl": r"h_\mathrm{AGL}",
+    "cbar": r"\bar{c}",
+    "qbar": r"\bar{q}",
+    "alphadothat": r"\hat{\dot{\alpha}}",
+    "betadothat": r"\hat{\dot{\beta}}",
+    "dnz": r"(n_z - 1)",
+    "nz": "n_z",
+    "CT": "C_T",
+    "x_cg": r"x_\mathrm{cg}",
+    "gear": r"\tau_\mathrm{gear}",
+    "speedbrake": r"\tau_\mathrm{sb}",
+}
+
+
+_HAT = re.compile(r"^([pqr])hat$")
+
+
+_COEFFICIENT = re.compile(r"^C[A-Za-z](_[a-z]+)?$")
+
+
+# CL and Cl are one name to some file systems
+_FILES = {
+    "CL": "lift",
+    "CD": "drag",
+    "CY": "side-force",
+    "Cl": "roll",
+    "Cm": "pitch",
+    "Cn": "yaw",
+    "CX": "force-x",
+    "CZ": "force-z",
+    "Ch_e": "hinge-elevator",
+    "Ch_a": "hinge-aileron",
+    "Ch_r": "hinge-rudder",
+}
+
+
+_PRINTED = {
+    "1": "",
+    "m s-1": "m/s",
+    "m s-2": "m/s$^2$",
+    "kg m-3": "kg/m$^3$",
+    "degC": "°C",
+    "kg m2": "kg m$^2$",
+}
+
+
+def symbol(name: str) -> str:
+    """Return the symbol of a quantity or coefficient in mathematical notation, without dollar
+    signs.
+
+    Examples
+    --------
+    >>> symbol("delta_f"), symbol("qhat"), symbol("Cl")
+    ('\\\\delta_{f}', '\\\\hat{q}', 'C_{l}')
+    """
+    if name in _SYMBOLS:
+        return _SYMBOLS[name]
+    if match := _HAT.match(name):
+        return rf"\hat{{{match.group(1)}}}"
+    if _COEFFICIENT.match(name):
+        return f"C_{{{name[1:].replace('_', ' ')}}}"
+    head, _, tail = name.partition("_")
+    base = rf"\{head}" if head in _GREEK else head if len(head) == 1 else rf"\mathrm{{{head}}}"
+    return f"{base}_{{{tail}}}" if tail else base
+
+
+def term_symbol(term: str, regressors: Sequence[str]) -> str:
+    """Return the symbol of a term: ``C_L`` of CL/basic, a derivative by its regressors, else an
+    increment.
+
+    Examples
+    --------
+    >>> term_symbol("CL/flap", []), term_symbol("Cm/qhat", ["qhat"])
+    ('\\\\Delta C_{L,\\\\,\\\\mathrm{flap}}', 'C_{m\\\\,\\\\hat{q}}')
+    """
+    coefficient, _, contribution = term.partition("/")
+    letter = symbol(coefficient).removeprefix("C_{").removesuffix("}")
+    below = r"\,".join([letter, *(symbol(name) for name in regressors)])
+    if contribution == "basic" or (len(regressors) == 1 and contribution == regressors[0]):
+        return f"C_{{{below}}}"
+    words = contribution.replace("_", r"\ ")
+    return rf"\Delta C_{{{below},\,\mathrm{{{words}}}}}"
+
+
+def derivative_unit(regressors: Sequence[str]) -> str:
+    """Return the unit of a table that regressors multiply: angles stay in radians, as everywhere in
+    a database.
+
+    Examples
+    --------
+    >>> derivative_unit(["beta", "gear"]), derivative_unit([])
+    ('1/rad', '1')
+    """
+    power = sum(lookup(name).units == "rad" for name in regressors)
+    return {0: "1", 1: "1/rad"}.get(power, f"1/rad$^{power}$")
+
+
+def axis_label(name: str) -> str:
+    """Return symbol and display unit of a variable as an axis is labelled: ``$\\alpha$ [deg]``."""
+    unit = printed_unit(name)
+    return f"${symbol(name)}$" + f" [{unit or '1'}]"
+
+
+def printed_unit(name: str) -> str:
+    """Return the display unit of a quantity as printed; nothing for a pure number."""
+    unit = lookup(name).display_units
+    return _PRINTED.get(unit, unit)
+
+
+def shown(name: str, si):
+    """Return values of a quantity in its display unit."""
+    return from_si(np.asarray(si, float), lookup(name).display_units) + 0.0
+
+
+def equals(name: str, si: float) -> str:
+    """Return a value with its symbol: ``$M$ = 0.3``, ``$\\delta_{f}$ = 40 deg``."""
+    if name == "h_agl" and si >= FREE_AIR:
+        return "free air"
+    unit = printed_unit(name)
+    return f"${symbol(name)}$ = {number(float(shown(name, si)))}{f' {unit}' if unit else ''}"
+
+
+def number(value: float) -> str:
+    """Return a number as printed: four significant digits or a whole number, a proper minus sign."""
+    return plain_number(value).replace("-", MINUS)
+
+
+def positive(name: str) -> str:
+    """Return the positive sense of a quantity in words, empty where there is none."""
+    sign = lookup(name).sign
+    return SIGNS.get(sign, sign).removeprefix("aircraft ")
+
+
+def file_stem(name: str) -> str:
+    """Return a file name for a term or coefficient: ``CL/basic`` becomes ``lift-basic``, ``Cl``
+    becomes ``roll``.
+    """
+    coefficient, _, contribution = name.partition("/")
+    stem = _FILES.get(coefficient, coefficient.replace("_", "-"))
+    return f"{stem}-{contribution}".replace("_", "-") if contribution else stem
