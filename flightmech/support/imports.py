@@ -9,11 +9,14 @@ from __future__ import annotations
 
 import ast
 import importlib
+import importlib.abc
+import importlib.machinery
 import importlib.util
+import sys
 import warnings
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from flightmech.errors import AeromatchWarning
 
@@ -86,6 +89,7 @@ def attach_stub(
     stub = Path(file).with_suffix(".pyi")
     home = _imports(stub)
     names = sorted(home)
+    _Namespaces.homes[package] = stub, home
 
     def load(name: str) -> Any:
         if name not in home:
@@ -98,6 +102,35 @@ def attach_stub(
         return module if is_module else getattr(module, own)
 
     return load, lambda: names, names
+
+
+class _Namespaces(importlib.abc.MetaPathFinder, importlib.abc.Loader):
+    """Let ``from flighttest.signals import x`` find a namespace that is inside another folder."""
+
+    homes: ClassVar[dict[str, tuple[Path, dict[str, tuple[str, str]]]]] = {}
+
+    def find_spec(self, name: str, path: Any = None, target: Any = None) -> Any:
+        """Return a spec for a public namespace that is not a folder of its package itself."""
+        package, _, own = name.rpartition(".")
+        stub, home = self.homes.get(package, (Path(), {}))
+        if own not in home or not _place(stub, home[own][1], home[own][0])[1]:
+            return None
+        return importlib.machinery.ModuleSpec(name, self)
+
+    def create_module(self, spec: Any) -> Any:
+        """Return the module that has the namespace; its own spec is put back by `exec_module`."""
+        package, _, own = spec.name.rpartition(".")
+        stub, home = self.homes[package]
+        module = importlib.import_module(f"{package}.{_place(stub, home[own][1], home[own][0])[0]}")
+        spec.loader_state = module.__spec__
+        return module
+
+    def exec_module(self, module: Any) -> None:
+        """Nothing is executed again."""
+        module.__spec__ = module.__spec__.loader_state
+
+
+sys.meta_path.append(_Namespaces())  # the last: real modules come first
 
 
 def public_names(stub: Path) -> dict[str, tuple[str, bool]]:

@@ -1,6 +1,8 @@
 """Public names of a package from its stub."""
 
 import importlib
+import subprocess
+import sys
 
 import pytest
 
@@ -46,3 +48,16 @@ def test_anything_but_relative_imports_is_refused(package):
     (package / "__init__.pyi").write_text("from .units import FOOT as FOOT\nimport os\n")
     with pytest.raises(ValueError, match=r"line 2: allowed are relative imports"):
         public_names(package / "__init__.pyi")
+
+
+def test_a_namespace_inside_another_folder_is_imported_by_a_statement_too():
+    code = (
+        "from flighttest.signals import time_delay\n"
+        "import flighttest, flighttest.combining, aerodb.transform\n"
+        "import flighttest.regression.combining as real\n"
+        "assert flighttest.combining is real and real.__spec__.name == 'flighttest.regression.combining'\n"
+        "assert aerodb.transform is aerodb.edit\n"
+        "try:\n    import flighttest.nosuch\nexcept ModuleNotFoundError:\n    print('unknown')\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (done.stdout, done.stderr) == ("unknown\n", "")
