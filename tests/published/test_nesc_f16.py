@@ -206,7 +206,10 @@ def test_supersonic_trim():
 # ---- published trajectories
 
 
-@pytest.mark.parametrize("case", RECORDED)
+NIGHTLY = [pytest.param(case, marks=pytest.mark.nightly) for case in RECORDED[2:]]
+
+
+@pytest.mark.parametrize("case", [*RECORDED[:2], *NIGHTLY])
 @pytest.mark.slow
 def test_nearer_to_a_tool_than_the_tools_to_each_other(case):
     """In every recorded column the nearest tool differs less from ours than the two tools that

@@ -26,7 +26,8 @@ from flighttest.regression.equation_error.fit import open_fit
 from pom.result import results_name
 
 expect = pytest.importorskip("playwright.sync_api").expect
-pytestmark = [pytest.mark.slow, pytest.mark.browser]
+# each page has browser tests of its own in every run
+pytestmark = [pytest.mark.nightly, pytest.mark.browser]
 
 
 @pytest.fixture
@@ -52,12 +53,7 @@ def done(page, verb):
     expect(page.locator("#job")).to_have_text(re.compile(f"^Done: aeromatch {verb}"))
 
 
-@pytest.mark.parametrize(
-    "replayed",
-    [False, pytest.param(True, marks=pytest.mark.nightly)],
-    ids=["session", "session and replay"],
-)
-def test_from_a_mark_to_a_tuned_model_and_its_replay(replayed, page, client, tmp_path):
+def test_from_a_mark_to_a_tuned_model_and_its_replay(page, client, tmp_path):
     work, project = client.bench.opened.work, client.bench.opened.file
     marks(page, project)
     fits(page, work, project)
@@ -66,8 +62,7 @@ def test_from_a_mark_to_a_tuned_model_and_its_replay(replayed, page, client, tmp
     edits(page, work)
     flies_and_tunes(page, work, project)
     signs(page, work, project)
-    if replayed:  # test_server.py replays a shorter log in every run
-        replays(page, client, tmp_path)
+    replays(page, client, tmp_path)
 
 
 def marks(page, project):
