@@ -290,11 +290,11 @@ def _plain_table(
     if decimal == "," and b"." in piece:
         return None
     text = piece.replace(b",", b".") if decimal == "," else piece
+    if separator != "," and b"," in text:
+        return None  # a comma would become a separator below
     if separator == " ":
         text = re.sub(rb"[ \t]+", b",", re.sub(rb"^[ \t]+|[ \t]+$", b"", text, flags=re.MULTILINE))
     elif separator != ",":
-        if b"," in text:
-            return None
         text = text.replace(separator.encode(), b",")
     words = text.translate(None, _NUMBERS)
     if words and not (words.isalpha() and set(_WORD.findall(text)) <= {b"e", b"E", b"nan", b"NaN"}):
