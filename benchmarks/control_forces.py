@@ -20,7 +20,7 @@ import flightmech
 import flighttest
 import pom
 from flightmech.units import POUND_FORCE
-from flighttest.submodels.control_loading.motion import smoothed
+from flighttest.submodels.control_loading.motion import smooth_derivatives
 
 ROOT = Path(__file__).parents[1]
 T37 = ROOT / "data" / "t37"
@@ -238,7 +238,9 @@ def main(model: Path, records: Path) -> None:
         states = paths[GROUND].states
         step = float(states["time"][1] - states["time"][0])
         for item, row, window in SWEPT:
-            quiet = states.assign({item: ("time", smoothed(states[item].values, step, 2.0)[0])})
+            quiet = states.assign(
+                {item: ("time", smooth_derivatives(states[item].values, step, 2.0)[0])}
+            )
             result = pom.replay(
                 case_of(Path(folder), records, item, GROUND, row, window, "cockpit", "force", ""),
                 models,

@@ -55,7 +55,7 @@ def build_up() -> xr.DataTree:
         leaves[name] = aerodb.store.templates.make(
             name, axes, value=value, K1=factor, stderr=0.1, source="datcom", history="benchmark"
         )
-    return aerodb.database(leaves, title="build-up", aircraft="any", S=30.0, cbar=2.0, b=15.9, x_ref=0.0, y_ref=0.0, z_ref=0.0,
+    return aerodb.make_database(leaves, title="build-up", aircraft="any", S=30.0, cbar=2.0, b=15.9, x_ref=0.0, y_ref=0.0, z_ref=0.0,
                            force_axes="stability")  # fmt: skip
 
 
@@ -165,7 +165,7 @@ def of_120_tables() -> xr.DataTree:
         "delta_f": np.radians(np.linspace(0.0, 40.0, 5)),
     }
     leaves = {
-        f"{c}/t{i:02d}": terms.make(
+        f"{c}/t{i:02d}": terms.make_term(
             rng.normal(size=(6, 20, 5)),
             axes,
             stderr=0.1,
@@ -176,7 +176,7 @@ def of_120_tables() -> xr.DataTree:
         for i in range(20)
         for c in ("CL", "CD", "CY", "Cl", "Cm", "Cn")
     }
-    return aerodb.database(leaves, title="120 tables", aircraft="bench", S=30.0, cbar=2.0, b=15.9, x_ref=0.0, y_ref=0.0, z_ref=0.0,
+    return aerodb.make_database(leaves, title="120 tables", aircraft="bench", S=30.0, cbar=2.0, b=15.9, x_ref=0.0, y_ref=0.0, z_ref=0.0,
                            force_axes="stability", source="bench")  # fmt: skip
 
 

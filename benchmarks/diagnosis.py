@@ -23,7 +23,7 @@ import flightmech
 import pom
 from pom.cases.reference_states import flight_states
 from pom.diagnosis import swap_runs
-from pom.diagnosis.diagnosis import ranked
+from pom.diagnosis.diagnosis import diagnose_bench
 from pom.diagnosis.joint_correction import swap_models
 from pom.replaying.kernel_replay import fly_once
 
@@ -79,8 +79,8 @@ def main() -> None:
         states = flight_states(case)
         spent.clear()
         start = time.process_time()
-        bench = swap_runs.Bench.of(case, models[case.name], states)
-        ranked(bench)
+        bench = swap_runs.SwapBench.of(case, models[case.name], states)
+        diagnose_bench(bench)
         total = time.process_time() - start
         flights, flying, judging = len(bench._known), spent["fly"], spent["judge_all"]
         print(
@@ -88,7 +88,7 @@ def main() -> None:
         )
 
 
-def ratio_alone(bench: swap_runs.Bench) -> float:
+def ratio_alone(bench: swap_runs.SwapBench) -> float:
     """Return the processor time of sixteen swaps flown one by one over that of the same flown
     together.
     """

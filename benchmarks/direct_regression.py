@@ -19,7 +19,7 @@ from scipy.signal import lfilter
 from scipy.sparse import hstack, vstack
 from scipy.sparse.linalg import lsqr
 
-from aerodb.store.schema import database
+from aerodb.store.schema import make_database
 from aerodb.update.regression import regress_tables
 from flightmech import terms
 from flightmech.units import DEGREE
@@ -49,12 +49,14 @@ def prior() -> dict[str, xr.Dataset]:
     )
     a, _, f = np.meshgrid(alpha, mach, flap, indexing="ij")
     axes = {"alpha": alpha, "mach": mach, "delta_f": flap}
-    basic = terms.make(
+    basic = terms.make_term(
         0.2 + 5.0 * a + 0.6 * f, axes, stderr=np.hypot(0.05, 0.4 * np.abs(a)), source="datcom"
     )
     return {
         "CL/basic": basic,
-        "CL/qhat": terms.make(np.full(a.shape, 6.0), axes, ("qhat",), stderr=1.5, source="datcom"),
+        "CL/qhat": terms.make_term(
+            np.full(a.shape, 6.0), axes, ("qhat",), stderr=1.5, source="datcom"
+        ),
     }
 
 
@@ -100,7 +102,7 @@ def main() -> None:
     samples = [manoeuvre(truth, size, rng, f"manoeuvre {k}") for k in range(given.manoeuvres)]
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     start = time.perf_counter()
-    found = regress_tables(samples, database(leaves, **ROOT), coloured_covariance)
+    found = regress_tables(samples, make_database(leaves, **ROOT), coloured_covariance)
     ours = time.perf_counter() - start
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     start = time.perf_counter()

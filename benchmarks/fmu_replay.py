@@ -24,7 +24,7 @@ from fmpy.fmi3 import FMU3Slave
 import flightmech
 from flightmech.aircraft.engine import Engine
 from flightmech.support.console import table
-from flightmech.terms import make
+from flightmech.terms import make_term
 
 START = {"init.V": 100.0, "init.h": 3000.0, "mode.trim": 1}
 DURATION, STEP, REPEATS = 60.0, 0.01, 5
@@ -45,34 +45,36 @@ def model() -> flightmech.SimModel:
     random = np.random.default_rng(1)
     alpha = AXES["alpha"]
     leaves = {
-        "/CL/basic": make(0.25 + 5.0 * alpha, {"alpha": alpha}),
-        "/CD/basic": make(0.025 + 0.8 * alpha**2, {"alpha": alpha}),
-        "/CY/beta": make(np.full(12, -0.6), {"alpha": alpha}, ["beta"]),
-        "/Cl/beta": make(np.full(12, -0.08), {"alpha": alpha}, ["beta"]),
-        "/Cm/basic": make(0.02 - 0.9 * alpha, {"alpha": alpha}),
-        "/Cn/beta": make(np.full(12, 0.09), {"alpha": alpha}, ["beta"]),
+        "/CL/basic": make_term(0.25 + 5.0 * alpha, {"alpha": alpha}),
+        "/CD/basic": make_term(0.025 + 0.8 * alpha**2, {"alpha": alpha}),
+        "/CY/beta": make_term(np.full(12, -0.6), {"alpha": alpha}, ["beta"]),
+        "/Cl/beta": make_term(np.full(12, -0.08), {"alpha": alpha}, ["beta"]),
+        "/Cm/basic": make_term(0.02 - 0.9 * alpha, {"alpha": alpha}),
+        "/Cn/beta": make_term(np.full(12, 0.09), {"alpha": alpha}, ["beta"]),
     }
     for name, value, regressor in (
         ("Cl/phat", -0.45, "phat"),
         ("Cl/aileron", -0.12, "delta_a"),
         ("Cm/qhat", -14.0, "qhat"),
     ):
-        leaves[f"/{name}"] = make(value, regressors=[regressor])
+        leaves[f"/{name}"] = make_term(value, regressors=[regressor])
     for name, value, regressor in (
         ("Cm/delta_e", -1.1, "delta_e"),
         ("Cn/rhat", -0.14, "rhat"),
         ("Cn/rudder", -0.07, "delta_r"),
     ):
-        leaves[f"/{name}"] = make(value, regressors=[regressor])
+        leaves[f"/{name}"] = make_term(value, regressors=[regressor])
     coefficients = ("CL", "CD", "CY", "Cl", "Cm", "Cn")
     for number, axes in enumerate([2] * 28 + [3] * 7 + [4] * 2):
         grid = dict(list(AXES.items())[:axes])
         nodes = 1e-4 * random.standard_normal([len(points) for points in grid.values()])
-        leaves[f"/{coefficients[number % 6]}/extra_{number}"] = make(
+        leaves[f"/{coefficients[number % 6]}/extra_{number}"] = make_term(
             nodes, grid, ["qhat" if number % 2 else "beta"]
         )
     engine = Engine(
-        (0.0, 0.0, 0.0), thrust=make([200.0, 20000.0], {"throttle": [0.0, 1.0]}), time_constant=1.0
+        (0.0, 0.0, 0.0),
+        thrust=make_term([200.0, 20000.0], {"throttle": [0.0, 1.0]}),
+        time_constant=1.0,
     )
     aircraft = flightmech.Aircraft(
         "Benchmark",

@@ -200,10 +200,10 @@ def many_tables(count: int) -> dict[str, Any]:
     axes = {"mach": np.linspace(0.1, 0.6, 6), "alpha": np.radians(np.linspace(-8.0, 24.0, 20))}
     leaves = aerodb.terms(plane.database())
     names = [f"{COEFFICIENTS[number % len(COEFFICIENTS)]}/t{number:04d}" for number in range(count)]
-    more = {name: terms.make(1e-7 * rng.normal(size=(6, 20)), axes) for name in names}
+    more = {name: terms.make_term(1e-7 * rng.normal(size=(6, 20)), axes) for name in names}
     db = plane.database()
     root: Any = {name: db.attrs[name] for name in ROOT}
-    db = aerodb.database({**leaves, **more}, **root)
+    db = aerodb.make_database({**leaves, **more}, **root)
     found: dict[str, Any] = {"tables": count}
     flightmech.compile(plane.AIRCRAFT, plane.database())  # what is loaded at first use
     found["compile"], sim = measured(lambda: flightmech.compile(plane.AIRCRAFT, db))

@@ -24,7 +24,7 @@ import xarray as xr
 import flightmech
 from flightmech.simulation.compiler import compile_files
 from flightmech.simulation.kernel import PARAMETER, Simulation
-from flightmech.terms import make
+from flightmech.terms import make_term
 
 ALPHA, MACH = np.linspace(-0.15, 0.35, 14), np.linspace(0.1, 0.75, 8)
 FLAP, BETA, HEIGHT = (
@@ -63,13 +63,14 @@ def citation_like(counts: tuple[int, ...] = CLASS) -> flightmech.SimModel:
         {"alpha": ALPHA, "beta": BETA, "delta_f": FLAP, "h_agl": HEIGHT},
     )
     leaves = {
-        "/CL/basic": make(5.0 * ALPHA + 0.2, one),
-        "/CD/basic": make(0.03 + 0.8 * ALPHA**2, one),
-        "/Cm/basic": make(-0.7 * ALPHA, one),
+        "/CL/basic": make_term(5.0 * ALPHA + 0.2, one),
+        "/CD/basic": make_term(0.03 + 0.8 * ALPHA**2, one),
+        "/Cm/basic": make_term(-0.7 * ALPHA, one),
     }
     steady = [("Cm", "qhat", -14.0), ("Cl", "phat", -0.45), ("Cn", "beta", 0.1)]
     leaves |= {
-        f"/{c}/{name}": make(np.full(len(ALPHA), value), one, [name]) for c, name, value in steady
+        f"/{c}/{name}": make_term(np.full(len(ALPHA), value), one, [name])
+        for c, name, value in steady
     }
     grids = [
         grid
@@ -87,10 +88,10 @@ def citation_like(counts: tuple[int, ...] = CLASS) -> flightmech.SimModel:
                 ("beta", "delta_f"),
             )
         )
-        leaves[f"/{SEQUENCE[i % 6]}/t{i:03d}"] = make(
+        leaves[f"/{SEQUENCE[i % 6]}/t{i:03d}"] = make_term(
             value, grid, REGRESSORS[i % len(REGRESSORS)], K1=factor
         )
-    thrust = make(
+    thrust = make_term(
         np.outer([300.0, 4500.0, 9000.0], [1.0, 0.8, 0.7]),
         {"throttle": [0.0, 0.6, 1.0], "mach": [0.0, 0.4, 0.8]},
     )

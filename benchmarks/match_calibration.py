@@ -162,7 +162,7 @@ def main() -> None:
         project, engine=None, controls={}, gear=None, ground_effect=None, errors=errors
     )
     aircraft = flightmech.read_aircraft(project.aircraft)
-    start = workflow.opened(project, workflow.a_priori(project, aircraft))
+    start = workflow.add_missing_terms(project, workflow.a_priori(project, aircraft))
     found = []
     for seed in seeds_of(given.seeds):
         here = given.validation / f"seed{seed}"

@@ -21,7 +21,7 @@ import xarray as xr
 from timing import best  # next to this file
 
 from flighttest.regression.equation_error.model import regressors
-from flighttest.regression.model_structure.candidates import Working, equations, monomials
+from flighttest.regression.model_structure.candidates import OrthogonalBasis, equations, monomials
 from flighttest.regression.model_structure.search import (
     GAIN,
     Rating,
@@ -95,7 +95,7 @@ def forward(data: xr.Dataset) -> list[str]:
     polynomial.
     """
     problem = equations("CL", CANDIDATES, data, None)
-    work = Working(problem.X, problem.z)
+    work = OrthogonalBasis(problem.X, problem.z)
     work.take(0)
     rate = Rating(problem)
     while True:

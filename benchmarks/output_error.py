@@ -36,7 +36,7 @@ from scipy.signal import lfilter, lsim
 import flightmech
 import flighttest
 from flightmech.errors import AeromatchWarning
-from flightmech.terms import make
+from flightmech.terms import make_term
 
 ALPHA, STEP = np.linspace(-0.15, 0.35, 11), 0.02
 OUTPUTS = {
@@ -57,14 +57,16 @@ HELD = {"mode.earth": 0.0, "init.h": 2000.0, "init.q": 0.0, "mode.engine": 2.0}
 def aeroplane() -> flightmech.SimModel:
     """Basic tables of lift, drag and pitching moment over alpha and 22 derivatives."""
     basic = {"CL": 0.25 + 5.0 * ALPHA, "CD": 0.025 + 0.9 * ALPHA**2, "Cm": 0.02 - 0.7 * ALPHA}
-    leaves = {f"/{c}/basic": make(value, {"alpha": ALPHA}) for c, value in basic.items()}
+    leaves = {f"/{c}/basic": make_term(value, {"alpha": ALPHA}) for c, value in basic.items()}
     leaves |= {
-        f"/{c}/{x}": make(value, regressors=[x])
+        f"/{c}/{x}": make_term(value, regressors=[x])
         for c, terms in DERIVATIVES.items()
         for x, value in terms.items()
     }
     engine = flightmech.aircraft.Engine(
-        (0.0, 0.0, 0.0), thrust=make([0.0, 9000.0], {"throttle": [0.0, 1.0]}), time_constant=0.5
+        (0.0, 0.0, 0.0),
+        thrust=make_term([0.0, 9000.0], {"throttle": [0.0, 1.0]}),
+        time_constant=0.5,
     )
     craft = flightmech.Aircraft(
         "trainer", 17.0, 1.67, 10.3, 2500.0, 10000.0, 8100.0, 15000.0, Ixz=500.0, engines=(engine,)

@@ -41,8 +41,8 @@ import flighttest
 from aeromatch.project.project import Project, read_project
 from aeromatch.workflow import steps as workflow
 from flighttest.flight_programme.planning.catalogue import read_catalogue
-from flighttest.flight_programme.planning.coverage import identified
-from flighttest.flight_programme.planning.plan import Plan, plan_of
+from flighttest.flight_programme.planning.coverage import identify_database
+from flighttest.flight_programme.planning.plan import ProgrammePlan, plan_of
 from flighttest.flight_programme.planning.prediction import predict, with_assumed
 
 ROOT = Path(__file__).parents[1]
@@ -158,7 +158,7 @@ def played(signal: xr.Dataset, share: float):
     return prepare
 
 
-def runs_of(plan: Plan) -> list[dict[str, Any]]:
+def runs_of(plan: ProgrammePlan) -> list[dict[str, Any]]:
     """Return the planned runs for the script, one per condition."""
     T, found = tool("t37_flight_test"), []
     conditions = {c.name: c for c in plan.prediction.catalogue.condition}
@@ -192,12 +192,12 @@ def runs_of(plan: Plan) -> list[dict[str, Any]]:
     return found
 
 
-def marks_of(plan: Plan, condition: str, manoeuvre: str) -> list[str]:
+def marks_of(plan: ProgrammePlan, condition: str, manoeuvre: str) -> list[str]:
     """Return what the script calls a manoeuvre in its records."""
     return list(plan.prediction.candidates[condition, manoeuvre].manoeuvre.marks) or [manoeuvre]
 
 
-def fits_of(plan: Plan) -> str:
+def fits_of(plan: ProgrammePlan) -> str:
     """Return the fits of the plan as sections of a project file."""
     records = {
         name: f"t37_{run['number']:02d}_{run['title']}"
@@ -244,7 +244,7 @@ def place_of(folder: Path, *flights: str) -> Path:
     return place
 
 
-def project_of(folder: Path, plan: Plan) -> Path:
+def project_of(folder: Path, plan: ProgrammePlan) -> Path:
     """Write the project of a planned programme: that of the example with other flights and fits."""
     place = place_of(folder, "shared", "planned")
     sections = re.split(r"(?m)^(?=\[)", (EXAMPLE / "aeromatch.toml").read_text(encoding="utf-8"))
@@ -292,7 +292,7 @@ def local_fits(project: Project, jobs: int) -> list[Any]:
     }
     windows = workflow.windows_of(project, records)
     data = workflow.coefficients_of(
-        project, aircraft, workflow.reconstructed(project, aircraft, records, jobs), windows
+        project, aircraft, workflow.reconstruct_records(project, aircraft, records, jobs), windows
     )
     return workflow.identify(project, data, windows)
 
@@ -300,12 +300,12 @@ def local_fits(project: Project, jobs: int) -> list[Any]:
 def before(project: Project) -> tuple[Any, xr.DataTree]:
     """Return aircraft and database as they are before the flights."""
     aircraft = flightmech.read_aircraft(project.aircraft)
-    return workflow.before_flight(project, aircraft), workflow.opened(
+    return workflow.before_flight(project, aircraft), workflow.add_missing_terms(
         project, workflow.a_priori(project, aircraft)
     )
 
 
-def planned(folder: Path, jobs: int) -> Plan:
+def planned(folder: Path, jobs: int) -> ProgrammePlan:
     """Return the plan, made when it is not there; it knows the fits of the runs that it does not
     change.
     """
@@ -336,12 +336,12 @@ def planned(folder: Path, jobs: int) -> Plan:
         file.write_bytes(
             pickle.dumps(plan_of(predict(catalogue, sim, aircraft, jobs), start, flown))
         )
-    found: Plan = pickle.loads(file.read_bytes())
+    found: ProgrammePlan = pickle.loads(file.read_bytes())
     return found
 
 
 def after_first(
-    plan: Plan, project: Project, fits: list[Any], first: int, jobs: int
+    plan: ProgrammePlan, project: Project, fits: list[Any], first: int, jobs: int
 ) -> dict[str, np.ndarray]:
     """Return the standard errors predicted after the first planned conditions, with what these have
     identified.
@@ -352,7 +352,7 @@ def after_first(
     flown = [fit for fit in fits if str(fit.name).split(":")[0] not in later]
     learnt = aerodb.tabulate(flown, start, catalogue.held)
     rest = [item for item in plan.items if item[0] in conditions[first:]]
-    sim = flightmech.compile(known, identified(learnt, start, catalogue))
+    sim = flightmech.compile(known, identify_database(learnt, start, catalogue))
     prediction = predict(catalogue, sim, flightmech.read_aircraft(project.aircraft), jobs, rest)
     return aerodb.update.Expectation(start, catalogue.held, learnt=learnt).stderr(
         [*flown, *prediction.fits(rest)]

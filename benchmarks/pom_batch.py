@@ -29,7 +29,7 @@ import flightmech
 import pom
 from flightmech.support.console import table
 from pom.fmu.process import close_all
-from pom.fmu.simulate import Models, fly
+from pom.fmu.simulate import Models, fly_job
 from pom.replaying.replay_case import OBSERVED, plan_of
 
 DURATION = 30.0
@@ -169,7 +169,7 @@ def foreign(plane: Any, folder: Path) -> None:
         "simulate_fmu": by_fmpy(
             runs["foreign"], plan.job, [name for name in model.links.outputs if name in wanted]
         ),
-        "flight in the child process": lambda: fly(model, plan.job, wanted, 60.0),
+        "flight in the child process": lambda: fly_job(model, plan.job, wanted, 60.0),
         "pom.replay: checked, flown, judged": lambda: pom.replay(case, runs, path),
     }
     seconds: dict[str, list[float]] = {name: [] for name in ways}

@@ -21,11 +21,11 @@ from scipy.signal import butter, lfilter, sosfiltfilt
 
 import flightmech
 import flighttest
-from flightmech.terms import make
+from flightmech.terms import make_term
 
 STEP = 0.02
 LIFT = {"1": 0.3, "alpha": 5.0, "qhat": 8.0, "delta_e": 0.5}
-MODEL = flighttest.Model("CL", list(LIFT))
+MODEL = flighttest.RegressionModel("CL", list(LIFT))
 BAND = (0.1, 1.0)
 
 
@@ -130,10 +130,12 @@ def flown() -> tuple[flightmech.Aircraft, xr.Dataset]:
     aircraft = flightmech.Aircraft(
         "jet", 17.0, 1.67, 10.3, 2500.0, 10000.0, 8100.0, 15000.0, Ixz=500.0
     )
-    leaves = {"/CD/zero": make(0.03), "/CD/alpha": make(0.25, regressors=["alpha"])}
+    leaves = {"/CD/zero": make_term(0.03), "/CD/alpha": make_term(0.25, regressors=["alpha"])}
     for coefficient, terms in TERMS.items():
         for k, (term, value) in enumerate(terms.items()):
-            leaves[f"/{coefficient}/t{k}"] = make(value, regressors=[] if term == "1" else [term])
+            leaves[f"/{coefficient}/t{k}"] = make_term(
+                value, regressors=[] if term == "1" else [term]
+            )
     sim = flightmech.compile(aircraft, xr.DataTree.from_dict(leaves))
     t = np.arange(0, 30.0, STEP)
     rng = np.random.default_rng(1)
@@ -176,7 +178,7 @@ def identify_flight(
         noisy[name] = clean[name] + 0.05 * float(clean[name].std()) * red(
             rng, clean.sizes["time"], 0.3
         )
-    model = flighttest.Model(coefficient, list(TERMS[coefficient]))
+    model = flighttest.RegressionModel(coefficient, list(TERMS[coefficient]))
     data = flighttest.coefficients(noisy, aircraft)
     return (
         flighttest.equation_error.regress_frequency(model, data, (0.09, 1.8))
@@ -185,7 +187,7 @@ def identify_flight(
     )
 
 
-def show(name: str, study: flighttest.equation_error.Study) -> None:
+def show(name: str, study: flighttest.equation_error.MonteCarlo) -> None:
     e = study.estimates
     white = float(e["coverage_white"].mean())
     worst = float(np.abs(e["bias"] / e["bias_stderr"]).max())
@@ -209,7 +211,7 @@ DEMANDED = {
 """Records on which two standard errors must cover 92 to 98 %; all terms of a model together."""
 
 
-def demanded(case: str, seeds: int, jobs: int) -> flighttest.equation_error.Study:
+def demanded(case: str, seeds: int, jobs: int) -> flighttest.equation_error.MonteCarlo:
     """Return the study of one case of `DEMANDED`."""
     durations, colour, spread, spoil = DEMANDED[case]
     work = functools.partial(

@@ -24,10 +24,10 @@ from scipy.linalg import expm
 
 from flightmech.support.console import table
 from pom.cases.case import PomCase
-from pom.cases.job import Job
+from pom.cases.job import ReplayJob
 from pom.judging.measures.modal import mode_table
 from pom.replaying.replay_case import assemble
-from pom.report.case.page import Heading, keys, packed_page
+from pom.report.case.page import CommonHeading, keys, packed_page
 from pom.report.page import PAGE, html_files
 from pom.result import PomResult
 from pom.tolerances import rows as tolerances
@@ -146,7 +146,7 @@ def result(number: int) -> PomResult:
     inputs = dict.fromkeys(
         ("delta_e", "delta_a", "delta_r", "delta_f", "gear"), np.zeros(t.size)
     ) | {control: size * pulse(kind)}
-    job = Job(
+    job = ReplayJob(
         t,
         inputs,
         {"init.theta": float(flight["theta"][0]), "mass.mass": 2800.0, "mass.Iyy": 4500.0},
@@ -200,7 +200,7 @@ def main() -> None:
     fitted = time.perf_counter()
     title = "Page of a large report"
     heading, named = (
-        Heading(title, "", len(results), {}, False),
+        CommonHeading(title, "", len(results), {}, False),
         zip(keys(results), results, modes, strict=True),
     )
     cases = [

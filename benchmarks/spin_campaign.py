@@ -20,11 +20,11 @@ import xarray as xr
 from spin_recording import as_recorded
 
 from flightmech.errors import IdentificationError, UnknownName
-from flighttest.reconstruction.dynamics.force_coefficients import between, coefficients
+from flighttest.reconstruction.dynamics.force_coefficients import coefficients, select_time
 from flighttest.reconstruction.smoother import reconstruct
 from flighttest.regression.combining.pooling import pool
 from flighttest.regression.equation_error.fit import Fit
-from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
 from flighttest.special_tests.spin.polynomial_models import Polynomial
 from flighttest.special_tests.spin.rotation_rates import reconstruct_steep, spin_variables
@@ -132,16 +132,18 @@ def measured_variables(
     """
     path = reconstruct_steep(record, aircraft) if steep else reconstruct(record, aircraft)
     data = spin_variables(coefficients(path, aircraft, errors, cutoff), aircraft)
-    return between(data, *window)
+    return select_time(data, *window)
 
 
-def fit_run(data: xr.Dataset, models: Mapping[str, Model], name: str = "") -> dict[str, Fit]:
+def fit_run(
+    data: xr.Dataset, models: Mapping[str, RegressionModel], name: str = ""
+) -> dict[str, Fit]:
     """Return one fit per coefficient of one run; errors as in `regress`."""
     return {coefficient: regress(model, data, name) for coefficient, model in models.items()}
 
 
 def predictions(
-    data: xr.Dataset, models: Mapping[str, tuple[Model, np.ndarray]]
+    data: xr.Dataset, models: Mapping[str, tuple[RegressionModel, np.ndarray]]
 ) -> dict[str, np.ndarray]:
     """Return the coefficients that fitted models give along a run, coefficient to array (time,)."""
     return {
@@ -173,7 +175,9 @@ class Recovery:
         """Number of terms within two sigma of the published value."""
         return int(self.table["inside"].sum())
 
-    def models(self, structure: Mapping[str, Model]) -> dict[str, tuple[Model, np.ndarray]]:
+    def models(
+        self, structure: Mapping[str, RegressionModel]
+    ) -> dict[str, tuple[RegressionModel, np.ndarray]]:
         """Return the medians as fitted models, coefficient to (Model, estimates)."""
         return {
             c: (model, np.array([self.table.loc[(c, term), "median"] for term in model.terms]))

@@ -30,7 +30,7 @@ from spin_recording import draw_errors
 
 import flightmech
 from flighttest.flight_programme.input_design.input_shapes import InputAxis, multisine
-from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.uncertainty.significance import validation_report, validation_table
 from flighttest.special_tests.spin.polynomial_models import (
     Polynomial,
@@ -69,7 +69,7 @@ class Condition:
     inputs: tuple[xr.Dataset, xr.Dataset]  # identification, validation
 
     @property
-    def models(self) -> dict[str, Model]:
+    def models(self) -> dict[str, RegressionModel]:
         return {coefficient: polynomial.model for coefficient, polynomial in self.published.items()}
 
 
@@ -140,7 +140,7 @@ def without(
     model, estimates, sigma = polynomials[coefficient]
     kept = [k for k, name in enumerate(model.terms) if name != term]
     shorter = Polynomial(
-        Model(coefficient, [model.terms[k] for k in kept], model.reference),
+        RegressionModel(coefficient, [model.terms[k] for k in kept], model.reference),
         estimates[kept],
         sigma[kept],
     )

@@ -21,7 +21,7 @@ import xarray as xr
 
 import flighttest
 from flightmech.support.atomic_write import written_atomically
-from flightmech.terms import make
+from flightmech.terms import make_term
 
 _COLUMNS = {
     "h": "h_agl",
@@ -69,7 +69,7 @@ def engine(folder: Path) -> dict:
     )
     a_priori = pd.read_csv(folder / "apriori_deck.csv")
     mach = [float(name.rpartition("_M")[2]) for name in a_priori.columns[1:]]
-    prior = make(
+    prior = make_term(
         1e3 * a_priori.iloc[:, 1:].values,
         {"corrected_n1": a_priori.iloc[:, 0].values / 100.0, "mach": mach},
     )
@@ -105,7 +105,7 @@ def ground_effect(folder: Path) -> dict:
     """Return k and s of what is identified, and the names of what is not."""
     data = [_over_runway(pd.read_csv(file)) for file in sorted(folder.glob("*.csv.gz"))]
     found = flighttest.identify_ground_effect(
-        [flighttest.Model.parse(text) for text in _COEFFICIENTS], data
+        [flighttest.RegressionModel.parse(text) for text in _COEFFICIENTS], data
     )
     print(found.report([2.0, 3.0, 8.5]))
     answers: dict = {

@@ -329,7 +329,7 @@ def main() -> None:
         ground_effect=None,
     )
     aircraft = flightmech.read_aircraft(project.aircraft)
-    start = workflow.opened(project, workflow.a_priori(project, aircraft))
+    start = workflow.add_missing_terms(project, workflow.a_priori(project, aircraft))
     ways = list(workflow.WAYS) if given.way == "all" else [given.way]
     found, truth = {way: [] for way in ways}, {}
     for seed in seeds_of(given.seeds):

@@ -13,7 +13,7 @@ from timing import best  # next to this file
 
 import flightmech
 from flightmech.simulation.kernel import Simulation
-from flightmech.terms import make
+from flightmech.terms import make_term
 
 AXES = {
     "alpha": np.linspace(-0.2, 0.4, 20),
@@ -26,7 +26,7 @@ def model(value: np.ndarray, tables: int) -> flightmech.SimModel:
     craft = flightmech.Aircraft("bench", 30.0, 2.0, 15.9, 5000.0, 15000.0, 22000.0, 34000.0)
     return flightmech.compile(
         craft,
-        xr.DataTree.from_dict({f"/CL/t{i:02d}": make(value + i, AXES) for i in range(tables)}),
+        xr.DataTree.from_dict({f"/CL/t{i:02d}": make_term(value + i, AXES) for i in range(tables)}),
     )
 
 

@@ -17,7 +17,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "examples" / "flapp
 import tunnel
 
 from flighttest.regression.equation_error.frequency_domain import regress_frequency
-from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
 from flighttest.regression.model_structure.candidates import monomials
 from flighttest.regression.model_structure.search import select_stepwise
@@ -47,8 +47,11 @@ def main(campaigns: int) -> None:
                 tunnel.record(100 + 2 * k + i, speed, *wrong).to_csv(path, index=False)
                 data.append(balance_coefficients(path, setup))
             for name, truth in TRUE.items():
-                candidates, model = monomials(["alpha", "beta"], 4), Model(name, list(truth))
-                clean = without_nuisance(data, Model(name, candidates), setup)
+                candidates, model = (
+                    monomials(["alpha", "beta"], 4),
+                    RegressionModel(name, list(truth)),
+                )
+                clean = without_nuisance(data, RegressionModel(name, candidates), setup)
                 for domain, band in (("time", None), ("frequency", BAND)):
                     terms = select_stepwise(name, candidates, clean, band, gain=0.0).fit.model.terms
                     hits[name, domain] = hits.get((name, domain), 0) + (

@@ -26,7 +26,7 @@ import vehicle as truth
 
 from flightmech.errors import IdentificationError
 from flighttest.regression.equation_error.frequency_domain import regress_frequency
-from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
 from flighttest.regression.model_structure.search import select_stepwise
 from flighttest.special_tests.multibody.extraction import air_loads
@@ -91,7 +91,7 @@ def _found(seed: int) -> dict[str, dict]:
             data.append(air_loads(fit_tree_motion(tree, positions), commands))
     found: dict[str, dict] = {}
     for name, true in TRUE.items():
-        model = Model(name, list(true))
+        model = RegressionModel(name, list(true))
         fits = {
             "time": regress(model, data),
             "frequency": regress_frequency(model, data, BAND, weights="spectrum"),

@@ -21,7 +21,7 @@ import uvicorn
 import xarray as xr
 from playwright.sync_api import sync_playwright
 
-from aeromatch.workbench.opened import Opened
+from aeromatch.workbench.opened import OpenProject
 from aeromatch.workbench.server import Workbench
 from flightmech.names import VOCABULARY, attrs
 from flighttest.records.files import save_record
@@ -101,7 +101,7 @@ def main() -> None:
         (project / "aeromatch.toml").write_text(PROJECT, encoding="utf-8")
         size = (project / "flight" / "z_long_flight.nc").stat().st_size / 1e6
         print(f"{MINUTES} min, {CHANNELS} channels at {rate:g} Hz, {size:.0f} MB")
-        bench = Workbench(Opened(project / "aeromatch.toml", Path(folder) / "work"))
+        bench = Workbench(OpenProject(project / "aeromatch.toml", Path(folder) / "work"))
         bench.socket.listen(64)
         server = uvicorn.Server(uvicorn.Config(bench.app(), log_level="warning"))
         thread = threading.Thread(

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from datcom_io.printout.content import Message, Page, PrintedCase
+from datcom_io.printout.content import ListingMessage, Page, PrintedCase
 from flightmech.errors import ParseError, SchemaError, UnknownName
 
 if TYPE_CHECKING:
@@ -150,7 +150,7 @@ class Listing:
     runs: int = 0
     line_count: int = 0
     unread: list[int] = field(default_factory=list)
-    own_messages: list[Message] = field(default_factory=list)
+    own_messages: list[ListingMessage] = field(default_factory=list)
     cases: list[Case] = field(default_factory=list)
 
     @property
@@ -171,7 +171,7 @@ class Listing:
         return [page for page in self.pages if not page.parsed]
 
     @property
-    def messages(self) -> list[Message]:
+    def messages(self) -> list[ListingMessage]:
         """All messages, of the file and of its cases, by line."""
         return sorted(
             [*self.own_messages, *(message for case in self.cases for message in case.messages)]

@@ -31,7 +31,7 @@ COEFFICIENTS = (
 )  # that a term may depend on, as far as its model has them
 
 
-def made_of(force_axes: str) -> dict[str, tuple[str, ...]]:
+def coefficient_inputs(force_axes: str) -> dict[str, tuple[str, ...]]:
     """Return the coefficients that terms of a model may depend on, and those of the model that each
     is made of.
 
@@ -44,20 +44,22 @@ def made_of(force_axes: str) -> dict[str, tuple[str, ...]]:
     return found | {"CL": ("CX", "CZ"), "CD": ("CX", "CZ")} if force_axes == "body" else found
 
 
-def used(leaf: xr.Dataset) -> set[str]:
+def used_coefficients(leaf: xr.Dataset) -> set[str]:
     """Return the coefficients among the variables of a term."""
     return variables(leaf) & set(COEFFICIENTS)
 
 
-def needed(leaf: xr.Dataset, force_axes: str) -> set[str]:
+def required_coefficients(leaf: xr.Dataset, force_axes: str) -> set[str]:
     """Return the coefficients of the model whose terms have to be summed before a term is
     evaluated.
     """
-    known = made_of(force_axes)
-    return {part for name in used(leaf) for part in known.get(name, ())}
+    known = coefficient_inputs(force_axes)
+    return {part for name in used_coefficients(leaf) for part in known.get(name, ())}
 
 
-def levels(leaves: Mapping[str, xr.Dataset], force_axes: str) -> tuple[dict[str, int], list[str]]:
+def evaluation_levels(
+    leaves: Mapping[str, xr.Dataset], force_axes: str
+) -> tuple[dict[str, int], list[str]]:
     """Return the level of each coefficient and what stands against an order.
 
     Parameters
@@ -74,15 +76,15 @@ def levels(leaves: Mapping[str, xr.Dataset], force_axes: str) -> tuple[dict[str,
     problems : list of str
         Coefficients that the model does not have, and the first loop.
     """
-    known = made_of(force_axes)
+    known = coefficient_inputs(force_axes)
     problems = [
         f"{name}: depends on {word}, which a model with force_axes {force_axes} does not have; allowed: {', '.join(known)}"
         for name, leaf in leaves.items()
-        for word in sorted(used(leaf) - set(known))
+        for word in sorted(used_coefficients(leaf) - set(known))
     ]
     graph: dict[str, dict[str, str]] = {}
     for name, leaf in leaves.items():
-        for part in sorted(needed(leaf, force_axes)):
+        for part in sorted(required_coefficients(leaf, force_axes)):
             graph.setdefault(name.split("/")[0], {}).setdefault(part, name)
     own = dict.fromkeys((*FORCES[force_axes], *_MOMENTS), 0)
     loop = next((found for name in own if (found := _loop(graph, [name]))), [])
@@ -96,9 +98,9 @@ def levels(leaves: Mapping[str, xr.Dataset], force_axes: str) -> tuple[dict[str,
     return {name: _level(graph, name) for name in own}, []
 
 
-def level(leaf: xr.Dataset, of: Mapping[str, int], force_axes: str) -> int:
+def term_level(leaf: xr.Dataset, of: Mapping[str, int], force_axes: str) -> int:
     """Return the level of a term, given those of the coefficients: 0 when it depends on none."""
-    return max((of[part] + 1 for part in needed(leaf, force_axes)), default=0)
+    return max((of[part] + 1 for part in required_coefficients(leaf, force_axes)), default=0)
 
 
 def _loop(graph: Mapping[str, Mapping[str, str]], path: list[str]) -> list[str]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from flightmech.support.console import InputFile, NewFile, brief, json_option, progress
+from flightmech.support.console import InputFile, NewFile, json_option, progress, shorten_text
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -38,7 +38,7 @@ _SHOWN = (
 )
 
 
-class Pair(click.ParamType):
+class NameValue(click.ParamType):
     """NAME=VALUE."""
 
     name = "NAME=VALUE"
@@ -66,7 +66,7 @@ class Pair(click.ParamType):
     "--fix",
     "fixed",
     multiple=True,
-    type=Pair(),
+    type=NameValue(),
     help="Fixed quantity as NAME=VALUE, such as V='175 kt', h='5000 ft', phi='30 deg' or engine1.failed=1; may be repeated.",
 )
 @click.option(
@@ -92,7 +92,7 @@ def trim(
     from flightmech.simulation.compiler import compile_files
     from flightmech.steady_flight.trim_search import start_of
     from flightmech.steady_flight.trim_search import trim as search
-    from flightmech.support.console import document
+    from flightmech.support.console import print_json
 
     with progress("compile the model, search the steady flight"):
         sim = compile_files(aircraft, database)
@@ -107,7 +107,7 @@ def trim(
     if as_json:
         outputs = {str(name): float(item) for name, item in found.items() if not item.dims}
         parts = {name: found[name].to_series().to_dict() for name in ("found", "left")}
-        document({**found.attrs, **parts, "outputs": outputs, "start": start_of(found)})
+        print_json({**found.attrs, **parts, "outputs": outputs, "start": start_of(found)})
     else:
         _print(sim, found)
     ctx.exit(0 if found.attrs["converged"] else 1)
@@ -226,7 +226,7 @@ _HEADING = re.compile(r"^\s*([A-Za-z_0-9.*]+)\s*(?:\[([^\]]*)\])?\s*$")
     "--set",
     "given",
     multiple=True,
-    type=Pair(),
+    type=NameValue(),
     help="Parameter or constant input: init.V='175 kt', mode.trim=2, gear=1 ...",
 )
 @click.option(
@@ -256,7 +256,7 @@ def simulate(
     """Fly AIRCRAFT (TOML) with DATABASE (netCDF) under recorded inputs and write the history."""
     from flightmech.simulation.compiler import compile_files
     from flightmech.simulation.run import simulate as fly
-    from flightmech.support.console import document
+    from flightmech.support.console import print_json
 
     if terms and Path(output).suffix == ".csv":
         raise click.UsageError("--terms needs a netCDF file; name it .nc")
@@ -272,7 +272,7 @@ def simulate(
         "out_of_range": found.attrs["out_of_range"],
     }
     if as_json:
-        document(summary)
+        print_json(summary)
         return
     click.echo(
         f"{summary['samples']} samples of {summary['outputs']} outputs; tables left: {summary['out_of_range'] or 'none'}"
@@ -368,7 +368,7 @@ def write(aircraft: str, database: str, output: str, version: str, as_json: bool
     """Compile AIRCRAFT (TOML) with DATABASE (netCDF) and write the model as an FMU."""
     from flightmech.fmu_export.fmu_file import write_fmu
     from flightmech.simulation.compiler import compile_files
-    from flightmech.support.console import document
+    from flightmech.support.console import print_json
 
     with progress("compile the model, write the FMU"):
         sim = compile_files(aircraft, database)
@@ -380,7 +380,7 @@ def write(aircraft: str, database: str, output: str, version: str, as_json: bool
         "terms": len(sim.terms),
     }
     if as_json:
-        document({"file": str(path), "fmi": version, "bytes": path.stat().st_size, **counts})
+        print_json({"file": str(path), "fmi": version, "bytes": path.stat().st_size, **counts})
     else:
         click.echo(
             f"FMI {version}, {', '.join(f'{count} {what}' for what, count in counts.items())}, {path.stat().st_size} bytes"
@@ -391,15 +391,15 @@ def write(aircraft: str, database: str, output: str, version: str, as_json: bool
 @fmu.command()
 @click.argument("path", metavar="FMU", type=InputFile())
 @json_option
-@brief()
+@shorten_text()
 def show(path: str, as_json: bool) -> None:
     """Show the variables of an FMU of any vendor, and what the standard's check finds."""
     from flightmech.fmu_export.fmu_file import read_fmu
-    from flightmech.support.console import document, remark, table
+    from flightmech.support.console import print_json, print_remark, table
 
     found = read_fmu(path)
     if as_json:
-        document(found)
+        print_json(found)
         return
     columns = ("name", "causality", "variability", "unit", "start", "description")
     rows = [
@@ -413,11 +413,11 @@ def show(path: str, as_json: bool) -> None:
         right=("start",),
     )
     if not found["runs_here"]:
-        remark(
+        print_remark(
             f"no library for this platform, {found['platform']}; the FMU runs on {', '.join(found['platforms']) or 'none'}"
         )
     for finding in found["findings"]:
-        remark(f"finding: {finding}")
+        print_remark(f"finding: {finding}")
 
 
 fmu.add_command(trim)

@@ -72,7 +72,7 @@ class _Marked(Protocol):
     attrs: dict
 
 
-class Power(NamedTuple):
+class PowerFactor(NamedTuple):
     """The factor max(variable, floor) ** exponent of a term; `floor` is positive, in the unit of
     the variable.
     """
@@ -91,7 +91,7 @@ class Power(NamedTuple):
         return f"max({self.variable}, {self.floor:.12g})^{self.exponent:.12g}"
 
 
-def make(
+def make_term(
     value,
     axes: Mapping[str, Any] | None = None,
     regressors: Sequence[str] = (),
@@ -100,7 +100,7 @@ def make(
     source: str | None = None,
     K1: xr.DataArray | None = None,
     K2: xr.DataArray | None = None,
-    power: Power | None = None,
+    power: PowerFactor | None = None,
     outside: str = "hold",
     **text: str,
 ) -> xr.Dataset:
@@ -168,11 +168,11 @@ def regressors(leaf: _Marked) -> tuple[str, ...]:
     return tuple(str(leaf.attrs.get("regressors", "")).split())
 
 
-def power(leaf: _Marked) -> Power | None:
+def power(leaf: _Marked) -> PowerFactor | None:
     """Return the power factor of a leaf, or None."""
     if not leaf.attrs.get("power"):
         return None
-    return Power(
+    return PowerFactor(
         str(leaf.attrs["power"]), float(leaf.attrs["exponent"]), float(leaf.attrs["floor"])
     )
 
@@ -190,7 +190,7 @@ def multipliers(leaf: xr.Dataset) -> tuple[str, ...]:
     return tuple(sorted((*regressors(leaf), *(() if factor is None else (str(factor),)))))
 
 
-def bare(leaf: xr.Dataset) -> xr.Dataset:
+def without_multipliers(leaf: xr.Dataset) -> xr.Dataset:
     """Return a leaf without regressors and power factor: its tables alone."""
     attributes = {
         key: item for key, item in leaf.attrs.items() if key not in ("power", "exponent", "floor")

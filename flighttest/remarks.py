@@ -51,18 +51,18 @@ class Remark:
         return asdict(self)
 
 
-def barred(remarks: Iterable[Remark]) -> bool:
+def is_forbidden(remarks: Iterable[Remark]) -> bool:
     """Return whether a remark forbids the use of a figure."""
     return any(remark.severity == "error" for remark in remarks)
 
 
-def lines(remarks: Iterable[Remark]) -> list[str]:
+def remark_lines(remarks: Iterable[Remark]) -> list[str]:
     """Return the remarks as lines of a report: ``!!`` where a figure must not be used, ``!``
     otherwise.
     """
     return [f"{'!!' if remark.severity == 'error' else '!'} {remark.text}" for remark in remarks]
 
 
-def documents(remarks: Iterable[Remark]) -> list[dict[str, Any]]:
+def remarks_to_json(remarks: Iterable[Remark]) -> list[dict[str, Any]]:
     """Return the remarks for JSON."""
     return [remark.as_dict() for remark in remarks]

@@ -31,4 +31,4 @@ from .replaying.batch import replay_all as replay_all
 from .replaying.replay_case import replay as replay
 from .report.writer import write_report as write_report
 from .result import PomResult as PomResult
-from .samples import Samples as Samples
+from .samples import SampledReplay as SampledReplay

@@ -18,10 +18,10 @@ import pandas as pd
 import xarray as xr
 
 from flightmech.errors import UnknownName
-from flightmech.support.console import plain
-from flightmech.support.figures import displayed, html_table, new_figure
+from flightmech.support.console import to_json_types
+from flightmech.support.figures import html_table, new_figure, to_display_unit
 from pom.cases.case import PomCase
-from pom.samples import Samples
+from pom.samples import SampledReplay
 from pom.tolerances.bands import row_remarks
 
 if TYPE_CHECKING:
@@ -59,10 +59,10 @@ def result_figure(
     axes = figure.subplots(len(channels), 1, sharex=True, squeeze=False)[:, 0]
     time = signals["time"].values
     for ax, name in zip(axes, channels, strict=True):
-        flight, unit = displayed(name, signals[name].sel(run="flight").values)
+        flight, unit = to_display_unit(name, signals[name].sel(run="flight").values)
         if name in tolerance:
             low, high = (
-                displayed(
+                to_display_unit(
                     name, signals[name].sel(run="flight").values + sign * tolerance[name].values
                 )[0]
                 for sign in (-1, 1)
@@ -79,7 +79,7 @@ def result_figure(
         ax.plot(time, flight, color="black", linewidth=1.2, label="flight")
         models = [str(run) for run in signals["run"].values if run != "flight"]
         for number, run in enumerate(models):
-            model, _ = displayed(name, signals[name].sel(run=run).values)
+            model, _ = to_display_unit(name, signals[name].sel(run=run).values)
             ax.plot(time, model, color=_COLOURS[number % len(_COLOURS)], linewidth=1.0, label=run)
         ax.set_ylabel(f"{name} [{unit}]")
         ax.grid(linewidth=0.3)
@@ -185,7 +185,7 @@ class PomResult:
     trim: pd.DataFrame
     verdict: pd.DataFrame
     failure: str = ""
-    samples: Mapping[str, Samples] = field(default_factory=dict)
+    samples: Mapping[str, SampledReplay] = field(default_factory=dict)
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what another process gets: the fields, and what was made `once`."""
@@ -307,7 +307,7 @@ class PomResult:
         """Return the whole result as one JSON document; NaN becomes null, samples keep nine
         significant digits.
         """
-        return json.dumps(plain(self._document()), ensure_ascii=False)
+        return json.dumps(to_json_types(self._document()), ensure_ascii=False)
 
     def _document(self) -> dict[str, Any]:
         return {
@@ -344,7 +344,7 @@ class PomResult:
             verdict=verdict_table(item["verdict"]),
             failure=item["failure"],
             samples={
-                run: Samples.of_document(one, _dataset_from_dict(one["fan"]))
+                run: SampledReplay.of_document(one, _dataset_from_dict(one["fan"]))
                 for run, one in item.get("samples", {}).items()
             },
         )

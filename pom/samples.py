@@ -19,7 +19,7 @@ QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
 
 
 @dataclass(frozen=True)
-class Samples:
+class SampledReplay:
     """One model against the flights that draws of the aeroplane, from the posterior of its database
     and of the instruments, give in a case.
 
@@ -136,7 +136,7 @@ class Samples:
         }
 
     @classmethod
-    def of_document(cls, item: Mapping[str, Any], fan: xr.Dataset) -> Samples:
+    def of_document(cls, item: Mapping[str, Any], fan: xr.Dataset) -> SampledReplay:
         """Rebuild samples from `document` and their fan."""
         return cls(
             int(item["seed"]),

@@ -95,7 +95,10 @@ def planned(tmp_path_factory):
         read_project(PROJECT), engine=None, controls={}, gear=None, ground_effect=None
     )
     aircraft = flightmech.read_aircraft(project.aircraft)
-    aerodb.save(workflow.opened(project, workflow.a_priori(project, aircraft)), folder / "prior.nc")
+    aerodb.save(
+        workflow.add_missing_terms(project, workflow.a_priori(project, aircraft)),
+        folder / "prior.nc",
+    )
     (folder / "catalogue.toml").write_text(CATALOGUE, encoding="utf-8")
     files = [
         "--aircraft",

@@ -58,14 +58,15 @@ def path(aircraft):
 
 @pytest.fixture(scope="module")
 def fits(path, aircraft):
-    data = flighttest.between(flighttest.coefficients(path, aircraft, cutoff=4.0), *IDENTIFIED)
+    data = flighttest.select_time(flighttest.coefficients(path, aircraft, cutoff=4.0), *IDENTIFIED)
     models = (
         "CL = 1 + alpha + qhat + delta_e",
         "CD = 1 + alpha + alpha**2",
         "Cm = 1 + alpha + qhat + delta_e",
     )
     return [
-        flighttest.regress(flighttest.Model.parse(model), data, name="3211") for model in models
+        flighttest.regress(flighttest.RegressionModel.parse(model), data, name="3211")
+        for model in models
     ]
 
 

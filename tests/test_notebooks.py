@@ -15,7 +15,7 @@ import flightmech
 from aeromatch.cli.verbs import example_folder
 from flightmech.errors import IdentificationError
 from flightmech.support.figures import html_table
-from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
 
 NOTEBOOKS = sorted((Path(__file__).parents[1] / "docs" / "notebooks").glob("*.ipynb"))
@@ -80,7 +80,7 @@ def test_a_fit_shows_itself():
     )
     data["CL"] = 0.3 + 5.0 * data["alpha"] + xr.DataArray(rng.normal(0.0, 0.01, 200), dims="time")
     fit = regress(
-        Model.parse("CL = 1 + alpha"),
+        RegressionModel.parse("CL = 1 + alpha"),
         [data, data.assign_coords(time=data["time"] + 50.0)],
         name="twice",
     )

@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from flightmech.support.console import InputFile, NewFile, document, json_option, progress, table
+from flightmech.support.console import InputFile, NewFile, json_option, print_json, progress, table
 
 _FILE = InputFile()
 
@@ -87,7 +87,7 @@ def characteristics(
         click.echo(found.report())
         return
     curves = {"trim": found.trim, "polar": found.polar, "performance": found.performance}
-    document(
+    print_json(
         {
             "title": found.title,
             "condition": found.condition,
@@ -158,7 +158,7 @@ def rescale(
     save(tree, output)
     flightmech.write_aircraft(craft, aircraft_output)
     if as_json:
-        document(
+        print_json(
             {
                 "file": output,
                 "aircraft": aircraft_output,
@@ -214,7 +214,7 @@ def scheme(coefficient: str | None, as_json: bool) -> None:
             raise UnknownName(coefficient, known, "coefficient")
         rows = {name: row for name, row in rows.items() if name.split("/")[0] == coefficient}
     if as_json:
-        document([{"term": name, **row} for name, row in rows.items()])
+        print_json([{"term": name, **row} for name, row in rows.items()])
         return
     head = ["term", "K1", "axes", "times", "LR-743", "meaning", "from DATCOM", "identified (4.5)"]
     table(head, [[name, *(text or "-" for text in row.values())] for name, row in rows.items()])

@@ -10,10 +10,10 @@ import click
 from flightmech.support.console import (
     InputFile,
     NewFile,
-    document,
     json_option,
+    print_json,
+    print_remark,
     progress,
-    remark,
     table,
 )
 
@@ -93,9 +93,9 @@ def compare(
                 )
             ]
     for text in notes:
-        remark(text)
+        print_remark(text)
     if as_json:
-        document(
+        print_json(
             {
                 "a": first,
                 "b": second,
@@ -321,7 +321,7 @@ def figures(
             sources=sources,
         )
     if as_json:
-        document(
+        print_json(
             {
                 "folder": str(output),
                 "figures": [{**one._asdict(), "file": one.file and str(one.file)} for one in made],

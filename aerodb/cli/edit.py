@@ -11,10 +11,10 @@ import click
 from flightmech.support.console import (
     InputFile,
     NewFile,
-    brief,
-    document,
     json_option,
-    remark,
+    print_json,
+    print_remark,
+    shorten_text,
     table,
 )
 
@@ -37,7 +37,7 @@ _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _NUMBERS = re.compile(rf"^\s*((?:{_NUMBER}[\s,]+)*{_NUMBER})\s*(.*?)\s*$")
 
 
-class Axis(click.ParamType):
+class AxisOption(click.ParamType):
     """AXIS='numbers unit', such as alpha='-4 0 4 8 deg'; without a unit SI."""
 
     name = "AXIS='NUMBERS UNIT'"
@@ -74,7 +74,7 @@ _axis = click.option(
     "axes",
     multiple=True,
     required=True,
-    type=Axis(),
+    type=AxisOption(),
     help="Breakpoints, such as alpha='-4 0 4 8 deg'.",
 )
 
@@ -88,7 +88,7 @@ def _by(words: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
         click.option("--by", required=True, type=Numbers(), help=words),
         click.option(
             "--over",
-            type=Axis(),
+            type=AxisOption(),
             help="Axis and breakpoints of several numbers, such as alpha='0 8 deg'.",
         ),
         click.option(
@@ -144,7 +144,7 @@ def shift(
     "--at",
     "places",
     multiple=True,
-    type=Axis(),
+    type=AxisOption(),
     help="A breakpoint, such as alpha='4 deg'; an axis left out means all of its nodes.",
 )
 @click.option("--value", required=True, type=float, help="The number, in the unit of the table.")
@@ -196,7 +196,7 @@ def regrid(
     "--axis",
     "axes",
     required=True,
-    type=Axis(),
+    type=AxisOption(),
     help="Breakpoints beyond the table, such as alpha='24 28 deg'.",
 )
 @click.option(
@@ -339,7 +339,7 @@ def delete(file: str, names: tuple[str, ...], note: str, output: str) -> None:
 @click.pass_obj
 def replace(file: str, other: str, names: tuple[str, ...], note: str, output: str) -> None:
     """Take terms from the database OTHER, in place of those of the same name or in addition."""
-    from aerodb.edit.table_edits import matching, replace_terms
+    from aerodb.edit.table_edits import match_names, replace_terms
     from aerodb.store.files import open
     from aerodb.store.schema import terms
 
@@ -349,7 +349,7 @@ def replace(file: str, other: str, names: tuple[str, ...], note: str, output: st
         file,
         output,
         lambda db: replace_terms(
-            db, {name: theirs[name] for name in matching(second, names)}, note
+            db, {name: theirs[name] for name in match_names(second, names)}, note
         ),
     )
 
@@ -357,7 +357,7 @@ def replace(file: str, other: str, names: tuple[str, ...], note: str, output: st
 @click.command()
 @click.argument("file", type=_FILE)
 @json_option
-@brief()
+@shorten_text()
 def history(file: str, as_json: bool) -> None:
     """Show the edits of a database; numbered ones can be undone."""
     from aerodb.store.files import list_edits
@@ -365,7 +365,7 @@ def history(file: str, as_json: bool) -> None:
 
     rows = list_edits(file)
     if as_json:
-        document(
+        print_json(
             [{"line": line, **dict(zip(COLUMNS, row))} for line, row in enumerate(rows, start=1)]
         )
         return
@@ -385,7 +385,7 @@ def history(file: str, as_json: bool) -> None:
 @_output
 def previous(file: str, steps: int, number: int | None, output: str) -> None:
     """Write the database as it was before its last edits."""
-    from aerodb.store.undo_history import previous as before
+    from aerodb.store.undo_history import undo_edits as before
 
     _write(file, output, lambda db: before(db, steps, number), show_change=False)
 
@@ -395,7 +395,7 @@ def previous(file: str, steps: int, number: int | None, output: str) -> None:
 @_output
 def forget(file: str, output: str) -> None:
     """Write the database without its undo history, for a release."""
-    from aerodb.store.undo_history import forget as forgotten
+    from aerodb.store.undo_history import drop_undo_history as forgotten
 
     _write(file, output, forgotten, show_change=False)
 
@@ -413,7 +413,7 @@ def _write(file: str, output: str, work: Any, show_change: bool = True) -> None:
     save(tree, output)
     for warning in caught:
         if issubclass(warning.category, AeromatchWarning):
-            remark(f"warning: {warning.message}")
+            print_remark(f"warning: {warning.message}")
     if show_change:
         click.echo(str(tree.attrs["history"]).rsplit("\n", 1)[-1])
     click.echo(f"written: {output}")

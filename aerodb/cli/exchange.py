@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from aerodb.cli.edit import Axis
+from aerodb.cli.edit import AxisOption
 from flightmech.errors import AeromatchWarning
-from flightmech.support.console import InputFile, NewFile, document, json_option, remark
+from flightmech.support.console import InputFile, NewFile, json_option, print_json, print_remark
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -45,7 +45,7 @@ sample_option = click.option(
 grid_option = click.option(
     "--grid",
     multiple=True,
-    type=Axis(),
+    type=AxisOption(),
     help="Samples of an axis: a range such as alpha='-10 30 deg'; for daveml also the breakpoints themselves.",
 )
 
@@ -106,7 +106,7 @@ def imported(fmt: str, file: str, options: Mapping[str, Any]) -> xr.DataTree:
         tree = _function(_IMPORTS[fmt])(file, **options)
     for warning in caught:
         if issubclass(warning.category, AeromatchWarning):
-            remark(f"warning: {warning.message}")
+            print_remark(f"warning: {warning.message}")
     return tree
 
 
@@ -189,7 +189,7 @@ def export_database(
     if fmt in _TABLES_ONLY:
         tree = _with_height_tables(tree, options.pop("height", _HIGHEST))
     _function(_EXPORTS[fmt])(tree, output, **options)
-    document({"file": output, "format": fmt}) if as_json else click.echo(f"written: {output}")
+    print_json({"file": output, "format": fmt}) if as_json else click.echo(f"written: {output}")
 
 
 def _with_height_tables(db: xr.DataTree, height: str) -> xr.DataTree:
@@ -210,7 +210,7 @@ def _with_height_tables(db: xr.DataTree, height: str) -> xr.DataTree:
     if not closed:
         return db
     top = quantity(height, "m")
-    remark(
+    print_remark(
         f"{len(closed)} terms with a formula over the height are written as tables up to {top:g} m"
     )
     leaves = terms(db)
@@ -230,15 +230,17 @@ def import_database(file: str, output: str, as_json: bool, **options: Any) -> No
     """Read a database from FILE, a folder of CSV files or a file of another program; the format is
     recognised by content.
     """
-    from aerodb.exchange.recognition import recognized
+    from aerodb.exchange.recognition import recognise_format
     from aerodb.store.files import save
     from aerodb.store.overview import describe, summary
 
-    fmt = recognized(Path(file))
+    fmt = recognise_format(Path(file))
     tree = imported(fmt, file, reader_options(fmt, **options))
     save(tree, output)
     if as_json:
-        document({"file": output, "format": fmt, "attributes": tree.attrs, "terms": describe(tree)})
+        print_json(
+            {"file": output, "format": fmt, "attributes": tree.attrs, "terms": describe(tree)}
+        )
     else:
         click.echo(summary(tree))
         print_sampled(tree)
@@ -321,14 +323,14 @@ def import_aircraft(
     the inertia file, and static thrust.
     """
     import flightmech
-    from aerodb.exchange.recognition import recognized
+    from aerodb.exchange.recognition import recognise_format
     from aerodb.store.files import save
     from aerodb.store.overview import describe, summary
     from flightmech.aircraft.writing import write_aircraft
 
     path = Path(output)
     _demand_new(path, force)
-    fmt = recognized(Path(file))
+    fmt = recognise_format(Path(file))
     if fmt not in ("jsbsim", "daveml"):
         raise click.UsageError(
             f"{file} is a file of the format {fmt}, which holds no aircraft; give a JSBSim or DAVE-ML file"
@@ -340,7 +342,7 @@ def import_aircraft(
     save(tree, path)
     written = write_aircraft(aircraft, path.with_suffix(".toml"))
     if as_json:
-        document(
+        print_json(
             {
                 "file": output,
                 "aircraft": str(written),

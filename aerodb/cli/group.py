@@ -12,17 +12,17 @@ from flightmech.support.console import (
     InputFile,
     LazyGroup,
     NewFile,
-    brief,
-    document,
     json_option,
+    print_json,
+    print_remark,
     progress,
-    remark,
+    shorten_text,
     table,
 )
 
 if TYPE_CHECKING:
-    from aerodb.prior.roles import Assignment
-    from datcom_io.reading.reader import Place
+    from aerodb.prior.roles import CaseRole
+    from datcom_io.reading.reader import ListingCase
 
 
 class ListingPath(click.ParamType):
@@ -32,7 +32,7 @@ class ListingPath(click.ParamType):
 
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> Place:
+    ) -> ListingCase:
         """Return file and case, empty for all cases."""
         from datcom_io.reading.reader import place_of
 
@@ -68,7 +68,7 @@ def read_all(places: Iterable[str]) -> list[Any]:
 
 
 def role_rows(
-    assigned: Iterable[Assignment], given: Collection[str]
+    assigned: Iterable[CaseRole], given: Collection[str]
 ) -> list[tuple[str, str, str, str, str]]:
     """Return file, number and name of each case, its roles less those that are given by options,
     and why.
@@ -180,7 +180,7 @@ def build(
     move_reference: bool,
     output: str,
     as_json: bool,
-    **listings: tuple[Place, ...],
+    **listings: tuple[ListingCase, ...],
 ) -> None:
     """Build a database from the listings of AIRCRAFT (a TOML file).
 
@@ -235,9 +235,9 @@ def build(
     ]
     save(tree, output)
     for text in messages:
-        remark(f"warning: {text}")
+        print_remark(f"warning: {text}")
     if as_json:
-        document(
+        print_json(
             {
                 "file": output,
                 "attributes": tree.attrs,
@@ -255,17 +255,17 @@ def build(
 @click.argument("file", type=_LISTING)
 @click.option("--term", help="One term with its numbers, such as CL/basic.")
 @json_option
-@brief()
+@shorten_text()
 def show(file: str, term: str | None, as_json: bool) -> None:
     """Show what a database holds, or the numbers of one term."""
     if term is None:
         attributes, rows = _overview(file)
         if as_json:
-            document({"attributes": attributes, "terms": rows})
+            print_json({"attributes": attributes, "terms": rows})
         else:
-            from aerodb.store.overview import listing
+            from aerodb.store.overview import summary_text
 
-            click.echo(listing(attributes, rows))
+            click.echo(summary_text(attributes, rows))
     elif as_json:
         _term_document(file, term)
     else:
@@ -277,9 +277,9 @@ def _overview(file: str) -> tuple[Mapping[str, Any], list[dict[str, Any]]]:
     where it has one.
     """
     from aerodb.store.overview import OVERVIEW
-    from aerodb.store.seal import unbroken
+    from aerodb.store.seal import read_sealed
 
-    whole = unbroken(Path(file))
+    whole = read_sealed(Path(file))
     if found := whole.overview(OVERVIEW):
         attributes, rows = found
         return attributes, rows
@@ -290,14 +290,14 @@ def _overview(file: str) -> tuple[Mapping[str, Any], list[dict[str, Any]]]:
 
 def _print_term(file: str, term: str) -> None:
     """Print the numbers of one term."""
-    from aerodb.store.files import look
+    from aerodb.store.files import read_overview
     from aerodb.store.overview import leaf_rows
     from flightmech.errors import UnknownName
     from flightmech.terms import power
 
-    _, leaves = look(file, ["value"], names=[term])
+    _, leaves = read_overview(file, ["value"], names=[term])
     if term not in leaves:
-        raise UnknownName(term, look(file, ["value"])[1], "term")
+        raise UnknownName(term, read_overview(file, ["value"])[1], "term")
     leaf = leaves[term]
     head, rows = leaf_rows(leaf)
     table(head, rows, title=term, right=head)
@@ -315,28 +315,28 @@ def _term_document(file: str, term: str) -> None:
     from aerodb.store.schema import leaf_of
     from aerodb.update.posterior import without_posterior
 
-    document({"term": term, **without_posterior(leaf_of(open(file), term)).to_dict()})
+    print_json({"term": term, **without_posterior(leaf_of(open(file), term)).to_dict()})
 
 
 @db.command()
 @click.argument("file", type=_LISTING)
 @json_option
-@brief()
+@shorten_text()
 def decisions(file: str, as_json: bool) -> None:
     """Show what the flights decided about each term: replace, correct, keep or delete (not
     identifiable), and why.
     """
-    from aerodb.store.files import look
+    from aerodb.store.files import read_overview
     from aerodb.update.cautions.notices import notices_of
     from aerodb.update.term_decisions import DECISIONS, rows_of
 
-    attributes, leaves = look(file, ["value", "source"], ["decision", "reason"])
+    attributes, leaves = read_overview(file, ["value", "source"], ["decision", "reason"])
     rows = [
         {"term": name, "decision": decision, "reason": reason}
         for name, (decision, reason) in rows_of(leaves).items()
     ]
     if as_json:
-        document({"file": file, "terms": rows, "warnings": notices_of(attributes)})
+        print_json({"file": file, "terms": rows, "warnings": notices_of(attributes)})
         return
     table(("term", "decision", "reason"), [tuple(row.values()) for row in rows])
     words = [row["decision"] for row in rows]
@@ -355,6 +355,6 @@ def check(file: str, as_json: bool) -> None:
 
     tree = open(file)
     count = len(terms(tree))
-    document({"file": file, "terms": count, "problems": []}) if as_json else click.echo(
+    print_json({"file": file, "terms": count, "problems": []}) if as_json else click.echo(
         f"{file}: sound, {count} terms"
     )

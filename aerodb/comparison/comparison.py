@@ -16,20 +16,20 @@ from aerodb.comparison.conditions import (
     Conditions,
     Place,
     axes_of,
-    beyond,
-    breakpoints,
     coefficient_grid,
     coefficient_points,
-    flat,
+    condition_text,
+    count_samples_beyond,
     grid_text,
-    location,
-    mesh,
-    neutral,
-    ordered,
+    merge_breakpoints,
+    mesh_samples,
+    neutral_value,
+    order_names,
+    select_covered_samples,
 )
-from aerodb.store.overview import readable
+from aerodb.store.overview import display_text
 from aerodb.store.schema import terms
-from aerodb.update.standard_errors import spread
+from aerodb.update.standard_errors import standard_errors
 from flightmech import terms as _terms
 from flightmech.errors import AeromatchWarning
 from flightmech.support.arrays import rms
@@ -139,7 +139,7 @@ def _grid_row(members: Mapping[str, Pair]) -> tuple[list[Any], str]:
     a, b = (_total(side, count) for side in zip(*_contributions(members, samples, count).values()))
     moving = [name for name, values in points.items() if len(values) > 1]
     at_rest = {
-        name: neutral(name, points[name]) for name in moving if name not in ("mach", "alpha")
+        name: neutral_value(name, points[name]) for name in moving if name not in ("mach", "alpha")
     }
     note = "; ".join([f"{count} conditions", *_assumptions(members)])
     return _row(_found_in(members), a, b, _without_rest(samples, moving, at_rest), note), grid_text(
@@ -148,7 +148,7 @@ def _grid_row(members: Mapping[str, Pair]) -> tuple[list[Any], str]:
 
 
 def _along(pairs: Mapping[str, Pair], conditions: Conditions) -> tuple[Rows, dict[str, str]]:
-    samples, count, prefix, left_out = flat(
+    samples, count, prefix, left_out = select_covered_samples(
         conditions, [leaf for pair in pairs.values() for leaf in pair if leaf is not None]
     )
     conditions_text = f"{count} samples" + (
@@ -160,18 +160,18 @@ def _along(pairs: Mapping[str, Pair], conditions: Conditions) -> tuple[Rows, dic
         total_a, total_b = (_total(side, count) for side in zip(*parts.values()))
         whole = total_b.value - total_a.value
         for name, (a, b) in parts.items():
-            used = ordered(
+            used = order_names(
                 {v for leaf in members[name] if leaf is not None for v in _terms.variables(leaf)}
             )
             row = _row(
                 _pair_found_in(members[name]),
                 a,
                 b,
-                location(samples, used, prefix),
-                beyond(members[name], samples),
+                condition_text(samples, used, prefix),
+                count_samples_beyond(members[name], samples),
             )
             rows[name] = [*row, *_shares(b.value - a.value, whole)]
-        axes = ordered(
+        axes = order_names(
             {
                 axis
                 for pair in members.values()
@@ -182,7 +182,9 @@ def _along(pairs: Mapping[str, Pair], conditions: Conditions) -> tuple[Rows, dic
         )
         note = "; ".join([conditions_text, *_assumptions(members)])
         rows[coefficient] = [
-            *_row(_found_in(members), total_a, total_b, location(samples, axes, prefix), note),
+            *_row(
+                _found_in(members), total_a, total_b, condition_text(samples, axes, prefix), note
+            ),
             *_shares(whole, whole),
         ]
     return rows, dict.fromkeys(_by_coefficient(pairs), conditions_text)
@@ -211,23 +213,30 @@ def _node_row(ours: xr.Dataset | None, theirs: xr.Dataset | None) -> list[Any]:
     ):
         here, there = (" ".join(_terms.multipliers(leaf)) or "none" for leaf in (ours, theirs))
         return _nothing("both", f"regressors differ: {here} in a, {there} in b")
-    points = breakpoints(leaf for leaf in (ours, theirs) if leaf is not None)
-    samples = mesh(points)
+    points = merge_breakpoints(leaf for leaf in (ours, theirs) if leaf is not None)
+    samples = mesh_samples(points)
     count = int(np.prod([len(p) for p in points.values()]))
     a, b = (
-        contribution(leaf if leaf is None else _terms.bare(leaf), samples, count)
+        term_contribution(
+            leaf if leaf is None else _terms.without_multipliers(leaf), samples, count
+        )
         for leaf in (ours, theirs)
     )
-    return _row(_pair_found_in((ours, theirs)), a, b, location(samples, points), "")
+    return _row(_pair_found_in((ours, theirs)), a, b, condition_text(samples, points), "")
 
 
-def contribution(leaf: xr.Dataset | None, samples: Mapping[str, np.ndarray], count: int) -> Side:
+def term_contribution(
+    leaf: xr.Dataset | None, samples: Mapping[str, np.ndarray], count: int
+) -> Side:
     """Return what a term gives at the samples; nothing for a term that is missing."""
     if leaf is None:
         return Side(np.zeros(count), np.zeros(count))
     B = _terms.basis(leaf, samples, "clamp")
     return Side(
-        *(np.broadcast_to(x, (count,)) for x in (B @ leaf["value"].values.ravel(), spread(B, leaf)))
+        *(
+            np.broadcast_to(x, (count,))
+            for x in (B @ leaf["value"].values.ravel(), standard_errors(B, leaf))
+        )
     )
 
 
@@ -235,7 +244,7 @@ def _contributions(
     members: Mapping[str, Pair], samples: Mapping[str, np.ndarray], count: int
 ) -> dict[str, tuple[Side, Side]]:
     return {
-        name: (contribution(ours, samples, count), contribution(theirs, samples, count))
+        name: (term_contribution(ours, samples, count), term_contribution(theirs, samples, count))
         for name, (ours, theirs) in members.items()
     }
 
@@ -308,7 +317,7 @@ def _without_rest(
 ) -> Place:
     def at(i: int) -> str:
         shown = [n for n in names if n not in at_rest or samples[n][i] != at_rest[n]]
-        return ", ".join(f"{name} {readable(name, samples[name][i])}" for name in shown)
+        return ", ".join(f"{name} {display_text(name, samples[name][i])}" for name in shown)
 
     return at
 

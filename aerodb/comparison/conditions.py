@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from aerodb.store.overview import FREE_AIR, plain_number, readable
+from aerodb.store.overview import FREE_AIR, display_text, plain_number
 from flightmech import terms as _terms
 from flightmech.build_up import COEFFICIENTS
 from flightmech.errors import OutOfRange, ParseError, UnknownName
@@ -60,7 +60,7 @@ def axes_of(leaf: xr.Dataset) -> dict[str, np.ndarray]:
     }
 
 
-def breakpoints(leaves: Iterable[xr.Dataset]) -> dict[str, np.ndarray]:
+def merge_breakpoints(leaves: Iterable[xr.Dataset]) -> dict[str, np.ndarray]:
     """Return the breakpoints of all axes of several leaves, merged axis by axis. [SI]"""
     points: dict[str, np.ndarray] = {}
     for leaf in leaves:
@@ -69,7 +69,7 @@ def breakpoints(leaves: Iterable[xr.Dataset]) -> dict[str, np.ndarray]:
     return points
 
 
-def mesh(points: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+def mesh_samples(points: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Return the product of breakpoints as samples, each (samples,)."""
     return (
         dict(zip(points, (grid.ravel() for grid in np.meshgrid(*points.values(), indexing="ij"))))
@@ -78,7 +78,7 @@ def mesh(points: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     )
 
 
-def neutral(name: str, points: np.ndarray) -> float:
+def neutral_value(name: str, points: np.ndarray) -> float:
     """Return the value of a variable that is at rest: zero or what is nearest to it in range, the
     highest `h_agl`: free air. [SI]
     """
@@ -97,7 +97,7 @@ def coefficient_points(
         Empty arrays where the ranges do not meet; `REACH` for variables that are no axis of any
         table; 0 for others. [SI]
     """
-    of_a, of_b = breakpoints(ours), breakpoints(theirs)
+    of_a, of_b = merge_breakpoints(ours), merge_breakpoints(theirs)
     found = {}
     for name in sorted(
         {v for leaf in [*ours, *theirs] for v in _terms.variables(leaf)}, key=_place_in_vocabulary
@@ -115,14 +115,16 @@ def coefficient_points(
 def coefficient_grid(points: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Return the conditions at which a coefficient is compared, each (samples,). [SI]"""
     full = {name: points[name] for name in _IN_FULL if name in points}
-    rest = {name: neutral(name, values) for name, values in points.items() if name not in full}
+    rest = {
+        name: neutral_value(name, values) for name, values in points.items() if name not in full
+    }
     turns = [rest] + [
         {**rest, name: float(x)}
         for name, at_rest in rest.items()
         for x in points[name]
         if x != at_rest
     ]
-    base = mesh(full) or {"": np.zeros(1)}
+    base = mesh_samples(full) or {"": np.zeros(1)}
     count = len(next(iter(base.values())))
     grid = {name: np.tile(values, len(turns)) for name, values in base.items() if name}
     return {
@@ -142,7 +144,7 @@ def grid_text(points: Mapping[str, np.ndarray]) -> str:
     return " with, in turn, ".join(text for text in (full, turns) if text) or "one condition"
 
 
-def location(
+def condition_text(
     samples: Mapping[str, np.ndarray],
     names: Iterable[str],
     prefix: Callable[[int], str] | None = None,
@@ -151,13 +153,13 @@ def location(
     names = list(names)
 
     def at(i: int) -> str:
-        where = ", ".join(f"{name} {readable(name, samples[name][i])}" for name in names)
+        where = ", ".join(f"{name} {display_text(name, samples[name][i])}" for name in names)
         return where if prefix is None else ": ".join(text for text in (prefix(i), where) if text)
 
     return at
 
 
-def ordered(names: Iterable[str]) -> list[str]:
+def order_names(names: Iterable[str]) -> list[str]:
     """Return names of variables, mach and alpha first, the others as the vocabulary has them."""
     return sorted(names, key=_place_in_vocabulary)
 
@@ -215,10 +217,12 @@ def read_conditions(
     UnknownName
         A variable that a table needs is not in the file.
     """
-    return completed(_read(Path(path)), *databases)
+    return fill_missing_devices(_read(Path(path)), *databases)
 
 
-def completed(conditions: xr.Dataset, *databases: xr.DataTree) -> tuple[xr.Dataset, list[str]]:
+def fill_missing_devices(
+    conditions: xr.Dataset, *databases: xr.DataTree
+) -> tuple[xr.Dataset, list[str]]:
     """Return conditions with the devices that a record lacks at rest, and what was assumed; see
     `read_conditions`.
     """
@@ -240,7 +244,7 @@ def completed(conditions: xr.Dataset, *databases: xr.DataTree) -> tuple[xr.Datas
             added[name] = (conditions["nz"] - 1.0).assign_attrs(attrs(name))
         elif name in AT_REST or name == "h_agl":
             added[name] = ((), AT_REST.get(name, FREE_AIR), attrs(name))
-            taken = f"as {readable(name, AT_REST[name])}" if name in AT_REST else "in free air"
+            taken = f"as {display_text(name, AT_REST[name])}" if name in AT_REST else "in free air"
             notes.append(f"{name} is not in the record; taken {taken}")
         elif name in COEFFICIENTS:
             summed.setdefault(name, term)
@@ -286,7 +290,7 @@ def _summed(
     )
 
 
-def flat(
+def select_covered_samples(
     conditions: Conditions, leaves: Iterable[xr.Dataset]
 ) -> tuple[dict[str, np.ndarray], int, Callable[[int], str], int]:
     """Return the samples at which all leaves can be evaluated.
@@ -351,13 +355,17 @@ def flat(
 
     def called(i: int) -> str:
         return (
-            f"sample {numbers[i]}" if time is None else f"time {readable('time', time[numbers[i]])}"
+            f"sample {numbers[i]}"
+            if time is None
+            else f"time {display_text('time', time[numbers[i]])}"
         )
 
     return kept, int(whole.sum()), called, int((~whole).sum())
 
 
-def beyond(pair: Iterable[xr.Dataset | None], samples: Mapping[str, np.ndarray]) -> str:
+def count_samples_beyond(
+    pair: Iterable[xr.Dataset | None], samples: Mapping[str, np.ndarray]
+) -> str:
     """Return a text that counts the samples beyond the tables of a term in `a` and `b`, empty when
     all lie inside.
     """

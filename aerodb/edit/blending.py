@@ -27,20 +27,20 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from aerodb.edit.table_edits import matching
+from aerodb.edit.table_edits import match_names
 from aerodb.store.grids import (
     axes_of,
-    folded,
+    fold_factors,
+    is_within,
     known_source,
-    place,
+    node_text,
+    regrid_leaf,
     same_factors,
-    spread,
     union_axes,
     with_table,
-    within,
 )
 from aerodb.store.schema import terms
-from aerodb.store.undo_history import noted, recorded, remark
+from aerodb.store.undo_history import add_history_line, note_suffix, record_edit
 from aerodb.update.correlation import prior_covariance
 from flightmech import terms as _terms
 from flightmech.errors import AeromatchWarning, SchemaError, UnknownName
@@ -115,8 +115,8 @@ def blend(
             problems += [f"{name}: {fault}" for fault in error.problems]
             continue
         row = frame.loc[name]
-        leaves[name] = noted(
-            new, f"blend: {rule}, chi-square {row.chi2:.4g} of {row.nodes} nodes{remark(note)}"
+        leaves[name] = add_history_line(
+            new, f"blend: {rule}, chi-square {row.chi2:.4g} of {row.nodes} nodes{note_suffix(note)}"
         )
     if problems:
         raise SchemaError("blend", problems)
@@ -129,7 +129,7 @@ def blend(
         text = f"blend: tables disagree by more than their standard errors: {'; '.join(summary)}"
         warnings.warn(text, AeromatchWarning, stacklevel=2)
     title = str(other.attrs["title"])
-    return recorded(db, leaves, "blend", f"{' '.join(pairs)} with {title!r}, {rule}", note)
+    return record_edit(db, leaves, "blend", f"{' '.join(pairs)} with {title!r}, {rule}", note)
 
 
 def consistency(
@@ -175,7 +175,7 @@ def _pairs(
     if rule not in RULES:
         raise UnknownName(rule, RULES, "rule")
     ours, theirs = terms(db), terms(other)
-    chosen = [name for name in ours if name in theirs] if names is None else matching(db, names)
+    chosen = [name for name in ours if name in theirs] if names is None else match_names(db, names)
     problems = [
         f"{key} is {db.attrs[key]!r} here and {other.attrs[key]!r} there"
         for key in _SAME
@@ -199,7 +199,9 @@ def _pairs(
                 f"{name}: regressors {words[0]} here and {words[1]} there; only tables of the same meaning can be joined"
             )
         found[name] = (
-            _Pair(*pair) if same_factors(*pair) else _Pair(folded(pair[0]), folded(pair[1]))
+            _Pair(*pair)
+            if same_factors(*pair)
+            else _Pair(fold_factors(pair[0]), fold_factors(pair[1]))
         )
     if problems:
         raise SchemaError("blend", problems)
@@ -234,7 +236,7 @@ class _Observed:
 def _observed(table: xr.Dataset, pair: _Pair) -> _Observed:
     """Return what theirs holds for `table`, which is ours on any grid."""
     own, theirs = axes_of(pair.ours), axes_of(pair.theirs)
-    points = {axis: p[within(own[axis], p)] if axis in own else p for axis, p in theirs.items()}
+    points = {axis: p[is_within(own[axis], p)] if axis in own else p for axis, p in theirs.items()}
     rest = {axis: p for axis, p in axes_of(table).items() if axis not in points}
     count, nodes = (int(np.prod([len(p) for p in part.values()])) for part in (points, rest))
     size = table["value"].size
@@ -246,7 +248,7 @@ def _observed(table: xr.Dataset, pair: _Pair) -> _Observed:
         else {}
     )
     flat = {axis: grid.ravel() for axis, grid in mesh.items()}
-    B = _terms.basis(_terms.bare(table[["value"]]), flat, "clamp").toarray()
+    B = _terms.basis(_terms.without_multipliers(table[["value"]]), flat, "clamp").toarray()
     H = np.broadcast_to(B, (count * nodes, size)).reshape(count, nodes, size).mean(axis=1)
     there = pair.theirs.sel(points)
     return _Observed(points, H, there["value"].values.ravel(), there["stderr"].values.ravel())
@@ -276,7 +278,7 @@ def _row(pair: _Pair, rule: str) -> tuple[int, float, float, float, str]:
         chi2,
         float(chi2_distribution.sf(chi2, count)),
         float(in_errors[worst]),
-        place(seen.points, [int(i) for i in at]),
+        node_text(seen.points, [int(i) for i in at]),
     )
 
 
@@ -287,14 +289,14 @@ def _blended(pair: _Pair, rule: str) -> xr.Dataset:
             "blend",
             [f"the axes {' '.join(points)} of the two together are more than {_terms.MAX_AXES}"],
         )
-    ours, theirs = spread(pair.ours, points), spread(pair.theirs, points)
+    ours, theirs = regrid_leaf(pair.ours, points), regrid_leaf(pair.theirs, points)
     inside = [_inside(leaf, points) for leaf in (pair.ours, pair.theirs)]
     both, alone = inside[0] & inside[1], inside[1] & ~inside[0]
     v1, v2 = (leaf["value"].values for leaf in (ours, theirs))
     s1, s2 = (leaf["stderr"].values for leaf in (ours, theirs))
     off = both & (s1 == 0.0) & (s2 == 0.0) & ~np.isclose(v1, v2, rtol=_AGREE, atol=1e-12)
     if off.any():
-        at = place(points, [int(i) for i in np.argwhere(off)[0]])
+        at = node_text(points, [int(i) for i in np.argwhere(off)[0]])
         raise SchemaError(
             "blend",
             [
@@ -343,7 +345,7 @@ def _inside(leaf: xr.Dataset, points: dict[str, np.ndarray]) -> np.ndarray:
     found = np.ones([len(p) for p in points.values()], bool)
     for at, (axis, p) in enumerate(points.items()):
         if axis in leaf["value"].dims:
-            found &= within(axes_of(leaf)[axis], p).reshape(
+            found &= is_within(axes_of(leaf)[axis], p).reshape(
                 [-1 if i == at else 1 for i in range(len(points))]
             )
     return found

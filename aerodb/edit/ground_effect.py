@@ -21,11 +21,11 @@ import numpy as np
 import xarray as xr
 from scipy.optimize import brentq
 
-from aerodb.update.posterior import followed
+from aerodb.update.posterior import carry_covariance
 from flightmech import terms as _terms
 from flightmech.errors import SchemaError
 from flightmech.names import attrs
-from flightmech.terms import Power
+from flightmech.terms import PowerFactor
 
 _ROLL = "[LR743] eq. (14)"
 _LIFT = "[LR743] eq. (13)"
@@ -78,7 +78,7 @@ def in_ground_effect(free: xr.Dataset, k: float, exponent: float, floor: float) 
     leaf = free.assign(value=free["value"] * k)
     if "stderr" in free:
         leaf["stderr"] = free["stderr"] * abs(k)
-    leaf = followed(free, leaf, k)
+    leaf = carry_covariance(free, leaf, k)
     summary = f"in_ground_effect: {k:g} of the term in free air, {_LIFT}"
     history = "\n".join(text for text in (str(free.attrs.get("history", "")), summary) if text)
     leaf.attrs = {
@@ -124,8 +124,8 @@ def bank_in_ground_effect(k: float, exponent: float, floor: float) -> xr.Dataset
     >>> round(float(evaluate(term, {"CL": 1.2, "phi": np.radians(5.0), "h_agl": 3.0})), 6)
     -0.002466
     """
-    return _terms.make(
-        k, regressors=("CL", "phi"), power=Power("h_agl", exponent, floor), references=_ROLL
+    return _terms.make_term(
+        k, regressors=("CL", "phi"), power=PowerFactor("h_agl", exponent, floor), references=_ROLL
     )
 
 
@@ -216,7 +216,7 @@ def _sound(leaf: xr.Dataset) -> xr.Dataset:
     return leaf
 
 
-def factored(leaf: xr.Dataset, axis: str) -> tuple[xr.Dataset, float]:
+def factor_table(leaf: xr.Dataset, axis: str) -> tuple[xr.Dataset, float]:
     """Return a term whose table is split into a factor K1 over one axis and a table over the
     others.
 
@@ -266,7 +266,7 @@ def factored(leaf: xr.Dataset, axis: str) -> tuple[xr.Dataset, float]:
         else None
     )
     factor = xr.DataArray(K1, {axis: (axis, value[axis].values, attrs(axis))}, axis)
-    made = _terms.make(
+    made = _terms.make_term(
         table.reshape(rest.shape),
         axes,
         _terms.regressors(leaf),

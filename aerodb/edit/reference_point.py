@@ -19,19 +19,26 @@ import xarray as xr
 
 from aerodb.store.effects import Effect, rate_shift
 from aerodb.store.grids import (
-    added,
+    add_leaves,
     axes_of,
     factor_axes,
-    folded,
+    fold_factors,
+    merge_breakpoints,
+    regrid_leaf,
     same_factors,
-    spread,
-    union,
     union_axes,
     with_table,
     without_formula,
 )
 from aerodb.store.schema import FORCE_AXES, terms
-from aerodb.store.undo_history import absent, last, noted, previous, recorded, remark
+from aerodb.store.undo_history import (
+    add_history_line,
+    last_edit,
+    note_suffix,
+    record_edit,
+    undo_edits,
+    update_absent,
+)
 from flightmech import terms as _terms
 from flightmech.errors import SchemaError
 
@@ -103,23 +110,23 @@ def move_reference(
         if flow == "moved":
             whole = _with_rates(whole, base.attrs, d)
         whole = {name: _raised(leaf, float(d[2])) for name, leaf in whole.items()}
-        line = f"{_VERB}: {summary}{remark(note)}"
+        line = f"{_VERB}: {summary}{note_suffix(note)}"
         leaves = {
-            name: leaf if leaf is leaves.get(name) else noted(leaf, line)
+            name: leaf if leaf is leaves.get(name) else add_history_line(leaf, line)
             for name, leaf in whole.items()
         }
-    place = {key: base.attrs[key] for key in ("absent",) if key in base.attrs} | absent(
+    place = {key: base.attrs[key] for key in ("absent",) if key in base.attrs} | update_absent(
         base, without=leaves
     )
-    return recorded(
+    return record_edit(
         db, leaves, _VERB, summary, note, place | dict(zip(_KEYS, map(float, new))), flow=flow
     )
 
 
 def _before_moves(db: xr.DataTree, flow: str) -> xr.DataTree:
     """Return a database before the moves of the same kind that were its last edits."""
-    while last(db).get("verb") == _VERB and last(db)["flow"] == flow:
-        db = previous(db)
+    while last_edit(db).get("verb") == _VERB and last_edit(db)["flow"] == flow:
+        db = undo_edits(db)
     return db
 
 
@@ -203,20 +210,22 @@ def _moment(
     if angles is None:
         return None
     if factor_axes(leaf) & set(angles):
-        leaf = folded(leaf)
+        leaf = fold_factors(leaf)
     points = axes_of(leaf)
     for angle in angles:
         if len(points.get(angle, ())) < 2:
-            points[angle] = union(points[angle], reach[angle]) if angle in points else reach[angle]
+            points[angle] = (
+                merge_breakpoints(points[angle], reach[angle]) if angle in points else reach[angle]
+            )
     if len(points) > _terms.MAX_AXES:
         raise SchemaError(
             "table",
             [f"would have the axes {' '.join(points)}; at most {_terms.MAX_AXES} are allowed"],
         )
-    coarse = spread(leaf, points)
+    coarse = regrid_leaf(leaf, points)
     for angle in angles:
         points[angle] = _refined(coarse, angle, allowed / len(angles))
-    force_there = spread(leaf, points)
+    force_there = regrid_leaf(leaf, points)
     mesh = dict(zip(points, np.meshgrid(*points.values(), indexing="ij"))) if points else {}
     times = _lever(axes, force, moment, arm, mesh.get("alpha", 0.0), mesh.get("beta", 0.0))
     stderr = force_there["stderr"].values * np.abs(times) if "stderr" in leaf else None
@@ -296,7 +305,7 @@ def _put(leaves: dict[str, xr.Dataset], moment: str, contribution: str, more: xr
     name = f"{moment}/{contribution}"
     while name in leaves and not _joins(leaves[name], more):
         name += "_moved"
-    leaves[name] = added(leaves[name], more) if name in leaves else more
+    leaves[name] = add_leaves(leaves[name], more) if name in leaves else more
 
 
 def _joins(leaf: xr.Dataset, more: xr.Dataset) -> bool:
@@ -338,10 +347,12 @@ def _effect(
     leaves: Mapping[str, xr.Dataset], name: str, coefficients: Sequence[str], regressor: str
 ) -> Effect:
     """Return terms of one name as an effect, over their common breakpoints."""
-    own = {c: folded(leaves[f"{c}/{name}"]) for c in coefficients if f"{c}/{name}" in leaves}
+    own = {c: fold_factors(leaves[f"{c}/{name}"]) for c in coefficients if f"{c}/{name}" in leaves}
     own = {c: leaf for c, leaf in own.items() if " ".join(_terms.multipliers(leaf)) == regressor}
     points = union_axes(*own.values()) if own else {}
-    return Effect(name, {c: spread(leaf, points)["value"] for c, leaf in own.items()}, regressor)
+    return Effect(
+        name, {c: regrid_leaf(leaf, points)["value"] for c, leaf in own.items()}, regressor
+    )
 
 
 def _as_leaf(table: xr.DataArray, origin: xr.Dataset, rate: str) -> xr.Dataset:
@@ -349,7 +360,7 @@ def _as_leaf(table: xr.DataArray, origin: xr.Dataset, rate: str) -> xr.Dataset:
     source.
     """
     points = {str(axis): table[axis].values for axis in table.dims}
-    there = spread(folded(origin), points)
+    there = regrid_leaf(fold_factors(origin), points)
     stderr = None
     if "stderr" in there:
         share = np.sqrt(

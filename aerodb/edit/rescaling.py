@@ -14,8 +14,8 @@ import numpy as np
 import xarray as xr
 
 from aerodb.store.grids import without_formula
-from aerodb.store.schema import database, require, terms
-from aerodb.update.posterior import followed
+from aerodb.store.schema import make_database, require, terms
+from aerodb.update.posterior import carry_covariance
 from flightmech import terms as _terms
 from flightmech.aircraft.aircraft import Aircraft, reference_in
 from flightmech.errors import SchemaError, UnknownName
@@ -123,7 +123,9 @@ def rescale(
     }
     attributes |= {"S": aircraft.S, "cbar": aircraft.cbar, "b": aircraft.b, **place}
     history = str(db.attrs.get("history", ""))
-    return database(scaled, **{**attributes, "history": f"{history}\n{line}" if history else line})
+    return make_database(
+        scaled, **{**attributes, "history": f"{history}\n{line}" if history else line}
+    )
 
 
 def _by_term(
@@ -187,6 +189,6 @@ def _scaled(
             floor=power.floor * span
         )
         times *= part
-    new = followed(leaf, new, times)
+    new = carry_covariance(leaf, new, times)
     history = str(leaf.attrs.get("history", ""))
     return new.assign_attrs(history=f"{history}\n{line}" if history else line)

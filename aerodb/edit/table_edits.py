@@ -18,24 +18,24 @@ import xarray as xr
 from aerodb.store.grids import (
     JUDGEMENT,
     axes_of,
+    demand_axis,
     factor_axes,
-    folded,
+    fold_factors,
+    is_within,
     known_source,
-    own_axis,
-    place,
-    rising,
-    spread,
+    merge_breakpoints,
+    node_text,
+    regrid_leaf,
+    rising_breakpoints,
     table,
-    union,
     union_axes,
     with_table,
-    within,
 )
-from aerodb.store.overview import readable
+from aerodb.store.overview import display_text
 from aerodb.store.schema import leaf_of, terms
-from aerodb.store.undo_history import absent, noted, recorded, remark
+from aerodb.store.undo_history import add_history_line, note_suffix, record_edit, update_absent
 from aerodb.update.cautions.notices import with_notices
-from aerodb.update.posterior import followed, without_posterior
+from aerodb.update.posterior import carry_covariance, without_posterior
 from flightmech import terms as _terms
 from flightmech.errors import AeromatchWarning, OutOfRange, SchemaError, UnknownName
 
@@ -63,7 +63,7 @@ def replace_terms(db: xr.DataTree, new: Mapping[str, xr.Dataset], note: str = ""
     added = [name for name in new if name not in leaves]
     taken = [name for name in new if name in leaves]
     lines = {
-        name: f"replace_terms: {'replaced' if name in leaves else 'added'}{remark(note)}"
+        name: f"replace_terms: {'replaced' if name in leaves else 'added'}{note_suffix(note)}"
         for name in new
     }
     summary = [
@@ -71,10 +71,10 @@ def replace_terms(db: xr.DataTree, new: Mapping[str, xr.Dataset], note: str = ""
         for verb, names in (("replaced", taken), ("added", added))
         if names
     ]
-    leaves |= {name: noted(leaf, lines[name]) for name, leaf in new.items()}
+    leaves |= {name: add_history_line(leaf, lines[name]) for name, leaf in new.items()}
     notices = list(getattr(new, "notices", ()))
-    attributes = {**absent(db, without=new), **with_notices(db.attrs, notices)}
-    return recorded(
+    attributes = {**update_absent(db, without=new), **with_notices(db.attrs, notices)}
+    return record_edit(
         db,
         leaves,
         "replace_terms",
@@ -104,12 +104,14 @@ def delete_terms(db: xr.DataTree, names: str | Iterable[str], note: str = "") ->
     SchemaError
         No term would be left.
     """
-    gone = matching(db, names)
+    gone = match_names(db, names)
     leaves = {name: leaf for name, leaf in terms(db).items() if name not in gone}
-    return recorded(db, leaves, "delete_terms", " ".join(gone), note, absent(db, more=gone))
+    return record_edit(
+        db, leaves, "delete_terms", " ".join(gone), note, update_absent(db, more=gone)
+    )
 
 
-def matching(db: xr.DataTree, names: str | Iterable[str]) -> list[str]:
+def match_names(db: xr.DataTree, names: str | Iterable[str]) -> list[str]:
     """Return the names of the terms that a name, a pattern such as ``"Cm/*"``, or several of them
     mean.
 
@@ -223,7 +225,7 @@ def shift(
         cause) would no longer be.
     """
     by = table(amount, axes, stderr, "amount")
-    for name in matching(db, names):
+    for name in match_names(db, names):
         _warn_of_zeros(name, leaf_of(db, name), by)
 
     def shifted(leaf: xr.Dataset, more: xr.Dataset) -> tuple[np.ndarray, np.ndarray | None, float]:
@@ -287,8 +289,8 @@ def regrid(
         for axis, points in breakpoints.items()
     )
     summary = f"{counts}, differs by up to {error:.4g}{f' at {at}' if error else ''}"
-    leaves = terms(db) | {name: noted(new, f"regrid: {summary}{remark(note)}")}
-    return recorded(db, leaves, "regrid", f"{name} on {summary}", note)
+    leaves = terms(db) | {name: add_history_line(new, f"regrid: {summary}{note_suffix(note)}")}
+    return record_edit(db, leaves, "regrid", f"{name} on {summary}", note)
 
 
 def regrid_error(db: xr.DataTree, name: str, breakpoints: Mapping[str, Any]) -> float:
@@ -350,9 +352,9 @@ def extend(
         single breakpoint, or no standard errors.
     """
     leaf = leaf_of(db, name)
-    own_axis(name, leaf, axis)
-    old, new = leaf[axis].values.astype(float), rising(axis, points)
-    if within(old, new).any():
+    demand_axis(name, leaf, axis)
+    old, new = leaf[axis].values.astype(float), rising_breakpoints(axis, points)
+    if is_within(old, new).any():
         raise SchemaError(
             f"extend {name}",
             [
@@ -374,9 +376,9 @@ def extend(
     if "stderr" not in leaf and stderr is not None:
         raise SchemaError(f"extend {name}", ["the term has no standard errors; leave stderr= out"])
     whole = _joined(leaf, axis, new, value, sd if "stderr" in leaf else None)
-    summary = f"{axis} to {', '.join(readable(axis, x) for x in new)}, {words}"
-    leaves = terms(db) | {name: noted(whole, f"extend: {summary}{remark(note)}")}
-    return recorded(db, leaves, "extend", f"{name} in {summary}", note)
+    summary = f"{axis} to {', '.join(display_text(axis, x) for x in new)}, {words}"
+    leaves = terms(db) | {name: add_history_line(whole, f"extend: {summary}{note_suffix(note)}")}
+    return record_edit(db, leaves, "extend", f"{name} in {summary}", note)
 
 
 def set_nodes(
@@ -429,7 +431,7 @@ def set_nodes(
     if faults:
         raise SchemaError(f"set {name}", faults)
     for axis in at:
-        own_axis(name, leaf, axis)
+        demand_axis(name, leaf, axis)
     node = tuple(
         _breakpoint(name, leaf, axis, at[axis]) if axis in at else slice(None)
         for axis in axes_of(leaf)
@@ -443,15 +445,17 @@ def set_nodes(
     codes[values != before] = _terms.SOURCES.index(source)
     whole = with_table(leaf, axes_of(leaf), values, errors, codes)
     where = (
-        ", ".join(f"{axis} {readable(axis, at[axis])}" for axis in axes_of(leaf) if axis in at)
+        ", ".join(f"{axis} {display_text(axis, at[axis])}" for axis in axes_of(leaf) if axis in at)
         or "all nodes"
     )
     doubt = "" if stderr is None else f" +- {stderr:g}"
     summary = f"at {where} to {value:g}{doubt}, was {_span_of(before[node])}"
     leaves = terms(db) | {
-        name: noted(_still_joint(leaf, whole), f"set_nodes: {summary}{remark(note)}")
+        name: add_history_line(
+            _still_joint(leaf, whole), f"set_nodes: {summary}{note_suffix(note)}"
+        )
     }
-    return recorded(db, leaves, "set_nodes", f"{name} {summary}", note)
+    return record_edit(db, leaves, "set_nodes", f"{name} {summary}", note)
 
 
 def _still_joint(leaf: xr.Dataset, whole: xr.Dataset) -> xr.Dataset:
@@ -459,7 +463,7 @@ def _still_joint(leaf: xr.Dataset, whole: xr.Dataset) -> xr.Dataset:
     standard error shrank below the stored one.
     """
     smaller = "stderr" in whole and bool((whole["stderr"].values < leaf["stderr"].values).any())
-    return without_posterior(whole) if smaller else followed(leaf, whole)
+    return without_posterior(whole) if smaller else carry_covariance(leaf, whole)
 
 
 def _breakpoint(name: str, leaf: xr.Dataset, axis: str, at: float) -> int:
@@ -468,9 +472,9 @@ def _breakpoint(name: str, leaf: xr.Dataset, axis: str, at: float) -> int:
     if not abs(points[i] - at) <= 1e-6 * max(
         np.ptp(points), abs(at)
     ):  # what a person writes in degrees or feet, not what a program does
-        known = ", ".join(readable(axis, x) for x in points)
+        known = ", ".join(display_text(axis, x) for x in points)
         raise OutOfRange(
-            f"set {name}: no breakpoint at {axis} {readable(axis, at)}; there are {known}; regrid puts one there"
+            f"set {name}: no breakpoint at {axis} {display_text(axis, at)}; there are {known}; regrid puts one there"
         )
     return i
 
@@ -487,7 +491,7 @@ def _worked(
 ) -> xr.DataTree:
     """Return a database with terms worked on node by node over their breakpoints and those of `by`."""
     _demand_source(verb, source)
-    chosen, leaves = matching(db, names), terms(db)
+    chosen, leaves = match_names(db, names), terms(db)
     for name in chosen:
         try:
             leaf, other = _common(leaves[name], by)
@@ -497,11 +501,11 @@ def _worked(
         codes = np.where(
             value == leaf["value"].values, known_source(leaf), _terms.SOURCES.index(source)
         )
-        edited = followed(
+        edited = carry_covariance(
             leaves[name], with_table(leaf, axes_of(leaf), value, stderr, codes), times
         )
-        leaves[name] = noted(edited, f"{verb}: {summary}{remark(note)}")
-    return recorded(db, leaves, verb, f"{' '.join(chosen)} {summary}", note)
+        leaves[name] = add_history_line(edited, f"{verb}: {summary}{note_suffix(note)}")
+    return record_edit(db, leaves, verb, f"{' '.join(chosen)} {summary}", note)
 
 
 def _demand_source(verb: str, source: str) -> None:
@@ -514,18 +518,20 @@ def _common(leaf: xr.Dataset, by: xr.Dataset) -> tuple[xr.Dataset, xr.Dataset]:
     between them.
     """
     if factor_axes(leaf) & set(map(str, by["value"].dims)):
-        leaf = folded(leaf)
+        leaf = fold_factors(leaf)
     points = axes_of(leaf)
     for axis, more in axes_of(by).items():
         points[axis] = (
-            union(points[axis], more[within(points[axis], more)]) if axis in points else more
+            merge_breakpoints(points[axis], more[is_within(points[axis], more)])
+            if axis in points
+            else more
         )
     if len(points) > _terms.MAX_AXES:
         raise SchemaError(
             "table",
             [f"would have the axes {' '.join(points)}; at most {_terms.MAX_AXES} are allowed"],
         )
-    return spread(leaf, points), spread(by, points)
+    return regrid_leaf(leaf, points), regrid_leaf(by, points)
 
 
 def _described(by: xr.Dataset) -> str:
@@ -563,21 +569,23 @@ def _regridded(
     """Return the leaf on new breakpoints, the largest difference and where it stands."""
     points = axes_of(leaf)
     for axis, wanted in breakpoints.items():
-        own_axis(name, leaf, axis)
-        new = rising(axis, wanted)
-        off = new[~within(points[axis], new)]
+        demand_axis(name, leaf, axis)
+        new = rising_breakpoints(axis, wanted)
+        off = new[~is_within(points[axis], new)]
         if off.size:
             reach = f"{points[axis][0]:.6g} ... {points[axis][-1]:.6g}"
             raise OutOfRange(
                 f"regrid {name}: {axis} = {off[0]:.6g} lies outside {reach}; extend the table first"
             )
         points[axis] = new
-    new_leaf = spread(leaf, points)
+    new_leaf = regrid_leaf(leaf, points)
     both = union_axes(leaf, new_leaf)
-    difference = np.abs(spread(new_leaf, both)["value"].values - spread(leaf, both)["value"].values)
+    difference = np.abs(
+        regrid_leaf(new_leaf, both)["value"].values - regrid_leaf(leaf, both)["value"].values
+    )
     node = np.unravel_index(int(np.argmax(difference)), difference.shape)
     factors = np.prod([float(np.abs(leaf[key]).max()) for key in ("K1", "K2") if key in leaf])
-    return new_leaf, float(difference[node] * factors), place(both, [int(i) for i in node])
+    return new_leaf, float(difference[node] * factors), node_text(both, [int(i) for i in node])
 
 
 def _beyond(

@@ -17,7 +17,7 @@ _ROOTS = {b"DAVEfunc": "daveml", b"fdm_config": "jsbsim"}
 _KNOWN = "a database (netCDF-4), a MAT file, a JSBSim or DAVE-ML file, or a folder of CSV files with their index"
 
 
-def recognized(path: Path) -> str:
+def recognise_format(path: Path) -> str:
     """Return the format of a file or folder: ``netcdf``, ``matlab``, ``jsbsim``, ``daveml`` or
     ``csv``.
 

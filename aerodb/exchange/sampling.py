@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Mapping
 import numpy as np
 import xarray as xr
 
-from flightmech.terms import evaluate, make
+from flightmech.terms import evaluate, make_term
 
 MOST_NODES = 100_000
 _CHECKS = 5000
@@ -19,11 +19,11 @@ Function = Callable[[Mapping[str, np.ndarray]], np.ndarray]
 _SHORTEST = 1e-9  # of the range of an axis: the function jumps in an interval as short as that
 
 
-class Unsampled(Exception):
+class SamplingError(Exception):
     """A function that no table within the bound follows; the text states why, and what to do."""
 
 
-def tabulated(
+def tabulate_function(
     function: Function, grid: Mapping[str, np.ndarray], bound: float, fixed: Collection[str] = ()
 ) -> xr.DataArray:
     """Return a function on a grid whose intervals are halved until it is straight in each, axis by
@@ -67,14 +67,14 @@ def tabulated(
                 else np.zeros(0, bool)
             )
             if short.any():
-                raise Unsampled(
+                raise SamplingError(
                     f"it jumps near {axis} = {split[axis][short][0]:.6g}; a table cannot follow it, leave it out"
                 )
         if not any(len(new) for new in split.values()):
             return nodes
         points = {axis: np.union1d(at, split[axis]) for axis, at in points.items()}
         if np.prod([float(len(at)) for at in points.values()]) > MOST_NODES:
-            raise Unsampled(
+            raise SamplingError(
                 f"it needs more than {MOST_NODES} nodes for {bound:.2g}; give a wider bound or a narrower range"
             )
 
@@ -89,7 +89,7 @@ def on_grid(function: Function, grid: Mapping[str, np.ndarray]) -> xr.DataArray:
     return xr.DataArray(values.reshape(shape), dict(grid), tuple(grid))
 
 
-def difference(function: Function, table: xr.DataArray) -> float:
+def largest_difference(function: Function, table: xr.DataArray) -> float:
     """Return the largest difference between a function and its table at 5000 states spread over the
     table.
     """
@@ -97,5 +97,5 @@ def difference(function: Function, table: xr.DataArray) -> float:
     at = {
         str(d): draw.uniform(table[d].values[0], table[d].values[-1], _CHECKS) for d in table.dims
     }
-    leaf = make(table.values, {str(d): table[d].values for d in table.dims})
+    leaf = make_term(table.values, {str(d): table[d].values for d in table.dims})
     return float(np.abs(evaluate(leaf, at) - function(at)).max())

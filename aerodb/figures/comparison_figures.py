@@ -11,24 +11,30 @@ import numpy as np
 import xarray as xr
 
 from aerodb.comparison.conditions import Conditions
-from aerodb.figures.curve_families import Surface, surface
+from aerodb.figures.curve_families import DifferenceSurface, difference_surface
 from aerodb.figures.drawing import (
     LEFT,
     RIGHT,
     WIDTH,
     Axes,
     Figure,
+    FigureSheet,
     Line2D,
     MaxNLocator,
     Patch,
-    Sheet,
-    drawing,
+    drawing_style,
     foot_height,
     foot_lines,
     reference_notes,
 )
 from aerodb.figures.figures import held_text, quantity_symbol, title
-from aerodb.figures.symbols import axis_label, derivative_unit, number, positive, shown
+from aerodb.figures.symbols import (
+    axis_label,
+    derivative_unit,
+    number_text,
+    positive_sense,
+    to_display_unit,
+)
 
 _TOP, _HEIGHT, _BETWEEN, _AXIS = 0.95, 2.6, 0.62, 0.36
 _FAR = 2.0  # standard errors beyond which a difference is hatched
@@ -64,12 +70,12 @@ def plot_difference(
     UnknownName, SchemaError
         As in `plot_comparison`; a term of one axis, or of one database.
     """
-    s = surface(databases, name, family, over, at)
+    s = difference_surface(databases, name, family, over, at)
     first, last = s.family.curves
     notes = foot_lines(_notes(databases, s))
     known = bool((s.stderr > 0).any())
-    with drawing():
-        sheet = Sheet(_TOP + _HEIGHT + _AXIS + 0.08 + foot_height(notes))
+    with drawing_style():
+        sheet = FigureSheet(_TOP + _HEIGHT + _AXIS + 0.08 + foot_height(notes))
         sheet.figure.set_label(f"{title(name)}: {last} less {first}")
         sheet.head(
             f"{databases[first].attrs['aircraft']}: {title(name)}",
@@ -91,9 +97,9 @@ def plot_difference(
 
 
 def _map(
-    axes: Axes, s: Surface, values: np.ndarray, support: Conditions | None, words: str
+    axes: Axes, s: DifferenceSurface, values: np.ndarray, support: Conditions | None, words: str
 ) -> None:
-    x, y = shown(s.family.over, s.x), shown(s.family.by, s.y)
+    x, y = to_display_unit(s.family.over, s.x), to_display_unit(s.family.by, s.y)
     largest = float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 0.0
     if largest > 0.0:
         levels = MaxNLocator(10, symmetric=True).tick_values(-largest, largest)
@@ -110,17 +116,17 @@ def _map(
             linestyles=["--" if v < 0 else "-" for v in levels],
         )
         lines.set_label(words)
-        axes.clabel(lines, fontsize=6, fmt=number, inline_spacing=2)
+        axes.clabel(lines, fontsize=6, fmt=number_text, inline_spacing=2)
     else:
         axes.text(0.5, 0.5, "no difference", transform=axes.transAxes, ha="center")
     axes.grid(False)
     nodes = np.meshgrid(
-        *(shown(axis, s.family.points[axis]) for axis in (s.family.over, s.family.by))
+        *(to_display_unit(axis, s.family.points[axis]) for axis in (s.family.over, s.family.by))
     )
     axes.plot(*(grid.ravel() for grid in nodes), "k.", markersize=1.3, label="node")
     if support is not None and s.family.over in support and s.family.by in support:
         places = [
-            shown(axis, np.ravel(np.asarray(support[axis], float)))
+            to_display_unit(axis, np.ravel(np.asarray(support[axis], float)))
             for axis in (s.family.over, s.family.by)
         ]
         axes.plot(
@@ -139,10 +145,10 @@ def _map(
     axes.set_ylabel(axis_label(s.family.by))
 
 
-def _hatch(axes: Axes, s: Surface, ratio: np.ndarray) -> None:
+def _hatch(axes: Axes, s: DifferenceSurface, ratio: np.ndarray) -> None:
     worst = float(np.nanmax(np.abs(ratio)))
     if worst > _FAR:
-        x, y = shown(s.family.over, s.x), shown(s.family.by, s.y)
+        x, y = to_display_unit(s.family.over, s.x), to_display_unit(s.family.by, s.y)
         axes.contourf(x, y, np.abs(ratio), [_FAR, 2 * worst], colors="none", hatches=["////"])
 
 
@@ -197,9 +203,9 @@ def _handles(known: bool, supported: bool) -> list[Any]:
     return handles
 
 
-def _notes(databases: Mapping[str, xr.DataTree], s: Surface) -> list[str]:
+def _notes(databases: Mapping[str, xr.DataTree], s: DifferenceSurface) -> list[str]:
     names = list(s.family.curves)
-    sense = positive(s.family.name.partition("/")[0])
+    sense = positive_sense(s.family.name.partition("/")[0])
     about = f"{s.family.name.partition('/')[0]} positive {sense}." if sense else ""
     return [
         *reference_notes({name: databases[name] for name in names}),

@@ -18,12 +18,12 @@ import xarray as xr
 from aerodb.comparison.conditions import (
     Conditions,
     axes_of,
-    breakpoints,
     coefficient_points,
-    neutral,
+    merge_breakpoints,
+    neutral_value,
 )
 from aerodb.store.schema import terms
-from aerodb.update.standard_errors import spread
+from aerodb.update.standard_errors import standard_errors
 from flightmech import terms as _terms
 from flightmech.errors import SchemaError, UnknownName
 
@@ -64,7 +64,7 @@ _CONFIGURATION = ("mach", "delta_f", "gear", "speedbrake")
 
 
 @dataclass(frozen=True)
-class Curve:
+class DatabaseCurve:
     """One curve of one database.
 
     ``x`` [SI], ``y`` and ``stderr`` are (points,), the standard error zero where none is stated;
@@ -111,8 +111,8 @@ class Family:
     held: dict[str, float]
     regressors: tuple[str, ...]
     points: dict[str, np.ndarray]
-    curves: dict[str, list[Curve | None]]
-    power: _terms.Power | None = None
+    curves: dict[str, list[DatabaseCurve | None]]
+    power: _terms.PowerFactor | None = None
 
     @property
     def is_term(self) -> bool:
@@ -124,7 +124,7 @@ class Family:
         return {**self.held, **({self.by: self.members[member]} if self.by else {})}
 
 
-def family(
+def curve_family(
     databases: Mapping[str, xr.DataTree],
     name: str,
     by: str | None = None,
@@ -156,7 +156,7 @@ def family(
     """
     source = _source(databases, name)
     over, by, held = _layout(source, by, over, at)
-    members = thinned(source.points[by]) if by else (0.0,)
+    members = thin_breakpoints(source.points[by]) if by else (0.0,)
     curves = {
         label: [source.curve(label, over, {**held, **({by: x} if by else {})}) for x in members]
         for label in source.labels
@@ -169,7 +169,7 @@ def family(
 
 
 @dataclass(frozen=True)
-class Surface:
+class DifferenceSurface:
     """The difference of two databases over two variables.
 
     ``x`` (of `over`) and ``y`` (of `by`) [SI] are the sides of the grid; ``difference`` (last less
@@ -184,13 +184,13 @@ class Surface:
     stderr: np.ndarray
 
 
-def surface(
+def difference_surface(
     databases: Mapping[str, xr.DataTree],
     name: str,
     by: str | None = None,
     over: str | None = None,
     at: Mapping[str, float] | None = None,
-) -> Surface:
+) -> DifferenceSurface:
     """Return how the last of several databases differs from the first over two axes; arguments and
     errors as in `family`.
 
@@ -206,7 +206,7 @@ def surface(
     if len(source.labels) < 2:
         raise SchemaError(name, [f"is in {source.labels[0]} only; a difference needs two"])
     first, last = source.labels[0], source.labels[-1]
-    x, y = fine(source.points[over]), fine(source.points[by])
+    x, y = refine_breakpoints(source.points[over]), refine_breakpoints(source.points[by])
     difference, stderr = np.full((2, len(y), len(x)), np.nan)
     for i, member in enumerate(y):
         a, b = (source.curve(label, over, {**held, by: float(member)}) for label in (first, last))
@@ -214,8 +214,8 @@ def surface(
             inside = (x >= max(a.x[0], b.x[0])) & (x <= min(a.x[-1], b.x[-1]))
             difference[i, inside] = np.interp(x[inside], b.x, b.y) - np.interp(x[inside], a.x, a.y)
             stderr[i, inside] = np.interp(x[inside], a.x, a.stderr)
-    lone: dict[str, list[Curve | None]] = {label: [] for label in (first, last)}
-    return Surface(
+    lone: dict[str, list[DatabaseCurve | None]] = {label: [] for label in (first, last)}
+    return DifferenceSurface(
         Family(name, over, by, (), held, source.regressors, source.points, lone, source.power),
         x,
         y,
@@ -224,7 +224,7 @@ def surface(
     )
 
 
-def supporting(support: Conditions | None, shown: Family, member: int) -> np.ndarray:
+def supporting_samples(support: Conditions | None, shown: Family, member: int) -> np.ndarray:
     """Return the abscissae of the flight samples that belong to one curve: on every fixed variable
     its node is the nearest. [SI]
     """
@@ -285,7 +285,7 @@ class _TermSource:
         if not self.leaves:
             raise UnknownName(name, {term for leaves in found.values() for term in leaves}, "term")
         self.labels = list(self.leaves)
-        self.points = breakpoints(self.leaves.values())
+        self.points = merge_breakpoints(self.leaves.values())
         if not self.points:
             raise SchemaError(
                 name,
@@ -321,8 +321,8 @@ class _TermSource:
         size = (table**2).mean([d for d in table.dims if d != axis])
         return float(table[axis].values[int(np.argmax(size.values))])
 
-    def curve(self, label: str, over: str, place: Mapping[str, float]) -> Curve | None:
-        leaf = _terms.bare(self.leaves[label])
+    def curve(self, label: str, over: str, place: Mapping[str, float]) -> DatabaseCurve | None:
+        leaf = _terms.without_multipliers(self.leaves[label])
         own = axes_of(leaf)
         if any(
             not own[axis][0] <= value <= own[axis][-1]
@@ -330,17 +330,17 @@ class _TermSource:
             if axis in own
         ):
             return None
-        x = fine(own.get(over, self.points[over][[0, -1]]))
+        x = refine_breakpoints(own.get(over, self.points[over][[0, -1]]))
         y, stderr = _values(leaf, {**place, over: x}, len(x))
         nodes = _nodes_on(leaf, over, place)
-        return Curve(x, y, stderr, *nodes)
+        return DatabaseCurve(x, y, stderr, *nodes)
 
 
 class _CoefficientSource:
     """Curves of a whole coefficient, in the range that all databases cover."""
 
     regressors: tuple[str, ...] = ()
-    power: _terms.Power | None = None
+    power: _terms.PowerFactor | None = None
     order = ("mach", *_BY)
 
     def __init__(self, databases: Mapping[str, xr.DataTree], name: str):
@@ -371,12 +371,14 @@ class _CoefficientSource:
 
     def held(self, axis: str) -> float:
         points = self.points[axis]
-        return float(points[(len(points) - 1) // 2]) if axis == "mach" else neutral(axis, points)
+        return (
+            float(points[(len(points) - 1) // 2]) if axis == "mach" else neutral_value(axis, points)
+        )
 
-    def curve(self, label: str, over: str, place: Mapping[str, float]) -> Curve:
-        x = fine(self.points[over])
+    def curve(self, label: str, over: str, place: Mapping[str, float]) -> DatabaseCurve:
+        x = refine_breakpoints(self.points[over])
         parts = [_values(leaf, {**place, over: x}, len(x)) for leaf in self.leaves[label]]
-        return Curve(
+        return DatabaseCurve(
             x,
             np.sum([y for y, _ in parts], axis=0),
             np.sqrt(np.sum([s**2 for _, s in parts], axis=0)),
@@ -389,7 +391,7 @@ def _values(
     B = _terms.basis(leaf, conditions, "clamp")
     y, stderr = (
         np.broadcast_to(part, (count,))
-        for part in (B @ leaf["value"].values.ravel(), spread(B, leaf))
+        for part in (B @ leaf["value"].values.ravel(), standard_errors(B, leaf))
     )
     return y, stderr
 
@@ -438,7 +440,7 @@ def _chosen(
     return next((axis for axis in order if axis in points), next(iter(points)))
 
 
-def fine(points: np.ndarray) -> np.ndarray:
+def refine_breakpoints(points: np.ndarray) -> np.ndarray:
     """Return breakpoints with places in between, where standard errors bend."""
     if len(points) == 1:
         return points
@@ -446,15 +448,15 @@ def fine(points: np.ndarray) -> np.ndarray:
     return np.concatenate([*between, points[-1:]])
 
 
-def thinned(points: np.ndarray, most: int = MOST_MEMBERS) -> tuple[float, ...]:
+def thin_breakpoints(points: np.ndarray, most: int = MOST_MEMBERS) -> tuple[float, ...]:
     """Return breakpoints, at most so many, evenly chosen."""
     kept = np.unique(np.linspace(0, len(points) - 1, min(len(points), most)).round().astype(int))
     return tuple(float(x) for x in points[kept])
 
 
 def _distinct(
-    members: tuple[float, ...], curves: dict[str, list[Curve | None]]
-) -> tuple[tuple[float, ...], dict[str, list[Curve | None]]]:
+    members: tuple[float, ...], curves: dict[str, list[DatabaseCurve | None]]
+) -> tuple[tuple[float, ...], dict[str, list[DatabaseCurve | None]]]:
     """Leave out members whose curves repeat those of an earlier member in every database."""
     kept: list[int] = []
     for i in range(len(members)):
@@ -465,7 +467,7 @@ def _distinct(
     }
 
 
-def _alike(one: Curve | None, other: Curve | None) -> bool:
+def _alike(one: DatabaseCurve | None, other: DatabaseCurve | None) -> bool:
     if one is None or other is None:
         return one is other
     return all(

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from aerodb.figures.symbols import number
+from aerodb.figures.symbols import number_text
 from flightmech.errors import AeromatchError, SchemaError
 from flightmech.support.atomic_write import written_atomically
 from flightmech.terms import SOURCES
@@ -89,7 +89,7 @@ MARKS: dict[int, dict[str, Any]] = {
 }
 
 
-def pens(names: Sequence[str]) -> dict[str, Pen]:
+def line_styles(names: Sequence[str]) -> dict[str, Pen]:
     """Return the line code of several databases in order: dotted, dashed ..., solid; a single one
     is solid.
     """
@@ -100,13 +100,13 @@ def pens(names: Sequence[str]) -> dict[str, Pen]:
 
 
 @contextmanager
-def drawing():
+def drawing_style():
     """Draw in the style of this package, whatever the user's own settings are."""
     with style.context(["default", _STYLE]):
         yield
 
 
-class Sheet:
+class FigureSheet:
     """A figure whose panels are placed in inches from its upper left corner."""
 
     def __init__(self, height: float):
@@ -172,9 +172,9 @@ def reference_notes(databases: Mapping[str, xr.DataTree]) -> list[str]:
     texts: dict[str, list[str]] = {}
     for name, db in databases.items():
         a = db.attrs
-        point = ", ".join(number(float(a[key])) for key in ("x_ref", "y_ref", "z_ref"))
+        point = ", ".join(number_text(float(a[key])) for key in ("x_ref", "y_ref", "z_ref"))
         text = (
-            f"S = {number(a['S'])} m², cbar = {number(a['cbar'])} m, b = {number(a['b'])} m; moments about ({point}) m from the drawing "
+            f"S = {number_text(a['S'])} m², cbar = {number_text(a['cbar'])} m, b = {number_text(a['b'])} m; moments about ({point}) m from the drawing "
             f"datum (x forward, y right, z down); forces in {a['force_axes']} axes, moments and rates in body axes."
         )
         texts.setdefault(text, []).append(name)
@@ -239,11 +239,11 @@ def save_figure(figure: Figure, path: str | os.PathLike) -> None:
             "Title": title,
         },
     }
-    with drawing(), written_atomically(path) as part:
+    with drawing_style(), written_atomically(path) as part:
         figure.savefig(part, format=kind, metadata=metadata[kind])
 
 
-def padded(values: Iterable[np.ndarray], zero: bool = False) -> tuple[float, float]:
+def axis_limits(values: Iterable[np.ndarray], zero: bool = False) -> tuple[float, float]:
     """Return the limits of an axis that shows all values."""
     finite = np.concatenate(
         [np.ravel(v)[np.isfinite(np.ravel(v))] for v in values] + [np.zeros(int(zero))]

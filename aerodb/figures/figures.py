@@ -17,8 +17,8 @@ import numpy as np
 import xarray as xr
 
 from aerodb.comparison.conditions import Conditions
-from aerodb.figures.curve_families import Curve, Family, supporting
-from aerodb.figures.curve_families import family as curves_of
+from aerodb.figures.curve_families import DatabaseCurve, Family, supporting_samples
+from aerodb.figures.curve_families import curve_family as curves_of
 from aerodb.figures.drawing import (
     LEFT,
     MARKS,
@@ -26,31 +26,31 @@ from aerodb.figures.drawing import (
     WIDTH,
     Axes,
     Figure,
+    FigureSheet,
     Line2D,
     MaxNLocator,
     Pen,
-    Sheet,
+    axis_limits,
     band_handle,
     colormaps,
     database_handles,
-    drawing,
+    drawing_style,
     foot_height,
     foot_lines,
-    padded,
-    pens,
+    line_styles,
     reference_notes,
     source_handles,
 )
 from aerodb.figures.symbols import (
     axis_label,
     derivative_unit,
-    equals,
-    number,
-    positive,
+    number_text,
+    positive_sense,
     printed_unit,
-    shown,
     symbol,
     term_symbol,
+    to_display_unit,
+    value_text,
 )
 from aerodb.store.templates import lr743
 from flightmech.names import lookup
@@ -154,8 +154,8 @@ def plot_comparison(
 
 def _sheet(databases: Mapping[str, xr.DataTree], f: Family, support: Conditions | None) -> Figure:
     """Return the sheet of a family of curves."""
-    code = {name: pen for name, pen in pens(list(databases)).items() if name in f.curves}
-    ticks = [supporting(support, f, i) for i in range(len(f.members))]
+    code = {name: pen for name, pen in line_styles(list(databases)).items() if name in f.curves}
+    ticks = [supporting_samples(support, f, i) for i in range(len(f.members))]
     several = len(f.members) > 1
     strips = _STRIP if len(code) > 1 else 0.0
     columns = _COLUMNS if several else 1
@@ -166,8 +166,8 @@ def _sheet(databases: Mapping[str, xr.DataTree], f: Family, support: Conditions 
     members_top = top + _TITLE + (_FAMILY + _AXIS + _TITLE if several else 0.0)
     step = panel + strips + _TICKS + _TITLE
     height = members_top + rows * step - _TITLE + (_AXIS - _TICKS) + 0.08 + foot_height(notes)
-    with drawing():
-        sheet = Sheet(height)
+    with drawing_style():
+        sheet = FigureSheet(height)
         sheet.figure.set_label(title(f.name))
         sheet.head(
             f"{next(iter(databases.values())).attrs['aircraft']}: {title(f.name)}", _head_lines(f)
@@ -233,12 +233,12 @@ def _power_symbol(f: Family) -> str:
 
 def held_text(f: Family) -> str:
     """Return where the further variables are held, to end a line of the head."""
-    held = ", ".join(equals(name, value) for name, value in f.held.items())
+    held = ", ".join(value_text(name, value) for name, value in f.held.items())
     return f"; at {held}" if held else ""
 
 
 def _notes(databases: Mapping[str, xr.DataTree], f: Family, code: Mapping[str, Pen]) -> list[str]:
-    sense = positive(f.name.partition("/")[0])
+    sense = positive_sense(f.name.partition("/")[0])
     notes = reference_notes({name: databases[name] for name in code})
     multiplied = "".join(f" {name}: {lookup(name).long_name}." for name in f.regressors)
     notes.append(
@@ -278,15 +278,17 @@ def _handles(f: Family, code: Mapping[str, Pen], supported: bool) -> list[Any]:
     return handles
 
 
-def _families(sheet: Sheet, f: Family, code: Mapping[str, Pen], top: float) -> None:
+def _families(sheet: FigureSheet, f: Family, code: Mapping[str, Pen], top: float) -> None:
     """Draw the whole family of every database, side by side in equal scales."""
     count = len(code)
-    words = [number(float(shown(f.by, member))) for member in f.members]
+    words = [number_text(float(to_display_unit(f.by, member))) for member in f.members]
     room = _LEADER + _DIGIT * max(
         4, *map(len, words)
     )  # as wide as the symbol above the labels at least
     width = (WIDTH - LEFT - RIGHT - room - (count - 1) * (room + RIGHT)) / count
-    limits = padded(curve.y for found in f.curves.values() for curve in found if curve is not None)
+    limits = axis_limits(
+        curve.y for found in f.curves.values() for curve in found if curve is not None
+    )
     shades = colormaps["cividis"](np.linspace(0.0, 0.72, len(f.members)))
     for k, (name, pen) in enumerate(code.items()):
         axes = sheet.panel(LEFT + k * (width + room + RIGHT), top, width, _FAMILY)
@@ -294,14 +296,14 @@ def _families(sheet: Sheet, f: Family, code: Mapping[str, Pen], top: float) -> N
         for curve, member, label, shade in zip(f.curves[name], f.members, words, shades):
             if curve is None:
                 continue
-            x = shown(f.over, curve.x)
+            x = to_display_unit(f.over, curve.x)
             axes.plot(
                 x,
                 curve.y,
                 color=shade,
                 linestyle=pen.dashes,
                 linewidth=pen.width,
-                label=f"{name} {equals(f.by, member)}",
+                label=f"{name} {value_text(f.by, member)}",
             )
             ends.append((float(x[-1]), float(curve.y[-1]), label))
         _frame(axes, f, limits, k == 0)
@@ -373,7 +375,7 @@ def spread_apart(places: np.ndarray, least: float) -> np.ndarray:
 
 
 def _member(
-    sheet: Sheet,
+    sheet: FigureSheet,
     f: Family,
     code: Mapping[str, Pen],
     i: int,
@@ -394,16 +396,18 @@ def _member(
         if curve is not None:
             _curve(axes, f, curve, name, pen)
     drawn = [c for found in f.curves.values() for c in found if c is not None]
-    _frame(axes, f, padded([c.y + s * c.stderr for c in drawn for s in (-1, 1)]), i % columns == 0)
-    _support(axes, shown(f.over, ticks))
+    _frame(
+        axes, f, axis_limits([c.y + s * c.stderr for c in drawn for s in (-1, 1)]), i % columns == 0
+    )
+    _support(axes, to_display_unit(f.over, ticks))
     if f.by:
-        axes.set_title(equals(f.by, f.members[i]), fontsize=7.5, loc="left", pad=2.5)
+        axes.set_title(value_text(f.by, f.members[i]), fontsize=7.5, loc="left", pad=2.5)
     if not strips:
         return axes
     axes.tick_params(labelbottom=False)
     strip = sheet.panel(left, top + panel + 0.05, width, strips - 0.05)
     _differences(strip, f, code, i)
-    _frame(strip, f, padded(_difference_range(f, code), zero=True), i % columns == 0)
+    _frame(strip, f, axis_limits(_difference_range(f, code), zero=True), i % columns == 0)
     strip.set_ylabel(
         rf"difference [{derivative_unit(f.regressors)}]" if i % columns == 0 else "", fontsize=6
     )
@@ -411,8 +415,8 @@ def _member(
     return strip
 
 
-def _curve(axes: Axes, f: Family, curve: Curve, name: str, pen: Pen) -> None:
-    x = shown(f.over, curve.x)
+def _curve(axes: Axes, f: Family, curve: DatabaseCurve, name: str, pen: Pen) -> None:
+    x = to_display_unit(f.over, curve.x)
     if curve.stderr.any():
         axes.fill_between(
             x,
@@ -429,7 +433,7 @@ def _curve(axes: Axes, f: Family, curve: Curve, name: str, pen: Pen) -> None:
         if on.any():
             looks = {"color": pen.color, "linestyle": "none", "markeredgewidth": 0.6, **mark}
             axes.plot(
-                shown(f.over, curve.node_x[on]),
+                to_display_unit(f.over, curve.node_x[on]),
                 curve.node_y[on],
                 label=f"{name} nodes {source}",
                 **looks,
@@ -442,12 +446,17 @@ def _differences(strip: Axes, f: Family, code: Mapping[str, Pen], i: int) -> Non
     if base is None:
         return
     strip.fill_between(
-        shown(f.over, base.x), -base.stderr, base.stderr, color="#6e6e6e", alpha=0.25, linewidth=0
+        to_display_unit(f.over, base.x),
+        -base.stderr,
+        base.stderr,
+        color="#6e6e6e",
+        alpha=0.25,
+        linewidth=0,
     )
     for name, pen in list(code.items())[1:]:
         x, d = _difference(base, f.curves[name][i])
         strip.plot(
-            shown(f.over, x),
+            to_display_unit(f.over, x),
             d,
             color=pen.color,
             linestyle=pen.dashes,
@@ -456,7 +465,9 @@ def _differences(strip: Axes, f: Family, code: Mapping[str, Pen], i: int) -> Non
         )
 
 
-def _difference(base: Curve | None, other: Curve | None) -> tuple[np.ndarray, np.ndarray]:
+def _difference(
+    base: DatabaseCurve | None, other: DatabaseCurve | None
+) -> tuple[np.ndarray, np.ndarray]:
     """Return a curve less the base, where both reach."""
     if base is None or other is None:
         return np.zeros(0), np.zeros(0)
@@ -498,7 +509,7 @@ def _support(axes: Axes, x: np.ndarray) -> None:
 
 
 def _frame(axes: Axes, f: Family, limits: tuple[float, float], leftmost: bool) -> None:
-    x = shown(f.over, f.points[f.over])
+    x = to_display_unit(f.over, f.points[f.over])
     margin = 0.02 * (x[-1] - x[0]) or 1.0
     axes.set_xlim(x[0] - margin, x[-1] + margin)
     axes.set_ylim(*limits)

@@ -128,25 +128,25 @@ def printed_unit(name: str) -> str:
     return _PRINTED.get(unit, unit)
 
 
-def shown(name: str, si):
+def to_display_unit(name: str, si):
     """Return values of a quantity in its display unit."""
     return from_si(np.asarray(si, float), lookup(name).display_units) + 0.0
 
 
-def equals(name: str, si: float) -> str:
+def value_text(name: str, si: float) -> str:
     """Return a value with its symbol: ``$M$ = 0.3``, ``$\\delta_{f}$ = 40 deg``."""
     if name == "h_agl" and si >= FREE_AIR:
         return "free air"
     unit = printed_unit(name)
-    return f"${symbol(name)}$ = {number(float(shown(name, si)))}{f' {unit}' if unit else ''}"
+    return f"${symbol(name)}$ = {number_text(float(to_display_unit(name, si)))}{f' {unit}' if unit else ''}"
 
 
-def number(value: float) -> str:
+def number_text(value: float) -> str:
     """Return a number as printed: four significant digits or a whole number, a proper minus sign."""
     return plain_number(value).replace("-", MINUS)
 
 
-def positive(name: str) -> str:
+def positive_sense(name: str) -> str:
     """Return the positive sense of a quantity in words, empty where there is none."""
     sign = lookup(name).sign
     return SIGNS.get(sign, sign).removeprefix("aircraft ")

@@ -16,21 +16,20 @@ import xarray as xr
 from aerodb.prior import control_devices as devices
 from aerodb.prior import control_devices as hinges
 from aerodb.prior import increments
-from aerodb.prior.effect_to_terms import completed, leaves
-from aerodb.prior.power import power as power_effect
-from aerodb.prior.power import with_power_in_it
+from aerodb.prior.effect_to_terms import fill_unprinted_cells, terms_of_effect
+from aerodb.prior.power import power_effect, with_power_in_it
 from aerodb.prior.prior_errors import errors_with
-from aerodb.prior.sources import Source, apart, source, warn
+from aerodb.prior.sources import Source, collect_source, split_powered, warn
 from aerodb.store.effects import (
     Effect,
     rate_shift,
     rates_to_body,
     rereference,
-    rolled_to_body,
-    transferred,
+    rotate_rolling_to_body,
+    transfer_moments,
     with_added,
 )
-from aerodb.store.schema import SCHEME, database
+from aerodb.store.schema import SCHEME, make_database
 from flightmech.errors import SchemaError
 
 if TYPE_CHECKING:
@@ -42,7 +41,7 @@ _NEAR = (
 _FAR = 0.1  # moment centres farther apart than this many chords are a mistake, unless stated
 _PARTS = ("WING-BODY", "WING ALONE", "DATCOM BODY ALONE", "BODY ALONE")
 _ROLL_CONTROLS = {
-    "aileron": increments.aileron,
+    "aileron": increments.aileron_effect,
     "spoilers": devices.spoilers,
     "differential_tail": devices.differential_tail,
 }
@@ -149,7 +148,7 @@ def from_datcom(
         absent.
     """
     if power is None:
-        free, with_power = apart(clean)
+        free, with_power = split_powered(clean)
         clean, power = (free, with_power) if free and with_power else (clean, None)
     elif powered:
         raise SchemaError(
@@ -159,10 +158,10 @@ def from_datcom(
             ],
         )
     given = {
-        role: source(
+        role: collect_source(
             role,
             listing,
-            role == "power" or (role == "clean" and powered and not apart(listing)[0]),
+            role == "power" or (role == "clean" and powered and not split_powered(listing)[0]),
         )
         for role, listing in {
             "clean": clean,
@@ -200,8 +199,8 @@ def from_datcom(
     )
     found: dict[str, xr.Dataset] = {}
     for effect in (*effects.values(), *_hinge_effects(given, h_ref)):
-        found |= leaves(effect, prior, cover)
-    return database(
+        found |= terms_of_effect(effect, prior, cover)
+    return make_database(
         {name: found[name] for name in sorted(found, key=_place_in_scheme)},
         title=f"{aircraft.name}: a-priori database from Digital DATCOM",
         aircraft=aircraft.name,
@@ -225,19 +224,21 @@ def _effects(
 ) -> list[tuple[str, Effect]]:
     """Return all effects with the role they come from, as DATCOM means them."""
     clean = given["clean"]
-    found = [("clean", effect) for effect in increments.static(clean, h_ref)]
-    found.append(("clean", increments.sideslip(clean, h_ref)))
+    found = [("clean", effect) for effect in increments.static_effects(clean, h_ref)]
+    found.append(("clean", increments.sideslip_effect(clean, h_ref)))
     found += [("clean", effect) for effect in increments.pitch_rates(clean, h_ref)]
     if clean.has("dynamic"):
         found += [("clean", effect) for effect in increments.lateral_rates(clean, h_ref)]
     if "flaps" in given:
-        found += [("flaps", effect) for effect in increments.flaps(given["flaps"], h_ref)]
+        found += [("flaps", effect) for effect in increments.flap_effects(given["flaps"], h_ref)]
     if "elevator" in given:
         movable = given["elevator"].has("trim_stabilizer") and not given["elevator"].has("symflp")
         found.append(
             (
                 "elevator",
-                (devices.stabilizer if movable else increments.elevator)(given["elevator"], h_ref),
+                (devices.stabilizer if movable else increments.elevator_effect)(
+                    given["elevator"], h_ref
+                ),
             )
         )
     for role, effect in _ROLL_CONTROLS.items():
@@ -246,7 +247,7 @@ def _effects(
     if "power" in given:
         found.append(("power", power_effect(given["power"], clean, h_ref)))
     for role, over_ground in (
-        ("ground", increments.ground),
+        ("ground", increments.ground_effect_increment),
         ("ground_flap", increments.ground_flap),
     ):
         if role in given:
@@ -296,13 +297,13 @@ def _referred(
     alpha = effects["basic"].tables["CL"]["alpha"]
     for name in ("beta", "aileron", "spoiler", "differential_tail"):
         if name in effects:
-            effects[name] = rolled_to_body(effects[name], alpha)
+            effects[name] = rotate_rolling_to_body(effects[name], alpha)
     if "phat" in effects:
         effects["phat"], effects["rhat"] = rates_to_body(effects["phat"], effects["rhat"])
     for name, effect in effects.items():
         d = _arm(given[roles[name]], reference)
         if np.hypot(d[0], d[2]) > _NEAR * aircraft.cbar and effect.tables:
-            effects[name] = transferred(effect, d, aircraft.cbar, aircraft.b, alpha)
+            effects[name] = transfer_moments(effect, d, aircraft.cbar, aircraft.b, alpha)
     d = _arm(given["clean"], reference)
     if np.hypot(d[0], d[2]) > _NEAR * aircraft.cbar:
         for name, more in rate_shift(
@@ -389,7 +390,7 @@ def _range_of(CL: xr.DataArray) -> dict[str, tuple[float, float]]:
     """Return the Mach numbers and angles of attack that every table must cover: those of CL, and
     the incompressible ones.
     """
-    whole, _, _ = completed(CL)
+    whole, _, _ = fill_unprinted_cells(CL)
     machs, alphas = whole["mach"].values, whole["alpha"].values
     return {
         "mach": (0.0 if machs[0] <= _INCOMPRESSIBLE else float(machs[0]), float(machs[-1])),

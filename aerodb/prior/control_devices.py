@@ -12,8 +12,8 @@ import numpy as np
 import xarray as xr
 
 from aerodb.prior.increments import at_height, exact_zero, from_zero
-from aerodb.prior.sources import Source, known, warn
-from aerodb.store.effects import Effect, joined
+from aerodb.prior.sources import Source, drop_empty_tables, warn
+from aerodb.store.effects import Effect, join_sentences
 from flightmech.errors import SchemaError
 from flightmech.units import DEGREE
 
@@ -45,7 +45,7 @@ def spoilers(given: Source, h_ref: float) -> Effect:
         .rename(deflection="delta_s")
         .sortby("delta_s")
     )
-    tables = known({c: grid[c] for c in ("Cl", "Cn")})
+    tables = drop_empty_tables({c: grid[c] for c in ("Cl", "Cn")})
     stale = float(np.abs(tables["Cl"].sel(delta_s=0.0)).max()) if (height == 0.0).any() else 0.0
     if stale > 0.0:
         warn(
@@ -130,13 +130,13 @@ def stabilizer(given: Source, h_ref: float) -> Effect:
     eta = downwash["q_ratio"].sel(alpha=near["alpha"], method="nearest").mean("alpha")
     lift, moment = page["CL_tail_trim"], page["Cm_tail_trim"]
     arm = (lift * moment).sum("alpha") / (lift**2).where(moment.notnull()).sum("alpha")
-    tables = known({"CL": eta * slope, "Cm": eta * slope * arm})
+    tables = drop_empty_tables({"CL": eta * slope, "Cm": eta * slope * arm})
     if set(tables) != {"CL", "Cm"}:
         warn(
             f"{given.role}: the page of stabilizer trim holds no lift and moment of the tail at trim; the terms are left absent"
         )
         return Effect("elevator", {})
-    comment = joined(
+    comment = join_sentences(
         "all-movable stabilizer: delta_e is its incidence less the rigged one, trailing edge down",
         "eta times lift slope of the tail alone, arm by lift and moment at trim; linear range",
     )
@@ -301,7 +301,9 @@ def _deflection(coefficient: str, grid: xr.Dataset, axis: str, given: Source) ->
     """Return the effect ``delta``: (CH)D times the deflection, whose slope the program takes from
     zero.
     """
-    slope = known({coefficient: grid["Ch_delta"].rename(delta=axis)} if "Ch_delta" in grid else {})
+    slope = drop_empty_tables(
+        {coefficient: grid["Ch_delta"].rename(delta=axis)} if "Ch_delta" in grid else {}
+    )
     if not slope:
         return []
     table = slope[coefficient] * slope[coefficient][axis]
@@ -320,7 +322,7 @@ def _deflection(coefficient: str, grid: xr.Dataset, axis: str, given: Source) ->
 def _slope(coefficient: str, grid: xr.Dataset) -> dict[str, xr.DataArray]:
     """Return (CH)A, which is printed once for all deflections."""
     at = int(np.argmin(np.abs(grid["delta"].values)))
-    return known(
+    return drop_empty_tables(
         {coefficient: grid["Ch_alpha"].isel(delta=at, drop=True)} if "Ch_alpha" in grid else {}
     )
 

@@ -11,7 +11,7 @@ import xarray as xr
 
 from aerodb.prior.prior_errors import PriorErrors
 from aerodb.prior.sources import warn
-from aerodb.store.effects import Effect, joined
+from aerodb.store.effects import Effect, join_sentences
 from flightmech import terms as _terms
 from flightmech.units import DEGREE
 
@@ -21,7 +21,7 @@ _NONE = np.array([])
 _HELD = 2.0
 
 
-def leaves(
+def terms_of_effect(
     effect: Effect, prior: PriorErrors, cover: Mapping[str, tuple[float, float]]
 ) -> dict[str, xr.Dataset]:
     """Return the terms of an effect by name.
@@ -47,7 +47,7 @@ def leaves(
     found: dict[str, xr.Dataset] = {}
     carried: dict[tuple[float, float], list[str]] = {}
     for coefficient, table in effect.tables.items():
-        whole, printed, notes = completed(
+        whole, printed, notes = fill_unprinted_cells(
             table.transpose(*(axis for axis in AXIS_ORDER if axis in table.dims))
         )
         if not whole.size:
@@ -55,14 +55,14 @@ def leaves(
         name = f"{coefficient}/{effect.name}"
         if coefficient in effect.judged:
             printed = printed & ~effect.judged[coefficient].reindex_like(printed)
-        value, ends = covered(whole, cover)
+        value, ends = extend_to_ranges(whole, cover)
         far = _carried(whole, ends.get("mach", _NONE), prior)
         for end in far:
             carried.setdefault((float(whole["mach"].max()), float(end)), []).append(name)
-        held = ~covered(printed, cover)[0]
+        held = ~extend_to_ranges(printed, cover)[0]
         held = held | _among(value, "alpha", ends.get("alpha", _NONE)) | _among(value, "mach", far)
         judged = held | _among(value, "mach", ends.get("mach", _NONE))
-        leaf = _terms.make(
+        leaf = _terms.make_term(
             value.values,
             {str(axis): value[axis].values for axis in value.dims},
             effect.regressor.split(),
@@ -70,7 +70,7 @@ def leaves(
             * np.where(held.transpose(*value.dims), _HELD, 1.0),
             source="datcom",
             references=effect.references,
-            comment=joined(
+            comment=join_sentences(
                 effect.comment,
                 *notes,
                 *(_range_text(axis, points) for axis, points in ends.items()),
@@ -94,7 +94,7 @@ def _among(table: xr.DataArray, axis: str, points: np.ndarray) -> xr.DataArray |
     return table[axis].isin(list(points)) if axis in table.dims else False
 
 
-def completed(table: xr.DataArray) -> tuple[xr.DataArray, xr.DataArray, list[str]]:
+def fill_unprinted_cells(table: xr.DataArray) -> tuple[xr.DataArray, xr.DataArray, list[str]]:
     """Return a table without NaN, which of its cells are printed, and what was done; an empty one
     when nothing is printed.
     """
@@ -135,7 +135,7 @@ def _nearest(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return np.interp(x, x[good], y[good]) if good.any() else y
 
 
-def covered(
+def extend_to_ranges(
     table: xr.DataArray, cover: Mapping[str, tuple[float, float]]
 ) -> tuple[xr.DataArray, dict[str, np.ndarray]]:
     """Return a table whose axes cover ranges, the last values held, and the breakpoints that were

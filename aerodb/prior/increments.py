@@ -10,8 +10,8 @@ import xarray as xr
 
 import datcom_io
 from aerodb.prior.power import without_thrust
-from aerodb.prior.sources import Source, known, warn
-from aerodb.store.effects import Effect, joined
+from aerodb.prior.sources import Source, drop_empty_tables, warn
+from aerodb.store.effects import Effect, join_sentences
 from flightmech.errors import SchemaError
 
 COMMENT = (
@@ -91,7 +91,7 @@ _DRIFT = (
 )
 
 
-def static(clean: Source, h_ref: float) -> list[Effect]:
+def static_effects(clean: Source, h_ref: float) -> list[Effect]:
     """Return the effects ``basic`` and ``altitude``: CL, CD, Cm over Mach and alpha, and what
     altitude adds to them.
     """
@@ -99,7 +99,7 @@ def static(clean: Source, h_ref: float) -> list[Effect]:
     if clean.powered:
         grid, power_in_it = without_thrust(clean, grid)
         warn(f"{clean.role}: CL, CD and Cm are {power_in_it}")
-    tables = known({coefficient: grid[coefficient] for coefficient in _LONGITUDINAL})
+    tables = drop_empty_tables({coefficient: grid[coefficient] for coefficient in _LONGITUDINAL})
     if "CL" not in tables:
         raise SchemaError(
             clean.role,
@@ -112,7 +112,7 @@ def static(clean: Source, h_ref: float) -> list[Effect]:
             "basic",
             basic,
             references=lines,
-            comment=joined(f"clean aeroplane at {h_ref:.0f} m", power_in_it),
+            comment=join_sentences(f"clean aeroplane at {h_ref:.0f} m", power_in_it),
         )
     ]
     if grid.sizes["h"] > 1:
@@ -138,18 +138,23 @@ def pitch_rates(clean: Source, h_ref: float) -> list[Effect]:
     grid = clean.grid("dynamic").sel(h=h_ref, drop=True)
     lines = clean.place("dynamic")
     q, alphadot = (
-        Effect(rate, known({c: grid[f"{c}_{rate}"] for c in ("CL", "Cm")}), rate, references=lines)
+        Effect(
+            rate,
+            drop_empty_tables({c: grid[f"{c}_{rate}"] for c in ("CL", "Cm")}),
+            rate,
+            references=lines,
+        )
         for rate in _PITCH
     )
     return [q, with_tail_share(alphadot, clean, h_ref)]
 
 
-def sideslip(clean: Source, h_ref: float) -> Effect:
+def sideslip_effect(clean: Source, h_ref: float) -> Effect:
     """Return the effect of ``beta`` on CY, Cl and Cn, in stability axes."""
     grid = clean.grid("static").sel(h=h_ref, drop=True)
     return Effect(
         "beta",
-        known({c: grid[f"{c}_beta"] for c in ("CY", "Cl", "Cn")}),
+        drop_empty_tables({c: grid[f"{c}_beta"] for c in ("CY", "Cl", "Cn")}),
         "beta",
         references=clean.place("static"),
     )
@@ -159,14 +164,14 @@ def lateral_rates(clean: Source, h_ref: float) -> tuple[Effect, Effect]:
     """Return the effects of ``phat`` and ``rhat``, in stability axes."""
     grid = clean.grid("dynamic").sel(h=h_ref, drop=True)
     lines, comment = clean.place("dynamic"), "CY_rhat, which has no DATCOM method, counts as zero"
-    roll = known({c: grid[f"{c}_phat"] for c in ("CY", "Cl", "Cn")})
-    yaw = known({c: grid[f"{c}_rhat"] for c in ("Cl", "Cn")})
+    roll = drop_empty_tables({c: grid[f"{c}_phat"] for c in ("CY", "Cl", "Cn")})
+    yaw = drop_empty_tables({c: grid[f"{c}_rhat"] for c in ("Cl", "Cn")})
     return Effect("phat", roll, "phat", references=lines, comment=comment), Effect(
         "rhat", yaw, "rhat", references=lines
     )
 
 
-def elevator(given: Source, h_ref: float) -> Effect:
+def elevator_effect(given: Source, h_ref: float) -> Effect:
     """Return the effect of ``delta_e`` on CL, CD, Cm."""
     tables, _, note = _symflp(given, "tail", "delta_e", h_ref)
     return Effect(
@@ -174,11 +179,11 @@ def elevator(given: Source, h_ref: float) -> Effect:
     )
 
 
-def flaps(given: Source, h_ref: float) -> list[Effect]:
+def flap_effects(given: Source, h_ref: float) -> list[Effect]:
     """Return the effects ``flap`` and ``flap_slope`` of ``delta_f``."""
     tables, slope, note = _symflp(given, "wing", "delta_f", h_ref)
     lines, zeros = given.place("symflp"), {"delta_f": [0.0]}
-    comment = joined(note, "wing-body: a change of downwash at the tail is not in Cm")
+    comment = join_sentences(note, "wing-body: a change of downwash at the tail is not in Cm")
     found = [Effect("flap", tables, zeros=zeros, references=lines, comment=comment)]
     if slope is not None:
         comment = "lift slope of the flapped surface against the same without deflection; per radian of alpha"
@@ -190,7 +195,7 @@ def flaps(given: Source, h_ref: float) -> list[Effect]:
     return found
 
 
-def aileron(given: Source, h_ref: float) -> Effect:
+def aileron_effect(given: Source, h_ref: float) -> Effect:
     """Return the effect of ``delta_a`` = (right - left)/2 on Cl and Cn, in stability axes."""
     grid = at_height(given.grid("asyflp"), h_ref)
     if grid.attrs.get("surface", "wing") != "wing":
@@ -212,11 +217,13 @@ def aileron(given: Source, h_ref: float) -> Effect:
         .rename(delta_pair="delta_a")
         .sortby("delta_a")
     )
-    tables = known({c: from_zero(grid[c], "delta_a") for c in ("Cl", "Cn") if c in grid})
+    tables = drop_empty_tables(
+        {c: from_zero(grid[c], "delta_a") for c in ("Cl", "Cn") if c in grid}
+    )
     return Effect("aileron", tables, zeros={"delta_a": [0.0]}, references=given.place("asyflp"))
 
 
-def ground(given: Source, h_ref: float, b: float, z_ref: float) -> Effect:
+def ground_effect_increment(given: Source, h_ref: float, b: float, z_ref: float) -> Effect:
     """Return the effect ``ground``: what the ground adds to CL, CD, Cm of the clean aeroplane.
 
     Parameters
@@ -315,11 +322,15 @@ def _symflp(
         warn(_DRIFT.format(role=given.role))
     grid = grid.rename(delta=axis).sortby(axis)
     printed = {"CL": grid["dCL"], "CD": grid["dCDmin"], "Cm": grid["dCm"]}
-    induced = known({"dCDi": grid["dCDi"]} if "dCDi" in grid else {})
+    induced = drop_empty_tables({"dCDi": grid["dCDi"]} if "dCDi" in grid else {})
     note = "" if induced else "induced-drag increment not printed"
     printed["CD"] = sum(induced.values(), printed["CD"])
-    tables = {c: from_zero(table, axis) for c, table in known(printed).items()}
-    slope = known({"slope": grid["CL_alpha_delta"]}) if np.any(grid[axis].values == 0.0) else {}
+    tables = {c: from_zero(table, axis) for c, table in drop_empty_tables(printed).items()}
+    slope = (
+        drop_empty_tables({"slope": grid["CL_alpha_delta"]})
+        if np.any(grid[axis].values == 0.0)
+        else {}
+    )
     return tables, from_zero(slope["slope"], axis) if slope else None, note
 
 
@@ -373,7 +384,7 @@ def _over_ground(
         }:  # the free-air page is printed once, without deflection
             free = free.dropna(axis, how="all").isel({axis: 0}, drop=True)
         tables[coefficient] = low[coefficient] - free
-    tables = known(tables)
+    tables = drop_empty_tables(tables)
     last = float(low["ground_height"].max()) - z_ref
     if last >= 2 * b:
         raise SchemaError(
@@ -386,7 +397,7 @@ def _over_ground(
     comment = f"zero from two spans ({2 * b:.2f} m) on, by definition; the breakpoint at {FAR:.0f} m keeps flight at height inside the table"
     if machs.size == 1:
         tables = {name: table.isel(mach=0, drop=True) for name, table in tables.items()}
-        comment = joined(f"computed at Mach {machs[0]:g}", comment)
+        comment = join_sentences(f"computed at Mach {machs[0]:g}", comment)
     return {name: _faded(table, b, z_ref) for name, table in tables.items()}, comment
 
 

@@ -19,7 +19,7 @@ import numpy as np
 import xarray as xr
 
 from aerodb.prior.prior_errors import PriorErrors
-from aerodb.prior.sources import Source, known, warn
+from aerodb.prior.sources import Source, drop_empty_tables, warn
 from aerodb.store.effects import Effect
 from flightmech.errors import SchemaError
 from flightmech.units import DEGREE, FOOT, INCH
@@ -63,7 +63,7 @@ class Thrust:
         return f"thrust itself taken off (CT sin(alpha + {self.incidence / DEGREE:g} deg), {line})"
 
 
-def thrust(given: Source) -> Thrust:
+def stated_thrust(given: Source) -> Thrust:
     """Return the thrust that the input cards describe.
 
     Raises
@@ -101,7 +101,7 @@ def thrust(given: Source) -> Thrust:
     return Thrust(CT, incidence, float(height) * _LENGTH[given.decks[0].dim], jet)
 
 
-def power(given: Source, clean: Source, h_ref: float) -> Effect:
+def power_effect(given: Source, clean: Source, h_ref: float) -> Effect:
     """Return the effect ``power`` on CL, CD, Cm per unit of the thrust coefficient, without the
     thrust force itself.
 
@@ -109,7 +109,7 @@ def power(given: Source, clean: Source, h_ref: float) -> Effect:
     -----
     A cell without value on the unpowered page is left out: the program prints the increment alone there.
     """
-    engine = thrust(given)
+    engine = stated_thrust(given)
     other = [
         key
         for key, item in given.reference.items()
@@ -161,7 +161,7 @@ def power(given: Source, clean: Source, h_ref: float) -> Effect:
     )  # JETPWE sets the drag increment to zero
     whole = {c: powered[c] - free[c] for c in forces}
     itself = engine.itself(powered["alpha"], given.reference["cbar"])
-    tables = known(
+    tables = drop_empty_tables(
         {c: table for c, table in whole.items() if float(np.abs(table).max()) > _ROUNDING[c]}
     )
     if not tables:
@@ -188,7 +188,7 @@ def without_thrust(clean: Source, grid: xr.Dataset) -> tuple[xr.Dataset, str]:
     CLA and CMA of a powered page are those without power.  Where one is missing, CL or CM has no value without power and the program prints
     the increment alone there: such cells are taken out.  Lateral and dynamic derivatives are printed without power.
     """
-    engine = thrust(clean)
+    engine = stated_thrust(clean)
     itself = engine.itself(grid["alpha"], clean.reference["cbar"])
     slopes = {"CL": "CL_alpha", "Cm": "Cm_alpha"}
     tables = {
@@ -206,7 +206,7 @@ def with_power_in_it(prior: PriorErrors, clean: Source) -> PriorErrors:
     """Return the rules with what the power does to the flow in the standard errors of CL, CD and Cm
     ``basic``.
     """
-    engine = thrust(clean)
+    engine = stated_thrust(clean)
     induced = _INDUCED_BY_JET if engine.jet else _INDUCED_BY_PROPELLER
     return prior.widened({f"{c}/basic": engine.CT * size for c, size in induced.items()})
 

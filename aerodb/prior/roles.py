@@ -25,7 +25,7 @@ _OF_THE_RUN = ("FLTCON", "GRNDEF")  # namelists that do not make another aircraf
 
 
 @dataclass(frozen=True)
-class Assignment:
+class CaseRole:
     """What a case was taken for.
 
     Attributes
@@ -42,7 +42,7 @@ class Assignment:
     reason: str
 
 
-def assign_roles(given: Iterable[Any]) -> list[Assignment]:
+def assign_roles(given: Iterable[Any]) -> list[CaseRole]:
     """Return what each case of some listings is taken for.
 
     Parameters
@@ -67,7 +67,7 @@ def assign_roles(given: Iterable[Any]) -> list[Assignment]:
     cases = [case for item in given for case in (item if hasattr(item, "cases") else [item])]
     whole = max((_configuration(case) for case in cases), key=_components, default="")
     hinges = {_stations(case, "ASYFLP") for case in cases if _style(case) == _AILERON}
-    found = [Assignment(case, *_role(case, whole, hinges)) for case in cases]
+    found = [CaseRole(case, *_role(case, whole, hinges)) for case in cases]
     if not any("clean" in item.roles for item in found):
         found = _clean_among_others(found, whole)
     _require_one_aircraft([item.case for item in found if "clean" in item.roles])
@@ -76,7 +76,7 @@ def assign_roles(given: Iterable[Any]) -> list[Assignment]:
     return found
 
 
-def by_role(found: Iterable[Assignment]) -> dict[str, list[Case]]:
+def by_role(found: Iterable[CaseRole]) -> dict[str, list[Case]]:
     """Return the cases of each role, as `from_datcom` takes them."""
     roles: dict[str, list[Case]] = {}
     for item in found:
@@ -152,7 +152,7 @@ def _flap_roles(
     )
 
 
-def _clean_among_others(found: list[Assignment], whole: str) -> list[Assignment]:
+def _clean_among_others(found: list[CaseRole], whole: str) -> list[CaseRole]:
     """Take the static pages of elevator cases, or the powered pages, for the clean ones."""
     for role, why in (
         ("elevator", "its static pages, without deflection"),
@@ -166,7 +166,7 @@ def _clean_among_others(found: list[Assignment], whole: str) -> list[Assignment]
     return found
 
 
-def _also_clean(item: Assignment, role: str, why: str) -> Assignment:
+def _also_clean(item: CaseRole, role: str, why: str) -> CaseRole:
     roles = ("clean", *item.roles) if role == "elevator" else ("clean",)
     return replace(item, roles=roles, reason=f"{item.reason}; clean: {why}")
 
@@ -191,7 +191,7 @@ def _geometries(one: Case, other: Case) -> Iterator[tuple[str, object, object]]:
             yield name, first.get(name), second.get(name)
 
 
-def _without_repetitions(found: list[Assignment], role: str) -> list[Assignment]:
+def _without_repetitions(found: list[CaseRole], role: str) -> list[CaseRole]:
     """Leave out cases whose conditions another case of the role gives, and other devices than the
     first one.
     """
@@ -200,7 +200,7 @@ def _without_repetitions(found: list[Assignment], role: str) -> list[Assignment]
         role, "SYMFLP"
     )
     first = _shape(inside[0].case, device) if inside else None
-    taken: list[Assignment] = []
+    taken: list[CaseRole] = []
     left: dict[int, str] = {}
     for item in sorted(
         inside, key=lambda item: len(_places(item.case, role)) * (1 if role in _DRIFTING else -1)

@@ -171,7 +171,7 @@ class Source:
         )
 
 
-def source(role: str, given: Any, powered: bool = False) -> Source:
+def collect_source(role: str, given: Any, powered: bool = False) -> Source:
     """Return what a listing, a case, a case tree or several of them hold; `powered`: its pages with
     power effects are wanted.
 
@@ -224,7 +224,7 @@ def source(role: str, given: Any, powered: bool = False) -> Source:
     )
 
 
-def apart(given: Any) -> tuple[list[Any], list[Any]]:
+def split_powered(given: Any) -> tuple[list[Any], list[Any]]:
     """Return the cases or case trees without power effects, and those with."""
     found: tuple[list[Any], list[Any]] = ([], [])
     for item in _items(given):
@@ -309,7 +309,7 @@ def _report_suspects(role: str, joined: xr.DataTree) -> None:
         )
 
 
-def known(tables: Mapping[str, xr.DataArray]) -> dict[str, xr.DataArray]:
+def drop_empty_tables(tables: Mapping[str, xr.DataArray]) -> dict[str, xr.DataArray]:
     """Return the tables that hold any number."""
     return {name: table for name, table in tables.items() if bool(table.notnull().any())}
 

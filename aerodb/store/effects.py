@@ -57,10 +57,10 @@ class Effect:
 
     def with_tables(self, tables: Mapping[str, xr.DataArray], comment: str = "") -> Effect:
         """Return the effect with other tables, and a further sentence in its comment."""
-        return replace(self, tables=dict(tables), comment=joined(self.comment, comment))
+        return replace(self, tables=dict(tables), comment=join_sentences(self.comment, comment))
 
 
-def joined(*sentences: str) -> str:
+def join_sentences(*sentences: str) -> str:
     """Return sentences as one text, empty ones left out."""
     return "; ".join(s for s in sentences if s)
 
@@ -93,7 +93,7 @@ def rereference(effect: Effect, old: Mapping[str, float], new: Mapping[str, floa
     return effect.with_tables(scaled)
 
 
-def rolled_to_body(effect: Effect, alpha: xr.DataArray) -> Effect:
+def rotate_rolling_to_body(effect: Effect, alpha: xr.DataArray) -> Effect:
     """Return an effect of sideslip or of a roll control with its moments turned from stability to
     body axes.
 
@@ -147,7 +147,7 @@ def rates_to_body(roll: Effect, yaw: Effect) -> tuple[Effect, Effect]:
     )
 
 
-def transferred(
+def transfer_moments(
     effect: Effect, d: Sequence[float], cbar: float, b: float, alpha: xr.DataArray
 ) -> Effect:
     """Return an effect with its moments about another point, M_new = M_old + d x F.

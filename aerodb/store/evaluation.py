@@ -11,7 +11,7 @@ import xarray as xr
 from aerodb.store.schema import HINGE, coefficients, require, terms
 from flightmech import terms as _terms
 from flightmech.axes import lift_drag
-from flightmech.build_up import levels, used
+from flightmech.build_up import evaluation_levels, used_coefficients
 from flightmech.errors import OutOfRange, SchemaError, UnknownName
 from flightmech.names import attrs, lookup
 from flightmech.support.netcdf_trees import CHECKS
@@ -89,12 +89,12 @@ def _with_coefficients(
         word
         for name, leaf in leaves.items()
         if name.split("/")[0] == coefficient
-        for word in used(leaf)
+        for word in used_coefficients(leaf)
     }
     missing = sorted(wanted - {str(name) for name in conditions})
     if not missing:
         return conditions
-    _, problems = levels(terms(db), str(db.attrs["force_axes"]))
+    _, problems = evaluation_levels(terms(db), str(db.attrs["force_axes"]))
     if problems:
         raise SchemaError(f"database {db.attrs.get('title', '')!r}", problems)
     found = {str(name): conditions[name] for name in conditions}
@@ -236,7 +236,7 @@ def failing_checks(db: xr.DataTree) -> list[str]:
     problems = []
     for name, values in expected.items():
         allowed = columns.get(f"{name}{_TOLERANCE}")
-        row = agreement(
+        row = compare_output(
             found.get(name, np.zeros(count)), values[run], None if allowed is None else allowed[run]
         )
         if not row["agrees"]:
@@ -253,7 +253,7 @@ def needed_inputs(db: xr.DataTree) -> list[str]:
     return sorted(found - set(coefficients(db)))
 
 
-def agreement(
+def compare_output(
     found: np.ndarray, expected: np.ndarray, allowed: np.ndarray | None = None
 ) -> dict[str, Any]:
     """Return how an output agrees with what is expected, NaN where nothing is; the worst case is

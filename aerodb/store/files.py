@@ -14,13 +14,20 @@ from typing import TYPE_CHECKING, Any
 import h5py
 
 from aerodb.store.lean_reading import read_edits, read_leaves
-from aerodb.store.overview import OVERVIEW, SHOWN, STATED, facts
-from aerodb.store.seal import unbroken
+from aerodb.store.overview import OVERVIEW, SHOWN, STATED, describe_terms
+from aerodb.store.seal import read_sealed
 from flightmech.errors import ParseError, SchemaError
 from flightmech.names import COEFFICIENTS
-from flightmech.support.hdf5_seal import Unbroken, sealed
+from flightmech.support.hdf5_seal import Unbroken, add_seal
 from flightmech.support.input_files import file_kind
-from flightmech.support.netcdf_trees import CHECKS, GROUPS, Leaf, faults, image, read
+from flightmech.support.netcdf_trees import (
+    CHECKS,
+    GROUPS,
+    StoredGroup,
+    encode_tree,
+    find_unstorable,
+    read,
+)
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -47,12 +54,12 @@ def save(db: xr.DataTree, path: str | os.PathLike) -> None:
     from aerodb.store.schema import check
     from flightmech.support.atomic_write import written_atomically
 
-    problems = check(db) + faults(db)
+    problems = check(db) + find_unstorable(db)
     problems += [] if problems else _failing_checks(db)
     if problems:
         raise SchemaError(f"database {db.attrs.get('title', '')!r}", list(dict.fromkeys(problems)))
-    content = image(db)
-    content = sealed(content, OVERVIEW, _overview(content))
+    content = encode_tree(db)
+    content = add_seal(content, OVERVIEW, _overview(content))
     with written_atomically(path, _demand_as_read) as part:
         part.write_bytes(content)
     _known[_key(path)] = _digest(content)
@@ -73,7 +80,7 @@ def open(path: str | os.PathLike) -> xr.DataTree:
     from aerodb.store.schema import check
 
     path = Path(path)
-    digest = unbroken(path).digest
+    digest = read_sealed(path).digest
     _demand_database(path)
     try:
         db, problems = read(path)
@@ -96,13 +103,13 @@ def open(path: str | os.PathLike) -> xr.DataTree:
     return db
 
 
-def look(
+def read_overview(
     path: str | os.PathLike,
     variables: Collection[str],
     attributes: Collection[str] | None = None,
     whole: Unbroken | None = None,
     names: Collection[str] | None = None,
-) -> tuple[Mapping, Mapping[str, xr.Dataset | Leaf]]:
+) -> tuple[Mapping, Mapping[str, xr.Dataset | StoredGroup]]:
     """Return the root attributes and the terms of a database for a look at it, errors as `open`.
 
     The seal stands for the checks that the file passed when it was saved: of a sealed file the
@@ -114,7 +121,7 @@ def look(
     path = Path(path)
     leaves = (
         read_leaves(path, variables, attributes, GROUPS, names)
-        if (whole or unbroken(path)).sealed
+        if (whole or read_sealed(path)).sealed
         else None
     )
     if leaves is None:
@@ -131,8 +138,8 @@ def list_terms(
     """Return the root attributes of a database and a row per term, as
     `aerodb.store.overview.describe` gives them; errors as `open`.
     """
-    attributes, leaves = look(path, SHOWN, STATED, whole)
-    return attributes, facts(leaves)
+    attributes, leaves = read_overview(path, SHOWN, STATED, whole)
+    return attributes, describe_terms(leaves)
 
 
 def list_edits(path: str | os.PathLike) -> list[tuple]:
@@ -142,7 +149,7 @@ def list_edits(path: str | os.PathLike) -> list[tuple]:
     from aerodb.store.undo_history import edit_rows, history
 
     path = Path(path)
-    found = read_edits(path) if unbroken(path).sealed else None
+    found = read_edits(path) if read_sealed(path).sealed else None
     return (
         edit_rows(*found) if found else list(history(open(path)).itertuples(index=False, name=None))
     )
@@ -151,7 +158,7 @@ def list_edits(path: str | os.PathLike) -> list[tuple]:
 def _overview(content: bytes) -> tuple[Mapping[str, Any], list[dict[str, Any]]] | None:
     """Return what `list_terms` makes of the content of a file."""
     leaves = read_leaves(io.BytesIO(content), SHOWN, STATED, GROUPS)
-    return None if leaves is None else (leaves.pop("").attrs, facts(leaves))
+    return None if leaves is None else (leaves.pop("").attrs, describe_terms(leaves))
 
 
 _known: dict[str, bytes] = {}  # file -> digest of what this process read or wrote there last

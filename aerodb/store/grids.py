@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from aerodb.store.overview import readable
+from aerodb.store.overview import display_text
 from flightmech import terms as _terms
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.names import attrs
@@ -26,7 +26,7 @@ _NEAR = 1e-9
 _FACTORS = ("K1", "K2")
 
 
-def union(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+def merge_breakpoints(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """Return the breakpoints of two axes, rising; those of `second` that repeat one of `first` are
     left out.
     """
@@ -36,7 +36,7 @@ def union(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     return np.sort(np.concatenate([first, fresh]))
 
 
-def within(points: np.ndarray, x: np.ndarray) -> np.ndarray:
+def is_within(points: np.ndarray, x: np.ndarray) -> np.ndarray:
     """Return which of `x` lie between the first and the last breakpoint."""
     near = _NEAR * np.ptp(np.append(points, x))
     return (x >= points[0] - near) & (x <= points[-1] + near)
@@ -52,11 +52,11 @@ def union_axes(*leaves: xr.Dataset) -> dict[str, np.ndarray]:
     points: dict[str, np.ndarray] = {}
     for leaf in leaves:
         for axis, own in axes_of(leaf).items():
-            points[axis] = union(points[axis], own) if axis in points else own
+            points[axis] = merge_breakpoints(points[axis], own) if axis in points else own
     return points
 
 
-def rising(axis: str, points: Any) -> np.ndarray:
+def rising_breakpoints(axis: str, points: Any) -> np.ndarray:
     """Return breakpoints as an array; a `SchemaError` when they do not rise."""
     found = np.asarray(points, float)
     if (
@@ -71,7 +71,7 @@ def rising(axis: str, points: Any) -> np.ndarray:
     return found
 
 
-def own_axis(name: str, leaf: xr.Dataset, axis: str) -> None:
+def demand_axis(name: str, leaf: xr.Dataset, axis: str) -> None:
     """Raise `UnknownName` when `axis` is none of the table's."""
     if axis not in leaf["value"].dims:
         hint = (
@@ -97,10 +97,10 @@ def table(value: Any, axes: Mapping[str, Any] | None, stderr: Any, what: str) ->
         )
     if faults:
         raise SchemaError(what, faults)
-    return _terms.make(value, axes, stderr=stderr)
+    return _terms.make_term(value, axes, stderr=stderr)
 
 
-def spread(leaf: xr.Dataset, points: Mapping[str, np.ndarray]) -> xr.Dataset:
+def regrid_leaf(leaf: xr.Dataset, points: Mapping[str, np.ndarray]) -> xr.Dataset:
     """Return a leaf with its table on other breakpoints; axes it did not have are added, factors
     and attributes stay.
 
@@ -109,7 +109,7 @@ def spread(leaf: xr.Dataset, points: Mapping[str, np.ndarray]) -> xr.Dataset:
     points : mapping of str to array
         All axes of the new table in order, those of the leaf among them. [SI]
     """
-    alone = _terms.bare(leaf[["value"]])
+    alone = _terms.without_multipliers(leaf[["value"]])
     mesh = dict(zip(points, np.meshgrid(*points.values(), indexing="ij"))) if points else {}
     shape = tuple(len(p) for p in points.values())
     own = np.broadcast_shapes(*(mesh[axis].shape for axis in axes_of(leaf)), ())
@@ -128,7 +128,7 @@ def spread(leaf: xr.Dataset, points: Mapping[str, np.ndarray]) -> xr.Dataset:
         )
         beyond = np.zeros(shape, bool)
         for axis, old in axes_of(leaf).items():
-            beyond |= ~within(old, mesh[axis])
+            beyond |= ~is_within(old, mesh[axis])
         new["source"] = np.where(beyond, JUDGEMENT, _single(shares > _NEAR, JUDGEMENT))
     return with_table(leaf, points, **new)
 
@@ -162,7 +162,7 @@ def with_table(
     return new.assign(factors) if factors else new
 
 
-def folded(leaf: xr.Dataset) -> xr.Dataset:
+def fold_factors(leaf: xr.Dataset) -> xr.Dataset:
     """Return a leaf with its factors multiplied into the table, which computes the same: their axes
     are others.
     """
@@ -207,7 +207,7 @@ def same_factors(first: xr.Dataset, second: xr.Dataset) -> bool:
     )
 
 
-def added(leaf: xr.Dataset, more: xr.Dataset) -> xr.Dataset:
+def add_leaves(leaf: xr.Dataset, more: xr.Dataset) -> xr.Dataset:
     """Return the sum of two leaves that the same things multiply, over the union of their
     breakpoints; errors count as independent.
 
@@ -217,13 +217,13 @@ def added(leaf: xr.Dataset, more: xr.Dataset) -> xr.Dataset:
         Their factors differ and the table without them has too many axes.
     """
     if not same_factors(leaf, more):
-        leaf, more = folded(leaf), folded(more)
+        leaf, more = fold_factors(leaf), fold_factors(more)
     points = union_axes(leaf, more)
     if len(points) > _terms.MAX_AXES:
         raise SchemaError(
             "sum", [f"has the axes {' '.join(points)}; at most {_terms.MAX_AXES} are allowed"]
         )
-    a, b = spread(leaf, points), spread(more, points)
+    a, b = regrid_leaf(leaf, points), regrid_leaf(more, points)
     value = a["value"].values + b["value"].values
     errors = [part["stderr"].values for part in (a, b) if "stderr" in part]
     stderr = np.sqrt(sum(sd**2 for sd in errors)) if errors else None
@@ -256,11 +256,11 @@ def factor_axes(leaf: xr.Dataset) -> set[str]:
     return {str(axis) for key in _FACTORS if key in leaf for axis in leaf[key].dims}
 
 
-def place(points: Mapping[str, np.ndarray], node: Sequence[int]) -> str:
+def node_text(points: Mapping[str, np.ndarray], node: Sequence[int]) -> str:
     """Return where a node lies as a person reads it: ``mach 0.2, alpha 8 deg``."""
     return (
         ", ".join(
-            f"{axis} {readable(axis, own[i])}" for (axis, own), i in zip(points.items(), node)
+            f"{axis} {display_text(axis, own[i])}" for (axis, own), i in zip(points.items(), node)
         )
         or "its only node"
     )

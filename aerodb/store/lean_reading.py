@@ -18,15 +18,15 @@ import h5py
 import numpy as np
 from h5py import h5a, h5d, h5ds, h5g, h5o, h5s, h5t
 
-from aerodb.store.undo_history import Entry
+from aerodb.store.undo_history import UndoEntry
 from flightmech.support.netcdf_trees import (
     CHECKS,
     LARGEST,
     LAYOUT,
     PACKED,
     PREVIOUS,
-    Leaf,
-    Variable,
+    StoredGroup,
+    StoredVariable,
 )
 
 _PACKED = [name.encode() for name in PACKED]
@@ -39,7 +39,7 @@ def read_leaves(
     attributes: Collection[str] | None,
     without: Collection[str],
     names: Collection[str] | None = None,
-) -> dict[str, Leaf] | None:
+) -> dict[str, StoredGroup] | None:
     """Return the terms of a file by name, ``"CL/basic"``, and its root by the name ``""``; None
     when it is laid out otherwise.
 
@@ -61,7 +61,7 @@ def read_leaves(
     with h5py.File(source, "r") as file:
         try:
             root = h5o.open(file.id, b"/")
-            found = {"": Leaf({}, _attributes(root, None))}
+            found = {"": StoredGroup({}, _attributes(root, None))}
             for coefficient in _members(root):
                 if coefficient not in without:
                     group = _group(root, coefficient)
@@ -70,13 +70,13 @@ def read_leaves(
                         if names is None or name in names:
                             term = _group(group, contribution)
                             if tables := _variables(term, variables):
-                                found[name] = Leaf(tables, _attributes(term, attributes))
+                                found[name] = StoredGroup(tables, _attributes(term, attributes))
         except _ERRORS:
             return None
     return found
 
 
-def read_edits(source: Path) -> tuple[dict[str, Any], dict[str, Entry]] | None:
+def read_edits(source: Path) -> tuple[dict[str, Any], dict[str, UndoEntry]] | None:
     """Return the root attributes of a file and the undo entries by the names of their groups; None
     when it is laid out otherwise.
     """
@@ -86,7 +86,7 @@ def read_edits(source: Path) -> tuple[dict[str, Any], dict[str, Entry]] | None:
             top = _group(root, PREVIOUS) if PREVIOUS in _members(root) else None
             groups = {name: _group(top, name) for name in _members(top)} if top is not None else {}
             return _attributes(root, None), {
-                name: Entry(_attributes(group, None), _terms(group))
+                name: UndoEntry(_attributes(group, None), _terms(group))
                 for name, group in groups.items()
             }
         except _ERRORS:
@@ -134,11 +134,11 @@ def _group(above: h5g.GroupID, name: str) -> h5g.GroupID:
     return item
 
 
-def _variables(term: h5g.GroupID, wanted: Collection[str]) -> dict[str, Variable]:
+def _variables(term: h5g.GroupID, wanted: Collection[str]) -> dict[str, StoredVariable]:
     """Return variables with the breakpoints of their axes; a standard error and a source stand over
     the axes of the value.
     """
-    found: dict[str, Variable] = {}
+    found: dict[str, StoredVariable] = {}
     for name in sorted(set(_members(term)) & set(wanted), key=_TABLES.__contains__, reverse=True):
         table = h5o.open(term, name.encode())
         numbers = _numbers(table)
@@ -151,15 +151,15 @@ def _variables(term: h5g.GroupID, wanted: Collection[str]) -> dict[str, Variable
             raise _OtherLayout
         else:
             axes = found["value"].dims
-        found[name] = Variable(axes, numbers, {})
+        found[name] = StoredVariable(axes, numbers, {})
     return found
 
 
-def _axis(scale: h5d.DatasetID, found: dict[str, Variable]) -> str:
+def _axis(scale: h5d.DatasetID, found: dict[str, StoredVariable]) -> str:
     """Return the name of the axis that a dimension scale holds, and keep its breakpoints."""
     name = h5ds.get_scale_name(scale).decode()
     if name not in found:
-        found[name] = Variable((name,), _numbers(scale), {})
+        found[name] = StoredVariable((name,), _numbers(scale), {})
     return name
 
 

@@ -12,12 +12,12 @@ if TYPE_CHECKING:
     import numpy as np
     import xarray as xr
 
-    from flightmech.support.netcdf_trees import Leaf
+    from flightmech.support.netcdf_trees import StoredGroup
 
 FREE_AIR = 1e4  # h_agl from here on is no height over ground [m]
 
 
-def readable(name: str, value: float) -> str:
+def display_text(name: str, value: float) -> str:
     """Return a value in the display unit of a quantity, ``12 deg``."""
     if name == "h_agl" and value >= FREE_AIR:
         return "in free air"
@@ -56,10 +56,10 @@ def describe(db: xr.DataTree) -> list[dict[str, Any]]:
     """
     from aerodb.store.schema import terms
 
-    return facts(terms(db))
+    return describe_terms(terms(db))
 
 
-def facts(leaves: Mapping[str, xr.Dataset | Leaf]) -> list[dict[str, Any]]:
+def describe_terms(leaves: Mapping[str, xr.Dataset | StoredGroup]) -> list[dict[str, Any]]:
     """Return the rows of `describe` of terms by name, also as they stand in a file; who changes
     what they hold raises `OVERVIEW`.
     """
@@ -75,14 +75,14 @@ def summary(db: xr.DataTree) -> str:
     return text_of(db.attrs, terms(db))
 
 
-def text_of(attributes: Mapping, leaves: Mapping[str, xr.Dataset | Leaf]) -> str:
+def text_of(attributes: Mapping, leaves: Mapping[str, xr.Dataset | StoredGroup]) -> str:
     """Return the text of `summary` from root attributes and terms by name, also as they stand in a
     file.
     """
-    return listing(attributes, facts(leaves))
+    return summary_text(attributes, describe_terms(leaves))
 
 
-def listing(attributes: Mapping, terms: Iterable[Mapping[str, Any]]) -> str:
+def summary_text(attributes: Mapping, terms: Iterable[Mapping[str, Any]]) -> str:
     """Return the text of `summary` from root attributes and the rows of `describe`."""
     rows = [_texts(row) for row in terms]
     widths = [max(len(line[i]) for line in [HEAD, *rows]) for i in range(len(HEAD))]
@@ -90,10 +90,10 @@ def listing(attributes: Mapping, terms: Iterable[Mapping[str, Any]]) -> str:
         "  ".join(cell.ljust(width) for cell, width in zip(line, widths)).rstrip()
         for line in [HEAD, *rows]
     ]
-    return "\n".join([*heading(attributes), "", *lines])
+    return "\n".join([*heading_lines(attributes), "", *lines])
 
 
-def heading(a: Mapping) -> list[str]:
+def heading_lines(a: Mapping) -> list[str]:
     """Return the lines about the whole database from its root attributes: title, reference
     quantities, axes, absent terms.
     """
@@ -120,7 +120,7 @@ def _absent(names: list[str]) -> str:
     return "; ".join(f"{coefficients}: {' '.join(words)}" for coefficients, words in groups.items())
 
 
-def _facts(name: str, leaf: xr.Dataset | Leaf) -> dict[str, Any]:
+def _facts(name: str, leaf: xr.Dataset | StoredGroup) -> dict[str, Any]:
     from flightmech import terms as _terms
 
     axes = [
@@ -147,7 +147,7 @@ def _ends(table: np.ndarray) -> list[float]:
     return [float(table.min()), float(table.max())]
 
 
-def _shares(leaf: xr.Dataset | Leaf) -> dict[str, float]:
+def _shares(leaf: xr.Dataset | StoredGroup) -> dict[str, float]:
     if "source" not in leaf:
         return {}
     import numpy as np
@@ -188,7 +188,7 @@ def _span(ends: list[float]) -> str:
     return f"{low:.4g}" if low == high else f"{low:.4g} ... {high:.4g}"
 
 
-def leaf_rows(leaf: xr.Dataset | Leaf) -> tuple[list[str], list[tuple[str, ...]]]:
+def leaf_rows(leaf: xr.Dataset | StoredGroup) -> tuple[list[str], list[tuple[str, ...]]]:
     """Return one term as a table of texts: a row per node of all axes but the last, whose
     breakpoints head the columns.
     """

@@ -10,7 +10,7 @@ import numpy as np
 
 from aerodb.store.templates import HINGE, lr743
 from flightmech import terms as _terms
-from flightmech.build_up import levels
+from flightmech.build_up import evaluation_levels
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.support.netcdf_trees import GROUPS
 
@@ -51,7 +51,7 @@ def terms(db: xr.DataTree) -> dict[str, xr.Dataset]:
     return found
 
 
-def database(leaves: Mapping[str, xr.Dataset], **attributes: str | float) -> xr.DataTree:
+def make_database(leaves: Mapping[str, xr.Dataset], **attributes: str | float) -> xr.DataTree:
     """Return a database made of terms, checked.
 
     Parameters
@@ -94,7 +94,7 @@ def check(db: xr.DataTree) -> list[str]:
             f"{name}: {fault}" for fault in _name_faults(name, allowed) + _terms.check(leaf)
         ]
     if axes is not None and not problems:
-        problems += levels(leaves, str(db.attrs["force_axes"]))[1]
+        problems += evaluation_levels(leaves, str(db.attrs["force_axes"]))[1]
     return problems
 
 

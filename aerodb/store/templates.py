@@ -235,7 +235,7 @@ def make(
     *,
     value: Any = 0.0,
     K1: Mapping[str, Sequence[float]] | None = None,
-    power: _terms.Power | None = None,
+    power: _terms.PowerFactor | None = None,
     stderr: Any = None,
     source: str | None = None,
     **text: str,
@@ -298,7 +298,7 @@ def make(
         for axis, pair in given.items()
     }
     filled = np.broadcast_to(array, shape).copy()
-    leaf = _terms.make(
+    leaf = _terms.make_term(
         filled, axes, words, K1=factors.get(slot.K1), power=power, stderr=stderr, source=source
     )
     return leaf.assign_attrs(text)

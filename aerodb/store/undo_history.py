@@ -26,14 +26,14 @@ _WAS = "was_"
 _NAME = re.compile(r"^e\d{3,9}$")
 
 
-class Entry(NamedTuple):
+class UndoEntry(NamedTuple):
     """The entry of an edit: its attributes, and the terms that it holds."""
 
     attrs: Mapping[str, str | int | float]
     terms: list[str]
 
 
-def recorded(
+def record_edit(
     db: xr.DataTree,
     leaves: Mapping[str, xr.Dataset],
     verb: str,
@@ -75,7 +75,7 @@ def recorded(
     number, before_it = _count(db) + 1, _lines(db.attrs)
     warned = [f"warning: {' '.join(line.split())}" for line in lines]
     old = {str(key): item for key, item in db.attrs.items()}
-    text = f"{verb}: {summary}{'; check cases set aside' if stale else ''}{remark(note)}"
+    text = f"{verb}: {summary}{'; check cases set aside' if stale else ''}{note_suffix(note)}"
     new = {
         **old,
         **(attributes or {}),
@@ -119,7 +119,7 @@ def history(db: xr.DataTree) -> pd.DataFrame:
     import pandas as pd
 
     entries = {
-        name: Entry({str(key): item for key, item in node.attrs.items()}, _held(node))
+        name: UndoEntry({str(key): item for key, item in node.attrs.items()}, _held(node))
         for name, node in _entries(db).items()
     }
     rows = edit_rows(db.attrs, entries)
@@ -131,7 +131,7 @@ def history(db: xr.DataTree) -> pd.DataFrame:
     )
 
 
-def edit_rows(attributes: Mapping, entries: Mapping[str, Entry]) -> list[tuple]:
+def edit_rows(attributes: Mapping, entries: Mapping[str, UndoEntry]) -> list[tuple]:
     """Return the rows of `history` from root attributes and undo entries by the names of their
     groups, also as they stand in a file.
     """
@@ -143,7 +143,7 @@ def edit_rows(attributes: Mapping, entries: Mapping[str, Entry]) -> list[tuple]:
     ]
 
 
-def previous(db: xr.DataTree, steps: int = 1, edit: int | None = None) -> xr.DataTree:
+def undo_edits(db: xr.DataTree, steps: int = 1, edit: int | None = None) -> xr.DataTree:
     """Return a database as it was before its last edits.
 
     Parameters
@@ -194,12 +194,12 @@ def previous(db: xr.DataTree, steps: int = 1, edit: int | None = None) -> xr.Dat
     return _tree(attributes, leaves, {**rest, **(remaining if len(kept) > len(back) else {})})
 
 
-def forget(db: xr.DataTree) -> xr.DataTree:
+def drop_undo_history(db: xr.DataTree) -> xr.DataTree:
     """Return a database without its undo history, for a release; the text of its history stays."""
     return _tree({str(key): item for key, item in db.attrs.items()}, terms(db), _under(db, CHECKS))
 
 
-def last(db: xr.DataTree) -> Mapping[str, str | int | float]:
+def last_edit(db: xr.DataTree) -> Mapping[str, str | int | float]:
     """Return what is known of the last edit in the undo history: ``verb``, ``note`` and its facts;
     empty without one.
     """
@@ -207,18 +207,18 @@ def last(db: xr.DataTree) -> Mapping[str, str | int | float]:
     return {str(key): item for key, item in kept[max(kept)].attrs.items()} if kept else {}
 
 
-def noted(leaf: xr.Dataset, line: str) -> xr.Dataset:
+def add_history_line(leaf: xr.Dataset, line: str) -> xr.Dataset:
     """Return a leaf with a further line in its history."""
     known = str(leaf.attrs.get("history", ""))
     return leaf.assign_attrs(history=f"{known}\n{line}" if known else line)
 
 
-def remark(note: str) -> str:
+def note_suffix(note: str) -> str:
     """Return the note of a user as the end of a line of history."""
     return f" ({' '.join(note.split())})" if note.split() else ""
 
 
-def absent(
+def update_absent(
     db: xr.DataTree, without: Iterable[str] = (), more: Iterable[str] = ()
 ) -> dict[str, str]:
     """Return the root attribute ``absent`` after names left it and others came; empty when it is as
@@ -260,7 +260,7 @@ def _taken_back(
     return old, {name: restored[name] for name in order}, checks
 
 
-def _row(text: str, number: int | None, entry: Entry | None) -> tuple:
+def _row(text: str, number: int | None, entry: UndoEntry | None) -> tuple:
     if entry is None:
         verb, sign, _ = text.partition(":")
         return None, verb if sign and verb.isidentifier() else "", "", "", text

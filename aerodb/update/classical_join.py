@@ -39,20 +39,20 @@ import xarray as xr
 
 from aerodb.update.cautions.unplaced_terms import demand_places, unplaced_terms
 from aerodb.update.correlation import LENGTHS, PARTS, error_kinds, flown_distance, prior_parts
-from aerodb.update.observations import Known, Observation, observations
+from aerodb.update.observations import CoefficientTerms, Observation, observations
 from aerodb.update.tabulation import (
     FLOWN,
     Tabulation,
     cautioned,
     compatibility_row,
     contributors,
+    merge_tabulations,
     new_leaf,
     point_rows,
     slices_of,
     term_row,
-    together,
 )
-from aerodb.update.term_decisions import decided
+from aerodb.update.term_decisions import add_decisions
 from flightmech import terms as _terms
 from flightmech.errors import IdentificationError
 
@@ -119,14 +119,14 @@ def join_submodels(
     lengths = {**LENGTHS, **(lengths or {})}
     lost = unplaced_terms(fits, prior, held)
     notices = demand_places(lost, unplaced)
-    found = together(
+    found = merge_tabulations(
         [_one(known, observed, lengths) for known, observed in observations(fits, prior, held)]
     )
     return cautioned(found, lost, notices)
 
 
 @dataclass(frozen=True)
-class _Table:
+class _JoinedTerm:
     """One term in a regression: its nodes among all, its parameters, its deviation r and its factor
     on the a-priori error.
     """
@@ -149,7 +149,9 @@ class _Stage:
     chi2: float
 
 
-def _one(known: Known, observed: Sequence[Observation], lengths: Mapping[str, float]) -> Tabulation:
+def _one(
+    known: CoefficientTerms, observed: Sequence[Observation], lengths: Mapping[str, float]
+) -> Tabulation:
     free, slices = known.free, slices_of(known.free.values())
     sampled = np.max([o.sampled for o in observed], axis=0)
     touched = np.any([np.abs(o.H).max(axis=0) > 0 for o in observed], axis=0)
@@ -190,7 +192,7 @@ def _one(known: Known, observed: Sequence[Observation], lengths: Mapping[str, fl
                 leaf, value[at], sd, flown, contributors(behind.get(k, []), at), _HISTORY
             )
             places[name] = flown.reshape(leaf["value"].shape)
-    new = decided(known.leaves, new, places)
+    new = add_decisions(known.leaves, new, places)
     inflated = dict(zip(free, factors))
     unlearnt = np.full(len(PARTS), np.nan)
     rows = [
@@ -207,7 +209,7 @@ def _one(known: Known, observed: Sequence[Observation], lengths: Mapping[str, fl
 
 
 def _order(
-    observed: Sequence[Observation], tables: Sequence[_Table], increments: Sequence[bool]
+    observed: Sequence[Observation], tables: Sequence[_JoinedTerm], increments: Sequence[bool]
 ) -> list[tuple[list[int], list[int]]]:
     """Return which fits determine which tables, base first; without a fit of the clean
     configuration all determine all.
@@ -228,7 +230,7 @@ def _order(
     ]
 
 
-def _share(o: Observation, table: _Table) -> float:
+def _share(o: Observation, table: _JoinedTerm) -> float:
     """Return the a-priori error of a table in the estimates of a fit over their standard errors,
     the largest.
     """
@@ -254,7 +256,7 @@ def _table(
     sampled: np.ndarray,
     ranges: Mapping[str, tuple[float, float]],
     lengths: Mapping[str, float],
-) -> _Table:
+) -> _JoinedTerm:
     """Return the regression of one term: parameters of one standard error a priori each."""
     kinds = error_kinds(leaf).T
     size = np.linalg.norm(kinds, axis=1)
@@ -268,7 +270,7 @@ def _table(
     bends = [x["alpha"], x["alpha"] ** 2 - 1.0 / 3.0] if "alpha" in x else []
     bends += [x["mach"]] if "mach" in x else []
     F = np.column_stack([kinds, *(_BEND * size * bend for bend in bends)])
-    return _Table(
+    return _JoinedTerm(
         nodes,
         F[:, np.abs(F).max(axis=0) > 0],
         prior_parts(leaf, sampled, lengths)[PARTS.index("short")],
@@ -277,7 +279,7 @@ def _table(
 
 def _regression(
     observed: Sequence[Observation],
-    tables: Sequence[_Table],
+    tables: Sequence[_JoinedTerm],
     value: np.ndarray,
     before: Sequence[np.ndarray],
 ) -> _Stage:

@@ -111,11 +111,11 @@ def prior_parts(
     lengths = LENGTHS if lengths is None else lengths
     distance = flown_distance(leaf, sampled, lengths)
     nodes = np.arange(leaf["value"].size) if nodes is None else nodes
-    factors = kernel(leaf["value"], distance, nodes[:, None], nodes, lengths)
+    factors = node_correlation(leaf["value"], distance, nodes[:, None], nodes, lengths)
     return _alike(leaf, nodes[:, None], nodes) * np.stack(factors)
 
 
-def kernel(
+def node_correlation(
     value: xr.DataArray,
     distance: np.ndarray,
     i: np.ndarray,

@@ -19,12 +19,12 @@ import xarray as xr
 from aerodb.store.schema import terms
 from aerodb.update.correlation import LENGTHS, PARTS, SHARES, prior_parts
 from aerodb.update.observations import (
-    Known,
+    CoefficientTerms,
     Observation,
     coefficient_of,
     common_errors,
     known_terms,
-    observe,
+    observe_fit,
 )
 from aerodb.update.tabulation import FLOWN, Tabulation, slices_of
 
@@ -73,7 +73,7 @@ class Expectation:
                 for name, factor in learnt.compatibility["inflation"].items()
             }
         self._leaves = terms(prior)
-        self._known: dict[str, Known] = {}
+        self._known: dict[str, CoefficientTerms] = {}
         self._observed: dict[int, tuple[Any, Observation, list[str]]] = {}
 
     def stderr(
@@ -139,7 +139,7 @@ class Expectation:
                 )
         return found
 
-    def _terms_of(self, coefficient: str) -> Known:
+    def _terms_of(self, coefficient: str) -> CoefficientTerms:
         if coefficient not in self._known:
             (self._known[coefficient],) = known_terms([coefficient], self.prior, self.held)
         return self._known[coefficient]
@@ -152,7 +152,7 @@ class Expectation:
         """What a fit observes, with the common errors under their own names first in D."""
         if id(fit) not in self._observed:
             sources = common_errors([fit])
-            seen = observe(fit, self._terms_of(coefficient_of(fit)), sources)
+            seen = observe_fit(fit, self._terms_of(coefficient_of(fit)), sources)
             self._observed[id(fit)] = (
                 fit,
                 replace(seen, bases={}),

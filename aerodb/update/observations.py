@@ -23,7 +23,7 @@ _NEGLIGIBLE = 1e-6  # variance of an error of a held term, over its largest
 
 
 @dataclass(frozen=True)
-class Known:
+class CoefficientTerms:
     """The terms of one coefficient: those that the flights may change, and those that are held with
     their independent errors.
     """
@@ -61,12 +61,12 @@ class Observation:
 
 def observations(
     fits: Sequence[Any], prior: xr.DataTree, held: Sequence[str]
-) -> Iterator[tuple[Known, list[Observation]]]:
+) -> Iterator[tuple[CoefficientTerms, list[Observation]]]:
     """Yield the terms of every coefficient and the fits of it; raises as `known_terms` does."""
     for known in known_terms([coefficient_of(fit) for fit in fits], prior, held):
         local = [fit for fit in fits if coefficient_of(fit) == known.coefficient]
         sources = common_errors(local)
-        yield known, [observe(fit, known, sources) for fit in local]
+        yield known, [observe_fit(fit, known, sources) for fit in local]
 
 
 def common_errors(fits: Sequence[Any]) -> list[str]:
@@ -74,7 +74,7 @@ def common_errors(fits: Sequence[Any]) -> list[str]:
     return list(dict.fromkeys(str(name) for fit in fits for name in fit.estimates["error"].values))
 
 
-def observe(fit: Any, known: Known, sources: Sequence[str]) -> Observation:
+def observe_fit(fit: Any, known: CoefficientTerms, sources: Sequence[str]) -> Observation:
     """Return what a fit observes of the terms of its coefficient; `sources` are the common errors
     of the first columns of D.
     """
@@ -121,14 +121,16 @@ def _nearest(leaf: xr.Dataset, data: xr.Dataset) -> np.ndarray:
     """Return the largest weight that the table gives to each node at a sample inside it: 1 at a
     sample on the node.
     """
-    bare = _terms.bare(leaf)
-    B = basis_at(bare, data)[~outside(bare, data)]
+    bare = _terms.without_multipliers(leaf)
+    B = basis_at(bare, data)[~samples_outside(bare, data)]
     return (
         np.asarray(B.max(axis=0).todense()).ravel() if B.shape[0] else np.zeros(leaf["value"].size)
     )
 
 
-def known_terms(wanted: Iterable[str], prior: xr.DataTree, held: Sequence[str]) -> list[Known]:
+def known_terms(
+    wanted: Iterable[str], prior: xr.DataTree, held: Sequence[str]
+) -> list[CoefficientTerms]:
     """Return the terms of every coefficient wanted.
 
     Raises
@@ -166,7 +168,7 @@ def known_terms(wanted: Iterable[str], prior: xr.DataTree, held: Sequence[str]) 
         mine = {name: leaf for name, leaf in leaves.items() if name.startswith(f"{coefficient}/")}
         fixed = {name: (leaf, _factor(leaf)) for name, leaf in mine.items() if name in held}
         found.append(
-            Known(
+            CoefficientTerms(
                 coefficient,
                 mine,
                 {name: leaf for name, leaf in mine.items() if name not in held},
@@ -218,7 +220,7 @@ def basis_at(leaf: xr.Dataset, data: xr.Dataset):
     )
 
 
-def outside(leaf: xr.Dataset, data: xr.Dataset) -> np.ndarray:
+def samples_outside(leaf: xr.Dataset, data: xr.Dataset) -> np.ndarray:
     """Samples that lie outside the table on some axis."""
     outside = np.zeros(data.sizes["sample"], bool)
     for table in (leaf[name] for name in ("value", "K1", "K2") if name in leaf):

@@ -42,7 +42,7 @@ from aerodb.update.correlation import (
     PARTS,
     covariance_between,
     error_kinds,
-    kernel,
+    node_correlation,
     prior_covariance,
 )
 from flightmech import terms as _terms
@@ -103,7 +103,7 @@ def with_posterior(
     )
 
 
-def of_one_origin(leaves: Mapping[str, xr.Dataset]) -> dict[str, xr.Dataset]:
+def mark_joint(leaves: Mapping[str, xr.Dataset]) -> dict[str, xr.Dataset]:
     """Return term tables with the mark that their nodes are jointly distributed: a digest of the
     factors of all of them.
     """
@@ -118,7 +118,7 @@ def of_one_origin(leaves: Mapping[str, xr.Dataset]) -> dict[str, xr.Dataset]:
     return marked
 
 
-def origin(leaf: xr.Dataset) -> str | None:
+def joint_mark(leaf: xr.Dataset) -> str | None:
     """Return the mark of the joint distribution that the nodes of a term table belong to, None
     without one.
     """
@@ -130,7 +130,9 @@ def without_posterior(leaf: xr.Dataset) -> xr.Dataset:
     return leaf.drop_vars([*_terms.POSTERIOR, "component", "kind"], errors="ignore")
 
 
-def followed(old: xr.Dataset, new: xr.Dataset, times: np.ndarray | float = 1.0) -> xr.Dataset:
+def carry_covariance(
+    old: xr.Dataset, new: xr.Dataset, times: np.ndarray | float = 1.0
+) -> xr.Dataset:
     """Return an edited term table with the joint covariance of the one before, where its nodes are
     `times` those of it.
 
@@ -140,7 +142,7 @@ def followed(old: xr.Dataset, new: xr.Dataset, times: np.ndarray | float = 1.0) 
     same = old["value"].dims == new["value"].dims and all(
         np.array_equal(old[axis], new[axis]) for axis in old["value"].dims
     )
-    if not (origin(old) and same and "stderr" in new):
+    if not (joint_mark(old) and same and "stderr" in new):
         return new
     kept = {name: old[name] for name in _terms.POSTERIOR}
     for name in ("prior_error", "posterior_factor"):
@@ -157,7 +159,7 @@ def factor_of(leaf: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
     ].values
 
 
-def between(leaf: xr.Dataset, i: np.ndarray, j: np.ndarray) -> np.ndarray:
+def covariance_between_nodes(leaf: xr.Dataset, i: np.ndarray, j: np.ndarray) -> np.ndarray:
     """Return P of single pairs of nodes of a term table: the a-priori covariance, with the learnt
     weights where it has them.
 
@@ -173,19 +175,19 @@ def between(leaf: xr.Dataset, i: np.ndarray, j: np.ndarray) -> np.ndarray:
     axes = [str(axis) for axis in leaf["value"].dims]
     known = _numbers(leaf["prior_error"], [*PARTS, *(f"length_{axis}" for axis in axes)])
     lengths = {axis: known[f"length_{axis}"] for axis in axes}
-    parts = kernel(leaf["value"], leaf["flown_distance"].values.ravel(), i, j, lengths)
+    parts = node_correlation(leaf["value"], leaf["flown_distance"].values.ravel(), i, j, lengths)
     proportional, constant = leaf["prior_error"].values.reshape(2, -1)
     alike = proportional[i] * proportional[j] + constant[i] * constant[j]
     return alike * sum(known[name] * part for name, part in zip(PARTS, parts, strict=True))
 
 
-def beyond(leaf: xr.Dataset) -> np.ndarray:
+def independent_variances(leaf: xr.Dataset) -> np.ndarray:
     """Return what the variances of the nodes have beyond the stored covariance, (nodes,): errors
     that an edit has added.
     """
     nodes = np.arange(leaf["value"].size)
     F, sign = factor_of(leaf)
-    stored = between(leaf, nodes, nodes) + F**2 @ sign
+    stored = covariance_between_nodes(leaf, nodes, nodes) + F**2 @ sign
     stated = leaf["stderr"].values.ravel() ** 2
     return np.where(stated > (1.0 + _ROUNDING) * stored, stated - np.maximum(stored, 0.0), 0.0)
 
@@ -249,17 +251,19 @@ def joint_covariance(leaves: Mapping[str, xr.Dataset]) -> tuple[dict[str, slice]
     for name, leaf in leaves.items():
         nodes = np.arange(leaf["value"].size)
         V[slices[name], slices[name]] = (
-            between(leaf, nodes[:, None], nodes) if origin(leaf) else prior_covariance(leaf)
+            covariance_between_nodes(leaf, nodes[:, None], nodes)
+            if joint_mark(leaf)
+            else prior_covariance(leaf)
         )
-    for joint in {origin(leaf): None for leaf in leaves.values() if origin(leaf)}:
-        members = {name: leaf for name, leaf in leaves.items() if origin(leaf) == joint}
+    for joint in {joint_mark(leaf): None for leaf in leaves.values() if joint_mark(leaf)}:
+        members = {name: leaf for name, leaf in leaves.items() if joint_mark(leaf) == joint}
         rows = np.concatenate([np.arange(V.shape[0])[slices[name]] for name in members])
         F = np.vstack([factor_of(leaf)[0] for leaf in members.values()])
         V[np.ix_(rows, rows)] += (F * factor_of(next(iter(members.values())))[1]) @ F.T
     for name, leaf in leaves.items():
-        if origin(leaf):
+        if joint_mark(leaf):
             at = np.arange(len(V))[slices[name]]
-            V[at, at] += beyond(leaf)
+            V[at, at] += independent_variances(leaf)
     return slices, V
 
 
@@ -327,7 +331,7 @@ def _errors(leaf: xr.Dataset) -> list[str]:
     """Return the names of the errors that make the last components of a term table; empty for those
     without a name.
     """
-    return str(leaf["posterior_sign"].attrs.get(ERRORS, "")).split("\n") if origin(leaf) else []
+    return str(leaf["posterior_sign"].attrs.get(ERRORS, "")).split("\n") if joint_mark(leaf) else []
 
 
 def _made_by(
@@ -348,7 +352,7 @@ def _made_by(
     return G, np.array([common[name] for name in columns]) if columns else np.zeros((0, 1))
 
 
-def drawn(db: xr.DataTree, values: Mapping[str, np.ndarray]) -> xr.DataTree:
+def with_node_values(db: xr.DataTree, values: Mapping[str, np.ndarray]) -> xr.DataTree:
     """Return a database with other node values, such as one of the draws of `draw`; standard errors
     and sources stay as they are.
     """

@@ -33,16 +33,22 @@ from aerodb.store.schema import terms
 from aerodb.update.cautions.unplaced_terms import demand_places, unplaced_controls, unplaced_terms
 from aerodb.update.correlation import LENGTHS, SHARES, prior_parts
 from aerodb.update.observations import (
-    Known,
+    CoefficientTerms,
     Observation,
     basis_at,
     coefficient_of,
     common_errors,
     known_terms,
-    observe,
+    observe_fit,
 )
 from aerodb.update.shapes import Shape, demand_shapes
-from aerodb.update.tabulation import Tabulation, cautioned, joined, slices_of, together
+from aerodb.update.tabulation import (
+    Tabulation,
+    cautioned,
+    join_observations,
+    merge_tabulations,
+    slices_of,
+)
 from flightmech import terms as _terms
 from flightmech.errors import IdentificationError
 
@@ -153,12 +159,12 @@ def regress_tables(
             for k in unmodelled
         ]
         observed = [one.observation for one in seen] + [
-            observe(fit, known, sources) for fit in given
+            observe_fit(fit, known, sources) for fit in given
         ]
-        findings.append(joined(known, observed, lengths, shapes, _HISTORY))
+        findings.append(join_observations(known, observed, lengths, shapes, _HISTORY))
     table = pd.concat([one for one in lost if len(one)] or lost[:1])
     notices = demand_places(table, unplaced)
-    return cautioned(together(findings), table, notices)
+    return cautioned(merge_tabulations(findings), table, notices)
 
 
 class _Seen(NamedTuple):
@@ -182,7 +188,7 @@ def _declared(leaf: xr.Dataset, sampled: np.ndarray, lengths: Mapping[str, float
 
 def _observe(
     samples: xr.Dataset,
-    known: Known,
+    known: CoefficientTerms,
     priors: Sequence[np.ndarray],
     sources: Sequence[str],
     covariance: Covariance,
@@ -294,7 +300,7 @@ def _kept(
 
 
 def _changes(
-    samples: xr.Dataset, known: Known, bases: Mapping, nodes: np.ndarray
+    samples: xr.Dataset, known: CoefficientTerms, bases: Mapping, nodes: np.ndarray
 ) -> tuple[list[str], np.ndarray]:
     """Return names of the common errors and what they change of measured minus tables, (error,
     sample).

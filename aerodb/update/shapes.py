@@ -74,7 +74,7 @@ def demand_shapes(shapes: Mapping[str, Sequence[Shape]], leaves: Mapping[str, xr
                 )
 
 
-def shaped(
+def apply_shapes(
     leaves: Mapping[str, xr.Dataset], shapes: Mapping[str, Sequence[Shape]]
 ) -> tuple[dict[str, xr.Dataset], dict[str, dict[str, float]]]:
     """Return the terms of one coefficient with their shapes, and the effect on each.

@@ -19,7 +19,14 @@ import pandas as pd
 import xarray as xr
 
 from aerodb.store.schema import terms
-from aerodb.update.posterior import between, beyond, draw, drawn, factor_of, origin
+from aerodb.update.posterior import (
+    covariance_between_nodes,
+    draw,
+    factor_of,
+    independent_variances,
+    joint_mark,
+    with_node_values,
+)
 from flightmech import terms as _terms
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
 
@@ -76,7 +83,9 @@ def with_standard_errors(
     for k in range(count):
         try:
             one = characteristics(
-                aircraft, drawn(db, {name: nodes[k] for name, nodes in values.items()}), condition
+                aircraft,
+                with_node_values(db, {name: nodes[k] for name, nodes in values.items()}),
+                condition,
             )
         except AeromatchError as error:
             failures.append(str(error))
@@ -187,7 +196,7 @@ def spread_of_sum(parts: Sequence[tuple[csr_array, xr.Dataset]]) -> np.ndarray:
     signs: dict[str, np.ndarray] = {}
     for B, leaf in ((B, leaf) for B, leaf in parts if "stderr" in leaf):
         variance += _own_variance(B, leaf)
-        if mark := origin(leaf):
+        if mark := joint_mark(leaf):
             F, signs[mark] = factor_of(leaf)
             joint[mark] = joint.get(mark, 0.0) + B @ F
     for mark, moved in joint.items():
@@ -202,22 +211,22 @@ def _map(
     the derivative of it.
     """
     if derivative is None:
-        return repeated(_terms.basis(leaf, conditions, "clamp"), count)
+        return repeat_rows(_terms.basis(leaf, conditions, "clamp"), count)
     steps = [
         {**conditions, derivative: conditions[derivative] + side * _STEP} for side in (1.0, -1.0)
     ]
-    after, before = (repeated(_terms.basis(leaf, at, "clamp"), count) for at in steps)
+    after, before = (repeat_rows(_terms.basis(leaf, at, "clamp"), count) for at in steps)
     return (after - before) / (2.0 * _STEP)
 
 
-def repeated(B: csr_array, count: int) -> csr_array:
+def repeat_rows(B: csr_array, count: int) -> csr_array:
     """Return a map with a row for every condition: that of a term without variables has a single
     one.
     """
     return B if B.shape[0] == count else type(B)(np.repeat(B.toarray(), count, axis=0))
 
 
-def spread(B: csr_array, leaf: xr.Dataset) -> np.ndarray:
+def standard_errors(B: csr_array, leaf: xr.Dataset) -> np.ndarray:
     """Return the standard errors of linear combinations of the nodes of a term.
 
     Parameters
@@ -243,8 +252,8 @@ def _own_variance(B: csr_array, leaf: xr.Dataset) -> np.ndarray:
         for part in np.array_split(rows, -(-len(rows) // _CHUNK)):
             at = B.indptr[part][:, None] + np.arange(count)
             nodes, weights = B.indices[at], B.data[at]
-            P = between(leaf, nodes[:, :, None], nodes[:, None, :])
+            P = covariance_between_nodes(leaf, nodes[:, :, None], nodes[:, None, :])
             variance[part] = np.einsum("ni,nij,nj->n", weights, P, weights)
-    if origin(leaf):
-        variance += B.power(2) @ beyond(leaf)
+    if joint_mark(leaf):
+        variance += B.power(2) @ independent_variances(leaf)
     return variance

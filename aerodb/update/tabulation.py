@@ -51,10 +51,10 @@ from aerodb.store.schema import terms
 from aerodb.update.cautions.notices import incompatible_fits
 from aerodb.update.cautions.unplaced_terms import demand_places, unplaced_terms
 from aerodb.update.correlation import LENGTHS, PARTS, SHARES, SPREADS, flown_distance, prior_parts
-from aerodb.update.observations import Known, Observation, observations, outside
-from aerodb.update.posterior import of_one_origin, with_posterior
-from aerodb.update.shapes import Shape, demand_shapes, shaped
-from aerodb.update.term_decisions import CORRECTED, REPLACED, decided
+from aerodb.update.observations import CoefficientTerms, Observation, observations, samples_outside
+from aerodb.update.posterior import mark_joint, with_posterior
+from aerodb.update.shapes import Shape, apply_shapes, demand_shapes
+from aerodb.update.term_decisions import CORRECTED, REPLACED, add_decisions
 from flightmech import terms as _terms
 from flightmech.errors import AeromatchWarning, IdentificationError
 
@@ -196,9 +196,9 @@ def tabulate(
     )
     lost = unplaced_terms(fits, prior, held)
     notices = demand_places(lost, unplaced)
-    found = together(
+    found = merge_tabulations(
         [
-            joined(known, observed, lengths, shapes)
+            join_observations(known, observed, lengths, shapes)
             for known, observed in observations(fits, prior, held)
         ]
     )
@@ -221,8 +221,8 @@ class _Posterior:
     errors: list[str]  # their names
 
 
-def joined(
-    known: Known,
+def join_observations(
+    known: CoefficientTerms,
     observed: Sequence[Observation],
     lengths: Mapping[str, float],
     shapes: Mapping[str, Sequence[Shape]] | None = None,
@@ -257,7 +257,7 @@ def joined(
                 found.errors,
             )
             places[name] = flown.reshape(leaf["value"].shape)
-    new, effect = shaped(decided(leaves, of_one_origin(new), places), shapes or {})
+    new, effect = apply_shapes(add_decisions(leaves, mark_joint(new), places), shapes or {})
     rows = [term_row(name, leaves[name], leaf, found.parts[name]) for name, leaf in new.items()]
     rows = [row.assign(**effect.get(name, {})) for name, row in zip(new, rows)]
     points = point_rows(
@@ -272,7 +272,7 @@ def joined(
     )
 
 
-def together(findings: Sequence[Tabulation]) -> Tabulation:
+def merge_tabulations(findings: Sequence[Tabulation]) -> Tabulation:
     """Return what was found of several coefficients as one."""
     new = {name: leaf for one in findings for name, leaf in one.items()}
     return Tabulation(
@@ -579,7 +579,7 @@ def compatibility_row(coefficient: str, count: int, chi2: float, inflation: floa
 
 def _clamped(leaf: xr.Dataset, data: xr.Dataset) -> float:
     """Share of the samples that lie outside the table on some axis."""
-    return float(outside(leaf, data).mean())
+    return float(samples_outside(leaf, data).mean())
 
 
 def _block_diagonal(blocks: Sequence[np.ndarray]) -> np.ndarray:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-    from flightmech.support.netcdf_trees import Leaf
+    from flightmech.support.netcdf_trees import StoredGroup
 
 REPLACED, CORRECTED = (
     0.5,
@@ -27,7 +27,7 @@ DECISIONS = ("replace", "correct", "keep", "delete")
 _JOINT = 0.9
 
 
-def decided(
+def add_decisions(
     before: Mapping[str, xr.Dataset],
     after: Mapping[str, xr.Dataset],
     flown: Mapping[str, np.ndarray],
@@ -66,7 +66,7 @@ def decisions(db: xr.DataTree) -> pd.DataFrame:
     ).rename_axis("term")
 
 
-def rows_of(leaves: Mapping[str, xr.Dataset | Leaf]) -> dict[str, tuple[str, str]]:
+def rows_of(leaves: Mapping[str, xr.Dataset | StoredGroup]) -> dict[str, tuple[str, str]]:
     """Return the rows of `decisions` by term, of terms by name, also as they stand in a file."""
     rows = {}
     for name, leaf in leaves.items():
@@ -99,7 +99,7 @@ def _decision(name: str, before, after, flown) -> tuple[str, str]:
     )
 
 
-def _opened(leaf: xr.Dataset | Leaf) -> bool:
+def _opened(leaf: xr.Dataset | StoredGroup) -> bool:
     """Whether a term is an empty one that was opened for the flights."""
     handbook = "source" in leaf and (leaf["source"].values == _terms.SOURCES.index("datcom")).any()
     return not handbook and not leaf["value"].values.any()

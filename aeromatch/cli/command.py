@@ -44,7 +44,7 @@ COMMANDS = {
 }
 
 
-class LazyGroup(click.Group):
+class RootGroup(click.Group):
     """A group whose members are imported when they are called."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
@@ -76,7 +76,7 @@ class LazyGroup(click.Group):
             formatter.write_dl([(name, text) for name, (_, _, text) in COMMANDS.items()])
 
 
-@click.command(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.command(cls=RootGroup, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="aeromatch")
 def cli() -> None:
     """Make a proven flight model from Digital DATCOM and flight test.

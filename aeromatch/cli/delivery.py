@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from flightmech.support.console import InputFile, document, json_option, step, table
+from flightmech.support.console import InputFile, json_option, print_json, table, timed_step
 
 _PACKAGE = click.Path(exists=True, path_type=Path)
 _MODEL = click.Choice(["datcom", "corrected", "final"])
@@ -51,14 +51,18 @@ def make(
     """Write the data package of a PROJECT file from the folder that aeromatch MATCH wrote; the same
     bytes when made again.
     """
-    from aeromatch.delivery.contents import Wishes, write_package
+    from aeromatch.delivery.contents import PackageOptions, write_package
     from aeromatch.project.project import read_project
 
     refused = write_package(
-        read_project(project), match.resolve(), output, Wishes(recordings, licence, revision), step
+        read_project(project),
+        match.resolve(),
+        output,
+        PackageOptions(recordings, licence, revision),
+        timed_step,
     )
     if as_json:
-        document({"package": str(output), "refused": refused})
+        print_json({"package": str(output), "refused": refused})
         return
     for name, why in refused.items():
         click.echo(f"not in the package: {name}: {why}")
@@ -73,13 +77,13 @@ def verify(ctx: click.Context, package_file: Path, as_json: bool) -> None:
     """Verify a PACKAGE (folder or zip): hashes, verdicts judged again, check cases through every
     format; exit code 1 on a difference.
     """
-    from aeromatch.delivery.verification import unpacked, verify_package
+    from aeromatch.delivery.verification import unpack_package, verify_package
 
-    with unpacked(package_file) as folder:
+    with unpack_package(package_file) as folder:
         found = list(verify_package(folder))
     bad = [item for item in found if not item.good]
     if as_json:
-        document({"holds": not bad, "findings": [vars(item) for item in found]})
+        print_json({"holds": not bad, "findings": [vars(item) for item in found]})
     else:
         for kind in dict.fromkeys(item.kind for item in found):
             own = [item for item in found if item.kind == kind]
@@ -105,14 +109,14 @@ def diff(one: Path, other: Path, model: str, against: str | None, as_json: bool)
     """State what changed from package A to B, or between two models of one: terms, parts, cases,
     verdicts.
     """
-    from aeromatch.delivery.verification import package_difference, unpacked
+    from aeromatch.delivery.verification import package_difference, unpack_package
     from flightmech.units import DEGREE, FOOT, KNOT
     from pom.report.presentation.quantities import term_words
 
-    with unpacked(one) as first, unpacked(other) as second:
+    with unpack_package(one) as first, unpack_package(other) as second:
         found = package_difference(first, second, model, against)
     if as_json:
-        document(found)
+        print_json(found)
         return
     names = f"{one.name}, {model} -> {other.name}, {against or model}"
     if found["felt"]:
@@ -212,11 +216,11 @@ def view(project: Path, output: Path | None, port: int, no_browser: bool) -> Non
             "the workbench needs starlette and uvicorn: pip install 'aeromatch[view]'"
         ) from missing
     from aeromatch.project.project import read_project
-    from aeromatch.workbench.opened import Opened
+    from aeromatch.workbench.opened import OpenProject
     from aeromatch.workbench.server import Workbench
 
     read_project(project)  # faults of the project are reported here
-    bench = Workbench(Opened(project, output or project.resolve().parent / "workbench"), port)
+    bench = Workbench(OpenProject(project, output or project.resolve().parent / "workbench"), port)
     click.echo(f"workbench: {bench.address}")
     click.echo("end with Ctrl-C")
     if not no_browser:

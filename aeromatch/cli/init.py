@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from flightmech.support.console import document, json_option, progress, remark, table
+from flightmech.support.console import json_option, print_json, print_remark, progress, table
 from flighttest.cli.group import MapFile
 
 _FILES = click.Path(exists=True, path_type=Path)
@@ -88,7 +88,7 @@ def init(
     written as "?", which the next verb refuses. Columns without a quantity are named; write them
     into names.toml and run init again with --names names.toml --force.
     """
-    from aeromatch.drafting.folder import Known, draft_project
+    from aeromatch.drafting.folder import StatedFacts, draft_project
 
     if sys.stdin.isatty() and not as_json:
         stated |= {
@@ -97,12 +97,12 @@ def init(
             if not stated[key]
         }
     name, prove, cg, imu = (stated.pop(key) for key in ("name", "prove", "cg", "imu"))
-    known = Known(
+    known = StatedFacts(
         name, {key: value for key, value in stated.items() if value}, cg or None, imu or None
     )
     done = draft_project(folder, datcom, records, known, prove, force, progress, own_map)
     if as_json:
-        document(done.to_dict())
+        print_json(done.to_dict())
         return
     if done.roles:
         table(["listing", "case", "name", "taken for", "because"], done.roles)
@@ -113,7 +113,7 @@ def init(
         ]
         table(["record", "channels", "manoeuvres"], rows, right=["channels"])
     for text in done.remarks:
-        remark(f"  - {text}")
+        print_remark(f"  - {text}")
     for file in done.files:
         click.echo(f"written: {file}")
     if done.complete:

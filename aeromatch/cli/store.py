@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from flightmech.errors import SchemaError
-from flightmech.support.console import document, json_option, remark, table
+from flightmech.support.console import json_option, print_json, print_remark, table
 from flightmech.support.kept_stages.store import (
     PLACE,
     StageStore,
@@ -35,7 +35,7 @@ def info(as_json: bool) -> None:
     total = sum(size for _, size in usage.values())
     if as_json:
         stages = {name: {"count": count, "bytes": size} for name, (count, size) in usage.items()}
-        document(
+        print_json(
             {"folder": str(place.folder), "bytes": total, "limit": int(limit), "stages": stages}
         )
         return
@@ -62,7 +62,7 @@ def clear(size: str | None) -> None:
     else:
         place.clear()
     left = sum(one for _, one in place.usage().values())
-    remark(f"{left / _MEGABYTE:.1f} MB left in {place.folder}")
+    print_remark(f"{left / _MEGABYTE:.1f} MB left in {place.folder}")
 
 
 def _place() -> StageStore:

@@ -21,12 +21,12 @@ from flightmech.support.console import (
     InputFile,
     NewFolder,
     command_line,
-    document,
     jobs_option,
     json_option,
-    remark,
-    step,
+    print_json,
+    print_remark,
     table,
+    timed_step,
 )
 from pom.cli.report import samples_options
 
@@ -115,7 +115,7 @@ def example(name: str, folder: Path, inputs_only: bool, as_json: bool) -> None:
     """Copy an example that comes with the product into FOLDER, which is new or empty."""
     files = copy_example(name, folder, inputs_only)
     if as_json:
-        document(
+        print_json(
             {"name": name, "folder": str(folder), "files": [file.as_posix() for file in files]}
         )
         return
@@ -253,15 +253,21 @@ def _replayed(project: Path, output: Path, log: Path) -> bool:
     """Carry out the actions of a log, and return whether the match of the project as they leave it
     is one of them.
     """
-    from aeromatch.workbench.actions import Places, carry_out, matched, read_log, to_do
+    from aeromatch.workbench.actions import (
+        PlaceholderFolders,
+        carry_out,
+        last_match,
+        read_log,
+        to_do,
+    )
 
     output.mkdir(parents=True, exist_ok=True)
-    places, entries = Places(project.resolve().parent, output.resolve()), read_log(log)
+    places, entries = PlaceholderFolders(project.resolve().parent, output.resolve()), read_log(log)
     left = to_do(entries, places)
-    for text in carry_out(left, places, step):
-        remark(text)
+    for text in carry_out(left, places, timed_step):
+        print_remark(text)
     click.echo(f"{len(left)} of {len(entries)} actions carried out, the others were done already")
-    last = matched(entries)
+    last = last_match(entries)
     if last is not None:
         click.echo(f"the match is that of action {last.number}: {output / 'match'}")
     return last is not None
@@ -293,7 +299,7 @@ def _match(
     finished = Finished(store.folder, output) if store is not None else None
     shown = finished.read(watched, settings) if finished is not None and not fresh else None
     if shown is not None:
-        remark(
+        print_remark(
             f"nothing changed since the last match: {len(watched.files)} files read, every file of {output} intact"
         )
         for text in shown["remarks"]:
@@ -309,7 +315,7 @@ def _match(
         if store is not None:
             store.shorten(limit)
     if as_json:
-        document(shown["document"])
+        print_json(shown["document"])
         return
     _print(shown)
 
@@ -324,7 +330,7 @@ def _store() -> Any:
     try:
         return StageStore(folder)
     except OSError as error:
-        remark(f"nothing is kept of the stages: {folder}: {error.strerror}")
+        print_remark(f"nothing is kept of the stages: {folder}: {error.strerror}")
         return None
 
 
@@ -341,19 +347,19 @@ def _performed(
 ) -> dict[str, Any]:
     """Perform a match, and return what is printed of it as plain data."""
     from aeromatch.workflow.steps import perform
-    from flightmech.support.console import plain
+    from flightmech.support.console import to_json_types
 
     project = _project(file, unplaced)
     with _stages(store, output, fresh, explain) as stages:
         # what is not kept is computed again by the match, with its warnings
-        with step("check the project, its records and its cases"), warnings.catch_warnings():
+        with timed_step("check the project, its records and its cases"), warnings.catch_warnings():
             warnings.simplefilter("ignore", AeromatchWarning)
             plan = _made_plan(project, output, jobs, options, stages, keep_records=True)
         plan.demand()
         for text in dict.fromkeys(stages.remarks if store is not None else ()):
             warnings.warn(text, AeromatchWarning, stacklevel=2)
-        outcome = perform(project, output, jobs, step, command, stages=stages, **options)
-    return plain(
+        outcome = perform(project, output, jobs, timed_step, command, stages=stages, **options)
+    return to_json_types(
         {
             "document": outcome.to_dict(),
             "remarks": list(dict.fromkeys(stages.remarks)),
@@ -470,7 +476,7 @@ def _plan(
     with _stages(_store(), output, fresh, explain) as stages:
         plan = _made_plan(_project(file, unplaced), output, jobs, options, stages)
     if as_json and not plan.problems:
-        document(plan.to_dict())
+        print_json(plan.to_dict())
         return
     if not as_json:
         _print_plan(plan)
@@ -541,7 +547,7 @@ def _print(shown: Mapping[str, Any]) -> None:
     for text in shown["lines"]:
         click.echo(text)
     for text in shown["failures"]:
-        remark(text)
+        print_remark(text)
     click.echo(f"report: {shown['document']['report']}")
 
 

@@ -51,7 +51,7 @@ Step = Callable[[str], AbstractContextManager[None]]
 
 
 @dataclass(frozen=True)
-class Wishes:
+class PackageOptions:
     """What the customer gets besides models, database and report.
 
     Attributes
@@ -70,7 +70,7 @@ class Wishes:
 
 
 def write_package(
-    project: Project, match: Path, target: Path, wishes: Wishes, step: Step
+    project: Project, match: Path, target: Path, wishes: PackageOptions, step: Step
 ) -> dict[str, str]:
     """Write the data package of a matched project.
 
@@ -120,7 +120,7 @@ def write_package(
 
 
 def _fill(
-    folder: Path, project: Project, match: Path, wishes: Wishes, step: Step
+    folder: Path, project: Project, match: Path, wishes: PackageOptions, step: Step
 ) -> dict[str, str]:
     database, aircraft = (
         aerodb.open(match / "final.nc"),
@@ -167,7 +167,7 @@ def _fill(
     return refused
 
 
-def _copy(folder: Path, project: Project, match: Path, wishes: Wishes) -> None:
+def _copy(folder: Path, project: Project, match: Path, wishes: PackageOptions) -> None:
     for name in MODELS:
         for file in sorted(match.glob(f"{name}*")):
             kind = {

@@ -248,7 +248,7 @@ def _units(name: str) -> str:
     return "N" if name.endswith("thrust_drive") else lookup(name).units
 
 
-def compared(
+def compare_outputs(
     case: xr.Dataset, found: Mapping[str, np.ndarray], tolerance: Mapping[str, float]
 ) -> tuple[float, str]:
     """Return the largest difference over its tolerance, and the output where it is; infinite for an

@@ -24,7 +24,7 @@ from aerodb.exchange.tables.csv_terms import import_csv, run_checkcases
 from aerodb.exchange.tables.matlab import import_matlab
 from aeromatch.delivery.contents import FLOWN, MANIFEST, STATES, sha256
 from aeromatch.delivery.flown_checks import (
-    compared,
+    compare_outputs,
     conditions_of,
     fly_by_fmu,
     fly_by_kernel,
@@ -52,7 +52,7 @@ _READERS: dict[str, tuple[Callable[[Path], xr.DataTree], float]] = {
 
 
 @dataclass(frozen=True)
-class Finding:
+class PackageCheck:
     """One thing that was checked.
 
     Attributes
@@ -72,7 +72,7 @@ class Finding:
 
 
 @contextmanager
-def unpacked(package: str | Path) -> Iterator[Path]:
+def unpack_package(package: str | Path) -> Iterator[Path]:
     """Yield the folder of a package; a zip is unpacked into a temporary one.
 
     Raises
@@ -124,7 +124,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     return found
 
 
-def verify_package(folder: Path) -> Iterator[Finding]:
+def verify_package(folder: Path) -> Iterator[PackageCheck]:
     """Check a package, step by step.
 
     Yields
@@ -137,7 +137,7 @@ def verify_package(folder: Path) -> Iterator[Finding]:
     yield from _hashes(folder)
     for item in pom.verify(folder / "report"):
         if item.kind in _PROVED:
-            yield Finding(
+            yield PackageCheck(
                 "report",
                 f"{item.kind}: {item.name}",
                 item.state == "same",
@@ -147,7 +147,7 @@ def verify_package(folder: Path) -> Iterator[Finding]:
     yield from _flown(folder)
 
 
-def _hashes(folder: Path) -> Iterator[Finding]:
+def _hashes(folder: Path) -> Iterator[PackageCheck]:
     stated = read_manifest(folder)["files"]
     there = {
         file.relative_to(folder).as_posix(): file
@@ -156,23 +156,23 @@ def _hashes(folder: Path) -> Iterator[Finding]:
     }
     for name, digest in stated.items():
         if name not in there:
-            yield Finding("hash", name, False, "missing")
+            yield PackageCheck("hash", name, False, "missing")
         else:
             same = sha256(there[name]) == digest
-            yield Finding("hash", name, same, "same" if same else "changed")
+            yield PackageCheck("hash", name, same, "same" if same else "changed")
     for name in there:
         if name not in stated and name != MANIFEST:
-            yield Finding("hash", name, False, "not of the package")
+            yield PackageCheck("hash", name, False, "not of the package")
 
 
-def _states(folder: Path) -> Iterator[Finding]:
+def _states(folder: Path) -> Iterator[PackageCheck]:
     for name, (read, allowed) in _READERS.items():
         if not (folder / name).exists():
             continue
         try:
             found = run_checkcases(read(folder / name), folder / STATES)
         except AeromatchError as error:
-            yield Finding("states", name, False, str(error))
+            yield PackageCheck("states", name, False, str(error))
             continue
         own = found[
             [("/" not in str(output)) for output in found.index]
@@ -182,7 +182,7 @@ def _states(folder: Path) -> Iterator[Finding]:
         limit = (
             1.0 if allowed == 1.0 else allowed / 1e-9
         )  # the tolerance of a table is 1e-9 of its largest magnitude
-        yield Finding(
+        yield PackageCheck(
             "states",
             name,
             bool((ratio <= limit).all()),
@@ -190,7 +190,7 @@ def _states(folder: Path) -> Iterator[Finding]:
         )
 
 
-def _flown(folder: Path) -> Iterator[Finding]:
+def _flown(folder: Path) -> Iterator[PackageCheck]:
     files = sorted((folder / FLOWN).glob("*.csv"))
     if not files:
         return
@@ -215,11 +215,11 @@ def _flown(folder: Path) -> Iterator[Finding]:
                 else (stated, "its tolerance")
             )
             try:
-                ratio, worst = compared(case, fly(case, facts), tolerance)
+                ratio, worst = compare_outputs(case, fly(case, facts), tolerance)
             except Exception as error:  # an FMU without a library for this platform, a flight that fails: a finding, not the end
-                yield Finding("flown", f"{file.name} by {way}", False, str(error))
+                yield PackageCheck("flown", f"{file.name} by {way}", False, str(error))
                 continue
-            yield Finding(
+            yield PackageCheck(
                 "flown",
                 f"{file.name} by {way}",
                 ratio <= 1.0,

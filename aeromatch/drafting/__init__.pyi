@@ -1,4 +1,4 @@
 """Public names of `aeromatch.drafting`."""
 
-from .folder import Known as Known
+from .folder import StatedFacts as StatedFacts
 from .folder import draft_project as draft_project

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from aerodb.prior.roles import Assignment, assign_roles
+from aerodb.prior.roles import CaseRole, assign_roles
 from aeromatch.project.editing import schema_lines
 from datcom_io.decks.deck import Deck
 from datcom_io.decks.deck_file import read_deck
@@ -66,7 +66,7 @@ class Geometry:
     surfaces: dict[str, tuple[float, float]] = field(default_factory=dict)
     flap: float | None = None
     title: str = ""
-    roles: tuple[Assignment, ...] = ()
+    roles: tuple[CaseRole, ...] = ()
     places: dict[str, list[str]] = field(default_factory=dict)
     powered: bool = False
 
@@ -289,7 +289,7 @@ _STEP = 1.0 / np.sqrt(12.0)  # standard deviation of rounding, in steps
 
 
 @dataclass(frozen=True)
-class Known:
+class StatedFacts:
     """What the author knows in addition to listings and records; texts carry their unit.
 
     Attributes
@@ -311,7 +311,7 @@ class Known:
 
 
 def aircraft_text(
-    geometry: Geometry, known: Known, records: Sequence[xr.DataTree]
+    geometry: Geometry, known: StatedFacts, records: Sequence[xr.DataTree]
 ) -> tuple[str, list[str]]:
     """Return the text of an aircraft file, and what its author has to give or confirm."""
     remarks: list[str] = []
@@ -447,7 +447,9 @@ def _limits(records: Sequence[xr.DataTree]) -> list[str]:
     return ["", "# [limits]   # travel of the controls; recorded is:", *shown]
 
 
-def _instruments(records: Sequence[xr.DataTree], known: Known, remarks: list[str]) -> list[str]:
+def _instruments(
+    records: Sequence[xr.DataTree], known: StatedFacts, remarks: list[str]
+) -> list[str]:
     noise = noise_of(records)
     if not noise:
         return []

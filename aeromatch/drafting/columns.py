@@ -11,7 +11,7 @@ import numpy as np
 from flightmech.errors import UnitError, UnknownName, synonym
 from flightmech.names import COEFFICIENTS, lookup
 from flightmech.units import fitted_unit, parse
-from flighttest.reconstruction.quality.checks.mistake_search import plausible
+from flighttest.reconstruction.quality.checks.mistake_search import plausible_range
 from flighttest.records.readers.columns import split_heading, units_at_the_end, words_of
 from flighttest.records.readers.name_map import units_of
 
@@ -166,7 +166,7 @@ class Guess:
     sign: int = 1
 
 
-def guess(column: str) -> Guess | None:
+def guess_quantity(column: str) -> Guess | None:
     """Return which quantity a column may be by its name, or None.
 
     Parameters
@@ -338,7 +338,7 @@ _FRACTIONS = ("throttle", "n1", "n2", "gear", "speedbrake", "brake")
 _LARGEST_ANGLE, _LARGEST_RATE = 1.6, 3.0  # rad, rad/s; beyond them a channel is in degrees
 
 
-def stated(unit: str | None, name: str) -> str | None:
+def stated_unit(unit: str | None, name: str) -> str | None:
     """Return a unit as the package spells it when it is one of the quantity, else None."""
     if not unit:
         return None
@@ -351,7 +351,7 @@ def stated(unit: str | None, name: str) -> str | None:
     return unit if same and (not plain or unit in units_of(name)) else None
 
 
-def by_size(columns: Mapping[str, np.ndarray]) -> dict[str, tuple[str, str]]:
+def unit_from_size(columns: Mapping[str, np.ndarray]) -> dict[str, tuple[str, str]]:
     """Return the unit of every channel by the size of its values, and why.
 
     Parameters
@@ -413,7 +413,7 @@ def _level(name: str, values: np.ndarray) -> tuple[str, str]:
         if low <= size <= high:
             return unit, f"median {middle:.4g}"
     candidates = units_of(name) or (lookup(name).units,)
-    limits = plausible(name)
+    limits = plausible_range(name)
     if limits is not None and len(finite):
         fitting = [
             unit

@@ -18,7 +18,7 @@ import xarray as xr
 
 import flightmech
 import flighttest
-from aeromatch.drafting.aircraft import Geometry, Known, aircraft_text, geometry_of
+from aeromatch.drafting.aircraft import Geometry, StatedFacts, aircraft_text, geometry_of
 from aeromatch.drafting.flown import (
     CaseDraft,
     FitDraft,
@@ -28,7 +28,7 @@ from aeromatch.drafting.flown import (
     written_cases,
 )
 from aeromatch.drafting.gaps import listed_columns, missing_channels, unknown_columns
-from aeromatch.drafting.names import NamesDraft, checked, draft_names, names_text, own_names
+from aeromatch.drafting.names import NamesDraft, check_draft, draft_names, names_text, own_names
 from aeromatch.project.editing import schema_lines
 from aeromatch.project.project import read_project
 from datcom_io.reading.reader import listings_in
@@ -173,7 +173,7 @@ def draft_project(
     folder: str | Path,
     datcom: Sequence[Path] = (),
     records: Sequence[Path] = (),
-    known: Known | None = None,
+    known: StatedFacts | None = None,
     prove: Sequence[str] = (),
     force: bool = False,
     step: Callable[[str], AbstractContextManager[Any]] = nullcontext,
@@ -213,7 +213,7 @@ def draft_project(
     SchemaError
         Nothing was found, or the recordings cannot be mapped.
     """
-    folder, known = Path(folder), known or Known()
+    folder, known = Path(folder), known or StatedFacts()
     if not datcom and not records and folder.is_dir():
         datcom = records = _with_subfolders(folder)
     sources = sources_of([Path(path) for path in datcom], [Path(path) for path in records])
@@ -227,7 +227,7 @@ def draft_project(
                 if own_map is not None
                 else draft_names(sources.records, geometry.flap)
             )
-            names, flights, left = checked(_with_facts(draft, known), sources.records)
+            names, flights, left = check_draft(_with_facts(draft, known), sources.records)
             names, flights = _with_temperature(names, flights, sources.records, known, remarks)
         unmapped = dict.fromkeys(
             name for record in flights.values() for name in listed_columns(record)
@@ -309,7 +309,7 @@ def _has_engine_speed(record: xr.DataTree) -> bool:
     )
 
 
-def _with_facts(names: NamesDraft, known: Known) -> NamesDraft:
+def _with_facts(names: NamesDraft, known: StatedFacts) -> NamesDraft:
     """Return a map with the facts that the author states."""
     stated = {
         key: quantity(_number(known.values[key]), unit)
@@ -338,7 +338,7 @@ def _with_temperature(
     names: NamesDraft,
     flights: dict[str, xr.DataTree],
     files: Sequence[Path],
-    known: Known,
+    known: StatedFacts,
     remarks: list[str],
 ) -> tuple[NamesDraft, dict[str, xr.DataTree]]:
     """Return map and records with the temperature of the standard atmosphere where none is recorded
@@ -448,7 +448,7 @@ def project_text(
     names: NamesDraft,
     fits: Sequence[FitDraft],
     cases: Sequence[CaseDraft],
-    known: Known,
+    known: StatedFacts,
     table: bool,
 ) -> str:
     """Return the text of a project file."""

@@ -14,7 +14,7 @@ import numpy as np
 import xarray as xr
 
 import flighttest
-from aeromatch.drafting.columns import Guess, by_size, guess, stated
+from aeromatch.drafting.columns import Guess, guess_quantity, stated_unit, unit_from_size
 from aeromatch.project.editing import schema_lines
 from flightmech.errors import SchemaError, UnitError
 from flightmech.names import lookup
@@ -22,7 +22,7 @@ from flightmech.units import G0, fitted_unit, known_unit, parse
 from flighttest.records.readers.columns import unit_of_column
 from flighttest.records.readers.name_map import Channel, Clock, Facts, NameMap, line_of, read_names
 from flighttest.records.readers.opening import FORMATS, open_recording, recognise
-from flighttest.records.readers.recording import CLOCK_NAMES, Table, clock_name
+from flighttest.records.readers.recording import CLOCK_NAMES, RecordedTable, clock_name
 from flighttest.records.record import needs_names
 
 LOGS = {"ulog": "px4", "dataflash": "ardupilot"}
@@ -42,7 +42,7 @@ _CONFIRM = "CONFIRM"
 
 
 @dataclass(frozen=True)
-class Row:
+class NameMapRow:
     """One line of a name map with the reason for it."""
 
     leaf: str
@@ -79,7 +79,7 @@ class NamesDraft:
         Its file, or the name of a shipped one.
     """
 
-    rows: tuple[Row, ...] = ()
+    rows: tuple[NameMapRow, ...] = ()
     clock: Clock = field(default_factory=Clock)
     clocks: dict[str, Clock] = field(default_factory=dict)
     clock_reason: str = ""
@@ -168,7 +168,7 @@ def draft_names(files: Sequence[Path], flap: float | None = None) -> NamesDraft:
     if not any(needs_names(file) for file in files):
         return NamesDraft(identity=True)
     recordings = {file: open_recording(file, NameMap({})) for file in files}
-    tables: dict[str, Table] = {}
+    tables: dict[str, RecordedTable] = {}
     for recording in recordings.values():
         tables |= {name: table for name, table in recording.tables.items() if name not in tables}
     clocks = {
@@ -206,7 +206,7 @@ def draft_names(files: Sequence[Path], flap: float | None = None) -> NamesDraft:
     )
 
 
-def _clock_of(name: str, table: Table) -> tuple[Clock, str] | None:
+def _clock_of(name: str, table: RecordedTable) -> tuple[Clock, str] | None:
     """Return the clock of a table that has none of its own, and why; None where the reader needs no
     help.
     """
@@ -246,7 +246,7 @@ def _clock_of(name: str, table: Table) -> tuple[Clock, str] | None:
 
 
 def _assigned(
-    tables: Mapping[str, Table], flap: float | None, stamps: set[str | None]
+    tables: Mapping[str, RecordedTable], flap: float | None, stamps: set[str | None]
 ) -> tuple[dict[str, tuple[str, str, Guess]], list[str], list[str], dict[str, float]]:
     """Return table, column and guess of every quantity, the columns without one, remarks, and what
     stood still.
@@ -258,7 +258,7 @@ def _assigned(
         for column in content.columns:
             if column in stamps or column in CLOCK_NAMES or column == clock:
                 continue
-            one = guess(f"{table}/{column}")
+            one = guess_quantity(f"{table}/{column}")
             one = (
                 None
                 if one is not None and _of_another_kind(content.units.get(column), one.name)
@@ -294,7 +294,7 @@ def _assigned(
     return found, left_out, remarks, constants
 
 
-def _is_fraction(table: Table, column: str, one: Guess) -> bool:
+def _is_fraction(table: RecordedTable, column: str, one: Guess) -> bool:
     """Return whether a control is recorded as a share of its travel: flaps without a unit between 0
     and 1.
     """
@@ -320,23 +320,23 @@ def _of_another_kind(unit: str | None, name: str) -> bool:
 
 def _rows(
     found: Mapping[str, tuple[str, str, Guess]],
-    tables: Mapping[str, Table],
+    tables: Mapping[str, RecordedTable],
     everywhere: Sequence[set[str]],
     flap: float | None,
     remarks: list[str],
-) -> list[Row]:
+) -> list[NameMapRow]:
     values = {
         name: np.asarray(tables[table].columns[column], float)
         for name, (table, column, _) in found.items()
     }
     in_file = {
-        name: stated(tables[table].units.get(column), name)
+        name: stated_unit(tables[table].units.get(column), name)
         for name, (table, column, _) in found.items()
     }
     in_name = {
-        name: stated(_force(guess.unit, name), name) for name, (_, _, guess) in found.items()
+        name: stated_unit(_force(guess.unit, name), name) for name, (_, _, guess) in found.items()
     }
-    sized = by_size(
+    sized = unit_from_size(
         {name: values[name] for name in found if in_file[name] is None and in_name[name] is None}
     )
     rows = []
@@ -372,7 +372,9 @@ def _rows(
                 f"{name} from column {column!r}{f' in {unit}' if unit else ''}: {reason}"
             )
         place = f"{table}/{column}" if len(tables) > 1 else column
-        rows.append(Row(_leaf(name, table, tables), name, Channel(column=place, **keys), reason))
+        rows.append(
+            NameMapRow(_leaf(name, table, tables), name, Channel(column=place, **keys), reason)
+        )
     return rows
 
 
@@ -396,7 +398,7 @@ def _order(name: str) -> tuple[int, int]:
     return len(_GROUPS), 0
 
 
-def _leaf(name: str, table: str, tables: Mapping[str, Table]) -> str:
+def _leaf(name: str, table: str, tables: Mapping[str, RecordedTable]) -> str:
     """Return the leaf of a channel: its subject, with the table where there are several, because a
     leaf has one clock.
     """
@@ -409,7 +411,9 @@ def _leaf(name: str, table: str, tables: Mapping[str, Table]) -> str:
 
 
 def _facts(
-    found: Mapping[str, tuple[str, str, Guess]], tables: Mapping[str, Table], rows: Sequence[Row]
+    found: Mapping[str, tuple[str, str, Guess]],
+    tables: Mapping[str, RecordedTable],
+    rows: Sequence[NameMapRow],
 ) -> dict[str, Any]:
     if "lat" not in found:
         return {}
@@ -421,7 +425,7 @@ def _facts(
     return {"latitude": float(np.nanmedian(shown))}
 
 
-def checked(
+def check_draft(
     draft: NamesDraft, files: Sequence[Path]
 ) -> tuple[NamesDraft, dict[str, xr.DataTree], list[str]]:
     """Return a map with the mistakes undone that the check of the records finds, the records, and
@@ -492,7 +496,7 @@ def _repaired(draft: NamesDraft, findings: Sequence[Any]) -> NamesDraft | None:
     return None if rows == draft.rows else replace(draft, rows=rows)
 
 
-def _corrected(row: Row, channel: Channel, text: str) -> Row:
+def _corrected(row: NameMapRow, channel: Channel, text: str) -> NameMapRow:
     old = row.channel.optional
     return replace(
         row, channel=channel.changed(optional=old), reason=f"by the check of the record: {text}"

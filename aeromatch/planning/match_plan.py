@@ -20,10 +20,10 @@ from aeromatch.planning.case_checks import CaseChecks
 from aeromatch.planning.record_looks import LookTask, RecordLook, RecordLooks
 from aeromatch.planning.steps import collect, products_of, steps_of
 from aeromatch.project.project import Project
-from aeromatch.workflow.steps import a_priori, before_flight, databases_before, opened
+from aeromatch.workflow.steps import a_priori, add_missing_terms, before_flight, databases_before
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
-from flightmech.support.atomic_write import exchangeable
+from flightmech.support.atomic_write import resolve_folder
 from flightmech.support.kept_stages.sharing import demand_scheduler
 from flightmech.support.kept_stages.stages import Kept, Stages
 from pom.cases.case import PomCase
@@ -223,7 +223,7 @@ def _check_places(folder: Path, chosen: MatchOptions, problems: list[str]) -> No
             continue
         path = Path(written)
         if path.parent.is_dir():
-            collect(problems, place, exchangeable, path)
+            collect(problems, place, resolve_folder, path)
             continue
         above = next((parent for parent in path.absolute().parents if parent.exists()), Path("/"))
         if not above.is_dir():
@@ -299,7 +299,7 @@ def _databases(
         prior = collect(problems, "listings", a_priori, project, aircraft)
     if prior is None:
         return {}
-    opening = collect(problems, "", opened, project, prior)
+    opening = collect(problems, "", add_missing_terms, project, prior)
     return {
         "datcom": stages.given(prior),
         "final": stages.given(prior if opening is None else opening),

@@ -19,7 +19,7 @@ from aeromatch.project.project import Project
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.support.kept_stages.stages import Kept, Stages
 from flighttest.regression.combining.published import read_published
-from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.submodels.control_loading.loading import loading_of
 from flighttest.submodels.engine.records import read_points
 from flighttest.submodels.engine.tables import EngineStructure, read_structure
@@ -82,7 +82,7 @@ def term_problems(project: Project, start: xr.DataTree, published: Sequence[Any]
     """
     found: list[str] = []
     wanted = dict.fromkeys(
-        Model.parse(text).coefficient for fit in project.fits for text in fit.models
+        RegressionModel.parse(text).coefficient for fit in project.fits for text in fit.models
     )
     wanted |= dict.fromkeys(str(fit.model.coefficient) for fit in published)
     for coefficient in wanted:
@@ -156,7 +156,7 @@ def regressor_problems(project: Project, names: Mapping[str, set[str]]) -> list[
         needs["ground_effect.flown"] = project.ground_effect.models, list(dict.fromkeys(flown))
     found = []
     for place, (models, records) in needs.items():
-        for model in map(Model.parse, models):
+        for model in map(RegressionModel.parse, models):
             for name in (model.coefficient, *model.variables):
                 lacking = [
                     record for record in records if names.get(record) and name not in names[record]
@@ -191,7 +191,7 @@ def variable_problems(
     leaves = aerodb.terms(start)
     missing: dict[tuple[str, str], list[str]] = {}
     for fit in project.fits:
-        coefficients = {Model.parse(text).coefficient for text in fit.models}
+        coefficients = {RegressionModel.parse(text).coefficient for text in fit.models}
         needed = {
             name: flightmech.terms.variables(leaf)
             for name, leaf in leaves.items()
@@ -223,7 +223,7 @@ def name_problems(project: Project) -> list[str]:
     for fit in project.fits:
         for record in fit.records:
             for text in fit.models:
-                key = fit.name, record, Model.parse(text).coefficient
+                key = fit.name, record, RegressionModel.parse(text).coefficient
                 seen[key] = seen.get(key, 0) + 1
     return [
         f"fit {name!r} gives {count} models of {coefficient} for record {record}; give each fit a name of its own"
@@ -283,7 +283,7 @@ def _engine_problems(project: Project, apriori: Aircraft) -> list[str]:
 
 
 def _ground_problems(asked: Any) -> list[str]:
-    models = [Model.parse(text) for text in asked.models]
+    models = [RegressionModel.parse(text) for text in asked.models]
     coefficients = [model.coefficient for model in models]
     found = [
         f"ground_effect.models: two models of {name}; give one"
@@ -291,7 +291,7 @@ def _ground_problems(asked: Any) -> list[str]:
         if coefficients.count(name) > 1
     ]
     for text in asked.ground:
-        model = Model.parse(text)
+        model = RegressionModel.parse(text)
         if model.coefficient not in coefficients:
             found.append(
                 f"ground_effect.ground: {model} has no model of {model.coefficient} in ground_effect.models; add one"

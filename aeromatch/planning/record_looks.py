@@ -23,8 +23,8 @@ import flighttest
 import pom
 from aeromatch.planning.sample_checks import fit_problems, submodel_problems
 from aeromatch.planning.steps import collect, texts_of
-from aeromatch.project.project import Fit, Project
-from aeromatch.project.sections import Flown
+from aeromatch.project.project import FitSection, Project
+from aeromatch.project.sections import RecordSelection
 from aeromatch.workflow.steps import record_inputs, record_of
 from aeromatch.workflow.submodels import overlaps, spans_of
 from flightmech.aircraft.aircraft import Aircraft
@@ -63,8 +63,8 @@ class LookTask:
     aircraft: Aircraft
     cases: list[PomCase]
     given: pd.DataFrame | None = None
-    fits: dict[str, Fit] = field(default_factory=dict)
-    submodels: dict[str, list[Flown]] = field(default_factory=dict)
+    fits: dict[str, FitSection] = field(default_factory=dict)
+    submodels: dict[str, list[RecordSelection]] = field(default_factory=dict)
     sections: dict[str, Any] = field(default_factory=dict)
 
     @classmethod
@@ -162,7 +162,7 @@ def _spans(
     task: LookTask, record: xr.DataTree, look: RecordLook
 ) -> dict[str, list[tuple[float, float]]]:
     """Return start and end of everything that identifies something, by fit or place of a submodel."""
-    users: dict[str, Sequence[Flown]] = {
+    users: dict[str, Sequence[RecordSelection]] = {
         **{place: [fit] for place, fit in task.fits.items()},
         **task.submodels,
     }

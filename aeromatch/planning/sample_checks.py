@@ -11,18 +11,18 @@ import numpy as np
 import xarray as xr
 
 from aeromatch.planning.steps import collect
-from aeromatch.project.project import Fit
-from aeromatch.workflow.submodels import between, thinned
+from aeromatch.project.project import FitSection
+from aeromatch.workflow.submodels import select_spans, thinned
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import AeromatchError
 from flightmech.names import lookup
 from flighttest.regression.equation_error import least_squares
-from flighttest.regression.equation_error.model import Model, powers, variable_of
+from flighttest.regression.equation_error.model import RegressionModel, powers, variable_of
 from flighttest.regression.equation_error.time_domain import LEAST_MOVEMENT, SAMPLES_PER_TERM
 from flighttest.submodels.control_loading.loading import loading_of
 from flighttest.submodels.control_loading.motion import channels
 from flighttest.submodels.engine.records import engine_channels
-from flighttest.submodels.engine.schedule import quiet
+from flighttest.submodels.engine.schedule import remove_lever_noise
 from flighttest.submodels.landing_gear.reconstructed_loads import TOUCHING, wheels_of
 
 # of the least movement: readings before the reconstruction move a little more or less than after it
@@ -42,7 +42,7 @@ _RUNNING = (
 Spans = Sequence[tuple[float, float]]
 
 
-def fit_problems(where: str, fit: Fit, states: xr.Dataset, spans: Spans) -> list[str]:
+def fit_problems(where: str, fit: FitSection, states: xr.Dataset, spans: Spans) -> list[str]:
     """Return why a fit cannot be made of some windows of a record: too few samples, inputs that do
     not move.
 
@@ -62,7 +62,7 @@ def fit_problems(where: str, fit: Fit, states: xr.Dataset, spans: Spans) -> list
     count = int(chosen.size - _on_wheels(states)[chosen].sum())
     found = []
     for text in fit.models:
-        model = Model.parse(text)
+        model = RegressionModel.parse(text)
         least = SAMPLES_PER_TERM * len(model.terms)
         if count < least:
             found.append(
@@ -95,7 +95,7 @@ def _on_wheels(states: xr.Dataset) -> np.ndarray:
     )
 
 
-def _resting(model: Model, states: xr.Dataset, chosen: np.ndarray) -> list[str]:
+def _resting(model: RegressionModel, states: xr.Dataset, chosen: np.ndarray) -> list[str]:
     """Return the terms of single recorded variables that do not move, next to a constant, by the
     rule of `flighttest.regress`.
     """
@@ -107,7 +107,7 @@ def _resting(model: Model, states: xr.Dataset, chosen: np.ndarray) -> list[str]:
         name = variable_of(next(iter(factors))) if list(factors.values()) == [1] else ""
         if name not in states:
             continue
-        alone = Model(model.coefficient, [term])
+        alone = RegressionModel(model.coefficient, [term])
         column = alone.design({name: states.variables[name].values[chosen]})[:, 0]
         least = _CERTAIN * LEAST_MOVEMENT.get(lookup(name).units, 0.0)
         if np.ptp(column) == 0.0 or np.std(column) < least:
@@ -142,7 +142,7 @@ def submodel_problems(
     found = [f"{where}: {empty} windows without a sample; choose others"] if empty else []
     if section == "controls":
         return found + _control_problems(where, place.split(".")[1], asked, aircraft, states)
-    parts = [part for part in between(states, spans) if part.sizes["time"] > 1]
+    parts = [part for part in select_spans(states, spans) if part.sizes["time"] > 1]
     if section == "engine":
         return found + _engine_problems(where, place, asked, parts)
     return found + _gear_problems(where, aircraft, parts)
@@ -160,7 +160,7 @@ def _engine_problems(where: str, place: str, asked: Any, parts: Sequence[xr.Data
             )
         elif place == "engine.flown":
             try:
-                quiet(thinned(record, asked.rate))
+                remove_lever_noise(thinned(record, asked.rate))
             except AeromatchError as error:
                 found.append(f"{where}: {error}")
     return list(dict.fromkeys(found))

@@ -12,7 +12,7 @@ from typing import Any
 
 import click
 
-from flightmech.support.console import InputFile, NewFile, document, json_option
+from flightmech.support.console import InputFile, NewFile, json_option, print_json
 
 
 def aircraft_schema() -> dict[str, Any]:
@@ -100,7 +100,7 @@ def schema(kind: str | None, output: Path | None, as_json: bool) -> None:
         if not as_json:
             click.echo(f"written: {file}")
     if as_json:
-        document({"files": [str(file) for file in files]})
+        print_json({"files": [str(file) for file in files]})
 
 
 _KEY = re.compile(r'"([^"]+)"|([^."]+)')
@@ -472,7 +472,7 @@ def set_verb(
         changes = [(key, value), *also]
         write_trial(file, trial, changes)
         if as_json:
-            document({"file": trial, "trial of": str(file), "changes": dict(changes)})
+            print_json({"file": trial, "trial of": str(file), "changes": dict(changes)})
         else:
             click.echo(
                 f"written: {trial}, a trial of {file} with "
@@ -481,6 +481,6 @@ def set_verb(
         return
     new = set_key(file, key, value)
     if as_json:
-        document({"file": str(file), "key": key, "value": new})
+        print_json({"file": str(file), "key": key, "value": new})
     else:
         click.echo(f"written: {file}, {key} " + ("removed" if remove else f"= {new}"))

@@ -16,15 +16,15 @@ import xarray as xr
 from pydantic import Field, field_validator, model_validator
 
 from aeromatch.project.sections import (
-    Control,
     Controls,
-    Engine,
-    Flown,
-    Gear,
-    GroundEffect,
+    ControlSection,
+    EngineSection,
+    GearSection,
+    GroundEffectSection,
+    RecordSelection,
     selections,
 )
-from datcom_io.reading.reader import Place, place_of
+from datcom_io.reading.reader import ListingCase, place_of
 from flightmech import terms
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
 from flightmech.names import lookup
@@ -33,7 +33,7 @@ from flightmech.support.toml_models import Strict, file_schema, si, validate
 from flightmech.support.toml_quantities import UNFILLED
 from flightmech.units import quantity
 from flighttest.reconstruction.dynamics.force_coefficients import ERRORS
-from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.submodels.engine.tables import read_structure
 from pom.cases.case_file import Role, Signature, plain_signatures
 
@@ -79,7 +79,7 @@ class NewTerm(Strict):
                     f"stderr has {np.size(self.stderr)} values for {value.size} nodes; give one for all, or one per node"
                 ],
             )
-        return terms.make(
+        return terms.make_term(
             value,
             axes,
             self.regressors,
@@ -89,7 +89,7 @@ class NewTerm(Strict):
         )
 
 
-class Fit(Flown):
+class FitSection(RecordSelection):
     """Manoeuvres or windows of a record that are fitted together by each of some models; the same
     for each of `records`.
     """
@@ -100,7 +100,7 @@ class Fit(Flown):
     )
 
     @model_validator(mode="after")
-    def _of_something(self) -> Fit:
+    def _of_something(self) -> FitSection:
         if not self.manoeuvres and not self.window:
             raise ValueError(
                 "neither manoeuvres nor window; give one of them, as window = [start, end] in seconds of the record"
@@ -177,7 +177,7 @@ class Listings(Strict):
     )
 
 
-class _File(Strict):
+class _ProjectFile(Strict):
     title: str = Field(description="Title of the project and its report.")
     aircraft: str = Field(description="Aircraft file.")
     apriori: str | None = Field(
@@ -227,24 +227,26 @@ class _File(Strict):
     models: dict[str, ThirdPartyModel] = Field(
         default={}, description="Models from elsewhere that are replayed as well, by name."
     )
-    fit: tuple[Fit, ...] = Field(description="Local models: what is fitted to which manoeuvres.")
+    fit: tuple[FitSection, ...] = Field(
+        description="Local models: what is fitted to which manoeuvres."
+    )
     published: tuple[str, ...] = Field(
         default=(),
         examples=[["literature/local_models.csv"]],
         description="Local models from elsewhere with standard errors, CSV; they identify as the fits do.",
     )
-    engine: Engine | None = Field(
+    engine: EngineSection | None = Field(
         default=None,
         description="Identification of the engine; without it that of the aircraft file.",
     )
     controls: Controls = Field(
         default=Controls(), description="Identification of the control loading, by control."
     )
-    gear: Gear | None = Field(
+    gear: GearSection | None = Field(
         default=None,
         description="Identification of the landing gear; without it that of the aircraft file.",
     )
-    ground_effect: GroundEffect | None = Field(
+    ground_effect: GroundEffectSection | None = Field(
         default=None,
         description="Identification of the ground effect; without it that of the listings.",
     )
@@ -336,7 +338,7 @@ class Project:
     aircraft: Path
     apriori: Path | None
     names: Path | None
-    listings: dict[str, tuple[Place, ...]]
+    listings: dict[str, tuple[ListingCase, ...]]
     altitude: float | None
     flights: dict[str, Path]
     cases: tuple[Path, ...]
@@ -344,13 +346,13 @@ class Project:
     errors: dict[str, float]
     terms: dict[str, NewTerm]
     held: tuple[str, ...]
-    fits: tuple[Fit, ...]
+    fits: tuple[FitSection, ...]
     models: dict[str, Path] = field(default_factory=dict)
     tables: dict[str, Path] = field(default_factory=dict)
-    engine: Engine | None = None
-    controls: dict[str, Control] = field(default_factory=dict)
-    gear: Gear | None = None
-    ground_effect: GroundEffect | None = None
+    engine: EngineSection | None = None
+    controls: dict[str, ControlSection] = field(default_factory=dict)
+    gear: GearSection | None = None
+    ground_effect: GroundEffectSection | None = None
     points: dict[str, Path] = field(default_factory=dict)
     manoeuvres: Path | None = None
     stated: dict[str, bool] = field(default_factory=dict)
@@ -361,7 +363,7 @@ class Project:
     unplaced: str = "raise"
 
     @property
-    def submodels(self) -> dict[str, tuple[Flown, ...]]:
+    def submodels(self) -> dict[str, tuple[RecordSelection, ...]]:
         """Records and manoeuvres that identify the submodels, by the place in the project file."""
         return selections(self.engine, self.controls, self.gear, self.ground_effect)
 
@@ -383,7 +385,7 @@ def read_project(path: str | Path) -> Project:
         and quantities, and faulty models.
     """
     path = Path(path)
-    content = validate(_File, load(path), str(path))
+    content = validate(_ProjectFile, load(path), str(path))
     folder = path.resolve().parent
     problems: list[str] = []
 
@@ -393,19 +395,19 @@ def read_project(path: str | Path) -> Project:
             problems.append(f"{place}: no file {name!r} in {folder}")
         return file
 
-    def listing(text: str, place: str) -> Place:
+    def listing(text: str, place: str) -> ListingCase:
         if text == UNFILLED:
             problems.append(
                 f"{place}: {UNFILLED!r} stands for a listing that is still to be given; write FILE, or FILE:CASE"
             )
-            return Place(folder / text)
+            return ListingCase(folder / text)
         try:
             return place_of(text, folder)
         except FileNotFoundError:
             problems.append(
                 f"{place}: no file {text!r} in {folder}; write FILE, or FILE:CASE for one case of it"
             )
-            return Place(folder / text)
+            return ListingCase(folder / text)
 
     given = {
         role: paths
@@ -433,7 +435,7 @@ def read_project(path: str | Path) -> Project:
             if record not in flights:
                 problems.append(f"fit.{number}.records: {UnknownName(record, flights, 'record')}")
         for model in fit.models:
-            _collect(problems, f"fit.{number}.models", Model.parse, model)
+            _collect(problems, f"fit.{number}.models", RegressionModel.parse, model)
     problems += _submodel_problems(content, flights)
     for source in content.errors:
         if source not in ERRORS:
@@ -500,7 +502,8 @@ def read_project(path: str | Path) -> Project:
 def project_schema() -> dict[str, Any]:
     """Return the JSON schema of project files."""
     return file_schema(
-        _File, "A project: one aircraft, its listings, its flights and its Proof-of-Match cases."
+        _ProjectFile,
+        "A project: one aircraft, its listings, its flights and its Proof-of-Match cases.",
     )
 
 
@@ -521,7 +524,7 @@ def _no_match(folder: Path, pattern: str) -> str:
     )
 
 
-def _submodel_problems(content: _File, flights: Mapping[str, Path]) -> list[str]:
+def _submodel_problems(content: _ProjectFile, flights: Mapping[str, Path]) -> list[str]:
     """Return what is wrong with the sections of the submodels."""
     found = [
         text

@@ -11,7 +11,7 @@ from pydantic import Field, field_validator
 
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
 from flightmech.support.toml_models import Strict, si
-from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.submodels.control_loading.loading import COEFFICIENT, FORCES
 from flighttest.submodels.landing_gear.reconstructed_loads import ERRORS
 
@@ -20,7 +20,7 @@ Names = tuple[str, ...]
 Positive = Annotated[float, Field(gt=0.0)]
 
 
-class Flown(Strict):
+class RecordSelection(Strict):
     """Records, and what is taken of each: manoeuvres that it marks, and windows from start to end;
     without both the whole record.
     """
@@ -63,12 +63,12 @@ class Flown(Strict):
         return item
 
 
-class GroundEffect(Strict):
+class GroundEffectSection(Strict):
     """``[ground_effect]``: landings and low passes, and records in free air of the same flap
     setting, for `identify_ground_effect`.
     """
 
-    flown: Annotated[tuple[Flown, ...], Field(min_length=1)] = Field(
+    flown: Annotated[tuple[RecordSelection, ...], Field(min_length=1)] = Field(
         description="Low passes, landings, and free air with the same flaps."
     )
     models: Annotated[Names, Field(min_length=1)] = Field(
@@ -92,15 +92,15 @@ class GroundEffect(Strict):
         """Yield what is wrong with the models."""
         for key in ("models", "ground"):
             for text in getattr(self, key):
-                yield from _faults(f"ground_effect.{key}", Model.parse, text)
+                yield from _faults(f"ground_effect.{key}", RegressionModel.parse, text)
 
 
-class Gear(Strict):
+class GearSection(Strict):
     """``[gear]``: ground runs and landings with the compression of the legs, for
     `identify_landing_gear`.
     """
 
-    flown: Annotated[tuple[Flown, ...], Field(min_length=1)] = Field(
+    flown: Annotated[tuple[RecordSelection, ...], Field(min_length=1)] = Field(
         description="Ground runs and landings with the compression of every leg."
     )
     errors: dict[str, Annotated[float, Field(ge=0.0)]] = Field(
@@ -121,19 +121,19 @@ class Gear(Strict):
                 yield f"gear.errors: {UnknownName(name, GEAR_ERRORS, 'source of error')}"
 
 
-class Engine(Strict):
+class EngineSection(Strict):
     """``[engine]``: power changes that begin at rest, starts, and settled points, for
     `identify_engine`.
     """
 
-    flown: tuple[Flown, ...] = Field(
+    flown: tuple[RecordSelection, ...] = Field(
         default=(), description="Chops, slams and steps, each beginning with the lever at rest."
     )
-    flights: tuple[Flown, ...] = Field(
+    flights: tuple[RecordSelection, ...] = Field(
         default=(),
         description="Whole flights: power changes are cut out of them, and the tables that structure names estimated.",
     )
-    starts: tuple[Flown, ...] = Field(default=(), description="Starts and shut-downs.")
+    starts: tuple[RecordSelection, ...] = Field(default=(), description="Starts and shut-downs.")
     engines: tuple[Annotated[int, Field(ge=1)], ...] = Field(
         default=(1,), examples=[[1, 2]], description="Engines of the records, averaged."
     )
@@ -179,15 +179,15 @@ class Engine(Strict):
             yield "engine.polar: missing; climbs need CD0 and K of the drag polar"
 
 
-class Control(Strict):
+class ControlSection(Strict):
     """``[controls.column]``, ``wheel`` or ``pedal``: slow manoeuvres and free motion, for
     `identify_control_loading`.
     """
 
-    driven: Annotated[tuple[Flown, ...], Field(min_length=1)] = Field(
+    driven: Annotated[tuple[RecordSelection, ...], Field(min_length=1)] = Field(
         description="Slow manoeuvres at several speeds and tab settings; whole records are taken without the free manoeuvres."
     )
-    free: tuple[Flown, ...] = Field(default=(), description="Pulses and releases.")
+    free: tuple[RecordSelection, ...] = Field(default=(), description="Pulses and releases.")
     model: str = Field(
         default="", description="Hinge moment; without it the usual one of the control."
     )
@@ -218,24 +218,24 @@ class Control(Strict):
 class Controls(Strict):
     """``[controls]``: one table for each control."""
 
-    column: Control | None = Field(default=None, description="Column and elevator.")
-    wheel: Control | None = Field(default=None, description="Wheel and ailerons.")
-    pedal: Control | None = Field(default=None, description="Pedals and rudder.")
+    column: ControlSection | None = Field(default=None, description="Column and elevator.")
+    wheel: ControlSection | None = Field(default=None, description="Wheel and ailerons.")
+    pedal: ControlSection | None = Field(default=None, description="Pedals and rudder.")
 
     @property
-    def given(self) -> dict[str, Control]:
+    def given(self) -> dict[str, ControlSection]:
         """The controls that have a table."""
         return {item: one for item, one in self if one is not None}
 
 
 def selections(
-    engine: Engine | None,
-    controls: Mapping[str, Control],
-    gear: Gear | None,
-    ground_effect: GroundEffect | None,
-) -> dict[str, tuple[Flown, ...]]:
+    engine: EngineSection | None,
+    controls: Mapping[str, ControlSection],
+    gear: GearSection | None,
+    ground_effect: GroundEffectSection | None,
+) -> dict[str, tuple[RecordSelection, ...]]:
     """Return the records and manoeuvres of every section, by the place in the project file."""
-    found: dict[str, tuple[Flown, ...]] = {}
+    found: dict[str, tuple[RecordSelection, ...]] = {}
     if engine is not None:
         found |= {
             "engine.flown": engine.flown,
@@ -252,7 +252,7 @@ def selections(
 
 
 def _hinge_moment(text: str, coefficient: str) -> None:
-    model = Model.parse(text)
+    model = RegressionModel.parse(text)
     if model.coefficient != coefficient:
         raise UnknownName(model.coefficient, [coefficient], "hinge-moment coefficient")
 

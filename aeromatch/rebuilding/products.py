@@ -18,7 +18,7 @@ from pom.result import PomResult
 
 
 @dataclass(frozen=True)
-class Outcome:
+class MatchOutcome:
     """What `aeromatch.workflow.perform` made.
 
     Attributes

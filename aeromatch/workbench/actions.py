@@ -75,7 +75,7 @@ def demand_allowed(words: Sequence[str]) -> None:
 
 
 @dataclass(frozen=True)
-class Places:
+class PlaceholderFolders:
     """The folders behind the placeholders.
 
     Attributes
@@ -109,14 +109,14 @@ class Places:
         return shlex.join(["aeromatch", *(word.replace(WORK, str(self.work)) for word in shown)])
 
 
-def make_folders(words: Sequence[str], places: Places) -> None:
+def make_folders(words: Sequence[str], places: PlaceholderFolders) -> None:
     """Make the folders inside the working folder in which a command writes."""
     for word in words:
         if word.startswith(f"{WORK}/"):
             Path(places.real([word])[0]).parent.mkdir(parents=True, exist_ok=True)
 
 
-def digests(words: Sequence[str], places: Places) -> dict[str, str]:
+def digests(words: Sequence[str], places: PlaceholderFolders) -> dict[str, str]:
     """Return the SHA-256 of every file and folder that a command names, by its place; empty for
     what is not there.
     """
@@ -138,7 +138,7 @@ def _digest(path: Path) -> str:
 
 
 @dataclass(frozen=True)
-class Entry:
+class LoggedAction:
     """One line of the log.
 
     Attributes
@@ -166,7 +166,7 @@ class Entry:
         )
 
 
-def changed(before: dict[str, str], after: dict[str, str]) -> dict[str, tuple[str, str]]:
+def changed_files(before: dict[str, str], after: dict[str, str]) -> dict[str, tuple[str, str]]:
     """Return what a command changed, from `digests` before and after it."""
     return {
         name: (before.get(name, ""), found)
@@ -175,15 +175,17 @@ def changed(before: dict[str, str], after: dict[str, str]) -> dict[str, tuple[st
     }
 
 
-def append(log: Path, words: Sequence[str], code: int, files: dict[str, tuple[str, str]]) -> Entry:
+def append(
+    log: Path, words: Sequence[str], code: int, files: dict[str, tuple[str, str]]
+) -> LoggedAction:
     """Append an action to the log and return its entry."""
-    entry = Entry(len(read_log(log)) + 1 if log.exists() else 1, tuple(words), code, files)
+    entry = LoggedAction(len(read_log(log)) + 1 if log.exists() else 1, tuple(words), code, files)
     with log.open("a", encoding="utf-8", newline="\n") as target:
         target.write(entry.line() + "\n")
     return entry
 
 
-def read_log(path: str | Path) -> list[Entry]:
+def read_log(path: str | Path) -> list[LoggedAction]:
     """Return the actions of a log.
 
     Raises
@@ -205,7 +207,9 @@ def read_log(path: str | Path) -> list[Entry]:
                 str(name): (str(before), str(after))
                 for name, (before, after) in item["files"].items()
             }
-            entry = Entry(int(item["number"]), tuple(item["words"]), int(item["code"]), files)
+            entry = LoggedAction(
+                int(item["number"]), tuple(item["words"]), int(item["code"]), files
+            )
         except (ValueError, TypeError, AttributeError) as error:
             raise ParseError(
                 str(path), number, line[:60], f"JSON with the keys {', '.join(sorted(_LOG_KEYS))}"
@@ -215,7 +219,7 @@ def read_log(path: str | Path) -> list[Entry]:
     return found
 
 
-def to_do(entries: Sequence[Entry], places: Places) -> list[Entry]:
+def to_do(entries: Sequence[LoggedAction], places: PlaceholderFolders) -> list[LoggedAction]:
     """Return the actions that are still to be carried out: those from the first whose files are not
     yet in the state that it left.
 
@@ -248,7 +252,9 @@ def to_do(entries: Sequence[Entry], places: Places) -> list[Entry]:
 
 
 def carry_out(
-    entries: Iterable[Entry], places: Places, step: Callable[[str], AbstractContextManager[None]]
+    entries: Iterable[LoggedAction],
+    places: PlaceholderFolders,
+    step: Callable[[str], AbstractContextManager[None]],
 ) -> list[str]:
     """Carry out actions, and return the remarks: results that differ from those of the log.
 
@@ -283,7 +289,7 @@ def carry_out(
     return remarks
 
 
-def matched(entries: Sequence[Entry]) -> Entry | None:
+def last_match(entries: Sequence[LoggedAction]) -> LoggedAction | None:
     """Return the last match of a log, when no action after it changes a file of the project."""
     for entry in reversed(entries):
         if entry.words[0] == "match":

@@ -20,11 +20,11 @@ import xarray as xr
 
 import flighttest
 from aeromatch.workbench.actions import ActionError
-from aeromatch.workbench.opened import Opened
+from aeromatch.workbench.opened import OpenProject
 from flightmech.aircraft.aircraft import read_aircraft
 from flightmech.errors import AeromatchError
 from flightmech.support.atomic_write import remove_leftovers, written_atomically
-from pom.replaying.caches import program
+from pom.replaying.caches import reconstruction_digest
 
 FOLDER = "coefficients"
 MOST_BYTES = 4_000_000_000
@@ -35,7 +35,7 @@ _KEPT_WINDOWS = 96  # in memory: one of 13 s is 4 MB
 _forming = threading.Lock()
 
 
-def form_missing(opened: Opened, records: Iterable[str], cutoff: float | None) -> None:
+def form_missing(opened: OpenProject, records: Iterable[str], cutoff: float | None) -> None:
     """Form the coefficients that are not there along long or many records in one child process;
     `window_of` forms those of few samples.
 
@@ -85,7 +85,7 @@ def form_missing(opened: Opened, records: Iterable[str], cutoff: float | None) -
 
 
 def window_of(
-    opened: Opened, record: str, start: float, end: float, cutoff: float | None
+    opened: OpenProject, record: str, start: float, end: float, cutoff: float | None
 ) -> xr.Dataset:
     """Return the coefficients of a record between two instants, as `flighttest.coefficients` forms
     them along the whole record.
@@ -120,12 +120,12 @@ def window_of(
             kept = _formed(opened, record, cutoff)
         os.utime(kept)
         with xr.open_dataset(kept, engine="h5netcdf", decode_timedelta=False) as whole:
-            return flighttest.between(whole, start, end).load()
+            return flighttest.select_time(whole, start, end).load()
 
     return opened.kept(("window", *about, start, end), made_from, make, _KEPT_WINDOWS)
 
 
-def _formed(opened: Opened, record: str, cutoff: float | None) -> Path:
+def _formed(opened: OpenProject, record: str, cutoff: float | None) -> Path:
     """Return the file with the coefficients of a record, which is written unless it is there."""
     file, aircraft, errors, target = (
         opened.path_file(record),
@@ -139,7 +139,7 @@ def _formed(opened: Opened, record: str, cutoff: float | None) -> Path:
     return target
 
 
-def _target(opened: Opened, record: str, cutoff: float | None) -> Path:
+def _target(opened: OpenProject, record: str, cutoff: float | None) -> Path:
     file = opened.path_file(record)
     if not file.exists():
         raise FileNotFoundError(2, "not reconstructed yet", str(file))
@@ -184,7 +184,7 @@ def _key(file: Path, aircraft: Path, errors: Mapping[str, float], cutoff: float 
     """
     hashes = [hashlib.sha256(one.read_bytes()).hexdigest() for one in (file, aircraft)]
     return hashlib.sha256(
-        repr((program(), hashes, sorted(errors.items()), cutoff)).encode()
+        repr((reconstruction_digest(), hashes, sorted(errors.items()), cutoff)).encode()
     ).hexdigest()[:16]
 
 

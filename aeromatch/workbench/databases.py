@@ -14,15 +14,15 @@ import pandas as pd
 import xarray as xr
 
 import aerodb
-from aerodb.figures.lr743_set.flown import FLOWN, Flown, configuration, is_clean, read_flown
+from aerodb.figures.lr743_set.flown import FLOWN, FlightData, configuration, is_clean, read_flown
 from aerodb.store.files import open as open_database
-from aerodb.store.grids import spread, union_axes
-from aerodb.store.overview import describe, heading
-from aeromatch.workbench.opened import MATCH, Opened
+from aerodb.store.grids import regrid_leaf, union_axes
+from aerodb.store.overview import describe, heading_lines
+from aeromatch.workbench.opened import MATCH, OpenProject
 from flightmech import terms as _terms
 from flightmech.errors import AeromatchWarning, SchemaError, UnknownName
 from flightmech.names import lookup
-from flightmech.support.figures import displayed
+from flightmech.support.figures import to_display_unit
 
 DATABASES, TUNED = "databases", "tuned"
 """Folders of the working folder: databases edited by hand, tuned models."""
@@ -32,7 +32,7 @@ _RATE_OF_ALPHA = "alphadothat"
 _MOST_NODES = 200_000  # of a table over the breakpoints of all databases shown
 
 
-def files(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+def files(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
     """Return the databases of the working folder, and the aircraft files with which they fly."""
     found = _files(opened)
     return {
@@ -43,7 +43,7 @@ def files(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]
     }
 
 
-def _files(opened: Opened) -> dict[str, Path]:
+def _files(opened: OpenProject) -> dict[str, Path]:
     """Return the databases by their place."""
     work = opened.work
     found = [file for name in _OF_A_MATCH if (file := work / MATCH / f"{name}.nc").exists()]
@@ -59,7 +59,7 @@ def _is_engine(file: Path) -> bool:
     return file.stem.rpartition("_")[2].rstrip("0123456789") == "engine"
 
 
-def _aircraft(opened: Opened, file: Path) -> str:
+def _aircraft(opened: OpenProject, file: Path) -> str:
     """Return the aircraft file of a database: that of its name, that of the match from which it was
     edited, or that of the project.
     """
@@ -70,21 +70,21 @@ def _aircraft(opened: Opened, file: Path) -> str:
     return opened.places.named(next((one for one in near if one.exists()), opened.project.aircraft))
 
 
-def _opened(opened: Opened, place: str) -> xr.DataTree:
+def _opened(opened: OpenProject, place: str) -> xr.DataTree:
     known = _files(opened)
     if place not in known:
         raise UnknownName(place, known, "database")
     return opened.kept(("database",), [known[place]], lambda: open_database(known[place]))
 
 
-def database(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+def database(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
     """Return terms and history of a database (``file``)."""
     db = _opened(opened, query.get("file", ""))
     rows = [
         {**row, "axes": [_axis(axis["name"], axis["points"]) for axis in row["axes"]]}
         for row in describe(db)
     ]
-    title, *about = heading(db.attrs)
+    title, *about = heading_lines(db.attrs)
     edits = aerodb.store.history(db)
     return {
         "title": title,
@@ -103,7 +103,7 @@ def database(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, A
 
 
 def _axis(name: str, points: Any) -> dict[str, Any]:
-    shown, unit = displayed(name, np.asarray(points, float))
+    shown, unit = to_display_unit(name, np.asarray(points, float))
     return {
         "name": name,
         "unit": "" if unit == "1" else unit,
@@ -112,7 +112,7 @@ def _axis(name: str, points: Any) -> dict[str, Any]:
     }
 
 
-def term(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+def term(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
     """Return one term (``term``) of several databases (``files`` with commas): the nodes of the
     first that has it, and all on common axes.
 
@@ -159,7 +159,7 @@ def term(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
         "curves": [
             {
                 "file": place,
-                **_table(spread(leaf, points)),
+                **_table(regrid_leaf(leaf, points)),
                 "multipliers": " ".join(_terms.multipliers(leaf)),
             }
             for place, leaf in leaves.items()
@@ -184,7 +184,7 @@ def _table(leaf: xr.Dataset) -> dict[str, Any]:
 
 
 def _estimates(
-    opened: Opened, name: str, place: str, leaf: xr.Dataset, axes: list[str]
+    opened: OpenProject, name: str, place: str, leaf: xr.Dataset, axes: list[str]
 ) -> dict[str, Any]:
     """Return what the flights show of a term, one row each.
 
@@ -194,7 +194,7 @@ def _estimates(
     file = opened.work / MATCH / FLOWN
     if not file.exists():
         return {"rows": [], "of": "", "kind": ""}
-    flown: Flown = opened.kept(("flown",), [file], lambda: read_flown(file))
+    flown: FlightData = opened.kept(("flown",), [file], lambda: read_flown(file))
     own, coefficient = _terms.regressors(leaf), name.split("/")[0]
     if len(own) != 1 or _terms.power(leaf) is not None:
         database = _files(opened)[place]
@@ -233,7 +233,7 @@ def _rows(table: pd.DataFrame, axes: list[str], names: Iterable[Any]) -> list[di
             "clean": bool(of_clean),
             "configuration": configuration(row),
             "at": {
-                axis: float(displayed(axis, np.array([row[axis]]))[0][0])
+                axis: float(to_display_unit(axis, np.array([row[axis]]))[0][0])
                 for axis in axes
                 if axis in table
             },
@@ -242,7 +242,7 @@ def _rows(table: pd.DataFrame, axes: list[str], names: Iterable[Any]) -> list[di
     ]
 
 
-def comparison(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+def comparison(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
     """Return the differences b - a of two databases (``a``, ``b``): a row per term and per
     coefficient.
     """

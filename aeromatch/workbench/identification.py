@@ -17,16 +17,20 @@ from pydantic import Field, model_validator
 import aerodb
 import flighttest
 from aeromatch.workbench.coefficients import form_missing, window_of
-from aeromatch.workbench.opened import FITS, MATCH, Levels, Opened, traces
+from aeromatch.workbench.opened import FITS, MATCH, Levels, OpenProject, traces
 from aeromatch.workbench.records import manoeuvres_of
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
 from flightmech.support.toml_models import Strict, validate
 from flighttest.regression.combining.pooling import prior_of
-from flighttest.regression.equation_error.frequency_domain import stacked, stretches, transform
+from flighttest.regression.equation_error.frequency_domain import (
+    stack_complex,
+    stretches,
+    transform,
+)
 from flighttest.regression.equation_error.least_squares import roots
 from flighttest.regression.equation_error.model import MEASURED
-from flighttest.regression.equation_error.samples import Samples
-from flighttest.remarks import documents
+from flighttest.regression.equation_error.samples import RegressionSamples
+from flighttest.remarks import remarks_to_json
 
 DATABASES = "databases"
 _MODELS = ("datcom", "corrected", "final")  # of a match, in the order in which they are made
@@ -35,7 +39,7 @@ _SCATTER = 1500  # points of a partial regression that are drawn
 _SEGMENT = 1024  # longest segment of the spectrum, samples
 
 
-class Window(Strict):
+class RecordWindow(Strict):
     """A stretch of a reconstructed record."""
 
     record: str
@@ -46,10 +50,10 @@ class Window(Strict):
 _Frequency = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 
 
-class Wanted(Strict):
+class FitRequest(Strict):
     """What is to be fitted to what."""
 
-    windows: Annotated[tuple[Window, ...], Field(min_length=1)]
+    windows: Annotated[tuple[RecordWindow, ...], Field(min_length=1)]
     model: str
     intercepts: Literal["common", "separate"] = "common"
     weights: Literal["equal", "manoeuvre", "robust"] = "equal"
@@ -59,7 +63,7 @@ class Wanted(Strict):
     band: tuple[_Frequency, _Frequency] | None = None
 
     @model_validator(mode="after")
-    def _in_time_or_in_frequency(self) -> Wanted:
+    def _in_time_or_in_frequency(self) -> FitRequest:
         if self.band is not None and not self.band[0] < self.band[1]:
             raise ValueError(
                 f"band {self.band[0]:g} to {self.band[1]:g} Hz; the upper edge must be the larger"
@@ -71,7 +75,7 @@ class Wanted(Strict):
         return self
 
 
-def identification(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+def identification(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
     """Return what can be chosen: reconstructed records, fits of the project, databases of the
     prior, fits that were saved.
     """
@@ -97,17 +101,17 @@ def identification(opened: Opened, query: Mapping[str, str], body: Any) -> dict[
     }
 
 
-def windows(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+def windows(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
     """Return the manoeuvres of the record ``name``, and where they come from."""
     source, rows = _marks(opened, query.get("name", ""))
     return {"name": query.get("name", ""), "source": source, "rows": rows}
 
 
-def fit(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+def fit(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
     """Return estimates, tests, remarks, prior, correlation and the spectrum of the residual of the
     fit that the body describes.
     """
-    wanted = validate(Wanted, body if isinstance(body, dict) else {}, "fit")
+    wanted = validate(FitRequest, body if isinstance(body, dict) else {}, "fit")
     begun = time.perf_counter()
     _parts(opened, wanted)
     prepared = time.perf_counter()
@@ -134,7 +138,7 @@ def fit(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
         "tests": flighttest.regression.equation_error.fit.tests(e.attrs),
         "terms": rows,
         "correlation": e["correlation"].values,
-        "remarks": documents(found.remarks),
+        "remarks": remarks_to_json(found.remarks),
         "without_prior": without_prior,
         "spectrum": spectrum(found),
         "command": command(opened, wanted),
@@ -142,7 +146,7 @@ def fit(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
     }
 
 
-def samples(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+def samples(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
     """Return measured and fitted coefficient and residual along the windows, one after another, for
     a screen.
 
@@ -150,7 +154,9 @@ def samples(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, An
     ``points``.
     """
     body = body if isinstance(body, dict) else {}
-    wanted = validate(Wanted, body.get("fit") if isinstance(body.get("fit"), dict) else {}, "fit")
+    wanted = validate(
+        FitRequest, body.get("fit") if isinstance(body.get("fit"), dict) else {}, "fit"
+    )
     found = _fit(opened, wanted)
     along, edges, lines = _along(found)
     start, stop, points = (
@@ -171,7 +177,7 @@ def samples(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, An
     return {"time": at, **values, "windows": spans, "whole": [float(along[0]), float(along[-1])]}
 
 
-def partial(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+def partial(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
     """Return the partial regression of the ``term`` in the body: coefficient and regressor, both
     less what the other terms explain.
 
@@ -182,7 +188,9 @@ def partial(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, An
     .. [Belsley1980] Belsley, Kuh, Welsch, Regression Diagnostics, Wiley 1980, section 2.1.
     """
     body = body if isinstance(body, dict) else {}
-    wanted = validate(Wanted, body.get("fit") if isinstance(body.get("fit"), dict) else {}, "fit")
+    wanted = validate(
+        FitRequest, body.get("fit") if isinstance(body.get("fit"), dict) else {}, "fit"
+    )
     found = _fit(opened, wanted)
     x, y = partial_residuals(found, str(body.get("term", "")), wanted.band)
     step = -(-len(x) // _SCATTER)
@@ -247,14 +255,14 @@ def in_frequency(
         float(np.median(np.diff(moment[window == k])))
         for k in range(found.estimates.attrs["manoeuvres"])
     ]
-    parts = stretches(Samples(found.data, steps), band)
-    return stacked(transform(X, parts)), stacked(transform(z[:, None], parts))[:, 0]
+    parts = stretches(RegressionSamples(found.data, steps), band)
+    return stack_complex(transform(X, parts)), stack_complex(transform(z[:, None], parts))[:, 0]
 
 
-def without(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+def without(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
     """Return the estimates with each window, and then each term but the constant, left out in turn."""
-    wanted = validate(Wanted, body if isinstance(body, dict) else {}, "fit")
-    model = flighttest.Model.parse(wanted.model)
+    wanted = validate(FitRequest, body if isinstance(body, dict) else {}, "fit")
+    model = flighttest.RegressionModel.parse(wanted.model)
     ordered = _ordered(wanted)
     rows = []
     if len(ordered) > 1:
@@ -268,7 +276,9 @@ def without(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, An
                 }
             )
     for term in [one for one in model.terms if one != "1"] if len(model.terms) > 1 else []:
-        rest_of = flighttest.Model(model.coefficient, [one for one in model.terms if one != term])
+        rest_of = flighttest.RegressionModel(
+            model.coefficient, [one for one in model.terms if one != term]
+        )
         rows.append(
             {
                 "left_out": "term",
@@ -279,7 +289,7 @@ def without(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, An
     return {"rows": rows}
 
 
-def entry(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+def entry(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
     """Return the fit in the body (``fit``, ``name``) as entries ``[[fit]]`` of the project file, in
     TOML.
 
@@ -287,20 +297,22 @@ def entry(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]
     share an entry.
     """
     body = body if isinstance(body, dict) else {}
-    wanted = validate(Wanted, body.get("fit") if isinstance(body.get("fit"), dict) else {}, "fit")
+    wanted = validate(
+        FitRequest, body.get("fit") if isinstance(body.get("fit"), dict) else {}, "fit"
+    )
     name = str(body.get("name", "")).strip()
     if not name:
         raise SchemaError("fit", ["name: empty; give the fit a name"])
     return {"entries": entries(opened, wanted, name)}
 
 
-def entries(opened: Opened, wanted: Wanted, name: str) -> list[str]:
+def entries(opened: OpenProject, wanted: FitRequest, name: str) -> list[str]:
     """Return the entries of `entry`; windows that are not all manoeuvres of some kinds are written
     in seconds.
     """
     import tomlkit
 
-    model = str(flighttest.Model.parse(wanted.model))
+    model = str(flighttest.RegressionModel.parse(wanted.model))
     groups: dict[tuple[str, tuple[Any, ...]], list[str]] = {}
     ordered = _ordered(wanted)
     for record in dict.fromkeys(window.record for window in ordered):
@@ -328,7 +340,7 @@ def entries(opened: Opened, wanted: Wanted, name: str) -> list[str]:
     return found
 
 
-def command(opened: Opened, wanted: Wanted) -> list[str]:
+def command(opened: OpenProject, wanted: FitRequest) -> list[str]:
     """Return the words of ``flight identify`` that make the same fit; ``-o`` and the file are still
     to be added.
     """
@@ -344,7 +356,7 @@ def command(opened: Opened, wanted: Wanted) -> list[str]:
         "--aircraft",
         opened.places.named(opened.project.aircraft),
     ]
-    words += ["--model", str(flighttest.Model.parse(wanted.model))]
+    words += ["--model", str(flighttest.RegressionModel.parse(wanted.model))]
     for window in ordered:
         words += ["--window-of", window.record, repr(window.start), repr(window.end)]
     if wanted.cutoff is not None:
@@ -452,13 +464,13 @@ def _along(
     )
 
 
-def _ordered(wanted: Wanted) -> list[Window]:
+def _ordered(wanted: FitRequest) -> list[RecordWindow]:
     """Return the windows record by record, as ``flight identify`` takes them."""
     records = list(dict.fromkeys(window.record for window in wanted.windows))
     return sorted(wanted.windows, key=lambda window: records.index(window.record))
 
 
-def _parts(opened: Opened, wanted: Wanted) -> list[xr.Dataset]:
+def _parts(opened: OpenProject, wanted: FitRequest) -> list[xr.Dataset]:
     form_missing(opened, dict.fromkeys(window.record for window in wanted.windows), wanted.cutoff)
     return [
         window_of(opened, window.record, window.start, window.end, wanted.cutoff)
@@ -466,13 +478,13 @@ def _parts(opened: Opened, wanted: Wanted) -> list[xr.Dataset]:
     ]
 
 
-def _fit(opened: Opened, wanted: Wanted) -> flighttest.Fit:
+def _fit(opened: OpenProject, wanted: FitRequest) -> flighttest.Fit:
     files = [
         opened.path_file(record)
         for record in dict.fromkeys(window.record for window in wanted.windows)
     ]
     about = (wanted.model_copy(update={"prior": None}), tuple(opened.project.errors.items()))
-    model = flighttest.Model.parse(wanted.model)
+    model = flighttest.RegressionModel.parse(wanted.model)
 
     def make() -> flighttest.Fit:
         parts, one, ridge = _parts(opened, wanted), wanted.intercepts, wanted.ridge
@@ -485,7 +497,7 @@ def _fit(opened: Opened, wanted: Wanted) -> flighttest.Fit:
     return opened.kept(("fit", *about), [*files, opened.project.aircraft], make)
 
 
-def _outcome(opened: Opened, wanted: Wanted) -> dict[str, Any]:
+def _outcome(opened: OpenProject, wanted: FitRequest) -> dict[str, Any]:
     """Return the figures of a fit, or why there is none."""
     try:
         found = _fit(opened, wanted)
@@ -499,7 +511,7 @@ def _outcome(opened: Opened, wanted: Wanted) -> dict[str, Any]:
     return {"R2": e.attrs["R2"], "residual_rms": e.attrs["residual_rms"], "estimates": estimates}
 
 
-def _priors(opened: Opened) -> dict[str, Path]:
+def _priors(opened: OpenProject) -> dict[str, Path]:
     """Return the databases that may be a prior, by place; that of DATCOM first."""
     made = [opened.work / MATCH / f"{name}.nc" for name in _MODELS]
     found = [file for file in made if file.exists()] + sorted(
@@ -509,7 +521,7 @@ def _priors(opened: Opened) -> dict[str, Path]:
 
 
 def _prior(
-    opened: Opened, wanted: Wanted, found: flighttest.Fit
+    opened: OpenProject, wanted: FitRequest, found: flighttest.Fit
 ) -> tuple[dict[str, dict[str, float]], str]:
     """Return prior and standard error by term, and why there is none."""
     if wanted.prior is None:
@@ -531,7 +543,7 @@ def _prior(
     }, ""
 
 
-def _marks(opened: Opened, name: str) -> tuple[str, list[dict[str, Any]]]:
+def _marks(opened: OpenProject, name: str) -> tuple[str, list[dict[str, Any]]]:
     source, table = manoeuvres_of(opened, name)
     rows = [
         {
@@ -549,7 +561,7 @@ def _words(*words: Any) -> str:
     return " ".join(str(word) for word in words if isinstance(word, str) and word)
 
 
-def _label(opened: Opened, window: Window) -> str:
+def _label(opened: OpenProject, window: RecordWindow) -> str:
     _, rows = _marks(opened, window.record)
     own = next(
         (row["label"] for row in rows if (row["start"], row["end"]) == (window.start, window.end)),

@@ -13,12 +13,12 @@ import numpy as np
 
 import aerodb
 import pom
-from aeromatch.workbench.opened import MATCH, Opened
+from aeromatch.workbench.opened import MATCH, OpenProject
 from flightmech.errors import UnknownName
 from pom.cases.case_file import signature_rows
 from pom.cases.resolve import LIMIT_UNITS
 from pom.report.case.page import keys
-from pom.report.models.diagnosis import story
+from pom.report.models.diagnosis import cause_sentences
 from pom.result import results_name, status_text
 
 RUNS, TUNED = "runs", "tuned"
@@ -39,12 +39,12 @@ _STAGES = ("sequence", "joint", "single")
 _MOST = 12  # single swaps that are listed
 
 
-def _archive(opened: Opened, folder: Path) -> Any:
+def _archive(opened: OpenProject, folder: Path) -> Any:
     files = [folder / "results.nc", folder / "results.json"]
     return opened.kept(("archive", str(folder)), files, lambda: pom.read_archive(folder))
 
 
-def _report(opened: Opened, report: str) -> Path:
+def _report(opened: OpenProject, report: str) -> Path:
     """Return the folder of a report: ``match``, or the name of a trial."""
     folders = {
         MATCH: opened.work / MATCH / "report",
@@ -55,11 +55,11 @@ def _report(opened: Opened, report: str) -> Path:
     return folders[report]
 
 
-def _trials(opened: Opened) -> list[str]:
+def _trials(opened: OpenProject) -> list[str]:
     return sorted(file.parent.name for file in (opened.work / RUNS).glob("*/results.json"))
 
 
-def match(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+def match(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
     """Return the verdicts of a report (``report``: ``match`` or ``runs/NAME``), the trials, and the
     models that can be flown.
     """
@@ -111,7 +111,7 @@ def match(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]
     return found
 
 
-def case(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+def case(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
     """Return the criteria of one case (``report``, ``name``) for every model, and what explains its
     miss.
     """
@@ -138,7 +138,7 @@ def case(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
         "name": name,
         "rows": rows,
         "causes": causes,
-        "story": "" if table is None else story(table),
+        "story": "" if table is None else cause_sentences(table),
         "rationale": dict(now.rationale),
         "ticks": dict(now.ticks),
         "results": (signed := results_name([result])),
@@ -153,7 +153,7 @@ def case(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
     }
 
 
-def moves(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+def moves(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
     """Return the terms that can be scaled within what flight found: the largest value of a node in
     its standard errors.
 
@@ -179,7 +179,7 @@ def moves(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]
     return {"terms": rows}
 
 
-def _cases(opened: Opened) -> dict[str, pom.PomCase]:
+def _cases(opened: OpenProject) -> dict[str, pom.PomCase]:
     """Return the cases of the project by name, as their files are now."""
 
     def read(file: Path) -> pom.PomCase:
@@ -188,7 +188,7 @@ def _cases(opened: Opened) -> dict[str, pom.PomCase]:
     return {case.name: case for case in map(read, opened.project.cases)}
 
 
-def _models(opened: Opened) -> list[dict[str, str]]:
+def _models(opened: OpenProject) -> list[dict[str, str]]:
     """Return the FMUs that can be flown: those of the match, edited and tuned ones."""
     files = [
         *sorted((opened.work / MATCH).glob("*.fmu")),
@@ -198,14 +198,14 @@ def _models(opened: Opened) -> list[dict[str, str]]:
     return [{"name": file.stem, "file": opened.places.named(file)} for file in files]
 
 
-def _databases(opened: Opened) -> list[dict[str, str]]:
+def _databases(opened: OpenProject) -> list[dict[str, str]]:
     files = [opened.work / MATCH / "final.nc", *sorted((opened.work / "databases").glob("*.nc"))]
     return [
         {"name": file.stem, "file": opened.places.named(file)} for file in files if file.exists()
     ]
 
 
-def _tuned(opened: Opened) -> dict[str, Any] | None:
+def _tuned(opened: OpenProject) -> dict[str, Any] | None:
     """Return the log of the last tuning, as `pom tune` wrote it."""
     file = opened.work / "tuning.json"
     return json.loads(file.read_text(encoding="utf-8")) if file.exists() else None

@@ -14,11 +14,11 @@ import xarray as xr
 
 import flighttest
 from aeromatch.project.project import Project, read_project
-from aeromatch.workbench.actions import Places
-from aeromatch.workbench.processes import Job
+from aeromatch.workbench.actions import PlaceholderFolders
+from aeromatch.workbench.processes import WorkbenchJob
 from flightmech.aircraft.aircraft import Aircraft, read_aircraft
 from flightmech.errors import UnknownName
-from flightmech.support.figures import displayed
+from flightmech.support.figures import to_display_unit
 from flighttest.reconstruction.dynamics.saved_paths import open_path
 
 FACTOR = 8
@@ -109,7 +109,7 @@ def traces(
     return places, found
 
 
-def packed(
+def pack_traces(
     groups: Sequence[tuple[dict[str, object], np.ndarray, Mapping[str, np.ndarray]]],
 ) -> bytes:
     """Return traces as bytes for the page.
@@ -146,7 +146,7 @@ PATHS, FITS, MATCH = "paths", "fits", "match"
 """Folders of the working folder: reconstructed records, fits, and the outcome of a match."""
 
 
-class Opened:
+class OpenProject:
     """A project, its working folder and what was read of both; safe to use from several threads.
 
     Parameters
@@ -164,9 +164,9 @@ class Opened:
 
     def __init__(self, project: Path, work: Path) -> None:
         self.file, self.work = project.resolve(), work.resolve()
-        self.places = Places(self.file.parent, self.work)
+        self.places = PlaceholderFolders(self.file.parent, self.work)
         self.log = self.work / "actions.jsonl"
-        self.run: Callable[[str, str, Sequence[str]], Job] | None = None
+        self.run: Callable[[str, str, Sequence[str]], WorkbenchJob] | None = None
         self._kept: OrderedDict[tuple[Any, ...], Any] = OrderedDict()
         self._lock = threading.Lock()
         self._making: dict[tuple[Any, ...], threading.Lock] = {}
@@ -246,24 +246,26 @@ class Opened:
             raise FileNotFoundError(2, "not reconstructed yet", str(file))
         return self.kept(("path",), [file], lambda: open_path(file))
 
-    def levels(self, name: str, source: str) -> dict[str, Channels]:
+    def levels(self, name: str, source: str) -> dict[str, DisplayedChannels]:
         """Return the channels of a record by clock; `source` is ``record`` or ``path``."""
         if source == "path":
             file = self.path_file(name)
             return self.kept(
-                ("levels", source), [file], lambda: {"path": Channels(self.path(name).states)}
+                ("levels", source),
+                [file],
+                lambda: {"path": DisplayedChannels(self.path(name).states)},
             )
         file, names = self.flight(name), self.project.names
         files = [file, *([names] if names else [])]
 
-        def by_leaf() -> dict[str, Channels]:
+        def by_leaf() -> dict[str, DisplayedChannels]:
             leaves = self.record(name).children.items()
-            return {leaf: Channels(node.to_dataset()) for leaf, node in leaves}
+            return {leaf: DisplayedChannels(node.to_dataset()) for leaf, node in leaves}
 
         return self.kept(("levels", source), files, by_leaf)
 
 
-class Channels(Mapping[str, Levels]):
+class DisplayedChannels(Mapping[str, Levels]):
     """The channels of one clock in display units, each converted when it is first drawn."""
 
     def __init__(self, data: xr.Dataset) -> None:
@@ -277,7 +279,9 @@ class Channels(Mapping[str, Levels]):
 
     def __getitem__(self, name: str) -> Levels:
         if name not in self._made:
-            self._made[name] = Levels(displayed(name, self._items[name].values.astype(float))[0])
+            self._made[name] = Levels(
+                to_display_unit(name, self._items[name].values.astype(float))[0]
+            )
         return self._made[name]
 
     def __iter__(self) -> Iterator[str]:

@@ -22,7 +22,7 @@ _ENDED = ("done", "failed", "cancelled")
 
 
 @dataclass
-class Job:
+class WorkbenchJob:
     """One command, or what the page itself needs formed: waiting, running, or ended.
 
     Attributes
@@ -91,12 +91,12 @@ class Jobs:
         folder: Path,
         cwd: Path,
         real: Callable[[Sequence[str]], list[str]],
-        before: Callable[[Job], None],
-        after: Callable[[Job], None],
+        before: Callable[[WorkbenchJob], None],
+        after: Callable[[WorkbenchJob], None],
     ) -> None:
         self.folder, self.cwd, self.real, self.before, self.after = folder, cwd, real, before, after
-        self.jobs: dict[int, Job] = {}
-        self._queue: deque[Job] = deque()
+        self.jobs: dict[int, WorkbenchJob] = {}
+        self._queue: deque[WorkbenchJob] = deque()
         self._changed = threading.Condition()
         self._stopped = False
         folder.mkdir(parents=True, exist_ok=True)
@@ -105,7 +105,7 @@ class Jobs:
         self._thread = threading.Thread(target=self._work, daemon=True)
         self._thread.start()
 
-    def add(self, words: Sequence[str]) -> Job:
+    def add(self, words: Sequence[str]) -> WorkbenchJob:
         """Queue a command and return its job."""
         with self._changed:
             job = self._new(words)
@@ -113,7 +113,7 @@ class Jobs:
             self._changed.notify_all()
         return job
 
-    def run(self, title: str, module: str, words: Sequence[str]) -> Job:
+    def run(self, title: str, module: str, words: Sequence[str]) -> WorkbenchJob:
         """Run a module of Python outside the queue, since it writes no file that a command reads,
         and return its job when it has ended.
         """
@@ -127,9 +127,9 @@ class Jobs:
             self._changed.notify_all()
         return job
 
-    def _new(self, words: Sequence[str]) -> Job:
+    def _new(self, words: Sequence[str]) -> WorkbenchJob:
         number = len(self.jobs) + 1
-        self.jobs[number] = Job(
+        self.jobs[number] = WorkbenchJob(
             number,
             list(words),
             self.folder / f"{number}.out.txt",
@@ -149,7 +149,7 @@ class Jobs:
             _end(job.process)
             self._changed.notify_all()
 
-    def wait(self, number: int, timeout: float) -> Job:
+    def wait(self, number: int, timeout: float) -> WorkbenchJob:
         """Return a job when it has ended, or after `timeout`. [s]"""
         with self._changed:
             self._changed.wait_for(lambda: self.jobs[number].state in _ENDED, timeout)
@@ -176,7 +176,7 @@ class Jobs:
             with self._changed:
                 self._changed.notify_all()
 
-    def _run(self, job: Job, call: Sequence[str]) -> None:
+    def _run(self, job: WorkbenchJob, call: Sequence[str]) -> None:
         try:
             if not job.title:
                 self.before(job)

@@ -13,12 +13,12 @@ import xarray as xr
 import aerodb
 import flighttest
 from aerodb.figures.lr743_set.flown import configuration, height_text
-from aeromatch.workbench.opened import MATCH, Opened, packed, traces
+from aeromatch.workbench.opened import MATCH, OpenProject, pack_traces, traces
 from flightmech.air import atmosphere, impact_pressure_at, mach_number
 from flightmech.aircraft.aircraft import read_aircraft
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.names import lookup
-from flightmech.support.figures import displayed
+from flightmech.support.figures import to_display_unit
 from flighttest.reconstruction.quality.assessment import assess
 from flighttest.records.record import faults
 
@@ -32,7 +32,7 @@ _SETTINGS = ("mass", "delta_f", "gear", "speedbrake")
 _RECORDED_BY = {"h": "h_baro", "alpha": "alpha_vane"}  # where a record has not been reconstructed
 
 
-def project(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+def project(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
     """Return what the project holds."""
     found = opened.project
     return {
@@ -68,7 +68,7 @@ def project(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, An
     }
 
 
-def manoeuvres_of(opened: Opened, name: str) -> tuple[str, pd.DataFrame]:
+def manoeuvres_of(opened: OpenProject, name: str) -> tuple[str, pd.DataFrame]:
     """Return where the marks of a record come from (``table`` or ``record``), and the marks."""
     table = opened.project.manoeuvres
     given = (
@@ -81,7 +81,7 @@ def manoeuvres_of(opened: Opened, name: str) -> tuple[str, pd.DataFrame]:
     return "record", flighttest.manoeuvres(opened.record(name))
 
 
-def not_marked(opened: Opened, name: str, marks: pd.DataFrame) -> pd.DataFrame:
+def not_marked(opened: OpenProject, name: str, marks: pd.DataFrame) -> pd.DataFrame:
     """Return the manoeuvres found in the movements of the controls of a record, less those of which
     a mark covers more than half.
     """
@@ -99,7 +99,7 @@ def not_marked(opened: Opened, name: str, marks: pd.DataFrame) -> pd.DataFrame:
     return found[[not covered(row) for row in found.itertuples()]]
 
 
-def record(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+def record(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
     """Return channels, clocks, manoeuvres and faults of the record ``name``; ``find=1`` searches
     for more manoeuvres.
 
@@ -142,7 +142,7 @@ def _channels(tree: Any) -> list[dict[str, Any]]:
     ]
 
 
-def _path_channels(opened: Opened, name: str) -> list[dict[str, Any]]:
+def _path_channels(opened: OpenProject, name: str) -> list[dict[str, Any]]:
     if not opened.path_file(name).exists():
         return []
     states = opened.path(name).states
@@ -158,10 +158,10 @@ def _about(name: str) -> dict[str, str]:
         known = lookup(name)
     except UnknownName:
         return {"unit": "", "meaning": ""}
-    return {"unit": displayed(name, np.zeros(1))[1], "meaning": known.long_name}
+    return {"unit": to_display_unit(name, np.zeros(1))[1], "meaning": known.long_name}
 
 
-def channels(opened: Opened, query: Mapping[str, str], body: Any) -> bytes:
+def channels(opened: OpenProject, query: Mapping[str, str], body: Any) -> bytes:
     """Return channels of a record inside a span of time, as `packed`.
 
     The query has ``name``, ``channels`` (``source/leaf/channel`` with commas), ``start``, ``stop``
@@ -191,7 +191,7 @@ def channels(opened: Opened, query: Mapping[str, str], body: Any) -> bytes:
                 *traces(known.time, {one: known[one] for one in names}, start, stop, points),
             )
         )
-    return packed(groups)
+    return pack_traces(groups)
 
 
 def _number(query: Mapping[str, str], key: str) -> float:
@@ -204,7 +204,7 @@ def _number(query: Mapping[str, str], key: str) -> float:
     return found
 
 
-def check(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+def check(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
     """Return the findings of ``flight check``; ``entries`` are the lines of the name map that a
     remedy is made of.
     """
@@ -239,7 +239,7 @@ def entries(remedy: str) -> list[dict[str, str]]:
     )
 
 
-def coverage(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+def coverage(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
     """Return the test points of the records named (``names`` with commas): mean conditions of every
     manoeuvre ([LR743] fig. 9).
 
@@ -261,11 +261,11 @@ def coverage(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, A
         )
     return {
         "points": rows,
-        "units": {name: displayed(name, np.zeros(1))[1] for name in _CONDITIONS},
+        "units": {name: to_display_unit(name, np.zeros(1))[1] for name in _CONDITIONS},
     }
 
 
-def one_g(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+def one_g(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
     """Return the 1 g lines of the test points of the records named (``names``), by the last
     database of the match.
 
@@ -296,7 +296,9 @@ def one_g(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]
     lines = []
     for line in found.values():
         own = line.isel(mach=np.isfinite(line["alpha"].values))
-        curves = {name: displayed(name, own[name].values)[0] for name in ("mach", "alpha", "V_cas")}
+        curves = {
+            name: to_display_unit(name, own[name].values)[0] for name in ("mach", "alpha", "V_cas")
+        }
         words = {
             "h": height_text(line.attrs["h"]),
             "mass": round(line.attrs["mass"], -1),
@@ -306,7 +308,7 @@ def one_g(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]
     return {"lines": lines, "model": model, "remarks": remarks}
 
 
-def _points(opened: Opened, names: str) -> list[tuple[dict[str, Any], dict[str, float]]]:
+def _points(opened: OpenProject, names: str) -> list[tuple[dict[str, Any], dict[str, float]]]:
     """Return of every manoeuvre of the records named what it is, and the means of its conditions.
     [SI]
     """
@@ -353,7 +355,7 @@ def _conditions(data: list[Any], start: float, end: float) -> dict[str, float]:
 
 
 def _shown(name: str, value: float) -> float:
-    return float(displayed(name, np.array([value]))[0][0])
+    return float(to_display_unit(name, np.array([value]))[0][0])
 
 
 ROUTES = {

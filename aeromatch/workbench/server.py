@@ -23,10 +23,10 @@ from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from aeromatch.workbench import actions, databases, identification, matching, records
-from aeromatch.workbench.opened import MATCH, Opened
-from aeromatch.workbench.processes import Job, Jobs
+from aeromatch.workbench.opened import MATCH, OpenProject
+from aeromatch.workbench.processes import Jobs, WorkbenchJob
 from flightmech.errors import AeromatchError
-from flightmech.support.console import plain
+from flightmech.support.console import to_json_types
 
 TOKEN_HEADER = "x-aeromatch-token"
 _OWN = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; font-src 'self'; connect-src 'self'; frame-src 'self'"
@@ -141,7 +141,7 @@ def _headers(policy: str, sandboxed: bool) -> list[tuple[bytes, bytes]]:
     return [(name.encode(), value.encode()) for name, value in found.items()]
 
 
-Call = Callable[[Opened, Mapping[str, str], Any], Any]
+Call = Callable[[OpenProject, Mapping[str, str], Any], Any]
 
 STATIC = Path(__file__).parent / "static"
 _UPLOT = Path(__file__).parents[2] / "pom" / "report" / "static" / "uplot"
@@ -158,7 +158,7 @@ class Workbench:
         0 takes a free one.
     """
 
-    def __init__(self, opened: Opened, port: int = 0) -> None:
+    def __init__(self, opened: OpenProject, port: int = 0) -> None:
         self.opened = opened
         opened.work.mkdir(parents=True, exist_ok=True)
         self.token = kept_token(opened.work / "token")
@@ -257,11 +257,11 @@ class Workbench:
                 )
             if isinstance(found, bytes):
                 return Response(found, media_type="application/octet-stream")
-            return JSONResponse(plain(found))
+            return JSONResponse(to_json_types(found))
 
         return answer
 
-    def _act(self, opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+    def _act(self, opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
         words = (
             body["words"] if isinstance(body, dict) and isinstance(body.get("words"), list) else []
         )
@@ -272,21 +272,21 @@ class Workbench:
             job = self.jobs.wait(job.number, min(float(wait), 60.0))
         return self._about(job)
 
-    def _about(self, job: Job) -> dict[str, Any]:
+    def _about(self, job: WorkbenchJob) -> dict[str, Any]:
         return {**job.about(), "command": job.title or self.opened.places.command(job.words)}
 
-    def _jobs(self, opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+    def _jobs(self, opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
         return {
             "jobs": [self._about(job) for job in self.jobs.jobs.values()],
             "report": self._report_address(),
         }
 
-    def _cancel(self, opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+    def _cancel(self, opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
         job = self._job(body.get("number") if isinstance(body, dict) else None)
         self.jobs.cancel(job.number)
         return self._about(job)
 
-    def _output(self, opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+    def _output(self, opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
         number = query.get("number", "")
         job = self._job(int(number) if number.isdigit() else None)
         return {
@@ -295,12 +295,12 @@ class Workbench:
             "err": actions.text_of(job.err),
         }
 
-    def _job(self, number: Any) -> Job:
+    def _job(self, number: Any) -> WorkbenchJob:
         if number not in self.jobs.jobs:
             raise actions.ActionError(f"no job {number}; there are {len(self.jobs.jobs)}")
         return self.jobs.jobs[number]
 
-    def _actions(self, opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+    def _actions(self, opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
         entries = actions.read_log(opened.log) if opened.log.exists() else []
         return {
             "log": opened.places.named(opened.log),
@@ -314,13 +314,13 @@ class Workbench:
             ],
         }
 
-    def _begin(self, job: Job) -> None:
+    def _begin(self, job: WorkbenchJob) -> None:
         actions.make_folders(job.words, self.opened.places)
         self._before[job.number] = actions.digests(job.words, self.opened.places)
 
-    def _end(self, job: Job) -> None:
+    def _end(self, job: WorkbenchJob) -> None:
         before, after = self._before.pop(job.number), actions.digests(job.words, self.opened.places)
-        if files := actions.changed(before, after):
+        if files := actions.changed_files(before, after):
             with self._log_lock:
                 actions.append(self.opened.log, job.words, job.code or 0, files)
 

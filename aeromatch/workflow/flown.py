@@ -12,7 +12,7 @@ import pandas as pd
 import xarray as xr
 
 from aerodb.store.overview import FREE_AIR
-from aeromatch.workflow.submodels import Spans, Submodels, between
+from aeromatch.workflow.submodels import Spans, Submodels, select_spans
 from flightmech.names import VOCABULARY
 from flightmech.names import attrs as attributes
 from pom.report.submodels.sections import sections
@@ -71,7 +71,7 @@ def flown_tree(
     """
     rows, parts = [], []
     for record, spans in _once(taken).items():
-        for span, part in zip(spans, between(_completed(data[record]), spans), strict=True):
+        for span, part in zip(spans, select_spans(_completed(data[record]), spans), strict=True):
             if part.sizes["time"] < 2:
                 continue
             rows.append(_manoeuvre(record, span, part, tables[record]))

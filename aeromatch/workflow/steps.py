@@ -22,17 +22,24 @@ import flighttest
 import pom
 from aerodb.figures.lr743_set.flown import FLOWN
 from aeromatch.project.project import Project
-from aeromatch.rebuilding.products import Outcome, model_files, of_cases, replays, sampled, written
+from aeromatch.rebuilding.products import (
+    MatchOutcome,
+    model_files,
+    of_cases,
+    replays,
+    sampled,
+    written,
+)
 from aeromatch.workflow.flown import flown_tree
 from aeromatch.workflow.submodels import (
     Spans,
     Submodels,
-    demand,
     identified_controls,
     identified_engine,
     identified_gear,
     identified_ground_effect,
     overlaps,
+    raise_problems,
     spans_of,
     with_engine,
 )
@@ -40,7 +47,7 @@ from datcom_io.reading.reader import read_place
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.aircraft.parts import different_parts
 from flightmech.errors import SchemaError, UnknownName
-from flightmech.support.atomic_write import exchangeable, folder_written_atomically
+from flightmech.support.atomic_write import folder_written_atomically, resolve_folder
 from flightmech.support.kept_stages.content_hashes import FileContent
 from flightmech.support.kept_stages.sharing import cluster
 from flightmech.support.kept_stages.stages import Kept, Stages, Values
@@ -51,7 +58,7 @@ from flighttest.submodels.control_loading.result import replace_hinge_moments
 from flighttest.submodels.ground_effect.result import replace_ground_effect
 from pom.checking.case_check import RecordCheck, checks_text, with_record_checks
 from pom.diagnosis.joint_correction import diagnosed_cases
-from pom.diagnosis.term_swaps import by_submodel, differing, joint_terms
+from pom.diagnosis.term_swaps import by_submodel, differing_terms, joint_terms
 
 Step = Callable[[str], AbstractContextManager[None]]
 REPORT = "report"
@@ -75,7 +82,7 @@ def a_priori(project: Project, aircraft: Aircraft) -> xr.DataTree:
     return aerodb.from_datcom(aircraft, altitude=project.altitude, **listings, **stated)
 
 
-def opened(project: Project, prior: xr.DataTree) -> xr.DataTree:
+def add_missing_terms(project: Project, prior: xr.DataTree) -> xr.DataTree:
     """Return the a-priori database with the terms that DATCOM cannot give, as zeros with wide
     standard errors.
 
@@ -155,7 +162,7 @@ def before_flight(project: Project, aircraft: Aircraft) -> Aircraft:
 
 
 @dataclass(frozen=True)
-class Windows:
+class IdentificationWindows:
     """Start and end of the manoeuvres that identify something, by record. [s]
 
     Attributes
@@ -205,7 +212,7 @@ def windows_of(
     records: Mapping[str, xr.DataTree],
     cases: Sequence[Any] = (),
     marks: tuple[Mapping[str, pd.DataFrame], Sequence[str]] | None = None,
-) -> Windows:
+) -> IdentificationWindows:
     """Return what is taken of the records, by name, for every fit and submodel of a project.
 
     `marks` are the tables of `marks_of` with the problems it listed, where they are there already.
@@ -228,11 +235,11 @@ def windows_of(
         *submodels.items(),
     ]
     problems += [text for place, spans in named for text in overlaps(place, spans, cases)]
-    demand(project, problems)
-    return Windows(fits, submodels)
+    raise_problems(project, problems)
+    return IdentificationWindows(fits, submodels)
 
 
-def reconstructed(
+def reconstruct_records(
     project: Project, aircraft: Aircraft, records: Mapping[str, xr.DataTree], jobs: int
 ) -> dict[str, Any]:
     """Return the paths of all records by name; those that only prove the model give the others
@@ -257,7 +264,11 @@ def _threads(jobs: int) -> int:
 
 
 def coefficients_of(
-    project: Project, aircraft: Aircraft, paths: Mapping[str, Any], windows: Windows, jobs: int = 1
+    project: Project,
+    aircraft: Aircraft,
+    paths: Mapping[str, Any],
+    windows: IdentificationWindows,
+    jobs: int = 1,
 ) -> dict[str, xr.Dataset]:
     """Return the aerodynamic coefficients along the records that a fit or the ground effect takes,
     by name; `jobs` threads.
@@ -272,7 +283,9 @@ def coefficients_of(
         return dict(zip(names, pool.map(found, names)))
 
 
-def rests_on(project: Project, windows: Windows, cases: Sequence[Any]) -> dict[str, str]:
+def rests_on(
+    project: Project, windows: IdentificationWindows, cases: Sequence[Any]
+) -> dict[str, str]:
     """Return which records each part of the model and each case rests on, in words, for the report.
 
     A record that identifies over one stretch of time and proves over another is stated: its
@@ -294,7 +307,7 @@ def rests_on(project: Project, windows: Windows, cases: Sequence[Any]) -> dict[s
 
 
 def identify(
-    project: Project, data: Mapping[str, xr.Dataset], windows: Windows, jobs: int = 1
+    project: Project, data: Mapping[str, xr.Dataset], windows: IdentificationWindows, jobs: int = 1
 ) -> list[Any]:
     """Return one `flighttest.Fit` per record and model of every fit, and those published.
 
@@ -326,12 +339,18 @@ def fitted(
     data: xr.Dataset, spans: Sequence[tuple[float, float]], models: Sequence[str], name: str
 ) -> list[Any]:
     """Return the local models of one fit on one record."""
-    parts = [flighttest.between(data, *span) for span in spans]
-    return [flighttest.regress(flighttest.Model.parse(model), parts, name=name) for model in models]
+    parts = [flighttest.select_time(data, *span) for span in spans]
+    return [
+        flighttest.regress(flighttest.RegressionModel.parse(model), parts, name=name)
+        for model in models
+    ]
 
 
 def samples_of(
-    project: Project, start: xr.DataTree, data: Mapping[str, xr.Dataset], windows: Windows
+    project: Project,
+    start: xr.DataTree,
+    data: Mapping[str, xr.Dataset],
+    windows: IdentificationWindows,
 ) -> list[xr.Dataset]:
     """Return the samples behind every fit of the project, for tables estimated directly from them;
     names as those of `identify`.
@@ -339,10 +358,10 @@ def samples_of(
     found = []
     for fit, places in zip(project.fits, windows.fits, strict=True):
         coefficients = dict.fromkeys(
-            flighttest.Model.parse(model).coefficient for model in fit.models
+            flighttest.RegressionModel.parse(model).coefficient for model in fit.models
         )
         for record, spans in places.items():
-            parts = [flighttest.between(data[record], *span) for span in spans]
+            parts = [flighttest.select_time(data[record], *span) for span in spans]
             found += [
                 table_samples(coefficient, start, parts, f"{record}: {fit.name}")
                 for coefficient in coefficients
@@ -460,7 +479,7 @@ def perform(
     seed: int = 0,
     compare: bool = False,
     stages: Stages | None = None,
-) -> Outcome:
+) -> MatchOutcome:
     """Do the whole job of a project and write databases, FMUs and report into a folder.
 
     The folder is exchanged as a whole in the end, so that its databases, FMUs and report are always
@@ -508,7 +527,7 @@ def perform(
     """
     folder = Path(folder)
     if folder.parent.is_dir():
-        exchangeable(folder)  # before the work
+        resolve_folder(folder)  # before the work
     stages = stages or Stages()
     with cluster(scheduler) if scheduler else nullcontext(stages.workers) as stages.workers:
         found = identified(project, jobs, step, stages, compare)
@@ -619,7 +638,7 @@ class Identified:
     custody: pom.archive.Custody
     cases: list[Any]
     records: list[str]
-    windows: Windows = field(init=False)
+    windows: IdentificationWindows = field(init=False)
     paths: dict[str, Kept[Any]] = field(default_factory=dict)
     data: dict[str, Kept[Any]] = field(default_factory=dict)
     fits: list[Kept[list[Any]]] = field(default_factory=list)
@@ -764,7 +783,9 @@ def databases_before(
         "a-priori database", {"aircraft": aircraft, "listings": listings, **stated}, make
     )
     asked = {"database": datcom, "terms": project.terms, "held": project.held}
-    return datcom, stages.one("opened database", asked, lambda: opened(project, datcom.value))
+    return datcom, stages.one(
+        "opened database", asked, lambda: add_missing_terms(project, datcom.value)
+    )
 
 
 def record_inputs(project: Project, name: str, custody: pom.archive.Custody) -> dict[str, Any]:
@@ -1181,12 +1202,14 @@ def _chapters(found: Identified, stages: Stages) -> Kept[Any]:
     )
 
 
-def _outcome(found: Identified, results: list[Any], report: Path) -> Outcome:
+def _outcome(found: Identified, results: list[Any], report: Path) -> MatchOutcome:
     """Return what was made."""
     taken = pom.corrected_terms(found.diagnoses.values())
     databases = [kept.value for kept in found.databases.values()]
     before, after = found.aircraft["datcom"].value, found.aircraft["final"].value
-    different = len(differing(databases[0], databases[-1])) + len(different_parts(before, after))
+    different = len(differing_terms(databases[0], databases[-1])) + len(
+        different_parts(before, after)
+    )
     folder = report.parents[1]
     own = [item for item in folder.iterdir() if _is_ours(item.name)]
     files = [
@@ -1197,7 +1220,7 @@ def _outcome(found: Identified, results: list[Any], report: Path) -> Outcome:
     ]
     submodels, joint = by_submodel(taken, *databases), joint_terms(found.diagnoses)
     faults = [line for check in found.checks.values() for line in check.value.lines()]
-    return Outcome(
+    return MatchOutcome(
         results, taken, submodels, joint, different, found.tables, report, sorted(files), faults
     )
 

@@ -15,7 +15,7 @@ import xarray as xr
 
 import flighttest
 from aeromatch.project.project import Project
-from aeromatch.project.sections import Flown
+from aeromatch.project.sections import RecordSelection
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import SchemaError, UnknownName
 from flighttest.records.sensors.instruments import pick_up_errors
@@ -67,7 +67,10 @@ class Submodels:
 
 
 def spans_of(
-    place: str, flown: Iterable[Flown], tables: Mapping[str, pd.DataFrame], problems: list[str]
+    place: str,
+    flown: Iterable[RecordSelection],
+    tables: Mapping[str, pd.DataFrame],
+    problems: list[str],
 ) -> Spans:
     """Return start and end of manoeuvres and windows by record; without both the whole record.
 
@@ -129,7 +132,7 @@ def overlaps(place: str, spans: Spans, cases: Iterable[Any]) -> list[str]:
     return found
 
 
-def between(data: xr.Dataset, spans: Iterable[tuple[float, float]]) -> list[xr.Dataset]:
+def select_spans(data: xr.Dataset, spans: Iterable[tuple[float, float]]) -> list[xr.Dataset]:
     """Return the parts of a record."""
     return [data.sel(time=slice(start, end)) for start, end in spans]
 
@@ -158,7 +161,7 @@ def identified_engine(
         parts = [
             (record, part)
             for record, own in spans.get(place, {}).items()
-            for part in between(paths[record].states, own)
+            for part in select_spans(paths[record].states, own)
         ]
         return [
             thinned(engine_channels(part, asked.engines, asked.pla), asked.rate).assign_attrs(
@@ -235,7 +238,7 @@ def identified_controls(
             [
                 part
                 for record, own in group.items()
-                for part in between(_on_ground(paths[record].states), own)
+                for part in select_spans(_on_ground(paths[record].states), own)
             ]
             for group in (driven, free)
         )
@@ -305,14 +308,15 @@ def identified_ground_effect(
     if asked is None:
         return None
     changed = {
-        model.coefficient: model.terms for model in map(flighttest.Model.parse, asked.ground)
+        model.coefficient: model.terms
+        for model in map(flighttest.RegressionModel.parse, asked.ground)
     }
     parts = [
         (record, part)
         for record, own in spans["ground_effect.flown"].items()
-        for part in between(data[record], own)
+        for part in select_spans(data[record], own)
     ]
-    models = [flighttest.Model.parse(text) for text in asked.models]
+    models = [flighttest.RegressionModel.parse(text) for text in asked.models]
     names = [record for record, _ in parts]
     return flighttest.identify_ground_effect(
         models, [part for _, part in parts], changed, database, asked.free_air == "held", names
@@ -333,7 +337,7 @@ def identified_gear(
     parts = [
         (paths[record], part)
         for record, own in spans["gear.flown"].items()
-        for part in between(paths[record].states, own)
+        for part in select_spans(paths[record].states, own)
     ]
     records = [GroundRecord(part, path.biases) for path, part in parts]
     return identify_landing_gear(
@@ -341,7 +345,7 @@ def identified_gear(
     )
 
 
-def demand(project: Project, problems: Sequence[str]) -> None:
+def raise_problems(project: Project, problems: Sequence[str]) -> None:
     """Raise all problems of a project, if any."""
     if problems:
         raise SchemaError(str(project.file), list(problems))

@@ -52,7 +52,7 @@ def si_factor(units: str, dim: str) -> float:
     return factors[units]
 
 
-class Condition(NamedTuple):
+class PrintedCondition(NamedTuple):
     """A flight condition in SI; NaN where the print has nothing. [1, m, m s-1, Pa, K, 1/m]"""
 
     mach: float
@@ -63,7 +63,7 @@ class Condition(NamedTuple):
     reynolds_per_m: float
 
 
-class Spot(NamedTuple):
+class PagePlace(NamedTuple):
     """Place of a page: index of the condition, height over ground [m, infinite in free air],
     deflection [deg].
     """
@@ -83,7 +83,7 @@ def printed_condition(page: Page) -> Group:
     return tuple(page.conditions.text(0, i) for i in range(3)) if page.conditions else ()
 
 
-def nearest(value: float, exact: Sequence[float], half_unit: float) -> float:
+def nearest_exact(value: float, exact: Sequence[float], half_unit: float) -> float:
     """Return the exact value that prints as `value`, or `value` itself when there is none."""
     return next((x for x in exact if abs(x - value) <= half_unit * (1.0 + 1e-6)), value)
 
@@ -96,7 +96,7 @@ def control_surface(deck: Deck) -> str:
     return "tail" if {"WGPLNF", "HTPLNF"} <= deck.namelists.keys() else "wing"
 
 
-def arrange(case: PrintedCase) -> tuple[list[Condition], dict[int, Spot]]:
+def order_conditions(case: PrintedCase) -> tuple[list[PrintedCondition], dict[int, PagePlace]]:
     """Return the flight conditions of a case in order, and the place of each page by its first
     line.
 
@@ -128,7 +128,7 @@ def arrange(case: PrintedCase) -> tuple[list[Condition], dict[int, Spot]]:
     order = {key: i for i, key in enumerate(dict.fromkeys(keys[first] for first in sorted(keys)))}
     heights = [h * _LENGTH[case.deck.dim] for h in case.deck.schedule("GRNDEF", "GRDHT", "NGH")]
     spots = {
-        page.first: Spot(
+        page.first: PagePlace(
             order[keys[page.first]], _ground_height(page, heights), deltas.get(page.first, 0.0)
         )
         for page in case.pages
@@ -174,16 +174,18 @@ def _ground_delta(deck: Deck, page: Page, ordinal: int, each: int) -> float:
     """
     deltas = deck.schedule("SYMFLP", "DELTA", "NDELTA")
     if not math.isnan(page.flap):
-        return nearest(page.flap, deltas, _HALF_UNIT["flap"])
+        return nearest_exact(page.flap, deltas, _HALF_UNIT["flap"])
     return deltas[ordinal] if each == len(deltas) else 0.0
 
 
 def _ground_height(page: Page, heights: Sequence[float]) -> float:
     """Return the height over ground; printed in feet whatever card DIM states. [m]"""
-    return nearest(page.ground_height * FOOT, heights, _HALF_UNIT["ground_height"] * FOOT)
+    return nearest_exact(page.ground_height * FOOT, heights, _HALF_UNIT["ground_height"] * FOOT)
 
 
-def _conditions(case: PrintedCase, spots: dict[int, Spot], count: int) -> list[Condition]:
+def _conditions(
+    case: PrintedCase, spots: dict[int, PagePlace], count: int
+) -> list[PrintedCondition]:
     """Return the conditions in SI, exact Mach number and altitude taken from the deck where they
     print as the listing shows.
     """
@@ -197,13 +199,13 @@ def _conditions(case: PrintedCase, spots: dict[int, Spot], count: int) -> list[C
     return [_condition(pages[i], exact[i]) for i in range(count)]
 
 
-def _condition(page: Page, exact: tuple[float, float]) -> Condition:
+def _condition(page: Page, exact: tuple[float, float]) -> PrintedCondition:
     assert page.conditions is not None
     values = []
     wrong = (
         page.kind == "high-lift" and page.dim != "FT"
     )  # pressure, temperature and Reynolds number of control pages
-    for column, name in enumerate(Condition._fields):
+    for column, name in enumerate(PrintedCondition._fields):
         if wrong and name in ("p_static", "temperature", "reynolds_per_m"):
             values.append(math.nan)
             continue
@@ -215,10 +217,12 @@ def _condition(page: Page, exact: tuple[float, float]) -> Condition:
         if name in ("mach", "h"):
             overflown = page.conditions.flags[0, column] == OVERFLOW
             value = (
-                exact[column] if overflown else nearest(value, [exact[column]], _HALF_UNIT[name])
+                exact[column]
+                if overflown
+                else nearest_exact(value, [exact[column]], _HALF_UNIT[name])
             )
         values.append(value * si_factor(page.conditions.columns[column].units, page.dim))
-    return Condition(*values)
+    return PrintedCondition(*values)
 
 
 def reference(case: PrintedCase) -> dict[str, float]:
@@ -253,7 +257,7 @@ def reference(case: PrintedCase) -> dict[str, float]:
                 value = (
                     exact
                     if table.flags[0, k] == OVERFLOW
-                    else nearest(value, [exact], _HALF_UNIT["reference"])
+                    else nearest_exact(value, [exact], _HALF_UNIT["reference"])
                 )
             found[column.quantity] = value * si_factor(column.units, page.dim)
     return found

@@ -20,16 +20,18 @@ import pandas as pd
 import xarray as xr
 
 from datcom_io.cells import BLANK, FLAGS, OK, read_cells
-from datcom_io.printout.content import Page, PrintedCase, uncollected
+from datcom_io.printout.content import Page, PrintedCase, paused_collection
 from datcom_io.printout.layouts import BY_NAME
-from datcom_io.printout.rows import Column
-from datcom_io.printout.tables import Table, Values
+from datcom_io.printout.rows import PrintedColumn
+from datcom_io.printout.tables import PrintedTable, Values
 from flightmech.support.atomic_write import written_atomically
 
 AXES = ("alpha", "delta", "delta_left", "delta_right", "delta_difference")
 _RARE_AXES = ("mach_node", "time", "xs_c", "hs_c", "dd_c", "ds_c")
 _FIRST = ("line", "case", "page", "table", "mach", "altitude")
-_ALONE = (Column("", 1, 1),)  # a cell in a row of its own, whose column is identified separately
+_ALONE = (
+    PrintedColumn("", 1, 1),
+)  # a cell in a row of its own, whose column is identified separately
 _LAST = ("column", "text", "value", "flag")
 COLUMNS = (*_FIRST, *AXES, *_RARE_AXES, *_LAST)
 """All columns that a frame of cells may have; the axes after ``delta_difference`` only where a table has them."""
@@ -38,7 +40,7 @@ COLUMNS = (*_FIRST, *AXES, *_RARE_AXES, *_LAST)
 def cells(cases: Iterable[PrintedCase]) -> pd.DataFrame:
     """Build the frame of `Listing.cells` and `Case.cells`."""
     gathered = _Gathered()
-    with uncollected():
+    with paused_collection():
         for case in cases:
             for page in case.pages:
                 gathered.add_page(case, page)
@@ -72,7 +74,7 @@ def _read(
 _FLAGS = pd.CategoricalDtype(pd.Index(FLAGS, dtype="str"))
 
 
-class _Place(NamedTuple):
+class _PageFacts(NamedTuple):
     """What the cells of a page have in common."""
 
     case: int
@@ -100,7 +102,7 @@ class _Pattern(NamedTuple):
     """
 
     number: int
-    columns: tuple[Column, ...]
+    columns: tuple[PrintedColumn, ...]
     start: int
     axes: dict[str, int]
     cut: Callable[[str], Iterable[Hashable]]
@@ -136,21 +138,21 @@ class _Gathered:
 
     def add_page(self, case: PrintedCase, page: Page) -> None:
         """Gather the cells of a page."""
-        place = _Place(
+        place = _PageFacts(
             case.ordinal,
             self.pages[" / ".join(page.heading)],
             page.condition("mach"),
             page.condition("h"),
         )
         for item in (page.conditions, *page.printed):
-            if isinstance(item, Table):
+            if isinstance(item, PrintedTable):
                 self._add_heading(item, place)
                 self._add_table(case, item, place)
             elif isinstance(item, Values):
                 self._add_values(item, place)
 
     def _strip(
-        self, name: str, lines: Iterable[int], rows: int, pattern: _Pattern, place: _Place
+        self, name: str, lines: Iterable[int], rows: int, pattern: _Pattern, place: _PageFacts
     ) -> None:
         self.lines.extend(lines)
         self.count += rows * len(pattern.columns)
@@ -158,7 +160,7 @@ class _Gathered:
             _Strip(rows, len(pattern.columns), pattern.number, self.tables[name], *place)
         )
 
-    def _add_table(self, case: PrintedCase, table: Table, place: _Place) -> None:
+    def _add_table(self, case: PrintedCase, table: PrintedTable, place: _PageFacts) -> None:
         start = self.count
         pattern = self._pattern(table.columns, table.layout.keys)
         self.rows.append(map(pattern.cut, table.rows))
@@ -172,7 +174,7 @@ class _Gathered:
         if table.layout.axes is not None:
             self._override_axes(table.layout.axes(case.deck, table), start)
 
-    def _add_heading(self, table: Table, place: _Place) -> None:
+    def _add_heading(self, table: PrintedTable, place: _PageFacts) -> None:
         """Gather the heading values of a two-way table, as rows of one cell."""
         across, values = table.layout.across, table.across
         if across is None or values is None:
@@ -195,7 +197,7 @@ class _Gathered:
         self._override("value", start, values)
         self._override(across.quantity, start, values)
 
-    def _add_values(self, group: Values, place: _Place) -> None:
+    def _add_values(self, group: Values, place: _PageFacts) -> None:
         start = self.count
         self.rows.append((group.texts,))
         self._strip(group.name, group.lines, len(group.lines), self._pattern(_ALONE, 0), place)
@@ -212,7 +214,7 @@ class _Gathered:
         for name, values in axes.items():
             self._override(name, start, values)
 
-    def _pattern(self, columns: tuple[Column, ...], keys: int) -> _Pattern:
+    def _pattern(self, columns: tuple[PrintedColumn, ...], keys: int) -> _Pattern:
         pattern = self.patterns.get((id(columns), keys))
         if pattern is None:
             start = len(self.pattern_columns)
@@ -333,7 +335,7 @@ def _small(codes: np.ndarray, count: int) -> np.ndarray:
     return codes.astype(np.int8 if count < 1 << 7 else np.int16 if count < 1 << 15 else np.int32)
 
 
-def _cutter(columns: tuple[Column, ...]) -> Callable[[str], Iterable[Hashable]]:
+def _cutter(columns: tuple[PrintedColumn, ...]) -> Callable[[str], Iterable[Hashable]]:
     """Return a function that cuts a row into its fields; those of columns of words are put into
     tuples.
     """
@@ -356,7 +358,7 @@ _PRINTED_UNITS = {
 _PAGE_COLUMNS = ("line", "configuration", "mach", "altitude", "ground_height", "flap")
 
 
-def printed_units(column: Column, page: Page) -> str:
+def printed_units(column: PrintedColumn, page: Page) -> str:
     """Return the unit in which a page prints a column."""
     if column.units == "1/angle":
         return f"1/{page.per or 'deg'}"
@@ -379,7 +381,7 @@ def block(case: PrintedCase, name: str) -> pd.DataFrame:
             table.columns[: table.layout.keys + 1] if table.across is not None else table.columns
         )
         units |= {column.name: printed_units(column, page) for column in columns}
-        units["altitude"] = printed_units(Column("", 1, 1, units="length"), page)
+        units["altitude"] = printed_units(PrintedColumn("", 1, 1, units="length"), page)
         if table.layout.across:
             units[table.layout.across.name] = "deg"
         if table.layout.stream:
@@ -388,7 +390,7 @@ def block(case: PrintedCase, name: str) -> pd.DataFrame:
         () if parts else case.values(name)
     ):  # a kind of table may carry its headings as labelled numbers
         parts.append(_placed(_labelled(group), page))
-        units["altitude"] = printed_units(Column("", 1, 1, units="length"), page)
+        units["altitude"] = printed_units(PrintedColumn("", 1, 1, units="length"), page)
     if not parts:
         columns = BY_NAME[name].columns if name in BY_NAME else ()
         return pd.DataFrame(columns=[*_PAGE_COLUMNS, *(column.name for column in columns)])
@@ -425,13 +427,13 @@ def _labelled(group: Values) -> pd.DataFrame:
     )
 
 
-def _wide(table: Table) -> pd.DataFrame:
+def _wide(table: PrintedTable) -> pd.DataFrame:
     frame = pd.DataFrame(table.values, columns=[column.name for column in table.columns])
     frame.insert(0, "line", table.lines)
     return frame
 
 
-def _stream(table: Table, case: PrintedCase) -> pd.DataFrame:
+def _stream(table: PrintedTable, case: PrintedCase) -> pd.DataFrame:
     """Unfold a stream of values into one row per value, with the axis values that the input cards
     give.
     """
@@ -449,7 +451,7 @@ def _stream(table: Table, case: PrintedCase) -> pd.DataFrame:
     )
 
 
-def _long(table: Table) -> pd.DataFrame:
+def _long(table: PrintedTable) -> pd.DataFrame:
     """Unfold a two-way table into one row per value."""
     across = table.layout.across
     assert across is not None

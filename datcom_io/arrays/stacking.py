@@ -9,12 +9,12 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-from datcom_io.arrays.conditions import Condition, Spot, si_factor
+from datcom_io.arrays.conditions import PagePlace, PrintedCondition, si_factor
 from datcom_io.cells import ABSENT, BLANK, FILLED, FLAGS, OK, is_number
 from datcom_io.printout.content import Page, PrintedCase
 from datcom_io.printout.layouts.notes import FOOTNOTE_WORDS, footnotes
-from datcom_io.printout.rows import Column
-from datcom_io.printout.tables import Table, Values
+from datcom_io.printout.rows import PrintedColumn
+from datcom_io.printout.tables import PrintedTable, Values
 from flightmech.errors import ParseError
 from flightmech.names import VOCABULARY, attrs
 from flightmech.units import DEGREE, parse
@@ -43,7 +43,7 @@ _FLAG_ATTRS = {
 }
 
 
-class Leaf:
+class LeafBuilder:
     """Variables and coordinates by name, and attributes.
 
     Parameters
@@ -60,7 +60,9 @@ class Leaf:
         """Return a variable or a coordinate."""
         return self.variables[name] if name in self.variables else self.coords[name]
 
-    def add(self, column: Column, dims: Sequence[str], value: np.ndarray, flag: np.ndarray) -> None:
+    def add(
+        self, column: PrintedColumn, dims: Sequence[str], value: np.ndarray, flag: np.ndarray
+    ) -> None:
         """Add the numbers of a column [SI] and the variable of their flags."""
         known = (
             attrs(column.quantity)
@@ -76,7 +78,7 @@ class Leaf:
         )
         self.variables[f"{column.quantity}_flag"] = xr.Variable(dims, flag, _FLAG_ATTRS)
 
-    def add_renamed(self, other: Leaf, names: Mapping[str, str]) -> None:
+    def add_renamed(self, other: LeafBuilder, names: Mapping[str, str]) -> None:
         """Add the variables and coordinates of another leaf over the same axes, some under other
         names; what is there stays.
         """
@@ -84,7 +86,7 @@ class Leaf:
             for name, variable in others.items():
                 own.setdefault(names.get(name, name), variable)
 
-    def described(self, long_names: Mapping[str, str], **attributes: str | float) -> Leaf:
+    def described(self, long_names: Mapping[str, str], **attributes: str | float) -> LeafBuilder:
         """Give variables and coordinates their long names, those that are there, and the leaf its
         attributes; return the leaf.
         """
@@ -117,7 +119,7 @@ def _factor(units: str) -> float:
     return parse(units)[1]
 
 
-class Axis(NamedTuple):
+class StackedAxis(NamedTuple):
     """A dimension with its coordinate in SI."""
 
     name: str
@@ -131,8 +133,8 @@ class Stacker:
     def __init__(
         self,
         case: PrintedCase,
-        conditions: list[Condition],
-        spots: dict[int, Spot],
+        conditions: list[PrintedCondition],
+        spots: dict[int, PagePlace],
         fill_transonic: bool,
     ):
         self.case, self.conditions, self.spots, self.fill_transonic = (
@@ -142,7 +144,7 @@ class Stacker:
             fill_transonic,
         )
 
-    def placed(self, name: str) -> list[tuple[Spot, Page, Table]]:
+    def placed(self, name: str) -> list[tuple[PagePlace, Page, PrintedTable]]:
         """Return place, page and table of every table of a kind that has a place."""
         most = (
             len(self.alphas()) or None
@@ -157,7 +159,7 @@ class Stacker:
             if page.first in self.spots
         ]
 
-    def placed_values(self, name: str) -> list[tuple[Spot, Page, Values]]:
+    def placed_values(self, name: str) -> list[tuple[PagePlace, Page, Values]]:
         """Return place, page and group of every group of a kind that has a place."""
         return [
             (self.spots[page.first], page, group)
@@ -167,9 +169,9 @@ class Stacker:
 
     def with_two_way(
         self,
-        found: Leaf,
-        placed: list[tuple[Spot, Page, Table]],
-        across: Axis,
+        found: LeafBuilder,
+        placed: list[tuple[PagePlace, Page, PrintedTable]],
+        across: StackedAxis,
         printed: Sequence[float] | None = None,
         half_unit: float = HALF_UNIT,
     ) -> None:
@@ -201,7 +203,9 @@ class Stacker:
         found.add(column.cell, ("condition", "alpha", across.name), value, flag)
         found.coords[f"lines_{column.cell.quantity}"] = self.lines_of_conditions(placed)
 
-    def over_alpha(self, placed: list[tuple[Spot, Page, Table]], alphas: Axis) -> Leaf:
+    def over_alpha(
+        self, placed: list[tuple[PagePlace, Page, PrintedTable]], alphas: StackedAxis
+    ) -> LeafBuilder:
         """Return tables of one kind, with one row per alpha and one page per flight condition, as
         arrays (condition, alpha).
         """
@@ -210,18 +214,18 @@ class Stacker:
 
     def stack(
         self,
-        columns: Sequence[Column],
-        axes: list[Axis],
-        rows: Axis,
-        items: list[tuple[list[int], Page, Table]],
-    ) -> Leaf:
+        columns: Sequence[PrintedColumn],
+        axes: list[StackedAxis],
+        rows: StackedAxis,
+        items: list[tuple[list[int], Page, PrintedTable]],
+    ) -> LeafBuilder:
         """Return tables as arrays (axes..., rows); `items` holds index along the axes, page and
         table.
         """
         dims, outer = tuple(axis.name for axis in axes), tuple(len(axis.values) for axis in axes)
         places = [(tuple(where), page, table) for where, page, table in items]
         lines = self.lines(outer, [(where, table) for where, _, table in places])
-        stacked = Leaf(self.coords([*axes, rows]))
+        stacked = LeafBuilder(self.coords([*axes, rows]))
         for column in columns:
             value, flag = (
                 np.full((*outer, len(rows.values)), np.nan),
@@ -254,7 +258,7 @@ class Stacker:
         return xr.Variable(dims, words.astype(str), {word: FOOTNOTE_WORDS[word] for word in meant})
 
     def lines(
-        self, shape: tuple[int, ...], items: Iterable[tuple[Sequence[int], Table]]
+        self, shape: tuple[int, ...], items: Iterable[tuple[Sequence[int], PrintedTable]]
     ) -> np.ndarray:
         """Return the range of lines of each table at its place; two tables for one place raise."""
         lines = np.full(shape, "", dtype=object)
@@ -270,14 +274,18 @@ class Stacker:
             lines[tuple(where)] = f"{table.lines[0]}-{table.lines[-1]}"
         return lines.astype(str)
 
-    def lines_of_conditions(self, placed: list[tuple[Spot, Page, Table]]) -> xr.Variable:
+    def lines_of_conditions(
+        self, placed: list[tuple[PagePlace, Page, PrintedTable]]
+    ) -> xr.Variable:
         """Return the range of lines of each table, one table for each flight condition."""
         lines = self.lines(
             (len(self.conditions),), [((spot.condition,), table) for spot, _, table in placed]
         )
         return xr.Variable("condition", lines)
 
-    def column(self, column: Column, page: Page, table: Table) -> tuple[np.ndarray, np.ndarray]:
+    def column(
+        self, column: PrintedColumn, page: Page, table: PrintedTable
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Return a printed column in SI and its flags, a constant column filled downwards where
         that is allowed.
         """
@@ -295,11 +303,13 @@ class Stacker:
             flag[1:] = FILLED if flag[0] == OK else flag[0]
         return value, flag
 
-    def si(self, column: Column, page: Page, value: np.ndarray, flag: np.ndarray) -> np.ndarray:
+    def si(
+        self, column: PrintedColumn, page: Page, value: np.ndarray, flag: np.ndarray
+    ) -> np.ndarray:
         """Return printed numbers of a column in SI, NaN where there is none."""
         return np.where(is_number(flag), value * self.factor(column, page), np.nan)
 
-    def factor(self, column: Column, page: Page) -> float:
+    def factor(self, column: PrintedColumn, page: Page) -> float:
         """Return the factor from the printed numbers of a column to SI."""
         if column.units == "1/angle":
             return 1.0 / DEGREE if (page.per or self.case.deck.deriv.lower()) == "deg" else 1.0
@@ -311,17 +321,17 @@ class Stacker:
         """Return the schedule of the input cards. [deg]"""
         return self.case.deck.schedule("FLTCON", "ALSCHD", "NALPHA")
 
-    def condition_axis(self) -> Axis:
+    def condition_axis(self) -> StackedAxis:
         """Return the axis of the flight conditions of the case."""
-        return Axis("condition", list(range(len(self.conditions))))
+        return StackedAxis("condition", list(range(len(self.conditions))))
 
     def axis(
         self,
-        placed: list[tuple[Spot, Page, Table]],
+        placed: list[tuple[PagePlace, Page, PrintedTable]],
         name: str,
         exact: Sequence[float],
         column: int = 0,
-    ) -> Axis:
+    ) -> StackedAxis:
         """Return a row axis: the deck's values, or the printed ones without a deck; all tables must
         agree with it. [deg]
         """
@@ -329,7 +339,7 @@ class Stacker:
         values = list(exact) or [float(x) for x in longest.values[:, column]]
         for _, _, table in placed:
             self.demand(table.columns[column].name, table.values[:, column], values, table.lines)
-        return Axis(name, values, "deg")
+        return StackedAxis(name, values, "deg")
 
     def demand(
         self,
@@ -361,7 +371,7 @@ class Stacker:
                 )
 
     @staticmethod
-    def coordinate(axis: Axis) -> xr.Variable:
+    def coordinate(axis: StackedAxis) -> xr.Variable:
         """Return the coordinate of an axis."""
         values = np.array(axis.values) * DEGREE if axis.units == "deg" else np.array(axis.values)
         units = {"deg": "rad"}.get(axis.units, axis.units)
@@ -370,7 +380,7 @@ class Stacker:
             known["long_name"] = LONG_NAMES[axis.name]
         return xr.Variable(axis.name, values, known)
 
-    def coords(self, axes: Sequence[Axis]) -> dict[str, xr.Variable]:
+    def coords(self, axes: Sequence[StackedAxis]) -> dict[str, xr.Variable]:
         """Return the coordinates of axes, and what names a flight condition."""
         coords = {axis.name: self.coordinate(axis) for axis in axes}
         for name, units in _CONDITION_UNITS.items():

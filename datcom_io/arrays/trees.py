@@ -9,7 +9,7 @@ from collections.abc import Hashable, Iterable, Sequence
 import numpy as np
 import xarray as xr
 
-from datcom_io.arrays.conditions import arrange, reference
+from datcom_io.arrays.conditions import order_conditions, reference
 from datcom_io.arrays.families import LEAVES
 from datcom_io.arrays.stacking import Stacker
 from datcom_io.cells import ABSENT
@@ -45,7 +45,7 @@ def _node_name(case: PrintedCase) -> str:
 
 def _leaves(case: PrintedCase, fill_transonic: bool) -> dict[str, xr.Dataset]:
     """Return the leaves that the case has."""
-    conditions, spots = arrange(case)
+    conditions, spots = order_conditions(case)
     stacker = Stacker(case, conditions, spots, fill_transonic)
     return {
         name: leaf.dataset() for name, make in LEAVES.items() if (leaf := make(stacker)) is not None

@@ -10,7 +10,7 @@ import click
 from flightmech.support import console
 
 if TYPE_CHECKING:
-    from datcom_io.runs.running import Run
+    from datcom_io.runs.running import ProgramRun
 
 _DECK = click.argument("deck", type=console.InputFile())
 _FOLDER = click.Path(file_okay=False)
@@ -43,7 +43,7 @@ def deck_verb(deck: str, output: str | None, resolved: bool, as_json: bool) -> N
         write_deck(found, output, resolved=resolved)
     rows = [_case_row(number, case) for number, case in enumerate(found, 1)]
     if as_json:
-        console.document(
+        console.print_json(
             {"file": found.file, "cases": rows, **({"written": output} if output else {})}
         )
         return
@@ -106,7 +106,7 @@ def check(ctx: click.Context, deck: str, as_json: bool) -> None:
         for severity in ("error", "warning", "note")
     }
     if as_json:
-        console.document(
+        console.print_json(
             {
                 "file": read.file,
                 "cases": len(read),
@@ -175,7 +175,7 @@ def split(study: str, folder: str, as_json: bool) -> None:
             }
         )
     if as_json:
-        console.document({"study": study, "runs": rows})
+        console.print_json({"study": study, "runs": rows})
         return
     console.table(
         ["run", "file", "conditions", "devices", "CASEID"],
@@ -222,7 +222,7 @@ def run(
         done = run_deck(deck, program, folder, timeout=timeout)
     row = _run_row(Path(deck), done)
     if as_json:
-        console.document(
+        console.print_json(
             {key: row[key] for key in ("files", "cases", "without_pages", "messages", "seconds")}
         )
     else:
@@ -238,7 +238,7 @@ def run(
         ctx.exit(1)
 
 
-def _run_row(deck: Path, done: Run) -> dict[str, Any]:
+def _run_row(deck: Path, done: ProgramRun) -> dict[str, Any]:
     """Return what a run made, of plain numbers and texts."""
     return {
         "deck": deck.name,
@@ -255,19 +255,19 @@ def _run_folder(
     ctx: click.Context, decks: str, program: str, folder: str | None, timeout: float, as_json: bool
 ) -> None:
     """Run all decks of a folder and print a line for each."""
-    from datcom_io.runs.running import Run, run_folder
+    from datcom_io.runs.running import ProgramRun, run_folder
 
     rows = []
     with console.progress(f"run the decks of {decks}"):
         for deck, done in run_folder(decks, program, folder, timeout=timeout):
             rows.append(
                 _run_row(deck, done)
-                if isinstance(done, Run)
+                if isinstance(done, ProgramRun)
                 else {"deck": deck.name, "error": str(done)}
             )
     failed = sum("error" in row or bool(row["without_pages"]) for row in rows)
     if as_json:
-        console.document({"folder": decks, "runs": rows, "failed": failed})
+        console.print_json({"folder": decks, "runs": rows, "failed": failed})
     else:
         head = ["deck", "cases", "pages", "without pages", "messages", "result"]
         console.table(

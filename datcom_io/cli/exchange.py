@@ -28,7 +28,7 @@ def export(file: str, output: str, zero: bool, partial: bool, as_json: bool) -> 
     listing = read(file, partial=partial)
     left_out = write_matlab(listing, output, usenan=not zero)
     if as_json:
-        console.document({"file": output, "cases": listing.case_names, "left_out": left_out})
+        console.print_json({"file": output, "cases": listing.case_names, "left_out": left_out})
         return
     click.echo(f"written: {output}; left out:")
     for text in left_out:
@@ -83,7 +83,7 @@ def plot(file: str, listing: str | None, output: str | None, as_json: bool) -> N
     if output:
         write_tree(fine, output)
     if as_json:
-        console.document({"file": file, "listing": listing, "output": output, "refined": refined})
+        console.print_json({"file": file, "listing": listing, "output": output, "refined": refined})
         return
     rows = [
         (name, leaf, variable, text)
@@ -117,7 +117,7 @@ def show_tree(tree: xr.DataTree, as_json: bool) -> None:
 
     rows = contents(tree)
     if as_json:
-        console.document({**tree.attrs, "leaves": rows})
+        console.print_json({**tree.attrs, "leaves": rows})
         return
     lines = []
     for row in rows:

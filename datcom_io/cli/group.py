@@ -33,7 +33,7 @@ def datcom() -> None:
 @_CASE
 @_PARTIAL
 @console.json_option
-@console.brief()
+@console.shorten_text()
 def show(file: str, name: str | None, partial: bool, as_json: bool) -> None:
     """Show cases, conditions, tables, missing values and messages of a listing; with --case its
     pages too.
@@ -64,7 +64,7 @@ def show(file: str, name: str | None, partial: bool, as_json: bool) -> None:
             "cases": found,
             "messages": remarks,
         }
-        console.document(
+        console.print_json(
             {
                 **document,
                 "unread": listing.unread,
@@ -134,7 +134,7 @@ def table(file: str, name: str | None, number: int, partial: bool, as_json: bool
             {"table": t.name, "columns": [h.split("\n") for h in head], "rows": body}
             for t, (head, body) in zip(page.printed, sheets)
         ]
-        console.document(
+        console.print_json(
             {**page_row(page), "tables": tables, "notes": [note.text for note in page.notes]}
         )
         return
@@ -155,9 +155,9 @@ def table(file: str, name: str | None, number: int, partial: bool, as_json: bool
 def _sheet(item: Printed, page: Page) -> tuple[list[str], list[list[str]]]:
     """Return headings and texts of a table or of a group of ``label = value``."""
     from datcom_io.arrays.frames import printed_units
-    from datcom_io.printout.tables import Table
+    from datcom_io.printout.tables import PrintedTable
 
-    if not isinstance(item, Table):
+    if not isinstance(item, PrintedTable):
         units = item.units or ("",) * len(item.labels)
         return ["label", "value", "unit"], [
             list(row) for row in zip(item.labels, item.texts, units)
@@ -220,7 +220,7 @@ def convert(
             tree = listing.to_datatree(fill_transonic=fill_transonic)
     write_tree(tree, output)
     if as_json:
-        console.document(
+        console.print_json(
             {"file": output, "groups": [node.path for node in tree.subtree if node.data_vars]}
         )
     else:
@@ -245,7 +245,7 @@ def cells(file: str, output: str, name: str | None, partial: bool, as_json: bool
         output,
     )
     if as_json:
-        console.document({"file": output, "cells": count})
+        console.print_json({"file": output, "cells": count})
     else:
         click.echo(f"written: {output}, {_count(count, 'cell')}")
 

@@ -38,7 +38,7 @@ class Card(NamedTuple):
     text: str
 
 
-class Assignment(NamedTuple):
+class NamelistAssignment(NamedTuple):
     """``VARIABLE(start)=values`` of a namelist, with the line it stands on."""
 
     line: int
@@ -52,7 +52,7 @@ class Namelist(NamedTuple):
 
     line: int
     name: str
-    assignments: tuple[Assignment, ...]
+    assignments: tuple[NamelistAssignment, ...]
 
 
 Item = Namelist | Card
@@ -92,7 +92,7 @@ def read_items(lines: Iterable[tuple[int, str]]) -> tuple[list[Item], list[DeckF
     findings : list of DeckFinding
         What could not be read, and what the program would not read.
     """
-    reader = _Reader()
+    reader = _CardReader()
     for number, text in lines:
         if text.strip():
             reader.take(number, text)
@@ -100,7 +100,7 @@ def read_items(lines: Iterable[tuple[int, str]]) -> tuple[list[Item], list[DeckF
     return reader.items, reader.findings
 
 
-class _Reader:
+class _CardReader:
     """The pass over the cards of a case: the namelist that is open, and what was found."""
 
     def __init__(self) -> None:
@@ -264,7 +264,7 @@ class _Reader:
             )
         self._end(self.start)
 
-    def _assignments(self, lines: list[tuple[int, str]]) -> Iterator[Assignment]:
+    def _assignments(self, lines: list[tuple[int, str]]) -> Iterator[NamelistAssignment]:
         known = SPELLINGS.get(self.name, {})
         variable, start, at = "", 1, 0
         values: list[Value] = []
@@ -318,9 +318,9 @@ class _Reader:
 
     def _complete(
         self, line: int, variable: str, start: int, values: list[Value]
-    ) -> Iterator[Assignment]:
+    ) -> Iterator[NamelistAssignment]:
         if values and (not 0 < start <= _LARGEST_ARRAY or start - 1 + len(values) > _LARGEST_ARRAY):
             text = f"${self.name}: {variable}({start}) holds {len(values)} values; an array has at most {_LARGEST_ARRAY}"
             self.report(line, ERROR, text)
         elif values:
-            yield Assignment(line, variable, start, tuple(values))
+            yield NamelistAssignment(line, variable, start, tuple(values))

@@ -9,7 +9,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
-from datcom_io.decks.cards import ERROR, Assignment, Card, DeckFinding, Item, Namelist, read_items
+from datcom_io.decks.cards import (
+    ERROR,
+    Card,
+    DeckFinding,
+    Item,
+    Namelist,
+    NamelistAssignment,
+    read_items,
+)
 from datcom_io.decks.namelists import DIMENSIONS, Value, value_text
 
 Variables = dict[str, list[Value | None]]
@@ -208,7 +216,7 @@ def make_deck(
     return Deck(_resolve((*saved, *items)), cards, tuple(items), saved, tuple(findings), dim, deriv)
 
 
-def pieces(group: Variables) -> Iterator[Assignment]:
+def assignments_of(group: Variables) -> Iterator[NamelistAssignment]:
     """Yield the assignments that make the variables of a namelist; a place that was not set begins
     a new one.
     """
@@ -217,7 +225,7 @@ def pieces(group: Variables) -> Iterator[Assignment]:
         while start < len(values):
             stop = next((i for i in range(start, len(values)) if values[i] is None), len(values))
             if stop > start:
-                yield Assignment(
+                yield NamelistAssignment(
                     0, variable, start + 1, tuple(x for x in values[start:stop] if x is not None)
                 )
             start = stop + 1

@@ -15,8 +15,8 @@ import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
-from datcom_io.decks.cards import ERROR, NOTE, WARNING, Assignment, Card, DeckFinding, Item
-from datcom_io.decks.deck import Deck, parse_cards, pieces
+from datcom_io.decks.cards import ERROR, NOTE, WARNING, Card, DeckFinding, Item, NamelistAssignment
+from datcom_io.decks.deck import Deck, assignments_of, parse_cards
 from datcom_io.decks.namelists import CARD_COLUMNS, CASEID_COLUMNS, VARIABLES, value_text
 from flightmech.errors import ParseError, SchemaError
 from flightmech.support.atomic_write import write_text
@@ -294,7 +294,7 @@ def _resolved_case(case: Deck) -> Iterator[str]:
             yield _card(card)
     for name, group in case.namelists.items():
         yield from _namelist(
-            name, (word for piece in pieces(group) for word in _words(name, piece))
+            name, (word for piece in assignments_of(group) for word in _words(name, piece))
         )
     for surface, designation in case.sections.items():
         yield f"NACA {surface} {designation}".rstrip()
@@ -317,7 +317,7 @@ def _card(card: Card) -> str:
     return f"{card.name} {card.text}".rstrip()
 
 
-def _words(name: str, assignment: Assignment) -> Iterator[str]:
+def _words(name: str, assignment: NamelistAssignment) -> Iterator[str]:
     """Yield what may stand on one card: the variable with its first value, then value by value."""
     first, *more = map(value_text, assignment.values)
     is_array = (

@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from difflib import get_close_matches
 
-from datcom_io.decks.cards import ERROR, WARNING, Assignment, Card, DeckFinding, Namelist
+from datcom_io.decks.cards import ERROR, WARNING, Card, DeckFinding, Namelist, NamelistAssignment
 from datcom_io.decks.deck import Deck
 from datcom_io.decks.namelists import DIMENSIONS, MOST_NAMELISTS, VARIABLES
 
@@ -48,7 +48,7 @@ def _near(name: str, allowed: Iterable[str]) -> str:
     return f"; near it: {', '.join(near)}" if near else ""
 
 
-def _sizes(name: str, found: Assignment, size: int) -> Iterator[DeckFinding]:
+def _sizes(name: str, found: NamelistAssignment, size: int) -> Iterator[DeckFinding]:
     where = f"${name}: {found.variable}"
     last = found.start - 1 + len(found.values)
     if last > abs(size):

@@ -27,10 +27,10 @@ from typing import Literal
 import numpy as np
 import xarray as xr
 
-from datcom_io.arrays.stacking import Leaf
+from datcom_io.arrays.stacking import LeafBuilder
 from datcom_io.cells import BLANK, FILLED, NA, NDM, OK, SENTINEL, read_cell
 from datcom_io.printout.layouts import BY_NAME
-from datcom_io.printout.rows import Column
+from datcom_io.printout.rows import PrintedColumn
 from flightmech.errors import ParseError, UnknownName
 from flightmech.support.input_files import read_bytes
 from flightmech.units import DEGREE
@@ -42,7 +42,7 @@ _COLUMNS = {
     for name in ("static", "downwash", "dynamic", "symflp")
     for column in BY_NAME[name].columns
 }
-_DCDI = Column("D(CDI)", 0, 0, "dCDi")
+_DCDI = PrintedColumn("D(CDI)", 0, 0, "dCDi")
 # axis and column of the file: leaf, quantity
 _ALPHA = {
     "static": {
@@ -130,14 +130,14 @@ def read_datcom_plus_csv(
     blocks, remarks = _blocks(
         file, read_bytes(path, "a CSV file of DATCOM+").decode("latin-1").splitlines()
     )
-    leaves: dict[str, Leaf] = {}
+    leaves: dict[str, LeafBuilder] = {}
     other = []
     for block in blocks:
         leaf, quantity = _PLACES.get((block.axis, block.column), ("", ""))
         if not leaf:
             other.append(block)
             continue
-        found = leaves.setdefault(leaf, Leaf())
+        found = leaves.setdefault(leaf, LeafBuilder())
         if quantity in found.variables:
             raise ParseError(
                 file,
@@ -236,7 +236,7 @@ def _matrix(
     )
 
 
-def _one_way(file: str, found: Leaf, block: _Block, quantity: str, deriv: str) -> None:
+def _one_way(file: str, found: LeafBuilder, block: _Block, quantity: str, deriv: str) -> None:
     values, flags = _matrix(file, block, block.rows, 2)
     axis = "alpha" if block.axis == "Alpha" else "delta"
     _add_axis(file, found, block, axis, values[:, 0])
@@ -248,7 +248,7 @@ def _one_way(file: str, found: Leaf, block: _Block, quantity: str, deriv: str) -
     found.add(column._replace(name=block.column), (axis,), value * factor, flag)
 
 
-def _two_way(file: str, found: Leaf, block: _Block, quantity: str, deriv: str) -> None:
+def _two_way(file: str, found: LeafBuilder, block: _Block, quantity: str, deriv: str) -> None:
     (line, head), *rows = block.rows
     width = max((i for i, cell in enumerate(head) if cell is not None), default=0)
     if head[0] is not None:
@@ -272,7 +272,7 @@ def _two_way(file: str, found: Leaf, block: _Block, quantity: str, deriv: str) -
     found.add(_DCDI, ("alpha", "delta"), values[:, 1:], flags[:, 1:])
 
 
-def _add_axis(file: str, found: Leaf, block: _Block, axis: str, degrees: np.ndarray) -> None:
+def _add_axis(file: str, found: LeafBuilder, block: _Block, axis: str, degrees: np.ndarray) -> None:
     if axis in found.coords and not np.array_equal(found[axis].values, degrees * DEGREE):
         raise ParseError(
             file,

@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from datcom_io.arrays.conditions import LOW_ASPECT_RATIO, printed_name
-from datcom_io.arrays.stacking import Leaf
+from datcom_io.arrays.stacking import LeafBuilder
 from datcom_io.cells import ABSENT, FILLED, NDM, OK
 from datcom_io.decks.deck import DIMENSIONS
 from datcom_io.exchange.matlab_fields import (
@@ -24,7 +24,7 @@ from datcom_io.exchange.matlab_fields import (
     dimension,
     fields,
 )
-from datcom_io.printout.rows import Column
+from datcom_io.printout.rows import PrintedColumn
 from flightmech.errors import ParseError
 from flightmech.support.input_files import read_bytes
 from flightmech.support.mat_files import load_mat
@@ -41,7 +41,7 @@ _NUMERIC = "fiub"
 _LOCAL = ("hypersonic", "jet")  # leaves with conditions of their own
 
 
-class _Part(NamedTuple):
+class _MatlabField(NamedTuple):
     """One field along the conditions of the case: dimensions after ``condition``, values in SI,
     flags.
     """
@@ -205,7 +205,7 @@ class _Case:
 
     def leaves(self) -> dict[str, xr.Dataset]:
         """Return the leaves of the case."""
-        parts: dict[str, list[_Part]] = {}
+        parts: dict[str, list[_MatlabField]] = {}
         for field in fields(self.style):
             if (
                 field.name == "fc_con"
@@ -220,7 +220,7 @@ class _Case:
             if any((part.flags != ABSENT).any() for part in found)
         }
 
-    def _part(self, field: Field) -> _Part | None:
+    def _part(self, field: Field) -> _MatlabField | None:
         array = self.structure.get(field.name)
         if array is None or array.size == 0:
             return None
@@ -238,7 +238,7 @@ class _Case:
                 [str(np.ravel(item)[0]) if np.size(item) else "" for item in chosen.ravel()]
             ).reshape(chosen.shape)
             flags = np.where(words == "", ABSENT, OK).astype(np.uint8)
-            return _Part(
+            return _MatlabField(
                 field, tuple(dimension(field, axis, self.device) for axis in others), words, flags
             )
         numbers = chosen.astype(float)
@@ -248,7 +248,7 @@ class _Case:
         values = np.where(flags == OK, numbers * self.units.factor(field.units), np.nan)
         if field.constant:
             self._fill(values, flags)
-        return _Part(
+        return _MatlabField(
             field, tuple(dimension(field, axis, self.device) for axis in others), values, flags
         )
 
@@ -303,7 +303,7 @@ class _Case:
             values[k, 1:] = np.where(fill, values[k, :1], values[k, 1:])
             flags[k, 1:] = np.where(fill, FILLED, flags[k, 1:])
 
-    def _leaf(self, leaf: str, parts: list[_Part]) -> xr.Dataset:
+    def _leaf(self, leaf: str, parts: list[_MatlabField]) -> xr.Dataset:
         """Return a leaf of its fields."""
         there = [
             k
@@ -314,7 +314,7 @@ class _Case:
         parts = [
             part._replace(values=part.values[chosen], flags=part.flags[chosen]) for part in parts
         ]
-        made = Leaf(self._conditions(chosen, leaf))
+        made = LeafBuilder(self._conditions(chosen, leaf))
         for name in dict.fromkeys(part.field.quantity for part in parts):
             alike = [part for part in parts if part.field.quantity == name]
             if alike[0].field.coordinate:
@@ -418,7 +418,7 @@ class _Case:
         return found
 
 
-def _coordinate(part: _Part) -> xr.Variable:
+def _coordinate(part: _MatlabField) -> xr.Variable:
     """Return a coordinate that is the same for all conditions, or one over condition and time."""
     if part.field.units == "text":
         return xr.Variable(("condition", *part.dims), part.values)
@@ -428,10 +428,10 @@ def _coordinate(part: _Part) -> xr.Variable:
     )
 
 
-def _add_variable(found: Leaf, alike: list[_Part], parts: list[_Part]) -> None:
+def _add_variable(found: LeafBuilder, alike: list[_MatlabField], parts: list[_MatlabField]) -> None:
     """Add a variable: one field, or fields of several surfaces and panels put together."""
     field, dims = alike[0].field, alike[0].dims
-    column = Column(
+    column = PrintedColumn(
         " ".join(part.field.name for part in alike[:2]), 0, 0, field.quantity, field.units
     )
     if not field.at:

@@ -34,7 +34,7 @@ _NO_FIELD = (
 )
 
 
-class Grid(NamedTuple):
+class MachAltitudeGrid(NamedTuple):
     """Mach numbers, altitudes [unit of the deck], how they step, and index of both for every flight
     condition in order.
     """
@@ -128,7 +128,7 @@ def structure(case: Case, *, usenan: bool = True) -> tuple[dict[str, Any], list[
     return found, lost.texts()
 
 
-def _grid(case: Case, tree: xr.DataTree, units: Units) -> Grid:
+def _grid(case: Case, tree: xr.DataTree, units: Units) -> MachAltitudeGrid:
     """Return where each flight condition stands: by the input cards, or as pairs where they do not
     state it.
     """
@@ -142,16 +142,22 @@ def _grid(case: Case, tree: xr.DataTree, units: Units) -> Grid:
         machs = conditions["mach"].values.tolist()
         alts = np.round(conditions["h"].values / units.factor("length"), 6).tolist()
         alts = [] if np.isnan(alts).all() else alts
-        return Grid(machs, alts, 1, [(k, k if alts else 0) for k in range(count)])
+        return MachAltitudeGrid(machs, alts, 1, [(k, k if alts else 0) for k in range(count)])
     if deck.loop == 1:
-        return Grid(machs[:count], alts[:count], 1, [(k, k if alts else 0) for k in range(count)])
+        return MachAltitudeGrid(
+            machs[:count], alts[:count], 1, [(k, k if alts else 0) for k in range(count)]
+        )
     if deck.loop == 2:
-        return Grid(machs, alts, 2, [(k % len(machs), k // len(machs)) for k in range(count)])
+        return MachAltitudeGrid(
+            machs, alts, 2, [(k % len(machs), k // len(machs)) for k in range(count)]
+        )
     each = max(len(alts), 1)
-    return Grid(machs, alts, 3, [(k // each, k % each) for k in range(count)])
+    return MachAltitudeGrid(machs, alts, 3, [(k // each, k % each) for k in range(count)])
 
 
-def _scalars(case: Case, tree: xr.DataTree, grid: Grid, build: int, units: Units) -> dict[str, Any]:
+def _scalars(
+    case: Case, tree: xr.DataTree, grid: MachAltitudeGrid, build: int, units: Units
+) -> dict[str, Any]:
     """Return what stands before the tables."""
     deck = case.deck
 
@@ -244,7 +250,7 @@ def _heights(tree: xr.DataTree, unit: float) -> list[float]:
 class _Arrays(NamedTuple):
     """Makes the arrays of a case."""
 
-    grid: Grid
+    grid: MachAltitudeGrid
     build: int
     device: str
     deltas: list[float]
@@ -356,7 +362,7 @@ def _with_dims(item: xr.DataArray, dims: list[str], count: int) -> np.ndarray:
     return found if "condition" in item.dims else np.repeat(found, count, axis=0)
 
 
-def slot(configuration: str) -> int | None:
+def configuration_index(configuration: str) -> int | None:
     """Return the place of a configuration along ``build``, None where it has none."""
     made_of = parts(configuration)
     if made_of & _UPRIGHT and made_of - _UPRIGHT:
@@ -371,7 +377,7 @@ def _along_build(
     shape[axis] = len(BUILD)
     out, used = np.moveaxis(np.full(shape, MISSING), axis, 0), set()
     for i, name in enumerate(names):
-        place = slot(name)
+        place = configuration_index(name)
         if place is None or place in used:
             lost.configurations.setdefault(name, set()).add(leaf)
             continue
@@ -390,7 +396,7 @@ def _trimmed(array: np.ndarray) -> np.ndarray:
 class _Lost:
     """What of a case has no room in the structure."""
 
-    def __init__(self, tree: xr.DataTree, grid: Grid):
+    def __init__(self, tree: xr.DataTree, grid: MachAltitudeGrid):
         self.tree, self.grid = tree, grid
         self.written: set[tuple[str, str]] = set()
         self.flag_counts: Counter[str] = Counter()

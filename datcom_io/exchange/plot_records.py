@@ -85,7 +85,7 @@ _MARKS = {1.0e-30: NDM, 2.0e-30: NA, -1.0e-30: BLANK}
 
 
 @dataclass(frozen=True, eq=False)
-class Record:
+class PlotRecord:
     """Numbers of one record with their flags; ``line`` is its first. [feet, pounds, degrees
     Rankine, degrees]
     """
@@ -116,9 +116,9 @@ class PlotCase:
     """
 
     line: int
-    records: dict[str, Record]
+    records: dict[str, PlotRecord]
     logicals: dict[str, bool] = field(default_factory=dict)
-    pages: list[dict[str, Record]] = field(default_factory=list)
+    pages: list[dict[str, PlotRecord]] = field(default_factory=list)
 
 
 def read_records(path: str | os.PathLike[str]) -> list[PlotCase]:
@@ -211,7 +211,7 @@ def _fields(line: str) -> list[str]:
 
 def _take(
     file: str, lines: Sequence[str], at: int, sizes: Mapping[str, int]
-) -> tuple[dict[str, Record], int]:
+) -> tuple[dict[str, PlotRecord], int]:
     """Return records of known sizes from a line on, and the index of the line after them."""
     records = {}
     for name, size in sizes.items():
@@ -236,7 +236,7 @@ def _take(
                 )
             cells += [_cell(file, at + 1, text) for text in row]
             at += 1
-        records[name] = Record(
+        records[name] = PlotRecord(
             first + 1,
             np.array([value for value, _ in cells]),
             np.array([flag for _, flag in cells], np.uint8),

@@ -15,11 +15,11 @@ import numpy as np
 import xarray as xr
 
 from datcom_io.arrays.conditions import printed_name
-from datcom_io.arrays.stacking import LONG_NAMES, Leaf
+from datcom_io.arrays.stacking import LONG_NAMES, LeafBuilder
 from datcom_io.cells import ABSENT, BLANK, FILLED, OK, SUSPECT
-from datcom_io.exchange.plot_records import CONFIGURATIONS, PlotCase, Record, read_records
+from datcom_io.exchange.plot_records import CONFIGURATIONS, PlotCase, PlotRecord, read_records
 from datcom_io.printout.layouts import BY_NAME
-from datcom_io.printout.rows import Column
+from datcom_io.printout.rows import PrintedColumn
 from flightmech.units import DEGREE, FOOT
 
 _COLUMNS = {
@@ -30,8 +30,8 @@ _COLUMNS = {
 _STATIC = ("CD", "CL", "Cm", "CN", "CA", "CL_alpha", "Cm_alpha", "CY_beta", "Cn_beta", "Cl_beta")
 _DOWNWASH = ("q_ratio", "epsilon", "epsilon_alpha")
 _SYMFLP = ("dCL", "dCm", "dCLmax", "dCDmin", "CL_alpha_delta", "Ch_alpha", "Ch_delta")
-_DCDI = Column("D(CDI)", 0, 0, "dCDi")
-_CD0 = Column("CDO", 0, 0, "CD0")
+_DCDI = PrintedColumn("D(CDI)", 0, 0, "dCDi")
+_CD0 = PrintedColumn("CDO", 0, 0, "CD0")
 _SURFACES = {
     "BO": "body",
     "WGPL": "wing",
@@ -205,7 +205,7 @@ def _heights(case: PlotCase) -> np.ndarray:
     return case.records["FLC"].numbers(64, 73)[0][: int(count) if 0 < count <= _MOST_HEIGHTS else 0]
 
 
-def _by_condition(case: PlotCase) -> list[list[dict[str, Record]]]:
+def _by_condition(case: PlotCase) -> list[list[dict[str, PlotRecord]]]:
     """Return the pages of each flight condition: the one in free air, then deflection by deflection
     those over ground.
     """
@@ -216,7 +216,7 @@ def _by_condition(case: PlotCase) -> list[list[dict[str, Record]]]:
     return [case.pages[k : k + each] for k in range(0, len(case.pages), each)]
 
 
-def _conditions(case: PlotCase) -> list[dict[str, Record]]:
+def _conditions(case: PlotCase) -> list[dict[str, PlotRecord]]:
     """Return the page in free air of each flight condition."""
     return [pages[0] for pages in _by_condition(case)]
 
@@ -264,7 +264,7 @@ def _real(case: PlotCase) -> dict[str, str]:
     return found
 
 
-def _si(column: Column, values: np.ndarray) -> np.ndarray:
+def _si(column: PrintedColumn, values: np.ndarray) -> np.ndarray:
     factor = (
         DEGREE
         if column.units == "deg"
@@ -275,7 +275,7 @@ def _si(column: Column, values: np.ndarray) -> np.ndarray:
     return values * factor
 
 
-def _filled(column: Column, values: np.ndarray, flags: np.ndarray, transonic: bool) -> None:
+def _filled(column: PrintedColumn, values: np.ndarray, flags: np.ndarray, transonic: bool) -> None:
     """Fill a column that is constant in alpha or deflection downwards, as for the print file."""
     if column.constant and len(flags) > 1 and (flags[1:] == BLANK).all() and not transonic:
         values[1:], flags[1:] = values[0], FILLED if flags[0] == OK else flags[0]
@@ -292,11 +292,11 @@ def _transonic(case: PlotCase) -> list[bool]:
     )
 
 
-def _static(case: PlotCase) -> Leaf | None:
+def _static(case: PlotCase) -> LeafBuilder | None:
     real = _real(case)
     if not real:
         return None
-    found = Leaf(
+    found = LeafBuilder(
         {
             **_coords(case),
             **_alpha_coord(case),
@@ -311,7 +311,7 @@ def _static(case: PlotCase) -> Leaf | None:
     return found
 
 
-def _ground(case: PlotCase) -> Leaf | None:
+def _ground(case: PlotCase) -> LeafBuilder | None:
     """Return the coefficients over ground; those of the second and later deflections hold the
     ground effect of the ones before.
     """
@@ -327,7 +327,7 @@ def _ground(case: PlotCase) -> Leaf | None:
     coords["ground_height"] = xr.Variable(
         "ground_height", heights * FOOT, {"units": "m", "long_name": LONG_NAMES["ground_height"]}
     )
-    found, alphas = Leaf(coords), len(_alphas(case))
+    found, alphas = LeafBuilder(coords), len(_alphas(case))
     shape = (len(real), len(pages), len(pages[0]) // len(heights), len(heights), alphas)
     for name in _STATIC:
         value, flag = (part.reshape(shape) for part in _stacked(case, name, pages))
@@ -343,7 +343,7 @@ def _ground(case: PlotCase) -> Leaf | None:
 
 
 def _stacked(
-    case: PlotCase, name: str, pages: list[list[dict[str, Record]]]
+    case: PlotCase, name: str, pages: list[list[dict[str, PlotRecord]]]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return a coefficient in SI and its flags (configuration, condition, page, alpha)."""
     real, count, transonic = _real(case), len(_alphas(case)), _transonic(case)
@@ -358,11 +358,11 @@ def _stacked(
     return value, flag
 
 
-def _zero_lift(case: PlotCase) -> Leaf | None:
+def _zero_lift(case: PlotCase) -> LeafBuilder | None:
     real = _real(case)
     if not real:
         return None
-    found = Leaf(
+    found = LeafBuilder(
         {**_coords(case), "configuration": xr.Variable("configuration", list(real.values()))}
     )
     places = [CONFIGURATIONS.index(block) for block in real]
@@ -373,10 +373,10 @@ def _zero_lift(case: PlotCase) -> Leaf | None:
     return found
 
 
-def _downwash(case: PlotCase) -> Leaf | None:
+def _downwash(case: PlotCase) -> LeafBuilder | None:
     if not (case.logicals["WGPL"] and case.logicals["HTPL"]):
         return None
-    found, count = Leaf({**_coords(case), **_alpha_coord(case)}), len(_alphas(case))
+    found, count = LeafBuilder({**_coords(case), **_alpha_coord(case)}), len(_alphas(case))
     for k, name in enumerate(_DOWNWASH):
         parts = [
             condition["DWASH"].numbers(_MOST * k + 1, _MOST * k + count)
@@ -387,7 +387,7 @@ def _downwash(case: PlotCase) -> Leaf | None:
     return found
 
 
-def _symflp(case: PlotCase) -> Leaf | None:
+def _symflp(case: PlotCase) -> LeafBuilder | None:
     """Return the control tables: WING(201...) holds one block of ten deflections per column,
     BODY(201...) D(CDI) alpha by alpha.
     """
@@ -401,7 +401,7 @@ def _symflp(case: PlotCase) -> Leaf | None:
         **_alpha_coord(case),
         "delta": xr.Variable("delta", deltas * DEGREE, {"units": "rad"}),
     }
-    found, alphas = Leaf(coords), len(_alphas(case))
+    found, alphas = LeafBuilder(coords), len(_alphas(case))
     shape = (len(_conditions(case)), len(deltas))
     for k, name in enumerate(_SYMFLP):
         value, flag = np.full(shape, np.nan), np.full(shape, ABSENT, np.uint8)
@@ -425,11 +425,11 @@ def _symflp(case: PlotCase) -> Leaf | None:
     return found.described({}, surface=surface)
 
 
-def _records(case: PlotCase, dim: str, pages: list[dict[str, Record]]) -> xr.Dataset:
+def _records(case: PlotCase, dim: str, pages: list[dict[str, PlotRecord]]) -> xr.Dataset:
     """Return every number of the case and of some of its pages as written; index 1 of the program
     is item 0.
     """
-    found = Leaf({dim: xr.Variable(dim, np.arange(len(pages)))})
+    found = LeafBuilder({dim: xr.Variable(dim, np.arange(len(pages)))})
     for name, record in case.records.items():
         _add_record(found, name, [record], ())
     for name in dict.fromkeys(name for page in pages for name in page):
@@ -438,7 +438,7 @@ def _records(case: PlotCase, dim: str, pages: list[dict[str, Record]]) -> xr.Dat
 
 
 def _add_record(
-    found: Leaf, name: str, records: list[Record | None], outer: tuple[str, ...]
+    found: LeafBuilder, name: str, records: list[PlotRecord | None], outer: tuple[str, ...]
 ) -> None:
     size = next(len(record.values) for record in records if record is not None)
     value, flag = (

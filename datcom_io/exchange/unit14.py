@@ -25,7 +25,7 @@ import numpy as np
 import xarray as xr
 
 from datcom_io.arrays.conditions import printed_name
-from datcom_io.arrays.stacking import Leaf
+from datcom_io.arrays.stacking import LeafBuilder
 from datcom_io.cells import BLANK, FILLED, OK, SENTINEL, read_cell
 from datcom_io.printout.layouts import BY_NAME
 from flightmech.errors import ParseError
@@ -39,7 +39,7 @@ _NAMES = ("CN", "Cm", "CA", "CY_beta", "Cn_beta", "Cl_beta")
 _WORDS = {"BODY": "body", "WING": "wing", "HT": "horizontal", "VT": "vertical", "VF": "fin"}
 
 
-class _Run(NamedTuple):
+class _Unit14Run(NamedTuple):
     line: int
     configuration: str
     mach: float
@@ -82,7 +82,7 @@ def read_for014(path: str | os.PathLike[str]) -> xr.DataTree:
         raise ParseError(
             file, 0, "no table", "a plot file of unit 14, whose first line begins with RUN"
         )
-    cases: list[list[_Run]] = []
+    cases: list[list[_Unit14Run]] = []
     for run in runs:
         alike = (
             cases
@@ -98,7 +98,7 @@ def read_for014(path: str | os.PathLike[str]) -> xr.DataTree:
     return root
 
 
-def _read_run(file: str, lines: list[str], at: int) -> tuple[_Run, int]:
+def _read_run(file: str, lines: list[str], at: int) -> tuple[_Unit14Run, int]:
     head = _RUN.fullmatch(lines[at].rstrip())
     if head is None:
         raise ParseError(
@@ -133,7 +133,7 @@ def _read_run(file: str, lines: list[str], at: int) -> tuple[_Run, int]:
         np.array([values for values, _ in rows]),
         np.array([flags for _, flags in rows], np.uint8),
     )
-    return _Run(
+    return _Unit14Run(
         first, printed_name(made_of), mach, reynolds, tuple(reference), values, flags
     ), at + 1
 
@@ -154,7 +154,7 @@ def _numbers(file: str, line: int, text: str, count: int) -> tuple[list[float], 
     return values, flags
 
 
-def _attrs(run: _Run, file: str, number: int) -> dict[str, str | float]:
+def _attrs(run: _Unit14Run, file: str, number: int) -> dict[str, str | float]:
     area, chord, span, centre, *rest = run.reference
     return {
         "S": area * FOOT**2,
@@ -167,8 +167,8 @@ def _attrs(run: _Run, file: str, number: int) -> dict[str, str | float]:
     }
 
 
-def _static(runs: list[_Run]) -> xr.Dataset:
-    found = Leaf(
+def _static(runs: list[_Unit14Run]) -> xr.Dataset:
+    found = LeafBuilder(
         {
             "run": xr.Variable("run", np.arange(len(runs))),
             "configuration": xr.Variable("run", [run.configuration for run in runs]),

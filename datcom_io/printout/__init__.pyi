@@ -1,5 +1,5 @@
 """Public names of `datcom_io.printout`."""
 
-from .content import Message as Message
+from .content import ListingMessage as ListingMessage
 from .content import Page as Page
-from .tables import Table as Table
+from .tables import PrintedTable as PrintedTable

@@ -10,13 +10,13 @@ from typing import NamedTuple
 
 from datcom_io.decks.deck import Deck
 from datcom_io.printout.layouts import CONDITIONS, NAMES
-from datcom_io.printout.tables import Printed, Table, Values
+from datcom_io.printout.tables import Printed, PrintedTable, Values
 from flightmech.errors import UnknownName
 
 _CONDITION_COLUMNS = {column.quantity: k for k, column in enumerate(CONDITIONS.columns)}
 
 
-class Message(NamedTuple):
+class ListingMessage(NamedTuple):
     """A message: line number from 1 (0: the whole file), text, and its origin, the ``program`` or
     this ``reader``.
     """
@@ -49,9 +49,9 @@ class Page:
     power: str = "off"
     dim: str = ""
     per: str = ""
-    conditions: Table | None = None
+    conditions: PrintedTable | None = None
     printed: tuple[Printed, ...] = ()
-    notes: tuple[Message, ...] = ()
+    notes: tuple[ListingMessage, ...] = ()
     unread: tuple[int, ...] = ()
 
     @property
@@ -60,11 +60,11 @@ class Page:
         return bool(self.printed) or not self.unread
 
     @property
-    def tables(self) -> tuple[Table, ...]:
+    def tables(self) -> tuple[PrintedTable, ...]:
         """The page's tables, without its groups of ``label = value``."""
-        return tuple(item for item in self.printed if isinstance(item, Table))
+        return tuple(item for item in self.printed if isinstance(item, PrintedTable))
 
-    def table(self, name: str) -> Table | None:
+    def table(self, name: str) -> PrintedTable | None:
         """Return the page's table of a kind, or None."""
         return next((table for table in self.tables if table.name == name), None)
 
@@ -118,16 +118,16 @@ class PrintedCase:
     name: str = ""
     deck: Deck = field(default_factory=Deck)
     pages: list[Page] = field(default_factory=list)
-    messages: list[Message] = field(default_factory=list)
+    messages: list[ListingMessage] = field(default_factory=list)
 
-    def tables(self, name: str) -> Iterator[tuple[Page, Table]]:
+    def tables(self, name: str) -> Iterator[tuple[Page, PrintedTable]]:
         """Yield page and table of every table of a kind, in order."""
         self._demand_kind(name)
         for page in self.pages:
             if name == "conditions" and page.conditions is not None:
                 yield page, page.conditions
             for table in page.printed:
-                if table.name == name and isinstance(table, Table):
+                if table.name == name and isinstance(table, PrintedTable):
                     yield page, table
 
     def values(self, name: str) -> Iterator[tuple[Page, Values]]:
@@ -145,7 +145,7 @@ class PrintedCase:
 
 
 @contextmanager
-def uncollected() -> Iterator[None]:
+def paused_collection() -> Iterator[None]:
     """Hold the garbage collector still within a block that makes many objects, none of which refers
     back to itself.
 

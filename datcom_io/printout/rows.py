@@ -19,7 +19,7 @@ import numpy as np
 from datcom_io.cells import BLANK, NDM, OK, read_cell
 
 
-class Column(NamedTuple):
+class PrintedColumn(NamedTuple):
     """One printed column.
 
     ``units`` is that of the print: ``deg``, ``1``, ``1/deg``, or ``1/angle`` where card DERIV
@@ -49,7 +49,7 @@ class Across(NamedTuple):
     quantity: str
     first: int
     last: int
-    cell: Column
+    cell: PrintedColumn
     step: int
 
 
@@ -84,7 +84,7 @@ class Cut(NamedTuple):
     words: bool
 
 
-def cuts(columns: Sequence[Column]) -> list[Cut]:
+def column_windows(columns: Sequence[PrintedColumn]) -> list[Cut]:
     """Return the windows of a table in order; the gap before the first one starts behind the
     control column.
     """
@@ -140,7 +140,9 @@ def read_field(part: str, words: bool = False) -> tuple[float, int] | None:
     return (math.nan, OK) if words else read_cell(part)
 
 
-def read_fields(rows: Sequence[str], columns: Sequence[Column]) -> tuple[np.ndarray, np.ndarray]:
+def read_fields(
+    rows: Sequence[str], columns: Sequence[PrintedColumn]
+) -> tuple[np.ndarray, np.ndarray]:
     """Return values and flags (row, column) of rows that cut into the columns."""
     values, flags = (
         np.empty((len(rows), len(columns))),
@@ -160,12 +162,12 @@ def shape_of(text: str) -> bytes:
     return text.encode("latin-1", "replace").translate(_SHAPE)
 
 
-class Windows:
+class ColumnWindows:
     """The windows of a table, and the shapes of rows that are known to cut into them or not."""
 
-    def __init__(self, columns: tuple[Column, ...], keys: int):
+    def __init__(self, columns: tuple[PrintedColumn, ...], keys: int):
         self.columns = columns
-        self.cuts, self.keys = cuts(columns), keys
+        self.cuts, self.keys = column_windows(columns), keys
         self.shapes: dict[bytes, bool] = {}
 
     def hold(self, text: str) -> bool:
@@ -187,15 +189,15 @@ class Windows:
         return found
 
 
-_KINDS: dict[tuple[int, int], Windows] = {}
+_KINDS: dict[tuple[int, int], ColumnWindows] = {}
 _MOST_KINDS = 1024
 
 
-def windows(columns: tuple[Column, ...], keys: int) -> Windows:
+def windows(columns: tuple[PrintedColumn, ...], keys: int) -> ColumnWindows:
     """Return the windows of a kind of table, the same ones for all its tables."""
     key = (id(columns), keys)  # the windows keep the columns, so no others get their id
     if key not in _KINDS:
         if len(_KINDS) == _MOST_KINDS:
             _KINDS.clear()
-        _KINDS[key] = Windows(columns, keys)
+        _KINDS[key] = ColumnWindows(columns, keys)
     return _KINDS[key]

@@ -14,8 +14,8 @@ from datcom_io.cells import OK, SUSPECT, read_cell, read_cells
 from datcom_io.printout.rows import (
     Across,
     Cells,
-    Column,
     Line,
+    PrintedColumn,
     read_again,
     read_fields,
     shape_of,
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
+class PrintedTable:
     """One printed table; its numbers are read from the rows when they are first used.
 
     Attributes
@@ -52,8 +52,8 @@ class Table:
         Cells whose numbers a fault of the program makes wrong; their flag is ``suspect``.
     """
 
-    layout: Layout
-    columns: tuple[Column, ...]
+    layout: TableLayout
+    columns: tuple[PrintedColumn, ...]
     lines: tuple[int, ...]
     rows: tuple[str, ...]
     across: np.ndarray | None = None
@@ -85,7 +85,7 @@ class Table:
         """Codes of `datcom_io.FLAGS` (row, column), uint8."""
         return self.cells[1]
 
-    def first_rows(self, count: int | None) -> Table:
+    def first_rows(self, count: int | None) -> PrintedTable:
         """Return the table with so many rows at the most, all with None."""
         if count is None or len(self.rows) <= count:
             return self
@@ -170,10 +170,10 @@ class Values:
         )
 
 
-Printed = Table | Values
+Printed = PrintedTable | Values
 
 
-class Layout(NamedTuple):
+class TableLayout(NamedTuple):
     """One kind of table with one row per line.
 
     ``heading`` holds the words of the line that opens it, with single blanks and without dashes; it
@@ -186,16 +186,16 @@ class Layout(NamedTuple):
 
     name: str
     heading: str
-    columns: tuple[Column, ...]
+    columns: tuple[PrintedColumn, ...]
     keys: int
     rows: tuple[str, str] | None = None
     across: Across | None = None
-    axes: Callable[[Deck, Table], Mapping[str, np.ndarray]] | None = None
+    axes: Callable[[Deck, PrintedTable], Mapping[str, np.ndarray]] | None = None
     stops: str = ""
     stream: tuple[tuple[str, str], ...] = ()
 
 
-class Block(NamedTuple):
+class PrintedBlock(NamedTuple):
     """Lines of a page that no heading with one row per line below it describes.
 
     ``opens`` is searched in the line that opens the block, as `heading_words` gives it, on pages of
@@ -227,17 +227,17 @@ _known_words = lru_cache(4096)(_words)
 
 
 def make_table(
-    layout: Layout,
+    layout: TableLayout,
     rows: Sequence[tuple[int, str, Cells]],
-    columns: tuple[Column, ...] = (),
+    columns: tuple[PrintedColumn, ...] = (),
     across: np.ndarray | None = None,
     across_line: int = 0,
     across_row: str = "",
-) -> Table:
+) -> PrintedTable:
     """Return a table of rows given as line number, text, cells; `columns` are those of the layout
     unless given.
     """
-    return Table(
+    return PrintedTable(
         layout,
         columns or layout.columns,
         tuple(number for number, _, _ in rows),
@@ -288,7 +288,7 @@ def pairs(text: str) -> list[tuple[str, str]]:
     return found
 
 
-def read_table(layout: Layout, lines: list[Line], at: int) -> tuple[Table | None, int]:
+def read_table(layout: TableLayout, lines: list[Line], at: int) -> tuple[PrintedTable | None, int]:
     """Return the table whose heading stands before index `at`, and the index after it; None when no
     row follows.
     """
@@ -321,14 +321,14 @@ def read_table(layout: Layout, lines: list[Line], at: int) -> tuple[Table | None
         after = at
     if not rows:
         return None, after
-    return Table(
+    return PrintedTable(
         layout, columns, tuple(numbers), tuple(rows), across, across_line, across_row
     ), after
 
 
 def _read_across(
-    layout: Layout, lines: list[Line], at: int
-) -> tuple[tuple[Column, ...], np.ndarray, int, str, int] | None:
+    layout: TableLayout, lines: list[Line], at: int
+) -> tuple[tuple[PrintedColumn, ...], np.ndarray, int, str, int] | None:
     """Return columns, heading values, their line and text, and the index of the line after them."""
     across = layout.across
     assert across is not None
@@ -355,7 +355,7 @@ def _read_across(
 
 
 @lru_cache(256)
-def two_way_columns(layout: Layout, count: int) -> tuple[Column, ...]:
+def two_way_columns(layout: TableLayout, count: int) -> tuple[PrintedColumn, ...]:
     """Return the columns of a two-way table with `count` heading values."""
     across = layout.across
     assert across is not None

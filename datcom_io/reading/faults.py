@@ -15,9 +15,9 @@ import numpy as np
 from datcom_io.arrays.conditions import control_surface, printed_condition
 from datcom_io.cells import NA, NDM, OK
 from datcom_io.listing import Case
-from datcom_io.printout.content import Message, Page
+from datcom_io.printout.content import ListingMessage, Page
 from datcom_io.printout.layouts.special import HYPERSONIC_FROM
-from datcom_io.printout.tables import Table
+from datcom_io.printout.tables import PrintedTable
 
 _OVER_GROUND = ("CD", "CL", "Cm", "CN", "CA", "xcp", "CL_alpha", "Cm_alpha")
 _TRIMMED = ("delta_trim", "dCL", "dCLmax", "dCDi", "dCDmin")
@@ -54,7 +54,7 @@ def flag_missing_angles(case: Case) -> None:
             f"NALPHA counts {counted} angles of attack, the input cards give {len(given)}: the program takes the others as 1E-30; {what} "
             "are flagged suspect; correct NALPHA and run the deck again"
         )
-        case.messages.append(Message(lines[0], text, "reader"))
+        case.messages.append(ListingMessage(lines[0], text, "reader"))
 
 
 def flag_ground_pages(case: Case) -> None:
@@ -78,7 +78,7 @@ def flag_ground_pages(case: Case) -> None:
             f"{len(flagged)} pages over ground hold the ground effect of the deflections of {device} before them (seen: CL wrong by 0.28) "
             "and are flagged suspect; run one deflection at a time (datcom split makes the decks)"
         )
-        case.messages.append(Message(flagged[0], text, "reader"))
+        case.messages.append(ListingMessage(flagged[0], text, "reader"))
 
 
 def _is_aileron_taken_for_flap(case: Case) -> bool:
@@ -120,7 +120,7 @@ def flag_flap_moments(case: Case, before: int) -> int:
             f"D(CM) of {len(flagged)} deflections, all but the first of the program run, holds something of the deflections before "
             "(seen: elevator 2 %, plain flap 7 %) and is flagged suspect; where it counts make one run per condition and deflection"
         )
-        case.messages.append(Message(flagged[0], text, "reader"))
+        case.messages.append(ListingMessage(flagged[0], text, "reader"))
     return before
 
 
@@ -136,13 +136,17 @@ def with_suspects(
     if page.table(name) is None:
         return page
     printed = tuple(
-        _flagged(item, quantities, rows) if isinstance(item, Table) and item.name == name else item
+        _flagged(item, quantities, rows)
+        if isinstance(item, PrintedTable) and item.name == name
+        else item
         for item in page.printed
     )
     return replace(page, printed=printed)
 
 
-def _flagged(table: Table, quantities: tuple[str, ...] | None, rows: slice | np.ndarray) -> Table:
+def _flagged(
+    table: PrintedTable, quantities: tuple[str, ...] | None, rows: slice | np.ndarray
+) -> PrintedTable:
     suspect = (
         np.zeros((len(table.rows), len(table.columns)), bool)
         if table.suspect is None
@@ -199,7 +203,7 @@ class Observer:
 
 
 def _report(case: Case, line: int, text: str) -> None:
-    case.messages.append(Message(line, text, "reader"))
+    case.messages.append(ListingMessage(line, text, "reader"))
 
 
 def _last_mach_in_static_pages(case: Case) -> None:

@@ -8,11 +8,18 @@ from functools import lru_cache
 from typing import NamedTuple
 
 from datcom_io.cells import read_cell
-from datcom_io.printout.content import Message, Page
+from datcom_io.printout.content import ListingMessage, Page
 from datcom_io.printout.layouts import BLOCKS, BY_HEADING, CONDITIONS
 from datcom_io.printout.layouts import notes as footnotes
 from datcom_io.printout.rows import Line, windows
-from datcom_io.printout.tables import Block, Layout, Printed, Table, heading_words, read_table
+from datcom_io.printout.tables import (
+    Printed,
+    PrintedBlock,
+    PrintedTable,
+    TableLayout,
+    heading_words,
+    read_table,
+)
 
 TITLES = (
     ("CHARACTERISTICS AT ANGLE OF ATTACK", "static"),
@@ -36,7 +43,7 @@ _POWER = re.compile(r"(JET|PROPELLER) POWER EFFECTS INCLUDED")
 _LONGEST = 1000  # characters of a heading of the program; longer ones are not worth remembering
 
 
-class Heading(NamedTuple):
+class PageHeading(NamedTuple):
     """The content of a heading; the height over ground in feet, the deflection in degrees, as in
     `Page`.
     """
@@ -48,7 +55,7 @@ class Heading(NamedTuple):
     power: str
 
 
-def read_heading(first: str, words: tuple[str, ...]) -> Heading:
+def read_heading(first: str, words: tuple[str, ...]) -> PageHeading:
     """Return what the first line of a page and the words of the heading lines below it state; the
     same headings come again and again.
     """
@@ -56,14 +63,14 @@ def read_heading(first: str, words: tuple[str, ...]) -> Heading:
     return _known(first, words) if known else _read(first, words)
 
 
-def _read(first: str, words: tuple[str, ...]) -> Heading:
+def _read(first: str, words: tuple[str, ...]) -> PageHeading:
     kind = _kind(first, words)
     lines = "\n".join(words[1:])
     power = _POWER.search(lines)
     configuration = (
         words[1].removesuffix(" CONFIGURATION") if kind in _WITH_CONFIGURATION and words[1:] else ""
     )
-    return Heading(
+    return PageHeading(
         kind,
         configuration,
         _ground_height(lines),
@@ -111,21 +118,23 @@ _PER = re.compile(r"DERIVATIVE[S]? ?\(PER (DEGREE|RADIAN)\)")
 
 
 @dataclass
-class Body:
+class PageBody:
     """What is printed on a page below its heading."""
 
     printed: list[Printed] = field(default_factory=list)
-    notes: list[Message] = field(default_factory=list)
-    messages: list[Message] = field(default_factory=list)
+    notes: list[ListingMessage] = field(default_factory=list)
+    messages: list[ListingMessage] = field(default_factory=list)
     unread: list[int] = field(default_factory=list)
-    empty: list[tuple[int, Layout]] = field(default_factory=list)  # headings without a row
+    empty: list[tuple[int, TableLayout]] = field(default_factory=list)  # headings without a row
     per: str = ""
-    target: list[Message] = field(
+    target: list[ListingMessage] = field(
         default_factory=list
     )  # notes or messages, where the last one went
 
 
-def read_page(lines: list[Line], case: int) -> tuple[Page, list[Message], list[tuple[int, Layout]]]:
+def read_page(
+    lines: list[Line], case: int
+) -> tuple[Page, list[ListingMessage], list[tuple[int, TableLayout]]]:
     """Return a page, the messages that stand on it, and line and kind of the headings that no row
     follows.
     """
@@ -176,15 +185,15 @@ def _body_start(lines: list[Line]) -> int:
     return next((i for i in range(start, len(top)) if _NUMBERS_BEGIN.match(top[i][1])), start)
 
 
-def add_message(messages: list[Message], number: int, text: str) -> None:
+def add_message(messages: list[ListingMessage], number: int, text: str) -> None:
     """Append a message of the program, or continue the one before."""
-    if messages and footnotes.continues(text):
+    if messages and footnotes.is_continuation(text):
         messages[-1] = messages[-1]._replace(text=f"{messages[-1].text} {text}")
     else:
-        messages.append(Message(number, text))
+        messages.append(ListingMessage(number, text))
 
 
-def _conditions(lines: list[Line], anchor: int) -> tuple[Table | None, str, int]:
+def _conditions(lines: list[Line], anchor: int) -> tuple[PrintedTable | None, str, int]:
     """Return the flight-condition line, the unit of length and the index of the line after it."""
     for i in range(anchor + 1, min(anchor + 9, len(lines))):
         units = _UNITS.match(lines[i][1].strip() + " ")
@@ -195,14 +204,18 @@ def _conditions(lines: list[Line], anchor: int) -> tuple[Table | None, str, int]
             if not text[1:].strip():
                 continue
             if _CONDITION_WINDOWS.hold(text):
-                return Table(CONDITIONS, CONDITIONS.columns, (number,), (text,)), units[1], j + 1
+                return (
+                    PrintedTable(CONDITIONS, CONDITIONS.columns, (number,), (text,)),
+                    units[1],
+                    j + 1,
+                )
             break
         return None, units[1], i + 1
     return None, "", anchor + 1
 
 
-def _read_body(lines: list[Line], at: int, kind: str) -> Body:
-    body = Body()
+def _read_body(lines: list[Line], at: int, kind: str) -> PageBody:
+    body = PageBody()
     while at < len(lines):
         number, text = lines[at]
         at += 1
@@ -226,7 +239,7 @@ def _read_body(lines: list[Line], at: int, kind: str) -> Body:
 
 
 def _read_block(
-    blocks: tuple[Block, ...], lines: list[Line], at: int
+    blocks: tuple[PrintedBlock, ...], lines: list[Line], at: int
 ) -> tuple[list[Printed], int] | None:
     return next((found for block in blocks if (found := block.read(lines, at))), None)
 
@@ -241,8 +254,8 @@ class Meaning(NamedTuple):
     own sort.
     """
 
-    blocks: tuple[Block, ...]
-    layout: Layout | None
+    blocks: tuple[PrintedBlock, ...]
+    layout: TableLayout | None
     sort: str
     words: str
     per: str
@@ -255,14 +268,18 @@ def _meaning(kind: str, text: str) -> Meaning:
     """
     words = heading_words(text)
     blocks = tuple(block for block in BLOCKS if kind in block.pages and block.opens.search(words))
-    plain = footnotes.plain(text)
+    plain = footnotes.strip_control_column(text)
     per = _PER.search(plain)
     if per or _DECORATION.match(words):
         sort = "decoration" if _DECORATION.search(words) else "unread"
     elif not plain:
         sort = "decoration"
     else:
-        sort = "continued" if footnotes.continues(plain) else footnotes.sort_of(plain) or "unread"
+        sort = (
+            "continued"
+            if footnotes.is_continuation(plain)
+            else footnotes.sort_of(plain) or "unread"
+        )
     return Meaning(
         blocks,
         BY_HEADING.get(words),
@@ -272,7 +289,7 @@ def _meaning(kind: str, text: str) -> Meaning:
     )
 
 
-def _sort(number: int, meaning: Meaning, body: Body) -> None:
+def _sort(number: int, meaning: Meaning, body: PageBody) -> None:
     body.per = body.per or meaning.per
     if meaning.sort == "unread":
         body.unread.append(number)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from datcom_io.listing import Case, DamagedListing, Listing
-from datcom_io.printout.content import uncollected
+from datcom_io.printout.content import paused_collection
 from datcom_io.reading.faults import Observer
 from datcom_io.reading.scanner import ControlColumn, Scanner, line_blocks
 
@@ -44,7 +44,7 @@ def read(source: Source, *, partial: bool = False) -> Listing:
     """
     cases = iterate(source, partial=partial)
     try:
-        with uncollected():
+        with paused_collection():
             for case in cases:
                 cases.listing.cases.append(case)
     except DamagedListing as error:
@@ -151,14 +151,14 @@ class _Finish:
 _SIGN = b"CONERR - INPUT ERROR CHECKING"  # the program begins every run with it
 
 
-class Place(NamedTuple):
+class ListingCase(NamedTuple):
     """A listing and one of its cases; without case the whole listing."""
 
     file: Path
     case: str = ""
 
 
-def place_of(text: str, folder: str | os.PathLike[str] = ".") -> Place:
+def place_of(text: str, folder: str | os.PathLike[str] = ".") -> ListingCase:
     """Return the file and the case that ``FILE`` or ``FILE:CASE`` names.
 
     Parameters
@@ -176,11 +176,11 @@ def place_of(text: str, folder: str | os.PathLike[str] = ".") -> Place:
     """
     file = Path(folder, text)
     if file.is_file():
-        return Place(file)
+        return ListingCase(file)
     for end in reversed([k for k, letter in enumerate(text) if letter == ":"]):
         file = Path(folder, text[:end])
         if file.is_file():
-            return Place(file, text[end + 1 :].strip())
+            return ListingCase(file, text[end + 1 :].strip())
     raise FileNotFoundError(
         2, "there is no such file; write FILE, or FILE:CASE for one case of it", text
     )
@@ -209,7 +209,7 @@ def listings_in(folder: str | os.PathLike[str]) -> list[Path]:
     return files
 
 
-def read_place(place: str | Place) -> Listing | Case:
+def read_place(place: str | ListingCase) -> Listing | Case:
     """Return the listing of a place, or the one case of it that the place names.
 
     Raises

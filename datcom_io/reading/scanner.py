@@ -14,10 +14,10 @@ from typing import TextIO
 from datcom_io.cells import BLANK
 from datcom_io.decks.deck import Deck, parse_cards
 from datcom_io.listing import Case, DamagedListing, Listing
-from datcom_io.printout.content import Message, Page
+from datcom_io.printout.content import ListingMessage, Page
 from datcom_io.printout.layouts import notes
 from datcom_io.printout.rows import Line
-from datcom_io.printout.tables import Layout, Printed, Table
+from datcom_io.printout.tables import Printed, PrintedTable, TableLayout
 from datcom_io.reading.pages import add_message, read_page
 from flightmech.support.input_files import demand_regular, marked_encoding
 
@@ -99,7 +99,7 @@ def _clean(lines: list[str], text: str) -> list[str]:
     return [line.rstrip(_TRAILING) for line in lines]
 
 
-def anchor(line: str) -> str:
+def anchor_kind(line: str) -> str:
     """Return which part of the print a line opens: ``run case page dump end``, or an empty text."""
     return _known_anchor(line) if len(line) <= _LONGEST_LINE else _anchor(line)
 
@@ -114,7 +114,7 @@ def _anchor(line: str) -> str:
 _known_anchor = lru_cache(1024)(_anchor)
 
 
-def turns(lines: list[str]) -> list[int]:
+def boundary_lines(lines: list[str]) -> list[int]:
     """Return the indices of lines that may open or close a part of the print, or are no part of it."""
     match = _MAY_TURN.match
     return [i for i, line in enumerate(lines) if match(line)]
@@ -151,9 +151,9 @@ class ControlColumn:
 
     @staticmethod
     def _missing(line: str) -> bool | None:
-        if line.startswith("1") and anchor(line):
+        if line.startswith("1") and anchor_kind(line):
             return False
-        return True if anchor(" " + line) else None
+        return True if anchor_kind(" " + line) else None
 
     def _restored(self, lines: list[str]) -> list[str]:
         if self.missing:
@@ -163,7 +163,7 @@ class ControlColumn:
 
 def _with_control(line: str) -> str:
     text = line.lstrip("\f")
-    return ("1" if text != line or anchor(" " + text) else " ") + text
+    return ("1" if text != line or anchor_kind(" " + text) else " ") + text
 
 
 def is_progress(line: str) -> bool:
@@ -206,7 +206,7 @@ class Scanner:
         """Take the next lines of the file."""
         start = self.listing.line_count + 1
         done = 0
-        for i in turns(lines):
+        for i in boundary_lines(lines):
             self._plain(start + done, lines[done:i])
             self._turn(start + i, lines[i])
             done = i + 1
@@ -240,7 +240,7 @@ class Scanner:
 
     def _turn(self, number: int, line: str) -> None:
         """Take a line that may open or close something."""
-        kind = anchor(line)
+        kind = anchor_kind(line)
         if kind:
             self._open(kind, number, line)
         elif line[0] == "1" and self.region not in ("banner", "echo", "end"):
@@ -298,13 +298,13 @@ class Scanner:
             self._remark(number, line)
         elif self.region == "echo" and _CARD_TAIL.search(line[81:]):
             self.listing.own_messages.append(
-                Message(number, f"{line[81:].strip()}: {line[1:81].strip()}")
+                ListingMessage(number, f"{line[81:].strip()}: {line[1:81].strip()}")
             )
 
     @staticmethod
     def _is_dump(first: str) -> bool:
         """Return whether a page is a dump; card DUMP A,B prints arrays without a heading."""
-        return anchor(first) == "dump" or ARRAY_DUMP.match(first) is not None
+        return anchor_kind(first) == "dump" or ARRAY_DUMP.match(first) is not None
 
     def _card(self, number: int, line: str) -> None:
         text = line[1:]
@@ -316,14 +316,14 @@ class Scanner:
         elif (
             line[0] == "0"
             or notes.sort_of(text.strip()) == "message"
-            or notes.continues(text.strip())
+            or notes.is_continuation(text.strip())
         ):
             if text.strip():
                 self._remark(number, line)
         elif (
             self.case
             and self.case.messages
-            and self.case.messages[-1] == Message(self.last, _ERROR_CARD)
+            and self.case.messages[-1] == ListingMessage(self.last, _ERROR_CARD)
         ):
             self._remark(number, line)
         elif text.strip():
@@ -357,7 +357,7 @@ class Scanner:
         self.region = "between"
         self.case.deck = self.deck = parse_cards(self.cards, self.deck)
         self.case.messages += [
-            Message(line, text, "reader") for line, text in self.case.deck.problems
+            ListingMessage(line, text, "reader") for line, text in self.case.deck.problems
         ]
 
     def _close_page(self) -> None:
@@ -373,7 +373,7 @@ class Scanner:
         self.listing.unread += page.unread
         self._keep(page, empty)
 
-    def _keep(self, page: Page, empty: list[tuple[int, Layout]]) -> None:
+    def _keep(self, page: Page, empty: list[tuple[int, TableLayout]]) -> None:
         """Put a page into its case, without what is damaged on it."""
         assert self.case is not None
         faults = self._faults(page, empty)
@@ -393,11 +393,11 @@ class Scanner:
                     f"{expected}; the listing is damaged: run the program again, {_TAKE_THE_REST}",
                 )
             self.case.messages.append(
-                Message(line, f"{found} instead of {expected}: left out", "reader")
+                ListingMessage(line, f"{found} instead of {expected}: left out", "reader")
             )
 
     def _faults(
-        self, page: Page, empty: list[tuple[int, Layout]]
+        self, page: Page, empty: list[tuple[int, TableLayout]]
     ) -> list[tuple[list[Printed], int, str, str]]:
         """Return what is damaged on a page: the items to leave out, a line, what was found, what
         was expected.
@@ -428,7 +428,7 @@ class Scanner:
         ]
         return sorted(faults, key=lambda fault: fault[1])
 
-    def _miscount(self, page: Page, layout: Layout, count: int) -> tuple[str, str] | None:
+    def _miscount(self, page: Page, layout: TableLayout, count: int) -> tuple[str, str] | None:
         """Return how many rows a table has and how many the input cards specify, None where they
         agree.
         """
@@ -446,7 +446,7 @@ class Scanner:
             f"{wanted} rows ({layout.rows[1]} of the input cards)",
         )
 
-    def _ends_early(self, page: Page, layout: Layout) -> bool:
+    def _ends_early(self, page: Page, layout: TableLayout) -> bool:
         assert self.case is not None
         if layout.stops:
             return any(layout.stops in note.text for note in page.notes)
@@ -488,7 +488,7 @@ class Scanner:
                     f"the line END OF JOB.; the listing is cut: run it again, {_TAKE_THE_REST}"
                 )
                 raise self._damaged(self.last, "the end of the print", expected)
-            self.listing.own_messages.append(Message(self.last, text, "reader"))
+            self.listing.own_messages.append(ListingMessage(self.last, text, "reader"))
         self._close_case()
         self.open_run = False
 
@@ -508,7 +508,7 @@ class Scanner:
         return f"{text}; the last table of the page at lines {page.first}-{page.last} is left out"
 
 
-def _miscounted_stream(table: Table, deck: Deck) -> tuple[str, str] | None:
+def _miscounted_stream(table: PrintedTable, deck: Deck) -> tuple[str, str] | None:
     """Return found and expected of a table printed as one stream of values, None when it is whole."""
     counts = [
         count for variable in table.layout.stream if (count := deck.count(*variable)) is not None

@@ -21,7 +21,7 @@ from pathlib import Path
 from datcom_io.decks.cards import ERROR
 from datcom_io.decks.deck_file import DeckFile, deck_text, read_deck
 from datcom_io.listing import Listing
-from datcom_io.printout.content import Message
+from datcom_io.printout.content import ListingMessage
 from datcom_io.reading.reader import read
 from flightmech.errors import AeromatchError, ParseError, SchemaError, SimulationError
 from flightmech.support.atomic_write import written_atomically
@@ -40,7 +40,7 @@ _SHOWN = 300  # characters of the output of a failed program
 
 
 @dataclass(frozen=True)
-class Run:
+class ProgramRun:
     """A run of the program.
 
     Attributes
@@ -58,7 +58,7 @@ class Run:
 
     listing: Listing
     files: dict[str, Path]
-    messages: tuple[Message, ...]
+    messages: tuple[ListingMessage, ...]
     seconds: float
 
 
@@ -68,7 +68,7 @@ def run_deck(
     folder: str | os.PathLike[str] | None = None,
     *,
     timeout: float = 600.0,
-) -> Run:
+) -> ProgramRun:
     """Run a deck with a user's own Digital DATCOM executable.
 
     Parameters
@@ -127,7 +127,7 @@ def run_deck(
             listing = _listing(found["out"], attempt)
             files = _keep(found, folder, deck.stem)
             listing.file = files["out"].name
-            return Run(
+            return ProgramRun(
                 listing, files, tuple(_messages(listing, given_deck)), time.monotonic() - began
             )
     raise SimulationError(_refusal(command, failures))
@@ -139,7 +139,7 @@ def run_folder(
     results: str | os.PathLike[str] | None = None,
     *,
     timeout: float = 600.0,
-) -> Iterator[tuple[Path, Run | AeromatchError]]:
+) -> Iterator[tuple[Path, ProgramRun | AeromatchError]]:
     """Run every input deck of a folder, such as `split_deck` leaves, one after the other.
 
     Parameters
@@ -319,7 +319,7 @@ def _listing(content: bytes, attempt: _Attempt) -> Listing:
         ) from None
 
 
-def _messages(listing: Listing, deck: DeckFile) -> Iterator[Message]:
+def _messages(listing: Listing, deck: DeckFile) -> Iterator[ListingMessage]:
     """Yield what the program printed on its console, every text once, what the reader left out, and
     where the echo differs.
     """
@@ -332,13 +332,13 @@ def _messages(listing: Listing, deck: DeckFile) -> Iterator[Message]:
     yield from (message for message in listing.messages if message.text.endswith(": left out"))
     for number, (printed, wanted) in enumerate(zip(listing, deck), 1):
         if printed.deck.meaning() != wanted.meaning():
-            yield Message(
+            yield ListingMessage(
                 printed.line,
                 f"case {number}: the cards in the print differ from those of the deck",
                 "reader",
             )
     if len(listing) != len(deck):
-        yield Message(
+        yield ListingMessage(
             0, f"number of cases: {len(deck)} in the deck, {len(listing)} in the print", "reader"
         )
 

@@ -15,10 +15,10 @@ from collections.abc import Iterator
 from datcom_io.decks.aircraft_rules import is_special
 from datcom_io.decks.cards import ERROR, Card, Item, Namelist
 from datcom_io.decks.check import check_deck
-from datcom_io.decks.deck import Deck, Variables, make_deck, parse_cards, pieces
+from datcom_io.decks.deck import Deck, Variables, assignments_of, make_deck, parse_cards
 from datcom_io.decks.deck_file import DeckFile
 from datcom_io.decks.namelists import CASEID_COLUMNS, COUNTS
-from datcom_io.runs.study import Plan, Study, is_on_tail, read_study, word_of
+from datcom_io.runs.study import DeckStudy, RunPlan, is_on_tail, read_study, word_of
 from flightmech.errors import SchemaError
 
 _TAIL_NAMELISTS = ("HTPLNF", "HTSCHR", "VTPLNF", "VTSCHR", "VFPLNF", "VFSCHR", "TVTPAN")
@@ -85,7 +85,7 @@ def split_deck(study: str | os.PathLike[str] | DeckFile) -> dict[str, DeckFile]:
     problems: list[str] = []
     wrong_runs: dict[str, list[str]] = {}
     decks: dict[str, DeckFile] = {}
-    for name, plan in (read.plans or dict.fromkeys(_all_runs(read), Plan())).items():
+    for name, plan in (read.plans or dict.fromkeys(_all_runs(read), RunPlan())).items():
         wrong = _wrong_run(read, name)
         if wrong:
             problems.append(wrong)
@@ -108,7 +108,7 @@ def split_deck(study: str | os.PathLike[str] | DeckFile) -> dict[str, DeckFile]:
     return decks
 
 
-def _all_runs(study: Study) -> Iterator[str]:
+def _all_runs(study: DeckStudy) -> Iterator[str]:
     yield "clean"
     yield from study.devices
     if "GRNDEF" in study.base.namelists:
@@ -120,7 +120,7 @@ def _all_runs(study: Study) -> Iterator[str]:
         )
 
 
-def _wrong_run(study: Study, name: str) -> str:
+def _wrong_run(study: DeckStudy, name: str) -> str:
     allowed = [
         "clean",
         "build",
@@ -135,7 +135,9 @@ def _wrong_run(study: Study, name: str) -> str:
     return ""
 
 
-def _runs(study: Study, name: str, plan: Plan, problems: list[str]) -> Iterator[tuple[str, Deck]]:
+def _runs(
+    study: DeckStudy, name: str, plan: RunPlan, problems: list[str]
+) -> Iterator[tuple[str, Deck]]:
     """Yield label and deck of a run, one per flight condition where they must be apart."""
     device = name.removeprefix("ground_") if name not in ("clean", "build", "ground") else ""
     added = parse_cards(enumerate(plan.cards.split("\n"), 1))
@@ -176,7 +178,7 @@ def _parts(parts: Iterator[tuple[str, Deck]], whole: Deck) -> list[tuple[str, De
     return found if len(found) > 1 else [("", whole)]
 
 
-def _aircraft(study: Study, name: str, device: str) -> Iterator[Item]:
+def _aircraft(study: DeckStudy, name: str, device: str) -> Iterator[Item]:
     """Yield the cards of the study that belong to a run."""
     base = study.base
     on_wing = bool(device) and not is_on_tail(device)
@@ -218,7 +220,7 @@ def _trims(base: Deck, device: str) -> bool:
     return word_of(device) == "elevator" if device else base.value("SYNTHS", "HINAX") is not None
 
 
-def _has_tabs(study: Study, device: str) -> bool:
+def _has_tabs(study: DeckStudy, device: str) -> bool:
     """Return whether the control tabs belong to a device: the elevator, or without one any
     symmetric device.
     """
@@ -231,7 +233,7 @@ def _has_tabs(study: Study, device: str) -> bool:
 def _as_item(deck: Deck, name: str, group: Variables) -> Namelist:
     """Return a resolved namelist as cards, with the lines of the study."""
     assignments = (
-        piece._replace(line=deck.line_of(name, piece.variable)) for piece in pieces(group)
+        piece._replace(line=deck.line_of(name, piece.variable)) for piece in assignments_of(group)
     )
     return Namelist(deck.line_of(name), name, tuple(assignments))
 

@@ -54,7 +54,7 @@ _RUN_KEYS: dict[str, type] = {"caseid": str, "cards": str, "separate": bool}
 
 
 @dataclass(frozen=True)
-class Plan:
+class RunPlan:
     """What the study file states about one run."""
 
     caseid: str = ""
@@ -63,7 +63,7 @@ class Plan:
 
 
 @dataclass(frozen=True)
-class Study:
+class DeckStudy:
     """A study: the deck, the devices by name (each the SYMFLP or ASYFLP cards that make it), and
     the plan.
     """
@@ -72,7 +72,7 @@ class Study:
     base: Deck
     title: str
     devices: dict[str, tuple[Namelist, ...]]
-    plans: dict[str, Plan] = field(default_factory=dict)
+    plans: dict[str, RunPlan] = field(default_factory=dict)
 
 
 def word_of(name: str) -> str:
@@ -87,7 +87,7 @@ def is_on_tail(name: str) -> bool:
     return DEVICES[word_of(name)][1]
 
 
-def read_study(source: str | os.PathLike[str] | DeckFile) -> Study:
+def read_study(source: str | os.PathLike[str] | DeckFile) -> DeckStudy:
     """Read a study: a deck, or a TOML file that names one.
 
     Raises
@@ -134,7 +134,7 @@ def _wrong(table: dict, keys: dict[str, type], where: str) -> list[str]:
     return unknown + kinds
 
 
-def _study(deck: DeckFile, content: dict) -> Study:
+def _study(deck: DeckFile, content: dict) -> DeckStudy:
     if len(deck) != 1:
         raise SchemaError(
             deck.file,
@@ -143,10 +143,10 @@ def _study(deck: DeckFile, content: dict) -> Study:
     base = deck[0]
     groups = _groups(base)
     names, problems = _names(deck, groups, content.get("devices", []))
-    plans = {name: Plan(**run) for name, run in content.get("runs", {}).items()}
+    plans = {name: RunPlan(**run) for name, run in content.get("runs", {}).items()}
     if problems:
         raise SchemaError(deck.file, problems)
-    return Study(
+    return DeckStudy(
         deck.file,
         base,
         content.get("title", base.caseid),

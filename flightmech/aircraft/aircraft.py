@@ -48,11 +48,11 @@ from flightmech.aircraft.controls import (
     TRAVEL,
     Circuit,
     CircuitsTable,
-    Control,
+    ControlGeometry,
     circuits_of,
 )
 from flightmech.aircraft.engine import DeckFiles, Engine, EngineTable, engine_of
-from flightmech.aircraft.fuel import Fuel, FuelTable, fuel_of
+from flightmech.aircraft.fuel import Fuel, FuelSection, fuel_of
 from flightmech.aircraft.landing_gear import GearTable, LandingGear, gear_of
 from flightmech.errors import SchemaError, UnitError
 from flightmech.support.input_files import load
@@ -123,7 +123,7 @@ class Aircraft:
     engines: tuple[Engine, ...] = ()
     limits: dict[str, tuple[float, float]] = field(default_factory=dict)
     instruments: dict[str, Any] = field(default_factory=dict)
-    controls: dict[str, Control] = field(default_factory=dict)
+    controls: dict[str, ControlGeometry] = field(default_factory=dict)
     circuits: dict[str, Circuit] = field(default_factory=dict)
     gear: LandingGear | None = None
     fuel: Fuel | None = None
@@ -180,7 +180,7 @@ def read_aircraft(path: str | Path) -> Aircraft:
         With all problems: unknown keys, missing values, wrong units, impossible numbers.
     """
     path = Path(path)
-    content = validate(_File, load(path), str(path))
+    content = validate(_AircraftFile, load(path), str(path))
     problems: list[str] = []
     files = DeckFiles(path.parent)
     engines = tuple(
@@ -188,7 +188,7 @@ def read_aircraft(path: str | Path) -> Aircraft:
     )
     gear = gear_of(content.gear, problems) if content.gear else None
     fuel = fuel_of(content.fuel, path.parent, problems) if content.fuel else None
-    controls = {name: Control(**dict(item)) for name, item in content.control.items()}
+    controls = {name: ControlGeometry(**dict(item)) for name, item in content.control.items()}
     circuits = circuits_of(content.circuit, controls, problems)
     if problems:
         raise SchemaError(str(path), problems)
@@ -216,13 +216,13 @@ _LIMITS = {
 }
 
 
-class _Entry(Strict):
+class _NumberOrText(Strict):
     """Numbers may be given as texts with units, so that nothing else is converted silently."""
 
     model_config = ConfigDict(protected_namespaces=())
 
 
-class _ControlTable(_Entry):
+class _ControlTable(_NumberOrText):
     S_hinge: si("m2") = Field(  # type: ignore[valid-type]
         description="Area behind the hinge line of all surfaces that the control moves together."
     )
@@ -247,7 +247,7 @@ class _ControlTable(_Entry):
         return value
 
 
-class _File(_Entry):
+class _AircraftFile(_NumberOrText):
     name: str = Field(description="Name of the type.")
     S: si("m2") = Field(description="Reference area.")  # type: ignore[valid-type]
     cbar: _Length = Field(description="Reference chord.")  # type: ignore[valid-type]
@@ -303,7 +303,7 @@ class _File(_Entry):
     gear: GearTable | None = Field(
         default=None, description="Landing gear: wheels, skids, steering, brakes and runway."
     )
-    fuel: FuelTable | None = Field(
+    fuel: FuelSection | None = Field(
         default=None,
         description="Fuel on board, part of the mass; without it the mass does not change.",
     )
@@ -342,7 +342,7 @@ class _File(_Entry):
         return {name: _range(name, item) for name, item in table.items()}
 
     @model_validator(mode="after")
-    def _inertia(self) -> _File:
+    def _inertia(self) -> _AircraftFile:
         tensor = inertia(self)
         if not (np.linalg.eigvalsh(tensor) > 0.0).all():
             raise ValueError("moments and products of inertia make no positive definite tensor")
@@ -352,7 +352,7 @@ class _File(_Entry):
 def aircraft_schema() -> dict[str, Any]:
     """Return the JSON schema of aircraft files; what their instruments hold, `flighttest` knows."""
     return file_schema(
-        _File,
+        _AircraftFile,
         "An aircraft: geometry, mass, engines, limits, instruments, control circuits, landing gear and fuel.",
     )
 

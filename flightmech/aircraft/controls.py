@@ -55,7 +55,7 @@ TRAVEL = {
 
 
 @dataclass(frozen=True)
-class Control:
+class ControlGeometry:
     """What a hinge moment acts on: H = qbar S_hinge c_hinge Ch, positive as the deflection of the
     surface.
 
@@ -330,7 +330,7 @@ CircuitsTable = create_model("CircuitsTable", __base__=Strict, **_ITEMS)  # type
 
 
 def circuits_of(
-    tables: Strict, controls: Mapping[str, Control], problems: list[str]
+    tables: Strict, controls: Mapping[str, ControlGeometry], problems: list[str]
 ) -> dict[str, Circuit]:
     """Return the circuits of an aircraft file, in the order of a block; faults are added to
     `problems`.
@@ -343,7 +343,7 @@ def circuits_of(
     return found
 
 
-def check(item: str, circuit: Circuit, control: Control | None) -> list[str]:
+def check(item: str, circuit: Circuit, control: ControlGeometry | None) -> list[str]:
     """Return every fault of a circuit as a text.
 
     Parameters

@@ -68,7 +68,7 @@ OWN = (
 
 
 @dataclass(frozen=True)
-class Deck:
+class EngineDeck:
     """Tables and constants of a full engine deck.
 
     Speeds are fractions of the rated speeds.  The defaults are round figures of a small turbofan,
@@ -214,7 +214,9 @@ class DeckTable(Strict):
     )
 
 
-CONSTANTS = tuple(field.name for field in fields(Deck) if field.name not in ("tables", "inlet"))
+CONSTANTS = tuple(
+    field.name for field in fields(EngineDeck) if field.name not in ("tables", "inlet")
+)
 
 
 class DeckFiles:
@@ -237,7 +239,7 @@ class DeckFiles:
         return {target: leaf.copy() for target, leaf in self._read[name].items()}
 
 
-def deck_of(item: DeckTable, files: DeckFiles) -> Deck:
+def deck_of(item: DeckTable, files: DeckFiles) -> EngineDeck:
     """Return the deck of an aircraft file next to `files`.
 
     Raises
@@ -245,7 +247,7 @@ def deck_of(item: DeckTable, files: DeckFiles) -> Deck:
     SchemaError
         With all problems of its tables.
     """
-    from flightmech.terms import make
+    from flightmech.terms import make_term
 
     tables: dict[str, xr.Dataset] = {}
     problems: list[str] = []
@@ -253,17 +255,19 @@ def deck_of(item: DeckTable, files: DeckFiles) -> Deck:
         tables |= files.of(item.file)
     for target, content in item.tables.items():
         try:
-            tables[target] = leaf_of(content, TARGETS[target]) if target in TARGETS else make(0.0)
+            tables[target] = (
+                leaf_of(content, TARGETS[target]) if target in TARGETS else make_term(0.0)
+            )
         except (AeromatchError, ValueError) as error:
             problems += [f"{target}: {text}" for text in getattr(error, "problems", [str(error)])]
-            tables[target] = make(1.0)  # its place is taken: what else is wrong is still found
+            tables[target] = make_term(1.0)  # its place is taken: what else is wrong is still found
     problems += _problems(tables)
     if problems:
         raise SchemaError("engine deck", problems)
     given = {
         name: value for name in (*CONSTANTS, "inlet") if (value := getattr(item, name)) is not None
     }
-    return Deck(tables, **given)
+    return EngineDeck(tables, **given)
 
 
 def leaf_of(item: Any, units: str) -> xr.Dataset:
@@ -279,10 +283,10 @@ def leaf_of(item: Any, units: str) -> xr.Dataset:
         regressors.
     """
     from flightmech.names import lookup
-    from flightmech.terms import make
+    from flightmech.terms import make_term
 
     if not isinstance(item, Mapping):
-        return make(quantity(item, units))
+        return make_term(quantity(item, units))
     if "value" not in item:
         raise ValueError(f"missing value, in {units} over the axes in the order they are written")
     words = [str(word) for word in item.get("regressors", ())]
@@ -300,7 +304,7 @@ def leaf_of(item: Any, units: str) -> xr.Dataset:
         raise ValueError(
             f"value has the shape {value.shape}, the axes {' '.join(axes)} have {shape}"
         )
-    return make(value, axes, words, outside=str(item.get("outside", "hold")))
+    return make_term(value, axes, words, outside=str(item.get("outside", "hold")))
 
 
 def open_tables(path: Path) -> dict[str, xr.Dataset]:
@@ -392,7 +396,7 @@ class Engine:
     thrust: xr.Dataset | None = None
     time_constant: float = 0.0
     angular_momentum: float = 0.0
-    deck: Deck | None = None
+    deck: EngineDeck | None = None
 
     def __post_init__(self) -> None:
         if self.thrust is not None and self.deck is not None:

@@ -107,7 +107,7 @@ def tank_tables(tanks: Sequence[Tank]) -> dict[str, xr.Dataset]:
         `MOMENTS` and `INERTIAS`; exact, because the content of each tank is piecewise linear in the
         fuel on board.
     """
-    from flightmech.terms import make
+    from flightmech.terms import make_term
 
     orders = sorted(
         {tank.order for tank in tanks}, reverse=True
@@ -126,7 +126,7 @@ def tank_tables(tanks: Sequence[Tank]) -> dict[str, xr.Dataset]:
         ),
     }
     return {
-        name: make(np.array(content) @ each, {"fuel": level}, outside="linear")
+        name: make_term(np.array(content) @ each, {"fuel": level}, outside="linear")
         for name, each in density.items()
     }
 
@@ -158,7 +158,7 @@ class TankTable(Strict):
         return value
 
 
-class FuelTable(Strict):
+class FuelSection(Strict):
     """``[fuel]`` of the aircraft file."""
 
     model_config = ConfigDict(protected_namespaces=())
@@ -178,7 +178,7 @@ class FuelTable(Strict):
     )
 
     @model_validator(mode="after")
-    def _plausible(self) -> FuelTable:
+    def _plausible(self) -> FuelSection:
         if self.tank and (self.position is not None or self.file is not None):
             raise ValueError(
                 f"{'position' if self.position is not None else 'file'} and tank are both given; keep one"
@@ -191,7 +191,7 @@ class FuelTable(Strict):
         return self
 
 
-def fuel_of(item: FuelTable, folder: Path, problems: list[str]) -> Fuel | None:
+def fuel_of(item: FuelSection, folder: Path, problems: list[str]) -> Fuel | None:
     """Return the fuel of an aircraft file in `folder`; what is wrong with its tables goes to
     `problems`.
     """

@@ -238,7 +238,7 @@ _Moment = si("N m")
 _Inertia = si("kg m2")
 
 
-class _Table(Strict):
+class _GearTable(Strict):
     model_config = ConfigDict(protected_namespaces=())
 
     @field_validator("*")
@@ -249,12 +249,12 @@ class _Table(Strict):
         return value
 
 
-def _at_least_zero(table: _Table, names: tuple[str, ...]) -> None:
+def _at_least_zero(table: _GearTable, names: tuple[str, ...]) -> None:
     if below := [name for name in names if getattr(table, name) < 0.0]:
         raise ValueError(f"{', '.join(below)} must be zero or positive")
 
 
-class ContactTable(_Table):
+class ContactTable(_GearTable):
     """A ``[[gear.contact]]`` of the aircraft file."""
 
     name: str = Field(
@@ -360,7 +360,7 @@ class ContactTable(_Table):
         return self
 
 
-class SteeringTable(_Table):
+class SteeringTable(_GearTable):
     """``[gear.steering]`` of the aircraft file."""
 
     order: Literal["quasi-static", "second", "fourth"] = Field(
@@ -426,7 +426,7 @@ class SteeringTable(_Table):
         return self
 
 
-class GearTable(_Table):
+class GearTable(_GearTable):
     """``[gear]`` of the aircraft file."""
 
     contact: list[ContactTable] = Field(min_length=1, description="Wheels and skids.")
@@ -498,14 +498,14 @@ def _contact(item: ContactTable, problems: list[str]) -> Contact:
 
 
 def _strut_table(table: Mapping[str, Any]) -> xr.Dataset:
-    from flightmech.terms import make
+    from flightmech.terms import make_term
 
     if set(table) != {"compression", "value"}:
         raise ValueError(
             f"expected compression and value, the strut force over it; found {', '.join(sorted(table)) or 'nothing'}"
         )
     points = [quantity(point, "m") for point in table["compression"]]
-    return make(
+    return make_term(
         [quantity(value, "N") for value in table["value"]],
         {"compression": points},
         outside="linear",

@@ -21,7 +21,7 @@ from flightmech.errors import SchemaError
 
 
 @dataclass(frozen=True)
-class _Part:
+class _PartAccess:
     """How a part is read from an aircraft and put into another."""
 
     get: Callable[[Aircraft], Any]
@@ -74,7 +74,7 @@ def _demand_one_aeroplane(one: Aircraft, other: Aircraft) -> None:
         )
 
 
-def _parts(aircraft: Aircraft) -> dict[str, _Part]:
+def _parts(aircraft: Aircraft) -> dict[str, _PartAccess]:
     found = {f"engine/{name}": part for name, part in _engine_parts(aircraft).items()}
     if aircraft.gear is not None:
         found |= {
@@ -91,17 +91,17 @@ def _parts(aircraft: Aircraft) -> dict[str, _Part]:
         }
     found |= {f"circuit/{name}": _circuit(name) for name in aircraft.circuits}
     if aircraft.fuel is not None:
-        found["fuel/load"] = _Part(lambda a: a.fuel, lambda a, value: replace(a, fuel=value))
+        found["fuel/load"] = _PartAccess(lambda a: a.fuel, lambda a, value: replace(a, fuel=value))
     return found
 
 
-def _engine_parts(aircraft: Aircraft) -> dict[str, _Part]:
+def _engine_parts(aircraft: Aircraft) -> dict[str, _PartAccess]:
     if not any(engine.deck for engine in aircraft.engines):
         return {"thrust": _engines(("thrust", "time_constant"))} if aircraft.engines else {}
     return {group: _deck_part(group) for group in (*_GROUP, "rest")}
 
 
-def _engines(names: tuple[str, ...]) -> _Part:
+def _engines(names: tuple[str, ...]) -> _PartAccess:
     def get(aircraft: Aircraft) -> Any:
         return tuple(tuple(getattr(engine, name) for name in names) for engine in aircraft.engines)
 
@@ -114,7 +114,7 @@ def _engines(names: tuple[str, ...]) -> _Part:
             ),
         )
 
-    return _Part(get, put)
+    return _PartAccess(get, put)
 
 
 # words in the names of the tables and constants of a deck that make a group
@@ -131,7 +131,7 @@ def _group_of(name: str) -> str:
     )
 
 
-def _deck_part(group: str) -> _Part:
+def _deck_part(group: str) -> _PartAccess:
     """Return the part of all decks that holds the tables and constants of a group."""
 
     def own(deck: Any) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -156,10 +156,10 @@ def _deck_part(group: str) -> _Part:
         rest = {name: leaf for name, leaf in deck.tables.items() if _group_of(name) != group}
         return replace(deck, tables=rest | tables, **constants)
 
-    return _Part(get, put)
+    return _PartAccess(get, put)
 
 
-def _contact(name: str) -> _Part:
+def _contact(name: str) -> _PartAccess:
     def get(aircraft: Aircraft) -> Any:
         return (
             next((contact for contact in aircraft.gear.contacts if contact.name == name), None)
@@ -176,10 +176,10 @@ def _contact(name: str) -> _Part:
             gear=replace(aircraft.gear, contacts=tuple(c for c in own.values() if c is not None)),
         )
 
-    return _Part(get, put)
+    return _PartAccess(get, put)
 
 
-def _field_of(owner: str, names: tuple[str, ...]) -> _Part:
+def _field_of(owner: str, names: tuple[str, ...]) -> _PartAccess:
     def get(aircraft: Aircraft) -> Any:
         item = getattr(aircraft, owner)
         return {name: getattr(item, name) for name in names} if item is not None else None
@@ -192,15 +192,15 @@ def _field_of(owner: str, names: tuple[str, ...]) -> _Part:
             else aircraft
         )
 
-    return _Part(get, put)
+    return _PartAccess(get, put)
 
 
-def _circuit(name: str) -> _Part:
+def _circuit(name: str) -> _PartAccess:
     def put(aircraft: Aircraft, circuit: Any) -> Aircraft:
         rest = {key: item for key, item in aircraft.circuits.items() if key != name}
         return replace(aircraft, circuits=rest if circuit is None else {**rest, name: circuit})
 
-    return _Part(lambda aircraft: aircraft.circuits.get(name), put)
+    return _PartAccess(lambda aircraft: aircraft.circuits.get(name), put)
 
 
 def _same(a: Any, b: Any) -> bool:

@@ -27,8 +27,8 @@ import numpy as np
 import xarray as xr
 
 from flightmech.aircraft.aircraft import Aircraft, Vector
-from flightmech.aircraft.controls import Control
-from flightmech.aircraft.engine import TARGETS, Deck, Engine
+from flightmech.aircraft.controls import ControlGeometry
+from flightmech.aircraft.engine import TARGETS, Engine, EngineDeck
 from flightmech.aircraft.fuel import INERTIAS, MOMENTS, Fuel
 from flightmech.aircraft.landing_gear import Contact, LandingGear
 from flightmech.errors import SchemaError, UnknownName
@@ -140,7 +140,7 @@ def scaled_parts(aircraft: Aircraft, scale: Scale) -> dict[str, Any]:
     }
 
 
-def scaled_deck(deck: Deck, scale: Scale) -> Deck:
+def scaled_deck(deck: EngineDeck, scale: Scale) -> EngineDeck:
     """Return the engine deck of the similar aircraft."""
     changed = _constants(deck, _DECK, scale)
     return replace(
@@ -363,8 +363,8 @@ def _instrument(table: Any, by: float) -> Any:
     return {**table, "position": [float(component) * by for component in table["position"]]}
 
 
-def _control(name: str, control: Control, by: Mapping[str, float]) -> Control:
+def _control(name: str, control: ControlGeometry, by: Mapping[str, float]) -> ControlGeometry:
     gearing = control.gearing
     if gearing is not None and name != "delta_a":
         gearing *= by["gearing"]
-    return Control(control.S_hinge * by["area"], control.c_hinge * by["length"], gearing)
+    return ControlGeometry(control.S_hinge * by["area"], control.c_hinge * by["length"], gearing)

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from flightmech.aircraft.aircraft import Aircraft
-from flightmech.aircraft.engine import CONSTANTS, Deck, Engine, write_tables
+from flightmech.aircraft.engine import CONSTANTS, Engine, EngineDeck, write_tables
 from flightmech.aircraft.fuel import Fuel
 from flightmech.aircraft.landing_gear import CONDITIONS, ORDERS, LandingGear
 from flightmech.support.atomic_write import write_text, written_atomically
@@ -137,7 +137,7 @@ def _same_tables(one: Engine, other: Engine) -> bool:
     return all(leaf.identical(other.deck.tables[name]) for name, leaf in one.deck.tables.items())
 
 
-def _deck(deck: Deck, file: str) -> list[str]:
+def _deck(deck: EngineDeck, file: str) -> list[str]:
     lines = [
         "",
         "[engine.deck]",

@@ -15,7 +15,7 @@ from flightmech.flying_qualities import longitudinal as stability
 from flightmech.flying_qualities import longitudinal as trim_curves
 from flightmech.flying_qualities import performance as climb
 from flightmech.steady_flight.eigenmodes import modes
-from flightmech.steady_flight.flight_condition import frame
+from flightmech.steady_flight.flight_condition import rows_to_frame
 from flightmech.steady_flight.linear_model import linearize
 from flightmech.steady_flight.trim_point import Point, trimmed_at
 from flightmech.units import from_si
@@ -132,7 +132,7 @@ def characteristics(
     ]
     flown = performance.performance_curves(point, looked) if aircraft.engines else xr.Dataset()
     return Characteristics(
-        table=frame(rows),
+        table=rows_to_frame(rows),
         modes=modes(linear),
         linear=linear,
         derivatives=point.derivatives(),

@@ -13,9 +13,9 @@ import numpy as np
 import xarray as xr
 from scipy.optimize import least_squares
 
-from flightmech.flying_qualities.longitudinal import COEFFICIENT, force_factor, missing
+from flightmech.flying_qualities.longitudinal import COEFFICIENT, force_factor, missing_for_force
 from flightmech.simulation.run import simulate
-from flightmech.steady_flight.flight_condition import Row, absent
+from flightmech.steady_flight.flight_condition import Characteristic, absent_rows
 from flightmech.steady_flight.trim_point import NO_THRUST, Point, full_thrust, has_thrust
 from flightmech.units import DEGREE
 
@@ -29,7 +29,7 @@ _HELD = 5.0  # s of full aileron
 _RAMP = 0.1  # s to full aileron
 
 
-def sideslip(point: Point) -> list[Row]:
+def sideslip(point: Point) -> list[Characteristic]:
     """Return aileron, rudder, bank and pilot forces per sideslip of a straight flight, as rows."""
     names = {
         "delta_a_per_beta": "1",
@@ -40,23 +40,23 @@ def sideslip(point: Point) -> list[Row]:
     }
     slopes = {name: point.slope(name) for name in ("beta", "delta_a", "delta_r")}
     if abs(slopes["delta_r"][5]) < _SMALL:
-        return absent(SIDESLIP, names, NO_RUDDER)
+        return absent_rows(SIDESLIP, names, NO_RUDDER)
     if abs(slopes["delta_a"][3]) < _SMALL:
-        return absent(SIDESLIP, names, NO_AILERON)
+        return absent_rows(SIDESLIP, names, NO_AILERON)
     gravity = np.array([point.CW * np.cos(point["theta"]), 0.0, 0.0])  # along body y per bank
     side = [1, 3, 5]
     unknown = np.column_stack([slopes["delta_a"][side], slopes["delta_r"][side], gravity])
     delta_a, delta_r, phi = np.linalg.solve(unknown, -slopes["beta"][side])
     rows = [
-        Row(SIDESLIP, "delta_a_per_beta", delta_a, "1", "straight flight"),
-        Row(
+        Characteristic(SIDESLIP, "delta_a_per_beta", delta_a, "1", "straight flight"),
+        Characteristic(
             SIDESLIP,
             "delta_r_per_beta",
             delta_r,
             "1",
             "straight flight; positive (trailing edge left for wind from the right) is stable",
         ),
-        Row(
+        Characteristic(
             SIDESLIP,
             "phi_per_beta",
             phi,
@@ -68,16 +68,16 @@ def sideslip(point: Point) -> list[Row]:
         ("delta_a", "F_wheel_per_beta", delta_a, "N m rad-1"),
         ("delta_r", "F_pedal_per_beta", delta_r, "N rad-1"),
     ):
-        reason = missing(point, control)
+        reason = missing_for_force(point, control)
         if reason:
-            rows += absent(SIDESLIP, {quantity: units}, reason)
+            rows += absent_rows(SIDESLIP, {quantity: units}, reason)
             continue
         coefficient = COEFFICIENT[control]
         hinge = (
             point.hinge_slope(coefficient, "beta") + point.hinge_slope(coefficient, control) * size
         )
         rows.append(
-            Row(
+            Characteristic(
                 SIDESLIP,
                 quantity,
                 force_factor(point, control) * hinge,
@@ -88,31 +88,31 @@ def sideslip(point: Point) -> list[Row]:
     return rows
 
 
-def roll_rate(point: Point) -> list[Row]:
+def roll_rate(point: Point) -> list[Characteristic]:
     """Return roll rate of full ailerons, by the rolling moment alone and of the whole aircraft, and
     the wheel force, as rows.
     """
     names = {"roll_rate_one_degree": "rad s-1", "roll_rate_peak": "rad s-1", "F_wheel_full": "N m"}
     if abs(point.slope("delta_a")[3]) < _SMALL:
-        return absent(ROLL, names, NO_AILERON)
+        return absent_rows(ROLL, names, NO_AILERON)
     if "delta_a" not in point.aircraft.limits:
-        return absent(ROLL, names, "the aircraft file gives no limits of delta_a")
+        return absent_rows(ROLL, names, "the aircraft file gives no limits of delta_a")
     if abs(point.slope("phat")[3]) < _SMALL:
-        return absent(ROLL, names, "the database has no roll damping here")
+        return absent_rows(ROLL, names, "the database has no roll damping here")
     full = point.aircraft.limits["delta_a"][0]  # negative: right wing down
     damping = point.slope("phat")[3]
     rolling = point.body(delta_a=full)[3] - point.body()[3]
     p = -rolling / damping * 2.0 * point["V"] / point.aircraft.b
     angle = f"delta_a {full / DEGREE:.3g} deg"
     rows = [
-        Row(
+        Characteristic(
             ROLL,
             "roll_rate_one_degree",
             p,
             "rad s-1",
             f"{angle}: rolling moment over roll damping, one degree of freedom",
         ),
-        Row(
+        Characteristic(
             ROLL,
             "roll_rate_peak",
             _flown(point, full),
@@ -120,13 +120,13 @@ def roll_rate(point: Point) -> list[Row]:
             f"{angle}: highest within {_HELD:g} s or one turn, six degrees of freedom",
         ),
     ]
-    reason = missing(point, "delta_a")
+    reason = missing_for_force(point, "delta_a")
     if reason:
-        return [*rows, *absent(ROLL, {"F_wheel_full": "N m"}, reason)]
+        return [*rows, *absent_rows(ROLL, {"F_wheel_full": "N m"}, reason)]
     hinge = (point.hinge("Ch_a", delta_a=full) or 0.0) - (point.hinge("Ch_a") or 0.0)
     return [
         *rows,
-        Row(
+        Characteristic(
             ROLL,
             "F_wheel_full",
             force_factor(point, "delta_a") * hinge,
@@ -153,7 +153,7 @@ def _flown(point: Point, full: float) -> float:
     return float(p[turned <= 2.0 * np.pi].max())
 
 
-def minimum_control_speed(point: Point, slowest: float) -> list[Row]:
+def minimum_control_speed(point: Point, slowest: float) -> list[Characteristic]:
     """Return the lowest speed at which rudder and ailerons hold the loss of the critical engine at
     5 degrees of bank, as a row.
 
@@ -167,15 +167,15 @@ def minimum_control_speed(point: Point, slowest: float) -> list[Row]:
     names = {"minimum_control_speed": "m s-1"}
     arms = [engine.position[1] - point.cg[1] for engine in point.aircraft.engines]
     if len(arms) < 2 or max(map(abs, arms)) < 0.01 * point.aircraft.b:
-        return absent(ROLL, names, "no engines off the centre line")
+        return absent_rows(ROLL, names, "no engines off the centre line")
     if not has_thrust(point.aircraft):
-        return absent(ROLL, names, NO_THRUST)
+        return absent_rows(ROLL, names, NO_THRUST)
     if abs(point.slope("delta_r")[5]) < _SMALL or abs(point.slope("delta_a")[3]) < _SMALL:
-        return absent(
+        return absent_rows(
             ROLL, names, NO_RUDDER if abs(point.slope("delta_r")[5]) < _SMALL else NO_AILERON
         )
     if not {"delta_a", "delta_r"} <= set(point.aircraft.limits):
-        return absent(ROLL, names, "the aircraft file gives no limits of delta_a and delta_r")
+        return absent_rows(ROLL, names, "the aircraft file gives no limits of delta_a and delta_r")
     failed = int(np.argmax(np.abs(arms)))
     text = f"engine {failed + 1} gives no thrust, the others full; bank 5 deg towards them; without windmilling drag"
 
@@ -184,20 +184,20 @@ def minimum_control_speed(point: Point, slowest: float) -> list[Row]:
 
     speeds = [V for V in np.geomspace(slowest, _FASTEST * slowest, 25).tolist() if not holds(V)]
     if not speeds:
-        return absent(
+        return absent_rows(
             ROLL,
             names,
             f"below the stall, {slowest:.4g} m/s: the controls are enough at all speeds above it ({text})",
         )
     if speeds[-1] >= _FASTEST * slowest:
-        return absent(
+        return absent_rows(
             ROLL, names, f"above {speeds[-1]:.4g} m/s: the controls are not enough there ({text})"
         )
     low, high = speeds[-1], speeds[-1] * _FASTEST ** (1.0 / 24.0)
     while high - low > 1e-4 * low:
         middle = 0.5 * (low + high)
         low, high = (low, middle) if holds(middle) else (middle, high)
-    return [Row(ROLL, "minimum_control_speed", high, "m s-1", text)]
+    return [Characteristic(ROLL, "minimum_control_speed", high, "m s-1", text)]
 
 
 def _used(flight: Point, failed: int) -> float:

@@ -28,14 +28,14 @@ import xarray as xr
 from scipy.optimize import root_scalar
 
 from flightmech.names import attrs
-from flightmech.steady_flight.flight_condition import Row, absent
+from flightmech.steady_flight.flight_condition import Characteristic, absent_rows
 from flightmech.steady_flight.trim_point import Point
 from flightmech.units import G0
 
 COEFFICIENT = {"delta_e": "Ch_e", "delta_a": "Ch_a", "delta_r": "Ch_r"}
 
 
-def missing(point: Point, control: str) -> str:
+def missing_for_force(point: Point, control: str) -> str:
     """Return in words what a force on column, wheel or pedals lacks, "" when nothing."""
     coefficient = COEFFICIENT[control]
     if coefficient not in point.pair.hinges:
@@ -61,7 +61,7 @@ def column_force_slope(point: Point, changes: Mapping[str, float]) -> tuple[floa
     """Return the column force that small changes of model variables take at constant speed, or why
     there is none. [N]
     """
-    reason = missing(point, "delta_e")
+    reason = missing_for_force(point, "delta_e")
     if reason:
         return 0.0, reason
     change = sum(point.hinge_slope("Ch_e", name) * size for name, size in changes.items())
@@ -76,12 +76,12 @@ NO_HINGE = "the database has no hinge moments Ch_e over the elevator deflection"
 _SMALL = 1e-9  # derivative that counts as zero
 
 
-def longitudinal(point: Point) -> list[Row]:
+def longitudinal(point: Point) -> list[Characteristic]:
     """Return c.g., neutral and manoeuvre points, margins, elevator and stick force per g as rows."""
     craft = point.aircraft
     here = craft.x_ref_mac - point.cg[0] / craft.cbar
     rows = [
-        Row(
+        Characteristic(
             GROUP,
             "x_cg",
             here,
@@ -91,14 +91,14 @@ def longitudinal(point: Point) -> list[Row]:
     ]
     fixed = _chords(point, lambda x: point.slope("alpha", x)[4])
     rows += [
-        Row(
+        Characteristic(
             GROUP,
             "neutral_point_fixed",
             fixed,
             "1",
             "elevator held, constant speed: Cm_alpha about it is zero",
         ),
-        Row(
+        Characteristic(
             GROUP,
             "static_margin_fixed",
             fixed - here,
@@ -107,7 +107,7 @@ def longitudinal(point: Point) -> list[Row]:
         ),
     ]
     elevator = abs(point.slope("delta_e")[4]) > _SMALL
-    free = elevator and abs(hinge(point, "delta_e")) > _SMALL
+    free = elevator and abs(hinge_moment_slope(point, "delta_e")) > _SMALL
     return [
         *rows,
         *_manoeuvre_fixed(point, here, elevator),
@@ -116,36 +116,38 @@ def longitudinal(point: Point) -> list[Row]:
     ]
 
 
-def _manoeuvre_fixed(point: Point, here: float, elevator: bool) -> list[Row]:
+def _manoeuvre_fixed(point: Point, here: float, elevator: bool) -> list[Characteristic]:
     fixed = _chords(point, lambda x: pull_up(point, x, "held")[2])
     rows = [
-        Row(
+        Characteristic(
             GROUP,
             "manoeuvre_point_fixed",
             fixed,
             "1",
             "no elevator per g in a pull-up at constant speed and thrust",
         ),
-        Row(GROUP, "manoeuvre_margin_fixed", fixed - here, "1", "manoeuvre point minus c.g."),
+        Characteristic(
+            GROUP, "manoeuvre_margin_fixed", fixed - here, "1", "manoeuvre point minus c.g."
+        ),
     ]
     names = {"elevator_per_g": "rad", "alpha_per_g": "rad"}
     if not elevator:
-        return [*rows, *absent(GROUP, names, NO_ELEVATOR)]
+        return [*rows, *absent_rows(GROUP, names, NO_ELEVATOR)]
     alpha, elevator_angle, _ = pull_up(point, point.cg[0], "moved")
     return [
         *rows,
-        Row(
+        Characteristic(
             GROUP,
             "elevator_per_g",
             elevator_angle,
             "rad",
             "per unit of load factor, pull-up; negative: trailing edge up pulls g",
         ),
-        Row(GROUP, "alpha_per_g", alpha, "rad", "per unit of load factor, pull-up"),
+        Characteristic(GROUP, "alpha_per_g", alpha, "rad", "per unit of load factor, pull-up"),
     ]
 
 
-def _free(point: Point, here: float, elevator: bool, free: bool) -> list[Row]:
+def _free(point: Point, here: float, elevator: bool, free: bool) -> list[Characteristic]:
     names = {
         "neutral_point_free": "1",
         "static_margin_free": "1",
@@ -153,45 +155,49 @@ def _free(point: Point, here: float, elevator: bool, free: bool) -> list[Row]:
         "manoeuvre_margin_free": "1",
     }
     if not elevator or not free:
-        return absent(GROUP, names, NO_HINGE if elevator else NO_ELEVATOR)
-    float_ = -hinge(point, "alpha") / hinge(point, "delta_e")
+        return absent_rows(GROUP, names, NO_HINGE if elevator else NO_ELEVATOR)
+    float_ = -hinge_moment_slope(point, "alpha") / hinge_moment_slope(point, "delta_e")
     neutral = _chords(
         point, lambda x: point.slope("alpha", x)[4] + float_ * point.slope("delta_e", x)[4]
     )
     manoeuvre = _chords(point, lambda x: pull_up(point, x, "free")[2])
     return [
-        Row(
+        Characteristic(
             GROUP,
             "neutral_point_free",
             neutral,
             "1",
             f"elevator floats by {float_:.3g} rad per rad of alpha",
         ),
-        Row(GROUP, "static_margin_free", neutral - here, "1", "neutral point minus c.g."),
-        Row(
+        Characteristic(
+            GROUP, "static_margin_free", neutral - here, "1", "neutral point minus c.g."
+        ),
+        Characteristic(
             GROUP,
             "manoeuvre_point_free",
             manoeuvre,
             "1",
             "no hinge moment per g, without bobweight and springs",
         ),
-        Row(GROUP, "manoeuvre_margin_free", manoeuvre - here, "1", "manoeuvre point minus c.g."),
+        Characteristic(
+            GROUP, "manoeuvre_margin_free", manoeuvre - here, "1", "manoeuvre point minus c.g."
+        ),
     ]
 
 
-def _stick_force(point: Point, elevator: bool) -> list[Row]:
+def _stick_force(point: Point, elevator: bool) -> list[Characteristic]:
     names = {"stick_force_per_g": "N"}
     if not elevator:
-        return absent(GROUP, names, NO_ELEVATOR)
+        return absent_rows(GROUP, names, NO_ELEVATOR)
     alpha, delta_e, _ = pull_up(point, point.cg[0], "moved")
     qhat = G0 / point["V"] * 0.5 * point.aircraft.cbar / point["V"]
     force, reason = column_force_slope(
         point, {"alpha": alpha, "delta_e": delta_e, "qhat": qhat, "dnz": 1.0}
     )
     if reason:
-        return absent(GROUP, names, reason)
+        return absent_rows(GROUP, names, reason)
     return [
-        Row(
+        Characteristic(
             GROUP,
             "stick_force_per_g",
             force,
@@ -201,7 +207,7 @@ def _stick_force(point: Point, elevator: bool) -> list[Row]:
     ]
 
 
-def hinge(point: Point, variable: str) -> float:
+def hinge_moment_slope(point: Point, variable: str) -> float:
     """Return the slope of Ch_e over a variable, 0 without hinge moments in the database."""
     return point.hinge_slope("Ch_e", variable)
 
@@ -228,8 +234,8 @@ def pull_up(point: Point, x_cg_b: float, elevator: str) -> tuple[float, float, f
         "moved": ([slopes["alpha"][4], slopes["delta_e"][4]], -moment),
         "held": ([0.0, 1.0], 0.0),
         "free": (
-            [hinge(point, "alpha"), hinge(point, "delta_e")],
-            -hinge(point, "qhat") * qhat - hinge(point, "dnz"),
+            [hinge_moment_slope(point, "alpha"), hinge_moment_slope(point, "delta_e")],
+            -hinge_moment_slope(point, "qhat") * qhat - hinge_moment_slope(point, "dnz"),
         ),
     }[elevator]
     alpha, delta_e = np.linalg.solve([[lift["alpha"], lift["delta_e"]], row], [wanted, right])
@@ -307,7 +313,7 @@ def trim_curves(point: Point, speeds: Sequence[float] | np.ndarray) -> xr.Datase
     columns["thrust"] = [flight.thrust for flight in flights]
     if _throttled(point):
         columns["throttle"] = [flight.variables["engine1.throttle"] for flight in flights]
-    if not missing(point, "delta_e"):
+    if not missing_for_force(point, "delta_e"):
         columns["F_column"] = [_force(flight, 0.0) for flight in flights]
         columns["F_column_trimmed"] = [_force(flight, _hinge(point)) for flight in flights]
     steady = np.array([flight.is_trimmed for flight in flights])
@@ -323,18 +329,18 @@ def trim_curves(point: Point, speeds: Sequence[float] | np.ndarray) -> xr.Datase
     )
 
 
-def speed_stability(point: Point) -> list[Row]:
+def speed_stability(point: Point) -> list[Characteristic]:
     """Return the slopes of elevator and column force over speed, and the neutral point that the
     trim curve shows, as rows.
     """
     slope = _elevator_slope(point)
     if abs(point.slope("delta_e")[4]) < 1e-9:
-        rows = absent(
+        rows = absent_rows(
             TRIM_CURVES, {"delta_e_per_V": "rad s m-1", "neutral_point_trim": "1"}, NO_ELEVATOR
         )
     else:
         rows = [
-            Row(
+            Characteristic(
                 TRIM_CURVES,
                 "delta_e_per_V",
                 slope,
@@ -344,14 +350,14 @@ def speed_stability(point: Point) -> list[Row]:
         ]
         rows += _neutral_point(point)
     forces = {"F_column": "N", "F_column_per_V": "N s m-1"}
-    reason = missing(point, "delta_e")
+    reason = missing_for_force(point, "delta_e")
     if reason:
-        return [*rows, *absent(TRIM_CURVES, forces, reason)]
+        return [*rows, *absent_rows(TRIM_CURVES, forces, reason)]
     low, high = (_force(flight, _hinge(point)) for flight in _neighbours(point))
     return [
         *rows,
-        Row(TRIM_CURVES, "F_column", _force(point, 0.0), "N", "pull, as the tab stands"),
-        Row(
+        Characteristic(TRIM_CURVES, "F_column", _force(point, 0.0), "N", "pull, as the tab stands"),
+        Characteristic(
             TRIM_CURVES,
             "F_column_per_V",
             (high - low) / (2.0 * _NUDGE * point["V"]),
@@ -361,7 +367,7 @@ def speed_stability(point: Point) -> list[Row]:
     ]
 
 
-def _neutral_point(point: Point) -> list[Row]:
+def _neutral_point(point: Point) -> list[Characteristic]:
     craft = point.aircraft
 
     def residual(x: float) -> float:
@@ -376,14 +382,14 @@ def _neutral_point(point: Point) -> list[Row]:
         maxiter=30,
     )
     if not (found.converged and point.at(mass__x_cg_b=float(found.root)).is_trimmed):
-        return absent(
+        return absent_rows(
             TRIM_CURVES,
             {"neutral_point_trim": "1"},
             "no c.g. within trim makes the elevator independent of speed",
         )
     text = "c.g. for which trimmed flights need no elevator over speed: with thrust, Mach number and drag"
     return [
-        Row(
+        Characteristic(
             TRIM_CURVES,
             "neutral_point_trim",
             craft.x_ref_mac - float(found.root) / craft.cbar,

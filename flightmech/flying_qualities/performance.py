@@ -20,7 +20,7 @@ from scipy.optimize import brentq, minimize_scalar
 from flightmech.air import atmosphere
 from flightmech.errors import SimulationError
 from flightmech.names import attrs
-from flightmech.steady_flight.flight_condition import Row, absent
+from flightmech.steady_flight.flight_condition import Characteristic, absent_rows
 from flightmech.steady_flight.trim_point import (
     NO_THRUST,
     Point,
@@ -158,22 +158,22 @@ def stall(point: Point) -> Stall:
     return Stall(float(curve["CL"][best]), alpha, V, why)
 
 
-def stall_rows(found: Stall) -> list[Row]:
+def stall_rows(found: Stall) -> list[Characteristic]:
     """Return the stall as rows."""
     return [
-        Row(STALL, "CL_max", found.CL, "1", f"trimmed, power off; {found.why}"),
-        Row(STALL, "alpha_stall", found.alpha, "rad", found.why),
-        Row(STALL, "V_stall", found.V, "m s-1", "true airspeed, one g, power off"),
+        Characteristic(STALL, "CL_max", found.CL, "1", f"trimmed, power off; {found.why}"),
+        Characteristic(STALL, "alpha_stall", found.alpha, "rad", found.why),
+        Characteristic(STALL, "V_stall", found.V, "m s-1", "true airspeed, one g, power off"),
     ]
 
 
-def polar_rows(point: Point, curve: xr.Dataset) -> list[Row]:
+def polar_rows(point: Point, curve: xr.Dataset) -> list[Characteristic]:
     """Return the parabola through the polar and the best glide as rows."""
     CL, CD = curve["CL"].values, curve["CD"].values
     low, high = _FIT[0] * CL.max(), _FIT[1] * CL.max()
     inside = (np.clip(CL, low, high) == CL) & (np.arange(CL.size) <= np.argmax(CL))
     mach = f"trimmed, power off, Mach {curve.attrs['mach']:.3g}"
-    rows = absent(
+    rows = absent_rows(
         POLAR,
         {"CD0": "1", "k": "1", "oswald": "1"},
         "the polar has fewer than three points in its middle",
@@ -184,15 +184,15 @@ def polar_rows(point: Point, curve: xr.Dataset) -> list[Row]:
         rms = float(np.sqrt(np.mean((X @ [CD0, k] - CD[inside]) ** 2)))
         oswald = point.aircraft.S / (np.pi * point.aircraft.b**2 * k)
         rows = [
-            Row(
+            Characteristic(
                 POLAR,
                 "CD0",
                 float(CD0),
                 "1",
                 f"CD = CD0 + k CL^2 over CL {low:.2f} ... {high:.2f}, rms {rms:.2g}; {mach}",
             ),
-            Row(POLAR, "k", float(k), "1", mach),
-            Row(POLAR, "oswald", float(oswald), "1", "1/(pi A k)"),
+            Characteristic(POLAR, "k", float(k), "1", mach),
+            Characteristic(POLAR, "oswald", float(oswald), "1", "1/(pi A k)"),
         ]
     best = int(np.argmax(curve["L_D"].values))
     V = float(
@@ -202,9 +202,11 @@ def polar_rows(point: Point, curve: xr.Dataset) -> list[Row]:
     )
     return [
         *rows,
-        Row(POLAR, "L_D_max", float(curve["L_D"][best]), "1", f"{mach}; at CL {CL[best]:.3f}"),
-        Row(POLAR, "V_best_glide", V, "m s-1", "true airspeed, power off"),
-        Row(
+        Characteristic(
+            POLAR, "L_D_max", float(curve["L_D"][best]), "1", f"{mach}; at CL {CL[best]:.3f}"
+        ),
+        Characteristic(POLAR, "V_best_glide", V, "m s-1", "true airspeed, power off"),
+        Characteristic(
             POLAR,
             "gamma_best_glide",
             -float(np.arctan(1.0 / curve["L_D"][best])),
@@ -225,7 +227,7 @@ def level_speeds(point: Point, found: Stall) -> tuple[float, float]:
     return _SLOW * found.V, max(fastest, 1.05 * _SLOW * found.V)
 
 
-def level_rows(point: Point, speeds: tuple[float, float]) -> list[Row]:
+def level_rows(point: Point, speeds: tuple[float, float]) -> list[Characteristic]:
     """Return the speeds of least drag and least power and the range figures as rows."""
     drags = {
         "V_minimum_drag": "m s-1",
@@ -236,42 +238,52 @@ def level_rows(point: Point, speeds: tuple[float, float]) -> list[Row]:
     ranges = {"L_D_level": "1", "M_L_D_max": "1", "V_M_L_D_max": "m s-1"}
     consumed = _specific_range(point, speeds)
     if not point.aircraft.engines:
-        return [*absent(LEVEL, drags, NO_ENGINES), *absent(RANGE, ranges, NO_ENGINES), *consumed]
-    drag = lowest(lambda V: required(point.level(V)), speeds)
-    power = lowest(lambda V: required(point.level(V)) * V, speeds)
-    reach = lowest(lambda V: required(point.level(V)) / V, speeds)
+        return [
+            *absent_rows(LEVEL, drags, NO_ENGINES),
+            *absent_rows(RANGE, ranges, NO_ENGINES),
+            *consumed,
+        ]
+    drag = minimum_cost_speed(lambda V: required_thrust(point.level(V)), speeds)
+    power = minimum_cost_speed(lambda V: required_thrust(point.level(V)) * V, speeds)
+    reach = minimum_cost_speed(lambda V: required_thrust(point.level(V)) / V, speeds)
     if not np.isfinite([drag, power, reach]).all():
-        return [*absent(LEVEL, drags, NO_LEVEL), *absent(RANGE, ranges, NO_LEVEL), *consumed]
-    least, far = required(point.level(drag)), point.level(reach)
+        return [
+            *absent_rows(LEVEL, drags, NO_LEVEL),
+            *absent_rows(RANGE, ranges, NO_LEVEL),
+            *consumed,
+        ]
+    least, far = required_thrust(point.level(drag)), point.level(reach)
     return [
-        Row(LEVEL, "V_minimum_drag", drag, "m s-1", at_end(drag, speeds)),
-        Row(LEVEL, "minimum_drag", least, "N", "thrust required there"),
-        Row(LEVEL, "V_minimum_power", power, "m s-1", at_end(power, speeds)),
-        Row(
+        Characteristic(LEVEL, "V_minimum_drag", drag, "m s-1", is_at_end(drag, speeds)),
+        Characteristic(LEVEL, "minimum_drag", least, "N", "thrust required there"),
+        Characteristic(LEVEL, "V_minimum_power", power, "m s-1", is_at_end(power, speeds)),
+        Characteristic(
             LEVEL,
             "minimum_power",
-            required(point.level(power)) * power,
+            required_thrust(point.level(power)) * power,
             "W",
             "thrust required times speed there",
         ),
-        Row(RANGE, "L_D_level", point.weight / least, "1", "weight over least thrust required"),
-        Row(
+        Characteristic(
+            RANGE, "L_D_level", point.weight / least, "1", "weight over least thrust required"
+        ),
+        Characteristic(
             RANGE,
             "M_L_D_max",
             far["mach"] * far.weight / far.thrust,
             "1",
             "jet range at constant specific fuel consumption",
         ),
-        Row(RANGE, "V_M_L_D_max", reach, "m s-1", at_end(reach, speeds)),
+        Characteristic(RANGE, "V_M_L_D_max", reach, "m s-1", is_at_end(reach, speeds)),
         *consumed,
     ]
 
 
-def _specific_range(point: Point, speeds: tuple[float, float]) -> list[Row]:
+def _specific_range(point: Point, speeds: tuple[float, float]) -> list[Characteristic]:
     """Distance per fuel in level flight, the lever where it holds the speed."""
     names = {"specific_range": "m kg-1", "V_specific_range": "m s-1"}
     if not burns_fuel(point.aircraft):
-        return absent(
+        return absent_rows(
             RANGE, names, "the aircraft file gives no fuel flow; L/D and M L/D stand for it"
         )
 
@@ -279,18 +291,18 @@ def _specific_range(point: Point, speeds: tuple[float, float]) -> list[Row]:
         flight = point.at(init__V=V, init__gamma=0.0, mode__engine=0.0)
         return V / flight.fuel_flow if flight.is_trimmed else float("nan")
 
-    V = lowest(lambda V: -far(V), speeds)
+    V = minimum_cost_speed(lambda V: -far(V), speeds)
     if not np.isfinite(V):
-        return absent(RANGE, names, "the engines hold level flight at no speed of the tables")
+        return absent_rows(RANGE, names, "the engines hold level flight at no speed of the tables")
     return [
-        Row(
+        Characteristic(
             RANGE,
             "specific_range",
             far(V),
             "m kg-1",
             "best of level flight, fuel flow of the engine decks",
         ),
-        Row(RANGE, "V_specific_range", V, "m s-1", at_end(V, speeds)),
+        Characteristic(RANGE, "V_specific_range", V, "m s-1", is_at_end(V, speeds)),
     ]
 
 
@@ -306,7 +318,7 @@ def performance_curves(point: Point, speeds: tuple[float, float], count: int = 4
     """
     V = np.linspace(*speeds, count)
     flights = [point.level(float(x)) for x in V]
-    need = np.array([required(flight) for flight in flights])
+    need = np.array([required_thrust(flight) for flight in flights])
     ratio = point.weight / np.where(need > 0.0, need, np.nan)
     mach = np.array([flight["mach"] for flight in flights])
     columns = {"thrust_required": (need, "N"), "L_D": (ratio, "1"), "M_L_D": (mach * ratio, "1")}
@@ -353,12 +365,12 @@ def one_g(point: Point, mach: np.ndarray) -> xr.Dataset:
     return xr.Dataset(data, {"mach": ("mach", np.asarray(mach, float), attrs("mach"))})
 
 
-def required(flight: Point) -> float:
+def required_thrust(flight: Point) -> float:
     """Return the thrust of a level flight, NaN when it is not steady. [N]"""
     return flight.thrust if flight.is_trimmed else float("nan")
 
 
-def lowest(cost: Callable[[float], float], speeds: tuple[float, float]) -> float:
+def minimum_cost_speed(cost: Callable[[float], float], speeds: tuple[float, float]) -> float:
     """Return the speed of the lowest cost, the best of a grid refined between its neighbours; NaN
     when there is no cost at all.
     """
@@ -380,7 +392,7 @@ def lowest(cost: Callable[[float], float], speeds: tuple[float, float]) -> float
     )
 
 
-def at_end(V: float, speeds: tuple[float, float]) -> str:
+def is_at_end(V: float, speeds: tuple[float, float]) -> str:
     """Return a remark on a speed found: whether it is that of the flight or the end of the search."""
     where = [
         name
@@ -400,7 +412,7 @@ _NEAR = 5.0  # of the ceilings [m]
 _HIGHEST = 20e3  # where ceilings are looked for with thrust that falls with the pressure [m]
 
 
-def climb_rows(point: Point, speeds: tuple[float, float]) -> list[Row]:
+def climb_rows(point: Point, speeds: tuple[float, float]) -> list[Characteristic]:
     """Return climb rate, climb gradient, level speed and ceilings at full throttle as rows."""
     names = {
         "climb_rate_max": "m s-1",
@@ -411,61 +423,61 @@ def climb_rows(point: Point, speeds: tuple[float, float]) -> list[Row]:
     }
     ceilings = {"service_ceiling": "m", "absolute_ceiling": "m"}
     if not has_thrust(point.aircraft):
-        return absent(
+        return absent_rows(
             CLIMB, {**names, **ceilings}, NO_THRUST if point.aircraft.engines else NO_ENGINES
         )
 
     def climb(V: float) -> float:
-        return excess(point.level(V)) * V
+        return specific_excess_thrust(point.level(V)) * V
 
-    rate = lowest(lambda V: -climb(V), speeds)
-    steep = lowest(lambda V: -excess(point.level(V)), speeds)
+    rate = minimum_cost_speed(lambda V: -climb(V), speeds)
+    steep = minimum_cost_speed(lambda V: -specific_excess_thrust(point.level(V)), speeds)
     if not np.isfinite([rate, steep]).all():
-        return absent(CLIMB, {**names, **ceilings}, NO_LEVEL)
+        return absent_rows(CLIMB, {**names, **ceilings}, NO_LEVEL)
     remark = "full throttle, constant true airspeed, drag of level flight"
     rows = [
-        Row(CLIMB, "climb_rate_max", climb(rate), "m s-1", remark),
-        Row(CLIMB, "V_climb_rate_max", rate, "m s-1", at_end(rate, speeds)),
-        Row(
+        Characteristic(CLIMB, "climb_rate_max", climb(rate), "m s-1", remark),
+        Characteristic(CLIMB, "V_climb_rate_max", rate, "m s-1", is_at_end(rate, speeds)),
+        Characteristic(
             CLIMB,
             "gamma_max",
-            float(np.arcsin(np.clip(excess(point.level(steep)), -1.0, 1.0))),
+            float(np.arcsin(np.clip(specific_excess_thrust(point.level(steep)), -1.0, 1.0))),
             "rad",
             remark,
         ),
-        Row(CLIMB, "V_gamma_max", steep, "m s-1", at_end(steep, speeds)),
+        Characteristic(CLIMB, "V_gamma_max", steep, "m s-1", is_at_end(steep, speeds)),
     ]
     return [*rows, *_fastest(climb, rate, speeds), *_ceilings(point)]
 
 
-def excess(flight: Point) -> float:
+def specific_excess_thrust(flight: Point) -> float:
     """Return the excess thrust at full throttle over the weight of a level flight: the sine of the
     climb angle; NaN without one. [1]
     """
-    return (float(full_thrust(flight).sum()) - required(flight)) / flight.weight
+    return (float(full_thrust(flight).sum()) - required_thrust(flight)) / flight.weight
 
 
 def _fastest(
     climb: Callable[[float], float], best: float, speeds: tuple[float, float]
-) -> list[Row]:
+) -> list[Characteristic]:
     if climb(best) < 0.0:
-        return absent(
+        return absent_rows(
             CLIMB, {"V_max": "m s-1"}, "full throttle does not hold level flight at this height"
         )
     if climb(speeds[1]) > 0.0:
-        return absent(
+        return absent_rows(
             CLIMB,
             {"V_max": "m s-1"},
             f"beyond {speeds[1]:.4g} m/s, the end of the speeds examined: thrust exceeds drag there",
         )
     V = _root(climb, best, speeds[1], TOLERANCE * best)
     if np.isnan(V):
-        return absent(
+        return absent_rows(
             CLIMB,
             {"V_max": "m s-1"},
             f"not every level flight from {best:.4g} to {speeds[1]:.4g} m/s can be trimmed",
         )
-    return [Row(CLIMB, "V_max", V, "m s-1", "full throttle, level")]
+    return [Characteristic(CLIMB, "V_max", V, "m s-1", "full throttle, level")]
 
 
 def _root(f: Callable[[float], float], low: float, high: float, xtol: float) -> float:
@@ -485,7 +497,7 @@ def _root(f: Callable[[float], float], low: float, high: float, xtol: float) -> 
     return np.nan if unknown else x
 
 
-def _ceilings(point: Point) -> list[Row]:
+def _ceilings(point: Point) -> list[Characteristic]:
     """Heights at which the best climb rate falls to 100 ft/min and to nothing.
 
     Thrust tables are not looked at beyond their heights; corrected thrust is: held, it goes on
@@ -494,43 +506,48 @@ def _ceilings(point: Point) -> list[Row]:
     names = {"service_ceiling": _SERVICE, "absolute_ceiling": 0.0}
     reach = heights(point.aircraft)
     if reach.end == np.inf and not reach.lapses:
-        return absent(CLIMB, dict.fromkeys(names, "m"), "the thrust tables do not depend on height")
+        return absent_rows(
+            CLIMB, dict.fromkeys(names, "m"), "the thrust tables do not depend on height"
+        )
     low, top = point["h"], _HIGHEST if reach.lapses else reach.end
 
     def best(h: float) -> float:
         flight = point.level(_usual_speed(point, h), h)
-        V = lowest(lambda V: -excess(flight.level(V)) * V, level_speeds(flight, stall(flight)))
-        return excess(flight.level(V)) * V
+        V = minimum_cost_speed(
+            lambda V: -specific_excess_thrust(flight.level(V)) * V,
+            level_speeds(flight, stall(flight)),
+        )
+        return specific_excess_thrust(flight.level(V)) * V
 
     rows = []
     ends = (best(low), best(top)) if low < top else (np.nan, np.nan)
     for name, left in names.items():
         if not low < top:
-            rows += absent(
+            rows += absent_rows(
                 CLIMB,
                 {name: "m"},
                 f"the flight is above the thrust tables, which end at {top:.5g} m",
             )
         elif np.isnan(ends).any():
-            rows += absent(
+            rows += absent_rows(
                 CLIMB,
                 {name: "m"},
                 f"no level flight can be trimmed at {low if np.isnan(ends[0]) else top:.5g} m",
             )
         elif ends[1] > left:
-            rows += absent(
+            rows += absent_rows(
                 CLIMB,
                 {name: "m"},
                 f"above the thrust tables: at their end, {top:.5g} m, it still climbs {ends[1]:.3g} m/s",
             )
         elif ends[0] < left:
-            rows += absent(
+            rows += absent_rows(
                 CLIMB, {name: "m"}, f"below this height: it climbs {ends[0]:.3g} m/s here"
             )
         else:
             h = _root(lambda h: best(h) - left, low, top, _NEAR)  # noqa: B023
             if np.isnan(h):
-                rows += absent(
+                rows += absent_rows(
                     CLIMB,
                     {name: "m"},
                     f"not at every height from {low:.5g} to {top:.5g} m a level flight can be trimmed",
@@ -542,7 +559,7 @@ def _ceilings(point: Point) -> list[Row]:
                 else ""
             )
             rows.append(
-                Row(
+                Characteristic(
                     CLIMB,
                     name,
                     float(h),

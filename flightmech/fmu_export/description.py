@@ -9,7 +9,15 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from flightmech.errors import SchemaError
-from flightmech.simulation.kernel import FIXED, INPUT, INTEGER, OUTPUT, PARAMETER, STATE, Entry
+from flightmech.simulation.kernel import (
+    FIXED,
+    INPUT,
+    INTEGER,
+    OUTPUT,
+    PARAMETER,
+    STATE,
+    CatalogueEntry,
+)
 
 if TYPE_CHECKING:
     from flightmech.simulation.compiler import SimModel
@@ -48,7 +56,7 @@ _STRUCTURED = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*", re.ASCII)
 
 
 @dataclass(frozen=True)
-class Variable:
+class FmuVariable:
     """One scalar of the interface.
 
     Attributes
@@ -105,7 +113,7 @@ class Description:
     token: str
     tool: str
     step: float
-    variables: tuple[Variable, ...]
+    variables: tuple[FmuVariable, ...]
 
     def __post_init__(self) -> None:
         bad = [
@@ -119,7 +127,7 @@ class Description:
                 "model description", [f"{name!r} is no FMI variable name: {hint}" for name in bad]
             )
 
-    def of(self, causality: str) -> list[Variable]:
+    def of(self, causality: str) -> list[FmuVariable]:
         """Return the variables of one causality, in the order of the kernel."""
         return [v for v in self.variables if v.causality == causality]
 
@@ -163,11 +171,11 @@ def rate_units(units: str) -> str:
     return "s-1" if units == "1" else f"{units} s-1"
 
 
-def _scalar(causality: str, index: int, row: Entry) -> Variable:
+def _scalar(causality: str, index: int, row: CatalogueEntry) -> FmuVariable:
     low, high = (
         None if abs(limit) >= sys.float_info.max else limit for limit in (row.low, row.high)
     )
-    return Variable(
+    return FmuVariable(
         row.name,
         causality,
         BASE[causality] + index,
@@ -184,7 +192,7 @@ def _scalar(causality: str, index: int, row: Entry) -> Variable:
     )
 
 
-def _states(rows: Sequence[Entry]) -> Iterator[Variable]:
+def _states(rows: Sequence[CatalogueEntry]) -> Iterator[FmuVariable]:
     names = [
         f"state.{row.name.removeprefix('state.')}" for row in rows
     ]  # a state may be called like an output
@@ -193,7 +201,7 @@ def _states(rows: Sequence[Entry]) -> Iterator[Variable]:
     for i, row in enumerate(rows):
         units, text = rate_units(row.units), f"time derivative of {row.description}"
         reference, state = BASE["derivative"] + i, BASE["state"] + i
-        yield Variable(
+        yield FmuVariable(
             f"der({names[i]})",
             "derivative",
             reference,

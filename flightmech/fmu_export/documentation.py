@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from jinja2 import PackageLoader
 
-from flightmech.fmu_export.description import CHOICES, Description, Variable
+from flightmech.fmu_export.description import CHOICES, Description, FmuVariable
 from flightmech.simulation.catalogue import power_name
 from flightmech.simulation.kernel import (
     INPUT,
@@ -20,10 +20,10 @@ from flightmech.simulation.kernel import (
     PARAMETER,
     STATE,
     VARIABLE,
-    Entry,
+    CatalogueEntry,
     Simulation,
+    computable_names,
     groups,
-    known,
 )
 from flightmech.support import figures as svg_chart
 from flightmech.support.figures import Frame, environment, limits
@@ -46,7 +46,7 @@ _AXIS = re.compile(
 )
 
 
-class Span(NamedTuple):
+class AxisSpan(NamedTuple):
     """An axis of a table: name, ends [SI], number of breakpoints."""
 
     name: str
@@ -55,7 +55,7 @@ class Span(NamedTuple):
     nodes: int
 
 
-class Figure(NamedTuple):
+class TermPlot(NamedTuple):
     """The plot of a term (SVG), or its value when it has no axes, and the remarks that belong to
     it.
     """
@@ -66,7 +66,7 @@ class Figure(NamedTuple):
     caption: str
 
 
-def figures(sim: SimModel) -> Iterator[Figure]:
+def figures(sim: SimModel) -> Iterator[TermPlot]:
     """Return a figure per term, in the order of the model.
 
     The axis with the most nodes runs, as far as anything changes; the next is at up to five values,
@@ -77,7 +77,7 @@ def figures(sim: SimModel) -> Iterator[Figure]:
     return (table.figure(term, sim.meta.get("terms", {}).get(term, {})) for term in sim.terms)
 
 
-def axes_of(text: str) -> list[Span]:
+def axes_of(text: str) -> list[AxisSpan]:
     """Return the axes that the compiler wrote down for a term.
 
     Examples
@@ -91,7 +91,7 @@ def axes_of(text: str) -> list[Span]:
         low, high = (
             float(to_si(float(match[end] or match["low"]), unit)) for end in ("low", "high")
         )
-        found.append(Span(match["name"], low, high, int(match["nodes"])))
+        found.append(AxisSpan(match["name"], low, high, int(match["nodes"])))
     return found
 
 
@@ -113,7 +113,7 @@ class _Evaluation:
             variables[:, i] = values.get(name, 0.0)
         return self.run.evaluate(variables)[1][:, self.terms.index(term)]
 
-    def figure(self, term: str, text: Mapping[str, str]) -> Figure:
+    def figure(self, term: str, text: Mapping[str, str]) -> TermPlot:
         """Return the figure of a term with the axes and regressors that the compiler wrote down."""
         spans = sorted(axes_of(text.get("axes", "")), key=lambda span: -span.nodes)
         units = {
@@ -125,7 +125,7 @@ class _Evaluation:
         if power_name(term) in self.powers:
             remarks.append("without its power factor")
         if not spans:
-            return Figure(term, "", float(self.over(term, units)[0]), "; ".join(remarks))
+            return TermPlot(term, "", float(self.over(term, units)[0]), "; ".join(remarks))
         first, *others = [self.changing(term, span, spans, units) for span in spans]
         held = units | {span.name: 0.5 * (span.low + span.high) for span in others[1:]}
         levels = [{others[0].name: level} for level in _levels(others[0])] if others else [{}]
@@ -139,13 +139,13 @@ class _Evaluation:
         remarks += [
             f"{span.name} = {self.shown(span.name, held[span.name])}" for span in others[1:]
         ]
-        return Figure(
+        return TermPlot(
             term, _svg(term, self.rows[first.name], x, curves, labels), None, "; ".join(remarks)
         )
 
     def changing(
-        self, term: str, span: Span, spans: Sequence[Span], units: Mapping[str, float]
-    ) -> Span:
+        self, term: str, span: AxisSpan, spans: Sequence[AxisSpan], units: Mapping[str, float]
+    ) -> AxisSpan:
         """Return an axis without what lies beyond its last change, to a factor of two: heights
         reach to the stratosphere.
         """
@@ -169,7 +169,7 @@ class _Evaluation:
         return f"{_number(from_si(value, unit))}{'' if unit == '1' else ' ' + unit}"
 
 
-def _levels(span: Span) -> list[float]:
+def _levels(span: AxisSpan) -> list[float]:
     return np.linspace(span.low, span.high, min(span.nodes, SHADES)).tolist()
 
 
@@ -178,7 +178,11 @@ def _number(value: float) -> str:
 
 
 def _svg(
-    term: str, axis: Entry, x: np.ndarray, curves: Sequence[np.ndarray], labels: Sequence[str]
+    term: str,
+    axis: CatalogueEntry,
+    x: np.ndarray,
+    curves: Sequence[np.ndarray],
+    labels: Sequence[str],
 ) -> str:
     shown = np.asarray(from_si(x, axis.display_units))
     right = WIDTH - RIGHT - (LEGEND if labels else 0)
@@ -232,7 +236,7 @@ _TERM_TEXTS = ("axes", "regressors", "source", "references", "history", "comment
 _KINDS = (("input", INPUT), ("output", OUTPUT), ("parameter", PARAMETER), ("state", STATE))
 
 
-class Table(NamedTuple):
+class PageTable(NamedTuple):
     """A table of the page: its head, its rows, and the columns of numbers."""
 
     head: Sequence[str]
@@ -240,7 +244,7 @@ class Table(NamedTuple):
     right: Sequence[int] = ()
 
 
-class Axis(NamedTuple):
+class PageAxis(NamedTuple):
     """One table axis with its range and its rule beyond the ends."""
 
     variable: str
@@ -253,9 +257,9 @@ class Axis(NamedTuple):
 def html(
     description: Description,
     terms: Sequence[str],
-    axes: Sequence[Axis],
+    axes: Sequence[PageAxis],
     meta: Mapping[str, Any],
-    figures: Iterable[Figure] = (),
+    figures: Iterable[TermPlot] = (),
 ) -> str:
     """Return the page.
 
@@ -280,7 +284,7 @@ def html(
         "Provenance": _provenance(meta),
         "Terms": _terms(terms, meta.get("terms", {}), drawn),
         "Tables": _plots(drawn),
-        "Table axes": Table(
+        "Table axes": PageTable(
             ("variable", "unit", "from", "to", "outside"), [_axis(axis) for axis in axes], (2, 3)
         ),
         "Enumerations": _enumerations(description),
@@ -296,7 +300,7 @@ def html(
     )
 
 
-def _submodels(description: Description) -> Table:
+def _submodels(description: Description) -> PageTable:
     rows = []
     for group, text in _SUBMODELS.items():
         if group in groups():
@@ -306,13 +310,13 @@ def _submodels(description: Description) -> Table:
                 [(group, " ".join(item for item in items if item), text, *counts)] if items else []
             )
     heads = [f"{causality}s" for causality, _ in _KINDS]
-    return Table(
+    return PageTable(
         ("group of names", "items", "what it stands for", *heads), rows, range(3, 3 + len(heads))
     )
 
 
 def _patterns(group: str, kind: int) -> list[str]:
-    patterns = [row.pattern for row in known(kind) if row.group == group]
+    patterns = [row.pattern for row in computable_names(kind) if row.group == group]
     return (
         [f"state.{pattern.removeprefix('state.')}" for pattern in patterns]
         if kind == STATE
@@ -338,16 +342,16 @@ def _items(description: Description, group: str) -> list[str]:
     ]
 
 
-def _provenance(meta: Mapping[str, Any]) -> Table:
+def _provenance(meta: Mapping[str, Any]) -> PageTable:
     flat = {key: item for key, item in meta.items() if key not in ("database", "terms")} | meta.get(
         "database", {}
     )
-    return Table(("attribute", "value"), [(key, str(item)) for key, item in flat.items()])
+    return PageTable(("attribute", "value"), [(key, str(item)) for key, item in flat.items()])
 
 
 def _terms(
-    names: Sequence[str], texts: Mapping[str, Mapping[str, str]], drawn: Sequence[Figure]
-) -> Table:
+    names: Sequence[str], texts: Mapping[str, Mapping[str, str]], drawn: Sequence[TermPlot]
+) -> PageTable:
     values = {
         figure.term: f"{figure.value:.6g} {figure.caption}".strip()
         for figure in drawn
@@ -363,10 +367,10 @@ def _terms(
         )
         for name in names
     ]
-    return Table(("name", *value, *columns), rows)
+    return PageTable(("name", *value, *columns), rows)
 
 
-def _plots(drawn: Sequence[Figure]) -> list[tuple[str, list[Figure]]]:
+def _plots(drawn: Sequence[TermPlot]) -> list[tuple[str, list[TermPlot]]]:
     """Return the plots by coefficient."""
     groups = groupby(
         (figure for figure in drawn if figure.svg), lambda figure: figure.term.split("/")[0]
@@ -374,20 +378,20 @@ def _plots(drawn: Sequence[Figure]) -> list[tuple[str, list[Figure]]]:
     return [(coefficient, list(group)) for coefficient, group in groups]
 
 
-def _axis(axis: Axis) -> tuple[str, ...]:
+def _axis(axis: PageAxis) -> tuple[str, ...]:
     return axis.variable, axis.units, f"{axis.low:.6g}", f"{axis.high:.6g}", axis.outside
 
 
-def _enumerations(description: Description) -> Table | None:
+def _enumerations(description: Description) -> PageTable | None:
     rows = [
         (v.name, ", ".join(f"{value} {name}" for name, value in CHOICES[v.name].items()))
         for v in description.variables
         if v.name in CHOICES
     ]
-    return Table(("name", "values"), rows) if rows else None
+    return PageTable(("name", "values"), rows) if rows else None
 
 
-def _variables(description: Description, causality: str) -> Table | None:
+def _variables(description: Description, causality: str) -> PageTable | None:
     found = description.of(causality)
     limited = any(v.low is not None or v.high is not None for v in found)
     started = any(v.start is not None for v in found)
@@ -410,10 +414,10 @@ def _variables(description: Description, causality: str) -> Table | None:
         )
         for v in found
     ]
-    return Table(head, rows, range(2, len(head) - 2)) if rows else None
+    return PageTable(head, rows, range(2, len(head) - 2)) if rows else None
 
 
-def _shown(v: Variable, value: float | None) -> str:
+def _shown(v: FmuVariable, value: float | None) -> str:
     if value is None:
         return ""
     if v.name in CHOICES:

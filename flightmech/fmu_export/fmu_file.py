@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 from flightmech.errors import ParseError, SchemaError
 from flightmech.fmu_export.description import Description, describe
-from flightmech.fmu_export.documentation import Axis, figures, html
+from flightmech.fmu_export.documentation import PageAxis, figures, html
 from flightmech.fmu_export.model_description import xml
 from flightmech.simulation.kernel import AXIS, FOLDER, LINEAR, SUFFIX
 from flightmech.support.atomic_write import written_atomically
@@ -44,7 +44,7 @@ _PROCESSOR = {"x86_64-darwin": (0x01000007, 3), "aarch64-darwin": (0x0100000C, 0
 _ALIGNMENT = 14
 
 
-def compiled(folder: Path = FOLDER) -> dict[str, bytes]:
+def find_libraries(folder: Path = FOLDER) -> dict[str, bytes]:
     """Return the libraries found, by platform such as ``x86_64-linux``.
 
     Raises
@@ -96,7 +96,7 @@ def binaries(libraries: Mapping[str, bytes], identifier: str, version: str) -> d
     mac = {name: data for name, data in known.items() if name in _PROCESSOR}
     if len(mac) > 1:
         known = {name: data for name, data in known.items() if name not in mac} | {
-            next(iter(mac)): universal(mac)
+            next(iter(mac)): join_universal(mac)
         }
     return {
         f"binaries/{FMI2_FOLDER[name]}/{identifier}{_suffix(name)}": data
@@ -104,7 +104,7 @@ def binaries(libraries: Mapping[str, bytes], identifier: str, version: str) -> d
     }
 
 
-def universal(libraries: Mapping[str, bytes]) -> bytes:
+def join_universal(libraries: Mapping[str, bytes]) -> bytes:
     """Return the macOS libraries of several processors joined into one universal binary."""
     step = 1 << _ALIGNMENT
     header, body = struct.pack(">II", _FAT_MAGIC, len(libraries)), b""
@@ -244,7 +244,7 @@ def write_fmu(sim: SimModel, path: str | os.PathLike[str], version: str = "2.0")
         "resources/model.bin": sim.block,
         "documentation/index.html": _documentation(sim, description).encode(),
         **_license(),
-        **binaries(compiled(), description.identifier, version),
+        **binaries(find_libraries(), description.identifier, version),
     }
     with written_atomically(path) as part:
         part.write_bytes(_zip(files))
@@ -253,7 +253,7 @@ def write_fmu(sim: SimModel, path: str | os.PathLike[str], version: str = "2.0")
 
 def _documentation(sim: SimModel, description: Description) -> str:
     axes = [
-        Axis(row.name, row.units, row.low, row.high, "linear" if row.flags & LINEAR else "held")
+        PageAxis(row.name, row.units, row.low, row.high, "linear" if row.flags & LINEAR else "held")
         for row in sim.entries(AXIS)
     ]
     return html(description, sim.terms, axes, sim.meta, figures(sim))

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Sequence
 from xml.etree import ElementTree as ET
 
 from flightmech.errors import SchemaError
-from flightmech.fmu_export.description import CHOICES, REPLAY, TIME, Description, Variable
+from flightmech.fmu_export.description import CHOICES, REPLAY, TIME, Description, FmuVariable
 from flightmech.units import parse
 
 # relative tolerance for the importer's solver: the position is Earth-centred, 1e-9 of it are 6 mm
@@ -207,7 +207,7 @@ def _replay(variables: ET.Element, description: Description) -> None:
             ET.SubElement(array, "Dimension", start=str(columns))
 
 
-def _head(v: Variable) -> dict[str, str]:
+def _head(v: FmuVariable) -> dict[str, str]:
     head = {
         "name": v.name,
         "valueReference": str(v.reference),
@@ -218,7 +218,7 @@ def _head(v: Variable) -> dict[str, str]:
     return head | ({"initial": "calculated"} if v.causality in _LOCAL else {})
 
 
-def _real(v: Variable) -> dict[str, str]:
+def _real(v: FmuVariable) -> dict[str, str]:
     found = {"unit": v.units}
     if v.display_units != v.units:
         found["displayUnit"] = v.display_units
@@ -228,11 +228,11 @@ def _real(v: Variable) -> dict[str, str]:
     return found
 
 
-def _whole(v: Variable) -> str:
+def _whole(v: FmuVariable) -> str:
     return str(int(v.start or 0.0))
 
 
-def _integer(v: Variable, most: int) -> dict[str, str]:
+def _integer(v: FmuVariable, most: int) -> dict[str, str]:
     limits = {
         key: str(int(min(value, most)))
         for key, value in (("min", v.low), ("max", v.high))
@@ -241,14 +241,16 @@ def _integer(v: Variable, most: int) -> dict[str, str]:
     return {**limits, "start": _whole(v)}
 
 
-def _parts(description: Description, names: Sequence[str]) -> Iterable[tuple[str, list[Variable]]]:
+def _parts(
+    description: Description, names: Sequence[str]
+) -> Iterable[tuple[str, list[FmuVariable]]]:
     outputs, derivatives, states = (
         description.of(causality) for causality in ("output", "derivative", "state")
     )
     return zip(names, (outputs, derivatives, [*outputs, *states, *derivatives]), strict=True)
 
 
-def _dependencies(part: str, v: Variable, place: dict[int, str]) -> dict[str, str]:
+def _dependencies(part: str, v: FmuVariable, place: dict[int, str]) -> dict[str, str]:
     """Return what an unknown depends on while time runs; at the start a trim makes everything
     depend on everything.
     """
@@ -290,7 +292,7 @@ def _experiment(root: ET.Element, description: Description) -> None:
     )
 
 
-def _units(root: ET.Element, variables: Sequence[Variable]) -> None:
+def _units(root: ET.Element, variables: Sequence[FmuVariable]) -> None:
     """Define every unit in use by its base units, and every display unit by its factor to them."""
     used: dict[str, set[str]] = {"s": set()}
     for v in variables:

@@ -34,7 +34,7 @@ _ALONE = 10_000
 MOST_LOOPS = 16  # AM_MOST_LOOPS of kernel.h
 
 
-class Loop(NamedTuple):
+class ControlLoop(NamedTuple):
     """A loop that is closed sample by sample: ``gain e + integral * Int e dt`` is added to an
     input, e = target - output.
 
@@ -59,7 +59,7 @@ class Loop(NamedTuple):
     turns: bool = False
 
 
-class _Loop(ctypes.Structure):
+class _LoopStruct(ctypes.Structure):
     """``am_loop`` of kernel.h."""
 
     _fields_ = [
@@ -90,7 +90,7 @@ class _Task(ctypes.Structure):
         ("each_inputs", c_int),
         ("lanes", c_int),
         ("loops", c_size_t),
-        ("loop", POINTER(_Loop)),
+        ("loop", POINTER(_LoopStruct)),
     ]
 
 
@@ -187,7 +187,7 @@ def fly_batch(
     hold: str = "linear",
     threads: int | None = None,
     lanes: int = 0,
-    loops: Sequence[Loop] = (),
+    loops: Sequence[ControlLoop] = (),
 ) -> tuple[np.ndarray, np.ndarray, list[str]]:
     """Fly a batch on plain arrays, as `simulate_batch` does with names and checks around it: for
     many small batches.
@@ -229,7 +229,7 @@ def fly_batch(
         np.ascontiguousarray(np.broadcast_to(one.target, time.shape), float) for one in loops
     ]  # kept while they are flown
     closed = [
-        _Loop(
+        _LoopStruct(
             sim.inputs.index(one.input),
             output,
             one.turns,
@@ -283,7 +283,7 @@ def _fly(base, time, u, parameter, values, chosen, hold, threads, lanes, loops):
         result,
         *modes,
         len(loops),
-        (_Loop * len(loops))(*loops),
+        (_LoopStruct * len(loops))(*loops),
     )
     width = library().am_lanes(base.model.handle)
     statuses, counts = status.ctypes.data_as(POINTER(c_int)), done.ctypes.data_as(POINTER(c_size_t))

@@ -20,9 +20,9 @@ from flightmech.simulation.kernel import (
     PARAMETER,
     STATE,
     VARIABLE,
-    Entry,
+    CatalogueEntry,
+    computable_names,
     groups,
-    known,
 )
 
 MOST = sys.float_info.max
@@ -90,7 +90,7 @@ def expand(kind: int, items: Mapping[str, Sequence[str]]) -> list[str]:
 def _expanded(kind: int, items: Mapping[str, Sequence[str]]) -> Iterator[tuple[str, str, str]]:
     """Return group, item and name."""
     for group in groups():
-        patterns = [row.pattern for row in known(kind) if row.group == group]
+        patterns = [row.pattern for row in computable_names(kind) if row.group == group]
         for item in items.get(group, ()):
             for pattern in patterns:
                 yield group, item, pattern.replace("*", item)
@@ -100,7 +100,7 @@ def stages(kind: int, items: Mapping[str, Sequence[str]]) -> dict[str, int]:
     """Return the stage of every variable or target (`flightmech.simulation.kernel`: VARIABLE,
     TARGET) by its name.
     """
-    stage = {(row.group, row.pattern): row.stage for row in known(kind)}
+    stage = {(row.group, row.pattern): row.stage for row in computable_names(kind)}
     return {
         pattern.replace("*", item): at
         for (group, pattern), at in stage.items()
@@ -108,24 +108,24 @@ def stages(kind: int, items: Mapping[str, Sequence[str]]) -> dict[str, int]:
     }
 
 
-def inputs(aircraft: Aircraft) -> list[Entry]:
+def inputs(aircraft: Aircraft) -> list[CatalogueEntry]:
     """Return the rows of the inputs; their range is the travel of the control."""
     return _rows(INPUT, aircraft, _input)
 
 
-def outputs(aircraft: Aircraft) -> list[Entry]:
+def outputs(aircraft: Aircraft) -> list[CatalogueEntry]:
     """Return the rows of the outputs."""
     return _rows(OUTPUT, aircraft, lambda name, _: _output(name))
 
 
-def states(aircraft: Aircraft) -> list[Entry]:
+def states(aircraft: Aircraft) -> list[CatalogueEntry]:
     """Return the rows of the states."""
     return _rows(STATE, aircraft, lambda name, _: _state(name))
 
 
 def parameters(
     aircraft: Aircraft, terms: Sequence[str], powers: Mapping[str, float]
-) -> list[Entry]:
+) -> list[CatalogueEntry]:
     """Return the rows of the parameters.
 
     `terms` are names such as ``CL/gear``, in the order of the kernel; `powers` are the exponents of
@@ -133,11 +133,11 @@ def parameters(
     """
     rows = _rows(PARAMETER, aircraft, _parameter)
     rows += [
-        Entry(scale_name(name), "1", "1", f"scale of the term {name}", 1.0, -MOST, MOST, 0)
+        CatalogueEntry(scale_name(name), "1", "1", f"scale of the term {name}", 1.0, -MOST, MOST, 0)
         for name in terms
     ]
     return rows + [
-        Entry(
+        CatalogueEntry(
             power_name(name),
             "1",
             "1",
@@ -151,14 +151,16 @@ def parameters(
     ]
 
 
-def _rows(kind: int, aircraft: Aircraft, core: Callable[[str, Aircraft], Entry]) -> list[Entry]:
+def _rows(
+    kind: int, aircraft: Aircraft, core: Callable[[str, Aircraft], CatalogueEntry]
+) -> list[CatalogueEntry]:
     return [
         submodels.row(kind, group, item, name, aircraft) if group else core(name, aircraft)
         for group, item, name in _expanded(kind, submodels.items(aircraft))
     ]
 
 
-def variables(names: Sequence[str], aircraft: Aircraft) -> list[Entry]:
+def variables(names: Sequence[str], aircraft: Aircraft) -> list[CatalogueEntry]:
     """Return the rows of model variables."""
     rows = {row.name: row for row in _rows(VARIABLE, aircraft, lambda name, _: _row(name, name))}
     return [rows[name] for name in names]
@@ -188,10 +190,10 @@ def _row(
     low: float = -MOST,
     high: float = MOST,
     flags: int = 0,
-) -> Entry:
+) -> CatalogueEntry:
     row = lookup(like)
     sign = f", positive {row.sign}" if row.sign else ""
-    return Entry(
+    return CatalogueEntry(
         name,
         row.units,
         row.display_units,
@@ -203,16 +205,16 @@ def _row(
     )
 
 
-def _input(name: str, aircraft: Aircraft) -> Entry:
+def _input(name: str, aircraft: Aircraft) -> CatalogueEntry:
     default = (0.0, 1.0) if name in ("gear", "speedbrake") else (-MOST, MOST)
     low, high = aircraft.limits.get(name, default)
     return _row(name, name, low=low, high=high)
 
 
-def _state(name: str) -> Entry:
+def _state(name: str) -> CatalogueEntry:
     quantity = name.removeprefix("state.")
     units, text = _STATES[quantity]
-    return Entry(
+    return CatalogueEntry(
         name,
         units,
         lookup(quantity).display_units if quantity in "pqr" else units,
@@ -224,10 +226,10 @@ def _state(name: str) -> Entry:
     )
 
 
-def _output(name: str) -> Entry:
+def _output(name: str) -> CatalogueEntry:
     group, _, quantity = name.rpartition(".")
     if name == "out_of_range":
-        return Entry(
+        return CatalogueEntry(
             name,
             "1",
             "1",
@@ -247,10 +249,10 @@ def _output(name: str) -> Entry:
     return _row(name, name)
 
 
-def _rate(name: str, quantity: str, remark: str) -> Entry:
+def _rate(name: str, quantity: str, remark: str) -> CatalogueEntry:
     if quantity in _RATES:
         units, text = _RATES[quantity]
-        return Entry(
+        return CatalogueEntry(
             name,
             units,
             units,
@@ -268,7 +270,7 @@ def _rate(name: str, quantity: str, remark: str) -> Entry:
     )
 
 
-def _parameter(name: str, aircraft: Aircraft) -> Entry:
+def _parameter(name: str, aircraft: Aircraft) -> CatalogueEntry:
     group, _, quantity = name.partition(".")
     if group == "init":
         return _initial(name, quantity)
@@ -279,18 +281,18 @@ def _parameter(name: str, aircraft: Aircraft) -> Entry:
         )
     if group == "env":
         units, display, text, value = _ENVIRONMENT[quantity]
-        return Entry(name, units, display, text, value, -MOST, MOST, 0)
+        return CatalogueEntry(name, units, display, text, value, -MOST, MOST, 0)
     if group == "bias":
         whose = " of each engine" if quantity in ("thrust", "throttle") else ""
         return _row(name, quantity, f"added to the {lookup(quantity).long_name}{whose}")
     return _mode(name, quantity, aircraft)
 
 
-def _initial(name: str, quantity: str) -> Entry:
+def _initial(name: str, quantity: str) -> CatalogueEntry:
     if quantity.endswith("_dot"):
         return _rate(name, quantity, "wanted by the trim")
     if quantity == "phi_range":
-        return Entry(
+        return CatalogueEntry(
             name,
             "rad",
             "deg",
@@ -304,9 +306,9 @@ def _initial(name: str, quantity: str) -> Entry:
     return _row(name, quantity, text, value=_START.get(quantity, 0.0), flags=FIXED)
 
 
-def _mode(name: str, quantity: str, aircraft: Aircraft) -> Entry:
+def _mode(name: str, quantity: str, aircraft: Aircraft) -> CatalogueEntry:
     if quantity == "step":
-        return Entry(
+        return CatalogueEntry(
             name, "s", "s", "largest internal step of the integration", 0.01, 1e-6, 1.0, FIXED
         )
     text, value, low, high = _MODES[quantity]
@@ -314,4 +316,4 @@ def _mode(name: str, quantity: str, aircraft: Aircraft) -> Entry:
         engine.thrust is None and engine.deck is None for engine in aircraft.engines
     ):
         value = 2.0
-    return Entry(name, "1", "1", text, value, low, high, FIXED | INTEGER)
+    return CatalogueEntry(name, "1", "1", text, value, low, high, FIXED | INTEGER)

@@ -15,7 +15,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.aircraft.aircraft import Aircraft, reference_in
-from flightmech.build_up import COEFFICIENTS, level, levels, used
+from flightmech.build_up import COEFFICIENTS, evaluation_levels, term_level, used_coefficients
 from flightmech.errors import ParseError, SchemaError, UnknownName
 from flightmech.names import lookup
 from flightmech.simulation import catalogue, submodels
@@ -28,12 +28,12 @@ from flightmech.simulation.kernel import (
     TARGET,
     TERM,
     VARIABLE,
-    Entry,
-    Model,
+    CatalogueEntry,
+    KernelModel,
 )
 from flightmech.simulation.model_block import FORCES, MOMENTS, Packer, Term, axes
 from flightmech.simulation.submodels.devices import with_devices
-from flightmech.support.hdf5_seal import demand_self_contained, unbroken_if_sealed
+from flightmech.support.hdf5_seal import demand_self_contained, read_if_sealed
 from flightmech.support.input_files import file_kind
 from flightmech.support.netcdf_trees import GROUPS
 from flightmech.terms import SOURCES, check, power, regressors, variables
@@ -59,11 +59,11 @@ class SimModel:
     block: bytes = field(repr=False)
 
     @cached_property
-    def model(self) -> Model:
+    def model(self) -> KernelModel:
         """The block loaded into the kernel."""
-        return Model(self.block)
+        return KernelModel(self.block)
 
-    def entries(self, kind: int) -> tuple[Entry, ...]:
+    def entries(self, kind: int) -> tuple[CatalogueEntry, ...]:
         """Return names, units, descriptions, start values and ranges of one kind
         (`flightmech.simulation.kernel`: INPUT ... AXIS).
         """
@@ -152,7 +152,7 @@ def compile(aircraft: Aircraft, db: xr.DataTree) -> SimModel:
     if problems:
         raise SchemaError(f"model of {aircraft.name}", problems)
     block = Packer(aircraft, found, _force_axes(db), _meta(db, found)).pack()
-    Model(block)  # the kernel accepts it, or states why not
+    KernelModel(block)  # the kernel accepts it, or states why not
     return SimModel(block)
 
 
@@ -203,7 +203,7 @@ def changed_parameters(one: Aircraft, other: Aircraft) -> dict[str, tuple[float,
     )
 
 
-def _names(entries: tuple[Entry, ...]) -> tuple[str, ...]:
+def _names(entries: tuple[CatalogueEntry, ...]) -> tuple[str, ...]:
     return tuple(entry.name for entry in entries)
 
 
@@ -244,8 +244,8 @@ def _collect(aircraft: Aircraft, db: xr.DataTree) -> list[Term]:
 
 def _in_order(found: list[Term], force_axes: str) -> tuple[list[Term], list[str]]:
     """Return the terms with their levels, and the loops among coefficients."""
-    of, problems = levels({term.name: term.leaf for term in found}, force_axes)
-    return [term._replace(level=level(term.leaf, of, force_axes)) for term in found], problems
+    of, problems = evaluation_levels({term.name: term.leaf for term in found}, force_axes)
+    return [term._replace(level=term_level(term.leaf, of, force_axes)) for term in found], problems
 
 
 def _root_problems(aircraft: Aircraft, db: xr.DataTree) -> list[str]:
@@ -306,9 +306,9 @@ def _leaf_problems(name: str, leaf: xr.Dataset, stage: int, known: Mapping[str, 
         problems += [
             f"{name}: power: {text}" for text in _axis_problems(factor.variable, known, stage)
         ]
-    if used(leaf) and words and set(words) & set(IMPLICIT):
+    if used_coefficients(leaf) and words and set(words) & set(IMPLICIT):
         problems.append(
-            f"{name}: depends on {', '.join(sorted(used(leaf)))} and on {', '.join(sorted(set(words) & set(IMPLICIT)))}, {_ONE}"
+            f"{name}: depends on {', '.join(sorted(used_coefficients(leaf)))} and on {', '.join(sorted(set(words) & set(IMPLICIT)))}, {_ONE}"
         )
     if sum(word in IMPLICIT for word in words) > 1:
         problems.append(
@@ -399,7 +399,7 @@ def _open(database: str) -> xr.DataTree:
     from flightmech.support.netcdf_trees import read
 
     demand_self_contained(database)
-    unbroken_if_sealed(Path(database), "a database; build or copy it again")
+    read_if_sealed(Path(database), "a database; build or copy it again")
     try:
         tree, problems = read(Path(database))
     except SchemaError as error:

@@ -31,7 +31,7 @@ class _Path(ctypes.Structure):
         self.transport[:] = around.transport.ravel().tolist()
 
 
-class Drive(ctypes.Structure):
+class DriveStruct(ctypes.Structure):
     """``am_drive``."""
 
     _fields_ = (
@@ -186,7 +186,7 @@ class DrivenPath:
             raise ValueError(
                 f"array has the shape {self.slow.shape}, expected {(self.samples - 1,)}"
             )
-        d = self.drive = Drive(
+        d = self.drive = DriveStruct(
             _Path(_pointer(self.x), _pointer(rates), _pointer(force), dt, around)
         )
         d.states, d.inputs, d.vanes, d.gusts = (
@@ -215,11 +215,11 @@ class DrivenPath:
         it; height and sensitivities the trapezoidal rule (1e-5 of their size at 50 Hz).  Straight lines between samples would
         take (omega dt)^2/12 off what oscillates with omega: 1e-3 at 0.9 Hz and 50 samples per second, found again in the vane factors.
         """
-        out = written(x, (self.samples, self.states))
+        out = output_pointer(x, (self.samples, self.states))
         columns = (
             None
             if X is None
-            else written(X, (self.samples, self.states, self.states + len(self.inputs)))
+            else output_pointer(X, (self.samples, self.states, self.states + len(self.inputs)))
         )
         self._demand(
             library().am_follow(
@@ -255,7 +255,7 @@ class DrivenPath:
         )
         pointers = (
             _pointer(_checked(pressed, (self.samples, self.states, unknowns))),
-            written(products, (unknowns, unknowns)),
+            output_pointer(products, (unknowns, unknowns)),
         )
         self._demand(library().am_add_noise(byref(self.drive), self.samples, *given, *pointers))
 
@@ -266,7 +266,7 @@ class DrivenPath:
             )
 
 
-def written(array: np.ndarray, shape: tuple[int, ...]) -> Any:
+def output_pointer(array: np.ndarray, shape: tuple[int, ...]) -> Any:
     """Return the pointer of an array that the kernel writes."""
     if array.shape != shape or array.dtype != float or not array.flags.c_contiguous:
         raise ValueError(

@@ -23,7 +23,7 @@ FIXED, INTEGER, LINEAR = 1, 2, 4
 _doubles = POINTER(c_double)
 
 
-class Entry(NamedTuple):
+class CatalogueEntry(NamedTuple):
     """One row of the catalogue of a model, as in ``am_entry`` of kernel.h."""
 
     name: str
@@ -36,10 +36,10 @@ class Entry(NamedTuple):
     flags: int
 
 
-class _Entry(ctypes.Structure):
+class _EntryStruct(ctypes.Structure):
     _fields_ = (
-        [(name, c_char_p) for name in Entry._fields[:4]]
-        + [(name, c_double) for name in Entry._fields[4:7]]
+        [(name, c_char_p) for name in CatalogueEntry._fields[:4]]
+        + [(name, c_double) for name in CatalogueEntry._fields[4:7]]
         + [("flags", c_int)]
     )
 
@@ -66,7 +66,7 @@ _SIGNATURES: dict[str, tuple[type | None, list]] = {
     "am_title": (c_char_p, [c_void_p]),
     "am_meta": (c_char_p, [c_void_p]),
     "am_count": (c_int, [c_void_p, c_int]),
-    "am_entry_at": (c_int, [c_void_p, c_int, c_int, POINTER(_Entry)]),
+    "am_entry_at": (c_int, [c_void_p, c_int, c_int, POINTER(_EntryStruct)]),
     "am_find": (c_int, [c_void_p, c_int, c_char_p]),
     "am_known": (c_char_p, [c_int, c_int]),
     "am_known_group": (c_char_p, [c_int, c_int]),
@@ -153,7 +153,7 @@ def _platform() -> str:
     return f"{machine}-{platform.system().lower()}"
 
 
-class Known(NamedTuple):
+class ComputableName(NamedTuple):
     """A name that the kernel can compute: its group, the pattern with a star for the item's name,
     the stage of a variable or target.
     """
@@ -173,14 +173,14 @@ def groups() -> tuple[str, ...]:
 
 
 @cache
-def known(kind: int) -> tuple[Known, ...]:
+def computable_names(kind: int) -> tuple[ComputableName, ...]:
     """Return the names of one kind that the kernel can compute."""
     kernel = library()
-    found: list[Known] = []
+    found: list[ComputableName] = []
     while (name := kernel.am_known(kind, len(found))) is not None:
         i = len(found)
         found.append(
-            Known(
+            ComputableName(
                 kernel.am_known_group(kind, i).decode(),
                 name.decode(),
                 kernel.am_known_stage(kind, i),
@@ -189,7 +189,7 @@ def known(kind: int) -> tuple[Known, ...]:
     return tuple(found)
 
 
-class Model:
+class KernelModel:
     """A loaded block; immutable, may be shared by threads."""
 
     def __init__(self, block: bytes):
@@ -202,7 +202,7 @@ class Model:
             )
         self.handle = c_void_p(handle)
         weakref.finalize(self, kernel.am_free, self.handle)
-        self._entries: dict[int, tuple[Entry, ...]] = {}
+        self._entries: dict[int, tuple[CatalogueEntry, ...]] = {}
         self._found: dict[
             tuple[int, str], int
         ] = {}  # names do not move, and every run sets the same ones
@@ -220,26 +220,26 @@ class Model:
             index = self._found[kind, name] = library().am_find(self.handle, kind, name.encode())
         return index
 
-    def entries(self, kind: int) -> tuple[Entry, ...]:
+    def entries(self, kind: int) -> tuple[CatalogueEntry, ...]:
         """Return the catalogue of one kind, in the order of the kernel's arrays."""
         if kind not in self._entries:
             self._entries[kind] = tuple(self._read(kind))
         return self._entries[kind]
 
-    def share_entries(self, other: Model) -> None:
+    def share_entries(self, other: KernelModel) -> None:
         """Take the catalogues that are read, or will be, of a model that differs in values of
         tables only.
         """
         self._entries = other._entries
 
-    def _read(self, kind: int) -> Iterator[Entry]:
-        row = _Entry()
+    def _read(self, kind: int) -> Iterator[CatalogueEntry]:
+        row = _EntryStruct()
         for i in range(self.count(kind)):
             library().am_entry_at(self.handle, kind, i, byref(row))
             name, units, display_units, description = (
-                getattr(row, column).decode() for column in Entry._fields[:4]
+                getattr(row, column).decode() for column in CatalogueEntry._fields[:4]
             )
-            yield Entry(
+            yield CatalogueEntry(
                 name, units, display_units, description, row.value, row.low, row.high, row.flags
             )
 
@@ -257,7 +257,7 @@ class Model:
 class Simulation:
     """States, inputs and parameters of one run; `copy` makes a rollback point."""
 
-    def __init__(self, model: Model):
+    def __init__(self, model: KernelModel):
         kernel = library()
         handle = kernel.am_new(model.handle)
         if not handle:

@@ -20,7 +20,7 @@ import xarray as xr
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.build_up import COEFFICIENTS
 from flightmech.simulation import catalogue, submodels
-from flightmech.simulation.kernel import Entry, groups, library
+from flightmech.simulation.kernel import CatalogueEntry, groups, library
 from flightmech.terms import power, regressors
 
 FORCES = {
@@ -50,7 +50,7 @@ class Term(NamedTuple):
         return self.stage + (self.level if set(table.dims) & set(COEFFICIENTS) else 0)
 
 
-class _Axis(NamedTuple):
+class _AxisKey(NamedTuple):
     """What makes two axes the same axis."""
 
     stage: int
@@ -138,7 +138,7 @@ class Packer:
             0,
         )
 
-    def _entries(self, rows: list[Entry]) -> tuple[int, bytes]:
+    def _entries(self, rows: list[CatalogueEntry]) -> tuple[int, bytes]:
         packed = [
             struct.pack(
                 "<4I3d2I", *map(self._string, row[:4]), row.value, row.low, row.high, row.flags, 0
@@ -147,7 +147,7 @@ class Packer:
         ]
         return len(packed), b"".join(packed)
 
-    def _axis(self, axis: _Axis) -> bytes:
+    def _axis(self, axis: _AxisKey) -> bytes:
         first = len(self.points)
         self.points += axis.points
         return struct.pack(
@@ -223,10 +223,10 @@ def _tables(leaf: xr.Dataset) -> list[tuple[str, xr.Variable]]:
     return [(name, leaf.variables[name]) for name in _TABLES if name in leaf]
 
 
-def _axes_of(t: Term, table: xr.Variable) -> list[_Axis]:
+def _axes_of(t: Term, table: xr.Variable) -> list[_AxisKey]:
     linear, points = int(t.leaf.attrs.get("outside", "hold") == "linear"), t.leaf.variables
     return [
-        _Axis(
+        _AxisKey(
             t.stage_of(table), str(axis), linear, tuple(points[axis].values.astype(float).tolist())
         )
         for axis in table.dims

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flightmech.simulation.driven_path import Drive, DrivenPath, written
+from flightmech.simulation.driven_path import DrivenPath, DriveStruct, output_pointer
 from flightmech.simulation.kernel import _checked, _doubles, _pointer, library
 
 
@@ -34,7 +34,7 @@ class _Residuals(ctypes.Structure):
 class _Group(ctypes.Structure):
     _fields_ = [("given", _Residuals), ("count", c_size_t), ("A", _doubles), ("B", _doubles)]
     _fields_ += [
-        ("drive", POINTER(Drive)),
+        ("drive", POINTER(DriveStruct)),
         ("same", c_int),
         ("k", POINTER(c_longlong)),
         ("f", _doubles),
@@ -363,7 +363,7 @@ def _add(X, unknowns: int, readings: Readings, weight, products, series, pressed
     if not (-1 <= low <= high < unknowns and columns <= unknowns):
         raise IndexError(f"{columns} columns and constants {low} ... {high} of {unknowns} unknowns")
     driven = _Driven(states, columns, unknowns, _pointer(_checked(X, X.shape)))
-    out = None if pressed is None else written(pressed, (samples, states, unknowns))
+    out = None if pressed is None else output_pointer(pressed, (samples, states, unknowns))
     sums = (None if item is None else _pointer(item) for item in (products, series))
     if library().am_add_driven(byref(driven), byref(group), *sums, out):
         raise ValueError(

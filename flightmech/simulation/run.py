@@ -11,7 +11,7 @@ import xarray as xr
 
 from flightmech.errors import OutOfRange, SchemaError, UnknownName
 from flightmech.names import lookup
-from flightmech.simulation.kernel import AXIS, INPUT, OUTPUT, PARAMETER, Entry, Simulation
+from flightmech.simulation.kernel import AXIS, INPUT, OUTPUT, PARAMETER, CatalogueEntry, Simulation
 
 if TYPE_CHECKING:
     from flightmech.simulation.compiler import SimModel
@@ -69,7 +69,7 @@ def simulate(
     values = {"mode.step": step, **(parameters or {})}
     u = read_inputs(sim, inputs, values, len(time))
     chosen = output_indices(sim, outputs)
-    run = prepared(sim, values, u[0], float(time[0]))
+    run = initialise_run(sim, values, u[0], float(time[0]))
     y, parts = run.record(time, u, hold == "zero", chosen, terms)
     rows = sim.entries(OUTPUT)
     columns: dict[str, Any] = {
@@ -97,7 +97,7 @@ def simulate(
     )
 
 
-def prepared(
+def initialise_run(
     sim: SimModel, values: Mapping[str, float], u: np.ndarray, time: float = 0.0
 ) -> Simulation:
     """Return an initialised simulation with parameters and inputs at the start."""
@@ -148,7 +148,7 @@ def constant_inputs(sim: SimModel, values: Mapping[str, float]) -> np.ndarray:
     return np.array([float(values.get(row.name, row.value)) for row in sim.entries(INPUT)])
 
 
-def attributes(row: Entry) -> dict[str, str]:
+def attributes(row: CatalogueEntry) -> dict[str, str]:
     """Return the attributes of an output."""
     return {"units": row.units, "long_name": row.description, "display_units": row.display_units}
 
@@ -291,8 +291,8 @@ def simulate_closed_loop(
     values = {"mode.step": step, **(parameters or {})}
     u = read_inputs(sim, inputs, values, len(time))
     chosen = output_indices(sim, outputs)
-    loop = _Loop(sim, law, delay, time, u, hold == "zero")
-    run = prepared(sim, values, u[0], float(time[0]))
+    loop = _LawState(sim, law, delay, time, u, hold == "zero")
+    run = initialise_run(sim, values, u[0], float(time[0]))
     y = np.empty((len(time), len(chosen)))
     commands: list[dict[str, float]] = []
     for sample, called, t, dt in _instants(time, period):
@@ -327,7 +327,7 @@ def simulate_closed_loop(
     )
 
 
-class _Loop:
+class _LawState:
     """The law, what it has returned that does not act yet, and what acts."""
 
     def __init__(

@@ -108,7 +108,7 @@ def text(condition: Mapping[str, float]) -> str:
 COLUMNS = ("group", "quantity", "value", "units", "remark", "absent")
 
 
-class Row(NamedTuple):
+class Characteristic(NamedTuple):
     """One quantity; `value` is NaN and `absent` states why when aircraft, database or flight do not
     give it.
     """
@@ -121,11 +121,14 @@ class Row(NamedTuple):
     absent: str = ""
 
 
-def absent(group: str, quantities: dict[str, str], reason: str) -> list[Row]:
+def absent_rows(group: str, quantities: dict[str, str], reason: str) -> list[Characteristic]:
     """Return rows without numbers for quantities (name: unit) that share a reason."""
-    return [Row(group, name, np.nan, units, absent=reason) for name, units in quantities.items()]
+    return [
+        Characteristic(group, name, np.nan, units, absent=reason)
+        for name, units in quantities.items()
+    ]
 
 
-def frame(rows: list[Row]) -> pd.DataFrame:
+def rows_to_frame(rows: list[Characteristic]) -> pd.DataFrame:
     """Return rows as a table, indexed by the quantity."""
     return pd.DataFrame(rows, columns=list(COLUMNS)).set_index("quantity")

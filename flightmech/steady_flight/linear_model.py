@@ -26,7 +26,7 @@ import xarray as xr
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.names import attrs
 from flightmech.simulation.kernel import OUTPUT, PARAMETER, STATE, Simulation
-from flightmech.simulation.run import constant_inputs, prepared
+from flightmech.simulation.run import constant_inputs, initialise_run
 from flightmech.steady_flight.trim_request import DRIVES, RIGID
 from flightmech.steady_flight.trim_search import default_trim_mode
 from flightmech.units import G0
@@ -233,7 +233,7 @@ def _plant(sim: SimModel, parameters: dict[str, float], states: tuple[str, ...])
     if not any(name in states for name in places if name.endswith(".thrust")):
         parameters |= {name: 0.0 for name in sim.parameters if name.endswith(".time_constant")}
     start = {"mode.trim": default_trim_mode(sim, parameters), **parameters}
-    run = prepared(sim, start, constant_inputs(sim, start))
+    run = initialise_run(sim, start, constant_inputs(sim, start))
     trimmed, state = dict(zip(sim.outputs, map(float, run.outputs()), strict=True)), run.state
     values = {**parameters, "mode.trim": 0.0, "mode.controls": 0.0}
     values |= {f"init.{name}": trimmed[name] for name in _ALLOWED}
@@ -242,7 +242,7 @@ def _plant(sim: SimModel, parameters: dict[str, float], states: tuple[str, ...])
     values |= {name: trimmed[f"applied.{name}"] - values[f"bias.{name}"] for name in _SURFACES}
     u = constant_inputs(sim, values)
     x = np.array([state[places[name][0]] if name in places else trimmed[name] for name in states])
-    return _Plant(sim, prepared(sim, values, u), states, x, u, trimmed, places, state)
+    return _Plant(sim, initialise_run(sim, values, u), states, x, u, trimmed, places, state)
 
 
 def _rates(plant: _Plant, x: np.ndarray, u: np.ndarray, outputs: Sequence[str]) -> np.ndarray:

@@ -20,7 +20,7 @@ from flightmech.names import COEFFICIENTS
 from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.compiler import compile as compile_model
 from flightmech.simulation.kernel import PARAMETER, Simulation
-from flightmech.simulation.run import constant_inputs, prepared
+from flightmech.simulation.run import constant_inputs, initialise_run
 from flightmech.steady_flight.flight_condition import parameters, text
 from flightmech.steady_flight.trim_search import trimmed_outputs
 from flightmech.units import G0
@@ -50,7 +50,7 @@ _GLIDES = 29  # of the grid, every 0.05 rad
 
 
 @dataclass(frozen=True)
-class Pair:
+class CompiledAircraft:
     """An aircraft and its database, compiled, with what is evaluated of them again and again.
 
     Parameters
@@ -124,7 +124,7 @@ class Point:
         All outputs of the kernel there.
     """
 
-    pair: Pair
+    pair: CompiledAircraft
     parameters: dict[str, float]
     trimmed: dict[str, float] = field(repr=False)
 
@@ -432,7 +432,7 @@ def trimmed_at(aircraft: Aircraft, db: xr.DataTree, condition: Mapping[str, floa
         is at its limit.
     """
     sim = compile_model(aircraft, db)
-    point = _trimmed(Pair(aircraft, db, sim), parameters(sim, condition))
+    point = _trimmed(CompiledAircraft(aircraft, db, sim), parameters(sim, condition))
     if not point.is_trimmed:
         kind = "flight" if aircraft.engines else "glide (the aircraft file has no engines)"
         raise SimulationError(
@@ -441,19 +441,19 @@ def trimmed_at(aircraft: Aircraft, db: xr.DataTree, condition: Mapping[str, floa
     return point
 
 
-def _trimmed(pair: Pair, parameters: dict[str, float]) -> Point:
+def _trimmed(pair: CompiledAircraft, parameters: dict[str, float]) -> Point:
     if not pair.aircraft.engines:
         parameters = {**parameters, "init.gamma": _glide(pair, parameters)}
     return Point(pair, parameters, _outputs(pair, parameters))
 
 
-def _outputs(pair: Pair, parameters: Mapping[str, float]) -> dict[str, float]:
+def _outputs(pair: CompiledAircraft, parameters: Mapping[str, float]) -> dict[str, float]:
     return dict(
         zip(pair.sim.outputs, map(float, trimmed_outputs(pair.sim, parameters)), strict=True)
     )
 
 
-def _glide(pair: Pair, parameters: Mapping[str, float]) -> float:
+def _glide(pair: CompiledAircraft, parameters: Mapping[str, float]) -> float:
     """Return the path angle at which an aircraft without engines neither gains nor loses speed;
     `_NO_GLIDE` if there is none. [rad]
     """
@@ -561,7 +561,7 @@ def full_thrust(flight: Point) -> np.ndarray:
     lever = {f"engine{number}.throttle": full for number in numbers}
     attitude = {"init.alpha": flight["alpha"], "init.beta": flight["beta"]}
     values = {**flight.parameters, **attitude, **lever, "mode.engine": 0.0, "mode.trim": 0.0}
-    outputs = prepared(flight.sim, values, constant_inputs(flight.sim, values)).outputs()
+    outputs = initialise_run(flight.sim, values, constant_inputs(flight.sim, values)).outputs()
     return np.array(
         [outputs[flight.sim.outputs.index(f"engine{number}.thrust")] for number in numbers]
     )

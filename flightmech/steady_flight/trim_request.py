@@ -10,7 +10,7 @@ import numpy as np
 
 from flightmech.aircraft.controls import MOVES
 from flightmech.errors import SchemaError, UnknownName
-from flightmech.simulation.kernel import INPUT, PARAMETER, STATE, Entry
+from flightmech.simulation.kernel import INPUT, PARAMETER, STATE, CatalogueEntry
 from flightmech.units import G0
 
 if TYPE_CHECKING:
@@ -154,10 +154,10 @@ def request(
         raise UnknownName(kind, KINDS, "kind of trim")
     modes = {name: value for name, value in fixed.items() if name.startswith("mode.")}
     others = {name: value for name, value in fixed.items() if name not in modes}
-    return _Reader(sim, {**parameters, **modes}, kind, others).read(unknowns, residuals)
+    return _RequestResolver(sim, {**parameters, **modes}, kind, others).read(unknowns, residuals)
 
 
-class _Reader:
+class _RequestResolver:
     """The names of one request and what they mean for the model at hand."""
 
     def __init__(
@@ -165,7 +165,7 @@ class _Reader:
     ):
         self.sim, self.name, self.kind = sim, kind, KINDS[kind]
         self.states = {row.name: row for row in sim.entries(STATE)[RIGID:]}
-        self.rows: dict[str, Entry] = {
+        self.rows: dict[str, CatalogueEntry] = {
             row.name: row for row in (*sim.entries(PARAMETER), *sim.entries(INPUT))
         }
         self.values = {str(name): float(value) for name, value in parameters.items()} | {

@@ -12,7 +12,7 @@ import xarray as xr
 
 from flightmech.errors import SchemaError
 from flightmech.simulation.kernel import INPUT, OUTPUT, PARAMETER, STATE, Simulation
-from flightmech.simulation.run import attributes, constant_inputs, prepared
+from flightmech.simulation.run import attributes, constant_inputs, initialise_run
 from flightmech.steady_flight.trim_request import CLIMB, ON_GROUND, Request, request
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ _STATE = (
 
 
 @dataclass(frozen=True)
-class Search:
+class TrimResult:
     """The request and what the kernel gave back.
 
     Parameters
@@ -279,7 +279,7 @@ def trim(
     if kind is None and unknowns is None and fixed is None and residuals is None:
         return _result(sim, trimmed_outputs(sim, parameters or {}))
     problem = request(sim, parameters or {}, kind or "level", unknowns, residuals, fixed or {})
-    run = prepared(sim, problem.values, constant_inputs(sim, problem.values))
+    run = initialise_run(sim, problem.values, constant_inputs(sim, problem.values))
     places = {
         row.name: (kind, i)
         for kind in (STATE, PARAMETER, INPUT)
@@ -293,7 +293,7 @@ def trim(
         problem.path, movers, problem.search, goals, problem.wanted
     )
     rest = np.where(np.array(goals) < 0, left, y[goals] - problem.wanted)
-    search = Search(problem, found, rest, left, jacobian)
+    search = TrimResult(problem, found, rest, left, jacobian)
     return _result(sim, y, search.variables(sim, run), search.attributes())
 
 
@@ -331,7 +331,7 @@ def trimmed_outputs(sim: SimModel, parameters: Mapping[str, float]) -> np.ndarra
     trims in a row.
     """
     values = {"mode.trim": default_trim_mode(sim, parameters), **parameters}
-    return prepared(sim, values, constant_inputs(sim, values)).outputs()
+    return initialise_run(sim, values, constant_inputs(sim, values)).outputs()
 
 
 def default_trim_mode(sim: SimModel, parameters: Mapping[str, float]) -> float:

@@ -124,7 +124,7 @@ def written_atomically(
     OSError
         What stands there is no regular file.
     """
-    path = replaceable(path)
+    path = resolve_file(path)
     part = _temporary(path)
     try:
         with _named(path):
@@ -172,7 +172,7 @@ def write_text(path: str | os.PathLike, text: str, encoding: str = "utf-8") -> N
         part.write_text(text, encoding=encoding, newline="")
 
 
-def replaceable(path: str | os.PathLike) -> Path:
+def resolve_file(path: str | os.PathLike) -> Path:
     """Return the file that is written for a name, links followed.
 
     Raises
@@ -246,7 +246,7 @@ def folder_written_atomically(
     """
     from concurrent.futures import ThreadPoolExecutor
 
-    path = exchangeable(path)
+    path = resolve_folder(path)
     part = _temporary(path)
     part.mkdir()
     try:
@@ -271,7 +271,7 @@ def folder_written_atomically(
         shutil.rmtree(part, ignore_errors=True)
 
 
-def exchangeable(path: str | os.PathLike) -> Path:
+def resolve_folder(path: str | os.PathLike) -> Path:
     """Return the folder that is written for a name, links followed, after what an interrupted
     exchange left is put in order.
 

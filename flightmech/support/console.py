@@ -122,14 +122,14 @@ class NewFile(click.Path):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Return the name when its folder is there, and no file that is read-only."""
-        from flightmech.support.atomic_write import replaceable
+        from flightmech.support.atomic_write import resolve_file
 
         found = super().convert(value, param, ctx)
         folder = Path(os.fsdecode(found)).parent
         if not folder.is_dir():
             self.fail(f"no folder {str(folder)!r} for the file; make it first", param, ctx)
         try:
-            replaceable(os.fsdecode(found))
+            resolve_file(os.fsdecode(found))
         except OSError as error:
             self.fail(f"{str(found)!r}: {error.strerror}", param, ctx)
         return found
@@ -145,12 +145,12 @@ class NewFolder(click.Path):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Return the name when nothing stands in the way."""
-        from flightmech.support.atomic_write import exchangeable
+        from flightmech.support.atomic_write import resolve_folder
 
         found = Path(os.fsdecode(super().convert(value, param, ctx)))
         try:
             if found.parent.is_dir():  # it is made with the folder
-                exchangeable(found)
+                resolve_folder(found)
         except OSError as error:
             self.fail(f"{str(found)!r}: {error.strerror}", param, ctx)
         return found
@@ -192,28 +192,28 @@ _ENDLESS = 100_000  # columns: a line that goes to a file or another program is 
 _AS_THEY_ARE = (str, int, bool, type(None))
 
 
-def plain(item: Any) -> Any:
+def to_json_types(item: Any) -> Any:
     """Return `item` made of types that JSON knows; NaN and infinities become null."""
     if type(item) in _AS_THEY_ARE:
         return item
     if isinstance(item, dict):
-        return {str(key): plain(value) for key, value in item.items()}
+        return {str(key): to_json_types(value) for key, value in item.items()}
     if isinstance(item, list | tuple | set):
-        return [plain(value) for value in item]
+        return [to_json_types(value) for value in item]
     if hasattr(item, "to_dict") and hasattr(item, "columns"):
-        return [plain(row) for row in item.reset_index().to_dict("records")]
+        return [to_json_types(row) for row in item.reset_index().to_dict("records")]
     if hasattr(item, "tolist"):
-        return plain(item.tolist())
+        return to_json_types(item.tolist())
     if isinstance(item, float):
         return item if math.isfinite(item) else None
     return item if isinstance(item, str | int | bool) or item is None else str(item)
 
 
-def document(item: Any) -> None:
+def print_json(item: Any) -> None:
     """Print one JSON document."""
     import json
 
-    click.echo(json.dumps(plain(item), indent=2, ensure_ascii=False))
+    click.echo(json.dumps(to_json_types(item), indent=2, ensure_ascii=False))
 
 
 def table(
@@ -295,7 +295,7 @@ def _rich_lines(
 
 
 @contextmanager
-def brief() -> Iterator[None]:
+def shorten_text() -> Iterator[None]:
     """Leave out Python's search for circles of objects, a twentieth of the time of a verb that
     reads one file, prints it and ends.
     """
@@ -308,13 +308,13 @@ def brief() -> Iterator[None]:
             gc.enable()
 
 
-def remark(text: str) -> None:
+def print_remark(text: str) -> None:
     """Print a message on stderr, so that stdout stays clean."""
     click.echo(printable(text), err=True)
 
 
 @contextmanager
-def step(text: str) -> Iterator[None]:
+def timed_step(text: str) -> Iterator[None]:
     """Report on stderr what is being done, and how long it took."""
     start = time.perf_counter()
     click.echo(f"  {text} ...", err=True, nl=False)
@@ -342,6 +342,6 @@ def progress(text: str, lines: bool = False) -> AbstractContextManager[None]:
     if not sys.stderr.isatty():
         return nullcontext()
     if lines:
-        remark(f"  {text} ...")
+        print_remark(f"  {text} ...")
         return nullcontext()
-    return step(text)
+    return timed_step(text)

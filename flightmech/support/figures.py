@@ -103,7 +103,7 @@ def save_figure(figure: Figure, target: str | os.PathLike[str], dpi: int = 130) 
         figure.savefig(part, dpi=dpi, format=kind)
 
 
-def displayed(name: str, values: np.ndarray) -> tuple[np.ndarray, str]:
+def to_display_unit(name: str, values: np.ndarray) -> tuple[np.ndarray, str]:
     """Return values of a quantity of the vocabulary in its display unit, and the unit; others as
     they are.
     """
@@ -214,7 +214,9 @@ def text(x: float, y: float, words: str, css: str = "", anchor: str = "start") -
     return f'<text x="{_short(x)}" y="{_short(y)}"{kind}{place}>{escape(words)}</text>'
 
 
-def spaced(x: float, y: float, pieces: Sequence[tuple[str, str]], anchor: str = "start") -> str:
+def text_pieces(
+    x: float, y: float, pieces: Sequence[tuple[str, str]], anchor: str = "start"
+) -> str:
     """Return a text element of (text, kind) pieces; kind ``sub`` is a subscript, all else a class."""
     spans, shift = [], False
     for words, kind in pieces:
@@ -272,13 +274,13 @@ def _short(value) -> str:
     return f"{round(float(value), 1):g}"
 
 
-def clipped(frame: Frame, name: str, body: str) -> str:
+def clip_to_frame(frame: Frame, name: str, body: str) -> str:
     """Return `body` drawn inside the frame only; `name` must be unique in the page."""
     box = f'<rect x="{frame.left:.1f}" y="{frame.top:.1f}" width="{frame.width:.1f}" height="{frame.height:.1f}"/>'
     return f'<clipPath id="{escape(name)}">{box}</clipPath><g clip-path="url(#{escape(name)})">{body}</g>'
 
 
-def thinned(y: np.ndarray, buckets: int = 420) -> np.ndarray:
+def thin_to_extremes(y: np.ndarray, buckets: int = 420) -> np.ndarray:
     """Return the indices of the smallest and the largest value of each of `buckets` equal parts, or
     all of a short line.
 
@@ -305,7 +307,7 @@ def curve(frame: Frame, x: np.ndarray, y: np.ndarray, css: str, slack: float = S
     pieces = []
     for a, b in stretches(np.isfinite(y) & np.isfinite(x)):
         px, py = frame.px(x[a:b]), frame.py(y[a:b])
-        keep = essential(px, py, slack)
+        keep = simplify_line(px, py, slack)
         pieces.append(_path(px[keep], py[keep]))
     return f'<path class="{css}" d="{"".join(pieces)}"/>' if pieces else ""
 
@@ -316,7 +318,7 @@ def area(frame: Frame, x: np.ndarray, low: np.ndarray, high: np.ndarray, css: st
     for a, b in stretches(np.isfinite(low) & np.isfinite(high)):
         px = frame.px(x[a:b])
         up, down = frame.py(high[a:b]), frame.py(low[a:b])
-        ku, kd = essential(px, up), essential(px, down)[::-1]
+        ku, kd = simplify_line(px, up), simplify_line(px, down)[::-1]
         pieces.append(
             _path(np.concatenate([px[ku], px[kd]]), np.concatenate([up[ku], down[kd]])) + "z"
         )
@@ -353,7 +355,7 @@ def _tenths(value: int) -> str:
     return sign + (f"{whole or ''}.{part}" if part else str(whole))
 
 
-def essential(x: np.ndarray, y: np.ndarray, slack: float = SLACK) -> np.ndarray:
+def simplify_line(x: np.ndarray, y: np.ndarray, slack: float = SLACK) -> np.ndarray:
     """Return the indices whose straight connection stays within `slack` of every point (Douglas and
     Peucker, all pieces at once).
     """

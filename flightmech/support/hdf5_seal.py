@@ -61,7 +61,7 @@ class Unbroken(NamedTuple):
             return None
 
 
-def sealed(content: bytes, rules: str, overview: Any) -> bytes:
+def add_seal(content: bytes, rules: str, overview: Any) -> bytes:
     """Return the content of a file with an overview, made by the rules of this name, and its seal;
     None is no overview.
     """
@@ -92,7 +92,7 @@ def _tail(digest: _Hash, rules: str, overview: Any) -> bytes:
     return found + _SEAL % digest.hexdigest().encode()
 
 
-def unbroken_if_sealed(path: Path, expected: str) -> Unbroken | None:
+def read_if_sealed(path: Path, expected: str) -> Unbroken | None:
     """Return what a sealed file has behind its content, as `unbroken`; None for a file without a
     seal, which is not read whole.
     """
@@ -108,10 +108,10 @@ def unbroken_if_sealed(path: Path, expected: str) -> Unbroken | None:
         marked = head.startswith(SIGNATURE) and any(
             _at(file, place, _LENGTH).startswith(_BEGIN) for place in places
         )
-    return unbroken(path, expected) if marked else None
+    return read_sealed(path, expected) if marked else None
 
 
-def unbroken(path: Path, expected: str) -> Unbroken:
+def read_sealed(path: Path, expected: str) -> Unbroken:
     """Return what a file has behind its HDF5 content, which must be sealed, or nothing: a file of
     another program.
 

@@ -77,7 +77,9 @@ def marked_encoding(head: bytes) -> tuple[str, int]:
     )
 
 
-def decoded(raw: bytes, file: str | os.PathLike[str], expected: str, otherwise: str = "") -> str:
+def decode_text(
+    raw: bytes, file: str | os.PathLike[str], expected: str, otherwise: str = ""
+) -> str:
     """Return bytes as text: UTF-8, or as their byte-order mark states.
 
     Parameters
@@ -121,7 +123,7 @@ def read_text(path: str | os.PathLike[str], expected: str, otherwise: str = "") 
     """Return a text file with line feeds as line ends; parameters and errors as in `decoded` and
     `read_bytes`.
     """
-    return with_line_feeds(decoded(read_bytes(path, expected), path, expected, otherwise))
+    return with_line_feeds(decode_text(read_bytes(path, expected), path, expected, otherwise))
 
 
 def with_line_feeds(text: str) -> str:
@@ -379,7 +381,7 @@ def _zip_kind(path: str | os.PathLike[str]) -> str:
 def _as_utf8(head: bytes) -> bytes:
     """Return the beginning of a text of UTF-16 or UTF-32 as UTF-8; what is damaged stays as it is."""
     try:
-        return decoded(head[: len(head) // 4 * 4], "", "").encode()
+        return decode_text(head[: len(head) // 4 * 4], "", "").encode()
     except ParseError:
         return head
 
@@ -430,7 +432,7 @@ def load(path: str | Path) -> dict[str, Any]:
     path = Path(path)
     raw = read_bytes(path, _TOML)
     try:
-        text = with_line_feeds(decoded(raw, path, _TOML))
+        text = with_line_feeds(decode_text(raw, path, _TOML))
     except ParseError as error:
         kind = file_kind(path)
         if kind.startswith(("a text", "bytes", "a TOML", *TOML)):

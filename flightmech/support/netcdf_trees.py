@@ -44,7 +44,7 @@ LAYOUT = frozenset((*_HDF5, _DIMENSION, "_Netcdf4Coordinates", "_NCProperties", 
 PACKED = ("scale_factor", "add_offset", "missing_value")
 
 
-def faults(db: xr.DataTree) -> list[str]:
+def find_unstorable(db: xr.DataTree) -> list[str]:
     """Return what of a tree no file can hold; an empty list means that writing and reading give the
     same tree.
     """
@@ -93,7 +93,7 @@ def _writable(text: str) -> bool:
     return "\0" not in text
 
 
-def image(db: xr.DataTree) -> bytes:
+def encode_tree(db: xr.DataTree) -> bytes:
     """Return the content of the file of a tree without `faults`; the same tree gives the same bytes
     with one version of HDF5.
     """
@@ -130,7 +130,7 @@ def _write(
 
 
 @dataclass(frozen=True)
-class Variable:
+class StoredVariable:
     """A variable as it stands in a file: names of its dimensions, numbers, attributes."""
 
     dims: tuple[str, ...]
@@ -138,13 +138,13 @@ class Variable:
     attrs: dict[str, str | int | float]
 
 
-class Leaf(dict[str, Variable]):
+class StoredGroup(dict[str, StoredVariable]):
     """A group as it stands in a file: its variables by name and its attributes; what reads a
     Dataset this way, can read a leaf too.
     """
 
     def __init__(
-        self, variables: Mapping[str, Variable], attrs: dict[str, str | int | float]
+        self, variables: Mapping[str, StoredVariable], attrs: dict[str, str | int | float]
     ) -> None:
         super().__init__(variables)
         self.attrs = attrs
@@ -162,7 +162,7 @@ def read(path: Path) -> tuple[xr.DataTree, list[str]]:
     """
     import xarray as xr
 
-    reader = _Reader()
+    reader = _TreeReader()
     with h5py.File(path, "r") as file:
         reader.group(file, "/", {})
     nodes = {}
@@ -176,7 +176,7 @@ def read(path: Path) -> tuple[xr.DataTree, list[str]]:
     return xr.DataTree.from_dict(nodes), reader.problems
 
 
-def _dataset(leaf: Leaf) -> xr.Dataset:
+def _dataset(leaf: StoredGroup) -> xr.Dataset:
     """Return a group as a Dataset; without `fastpath` xarray imports dask, where that is installed,
     to look for its arrays.
     """
@@ -201,13 +201,13 @@ def _dataset(leaf: Leaf) -> xr.Dataset:
     return xr.Dataset(tables, xr.Coordinates(points, indexes), leaf.attrs)
 
 
-class _Reader:
+class _TreeReader:
     """Walks through a file; whatever is no part of a tree of tables becomes a problem with its
     place.
     """
 
     def __init__(self) -> None:
-        self.leaves: dict[str, Leaf] = {}
+        self.leaves: dict[str, StoredGroup] = {}
         self.problems: list[str] = []
         self._seen: set[int] = set()
 
@@ -258,13 +258,13 @@ class _Reader:
             for name, item in tables.items()
         }
         found = {name: variable for name, variable in read.items() if variable is not None}
-        self.leaves[path] = Leaf(found, self._attributes(group, _place(path)))
+        self.leaves[path] = StoredGroup(found, self._attributes(group, _place(path)))
         for name, item in below:
             self.group(item, f"{path.rstrip('/')}/{name}", axes)
 
     def _variable(
         self, item: h5py.Dataset, name: str, place: str, axes: Mapping[int, str]
-    ) -> Variable | None:
+    ) -> StoredVariable | None:
         before = len(self.problems)
         if item.dtype.kind not in NUMBERS:
             self.problems.append(
@@ -296,7 +296,7 @@ class _Reader:
         if len(self.problems) > before:
             return None
         numbers = item[()]
-        return Variable(
+        return StoredVariable(
             tuple(dims), np.asarray(numbers, numbers.dtype.newbyteorder("=")), attributes
         )
 

@@ -33,7 +33,7 @@ from flightmech.support.toml_quantities import Above, InUnits
 P = TypeVar("P", bound="Plain")
 
 
-class Value(NamedTuple):
+class FieldDefinition(NamedTuple):
     """What the definition of a field states besides its kind; the default is an ellipsis where the
     value must be given.
     """
@@ -46,18 +46,20 @@ def value(*, default: Any = ..., **about: Any) -> Any:
     """Return the definition of a field: its default, and its ``description`` and ``examples`` for
     the JSON schema.
     """
-    return Value(default, about)
+    return FieldDefinition(default, about)
 
 
 @dataclass_transform(kw_only_default=True, frozen_default=True, field_specifiers=(value,))
 class Plain:
     """Base of the classes; their values are given by name."""
 
-    values: ClassVar[Mapping[str, Value]]
+    values: ClassVar[Mapping[str, FieldDefinition]]
 
     def __init_subclass__(cls) -> None:
         """Take the definitions of the fields, each a `value`."""
-        cls.values = {name: item for name, item in vars(cls).items() if isinstance(item, Value)}
+        cls.values = {
+            name: item for name, item in vars(cls).items() if isinstance(item, FieldDefinition)
+        }
         for name in cls.values:
             delattr(cls, name)
 
@@ -118,7 +120,7 @@ class Plain:
         return f"{type(self).__name__}({', '.join(f'{name}={item!r}' for name, item in self.stated().items())})"
 
 
-def made(kind: type[P], content: Mapping[str, Any], what: str) -> P:
+def read_table(kind: type[P], content: Mapping[str, Any], what: str) -> P:
     """Return a table of a file as an object of a class.
 
     Raises

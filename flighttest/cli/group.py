@@ -12,12 +12,12 @@ from flightmech.support.console import (
     InputFile,
     LazyGroup,
     NewFile,
-    brief,
-    document,
     jobs_option,
     json_option,
+    print_json,
+    print_remark,
     progress,
-    remark,
+    shorten_text,
     table,
 )
 
@@ -95,14 +95,16 @@ def flight() -> None:
 @_RECORD
 @_NAMES
 @json_option
-@brief()
+@shorten_text()
 def show(record_file: str, names: str | None, as_json: bool) -> None:
     """Show channels, clocks, faults and manoeuvres of a record."""
     found = _listing(record_file, names)
     facts, channels, flown = found["facts"], found["channels"], found["manoeuvres"]
     if as_json:
         rest = {key: found[key] for key in ("faults", "unmapped")}
-        document({**facts, "channels": _numbered(channels), "manoeuvres": _numbered(flown), **rest})
+        print_json(
+            {**facts, "channels": _numbered(channels), "manoeuvres": _numbered(flown), **rest}
+        )
         return
     rows = [
         (
@@ -185,7 +187,7 @@ def cut(
         **data.attrs,
     }
     if as_json:
-        document(about)
+        print_json(about)
     else:
         click.echo(
             f"{about['samples']} samples of {about['channels']} channels, {start:g} ... {stop:g} s at {rate:g} Hz"
@@ -296,7 +298,7 @@ def reconstruct(
     targets = [File(output)]
     batch = None
     if len(records) > 1 and method == "smoother":
-        remark(
+        print_remark(
             f"{len(records)} records: each alone, then each with what the others indicate about the instruments"
         )
     with progress("reconstruct the states"):
@@ -319,7 +321,7 @@ def reconstruct(
     if batch is not None and not as_json:
         click.echo(batch.report() + "\n")
     if as_json:
-        document(
+        print_json(
             [
                 {"file": str(target), **path.summary()}
                 for path, target in zip(paths, targets, strict=True)

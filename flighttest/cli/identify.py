@@ -9,8 +9,8 @@ from pathlib import Path
 import click
 
 from flightmech.support.atomic_write import write_text
-from flightmech.support.console import InputFile, NewFile, document, json_option, progress, table
-from flighttest.remarks import barred, documents, lines
+from flightmech.support.console import InputFile, NewFile, json_option, print_json, progress, table
+from flighttest.remarks import is_forbidden, remark_lines, remarks_to_json
 
 
 @click.command()
@@ -44,7 +44,7 @@ def fit(
     from flighttest.maximum_likelihood.fit_job import perform
     from flighttest.maximum_likelihood.result import save_output_error
     from flighttest.maximum_likelihood.specification import read_specification
-    from flighttest.remarks import barred
+    from flighttest.remarks import is_forbidden
 
     with progress("estimate parameters by output error"):
         done = perform(read_specification(fit_file))
@@ -60,14 +60,14 @@ def fit(
         left = done.write_database(database)
         files.append(database)
     if as_json:
-        document({**done.as_dict(), "files": files, "not_in_the_database": left})
+        print_json({**done.as_dict(), "files": files, "not_in_the_database": left})
     else:
         click.echo(done.report())
         for file in files:
             click.echo(f"written: {file}")
         if left:
             click.echo(f"not in the database: {' '.join(left)}")
-    ctx.exit(1 if barred([*done.fit.remarks, *done.remarks]) else 0)
+    ctx.exit(1 if is_forbidden([*done.fit.remarks, *done.remarks]) else 0)
 
 
 _PATHS = click.argument("paths", nargs=-1, required=True, type=InputFile())
@@ -180,11 +180,11 @@ def identify(
     """Estimate the terms of one coefficient from reconstructed paths; exit code 1 when a figure
     must not be used.
     """
-    from flighttest.regression.combining.pooling import mixed, prior_of
+    from flighttest.regression.combining.pooling import mix_with_prior, prior_of
     from flighttest.regression.equation_error.fit import save_fit
-    from flighttest.regression.equation_error.model import Model
+    from flighttest.regression.equation_error.model import RegressionModel
 
-    model = Model.parse(model_text)
+    model = RegressionModel.parse(model_text)
     manoeuvres = _manoeuvres(paths, aircraft_file, windows, cutoff, own_windows, errors)
     with progress(f"estimate {model}"):
         fit = _fit(model, manoeuvres, band, intercepts, weights, _ridge(ridge))
@@ -192,7 +192,7 @@ def identify(
     if prior:
         import aerodb
 
-        joined = mixed(fit, prior_of(fit, aerodb.open(prior)))
+        joined = mix_with_prior(fit, prior_of(fit, aerodb.open(prior)))
         known = {
             str(term)
             for term, value in zip(
@@ -210,17 +210,20 @@ def identify(
             {}
             if joined is None
             else {
-                "with_prior": {**_numbers(joined.estimates), "remarks": documents(joined.remarks)}
+                "with_prior": {
+                    **_numbers(joined.estimates),
+                    "remarks": remarks_to_json(joined.remarks),
+                }
             }
         )
-        document({**_fitted(fit), "remarks": documents(remarks), **more, "file": output})
+        print_json({**_fitted(fit), "remarks": remarks_to_json(remarks), **more, "file": output})
     else:
         _show(fit, remarks, correlation)
         if joined is not None:
             click.echo(f"\n{joined.report()}")
         if output:
             click.echo(f"written: {output}")
-    ctx.exit(1 if barred([*remarks, *(joined.remarks if joined is not None else [])]) else 0)
+    ctx.exit(1 if is_forbidden([*remarks, *(joined.remarks if joined is not None else [])]) else 0)
 
 
 @click.command()
@@ -294,7 +297,7 @@ def select(
     if output:
         save_fit(found.fit, output)
     if as_json:
-        document(
+        print_json(
             {
                 "method": found.method,
                 "steps": found.steps,
@@ -307,7 +310,7 @@ def select(
         click.echo(found.report(correlation))
         if output:
             click.echo(f"written: {output}")
-    ctx.exit(1 if barred(found.fit.remarks) else 0)
+    ctx.exit(1 if is_forbidden(found.fit.remarks) else 0)
 
 
 @click.command()
@@ -329,11 +332,11 @@ def join(fits, method, as_json) -> None:
 
     found = join_fits([open_fit(file) for file in fits], method)
     if as_json:
-        document(
+        print_json(
             {
                 **found.estimates.attrs,
                 **_numbers(found.estimates),
-                "remarks": documents(found.remarks),
+                "remarks": remarks_to_json(found.remarks),
             }
         )
         return
@@ -358,12 +361,12 @@ def join(fits, method, as_json) -> None:
 def partition(paths, aircraft_file, model_text, conditions, windows, cutoff, as_json) -> None:
     """Fit a model bin by bin over conditions such as alpha or mach."""
     from flighttest.regression.combining.data_partition import fit_bins
-    from flighttest.regression.equation_error.model import Model
+    from flighttest.regression.equation_error.model import RegressionModel
 
     edges = {name: _edges(name, text) for name, text in conditions}
     manoeuvres = _manoeuvres(paths, aircraft_file, windows, cutoff)
     with progress(f"estimate {model_text} bin by bin"):
-        found = fit_bins(Model.parse(model_text), manoeuvres, edges)
+        found = fit_bins(RegressionModel.parse(model_text), manoeuvres, edges)
     if as_json:
         e = found.estimates
         bins = [
@@ -375,7 +378,7 @@ def partition(paths, aircraft_file, model_text, conditions, windows, cutoff, as_
             }
             for k in range(e.sizes["bin"])
         ]
-        document({"model": str(found.model), "terms": e["term"].values, "bins": bins})
+        print_json({"model": str(found.model), "terms": e["term"].values, "bins": bins})
         return
     click.echo(found.report())
 
@@ -404,31 +407,31 @@ def partition(paths, aircraft_file, model_text, conditions, windows, cutoff, as_
 def inertia(ctx, paths, aircraft_file, models, scale, windows, cutoff, as_json) -> None:
     """Estimate moments of inertia from coupled manoeuvres; exit code 1 when no body can have them."""
     from flightmech.aircraft.aircraft import read_aircraft
-    from flighttest.reconstruction.dynamics.force_coefficients import between
+    from flighttest.reconstruction.dynamics.force_coefficients import select_time
     from flighttest.reconstruction.dynamics.saved_paths import open_states
-    from flighttest.regression.equation_error.model import Model
+    from flighttest.regression.equation_error.model import RegressionModel
     from flighttest.submodels.aircraft_properties.inertia import inertia_from_flight
 
-    parsed = {model.coefficient: model for model in map(Model.parse, models)}
+    parsed = {model.coefficient: model for model in map(RegressionModel.parse, models)}
     parts = [
         part
         for path in paths
         for states in [open_states(path)]
-        for part in [between(states, *w) for w in windows] or [states]
+        for part in [select_time(states, *w) for w in windows] or [states]
     ]
     with progress("estimate moments of inertia"):
         found = inertia_from_flight(parts, read_aircraft(aircraft_file), parsed, scale, cutoff)
     if as_json:
-        document(
+        print_json(
             {
                 **found.estimates.attrs,
                 **_numbers(found.estimates),
-                "remarks": documents(found.remarks),
+                "remarks": remarks_to_json(found.remarks),
             }
         )
     else:
         click.echo(found.report())
-    ctx.exit(1 if barred(found.remarks) else 0)
+    ctx.exit(1 if is_forbidden(found.remarks) else 0)
 
 
 @click.command()
@@ -480,7 +483,7 @@ def tabulate(fits, database_file, held, way, unplaced, output, as_json) -> None:
     if as_json:
         terms = {str(name): row.to_dict() for name, row in report.iterrows()}
         compatibility, lost = found.compatibility.reset_index(), found.unplaced.reset_index()
-        document(
+        print_json(
             {
                 "terms": terms,
                 "fits": points,
@@ -543,7 +546,7 @@ def _manoeuvres(paths, aircraft_file, windows, cutoff, own_windows=(), errors=()
     """
     from flightmech.aircraft.aircraft import read_aircraft
     from flightmech.errors import SchemaError, UnknownName
-    from flighttest.reconstruction.dynamics.force_coefficients import between, coefficients
+    from flighttest.reconstruction.dynamics.force_coefficients import coefficients, select_time
     from flighttest.reconstruction.dynamics.saved_paths import open_path
     from flighttest.reconstruction.quality.assessment import report_faults
 
@@ -571,7 +574,9 @@ def _manoeuvres(paths, aircraft_file, windows, cutoff, own_windows=(), errors=()
     with progress(f"coefficients along {len(paths)} path{'s' if len(paths) > 1 else ''}"):
         for path, name in zip(paths, names, strict=True):
             data = coefficients(open_path(path), aircraft, dict(errors), cutoff)
-            parts = [between(data, *window) for window in (*windows, *own.get(name, ()))] or [data]
+            parts = [select_time(data, *window) for window in (*windows, *own.get(name, ()))] or [
+                data
+            ]
             found += parts
             labels += [Path(path).name] * len(parts)
     report_faults(found, labels, known=("excitation",))
@@ -636,7 +641,7 @@ def _fitted(fit) -> dict:
         "model": str(fit.model),
         **fit.estimates.attrs,
         **_numbers(fit.estimates),
-        "remarks": documents(fit.remarks),
+        "remarks": remarks_to_json(fit.remarks),
     }
 
 
@@ -670,7 +675,11 @@ def _show(fit, remarks, correlation: bool) -> None:
     if e.attrs["domain"] == "frequency":
         title += f", {e.attrs['frequencies']} frequencies in {e.attrs['band']} Hz"
     table(["term", *shown.values()], rows, title, right=list(shown.values()))
-    for line in [*tests(e.attrs), *(correlations(e) if correlation else []), *lines(remarks)]:
+    for line in [
+        *tests(e.attrs),
+        *(correlations(e) if correlation else []),
+        *remark_lines(remarks),
+    ]:
         click.echo(line)
 
 

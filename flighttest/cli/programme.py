@@ -14,9 +14,9 @@ from flightmech.support.console import (
     InputFile,
     NewFile,
     NewFolder,
-    document,
     jobs_option,
     json_option,
+    print_json,
     progress,
     table,
 )
@@ -81,7 +81,7 @@ def design(
         )
     files = save_design(made, output, Path(design_file).stem)
     if as_json:
-        document({**made.summary(), "files": [str(file) for file in files]})
+        print_json({**made.summary(), "files": [str(file) for file in files]})
         return
     _print(made)
     for file in files:
@@ -199,7 +199,7 @@ def plan(
         found = plan_of(prediction, database)
     files = save_plan(found, output)
     if as_json:
-        document({**found.summary(), "files": [str(file) for file in files]})
+        print_json({**found.summary(), "files": [str(file) for file in files]})
         return
     click.echo(found.report())
     click.echo(f"written: {output}")
@@ -272,7 +272,7 @@ def coverage(
         flights = flights_of(catalogue, records, paths, aircraft)
         found = coverage_of(catalogue, planned, flights, aircraft, database, jobs)
     if as_json:
-        document(found.summary())
+        print_json(found.summary())
     else:
         click.echo(found.report())
 
@@ -304,7 +304,7 @@ def report(
         write_text(output, page(found))
         files.append(output)
     if as_json:
-        document({**found.as_dict(), "files": files})
+        print_json({**found.as_dict(), "files": files})
     else:
         click.echo(found.report())
         for file in files:
@@ -346,7 +346,7 @@ def modes(
     from flighttest.records.record import channels as homes
     from flighttest.records.record import read
     from flighttest.records.signals.conditioning import cut
-    from flighttest.remarks import barred, documents, lines
+    from flighttest.remarks import is_forbidden, remark_lines, remarks_to_json
     from flighttest.submodels.aircraft_properties.eigenmotion import fit_motion
 
     with progress("read and check the record"):
@@ -374,7 +374,7 @@ def modes(
         values = {
             name: dict(zip(("value", "stderr", "unit"), row)) for name, row in found.values.items()
         }
-        document(
+        print_json(
             {
                 "kind": found.kind,
                 "channels": channels,
@@ -382,10 +382,10 @@ def modes(
                 "share": found.share,
                 **values,
                 **test,
-                "remarks": documents(found.remarks),
+                "remarks": remarks_to_json(found.remarks),
             }
         )
-        ctx.exit(1 if barred(found.remarks) else 0)
+        ctx.exit(1 if is_forbidden(found.remarks) else 0)
     rows = [
         (name, f"{value:.5g}", f"{stderr:.2g}", "" if unit == "1" else unit)
         for name, (value, stderr, unit) in found.values.items()
@@ -395,6 +395,6 @@ def modes(
     click.echo(
         f"amplitudes: F({found.F_terms}, {found.F_dof:.0f}) {found.F:.4g}, probability {found.F_probability:.2g}"
     )
-    for line in lines(found.remarks):
+    for line in remark_lines(found.remarks):
         click.echo(line)
-    ctx.exit(1 if barred(found.remarks) else 0)
+    ctx.exit(1 if is_forbidden(found.remarks) else 0)

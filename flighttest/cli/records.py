@@ -13,10 +13,10 @@ import click
 from flightmech.support.console import (
     InputFile,
     NewFile,
-    brief,
-    document,
     json_option,
+    print_json,
     progress,
+    shorten_text,
     table,
 )
 from flighttest.cli.group import names_option
@@ -73,7 +73,7 @@ def check(
     if output:
         write_page(quality, output)
     if as_json:
-        document(quality.as_dict())
+        print_json(quality.as_dict())
     else:
         click.echo(quality.report())
         if output:
@@ -89,14 +89,14 @@ _OF_HISTORIES = "goes with a record or a path; a fit is drawn with all its sampl
 @click.argument("file", metavar="FILE", type=InputFile())
 @names_option
 @json_option
-@brief()
+@shorten_text()
 def info(file: str, names: str | None, as_json: bool) -> None:
     """Show what a recording of any format holds, before it is mapped: tables, clocks, columns and
     units.
     """
     found = _contents(file, names)
     if as_json:
-        document(found)
+        print_json(found)
         return
     click.echo(f"{found['file']}: {found['format']}")
     for key, text in found["facts"].items():
@@ -189,7 +189,7 @@ def convert(file: str, names: str | None, output: str, as_json: bool) -> None:
         "left_out": json.loads(record.attrs.get("left_out", "[]")),
     }
     if as_json:
-        document(about)
+        print_json(about)
         return
     channels = sum(len(node.data_vars) for node in record.children.values())
     for text in faults(record):
@@ -258,7 +258,7 @@ def manoeuvres(
         with progress("draw the figure"):
             draw_manoeuvres(record, found, figure)
     if as_json:
-        document({"record": name, "source": source, "manoeuvres": found})
+        print_json({"record": name, "source": source, "manoeuvres": found})
         return
     rows = [
         (
@@ -329,7 +329,7 @@ def mark(
         change |= {"start": span[0], "end": span[1]}
     rows = edit_manoeuvres(table_file, record, row, None if remove else change, own)
     if as_json:
-        document({"table": table_file, "record": record, "manoeuvres": rows})
+        print_json({"table": table_file, "record": record, "manoeuvres": rows})
         return
     table(
         ["", "manoeuvre", "control", "start [s]", "end [s]", "note"],
@@ -438,7 +438,7 @@ def plot(
         )
     save_figure(figure, output)
     if as_json:
-        document({"file": output, "of": kind, "manoeuvres": [] if marks is None else marks})
+        print_json({"file": output, "of": kind, "manoeuvres": [] if marks is None else marks})
     else:
         click.echo(
             f"written: {output}, {kind}{'' if marks is None else f', {len(marks)} manoeuvres'}"

@@ -14,8 +14,8 @@ from flightmech.support.console import (
     InputFile,
     NewFile,
     NewFolder,
-    document,
     json_option,
+    print_json,
     progress,
     table,
 )
@@ -107,7 +107,7 @@ def coefficient_fits(
     model.
     """
     from flighttest.regression.equation_error.frequency_domain import regress_frequency
-    from flighttest.regression.equation_error.model import Model
+    from flighttest.regression.equation_error.model import RegressionModel
     from flighttest.regression.equation_error.time_domain import regress
     from flighttest.regression.model_structure.search import select_stepwise
 
@@ -120,7 +120,7 @@ def coefficient_fits(
     for one in selected:
         wanted.append(
             select_stepwise(
-                one, candidates, prepared(Model(one, candidates)), name=name, **how
+                one, candidates, prepared(RegressionModel(one, candidates)), name=name, **how
             ).fit.model
         )
     fits, spectral = [], []
@@ -223,11 +223,11 @@ def markers(recording, setup_file, multiples, output, as_json) -> None:
     """Find pose, rates and accelerations of bodies from the marker positions in RECORDING."""
     from flighttest.records.files import save_record
     from flighttest.special_tests.motion_capture import (
-        motion,
         motion_record,
         poses,
         read_marker_setup,
         read_markers,
+        smooth_motion,
     )
 
     setup = read_marker_setup(setup_file)
@@ -235,7 +235,7 @@ def markers(recording, setup_file, multiples, output, as_json) -> None:
     with progress("fit the bodies to their markers"):
         positions = read_markers(recording, setup)
         found = {name: poses(positions, places, setup.noise) for name, places in setup.body.items()}
-        moved = {name: motion(pose, cutoff) for name, pose in found.items()}
+        moved = {name: smooth_motion(pose, cutoff) for name, pose in found.items()}
     save_record(motion_record(moved, Path(recording).stem), output)
     facts = {
         name: {
@@ -245,7 +245,7 @@ def markers(recording, setup_file, multiples, output, as_json) -> None:
         for name, pose in found.items()
     }  # fmt: skip
     if as_json:
-        document({"bodies": facts, "cutoff": cutoff, "file": output})
+        print_json({"bodies": facts, "cutoff": cutoff, "file": output})
         return
     rows = [
         (
@@ -316,7 +316,7 @@ def balance(
     fit models.
     """
     from flightmech.errors import SchemaError
-    from flighttest.regression.equation_error.model import Model
+    from flighttest.regression.equation_error.model import RegressionModel
     from flighttest.special_tests.wind_tunnel.balance import read_setup
     from flighttest.special_tests.wind_tunnel.reduction import (
         balance_coefficients,
@@ -331,7 +331,7 @@ def balance(
     setup = read_setup(setup_file)
     with progress("reduce the points"):
         data = [balance_coefficients(path, setup) for path in points]
-    wanted = [Model.parse(text) for text in models]
+    wanted = [RegressionModel.parse(text) for text in models]
     with progress("fit the coefficients"):
         fits, spectral = coefficient_fits(
             wanted,
@@ -349,7 +349,7 @@ def balance(
         save_fits(fits, output)
     averages = averages_of(fits, spectral)
     if as_json:
-        document({**as_rows(fits, averages), "folder": output})
+        print_json({**as_rows(fits, averages), "folder": output})
         return
     print_fits(fits, spectral, averages)
     if output:
@@ -404,14 +404,14 @@ def multibody(
 
     from flightmech.errors import AeromatchWarning
     from flighttest.records.files import save_record
-    from flighttest.regression.equation_error.model import Model
+    from flighttest.regression.equation_error.model import RegressionModel
     from flighttest.special_tests.motion_capture import motion_record
     from flighttest.special_tests.multibody.extraction import air_loads, draw_wing_models
     from flighttest.special_tests.multibody.motion_fit import fit_tree_motion
     from flighttest.special_tests.multibody.vehicle import read_flight, read_vehicle
 
     vehicle = read_vehicle(vehicle_file)
-    wanted = [Model.parse(text) for text in models]
+    wanted = [RegressionModel.parse(text) for text in models]
     data = {}
     for path in dict.fromkeys([*recordings, *([predict] if predict else [])]):
         with progress(f"fit the bodies to the markers of {Path(path).name}"):
@@ -473,7 +473,7 @@ def multibody(
         for path, one in data.items()
     }  # fmt: skip
     if as_json:
-        document(
+        print_json(
             {"records": facts, **as_rows(fits, averages), "predicted": tests, "folder": output}
         )
         return

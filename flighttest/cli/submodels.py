@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from flightmech.support.console import InputFile, NewFile, document, json_option, progress
+from flightmech.support.console import InputFile, NewFile, json_option, print_json, progress
 from flighttest.cli.group import names_option
 
 
@@ -104,7 +104,7 @@ def actuator(
             "channel": entry,
             "figure": figure,
         }
-        document(found.as_dict() | more)
+        print_json(found.as_dict() | more)
         return
     click.echo(found.report())
     if absolute:
@@ -270,7 +270,7 @@ def controls(
             for name in ("friction", "damping", "mass")
             if name in loading.constants
         }
-        document(
+        print_json(
             {
                 "item": item,
                 "order": found.order,
@@ -435,7 +435,7 @@ def engine(
     )
     if as_json:
         rows = against.to_dataframe().to_dict("index") if against is not None else {}
-        document(found.as_dict() | {"file": output, "compared": rows})
+        print_json(found.as_dict() | {"file": output, "compared": rows})
         return
     click.echo(found.report())
     if against is not None:
@@ -512,7 +512,7 @@ def gear(paths, aircraft_file, database_file, errors, flown, output, as_json) ->
     if output:
         write_aircraft(found.aircraft(aircraft), Path(output))
     if as_json:
-        document(found.as_dict() | {"file": output})
+        print_json(found.as_dict() | {"file": output})
         return
     click.echo(found.report())
     if output:
@@ -595,7 +595,7 @@ def ground_effect(
     from flightmech.errors import SchemaError
     from flighttest.reconstruction.dynamics.force_coefficients import coefficients
     from flighttest.reconstruction.dynamics.saved_paths import open_path
-    from flighttest.regression.equation_error.model import Model
+    from flighttest.regression.equation_error.model import RegressionModel
     from flighttest.submodels.ground_effect.identification import identify_ground_effect
     from flighttest.submodels.ground_effect.result import replace_ground_effect
 
@@ -607,16 +607,21 @@ def ground_effect(
     database = aerodb.open(database_file) if database_file else None
     with progress(f"coefficients along {len(paths)} paths"):
         data = [coefficients(open_path(path), aircraft, cutoff=cutoff) for path in paths]
-    changed = {model.coefficient: model.terms for model in map(Model.parse, ground)}
+    changed = {model.coefficient: model.terms for model in map(RegressionModel.parse, ground)}
     names = [Path(path).name for path in paths]
     with progress("identify the ground effect"):
         found = identify_ground_effect(
-            [Model.parse(text) for text in models or _MODELS], data, changed, database, hold, names
+            [RegressionModel.parse(text) for text in models or _MODELS],
+            data,
+            changed,
+            database,
+            hold,
+            names,
         )
     if output and database is not None:
         aerodb.save(replace_ground_effect(database, found, tables), output)
     if as_json:
-        document({**_as_dict(found), "file": output})
+        print_json({**_as_dict(found), "file": output})
         return
     click.echo(found.report(heights))
     if output:

@@ -15,16 +15,16 @@ import xarray as xr
 from flightmech.errors import UnknownName
 from flightmech.names import COEFFICIENTS, lookup
 from flightmech.simulation.compiler import compile_files
-from flightmech.support.console import command_line, plain
+from flightmech.support.console import command_line, to_json_types
 from flightmech.units import from_si
 from flighttest.maximum_likelihood.result import OutputError
 from flighttest.maximum_likelihood.specification import Specification
 from flighttest.maximum_likelihood.time_domain import output_error, uniform_step
-from flighttest.reconstruction.dynamics.force_coefficients import between
+from flighttest.reconstruction.dynamics.force_coefficients import select_time
 from flighttest.reconstruction.dynamics.saved_paths import open_states
 from flighttest.reconstruction.quality.assessment import report_faults
 from flighttest.reconstruction.quality.page import chart, style, template_of
-from flighttest.remarks import Remark, documents, lines
+from flighttest.remarks import Remark, remark_lines, remarks_to_json
 
 if TYPE_CHECKING:
     from flightmech.simulation.compiler import SimModel
@@ -147,7 +147,7 @@ PULLED = 3.0  # prior standard errors by which an estimate may depart before it 
 
 
 @dataclass(frozen=True)
-class Performed:
+class FitJobResult:
     """A fit with what it was made from.
 
     Attributes
@@ -215,7 +215,7 @@ class Performed:
                 f"  {name!s:{width}s}"
                 + "".join(f"{float(x):9.1%}" for x in self.explained.sel(output=name))
             )
-        return "\n".join([*text, *lines(self.remarks)])
+        return "\n".join([*text, *remark_lines(self.remarks)])
 
     def as_dict(self) -> dict[str, Any]:
         """Return estimates and remarks, made of types that JSON knows."""
@@ -234,12 +234,12 @@ class Performed:
             str(name): self.explained.sel(output=name).values
             for name in self.explained["output"].values
         }
-        return plain(
+        return to_json_types(
             {
                 **about,
                 "explained": explained,
                 "covariance": e["covariance"].values,
-                "remarks": documents([*self.fit.remarks, *self.remarks]),
+                "remarks": remarks_to_json([*self.fit.remarks, *self.remarks]),
             }
         )
 
@@ -257,7 +257,7 @@ class Performed:
 _COLUMNS = ("estimate", "stderr", "stderr_white", "start", "prior_stderr")
 
 
-def page(done: Performed) -> str:
+def page(done: FitJobResult) -> str:
     """Return the page as text."""
     e, specification = done.fit.estimates, done.specification
     rows = [
@@ -293,7 +293,7 @@ def _cell(value: float) -> str:
     return f"{value:.4g}" if np.isfinite(value) else ""
 
 
-def _record(done: Performed, k: int) -> dict[str, Any]:
+def _record(done: FitJobResult, k: int) -> dict[str, Any]:
     record, rest = done.records[k], done.fit.residuals[k]
     charts = [
         _chart(record, rest, str(name), float(done.explained.values[k, j]))
@@ -327,7 +327,7 @@ def _file(path: Path) -> dict[str, str]:
         return {"name": path.name, "sha256": hashlib.file_digest(file, "sha256").hexdigest()}
 
 
-def perform(specification: Specification) -> Performed:
+def perform(specification: Specification) -> FitJobResult:
     """Make an output-error fit.
 
     Parameters
@@ -355,7 +355,7 @@ def perform(specification: Specification) -> Performed:
     for table in specification.record:
         states = open_states(table.file)
         records.append(
-            (between(states, *table.window) if table.window else states).assign_attrs(
+            (select_time(states, *table.window) if table.window else states).assign_attrs(
                 record=table.file.stem
             )
         )
@@ -371,4 +371,4 @@ def perform(specification: Specification) -> Performed:
         specification.noise,
         iterations=specification.iterations,
     )
-    return Performed(specification, sim, tuple(records), fit)
+    return FitJobResult(specification, sim, tuple(records), fit)

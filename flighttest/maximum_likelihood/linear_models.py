@@ -21,14 +21,14 @@ from flightmech.errors import IdentificationError
 from flighttest.maximum_likelihood.residual_covariance import (
     coloured_covariance,
     effect_on_motion,
-    warned,
+    warn_of_turbulence,
 )
-from flighttest.maximum_likelihood.result import OutputError, noise_of, tabulated
+from flighttest.maximum_likelihood.result import OutputError, estimates_dataset, noise_of
 from flighttest.maximum_likelihood.search import (
-    Found,
-    Layout,
     Likelihood,
+    LikelihoodMaximum,
     Unknown,
+    UnknownVector,
     Wanted,
     inverse,
     lay_out,
@@ -40,7 +40,7 @@ from flighttest.maximum_likelihood.state_space import (
     demand_known,
     innovation_slopes,
     innovations,
-    picked,
+    pick_values,
     predictor,
     signals,
     steady_filter,
@@ -113,7 +113,7 @@ def frequency_output_error(
             f"{len(layout.names)} unknowns and fewer values of the spectra; widen the band or take longer records"
         )
     found = search(Likelihood(pieces, layout, noise_groups(noise, len(records))), iterations)
-    estimates = tabulated(
+    estimates = estimates_dataset(
         found, layout, _covariance(found, layout), {"method": "output error in frequency"}
     )
     shown = [name for name in layout.names if not name.startswith(_JUMP)]
@@ -177,7 +177,7 @@ def _unstacked(v: np.ndarray) -> np.ndarray:
     return v[: len(v) // 2] + 1j * v[len(v) // 2 :]
 
 
-def _covariance(found: Found, layout: Layout) -> np.ndarray:
+def _covariance(found: LikelihoodMaximum, layout: UnknownVector) -> np.ndarray:
     """Return D [P^-1 + 1/2 Re sum_k H_k* R^-1 Phi_k R^-1 H_k] D with the noise spectrum Phi
     averaged over neighbours.
     """
@@ -266,12 +266,12 @@ def linear_output_error(
     )
     groups = noise_groups(noise, len(records))
     layout = lay_out(parameters, [{} for _ in records])
-    pieces = [_Response(model, record, names) for record, names in zip(records, layout.bases)]
+    pieces = [_RecordResponse(model, record, names) for record, names in zip(records, layout.bases)]
     found = search(Likelihood(pieces, layout, groups), iterations)
     covariance, colours = coloured_covariance(
         found, layout.columns, [piece.step for piece in pieces]
     )
-    estimates = tabulated(
+    estimates = estimates_dataset(
         found, layout, covariance, {"method": "output error in time, linear model"}
     )
     measured = [piece.measured for piece in pieces]
@@ -283,10 +283,10 @@ def linear_output_error(
         effect_on_motion(found, layout.columns, covariance, measured),
     )
     rest = tuple(piece.residual(v) for piece, v in zip(pieces, found.residuals))
-    return OutputError(estimates, rest, scatter, warned(scatter))
+    return OutputError(estimates, rest, scatter, warn_of_turbulence(scatter))
 
 
-class _Response:
+class _RecordResponse:
     """One record and its response."""
 
     def __init__(self, model: LinearModel, record: xr.Dataset, names: Sequence[str]):
@@ -308,8 +308,8 @@ class _Response:
         at = dict(zip(self.names, values))
         states, outputs = self.model.states, self.model.outputs
         calm = np.zeros(len(states)), np.zeros(len(outputs))
-        made = steady_filter(self.model.at(at), picked(at, "drift", states), *calm, self.step)
-        return predictor(made, picked(at, "init", states), picked(at, "sensor", outputs))
+        made = steady_filter(self.model.at(at), pick_values(at, "drift", states), *calm, self.step)
+        return predictor(made, pick_values(at, "init", states), pick_values(at, "sensor", outputs))
 
     def predict(self, values: np.ndarray) -> np.ndarray:
         """Return the outputs as the instruments show them."""

@@ -31,17 +31,24 @@ from flightmech.errors import SchemaError
 from flighttest.maximum_likelihood.residual_covariance import (
     coloured_covariance,
     effect_on_motion,
-    warned,
+    warn_of_turbulence,
 )
-from flighttest.maximum_likelihood.result import OutputError, noise_of, tabulated
-from flighttest.maximum_likelihood.search import Found, Layout, Unknown, Wanted, lay_out, search
+from flighttest.maximum_likelihood.result import OutputError, estimates_dataset, noise_of
+from flighttest.maximum_likelihood.search import (
+    LikelihoodMaximum,
+    Unknown,
+    UnknownVector,
+    Wanted,
+    lay_out,
+    search,
+)
 from flighttest.maximum_likelihood.state_space import (
     LinearModel,
     Predictor,
     demand_known,
     innovation_slopes,
     innovations,
-    picked,
+    pick_values,
     predictor,
     signals,
     steady_filter,
@@ -129,13 +136,17 @@ def filter_error(
     scale = np.where(squares, plain.start**2 / (2.0 * theta), 1.0)
     size = np.outer(scale, scale)
     plainly = replace(white, theta=theta, information=found.information / size)
-    estimates = tabulated(plainly, plain, covariance * size, {"method": "filter error"})
+    estimates = estimates_dataset(plainly, plain, covariance * size, {"method": "filter error"})
     inside = replace(white, residuals=found.residuals.parts, noise=found.noise)
     rest = tuple(piece.residual(e) for piece, e in zip(pieces, found.residuals.parts))
     scaled = [piece.z / np.sqrt(R) for piece, R in zip(pieces, found.noise)]
     effect = effect_on_motion(white, layout.columns, covariance, scaled)
     scatter = noise_of(inside, list(model.outputs), colours, [piece.z for piece in pieces], effect)
-    warnings = () if any(name.startswith("process.") for name in parameters) else warned(scatter)
+    warnings = (
+        ()
+        if any(name.startswith("process.") for name in parameters)
+        else warn_of_turbulence(scatter)
+    )
     return OutputError(estimates, rest, scatter, warnings)
 
 
@@ -148,7 +159,7 @@ def _noise_starts(measured: Sequence[np.ndarray]) -> np.ndarray:
     return np.maximum(np.sqrt((bends**2).mean(axis=0) / 6.0), np.maximum(_LEAST * spread, 1e-12))
 
 
-def _squared(plain: Layout) -> tuple[Layout, np.ndarray]:
+def _squared(plain: UnknownVector) -> tuple[UnknownVector, np.ndarray]:
     """Return the layout with deviations as squares over that of their start, and which they are.
 
     In the variance of a noise alone one step of scoring reaches the maximum.
@@ -199,7 +210,7 @@ class _Slope(NamedTuple):
 class _Innovated:
     """J of the innovations, as `search` requires it."""
 
-    def __init__(self, pieces: Sequence[_Predicted], layout: Layout):
+    def __init__(self, pieces: Sequence[_Predicted], layout: UnknownVector):
         self.pieces, self.layout = pieces, layout
 
     def residuals(self, theta: np.ndarray) -> _Step:
@@ -253,7 +264,7 @@ class _Innovated:
         return M, g
 
 
-def _whitened(found: Found) -> Found:
+def _whitened(found: LikelihoodMaximum) -> LikelihoodMaximum:
     """Return innovations and slopes turned so that their variance is one."""
     roots = [np.linalg.cholesky(S) for S in found.residuals.variances]
     e = [np.linalg.solve(root, part.T).T for root, part in zip(roots, found.residuals.parts)]
@@ -277,11 +288,13 @@ class _Predicted:
         one.
         """
         at, states, outputs = self._natural(values), self.model.states, self.model.outputs
-        stirred, noise = picked(at, "process", states), picked(at, "noise", outputs)
+        stirred, noise = pick_values(at, "process", states), pick_values(at, "noise", outputs)
         made = steady_filter(
-            self.model.at(at), picked(at, "drift", states), stirred, noise, self.step
+            self.model.at(at), pick_values(at, "drift", states), stirred, noise, self.step
         )
-        return predictor(made, picked(at, "init", states), picked(at, "sensor", outputs)), made.S
+        return predictor(
+            made, pick_values(at, "init", states), pick_values(at, "sensor", outputs)
+        ), made.S
 
     def predict(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return innovations (time, output) and their variance (output, output); NaN without a

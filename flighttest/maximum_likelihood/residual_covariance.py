@@ -27,7 +27,7 @@ import xarray as xr
 from scipy.stats import chi2
 
 from flightmech.errors import AeromatchWarning
-from flighttest.maximum_likelihood.search import Found, inverse, root_of_inverse
+from flighttest.maximum_likelihood.search import LikelihoodMaximum, inverse, root_of_inverse
 from flighttest.regression.uncertainty.coloured_residuals import BLOCK
 from flighttest.regression.uncertainty.residual_spectrum import Disturbance, residual_spectrum
 
@@ -105,7 +105,7 @@ def turbulence(noise: xr.Dataset) -> tuple[str, ...]:
     )
 
 
-def warned(noise: xr.Dataset) -> tuple[str, ...]:
+def warn_of_turbulence(noise: xr.Dataset) -> tuple[str, ...]:
     """Return what `turbulence` finds, after a warning to the caller of the fit."""
     found = turbulence(noise)
     for text in found:
@@ -118,7 +118,7 @@ _DETERMINED = (
 )
 
 
-class Colour(NamedTuple):
+class ResidualNoise(NamedTuple):
     """What the residuals of one output are made of.
 
     Attributes
@@ -159,8 +159,8 @@ class _Blocks(NamedTuple):
 
 
 def coloured_covariance(
-    found: Found, columns: Sequence[np.ndarray], steps: Sequence[float]
-) -> tuple[np.ndarray, list[Colour]]:
+    found: LikelihoodMaximum, columns: Sequence[np.ndarray], steps: Sequence[float]
+) -> tuple[np.ndarray, list[ResidualNoise]]:
     """Return the covariance of the estimates (unknown, unknown), and the colour of every output.
 
     Parameters
@@ -194,7 +194,7 @@ def coloured_covariance(
 
 
 def effect_on_motion(
-    found: Found,
+    found: LikelihoodMaximum,
     columns: Sequence[np.ndarray],
     covariance: np.ndarray,
     measured: Sequence[np.ndarray],
@@ -256,7 +256,9 @@ def _gathered(
     return M
 
 
-def _colours(pieces, columns, information: np.ndarray, free: np.ndarray, steps) -> list[Colour]:
+def _colours(
+    pieces, columns, information: np.ndarray, free: np.ndarray, steps
+) -> list[ResidualNoise]:
     edges = np.cumsum([0, *(len(piece.residual) for piece in pieces)])
     places = [slice(int(a), int(b)) for a, b in pairwise(edges)]
     root = root_of_inverse(information, free)
@@ -266,7 +268,7 @@ def _colours(pieces, columns, information: np.ndarray, free: np.ndarray, steps) 
     ]
 
 
-def _colour(a: int, pieces, columns, places, root: np.ndarray, block: float) -> Colour:
+def _colour(a: int, pieces, columns, places, root: np.ndarray, block: float) -> ResidualNoise:
     v = np.concatenate([piece.residual[:, a] for piece in pieces])
     X, length = np.zeros((len(v), len(root))), np.zeros((len(v), 1))
     for piece, rows, place in zip(pieces, places, columns):
@@ -285,10 +287,12 @@ def _colour(a: int, pieces, columns, places, root: np.ndarray, block: float) -> 
     white = float(rest @ rest) / max(1, len(rest) - len(v))
     time = block * max(1.0, float(2.0 * r.sum() / r[0] - 1.0)) if r[0] > 0.0 else block
     innovations = np.concatenate([model.innovations(v[place]) for place in places])
-    return Colour(model, float(np.sqrt(r[0])), float(np.sqrt(white)), time, block, innovations)
+    return ResidualNoise(
+        model, float(np.sqrt(r[0])), float(np.sqrt(white)), time, block, innovations
+    )
 
 
-def _links(colours: Sequence[Colour]) -> np.ndarray:
+def _links(colours: Sequence[ResidualNoise]) -> np.ndarray:
     """Return the covariance of the innovations of all outputs at equal times."""
     e = np.column_stack([colour.innovations for colour in colours])
     size = np.sqrt((e**2).mean(axis=0))
@@ -297,7 +301,7 @@ def _links(colours: Sequence[Colour]) -> np.ndarray:
     return e.T @ e / len(e) * np.outer(deviation, deviation)
 
 
-def _slow(X: np.ndarray, colours: Sequence[Colour], links: np.ndarray) -> np.ndarray:
+def _slow(X: np.ndarray, colours: Sequence[ResidualNoise], links: np.ndarray) -> np.ndarray:
     """Return sum_i sum_k X_i' Rvv(i - k) X_k by the cross-spectrum of the disturbances; X is
     (unknown, time, output).
     """

@@ -13,10 +13,10 @@ import numpy as np
 import xarray as xr
 
 from flightmech.support.atomic_write import written_atomically
-from flighttest.maximum_likelihood.residual_covariance import Colour, coupling
-from flighttest.maximum_likelihood.search import Found, Layout, inverse
+from flighttest.maximum_likelihood.residual_covariance import ResidualNoise, coupling
+from flighttest.maximum_likelihood.search import LikelihoodMaximum, UnknownVector, inverse
 from flighttest.regression.equation_error.fit import open_tree
-from flighttest.remarks import Remark, lines
+from flighttest.remarks import Remark, remark_lines
 
 HIGH = 0.9  # correlation that is reported
 # part of the a-priori standard error that is left where a record contains hardly any information
@@ -95,8 +95,11 @@ class OutputError:
         return _report(self)
 
 
-def tabulated(
-    found: Found, layout: Layout, covariance: np.ndarray, about: dict[str, str | float | int]
+def estimates_dataset(
+    found: LikelihoodMaximum,
+    layout: UnknownVector,
+    covariance: np.ndarray,
+    about: dict[str, str | float | int],
 ) -> xr.Dataset:
     """Return the estimates Dataset of a `Found`.
 
@@ -145,9 +148,9 @@ def tabulated(
 
 
 def noise_of(
-    found: Found,
+    found: LikelihoodMaximum,
     outputs: list[str],
-    colours: Sequence[Colour] = (),
+    colours: Sequence[ResidualNoise] = (),
     measured: Sequence[np.ndarray] = (),
     effect: float = 0.0,
 ) -> xr.Dataset:
@@ -252,7 +255,7 @@ def _report(fit: OutputError) -> str:
             f"{name!s:{width}s}"
             + "".join(f"{float(x):13.4g}" for x in fit.noise["stderr"].sel(output=name))
         )
-    return "\n".join([*text, "", *lines(fit.remarks)]).rstrip()
+    return "\n".join([*text, "", *remark_lines(fit.remarks)]).rstrip()
 
 
 _CONTENT = "output error"

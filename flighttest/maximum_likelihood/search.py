@@ -55,7 +55,7 @@ Wanted = Mapping[str, "Unknown | float | tuple"]
 
 
 @dataclass(frozen=True)
-class Layout:
+class UnknownVector:
     """All unknowns as one vector.
 
     Attributes
@@ -78,7 +78,7 @@ class Layout:
     high: np.ndarray
 
 
-def lay_out(wanted: Wanted, recorded: Sequence[Mapping[str, float]]) -> Layout:
+def lay_out(wanted: Wanted, recorded: Sequence[Mapping[str, float]]) -> UnknownVector:
     """Return the vector of the unknowns.
 
     Parameters
@@ -111,7 +111,7 @@ def lay_out(wanted: Wanted, recorded: Sequence[Mapping[str, float]]) -> Layout:
             rows.append((label, math.nan if start is None else start, unknown))
     if problems:
         raise SchemaError("unknowns", problems)
-    return Layout(
+    return UnknownVector(
         tuple(label for label, _, _ in rows),
         tuple(tuple(place) for place in places),
         tuple(np.array(list(place.values()), int) for place in places),
@@ -168,7 +168,7 @@ class Piece(Protocol):
 
 
 @runtime_checkable
-class FlownAhead(Protocol):
+class PrefetchedRuns(Protocol):
     """A manoeuvre that flies the slopes of its next prediction with it."""
 
     def expect(self, steps: np.ndarray, central: bool) -> None:
@@ -176,7 +176,7 @@ class FlownAhead(Protocol):
 
 
 @dataclass(frozen=True)
-class Found:
+class LikelihoodMaximum:
     """The maximum.
 
     Attributes
@@ -211,7 +211,7 @@ class Found:
 class Target(Protocol):
     """What is minimised; what stands for residuals and slopes is its own affair."""
 
-    layout: Layout
+    layout: UnknownVector
 
     def residuals(self, theta: np.ndarray) -> Any:
         """Return what cost and normal equations are made of."""
@@ -245,14 +245,14 @@ class Likelihood:
         Manoeuvres of one group have one noise covariance.
     """
 
-    def __init__(self, pieces: Sequence[Piece], layout: Layout, groups: np.ndarray):
+    def __init__(self, pieces: Sequence[Piece], layout: UnknownVector, groups: np.ndarray):
         self.pieces, self.layout, self.groups = pieces, layout, groups
         self.seen = [np.isfinite(piece.measured) for piece in pieces]
         self.counts = self._grouped([seen.sum(axis=0) for seen in self.seen])
         together = np.concatenate(
             [piece.measured - np.nanmean(piece.measured, axis=0) for piece in pieces]
         )
-        self.flown = len(pieces) > 1 and all(isinstance(piece, FlownAhead) for piece in pieces)
+        self.flown = len(pieces) > 1 and all(isinstance(piece, PrefetchedRuns) for piece in pieces)
         self.floor = (FLOOR * np.maximum(np.sqrt(np.nanmean(together**2, axis=0)), 1e-12)) ** 2
 
     def _grouped(self, rows: Sequence[np.ndarray]) -> np.ndarray:
@@ -302,7 +302,7 @@ class Likelihood:
     def expect(self, steps: np.ndarray, central: bool) -> None:
         """Prepare those pieces that fly slopes with a prediction."""
         for piece, columns in zip(self.pieces, self.layout.columns):
-            if isinstance(piece, FlownAhead):
+            if isinstance(piece, PrefetchedRuns):
                 piece.expect(steps[columns], central)
 
     def slopes(self, theta: np.ndarray, steps: np.ndarray, central: bool) -> list[np.ndarray]:
@@ -330,7 +330,7 @@ class Likelihood:
         return M, g
 
 
-def search(likelihood: Target, iterations: int) -> Found:
+def search(likelihood: Target, iterations: int) -> LikelihoodMaximum:
     """Return the maximum of a likelihood, by Levenberg and Marquardt inside bounds.
 
     Raises
@@ -375,12 +375,14 @@ def search(likelihood: Target, iterations: int) -> Found:
     _demand_rank(
         M[np.ix_(~active, ~active)], [name for name, held in zip(layout.names, active) if not held]
     )
-    return Found(
+    return LikelihoodMaximum(
         theta, residuals, slopes, likelihood.scatter(residuals), M, active, cost, count, converged
     )
 
 
-def _trials(layout: Layout, theta, M, g, free, damping) -> Iterator[tuple[np.ndarray, float, bool]]:
+def _trials(
+    layout: UnknownVector, theta, M, g, free, damping
+) -> Iterator[tuple[np.ndarray, float, bool]]:
     """Give parameters to try, each with its damping, ever closer to `theta`; and whether they are
     the first.
     """
@@ -413,7 +415,7 @@ def inverse(information: np.ndarray, free: np.ndarray) -> np.ndarray:
     return root @ root.T
 
 
-def _sizes(layout: Layout) -> np.ndarray:
+def _sizes(layout: UnknownVector) -> np.ndarray:
     """Size of each unknown: its a-priori standard error, the width of its bounds or its value,
     whichever is there.
     """
@@ -422,7 +424,7 @@ def _sizes(layout: Layout) -> np.ndarray:
     return np.where(np.isfinite(layout.sigma), layout.sigma, rough)
 
 
-def _active(theta: np.ndarray, downhill: np.ndarray, layout: Layout) -> np.ndarray:
+def _active(theta: np.ndarray, downhill: np.ndarray, layout: UnknownVector) -> np.ndarray:
     return ((theta <= layout.low) & (downhill < 0.0)) | ((theta >= layout.high) & (downhill > 0.0))
 
 

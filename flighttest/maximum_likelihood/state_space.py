@@ -187,7 +187,7 @@ def signals(
     return together[:, : len(model.inputs)], together[:, len(model.inputs) :]
 
 
-def picked(values: Mapping[str, float], kind: str, names: Sequence[str]) -> np.ndarray:
+def pick_values(values: Mapping[str, float], kind: str, names: Sequence[str]) -> np.ndarray:
     """Return the values called `kind`.name, zero where there is none."""
     return np.array([values.get(f"{kind}.{name}", 0.0) for name in names])
 

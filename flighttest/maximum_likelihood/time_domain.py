@@ -15,9 +15,9 @@ from flightmech.simulation.run import read_inputs
 from flighttest.maximum_likelihood.residual_covariance import (
     coloured_covariance,
     effect_on_motion,
-    warned,
+    warn_of_turbulence,
 )
-from flighttest.maximum_likelihood.result import OutputError, noise_of, tabulated
+from flighttest.maximum_likelihood.result import OutputError, estimates_dataset, noise_of
 from flighttest.maximum_likelihood.search import Likelihood, Wanted, lay_out, search
 
 if TYPE_CHECKING:
@@ -207,7 +207,7 @@ def output_error(
     covariance, colours = coloured_covariance(
         found, layout.columns, [piece.interval for piece in flown]
     )
-    estimates = tabulated(
+    estimates = estimates_dataset(
         found, layout, covariance, {"method": "output error in time", "title": sim.title}
     )
     measured = [piece.measured for piece in flown]
@@ -219,7 +219,7 @@ def output_error(
         effect_on_motion(found, layout.columns, covariance, measured),
     )
     rest = tuple(piece.residual(v) for piece, v in zip(flown, found.residuals))
-    return OutputError(estimates, rest, scatter, warned(scatter))
+    return OutputError(estimates, rest, scatter, warn_of_turbulence(scatter))
 
 
 def noise_groups(noise: str, count: int) -> np.ndarray:

@@ -26,12 +26,12 @@ from flighttest.regression.uncertainty.significance import theil
 if TYPE_CHECKING:
     import pandas as pd
 
-    from flighttest.reconstruction.smoother import Path
+    from flighttest.reconstruction.smoother import FlightPath
 
 LAGS = 20  # of the Ljung-Box test
 
 
-def compatibility_table(path: Path) -> pd.DataFrame:
+def compatibility_table(path: FlightPath) -> pd.DataFrame:
     """Return one row per channel.
 
     Returns
@@ -68,7 +68,7 @@ def compatibility_table(path: Path) -> pd.DataFrame:
     return pd.DataFrame(rows).set_index("channel")
 
 
-def compatibility_report(path: Path) -> str:
+def compatibility_report(path: FlightPath) -> str:
     """Return the table of `compatibility_table` as text."""
     head = f"{'channel':12s}{'unit':>8s}{'readings':>9s}{'noise':>10s}{'rms before':>12s}{'rms after':>11s}{'Theil':>8s}{'L-B p':>7s}  verdict"
     lines = [f"Data compatibility: {path.states.attrs['record']}", head]
@@ -98,7 +98,7 @@ def ljung_box(rest: np.ndarray, lags: int = LAGS) -> float:
 
 
 def draw_compatibility(
-    path: Path, target: str | File, channels: Sequence[str] | None = None
+    path: FlightPath, target: str | File, channels: Sequence[str] | None = None
 ) -> None:
     """Draw raw, corrected and reconstructed signal of each channel over time ([Gresham] figure 5).
 

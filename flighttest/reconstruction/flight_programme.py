@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from flightmech.aircraft.aircraft import Aircraft
     from flighttest.reconstruction.problem.assembly import Setup
     from flighttest.reconstruction.problem.trajectory import Solution
-    from flighttest.reconstruction.smoother import Path
+    from flighttest.reconstruction.smoother import FlightPath
 
 
 def combine_biases(paths: Sequence[Any]) -> xr.Dataset:
@@ -162,7 +162,7 @@ def reconstruct_programme(
     rate: float = 50.0,
     jobs: int = 1,
     validation: Sequence[xr.DataTree] = (),
-) -> list[Path]:
+) -> list[FlightPath]:
     """Reconstruct all runs of a programme, each with what the other runs indicate about the
     instruments.
 
@@ -208,7 +208,7 @@ def reconstructed_paths(
     jobs: int = 1,
     validation: Mapping[str, Kept[xr.DataTree]] | None = None,
     stages: Stages | None = None,
-) -> dict[str, Kept[Path]]:
+) -> dict[str, Kept[FlightPath]]:
     """Return the paths of `reconstruct_programme` by name, each computed or kept by stages; records
     by name, others as there.
 
@@ -275,14 +275,14 @@ def _refined(
     setup: Setup,
     solution: Solution,
     prior: xr.Dataset | None,
-) -> Path:
+) -> FlightPath:
     """Return the path of a run with what the others state about the instruments; of the only run as
     it was solved alone.
     """
-    from flighttest.reconstruction.smoother import finish, refine
+    from flighttest.reconstruction.smoother import path_of_solution, refine
 
     return (
-        finish(record, aircraft, setup, solution)
+        path_of_solution(record, aircraft, setup, solution)
         if prior is None
         else refine(record, aircraft, setup, solution, prior)
     )
@@ -342,7 +342,7 @@ def _spread(
     return np.array([np.sqrt(np.mean(np.square(r))) if len(r) > 1 else np.nan for r in ratios])
 
 
-def save_path(path: Path, target: str | os.PathLike[str]) -> None:
+def save_path(path: FlightPath, target: str | os.PathLike[str]) -> None:
     """Write a reconstruction: groups ``states`` (with the report as attribute), ``biases``,
     ``residuals``, ``errors``.
     """

@@ -21,17 +21,22 @@ from flighttest.reconstruction.problem.assembly import Setup
 from flighttest.reconstruction.problem.output_equations import no_sideslip, pressures
 from flighttest.reconstruction.problem.problem import (
     PER_RUN,
-    Problem,
+    PathProblem,
     Sensor,
     body_rates,
     specific_force,
     wind,
 )
-from flighttest.reconstruction.problem.trajectory import Solution, linearise, moved, residuals
+from flighttest.reconstruction.problem.trajectory import (
+    Solution,
+    linearise,
+    residuals,
+    step_trajectory,
+)
 from flighttest.records.sensors.instruments import IMU
 from flighttest.records.sensors.measurements import MEASURED
 from flighttest.records.signals.conditioning import SLOW, demand_numbers, to_grid
-from flighttest.records.time_histories import broken
+from flighttest.records.time_histories import break_at_gaps
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -77,7 +82,7 @@ def channel_signals(setup: Setup, solution: Solution) -> xr.Dataset:
     )
 
 
-def _without_errors(problem: Problem, sensor: Sensor, c: np.ndarray) -> np.ndarray:
+def _without_errors(problem: PathProblem, sensor: Sensor, c: np.ndarray) -> np.ndarray:
     """Return the constants with the errors of one sensor taken off."""
     ideal = {"static_error": 0.0, sensor.delay: 0.0}
     for name in sensor.names:
@@ -140,7 +145,7 @@ def _draw_channel(ax, signals: xr.DataArray) -> None:
     time = signals["time"].values
     for version, (colour, width) in _STYLE.items():
         values = signals.sel(version=version).values * factor
-        ax.plot(*broken(time, values), color=colour, linewidth=width, label=version)
+        ax.plot(*break_at_gaps(time, values), color=colour, linewidth=width, label=version)
     before, after = (factor * signals.attrs[key] for key in ("rms_raw", "rms_corrected"))
     ax.set_title(f"{signals.name}: rms {before:.3g} before, {after:.3g} after", fontsize="small")
     ax.set_ylabel(f"[{shown}]")
@@ -388,7 +393,9 @@ def state_errors(
         # determines has no bound
         part = 1.0 / max(1.0, np.abs(dc).max(), dx.max(), -dx.min())
         same = None if dc[drive].any() else inertial
-        changed = motion(record, aircraft, setup, moved(x, part * dx), c + part * dc, same)
+        changed = motion(
+            record, aircraft, setup, step_trajectory(x, part * dx), c + part * dc, same
+        )
         for name in known:
             np.subtract(changed[name], nominal[name], out=change)
             found[name][k] = change if part == 1.0 else change / part

@@ -26,12 +26,11 @@ from flighttest.reconstruction.path_quantities import (
 )
 from flighttest.reconstruction.problem.assembly import Setup, assemble
 from flighttest.reconstruction.problem.output_equations import SEES_GUSTS
-from flighttest.reconstruction.problem.problem import Problem, identifiability
+from flighttest.reconstruction.problem.problem import PathProblem, identifiability
 from flighttest.reconstruction.problem.trajectory import Solution, estimate, residuals, with_gusts
 from flighttest.records.sensors.instruments import SPEEDS, VANES, instruments_of
 from flighttest.records.sensors.measurements import windows_of
-from flighttest.remarks import Remark, documents
-from flighttest.remarks import lines as remark_lines
+from flighttest.remarks import Remark, remark_lines, remarks_to_json
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -54,7 +53,7 @@ ACCEPT = 1.5  # residual rms over sensor noise
 
 
 @dataclass(frozen=True)
-class Path:
+class FlightPath:
     """A reconstructed flight path.
 
     Attributes
@@ -132,7 +131,7 @@ class Path:
             "constants": constants,
             "sensors": self.fit,
             "identifiability": identifiability(self.biases),
-            "remarks": documents(self.remarks),
+            "remarks": remarks_to_json(self.remarks),
         }
 
 
@@ -142,7 +141,7 @@ def reconstruct(
     windows: Sequence[tuple[float, float]] | None = None,
     prior: xr.Dataset | None = None,
     rate: float = 50.0,
-) -> Path:
+) -> FlightPath:
     """Reconstruct the flight path of a record.
 
     Parameters
@@ -183,7 +182,7 @@ def reconstruct(
     .. [Bell1994] Bell, SIAM J. Optim. 4, 1994.
     """
     setup, solution = solve(record, aircraft, windows, prior, rate)
-    return finish(record, aircraft, setup, solution)
+    return path_of_solution(record, aircraft, setup, solution)
 
 
 def solve(
@@ -203,20 +202,20 @@ def solve(
 
 def refine(
     record: xr.DataTree, aircraft: Aircraft, setup: Setup, solution: Solution, prior: xr.Dataset
-) -> Path:
+) -> FlightPath:
     """Return the Path of a record solved once already, with the constants of other runs as prior."""
     constants = setup.problem.constants.with_prior(prior)
     problem = replace(setup.problem, constants=constants)
     if problem.gust is None:
         setup = replace(setup, problem=problem)
-        return finish(
+        return path_of_solution(
             record, aircraft, setup, _settle(problem, estimate(problem, solution.x, solution.c))
         )
     c = np.where([name in setup.held for name in constants.names], constants.mean, solution.c)
     calm = replace(
         setup, problem=replace(problem, gust=None), x=solution.x[:, : problem.gusts.start], c=c
     )
-    return finish(record, aircraft, *_in_turbulence(calm))
+    return path_of_solution(record, aircraft, *_in_turbulence(calm))
 
 
 def in_calm_air(setup: Setup, solution: Solution) -> bool:
@@ -231,12 +230,12 @@ def in_calm_air(setup: Setup, solution: Solution) -> bool:
     for sensor in setup.problem.sensors:
         rest, _ = residuals(setup.problem, sensor, solution.x, solution.c)
         for r, sigma, name in zip(rest.T, sensor.sigma, sensor.names, strict=True):
-            if name in SEES_GUSTS and gusty(r / sigma, sensor.time, MEMORY * GUST_LENGTH / V):
+            if name in SEES_GUSTS and has_gusts(r / sigma, sensor.time, MEMORY * GUST_LENGTH / V):
                 return False
     return True
 
 
-def gusty(r: np.ndarray, time: np.ndarray, memory: float) -> bool:
+def has_gusts(r: np.ndarray, time: np.ndarray, memory: float) -> bool:
     """Return whether scaled residuals hold gusts: larger than the noise, and by something that
     lasts.
 
@@ -295,7 +294,7 @@ def _in_turbulence(setup: Setup) -> tuple[Setup, Solution]:
     )
 
 
-def _airspeed(problem: Problem) -> str:
+def _airspeed(problem: PathProblem) -> str:
     """Return the channel that shows the airspeed."""
     shown = [
         name for sensor in problem.sensors for name in sensor.names if name in ("q_c", *SPEEDS)
@@ -303,7 +302,7 @@ def _airspeed(problem: Problem) -> str:
     return shown[0] if shown else "q_c"
 
 
-def _hidden_by_gusts(problem: Problem) -> tuple[str, ...]:
+def _hidden_by_gusts(problem: PathProblem) -> tuple[str, ...]:
     """Return the constants that turbulence hides, because gusts move vanes and aeroplane alike."""
     latencies = {
         sensor.delay for sensor in problem.sensors if not SEES_GUSTS.keys().isdisjoint(sensor.names)
@@ -314,7 +313,7 @@ def _hidden_by_gusts(problem: Problem) -> tuple[str, ...]:
     )
 
 
-def _settle(problem: Problem, solution: Solution, held: Sequence[str] = ()) -> Solution:
+def _settle(problem: PathProblem, solution: Solution, held: Sequence[str] = ()) -> Solution:
     """Return the settled solution, iterating on where it is not."""
     if not solution.settled:
         more = estimate(problem, solution.x, solution.c, held=held, known=solution.equations)
@@ -326,7 +325,7 @@ def _settle(problem: Problem, solution: Solution, held: Sequence[str] = ()) -> S
     return solution
 
 
-def _moving(problem: Problem, solution: Solution, held: Sequence[str]) -> str:
+def _moving(problem: PathProblem, solution: Solution, held: Sequence[str]) -> str:
     """Report which constants one more iteration moves, by how much, and what to do."""
     change = estimate(problem, solution.x, solution.c, 1, held).c - solution.c
     errors = np.sqrt(np.diag(solution.covariance))
@@ -359,7 +358,9 @@ def _intensity(setup: Setup, solution: Solution, sigma: np.ndarray) -> np.ndarra
     return np.array([level, level, up])
 
 
-def finish(record: xr.DataTree, aircraft: Aircraft, setup: Setup, solution: Solution) -> Path:
+def path_of_solution(
+    record: xr.DataTree, aircraft: Aircraft, setup: Setup, solution: Solution
+) -> FlightPath:
     """Return the Path of a solution."""
     import pandas as pd
 
@@ -376,7 +377,7 @@ def finish(record: xr.DataTree, aircraft: Aircraft, setup: Setup, solution: Solu
             rows.append(_row(name, values[:, i], float(sensor.sigma[i])))
     rest = xr.Dataset(columns, coords={"time": states["time"]})
     errors = state_errors(record, aircraft, setup, solution)
-    return Path(
+    return FlightPath(
         states,
         found,
         rest,
@@ -403,7 +404,7 @@ def _row(name: str, rest: np.ndarray, sigma: float) -> dict[str, Any]:
     }
 
 
-def _remarks(path: Path) -> list[Remark]:
+def _remarks(path: FlightPath) -> list[Remark]:
     found = []
     gusts, about = str(path.states.attrs.get("gusts", "none")), path.biases
     if gusts != "none":
@@ -423,7 +424,7 @@ def _remarks(path: Path) -> list[Remark]:
     return found
 
 
-def _report(path: Path) -> str:
+def _report(path: FlightPath) -> str:
     states = path.states
     time = states["time"].values
     lines = [

@@ -2,8 +2,8 @@
 
 from .files import contents as contents
 from .files import save_record as save_record
-from .manoeuvre_table import marked as marked
 from .manoeuvre_table import read_manoeuvres as read_manoeuvres
+from .manoeuvre_table import with_manoeuvres as with_manoeuvres
 from .manoeuvre_table import write_manoeuvres as write_manoeuvres
 from .record import faults as faults
 from .record import manoeuvres as manoeuvres

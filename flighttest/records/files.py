@@ -23,9 +23,9 @@ from flighttest.records.readers.columns import clear_unit
 from flighttest.records.readers.name_map import NameMap, read_names
 from flighttest.records.readers.opening import FORMATS, open_recording, recognise
 from flighttest.records.readers.recording import Recording
-from flighttest.records.reading import Arrays, Leaf, unnamed_arrays
+from flighttest.records.reading import Arrays, RecordGroup, unnamed_arrays
 from flighttest.records.signals.blank_cells import clocks_of_rows
-from flighttest.records.signals.sample_flags import in_words, kept
+from flighttest.records.signals.sample_flags import in_words, read_stored_flags
 from flighttest.records.stored_overview import OVERVIEW
 
 
@@ -172,7 +172,7 @@ def listing(record: Arrays) -> dict[str, Any]:
     }
 
 
-def channel_rows(leaves: Mapping[str, Leaf]) -> list[dict[str, Any]]:
+def channel_rows(leaves: Mapping[str, RecordGroup]) -> list[dict[str, Any]]:
     """Return one row per channel: leaf, rate, span, smallest and largest value, unit, calibration,
     faults.
     """
@@ -183,7 +183,7 @@ def channel_rows(leaves: Mapping[str, Leaf]) -> list[dict[str, Any]]:
     ]
 
 
-def _channel_row(name: str, leaf: Leaf, channel: str) -> dict[str, Any]:
+def _channel_row(name: str, leaf: RecordGroup, channel: str) -> dict[str, Any]:
     x, about = leaf.channels[channel]
     lost = np.isnan(x)
     good = x[~lost] if lost.any() else x
@@ -202,7 +202,7 @@ def _channel_row(name: str, leaf: Leaf, channel: str) -> dict[str, Any]:
     }
 
 
-def listed(attrs: Mapping[Any, Any], key: str) -> list[dict[str, Any]]:
+def read_listed_rows(attrs: Mapping[Any, Any], key: str) -> list[dict[str, Any]]:
     """Return the rows of a list of manoeuvres or modes in the root attributes of a record:
     ``manoeuvre control start end note``.
 
@@ -227,7 +227,7 @@ def flown_rows(attrs: Mapping[Any, Any]) -> list[dict[str, Any]]:
     """Return the list of manoeuvres as the table of `flighttest.records.record.manoeuvres` holds
     it: times of one kind in a column.
     """
-    found = listed(attrs, "manoeuvres")
+    found = read_listed_rows(attrs, "manoeuvres")
     for key in ("start", "end"):
         times = [row[key] for row in found]
         if all(time is None or isinstance(time, int | float) for time in times) and not all(
@@ -245,7 +245,9 @@ def fault_texts(
     """Return in words what is wrong, from the attributes of the root and of each leaf."""
     found = [str(note) for note in json.loads(attrs.get("notes", "[]"))]
     for leaf, about in leaves:
-        found += [f"{leaf}: {text}" for text in in_words(kept(about.get("flags", "[]")))]
+        found += [
+            f"{leaf}: {text}" for text in in_words(read_stored_flags(about.get("flags", "[]")))
+        ]
     return found
 
 

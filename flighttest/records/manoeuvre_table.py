@@ -83,7 +83,7 @@ class Marked(Strict):
         }
 
 
-class _Table(Strict):
+class _ManoeuvreRows(Strict):
     manoeuvre: tuple[Marked, ...]
 
 
@@ -120,7 +120,7 @@ def _rows(path: Path) -> dict[str, list[dict[str, Any]]]:
     there is none.
     """
     rows = validate(
-        _Table, load(path) if path.suffix.lower() == ".toml" else _csv(path), str(path)
+        _ManoeuvreRows, load(path) if path.suffix.lower() == ".toml" else _csv(path), str(path)
     ).manoeuvre
     found: dict[str, list[dict[str, Any]]] = {}
     for row in sorted(rows, key=lambda row: row.start):
@@ -183,7 +183,7 @@ def write_manoeuvres(tables: dict[str, pd.DataFrame], path: str | Path) -> None:
     write_text(path, target.getvalue())
 
 
-def marked(record: xr.DataTree, table: pd.DataFrame) -> xr.DataTree:
+def with_manoeuvres(record: xr.DataTree, table: pd.DataFrame) -> xr.DataTree:
     """Return a record with a list of manoeuvres in place of its own.
 
     Parameters
@@ -252,7 +252,7 @@ def edit_manoeuvres(
             {} if {"start", "end"}.isdisjoint(change) else {"confidence": ""}
         )  # that of the search was of the old times
         about = validate(
-            _Table, {"manoeuvre": [{**old, **moved, **change, "record": record}]}, str(path)
+            _ManoeuvreRows, {"manoeuvre": [{**old, **moved, **change, "record": record}]}, str(path)
         ).manoeuvre[0]
         rows.append({"confidence": "", **about.as_row()})
     rows.sort(key=lambda one: one["start"])

@@ -23,8 +23,8 @@ from flighttest.records.readers.name_map import Channel, NameMap, entry_of, read
 from flighttest.records.readers.opening import FORMATS, open_recording
 from flighttest.records.readers.recording import (
     LeftOut,
+    RecordedTable,
     Recording,
-    Table,
     clock_name,
     left_out_as,
     rows,
@@ -32,22 +32,29 @@ from flighttest.records.readers.recording import (
 from flighttest.records.signals.blank_cells import clocks_of_rows
 from flighttest.records.signals.conditioning import GAP, remove_delay
 from flighttest.records.signals.delays import follow_command, remove_lag
-from flighttest.records.signals.sample_flags import MOST, Flag, as_text, kept, sample_faults, spans
-from flighttest.records.stored_overview import named, writable
+from flighttest.records.signals.sample_flags import (
+    MOST,
+    Flag,
+    as_text,
+    read_stored_flags,
+    sample_faults,
+    spans,
+)
+from flighttest.records.stored_overview import add_file_name_facts, encodable_text
 
 
-class Samples(NamedTuple):
+class ChannelSamples(NamedTuple):
     """One channel: its samples (time,) and its attributes."""
 
     values: np.ndarray
     attrs: dict[str, Any]
 
 
-class Leaf(NamedTuple):
+class RecordGroup(NamedTuple):
     """Channels by name over one clock (time,) [s], and the attributes of the clock."""
 
     time: np.ndarray
-    channels: dict[str, Samples]
+    channels: dict[str, ChannelSamples]
     attrs: dict[str, Any]
 
 
@@ -57,7 +64,7 @@ class Arrays(NamedTuple):
     """
 
     attrs: dict[str, Any]
-    leaves: dict[str, Leaf]
+    leaves: dict[str, RecordGroup]
 
 
 def read_arrays(path: str | Path, names: str | Path | NameMap | None = None) -> Arrays:
@@ -68,7 +75,7 @@ def read_arrays(path: str | Path, names: str | Path | NameMap | None = None) -> 
     mapping = names if isinstance(names, NameMap) or names is None else read_names(names)
     recording = open_recording(path, mapping or NameMap({}))
     record = unnamed_arrays(recording, mapping, path)
-    return record._replace(attrs=named(record.attrs, path.name))
+    return record._replace(attrs=add_file_name_facts(record.attrs, path.name))
 
 
 def unnamed_arrays(recording: Recording, mapping: NameMap | None, path: Path) -> Arrays:
@@ -82,7 +89,7 @@ def _record(recording: Recording, mapping: NameMap, path: Path) -> Arrays:
     clocks = Clocks(recording.tables, mapping, path.name, recording.left_out)
     tables = clocks.with_decoded_words()
     places, absent, lost = _places(mapping, tables, path, recording.left_out)
-    leaves: dict[str, Leaf] = {}
+    leaves: dict[str, RecordGroup] = {}
     for leaf, part in places.items():
         for name, channels in _leaves(leaf, part, mapping, tables, clocks).items() if part else ():
             leaves[
@@ -120,13 +127,14 @@ def _record(recording: Recording, mapping: NameMap, path: Path) -> Arrays:
     if recording.left_out:
         root["left_out"] = json.dumps([[one.place, one.reason] for one in recording.left_out])
     root = {
-        key: writable(value) if isinstance(value, str) else value for key, value in root.items()
+        key: encodable_text(value) if isinstance(value, str) else value
+        for key, value in root.items()
     }
     return Arrays(root, leaves)
 
 
 def _modes(
-    recording: Recording, mapping: NameMap, leaves: Mapping[str, Leaf]
+    recording: Recording, mapping: NameMap, leaves: Mapping[str, RecordGroup]
 ) -> list[dict[str, object]]:
     """Return the flight modes on the clock of the record."""
     clock = mapping.clock
@@ -143,7 +151,7 @@ def _modes(
     )
 
 
-def _with_constants(leaves: Mapping[str, Leaf], mapping: NameMap) -> None:
+def _with_constants(leaves: Mapping[str, RecordGroup], mapping: NameMap) -> None:
     """Add the channels that the map states as constant, where no leaf shows them, to the leaf of
     the rates or the first one.
     """
@@ -154,7 +162,7 @@ def _with_constants(leaves: Mapping[str, Leaf], mapping: NameMap) -> None:
     for name, value in mapping.constants.items():
         if name not in shown:
             about = {**attrs(name), "calibration": "constant, stated in the name map"}
-            home.channels[name] = Samples(np.full(len(home.time), value), about)
+            home.channels[name] = ChannelSamples(np.full(len(home.time), value), about)
 
 
 def _notes(facts: Mapping[str, Any]) -> list[str]:
@@ -214,7 +222,7 @@ _Place = tuple[str, str]  # table and column
 
 
 def _places(
-    mapping: NameMap, tables: Mapping[str, Table], path: Path, left_out: Sequence[LeftOut]
+    mapping: NameMap, tables: Mapping[str, RecordedTable], path: Path, left_out: Sequence[LeftOut]
 ) -> tuple[dict[str, dict[str, _Place]], list[str], list[str]]:
     """Return where every channel is, leaf by leaf, what optional channels lack, and channels left
     out; all problems in one error.
@@ -267,7 +275,7 @@ def _needed(name: str, left_out: LeftOut, path: Path) -> ParseError:
 
 
 def _unit_problem(
-    channel: Channel, name: str, place: _Place, tables: Mapping[str, Table]
+    channel: Channel, name: str, place: _Place, tables: Mapping[str, RecordedTable]
 ) -> list[AeromatchError]:
     try:
         channel.convert(np.zeros(0), unit_of_column(tables[place[0]], place[1], name), name)
@@ -276,7 +284,7 @@ def _unit_problem(
     return []
 
 
-def _locate(leaf: str, channel: Channel, tables: Mapping[str, Table], path: Path) -> _Place:
+def _locate(leaf: str, channel: Channel, tables: Mapping[str, RecordedTable], path: Path) -> _Place:
     """Return table and column of a channel, from the first of its columns that is there."""
     missing: UnknownName | None = None
     for column in channel.columns:
@@ -288,7 +296,7 @@ def _locate(leaf: str, channel: Channel, tables: Mapping[str, Table], path: Path
     raise missing
 
 
-def _one_place(leaf: str, wanted: str, tables: Mapping[str, Table], path: Path) -> _Place:
+def _one_place(leaf: str, wanted: str, tables: Mapping[str, RecordedTable], path: Path) -> _Place:
     """Return the place of ``table/column``, of a column of the leaf's own table or of the only
     table, or of a table with one column.
     """
@@ -345,9 +353,9 @@ def _leaves(
     leaf: str,
     places: dict[str, _Place],
     mapping: NameMap,
-    tables: Mapping[str, Table],
+    tables: Mapping[str, RecordedTable],
     clocks: Clocks,
-) -> dict[str, Leaf]:
+) -> dict[str, RecordGroup]:
     """Return the channels of a leaf of the name map; those whose samples form a slower clock than
     the rows have a leaf of their own.
     """
@@ -370,7 +378,7 @@ def _leaves(
         return {leaf: _leaf(leaf, places, mapping, tables, clock, raw)}
     # the name of the map remains with the channels of all rows, or with the largest group
     parts.sort(key=lambda part: (part[0] is not None, -len(part[1])))
-    found: dict[str, Leaf] = {}
+    found: dict[str, RecordGroup] = {}
     for filled, names in parts:
         samples = np.arange(len(clock.time)) if filled is None else np.flatnonzero(filled)
         slow = clock if filled is None else _slower(clock, samples)
@@ -404,13 +412,13 @@ def _leaf(
     leaf: str,
     places: dict[str, _Place],
     mapping: NameMap,
-    tables: Mapping[str, Table],
+    tables: Mapping[str, RecordedTable],
     clock: Settled,
     samples: dict[str, np.ndarray],
-) -> Leaf:
+) -> RecordGroup:
     """Return channels on one clock, converted, with their flags."""
-    columns: dict[str, Samples] = {}
-    found = [*kept(tables[next(iter(places.values()))[0]].flags), *clock.flags]
+    columns: dict[str, ChannelSamples] = {}
+    found = [*read_stored_flags(tables[next(iter(places.values()))[0]].flags), *clock.flags]
     for name, (group, column) in places.items():
         channel, unit = mapping.leaves[leaf][name], unit_of_column(tables[group], column, name)
         raw = samples[name]
@@ -447,10 +455,10 @@ def _leaf(
             for key, value in (("delay", channel.delay), ("lag", channel.lag))
             if value
         }
-        columns[name] = Samples(x, {**about, **removed, **error})
+        columns[name] = ChannelSamples(x, {**about, **removed, **error})
     if {"delta_a_left", "delta_a_right"} <= set(columns) and "delta_a" not in columns:
         about = {**attrs("delta_a"), "calibration": "(delta_a_right - delta_a_left) / 2"}
-        columns["delta_a"] = Samples(
+        columns["delta_a"] = ChannelSamples(
             (columns["delta_a_right"].values - columns["delta_a_left"].values) / 2.0, about
         )
     missing: dict[str, list[Flag]] = {}
@@ -462,4 +470,4 @@ def _leaf(
         for name, group in missing.items()
     )
     about = {**clock.about, "missing": words, "flags": as_text(dict.fromkeys(found))}
-    return Leaf(clock.time, columns, about)
+    return RecordGroup(clock.time, columns, about)

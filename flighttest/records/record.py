@@ -22,10 +22,10 @@ import xarray as xr
 
 from flightmech.errors import AeromatchError, ParseError, SchemaError
 from flightmech.names import attrs
-from flighttest.records.files import MANOEUVRE, channel_rows, fault_texts, listed
+from flighttest.records.files import MANOEUVRE, channel_rows, fault_texts, read_listed_rows
 from flighttest.records.readers.name_map import NameMap
-from flighttest.records.reading import Arrays, Leaf, Samples, read_arrays
-from flighttest.records.signals.sample_flags import as_text, kept
+from flighttest.records.reading import Arrays, ChannelSamples, RecordGroup, read_arrays
+from flighttest.records.signals.sample_flags import as_text, read_stored_flags
 
 _SAME_MOMENT = 12 * 3600.0  # s: starts further apart are not one flight
 
@@ -114,7 +114,7 @@ def _offsets(records: Sequence[xr.DataTree]) -> list[float]:
 def _moved(data: xr.Dataset, offset: float) -> xr.Dataset:
     if not offset:
         return data
-    flags = kept(data.attrs.get("flags", "[]"))
+    flags = read_stored_flags(data.attrs.get("flags", "[]"))
     moved = data.assign_coords(time=("time", data["time"].values + offset, data["time"].attrs))
     moved.attrs["flags"] = as_text(
         flag._replace(start=flag.start + offset, stop=flag.stop + offset) for flag in flags
@@ -172,7 +172,7 @@ def as_tree(record: Arrays) -> xr.DataTree:
     return xr.DataTree.from_dict({"/": xr.Dataset(attrs=record.attrs), **leaves})
 
 
-def _dataset(leaf: Leaf) -> xr.Dataset:
+def _dataset(leaf: RecordGroup) -> xr.Dataset:
     variables = {name: _over_time(*samples) for name, samples in leaf.channels.items()}
     index = pd.Index(leaf.time)
     time = xr.IndexVariable("time", index, attrs("time"), fastpath=True)
@@ -220,7 +220,7 @@ def modes(record: xr.DataTree | xr.Dataset) -> pd.DataFrame:
 
 
 def _listed(record: xr.DataTree | xr.Dataset, key: str) -> pd.DataFrame:
-    return pd.DataFrame(listed(record.attrs, key), columns=list(MANOEUVRE))
+    return pd.DataFrame(read_listed_rows(record.attrs, key), columns=list(MANOEUVRE))
 
 
 def overview(record: xr.DataTree) -> pd.DataFrame:
@@ -234,11 +234,11 @@ def overview(record: xr.DataTree) -> pd.DataFrame:
     )
 
 
-def _leaf(data: xr.Dataset) -> Leaf:
+def _leaf(data: xr.Dataset) -> RecordGroup:
     """Return a leaf of the tree as plain arrays."""
-    return Leaf(
+    return RecordGroup(
         data["time"].values,
-        {str(name): Samples(x.values, x.attrs) for name, x in data.data_vars.items()},
+        {str(name): ChannelSamples(x.values, x.attrs) for name, x in data.data_vars.items()},
         data.attrs,
     )
 

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
-from flightmech.support.hdf5_seal import unbroken_if_sealed
+from flightmech.support.hdf5_seal import read_if_sealed
 
 OVERVIEW = "record 2"
 """Name of the rules by which records are read, checked for faults and listed; files carry what they gave, so that its number is raised
@@ -35,25 +35,25 @@ def stored_overview(
         The file is damaged.
     """
     path = Path(path)
-    whole = unbroken_if_sealed(path, "a recording; write or copy it again")
+    whole = read_if_sealed(path, "a recording; write or copy it again")
     found = whole and (whole.overview(OVERVIEW) or {}).get(part)
     if not found:
         return None
     return (
         found
-        | {"facts": named(found["facts"], path.name)}
+        | {"facts": add_file_name_facts(found["facts"], path.name)}
         | ({"file": path.name} if "file" in found else {})
     )
 
 
-def named(facts: Mapping[str, Any], file: str) -> dict[str, Any]:
+def add_file_name_facts(facts: Mapping[str, Any], file: str) -> dict[str, Any]:
     """Return the facts of a record, where those are None that the name of its file gives."""
-    text = writable(file)
+    text = encodable_text(file)
     given = {"source_file": text, "title": text.split(".")[0]}
     return {key: given[key] if item is None else item for key, item in facts.items()}
 
 
-def writable(text: str) -> str:
+def encodable_text(text: str) -> str:
     """Return a text that files can hold: bytes of a file's name that the encoding of the system
     does not know become question marks.
     """

@@ -12,7 +12,7 @@ import pandas as pd
 import xarray as xr
 
 from flightmech.errors import OutOfRange, UnknownName
-from flightmech.support.figures import displayed, new_figure
+from flightmech.support.figures import new_figure, to_display_unit
 from flighttest.records.record import channels as channels_of
 
 if TYPE_CHECKING:
@@ -207,7 +207,7 @@ def signals_figure(
     return figure
 
 
-def broken(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def break_at_gaps(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the finite samples with a NaN wherever more than `GAP` steps lie between two, so that
     no line crosses a gap.
     """
@@ -236,16 +236,18 @@ def _draw_panel(
     names = list(dict.fromkeys(str(signal.name) for signal in panel))
     for signal, colour in zip(panel, cycle(COLOURS), strict=False):
         name, time = str(signal.name), signal["time"].values
-        values, unit = displayed(name, np.asarray(signal.values, float))
+        values, unit = to_display_unit(name, np.asarray(signal.values, float))
         ax.plot(
-            *broken(time, values),
+            *break_at_gaps(time, values),
             color=colour,
             linewidth=0.8,
             label=name if len(names) == 1 else f"{name} [{unit}]",
         )
         if name in stderr:
             half = 2.0 * stderr[name].sel(time=time).values
-            below, above = (displayed(name, signal.values + sign * half)[0] for sign in (-1.0, 1.0))
+            below, above = (
+                to_display_unit(name, signal.values + sign * half)[0] for sign in (-1.0, 1.0)
+            )
             ax.fill_between(time, below, above, color=colour, alpha=0.25, linewidth=0)
     if len(names) == 1:
         ax.set_ylabel(f"{names[0]}\n[{unit}]", fontsize="small")

@@ -32,7 +32,7 @@ class Pieces:
     steps: Sequence[float] = ()
 
 
-class Function(NamedTuple):
+class ExpressionFunction(NamedTuple):
     """Number of arguments, and the value with its derivatives from those of the arguments and the
     pieces.
     """
@@ -45,14 +45,14 @@ def _by(given, partial: np.ndarray) -> dict[str, np.ndarray]:
     return {name: partial * slope for name, slope in given.by.items()}
 
 
-def _plain(value: Callable, slope: Callable) -> Function:
+def _plain(value: Callable, slope: Callable) -> ExpressionFunction:
     """A function of one argument from its value and its derivative, both of the argument."""
-    return Function(
+    return ExpressionFunction(
         1, lambda given, _: (value(given[0].value), _by(given[0], slope(given[0].value)))
     )
 
 
-def _positive(name: str, value: Callable, slope: Callable) -> Function:
+def _positive(name: str, value: Callable, slope: Callable) -> ExpressionFunction:
     """The same, of a positive argument."""
 
     def apply(given, _):
@@ -61,10 +61,10 @@ def _positive(name: str, value: Callable, slope: Callable) -> Function:
             raise OutOfRange(f"{name} of {np.min(x):g}; it must stay positive")
         return value(x), _by(given[0], slope(x))
 
-    return Function(1, apply)
+    return ExpressionFunction(1, apply)
 
 
-def _chosen(first: Callable) -> Function:
+def _chosen(first: Callable) -> ExpressionFunction:
     """One of two arguments, sample by sample: the first where `first` of the two values holds."""
 
     def apply(given, _):
@@ -76,7 +76,7 @@ def _chosen(first: Callable) -> Function:
         }
         return np.where(choice, x.value, y.value), by
 
-    return Function(2, apply)
+    return ExpressionFunction(2, apply)
 
 
 def _ramp(given, _):
@@ -133,7 +133,7 @@ def _lagged(x: np.ndarray, step: float, T: float) -> tuple[np.ndarray, np.ndarra
     return y, np.concatenate([[0.0], scipy.signal.lfilter([1.0], [1.0, -a], dpush)])
 
 
-FUNCTIONS: dict[str, Function] = {
+FUNCTIONS: dict[str, ExpressionFunction] = {
     "exp": _plain(np.exp, np.exp),
     "tanh": _plain(np.tanh, lambda x: 1.0 - np.tanh(x) ** 2),
     "sin": _plain(np.sin, np.cos),
@@ -144,8 +144,8 @@ FUNCTIONS: dict[str, Function] = {
     "log": _positive("log", np.log, lambda x: 1.0 / x),
     "max": _chosen(np.greater_equal),
     "min": _chosen(np.less_equal),
-    "ramp": Function(2, _ramp),
-    "lag": Function(2, _lag),
+    "ramp": ExpressionFunction(2, _ramp),
+    "lag": ExpressionFunction(2, _lag),
 }
 
 
@@ -228,7 +228,7 @@ def _named(name: str, scope: Scope) -> Slopes:
     return Slopes(np.asarray(scope.quantities[name], float), {})
 
 
-def chained(
+def apply_chain_rule(
     value: np.ndarray, *parts: tuple[Slopes, np.ndarray]
 ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """Return a value with its derivatives by the chain rule, from the arguments and the partial
@@ -255,30 +255,30 @@ def _power(given: Sequence[Slopes], _: Pieces):
         raise OutOfRange("a negative power of zero")
     value = x.value**y.value
     parts = [(x, y.value * x.value ** (y.value - 1.0))] if x.by else []
-    return chained(value, *parts, *([(y, value * np.log(x.value))] if y.by else []))
+    return apply_chain_rule(value, *parts, *([(y, value * np.log(x.value))] if y.by else []))
 
 
 def _ratio(given: Sequence[Slopes], _: Pieces):
     x, y = given
     if (y.value == 0.0).any():
         raise OutOfRange("division by zero")
-    return chained(x.value / y.value, (x, 1.0 / y.value), (y, -x.value / y.value**2))
+    return apply_chain_rule(x.value / y.value, (x, 1.0 / y.value), (y, -x.value / y.value**2))
 
 
 _ONE = np.array(1.0)
 _OPERATIONS: dict[str, Callable] = {
-    "+": lambda given, _: chained(
+    "+": lambda given, _: apply_chain_rule(
         given[0].value + given[1].value, (given[0], _ONE), (given[1], _ONE)
     ),
-    "-": lambda given, _: chained(
+    "-": lambda given, _: apply_chain_rule(
         given[0].value - given[1].value, (given[0], _ONE), (given[1], -_ONE)
     ),
-    "*": lambda given, _: chained(
+    "*": lambda given, _: apply_chain_rule(
         given[0].value * given[1].value, (given[0], given[1].value), (given[1], given[0].value)
     ),
     "/": _ratio,
     "^": _power,
-    "negative": lambda given, _: chained(-given[0].value, (given[0], -_ONE)),
+    "negative": lambda given, _: apply_chain_rule(-given[0].value, (given[0], -_ONE)),
 }
 _RANK = {"+": 1, "-": 1, "*": 2, "/": 2, "negative": 3, "^": 4}
 
@@ -322,7 +322,7 @@ def parse(text: str) -> Expression:
     UnitError
         A unit that is not known.
     """
-    reader = _Reader(text)
+    reader = _Parser(text)
     found = reader.sum()
     reader.demand_end()
     return found
@@ -337,7 +337,7 @@ def parse_terms(text: str) -> tuple[Expression, ...]:
     ParseError
         What is no sum of terms.
     """
-    reader = _Reader(text)
+    reader = _Parser(text)
     found = [reader.product()]
     while reader.accept("+"):
         found.append(reader.product())
@@ -352,7 +352,7 @@ def parse_terms(text: str) -> tuple[Expression, ...]:
     return tuple(found)
 
 
-class _Reader:
+class _Parser:
     """Recursive descent over the tokens of a text."""
 
     def __init__(self, text: str):

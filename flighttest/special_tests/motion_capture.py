@@ -24,7 +24,7 @@ from flightmech.names import lookup
 from flightmech.support.input_files import load
 from flightmech.support.toml_models import Strict, si, validate
 from flightmech.units import to_si
-from flighttest.records.readers.columns import located
+from flighttest.records.readers.columns import locate_column
 from flighttest.records.readers.name_map import NameMap
 from flighttest.records.readers.opening import open_recording
 
@@ -35,7 +35,7 @@ _G = 9.80665
 _END = 8  # samples of a parabola at each end
 
 
-def motion(pose: xr.Dataset, cutoff: float) -> xr.Dataset:
+def smooth_motion(pose: xr.Dataset, cutoff: float) -> xr.Dataset:
     """Return the smoothed motion of a body with standard errors.
 
     Parameters
@@ -316,7 +316,7 @@ def read_markers(path: str | Path, setup: MarkerSetup) -> xr.DataArray:
     columns, time = [], np.empty(0)
     for name in names:
         for axis in "xyz":
-            place = located(recording, f"{name}_{axis}", path)
+            place = locate_column(recording, f"{name}_{axis}", path)
             assert place is not None  # required
             time = place[0]
             columns.append(np.asarray(to_si(place[1], place[2] or setup.unit, "m")))

@@ -8,11 +8,11 @@ import numpy as np
 import xarray as xr
 
 import flightmech
-from flightmech.aircraft.controls import Circuit, Control
-from flightmech.aircraft.engine import Deck
+from flightmech.aircraft.controls import Circuit, ControlGeometry
+from flightmech.aircraft.engine import EngineDeck
 from flightmech.aircraft.fuel import Fuel, Tank, tank_tables
 from flightmech.aircraft.landing_gear import Contact, LandingGear, Steering
-from flightmech.terms import make
+from flightmech.terms import make_term
 
 ALPHA, MACH = np.array([-0.2, 0.0, 0.2, 0.4]), np.array([0.1, 0.8])
 BODY = {
@@ -73,60 +73,60 @@ def air() -> dict[str, xr.Dataset]:
         "delta_f": [0.0, 0.7],
         "beta": [-0.2, 0.0, 0.2],
     }
-    near = make(0.05, regressors=["CL"])
+    near = make_term(0.05, regressors=["CL"])
     near.attrs |= {"power": "h_agl", "exponent": -1.2, "floor": 0.5}
     return {
-        "CL/basic": make(
+        "CL/basic": make_term(
             (0.25 + 4.8 * ALPHA)[:, None] * (1.0 + 0.1 * MACH),
             {"alpha": ALPHA, "mach": MACH},
             outside="linear",
         ),
-        "CL/elevator": make(0.36, regressors=["delta_e"]),
-        "CL/alphadothat": make([1.2, 1.5], {"mach": [0.2, 0.7]}, ["alphadothat"]),
-        "CD/basic": make(0.024 + 0.8 * ALPHA**2, {"alpha": ALPHA}),
-        "CD/gear": make(0.02 + 0.01 * ALPHA, {"alpha": ALPHA}, K1=gear),
-        "CD/load_factor": make(0.002, regressors=["dnz"]),
-        "CD/polar": make([0.01, 0.002, 0.05], {"CL": [-0.4, 0.2, 1.2]}),
-        "CY/beta": make(-0.6 - 0.1 * ALPHA, {"alpha": ALPHA}, ["beta"]),
-        "CY/betadothat": make(-0.3, regressors=["betadothat"]),
-        "Cl/beta": make(-0.08, regressors=["beta"]),
-        "Cl/phat": make(-0.44, regressors=["phat"]),
-        "Cl/aileron": make(-0.15, regressors=["delta_a"]),
-        "Cm/basic": make(0.03 - 0.7 * ALPHA, {"alpha": ALPHA}),
-        "Cm/elevator": make(-1.05, regressors=["delta_e"]),
-        "Cm/qhat": make(-13.0, regressors=["qhat"]),
+        "CL/elevator": make_term(0.36, regressors=["delta_e"]),
+        "CL/alphadothat": make_term([1.2, 1.5], {"mach": [0.2, 0.7]}, ["alphadothat"]),
+        "CD/basic": make_term(0.024 + 0.8 * ALPHA**2, {"alpha": ALPHA}),
+        "CD/gear": make_term(0.02 + 0.01 * ALPHA, {"alpha": ALPHA}, K1=gear),
+        "CD/load_factor": make_term(0.002, regressors=["dnz"]),
+        "CD/polar": make_term([0.01, 0.002, 0.05], {"CL": [-0.4, 0.2, 1.2]}),
+        "CY/beta": make_term(-0.6 - 0.1 * ALPHA, {"alpha": ALPHA}, ["beta"]),
+        "CY/betadothat": make_term(-0.3, regressors=["betadothat"]),
+        "Cl/beta": make_term(-0.08, regressors=["beta"]),
+        "Cl/phat": make_term(-0.44, regressors=["phat"]),
+        "Cl/aileron": make_term(-0.15, regressors=["delta_a"]),
+        "Cm/basic": make_term(0.03 - 0.7 * ALPHA, {"alpha": ALPHA}),
+        "Cm/elevator": make_term(-1.05, regressors=["delta_e"]),
+        "Cm/qhat": make_term(-13.0, regressors=["qhat"]),
         "Cm/near": near,
-        "Cn/basic": make(np.linspace(-0.003, 0.003, 24).reshape(2, 2, 2, 3), four),
-        "Cn/beta": make(0.1, regressors=["beta"]),
-        "Cn/rhat": make(-0.14, regressors=["rhat"]),
-        "Cn/drag": make([0.1, 0.12], {"CD": [0.02, 0.1]}, ["beta", "CL"]),
-        "Cn/rudder": make(-0.07, regressors=["delta_r"]),
-        "Ch_e/alpha": make(-0.2 + 0.1 * MACH, {"mach": MACH}, ["alpha"]),
-        "Ch_e/delta": make(-0.4, regressors=["delta_e"]),
-        "Ch_a/delta": make(-0.4, regressors=["delta_a"]),
-        "Ch_r/delta": make(-0.3, regressors=["delta_r"]),
+        "Cn/basic": make_term(np.linspace(-0.003, 0.003, 24).reshape(2, 2, 2, 3), four),
+        "Cn/beta": make_term(0.1, regressors=["beta"]),
+        "Cn/rhat": make_term(-0.14, regressors=["rhat"]),
+        "Cn/drag": make_term([0.1, 0.12], {"CD": [0.02, 0.1]}, ["beta", "CL"]),
+        "Cn/rudder": make_term(-0.07, regressors=["delta_r"]),
+        "Ch_e/alpha": make_term(-0.2 + 0.1 * MACH, {"mach": MACH}, ["alpha"]),
+        "Ch_e/delta": make_term(-0.4, regressors=["delta_e"]),
+        "Ch_a/delta": make_term(-0.4, regressors=["delta_a"]),
+        "Ch_r/delta": make_term(-0.3, regressors=["delta_r"]),
     }
 
 
-def deck() -> Deck:
+def deck() -> EngineDeck:
     """Return an engine deck of two spools with every switch at work."""
-    return Deck(
+    return EngineDeck(
         {
-            "n2_command": make([0.5, 1.0], {"throttle": [0.0, 1.0]}),
-            "n2_up_time": make(0.5),
-            "n2_down_time": make(0.8),
-            "n2_up_limit": make(0.2),
-            "n1_command": make([0.2, 0.9], {"n2": [0.5, 1.0]}),
-            "n1_up_time": make(0.4),
-            "corrected_thrust": make(
+            "n2_command": make_term([0.5, 1.0], {"throttle": [0.0, 1.0]}),
+            "n2_up_time": make_term(0.5),
+            "n2_down_time": make_term(0.8),
+            "n2_up_limit": make_term(0.2),
+            "n1_command": make_term([0.2, 0.9], {"n2": [0.5, 1.0]}),
+            "n1_up_time": make_term(0.4),
+            "corrected_thrust": make_term(
                 [[100.0, -50.0], [5000.0, 4000.0]], {"corrected_n1": [0.2, 1.0], "mach": [0.0, 0.6]}
             ),
-            "corrected_air_flow": make([5.0, 30.0], {"corrected_n1": [0.2, 1.0]}),
-            "corrected_fuel_flow": make([0.02, 0.12], {"corrected_n2": [0.5, 1.0]}),
-            "corrected_itt": make([600.0, 900.0], {"corrected_n2": [0.5, 1.0]}),
-            "corrected_n1_windmill": make([0.0, 0.3], {"mach": [0.0, 0.6]}),
-            "corrected_n2_windmill": make([0.0, 0.15], {"mach": [0.0, 0.6]}),
-            "windmill_thrust": make(-0.02, regressors=["qbar"]),
+            "corrected_air_flow": make_term([5.0, 30.0], {"corrected_n1": [0.2, 1.0]}),
+            "corrected_fuel_flow": make_term([0.02, 0.12], {"corrected_n2": [0.5, 1.0]}),
+            "corrected_itt": make_term([600.0, 900.0], {"corrected_n2": [0.5, 1.0]}),
+            "corrected_n1_windmill": make_term([0.0, 0.3], {"mach": [0.0, 0.6]}),
+            "corrected_n2_windmill": make_term([0.0, 0.15], {"mach": [0.0, 0.6]}),
+            "windmill_thrust": make_term(-0.02, regressors=["qbar"]),
         },
         lever_delay=0.15,
         itt_time=1.0,
@@ -151,7 +151,7 @@ def whole() -> flightmech.Aircraft:
         Contact(
             "left",
             (-0.17, -0.805, 0.759),
-            strut=make([0.0, 900.0], {"compression": [0.0, 0.3]}),
+            strut=make_term([0.0, 900.0], {"compression": [0.0, 0.3]}),
             **MAIN,
         ),
         Contact("right", (-0.17, 0.805, 0.759), **MAIN),
@@ -193,9 +193,9 @@ def whole() -> flightmech.Aircraft:
             antiskid=0.8,
         ),
         controls={
-            "delta_e": Control(1.5, 0.35, -1.2),
-            "delta_a": Control(1.0, 0.3, 0.3),
-            "delta_r": Control(0.6, 0.3, -2.5),
+            "delta_e": ControlGeometry(1.5, 0.35, -1.2),
+            "delta_a": ControlGeometry(1.0, 0.3, 0.3),
+            "delta_r": ControlGeometry(0.6, 0.3, -2.5),
         },
         circuits={
             "column": Circuit(
@@ -223,7 +223,9 @@ def whole() -> flightmech.Aircraft:
 
 def plain() -> flightmech.Aircraft:
     """Return a jet with one static engine and nothing else."""
-    thrust = make([[300.0, 250.0], [4559.0, 4000.0]], {"throttle": [0.0, 1.0], "mach": [0.0, 0.6]})
+    thrust = make_term(
+        [[300.0, 250.0], [4559.0, 4000.0]], {"throttle": [0.0, 1.0], "mach": [0.0, 0.6]}
+    )
     engine = flightmech.aircraft.Engine(
         (-0.3, 0.0, 0.05), thrust=thrust, time_constant=1.2, angular_momentum=55.0
     )
@@ -235,16 +237,16 @@ def compiled() -> dict[str, flightmech.SimModel]:
     all.
     """
     body = {
-        "CX/basic": make(-0.03),
-        "CZ/alpha": make(-4.5, regressors=["alpha"]),
-        "Cm/qhat": make(-9.0, regressors=["qhat"]),
+        "CX/basic": make_term(-0.03),
+        "CZ/alpha": make_term(-4.5, regressors=["alpha"]),
+        "Cm/qhat": make_term(-9.0, regressors=["qhat"]),
     }
     return {
         "whole": flightmech.compile(whole(), _tree(air())),
         "plain": flightmech.compile(plain(), _tree(body, force_axes="body")),
         "bare": flightmech.compile(
             flightmech.Aircraft(name="bare", **BODY),
-            _tree({"CL/alpha": make(4.5, regressors=["alpha"])}),
+            _tree({"CL/alpha": make_term(4.5, regressors=["alpha"])}),
         ),
         "empty": flightmech.compile(flightmech.Aircraft(name="empty", **BODY), _tree({})),
     }

@@ -25,13 +25,13 @@ import pandas as pd
 import xarray as xr
 
 from flightmech.errors import SchemaError
-from flightmech.support.console import plain
+from flightmech.support.console import to_json_types
 from flightmech.support.hdf5_seal import demand_self_contained
 from pom.archive.origins import case_found_from, case_seen_from, sha256
 from pom.cases.case import PomCase
 from pom.fmu.run_cache import FileState
 from pom.result import PomResult, split, verdict_table
-from pom.samples import Samples
+from pom.samples import SampledReplay
 
 _NAMES = {
     "signals": "channel",
@@ -78,11 +78,11 @@ def write_archive(path: str | os.PathLike, archive: Archive, keys: Sequence[str]
     head = {
         "title": archive.title,
         "revision": archive.revision,
-        "provenance": plain(archive.provenance),
+        "provenance": to_json_types(archive.provenance),
         "diagnoses": {name: _table_to_json(table) for name, table in archive.diagnoses.items()},
         "cases": list(keys),
         "paper": archive.paper,
-        **({"tunings": plain(archive.tunings)} if archive.tunings else {}),
+        **({"tunings": to_json_types(archive.tunings)} if archive.tunings else {}),
     }
     with h5py.File(path, "w") as file:
         _write_document(file, head)
@@ -214,7 +214,7 @@ def _read_result(group: h5py.Group, folder: Path) -> PomResult:
         tolerance=_read_part(group, head, "tolerance"),
         inputs=_read_part(group, head, "inputs"),
         samples={
-            run: Samples.of_document(item, _read_fan(group, k))
+            run: SampledReplay.of_document(item, _read_fan(group, k))
             for k, (run, item) in enumerate(head.get("samples", {}).items())
         },
     )
@@ -244,7 +244,7 @@ def _read_part(group: h5py.Group, head: Mapping[str, Any], part: str) -> xr.Data
 
 
 def _write_document(group: h5py.Group, item: Mapping[str, Any]) -> None:
-    text = json.dumps(plain(item), ensure_ascii=False, separators=(",", ":"))
+    text = json.dumps(to_json_types(item), ensure_ascii=False, separators=(",", ":"))
     group.create_dataset("document", data=text, dtype=h5py.string_dtype(encoding="utf-8"))
 
 
@@ -255,7 +255,7 @@ def _read_document(group: h5py.Group) -> dict[str, Any]:
 def _table_to_json(table: pd.DataFrame) -> dict[str, Any]:
     return {
         "columns": [str(name) for name in table.columns],
-        "rows": plain(table.to_numpy(object).tolist()),
+        "rows": to_json_types(table.to_numpy(object).tolist()),
     }
 
 

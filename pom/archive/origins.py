@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, TypedDict
 from urllib.parse import quote, unquote
 
 from flightmech.errors import ParseError, SchemaError, UnknownName
-from flightmech.support.console import plain
+from flightmech.support.console import to_json_types
 from flightmech.support.input_files import json_content
 from pom.result import PomResult
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from pom.cases.case import PomCase
 
 
-class Model(TypedDict, total=False):
+class ModelFile(TypedDict, total=False):
     """A model file, its SHA-256 and its path."""
 
     file: str
@@ -36,7 +36,7 @@ class Model(TypedDict, total=False):
     path: str
 
 
-class Provenance(TypedDict, total=False):
+class ReportProvenance(TypedDict, total=False):
     """Where a report comes from; every key may be absent.
 
     ``date`` of the results (text), ``command`` line, ``versions`` (name to version), ``inputs``
@@ -51,7 +51,7 @@ class Provenance(TypedDict, total=False):
     versions: Mapping[str, str]
     inputs: Mapping[str, str]
     places: Mapping[str, str]
-    models: Mapping[str, Model]
+    models: Mapping[str, ModelFile]
     records: Mapping[str, str]
     record_errors: Mapping[str, str]
     signatures: Mapping[str, Mapping[str, str]]
@@ -66,8 +66,8 @@ def check(provenance: Mapping[str, Any]) -> None:
         With the near ones.
     """
     for key in provenance:
-        if key not in Provenance.__annotations__:
-            raise UnknownName(key, Provenance.__annotations__, "key of provenance")
+        if key not in ReportProvenance.__annotations__:
+            raise UnknownName(key, ReportProvenance.__annotations__, "key of provenance")
 
 
 FILES = ("path", "record", "names", "aircraft", "law", "law_names")
@@ -80,7 +80,7 @@ def provenance(
     command: str = "",
     date: str = "",
     digest: Callable[[str | Path], str] | None = None,
-) -> Provenance:
+) -> ReportProvenance:
     """Return what a report states about the origin of its numbers.
 
     Parameters
@@ -253,7 +253,9 @@ def manifest(
 def text_of(statement: Mapping[str, Any]) -> str:
     """Return a statement as it is written: equal content gives equal bytes."""
     return (
-        json.dumps(plain(statement), indent=1, sort_keys=True, ensure_ascii=False, allow_nan=False)
+        json.dumps(
+            to_json_types(statement), indent=1, sort_keys=True, ensure_ascii=False, allow_nan=False
+        )
         + "\n"
     )
 

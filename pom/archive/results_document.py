@@ -10,14 +10,14 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
-from flightmech.support.console import plain
+from flightmech.support.console import to_json_types
 from pom.archive.archive import Archive, read_archive
 from pom.archive.origins import NAME, case_seen_from, place, read_manifest
 from pom.replaying.run_remarks import drift
 from pom.result import PomResult, records, split
 
 
-def joined(paths: Iterable[str | os.PathLike]) -> Archive:
+def join_reports(paths: Iterable[str | os.PathLike]) -> Archive:
     """Read the results of reports and join them in their order.
 
     Title, revision and date are those of the first, the chapters those of the first that has any.
@@ -135,12 +135,12 @@ def results_json(archive: Archive, cases: Sequence[CaseText]) -> str:
     parts = {
         "title": _json(archive.title),
         "revision": _json(archive.revision),
-        "provenance": _json(plain(archive.provenance)),
+        "provenance": _json(to_json_types(archive.provenance)),
         "samples": '"results.nc"',
         "results": f"[{','.join(case.numbers for case in cases)}]",
         "modes": _joined({case.name: case.modes for case in cases if case.modes}),
         "diagnoses": _json({name: _records(table) for name, table in archive.diagnoses.items()}),
-        **({"tunings": _json(plain(archive.tunings))} if archive.tunings else {}),
+        **({"tunings": _json(to_json_types(archive.tunings))} if archive.tunings else {}),
     }
     return _joined(parts) + "\n"
 
@@ -158,7 +158,7 @@ def _joined(texts: dict[str, str]) -> str:
 
 def _numbers(result: PomResult, folder: str | os.PathLike) -> dict[str, Any]:
     samples = {run: found.numbers() for run, found in result.samples.items()}
-    return plain(
+    return to_json_types(
         {
             "case": case_seen_from(result.case, folder).to_dict(),
             "conditions": result.conditions,
@@ -177,4 +177,4 @@ def _numbers(result: PomResult, folder: str | os.PathLike) -> dict[str, Any]:
 
 
 def _records(table: pd.DataFrame) -> list[dict[str, Any]]:
-    return plain(records(table))
+    return to_json_types(records(table))

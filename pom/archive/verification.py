@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from flightmech.errors import AeromatchError, UnknownName
-from flightmech.support.console import plain
+from flightmech.support.console import to_json_types
 from pom.archive.archive import Archive, read_archive
 from pom.archive.origins import (
     NAME,
@@ -30,7 +30,7 @@ from pom.archive.origins import (
 )
 from pom.archive.results_document import case_text, results_json
 from pom.cases.case import PomCase
-from pom.judging.beyond_the_bands import watch
+from pom.judging.beyond_the_bands import watch_channels
 from pom.judging.measures.modal import mode_table
 from pom.judging.signals import traces_of
 from pom.judging.verdict import judge_all, row
@@ -45,7 +45,9 @@ FLOWN_ALIKE = 1e-3
 """Difference of a ratio to the tolerance that still counts as the same: tuning flies the kernel, the report an FMU of it."""
 
 
-def stated(folder: Path, statement: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
+def compare_statements(
+    folder: Path, statement: Mapping[str, Any]
+) -> Iterator[tuple[str, str, str]]:
     """Yield what was compared: kind, name, and the differences as one text, empty where there are
     none.
 
@@ -78,7 +80,9 @@ def stated(folder: Path, statement: Mapping[str, Any]) -> Iterator[tuple[str, st
     yield _compared("manifest", "title, revision, command, date, cases", due, there)
     versions = statement["predicate"].get("runDetails", {}).get("builder", {}).get("version", {})
     yield _compared("manifest", "versions", dict(made_from.get("versions", {})), versions)
-    own = [plain(case_seen_from(result.case, folder).to_dict()) for result in archive.results]
+    own = [
+        to_json_types(case_seen_from(result.case, folder).to_dict()) for result in archive.results
+    ]
     cases = [
         _as_written_now(item, folder)
         for item in definition.get("internalParameters", {}).get("cases", [])
@@ -107,9 +111,13 @@ def stated(folder: Path, statement: Mapping[str, Any]) -> Iterator[tuple[str, st
         ),
     )
     for run, log in archive.tunings.items():
-        yield "statement", f"tuning of {run}", "; ".join(unlike_the_log(archive.results, run, log))
+        yield (
+            "statement",
+            f"tuning of {run}",
+            "; ".join(differences_from_log(archive.results, run, log)),
+        )
     for result in archive.results:
-        yield "tolerance", result.case.name, "; ".join(unlike_the_table(result.case))
+        yield "tolerance", result.case.name, "; ".join(differences_from_table(result.case))
 
 
 def _all_else(folder: Path, statement: Mapping[str, Any], archive: Archive) -> Iterator[str]:
@@ -210,7 +218,7 @@ def _as_written_now(case: Mapping[str, Any], folder: Path) -> Any:
     the root of the drive, since the report was moved to a folder nearer to it, ends there.
     """
     try:
-        return plain(
+        return to_json_types(
             case_seen_from(case_found_from(PomCase.from_dict(case), folder), folder).to_dict()
         )
     except (KeyError, TypeError, ValueError, IndexError):
@@ -242,7 +250,9 @@ def run_of(item: Mapping[str, Any]) -> str:
     return str(item.get("annotations", {}).get("run", ""))
 
 
-def unlike_the_log(results: Iterable[PomResult], run: str, log: Mapping[str, Any]) -> Iterator[str]:
+def differences_from_log(
+    results: Iterable[PomResult], run: str, log: Mapping[str, Any]
+) -> Iterator[str]:
     """Yield the cases in which a tuned model does otherwise here than its log states."""
     due = {row["case"]: row for row in log["rows"]}
     for result in results:
@@ -258,7 +268,7 @@ def unlike_the_log(results: Iterable[PomResult], run: str, log: Mapping[str, Any
             yield f"{result.case.name}: ratio {row['ratio_after']:.4g} in the log, {worst['worst_ratio']:.4g} here"
 
 
-def unlike_the_table(case: PomCase) -> Iterator[str]:
+def differences_from_table(case: PomCase) -> Iterator[str]:
     """Yield what the criteria of a case have other than the rows of the tolerance table that they
     name.
 
@@ -347,7 +357,7 @@ def verify(folder: str | os.PathLike) -> list[VerificationResult]:
         *found,
         *(
             VerificationResult(kind, name, "changed" if detail else "same", detail)
-            for kind, name, detail in stated(folder, statement)
+            for kind, name, detail in compare_statements(folder, statement)
         ),
         *_verdicts(folder),
     ]
@@ -459,7 +469,7 @@ def _not_stated(result: PomResult, run: str) -> Iterator[str]:
     flight, model = traces_of(result.signals, "flight"), traces_of(result.signals, run)
     due = (
         *_beyond(result, run, demanded=False),
-        *watch(result.case, result.signals["time"].values, flight, model),
+        *watch_channels(result.case, result.signals["time"].values, flight, model),
     )
     yield from (f"{remark.text}: not stated" for remark in due if remark.text not in stated)
 

@@ -15,7 +15,7 @@ from flightmech.support.input_files import load
 from flightmech.support.toml_models import validate
 from pom.cases import resolve as parts
 from pom.cases.case_file import FORCES, INPUTS, SHOWN, TRAVEL, WIND, CaseFile, plain_signatures
-from pom.cases.pilot import Loop
+from pom.cases.pilot import PilotLoop
 from pom.tolerances import rows
 from pom.tolerances.criteria import Criterion
 
@@ -27,7 +27,7 @@ _POWER = {"thrust": ("thrust",), "n1": ("n1",), "throttle": ("throttle", "pla")}
 
 
 @dataclass(frozen=True)
-class Drive:
+class CaseInputs:
     """How the model is driven.
 
     Attributes
@@ -63,7 +63,7 @@ class Drive:
     engine: str = "thrust"
     trim: bool | str = True
     limits: dict[str, float] = field(default_factory=dict)
-    pilot: tuple[Loop, ...] = ()
+    pilot: tuple[PilotLoop, ...] = ()
     held_by: str = "force"
     trim_surfaces: tuple[str, ...] = ()
     runway: str = ""
@@ -80,9 +80,9 @@ class Drive:
         )
 
     @classmethod
-    def from_dict(cls, item: Mapping[str, Any]) -> Drive:
+    def from_dict(cls, item: Mapping[str, Any]) -> CaseInputs:
         """Rebuild a drive from ``dataclasses.asdict``."""
-        loops = tuple(Loop(**loop) for loop in item.get("pilot", ()))
+        loops = tuple(PilotLoop(**loop) for loop in item.get("pilot", ()))
         return cls(
             **{**item, "pilot": loops, "trim_surfaces": tuple(item.get("trim_surfaces", ()))}
         )
@@ -158,7 +158,7 @@ class PomCase:
     description: str = ""
     names: str = ""
     aircraft: str = ""
-    drive: Drive = Drive()
+    drive: CaseInputs = CaseInputs()
     conditions: dict[str, float] = field(default_factory=dict)
     events: dict[str, float] = field(default_factory=dict)
     features: tuple[str, ...] = ()
@@ -211,7 +211,7 @@ class PomCase:
             **{
                 **item,
                 "window": (item["window"][0], item["window"][1]),
-                "drive": Drive.from_dict(item["drive"]),
+                "drive": CaseInputs.from_dict(item["drive"]),
                 "features": tuple(item["features"]),
                 "show": tuple(item["show"]),
                 "law_moves": tuple(item.get("law_moves", ())),
@@ -220,7 +220,7 @@ class PomCase:
         )
 
 
-def driven(case: PomCase) -> set[str]:
+def driven_quantities(case: PomCase) -> set[str]:
     """Return the quantities that the record sets, so that they cannot be judged; what math pilot or
     control law move is not among them.
     """
@@ -306,11 +306,11 @@ def _resolved(path: Path, file: CaseFile) -> tuple[PomCase, list[str]]:
         drive=drive,
         conditions=parts.conditions(file.conditions, problems),
         events=dict(file.events),
-        criteria=parts.weighed(found, fraction, largest),
+        criteria=parts.scale_tolerances(found, fraction, largest),
         fraction=fraction,
         wind=file.drive.wind,
         ranges=largest,
-        certified=parts.certified(file.certified, problems),
+        certified=parts.certified_values(file.certified, problems),
         ticks=dict(file.ticks),
         rationale=dict(file.rationale),
         source=dict(file.source),
@@ -346,7 +346,7 @@ _AS_WRITTEN = (
 )
 
 
-def _drive(file: CaseFile, found: list[Criterion], problems: list[str]) -> Drive:
+def _drive(file: CaseFile, found: list[Criterion], problems: list[str]) -> CaseInputs:
     loops = parts.loops(file, problems)
     if file.case.reference != "footprint":
         parts.forbid_judged(loops, found, problems)
@@ -356,7 +356,7 @@ def _drive(file: CaseFile, found: list[Criterion], problems: list[str]) -> Drive
             f'drive.pilot: a loop moves the throttle, but drive.engine is "{given.engine}"; drive the engines by "throttle"'
         )
     limits = parts.limits(given.limits, problems)
-    drive = Drive(
+    drive = CaseInputs(
         given.surfaces,
         given.engine,
         given.trim,

@@ -13,7 +13,7 @@ from flightmech.names import VOCABULARY, lookup
 from flightmech.support.toml_models import Strict, file_schema, part_schema
 from flightmech.support.toml_quantities import quantity_schema
 from pom.tolerances import rows
-from pom.tolerances.rows import Entry
+from pom.tolerances.rows import ToleranceOverride
 
 Role = Literal["prepared", "checked", "approved", "authority"]
 ROLES: tuple[Role, ...] = get_args(Role)
@@ -386,8 +386,8 @@ def case_schema() -> dict[str, Any]:
     """
     schema = file_schema(CaseFile, " ".join((CaseFile.__doc__ or "").split()))
     parts = schema["$defs"]
-    parts["Entry"] = {
-        **part_schema(Entry),
+    parts["ToleranceOverride"] = {
+        **part_schema(ToleranceOverride),
         "description": "Half width, percentage, base, rule, group and window.",
     }
     case = parts["CaseTable"]["properties"]

@@ -17,7 +17,7 @@ from flightmech.errors import OutOfRange, UnknownName
 from flightmech.units import DEGREE
 from pom.cases.case import PRIMARY, PomCase
 from pom.cases.case_file import BRAKES, FORCES, INITIAL, INPUTS, MASS, TRAVEL, WIND
-from pom.cases.pilot import Loop
+from pom.cases.pilot import PilotLoop
 
 NEAR = 100.0  # [m] height under which the radio altitude shows the runway
 STANDING = 0.3  # [m s-1] ground speed that is the noise of the reconstruction
@@ -165,7 +165,7 @@ _ENGINE = re.compile(r"^engine(\d+)\.(thrust|n1|throttle)$")
 
 
 @dataclass(frozen=True)
-class Job:
+class ReplayJob:
     """Inputs and parameters of one replay, the same for every model.
 
     Attributes
@@ -191,7 +191,7 @@ class Job:
     parameters: dict[str, float]
     needed_inputs: tuple[str, ...]
     needed_parameters: tuple[str, ...]
-    pilot: tuple[Loop, ...] = ()
+    pilot: tuple[PilotLoop, ...] = ()
     targets: dict[str, np.ndarray] = field(default_factory=dict)
     law: LawInputs | None = None
 
@@ -216,7 +216,7 @@ class LawInputs:
     start: dict[str, float]
 
 
-def job_of(case: PomCase, states: xr.Dataset) -> Job:
+def job_of(case: PomCase, states: xr.Dataset) -> ReplayJob:
     """Return what drives the models.
 
     Raises
@@ -260,7 +260,7 @@ def job_of(case: PomCase, states: xr.Dataset) -> Job:
     modes = (
         name for name in parameters if name in ("mode.engine", "mode.trim", "runway.condition")
     )
-    return Job(
+    return ReplayJob(
         time,
         inputs,
         parameters,
@@ -375,7 +375,7 @@ def _engine_inputs(case: PomCase, states: xr.Dataset) -> dict[str, np.ndarray]:
 
 def _loops(
     case: PomCase, states: xr.Dataset, inputs: Mapping[str, np.ndarray]
-) -> tuple[tuple[Loop, ...], dict[str, np.ndarray]]:
+) -> tuple[tuple[PilotLoop, ...], dict[str, np.ndarray]]:
     """Return the loops of the math pilot on inputs of the job, and the recorded channels they hold."""
     levers = [name for name in inputs if name.endswith(".throttle")]
     found = [
@@ -414,7 +414,7 @@ def _modes(case: PomCase, states: xr.Dataset) -> dict[str, float]:
     return found
 
 
-def configuration(case: PomCase, job: Job) -> Mapping[str, float]:
+def configuration(case: PomCase, job: ReplayJob) -> Mapping[str, float]:
     """Return initial conditions and configuration by canonical name, for the report. [SI]"""
     found = {
         name.removeprefix("init.").removeprefix("mass.").removeprefix("env."): value

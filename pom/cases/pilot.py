@@ -14,20 +14,22 @@ import numpy as np
 _TURNING = ("phi", "psi", "lon")
 
 
-def turns(channel: str) -> bool:
+def is_wrapped_angle(channel: str) -> bool:
     """Return whether a channel is an angle that jumps by a full turn."""
     return channel in _TURNING
 
 
-def shortest(channel: str, error: float) -> float:
+def shortest_error(channel: str, error: float) -> float:
     """Return an error; of an angle that jumps by a full turn the one below half a turn."""
     return (
-        math.remainder(error, 2.0 * math.pi) if turns(channel) and math.isfinite(error) else error
+        math.remainder(error, 2.0 * math.pi)
+        if is_wrapped_angle(channel) and math.isfinite(error)
+        else error
     )
 
 
 @dataclass(frozen=True)
-class Loop:
+class PilotLoop:
     """One loop of the math pilot.
 
     The correction c is added to the recorded control (zero where the record has none)::
@@ -79,9 +81,14 @@ class Pilot:
     """
 
     def __init__(
-        self, loops: Sequence[Loop | Mapping], time: np.ndarray, targets: Mapping[str, np.ndarray]
+        self,
+        loops: Sequence[PilotLoop | Mapping],
+        time: np.ndarray,
+        targets: Mapping[str, np.ndarray],
     ):
-        self.loops = tuple(loop if isinstance(loop, Loop) else Loop(**loop) for loop in loops)
+        self.loops = tuple(
+            loop if isinstance(loop, PilotLoop) else PilotLoop(**loop) for loop in loops
+        )
         # lists: arithmetic on single elements of arrays takes several times as long
         self.steps = np.diff(np.asarray(time, float)).tolist()
         self.targets = [np.asarray(targets[loop.channel], float).tolist() for loop in self.loops]
@@ -112,7 +119,7 @@ class Pilot:
         total = dict.fromkeys(self.moved, 0.0)
         for i, loop in enumerate(self.loops):
             total[loop.control] += self._correction(
-                i, shortest(loop.channel, self.targets[i][k] - outputs[loop.channel]), k
+                i, shortest_error(loop.channel, self.targets[i][k] - outputs[loop.channel]), k
             )
         for name, value in total.items():
             self.moved[name][k] = value

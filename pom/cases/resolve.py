@@ -17,10 +17,10 @@ from flightmech.errors import AeromatchError, SchemaError, UnknownName
 from flightmech.names import lookup
 from flightmech.units import quantity
 from pom.cases.case_file import BRAKES, CONDITIONS, FORCES, SURFACES, TRAVEL, CaseFile, LoopTable
-from pom.cases.pilot import Loop
+from pom.cases.pilot import PilotLoop
 from pom.tolerances import rows as table
 from pom.tolerances.criteria import Criterion
-from pom.tolerances.rows import channels, override, unclaimed
+from pom.tolerances.rows import missing_claims, override, required_signals
 
 T = TypeVar("T")
 
@@ -230,14 +230,16 @@ def criteria(file: CaseFile, problems: list[str]) -> list[Criterion]:
 def _window(row: table.Row, name: str, file: CaseFile, problems: list[str]) -> tuple[float, float]:
     """Return the window of a row; longer than the case's window only with a stated reason."""
     start, stop = file.case.window
-    if unclaimed(row["condition"], file.case.features):
+    if missing_claims(row["condition"], file.case.features):
         return file.case.window
     found = []
     ends = (start, stop)
     if row["measure"] in SEGMENTS:
         ends = file.events.get("segment_start", start), file.events.get("segment_end", stop)
     for bound, default in zip((row["applies_from"], row["applies_to"]), ends, strict=True):
-        time = collect(problems, f"events, row {name}", table.bound, bound, file.events, default)
+        time = collect(
+            problems, f"events, row {name}", table.bound_time, bound, file.events, default
+        )
         found.append(default if time is None else float(time))
     asked = f"{found[0]:g} ... {found[1]:g} s"
     inside = max(found[0], start), min(found[1], stop)
@@ -253,7 +255,7 @@ def _window(row: table.Row, name: str, file: CaseFile, problems: list[str]) -> t
     return inside
 
 
-def weighed(
+def scale_tolerances(
     found: Sequence[Criterion], fraction: float, largest: Mapping[str, float]
 ) -> tuple[Criterion, ...]:
     """Return criteria with the share of the tolerance that is applied and the largest values in
@@ -273,7 +275,7 @@ def fraction(file: CaseFile) -> float:
     return 0.2 if file.case.edition[:4] < "2016" else 0.4
 
 
-def loops(file: CaseFile, problems: list[str]) -> tuple[Loop, ...]:
+def loops(file: CaseFile, problems: list[str]) -> tuple[PilotLoop, ...]:
     """Return the loops of the math pilot in SI."""
     tables = file.drive.pilot
     if bool(tables) != (file.drive.surfaces == "pilot"):
@@ -295,7 +297,7 @@ def level_of(control: str) -> str:
     )
 
 
-def _loop(item: LoopTable, where: str, problems: list[str]) -> Loop | None:
+def _loop(item: LoopTable, where: str, problems: list[str]) -> PilotLoop | None:
     if item.control not in MOVABLE:
         problems.append(f"{where}.control: {UnknownName(item.control, MOVABLE, 'control')}")
         return None
@@ -311,24 +313,28 @@ def _loop(item: LoopTable, where: str, problems: list[str]) -> Loop | None:
         problems.append(
             f"{where}.limit: {values['limit']:g} is not positive; a limit is the largest correction"
         )
-    return Loop(item.control, item.channel, **values) if len(problems) == before else None
+    return PilotLoop(item.control, item.channel, **values) if len(problems) == before else None
 
 
-def forbid_judged(loops: Sequence[Loop], found: Sequence[Criterion], problems: list[str]) -> None:
+def forbid_judged(
+    loops: Sequence[PilotLoop], found: Sequence[Criterion], problems: list[str]
+) -> None:
     """Report every loop that holds what is judged: qtg-report practice, section 5; a controller
     would pass any model.
     """
     for loop in loops:
         kindred = {loop.channel}.union(*(group for group in KINDRED if loop.channel in group))
-        judged = [c for c in found if c.applies and not c.reason and kindred & set(channels(c))]
+        judged = [
+            c for c in found if c.applies and not c.reason and kindred & set(required_signals(c))
+        ]
         if judged:
-            rows = ", ".join(f"{c.name} ({', '.join(channels(c))})" for c in judged)
+            rows = ", ".join(f"{c.name} ({', '.join(required_signals(c))})" for c in judged)
             problems.append(
                 f"drive.pilot: the loop of {loop.control} holds {loop.channel}, on which {rows} is judged; a math pilot may not fly "
                 "what is judged: hold another channel, or drop the loop"
             )
 
 
-def certified(found: Mapping[str, Any], problems: list[str]) -> dict[str, float]:
+def certified_values(found: Mapping[str, Any], problems: list[str]) -> dict[str, float]:
     """Return ``[certified]``: fractions, such as climb gradients."""
     return quantities("certified", found, dict.fromkeys(found, "1"), "parameter", problems)

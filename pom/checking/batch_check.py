@@ -18,7 +18,7 @@ from flighttest.reconstruction.states_at_start import start_states
 from pom.cases.case import PomCase
 from pom.cases.reference_states import path_states
 from pom.checking.case_check import RecordCheck, RecordError, case_problems
-from pom.fmu.simulate import Model, Models
+from pom.fmu.simulate import FmuModel, Models
 from pom.replaying.caches import KeptStates
 
 
@@ -123,7 +123,7 @@ def check_batch(
 
 
 def check_record_and_cases(
-    cases: Sequence[PomCase], models: Sequence[Mapping[str, Model]]
+    cases: Sequence[PomCase], models: Sequence[Mapping[str, FmuModel]]
 ) -> tuple[RecordCheck, list[str]]:
     """Return the check of the one record of some cases, and the problems of these cases with their
     models.

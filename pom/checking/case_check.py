@@ -16,10 +16,10 @@ from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import AeromatchError, OutOfRange, SchemaError, SimulationError, UnknownName
 from flightmech.simulation.compiler import SimModel
 from pom.cases.case import PomCase
-from pom.fmu.simulate import Model
+from pom.fmu.simulate import FmuModel
 from pom.fmu.variable_map import Fmu, links_of
 from pom.replaying.kernel_replay import start_untrimmed
-from pom.replaying.replay_case import Plan, check_plan, plan_of
+from pom.replaying.replay_case import ReplayPlan, check_plan, plan_of
 from pom.result import PomResult, verdict_table
 from pom.tolerances.bands import RowRemark
 
@@ -27,7 +27,7 @@ MOST_CHANNELS = 40
 """Missing channels of one case that are listed; a case needs fewer."""
 
 
-def case_problems(case: PomCase, states: xr.Dataset, models: Mapping[str, Model]) -> list[str]:
+def case_problems(case: PomCase, states: xr.Dataset, models: Mapping[str, FmuModel]) -> list[str]:
     """Return why a case cannot be flown.
 
     Parameters
@@ -50,8 +50,8 @@ def case_problems(case: PomCase, states: xr.Dataset, models: Mapping[str, Model]
 
 
 def _planned(
-    case: PomCase, states: xr.Dataset, models: Mapping[str, Model]
-) -> tuple[list[str], Plan | None]:
+    case: PomCase, states: xr.Dataset, models: Mapping[str, FmuModel]
+) -> tuple[list[str], ReplayPlan | None]:
     """Return why a case cannot be flown, and its plan if there is one."""
     problems: list[str] = []
     for _ in range(MOST_CHANNELS):
@@ -77,7 +77,7 @@ def _planned(
     return problems, plan
 
 
-def kernel_model(name: str, sim: SimModel) -> Model:
+def kernel_model(name: str, sim: SimModel) -> FmuModel:
     """Return a compiled model as `check_plan` takes it: as the FMU that `flightmech.write_fmu`
     makes of it, without writing one.
 
@@ -95,11 +95,11 @@ def kernel_model(name: str, sim: SimModel) -> Model:
         outputs=dict.fromkeys(sim.outputs, ""),
         parameters=dict.fromkeys(sim.parameters, ""),
     )
-    return Model(interface, links_of(interface))
+    return FmuModel(interface, links_of(interface))
 
 
 def start_problems(
-    case: PomCase, states: xr.Dataset, models: Mapping[str, Model], sims: Mapping[str, SimModel]
+    case: PomCase, states: xr.Dataset, models: Mapping[str, FmuModel], sims: Mapping[str, SimModel]
 ) -> list[str]:
     """Return why a case cannot be flown, as `case_problems`, and else why the kernel refuses to
     start it, apart from its trim.

@@ -12,11 +12,11 @@ import click
 from flightmech.support.console import (
     InputFile,
     NewFile,
-    document,
     jobs_option,
     json_option,
+    print_json,
+    print_remark,
     progress,
-    remark,
     table,
 )
 from pom.cli.report import biases_option, case_files, cases_argument, read_biases
@@ -104,7 +104,7 @@ def diagnose(
     from flightmech.aircraft.aircraft import read_aircraft
     from pom.cases.reference_states import recorded_states
     from pom.checking.batch_check import check_batch
-    from pom.diagnosis.joint_correction import joined, rank_all, swap_models
+    from pom.diagnosis.joint_correction import join_tables, rank_all, swap_models
 
     before, after = aerodb.open(prior), aerodb.open(final)
     old = read_aircraft(apriori) if apriori else None
@@ -113,7 +113,7 @@ def diagnose(
         checks = check_batch(read, None, jobs)
     for one in checks.values():
         for words in one.lines():
-            remark(f"  {words}")
+            print_remark(f"  {words}")
     new = {case.aircraft: read_aircraft(case.aircraft) for case in read}
     models = swap_models(before, after, {case.name: new[case.aircraft] for case in read}, old)
     with progress(f"swap terms on {len(read)} case{'s' if len(read) > 1 else ''}"):
@@ -127,14 +127,14 @@ def diagnose(
             _print(case, found[case.name])
     if output or aircraft_output:
         with progress("join what the cases need"):
-            found = joined(found, {name: bench for name, (bench, _) in ranked.items()}, jobs)
+            found = join_tables(found, {name: bench for name, (bench, _) in ranked.items()}, jobs)
         if not as_json:
             _print_joint(found)
     written = _written(output, (before, after, final), found) if output else ""
     if aircraft_output and old is not None:
         _write_aircraft(aircraft_output, old, new, found)
     if as_json:
-        document(
+        print_json(
             [
                 {"case": name, **row}
                 for name, rows in found.items()
@@ -188,14 +188,12 @@ def _groups(texts: tuple[str, ...]) -> dict[str, list[str]]:
 
 def _written(output: str, databases: tuple[Any, Any, str], found: dict[str, pd.DataFrame]) -> str:
     import aerodb
-    from pom.diagnosis.term_swaps import corrected_database, differing
+    from pom.diagnosis.term_swaps import corrected_database, differing_terms
 
     before, after, final = databases
     corrected = corrected_database(before, after, found, _source(final))
     aerodb.save(corrected, output)
-    return (
-        f"written: {output}, with {' '.join(differing(before, corrected)) or 'no term'} of {final}"
-    )
+    return f"written: {output}, with {' '.join(differing_terms(before, corrected)) or 'no term'} of {final}"
 
 
 def _write_aircraft(
@@ -225,7 +223,7 @@ def _source(file: str) -> str:
 
 def _print(case: PomCase, ranked: pd.DataFrame) -> None:
     from pom.diagnosis.swap_runs import criteria_of
-    from pom.report.models.diagnosis import story
+    from pom.report.models.diagnosis import cause_sentences
 
     criteria = criteria_of(ranked)
     idle = ranked["stage"].isin(["single", "group"]) & (ranked["explained"].abs() < _IDLE)
@@ -245,7 +243,7 @@ def _print(case: PomCase, ranked: pd.DataFrame) -> None:
         _cells(row, criteria) for row in ranked[~idle & ~not_flown].drop(quiet).to_dict("records")
     ]
     table(columns, rows, f"{case.id}  {case.title}", right=[columns[2], *columns[4:]])
-    click.echo(story(ranked))
+    click.echo(cause_sentences(ranked))
     if not_flown.any():
         together, *alone = ranked.loc[not_flown, "bound"]
         click.echo(

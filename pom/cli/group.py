@@ -12,11 +12,11 @@ from flightmech.support.console import (
     NewFile,
     NewFolder,
     command_line,
-    document,
     jobs_option,
     json_option,
+    print_json,
+    print_remark,
     progress,
-    remark,
     table,
 )
 from pom.cli.diagnose import diagnose
@@ -80,7 +80,7 @@ def check(cases: tuple[Path, ...], as_json: bool) -> None:
                 except AeromatchError as error:
                     problems.append(f"case {case.path}: control_law: {error}")
     if as_json and not problems:
-        document([case.to_dict() for case in found] if len(found) > 1 else found[0].to_dict())
+        print_json([case.to_dict() for case in found] if len(found) > 1 else found[0].to_dict())
         return
     for case in found if not as_json else ():
         _print_criteria(case)
@@ -89,7 +89,7 @@ def check(cases: tuple[Path, ...], as_json: bool) -> None:
 
 
 def _print_criteria(case: Any) -> None:
-    from pom.judging.verdict import unjudged
+    from pom.judging.verdict import reason_not_judged
 
     rows = [
         (
@@ -99,7 +99,7 @@ def _print_criteria(case: Any) -> None:
             c.group,
             c.band.text,
             f"{c.window[0]:g} ... {c.window[1]:g}",
-            unjudged(case, c) or c.provenance,
+            reason_not_judged(case, c) or c.provenance,
         )
         for c in case.criteria
     ]
@@ -257,7 +257,7 @@ def run(
         checks = check_batch(read, offered, jobs, resume)
     for one in checks.values():
         for words in one.lines():
-            remark(f"  {words}")
+            print_remark(f"  {words}")
     waiting: list[str] = []
     flown = False
 
@@ -326,7 +326,7 @@ def run(
         write_junit(junit, results, title)
     statuses = [r.status(name) for r in results for name in runs]
     if as_json:
-        document([_summary(r) for r in results])
+        print_json([_summary(r) for r in results])
     else:
         counts = ", ".join(
             f"{statuses.count(word)} {status_text(word)}" for word in dict.fromkeys(statuses)

@@ -16,15 +16,15 @@ from flightmech.support.console import (
     NewFile,
     NewFolder,
     command_line,
-    document,
     json_option,
+    print_json,
+    print_remark,
     progress,
-    remark,
     table,
 )
 
 if TYPE_CHECKING:
-    from pom.archive.origins import Provenance
+    from pom.archive.origins import ReportProvenance
 
 cases_argument = click.argument(
     "cases", nargs=-1, required=True, type=click.Path(exists=True, path_type=Path)
@@ -159,14 +159,14 @@ def init(
             force=force,
         )
     if as_json:
-        document({"case": case.to_dict(), "remarks": remarks})
+        print_json({"case": case.to_dict(), "remarks": remarks})
         return
     click.echo(f"written: {output}")
     click.echo(
         f"{case.id}  {case.title}  {case.window[0]:g} ... {case.window[1]:g} s  {case.description}"
     )
     for text in remarks:
-        remark(f"  - {text}")
+        print_remark(f"  - {text}")
 
 
 @click.command()
@@ -303,14 +303,14 @@ def report(
     The results of several reports are joined in the order given. Verdicts are those stored;
     `aeromatch pom verify` judges them again.
     """
-    from pom.archive.results_document import joined
+    from pom.archive.results_document import join_reports
     from pom.replaying.replay_case import files_by_name
     from pom.report.writer import write_report
     from pom.result import results_name
 
     signatures = signatures_of(signed)
     with progress("read the results"):
-        found = joined(results)
+        found = join_reports(results)
     made_from = {
         **found.provenance,
         "command": command_line(),
@@ -333,7 +333,7 @@ def report(
             found.results,
             output,
             title=title or found.title,
-            provenance=cast("Provenance", made_from),
+            provenance=cast("ReportProvenance", made_from),
             databases=opened,
             diagnoses=found.diagnoses,
             tunings=found.tunings,
@@ -365,7 +365,7 @@ def verify(ctx: click.Context, folder: Path, as_json: bool) -> None:
         found = check(folder)
     bad = [item for item in found if item.state != "same"]
     if as_json:
-        document([asdict(item) for item in found])
+        print_json([asdict(item) for item in found])
     else:
         counts = {kind: sum(item.kind == kind for item in found) for kind in KINDS}
         if bad:

@@ -15,9 +15,9 @@ from flightmech.support.console import (
     InputFile,
     NewFile,
     NewFolder,
-    document,
     jobs_option,
     json_option,
+    print_json,
     progress,
     table,
 )
@@ -126,7 +126,7 @@ def tune(
     from pom.diagnosis.tuning.demands import demand_cases, demand_evidence
     from pom.diagnosis.tuning.search import tune as search
     from pom.diagnosis.tuning.tuning_log import BASES
-    from pom.replaying.batch import flown
+    from pom.replaying.batch import paths_of_cases
     from pom.replaying.caches import KeptStates
     from pom.replaying.replay_case import plan_of
 
@@ -146,7 +146,7 @@ def tune(
     with progress(f"read the flights of {len(read)} case{'s' if len(read) > 1 else ''}"):
         plans = [
             plan_of(case, states)
-            for case, states in zip(read, flown(read, {}, kept, jobs), strict=True)
+            for case, states in zip(read, paths_of_cases(read, {}, kept, jobs), strict=True)
         ]
     airplane = read_aircraft(aircraft)
     with progress("search the least move"):
@@ -171,7 +171,7 @@ def tune(
     if log_file:
         _write_log(Path(log_file), log)
     if as_json:
-        document(log)
+        print_json(log)
     else:
         _print(log)
         if output is not None:

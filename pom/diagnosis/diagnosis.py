@@ -23,8 +23,8 @@ import xarray as xr
 
 from flightmech.aircraft.aircraft import Aircraft
 from pom.cases.case import PomCase
-from pom.diagnosis.screening import screen, shares
-from pom.diagnosis.swap_runs import OTHERS, Bench, Judged
+from pom.diagnosis.screening import screen_idle_terms, shares
+from pom.diagnosis.swap_runs import OTHERS, Judged, SwapBench
 from pom.diagnosis.term_swaps import SwapModels, groups_of
 
 LEAST_SHARE = 0.02  # of the gap: an addition that explains less is not worth a correction
@@ -103,21 +103,21 @@ def diagnose(
         The last four stages are not there when `prior` is within tolerance or `final` is no better,
         nor when `final` fails as well and is better by less than `LEAST_GAP`.
     """
-    bench = Bench.of(case, SwapModels.of(prior, final, (apriori or aircraft, aircraft)), path)
-    return ranked(bench, groups, players, replays, seed)
+    bench = SwapBench.of(case, SwapModels.of(prior, final, (apriori or aircraft, aircraft)), path)
+    return diagnose_bench(bench, groups, players, replays, seed)
 
 
-def ranked(
-    bench: Bench,
+def diagnose_bench(
+    bench: SwapBench,
     groups: Mapping[str, Sequence[str]] | None = None,
     players: int = 5,
     replays: int = 256,
     seed: int = 0,
 ) -> pd.DataFrame:
     """Return the table of `diagnose` of a bench; parameters as there."""
-    screen(bench)
+    screen_idle_terms(bench)
     start, end = bench.judged([(), bench.names])
-    table = Rows(start, end)
+    table = DiagnosisRows(start, end)
     table.add("prior", "", start)
     table.add("final", "", end)
     flown = [name for name in bench.names if name not in bench.idle]
@@ -154,7 +154,7 @@ def ranked(
     return pd.DataFrame(table.rows)
 
 
-class Rows:
+class DiagnosisRows:
     """The rows of a diagnosis, and the gaps they are shares of."""
 
     def __init__(self, start: Judged, end: Judged):
@@ -246,7 +246,7 @@ def _total(found: Judged) -> float:
     return found.total if np.isfinite(found.total) else np.inf
 
 
-def _pairs(bench: Bench, table: Rows, names: Sequence[str]) -> None:
+def _pairs(bench: SwapBench, table: DiagnosisRows, names: Sequence[str]) -> None:
     """Append the pairs of the named terms, best first."""
     alone = {row["term"]: row["explained"] for row in table.rows if row["stage"] == "single"}
     pairs = list(combinations(names, 2))
@@ -257,7 +257,7 @@ def _pairs(bench: Bench, table: Rows, names: Sequence[str]) -> None:
         table.add("pair", f"{a}{AND}{b}", found, both - alone[a] - alone[b])
 
 
-def _needed(bench: Bench, felt: list[str], gap: float) -> list[str]:
+def _needed(bench: SwapBench, felt: list[str], gap: float) -> list[str]:
     """Return the terms that make the case pass, found among those that change most alone.
 
     Where these do not suffice although the final model passes, the mismatch hides what other terms
@@ -276,7 +276,7 @@ def _needed(bench: Bench, felt: list[str], gap: float) -> list[str]:
     return second if better.matched or better.total < reached.total else found
 
 
-def _sequence(bench: Bench, start: Judged, gap: float, candidates: list[str]) -> list[str]:
+def _sequence(bench: SwapBench, start: Judged, gap: float, candidates: list[str]) -> list[str]:
     """Return the greedy sequence, cut where it is best, without the terms that turned out not to be
     needed.
 
@@ -304,7 +304,7 @@ def _sequence(bench: Bench, start: Judged, gap: float, candidates: list[str]) ->
     return needed
 
 
-def _without(bench: Bench, table: Rows, left_out: Mapping[str, Sequence[str]]) -> None:
+def _without(bench: SwapBench, table: DiagnosisRows, left_out: Mapping[str, Sequence[str]]) -> None:
     """Append the final model without each of these terms or groups, the worst first."""
     rests = [[other for other in bench.names if other not in names] for names in left_out.values()]
     flown = _of_groups(bench, left_out.values(), rests)
@@ -313,7 +313,7 @@ def _without(bench: Bench, table: Rows, left_out: Mapping[str, Sequence[str]]) -
 
 
 def _of_groups(
-    bench: Bench, groups: Iterable[Collection[str]], choices: Iterable[Collection[str]]
+    bench: SwapBench, groups: Iterable[Collection[str]], choices: Iterable[Collection[str]]
 ) -> list[Judged]:
     """Return the judgements of choices that each take or leave out a group: as they are, but for a
     group of idle terms only.
@@ -325,7 +325,9 @@ def _of_groups(
     return bench.judged(meant, exact=True)
 
 
-def _shares(bench: Bench, table: Rows, separate: Sequence[str], replays: int, seed: int) -> None:
+def _shares(
+    bench: SwapBench, table: DiagnosisRows, separate: Sequence[str], replays: int, seed: int
+) -> None:
     """Append the Shapley shares of the terms `separate` and of all others together."""
     others = [name for name in bench.names if name not in separate]
     players = [[name] for name in separate] + ([others] if others else [])

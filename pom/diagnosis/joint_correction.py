@@ -25,10 +25,10 @@ import xarray as xr
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.support.kept_stages.stages import Kept, Stages
 from pom.cases.case import PomCase
-from pom.diagnosis.diagnosis import Rows, ranked
+from pom.diagnosis.diagnosis import DiagnosisRows, diagnose_bench
 from pom.diagnosis.kept_diagnosis import Diagnosed, LateBench
-from pom.diagnosis.screening import screen
-from pom.diagnosis.swap_runs import MATCHED, Bench
+from pom.diagnosis.screening import screen_idle_terms
+from pom.diagnosis.swap_runs import MATCHED, SwapBench
 from pom.diagnosis.term_swaps import SwapModels, corrected_terms
 
 LEAST_SHARE = 4
@@ -74,9 +74,9 @@ def join_diagnoses(
     None of the added terms can be left out alone: a case that the final model passes would not pass.
     """
     models = swap_models(prior, final, aircraft, apriori)
-    return joined(
+    return join_tables(
         diagnoses,
-        {case.name: Bench.of(case, models[case.name], paths.get(case.name)) for case in cases},
+        {case.name: SwapBench.of(case, models[case.name], paths.get(case.name)) for case in cases},
     )
 
 
@@ -152,14 +152,14 @@ def diagnosed_cases(
     benches: dict[str, LateBench] = {}
     for case in cases:
 
-        def make(case: PomCase = case) -> Bench:
-            return Bench.of(case, mixed.value[case.name], paths[case.name].value)
+        def make(case: PomCase = case) -> SwapBench:
+            return SwapBench.of(case, mixed.value[case.name], paths[case.name].value)
 
         benches[case.name] = LateBench(
             found[case.name].value, stages.recall("judgements", inputs[case.name], {}), make
         )
     before = {name: len(bench.known) for name, bench in benches.items()}
-    tables = joined({case.name: found[case.name].value.table for case in cases}, benches, jobs)
+    tables = join_tables({case.name: found[case.name].value.table for case in cases}, benches, jobs)
     for name, bench in benches.items():
         if len(bench.known) > before[name]:
             stages.remember("judgements", inputs[name], bench.known)
@@ -180,7 +180,7 @@ def rank_all(
     paths: Mapping[str, Any],
     jobs: int = -1,
     **options: Any,
-) -> dict[str, tuple[Bench, pd.DataFrame]]:
+) -> dict[str, tuple[SwapBench, pd.DataFrame]]:
     """Return the bench of every case and its table of `ranked`, by name of the case.
 
     Parameters
@@ -220,14 +220,14 @@ def rank_all(
 
 def _ranked(
     case: PomCase, models: SwapModels, path: Any, options: Mapping[str, Any]
-) -> tuple[Bench, pd.DataFrame]:
-    bench = Bench.of(case, models, path)
-    return bench, ranked(bench, **options)
+) -> tuple[SwapBench, pd.DataFrame]:
+    bench = SwapBench.of(case, models, path)
+    return bench, diagnose_bench(bench, **options)
 
 
 def _ranked_elsewhere(
     case: PomCase, parcel: bytes, path: Any, options: Mapping[str, Any]
-) -> tuple[Bench, pd.DataFrame]:
+) -> tuple[SwapBench, pd.DataFrame]:
     """Return the same in another process, but the bench without its models: what is compiled stays
     there.
     """
@@ -264,8 +264,10 @@ def swap_models(
     return {name: made[id(one)] for name, one in aircraft.items()}
 
 
-def joined(
-    diagnoses: Mapping[str, pd.DataFrame], benches: Mapping[str, Bench | LateBench], jobs: int = 1
+def join_tables(
+    diagnoses: Mapping[str, pd.DataFrame],
+    benches: Mapping[str, SwapBench | LateBench],
+    jobs: int = 1,
 ) -> dict[str, pd.DataFrame]:
     """Return the tables of `join_diagnoses` of benches by name of the case; what all of them fly
     they fly at the same time in threads.
@@ -283,7 +285,7 @@ def joined(
 
 
 def _added(
-    benches: Mapping[str, Bench | LateBench], union: Sequence[str], jobs: int
+    benches: Mapping[str, SwapBench | LateBench], union: Sequence[str], jobs: int
 ) -> dict[str, list[str]]:
     """Return what is added to the union, by a case that needs it; only cases that need something."""
     from joblib import Parallel, delayed
@@ -318,7 +320,7 @@ def _added(
     return found
 
 
-def _verdict(bench: Bench | LateBench, names: Collection[str]) -> str:
+def _verdict(bench: SwapBench | LateBench, names: Collection[str]) -> str:
     """Return the verdict with these terms and parts of the final model, as far as the case feels
     them.
     """
@@ -326,15 +328,15 @@ def _verdict(bench: Bench | LateBench, names: Collection[str]) -> str:
     return found.verdict
 
 
-def _as_good(bench: Bench | LateBench, names: Collection[str]) -> bool:
+def _as_good(bench: SwapBench | LateBench, names: Collection[str]) -> bool:
     """Whether the case is judged as well as with the whole final model."""
     return _verdict(bench, names) in ("pass", _verdict(bench, bench.names))
 
 
-def _least(bench: Bench | LateBench, taken: Collection[str]) -> list[str]:
+def _least(bench: SwapBench | LateBench, taken: Collection[str]) -> list[str]:
     """Return names, next to those taken, of which none can be left out."""
     free = [name for name in bench.names if name not in taken]
-    screen(bench.whole)
+    screen_idle_terms(bench.whole)
     without = bench.judged([[other for other in bench.names if other != name] for name in free])
     loss = {
         name: (not found.matched, found.total) for name, found in zip(free, without, strict=True)
@@ -353,7 +355,10 @@ def _least(bench: Bench | LateBench, taken: Collection[str]) -> list[str]:
 
 
 def _with_rows(
-    table: pd.DataFrame, bench: Bench | LateBench, everything: Collection[str], added: Sequence[str]
+    table: pd.DataFrame,
+    bench: SwapBench | LateBench,
+    everything: Collection[str],
+    added: Sequence[str],
 ) -> pd.DataFrame:
     """Return a diagnosis with the rows of the stage ``joint``."""
     if not added:
@@ -362,7 +367,7 @@ def _with_rows(
     start, end, *found = bench.judged(
         [(), bench.names, *([*base, *added[:k]] for k in range(len(added) + 1))], exact=True
     )
-    rows = Rows(start, end)
+    rows = DiagnosisRows(start, end)
     for name, one in zip(["", *added], found, strict=True):
         rows.add("joint", name, one)
     return pd.concat([table, pd.DataFrame(rows.rows)], ignore_index=True)

@@ -10,7 +10,7 @@ from threading import Lock
 
 import pandas as pd
 
-from pom.diagnosis.swap_runs import Bench, Judged
+from pom.diagnosis.swap_runs import Judged, SwapBench
 
 Known = dict[frozenset[str], Judged]
 """What a bench has flown: judgement by choice of terms and parts."""
@@ -37,7 +37,7 @@ class Diagnosed:
     known: Known
 
     @classmethod
-    def of(cls, bench: Bench, table: pd.DataFrame) -> Diagnosed:
+    def of(cls, bench: SwapBench, table: pd.DataFrame) -> Diagnosed:
         """Return what is kept of a bench and its table."""
         return cls(table, bench.names, dict(bench.idle), dict(bench.known))
 
@@ -57,13 +57,13 @@ class LateBench:
         Gives the bench.
     """
 
-    def __init__(self, diagnosed: Diagnosed, known: Known, make: Callable[[], Bench]) -> None:
+    def __init__(self, diagnosed: Diagnosed, known: Known, make: Callable[[], SwapBench]) -> None:
         self.names, self.idle = diagnosed.names, diagnosed.idle
         self.known: Known = {**known, **diagnosed.known}
-        self._make, self._made, self._lock = make, list[Bench](), Lock()
+        self._make, self._made, self._lock = make, list[SwapBench](), Lock()
 
     @property
-    def whole(self) -> Bench:
+    def whole(self) -> SwapBench:
         """The bench itself, made now."""
         with self._lock:
             if not self._made:
@@ -75,7 +75,9 @@ class LateBench:
 
     def judged(self, choices: Iterable[Collection[str]], exact: bool = False) -> list[Judged]:
         """Return the judgement of every choice, as `Bench.judged`."""
-        keys = [frozenset(choice) if exact else Bench.nearest(self, choice) for choice in choices]  # type: ignore[arg-type]
+        keys = [
+            frozenset(choice) if exact else SwapBench.nearest(self, choice) for choice in choices
+        ]  # type: ignore[arg-type]
         if not all(key in self.known for key in keys):
             self.whole.judged(keys, exact=True)
             self.known.update(self.whole.known)

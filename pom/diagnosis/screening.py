@@ -27,12 +27,12 @@ from typing import Any
 import numpy as np
 
 import aerodb
-from aerodb.comparison.conditions import completed
+from aerodb.comparison.conditions import fill_missing_devices
 from flightmech import terms as _terms
 from flightmech.errors import UnknownName
 from flightmech.support.arrays import rms
 from flighttest.reconstruction.dynamics.force_coefficients import reduced_rates
-from pom.diagnosis.swap_runs import Bench
+from pom.diagnosis.swap_runs import SwapBench
 
 LEAST_MOVED = (
     0.005  # of the mismatch, as `Judged.moved`: a term that moves less than this is not flown alone
@@ -45,7 +45,7 @@ LEAST_MISMATCH = (
 SAMPLES = 200  # of the flight
 
 
-def screen(bench: Bench) -> None:
+def screen_idle_terms(bench: SwapBench) -> None:
     """Find the idle terms of a bench, fly all other terms alone in the a-priori model, and all idle
     ones together in both models.
     """
@@ -92,7 +92,7 @@ def _bound(unit: dict[str, float], size: dict[str, float], name: str) -> float:
     return SAFETY * unit[_head(name)] * size[name] if size[name] > 0.0 else 0.0
 
 
-def _small(bench: Bench, idle: list[str]) -> bool:
+def _small(bench: SwapBench, idle: list[str]) -> bool:
     """Whether these terms together change neither the a-priori model nor the final one."""
     start, end = bench.judged([(), bench.names], exact=True)
     added, taken = bench.judged(
@@ -110,7 +110,7 @@ def _small(bench: Bench, idle: list[str]) -> bool:
     return same and added.moved < LEAST_TOGETHER
 
 
-def _sizes(bench: Bench) -> dict[str, float]:
+def _sizes(bench: SwapBench) -> dict[str, float]:
     """Return the rms by which the swap of each term changes its coefficient along the recorded
     flight; none where that is not known.
     """
@@ -122,7 +122,7 @@ def _sizes(bench: Bench) -> dict[str, float]:
         states = reduced_rates(bench.states, bench.models.aircraft[1]).isel(
             time=slice(None, None, every)
         )
-        whole, _ = completed(states, prior, final)
+        whole, _ = fill_missing_devices(states, prior, final)
     except UnknownName:  # the record does not hold what a table is over
         return {}
     wanted = {"V", *(variable for leaf in leaves for variable in _terms.variables(leaf))}
@@ -150,7 +150,7 @@ Game = Callable[[Sequence[Choice]], np.ndarray]
 
 
 @dataclass(frozen=True)
-class Shares:
+class ShapleyShares:
     """Shares (player, quantity), their standard errors, zero when exact, and the number of orders
     drawn, zero when exact.
     """
@@ -160,7 +160,7 @@ class Shares:
     orders: int
 
 
-def shares(players: int, game: Game, budget: int, seed: int = 0) -> Shares:
+def shares(players: int, game: Game, budget: int, seed: int = 0) -> ShapleyShares:
     """Return the Shapley share of every player.
 
     Parameters
@@ -182,7 +182,7 @@ def shares(players: int, game: Game, budget: int, seed: int = 0) -> Shares:
     )
 
 
-def _exact(players: int, game: Game) -> Shares:
+def _exact(players: int, game: Game) -> ShapleyShares:
     choices = [
         frozenset(c) for size in range(players + 1) for c in combinations(range(players), size)
     ]
@@ -192,10 +192,10 @@ def _exact(players: int, game: Game) -> Shares:
         weight = 1.0 / (players * comb(players - 1, len(choice))) if len(choice) < players else 0.0
         for player in set(range(players)) - choice:
             share[player] += weight * (value[choice | {player}] - value[choice])
-    return Shares(share, np.zeros_like(share), 0)
+    return ShapleyShares(share, np.zeros_like(share), 0)
 
 
-def _sampled(players: int, game: Game, budget: int, rng: np.random.Generator) -> Shares:
+def _sampled(players: int, game: Game, budget: int, rng: np.random.Generator) -> ShapleyShares:
     orders: list[list[int]] = []
     known: dict[Choice, None] = {}
     while True:
@@ -208,7 +208,9 @@ def _sampled(players: int, game: Game, budget: int, rng: np.random.Generator) ->
     value = dict(zip(known, game(list(known)), strict=True))
     gains = np.stack([_gains(order, value) for order in orders])
     pairs = gains.reshape(-1, 2, *gains.shape[1:]).mean(axis=1)
-    return Shares(pairs.mean(axis=0), pairs.std(axis=0, ddof=1) / np.sqrt(len(pairs)), len(orders))
+    return ShapleyShares(
+        pairs.mean(axis=0), pairs.std(axis=0, ddof=1) / np.sqrt(len(pairs)), len(orders)
+    )
 
 
 def _growing(order: list[int]) -> list[Choice]:

@@ -16,9 +16,9 @@ import xarray as xr
 from flightmech.errors import SchemaError
 from flightmech.support.arrays import rms
 from pom.cases.case import PomCase
-from pom.cases.job import Job
+from pom.cases.job import ReplayJob
 from pom.diagnosis.term_swaps import SwapModels
-from pom.judging.signals import Match, Signals, signals_of
+from pom.judging.signals import Comparison, RunSignals, signals_of
 from pom.judging.verdict import judge_match
 from pom.replaying.kernel_replay import fly
 from pom.replaying.replay_case import helping_channels, judged_channels, plan_of
@@ -33,7 +33,7 @@ LEAST_JUMP = 0.02
 LEAST_RANGE = 1e-6  # [SI] of an input: what is below is rounding, as a wind that blows level
 
 
-def thinned(job: Job, step: float) -> Job:
+def thin_job(job: ReplayJob, step: float) -> ReplayJob:
     """Return a job whose samples are as far apart as they can be within `step` [s], which becomes
     its longest internal step.
 
@@ -246,7 +246,7 @@ class Judged:
 
 
 @dataclass
-class Bench:
+class SwapBench:
     """A case, the two models, and every choice of what differs between them, flown and judged once.
 
     Attributes
@@ -276,23 +276,23 @@ class Bench:
     """
 
     case: PomCase
-    job: Job
+    job: ReplayJob
     states: xr.Dataset
-    flight: Signals
+    flight: RunSignals
     channels: frozenset[str]
     limits: dict[str, TrimLimit]
     models: SwapModels
     terms: tuple[str, ...]
     parts: tuple[str, ...]
-    flown: Job = field(init=False, repr=False)
+    flown: ReplayJob = field(init=False, repr=False)
     idle: dict[str, float] = field(default_factory=dict)
-    _match: Match = field(init=False, repr=False)
+    _match: Comparison = field(init=False, repr=False)
     known: dict[frozenset[str], Judged] = field(default_factory=dict, repr=False)
     _start: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
     _size: dict[str, float] = field(default_factory=dict, repr=False)
 
     @classmethod
-    def of(cls, case: PomCase, models: SwapModels, path: Any) -> Bench:
+    def of(cls, case: PomCase, models: SwapModels, path: Any) -> SwapBench:
         """Return the bench of a case, on which both models are flown already; `path` as in
         `replay`.
 
@@ -331,7 +331,7 @@ class Bench:
 
     def __post_init__(self) -> None:
         self.flown = self.job
-        self._match = Match(self.case, self.job.time, self.flight, self.flight)
+        self._match = Comparison(self.case, self.job.time, self.flight, self.flight)
         self._begin()
 
     @property
@@ -340,7 +340,7 @@ class Bench:
         return (*self.terms, *self.parts)
 
     @property
-    def whole(self) -> Bench:
+    def whole(self) -> SwapBench:
         """The bench itself, as of `LateBench`."""
         return self
 
@@ -385,7 +385,7 @@ class Bench:
         ends = self._ends()
         if "mode.step" not in self.job.parameters:
             for step in GROUND_STEPS if _touching(self.case, self.flight.raw) else LONG_STEPS:
-                self.flown = thinned(self.job, step)
+                self.flown = thin_job(self.job, step)
                 longer = self._ends()
                 if all(
                     _agree(one, other) for (_, one), (_, other) in zip(ends, longer, strict=True)

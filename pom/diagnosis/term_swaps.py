@@ -34,7 +34,7 @@ _PARTS_OF = {
 _SUBMODELS = tuple(_PARTS_OF)
 
 
-def differing(prior: xr.DataTree, final: xr.DataTree) -> list[str]:
+def differing_terms(prior: xr.DataTree, final: xr.DataTree) -> list[str]:
     """Return the names of the terms that are not the same in both databases, or only in one of
     them.
     """
@@ -364,7 +364,7 @@ class SwapModels:
         cls, prior: xr.DataTree, final: xr.DataTree, aircraft: tuple[Aircraft, Aircraft]
     ) -> SwapModels:
         """Return the mixtures of two databases and of two aircraft, a priori and final."""
-        names = tuple(differing(prior, final))
+        names = tuple(differing_terms(prior, final))
         ours, theirs = (
             {name: _flown(leaf) for name, leaf in aerodb.terms(db).items()} for db in (prior, final)
         )

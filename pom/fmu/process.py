@@ -99,7 +99,7 @@ def _size(name: str, text: str, problems: list[str]) -> int:
     return round(float(match[1]) * _SIZES[match[2]])
 
 
-def sandboxed(folder: str) -> list[str]:
+def sandbox_command(folder: str) -> list[str]:
     """Return what stands before a command that runs in bubblewrap: all is read-only but `folder`;
     no network, processes of its own.
     """
@@ -300,7 +300,7 @@ def _command(fmu: Path, folder: str, allowed: Limits) -> list[str]:
         parent,
         *sizes,
     ]
-    return [*sandboxed(folder), *command] if allowed.sandbox else command
+    return [*sandbox_command(folder), *command] if allowed.sandbox else command
 
 
 def _kill(process: subprocess.Popen[bytes]) -> None:
@@ -335,7 +335,7 @@ _guard = threading.Lock()
 
 
 @contextmanager
-def hired(fmu: str | Path) -> Iterator[Child]:
+def hire_worker(fmu: str | Path) -> Iterator[Child]:
     """Yield a child that has this file loaded and works for nobody else; a file that changed gets a
     new one.
 

@@ -44,7 +44,7 @@ _DIGEST = hashlib.sha256().digest_size
 
 
 @dataclass(frozen=True)
-class Store:
+class RunCache:
     """Arrays by key, one file each, written atomically, with the SHA-256 of what comes before at
     its end.
 

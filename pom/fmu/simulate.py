@@ -19,10 +19,10 @@ import numpy as np
 from flightmech.errors import OutOfRange, SchemaError
 from flightmech.support.kept_stages.content_hashes import content_hash
 from pom.cases.case import PomCase
-from pom.cases.job import Job, is_recorded
+from pom.cases.job import ReplayJob, is_recorded
 from pom.fmu.description import check, demand_platform, read_fmu
-from pom.fmu.process import hired
-from pom.fmu.run_cache import FileState, Store
+from pom.fmu.process import hire_worker
+from pom.fmu.run_cache import FileState, RunCache
 from pom.fmu.variable_map import Fmu, Links, links_of
 from pom.fmu.worker.messages import moved_controls
 from pom.tolerances.channels import WRAPPED
@@ -31,12 +31,12 @@ Found = dict[str, np.ndarray]
 
 
 @dataclass(frozen=True)
-class Model:
+class FmuModel:
     """An FMU and how its variables are reached; with the control law of the case, if it has one."""
 
     fmu: Fmu
     links: Links
-    law: Model | None = None
+    law: FmuModel | None = None
 
     def origin(self) -> str:
         """Return file, version and hash, as the attributes of a result keep it."""
@@ -77,7 +77,7 @@ class Models:
             )
         self._fmus = {name: read_fmu(file) for name, file in runs.items()}
         self._links: dict[tuple[str, str | None], Links] = {}
-        self._laws: dict[tuple[str, str], Model] = {}
+        self._laws: dict[tuple[str, str], FmuModel] = {}
 
     def demand_platform(self) -> None:
         """Raise if a model has no library for this platform.
@@ -96,7 +96,7 @@ class Models:
         if problems:
             raise SchemaError("models", problems)
 
-    def of(self, case: PomCase) -> dict[str, Model]:
+    def of(self, case: PomCase) -> dict[str, FmuModel]:
         """Return the models as they speak in a case.
 
         Raises
@@ -109,18 +109,18 @@ class Models:
         tables = {**case.models, **self.names}
         law = self.law_of(case) if case.law else None
         return {
-            name: Model(fmu, self._joined(name, tables.get(name)), law)
+            name: FmuModel(fmu, self._joined(name, tables.get(name)), law)
             for name, fmu in self._fmus.items()
         }
 
-    def law_of(self, case: PomCase) -> Model:
+    def law_of(self, case: PomCase) -> FmuModel:
         """Return the control law of a case that has one; errors as `of`."""
         return self._law(case.law, case.law_names)
 
-    def _law(self, file: str, names: str) -> Model:
+    def _law(self, file: str, names: str) -> FmuModel:
         if (file, names) not in self._laws:
             fmu = read_fmu(file)
-            self._laws[file, names] = Model(fmu, links_of(fmu, names or None))
+            self._laws[file, names] = FmuModel(fmu, links_of(fmu, names or None))
         return self._laws[file, names]
 
     def _joined(self, name: str, table: str | None) -> Links:
@@ -129,8 +129,12 @@ class Models:
         return self._links[name, table]
 
 
-def fly(
-    model: Model, job: Job, wanted: Collection[str], timeout: float, store: Store | None = None
+def fly_job(
+    model: FmuModel,
+    job: ReplayJob,
+    wanted: Collection[str],
+    timeout: float,
+    store: RunCache | None = None,
 ) -> tuple[Found, str]:
     """Fly a job by a model in its child process.
 
@@ -168,7 +172,7 @@ def fly(
     if columns is None:
         fmus = [model.fmu, *([model.law.fmu] if model.law is not None else [])]
         before = [_as_read(fmu) for fmu in fmus]
-        with hired(model.fmu.path) as child:
+        with hire_worker(model.fmu.path) as child:
             reply = child.run(task, timeout, any(fmu.once for fmu in fmus))
         columns, failure = np.column_stack([reply.outputs, *_moved(task, reply.moved)]), reply.error
         for fmu, state in zip(fmus, before, strict=True):
@@ -211,21 +215,21 @@ def _points(fmu: Fmu, time: np.ndarray) -> np.ndarray:
     return time[0] + step * np.arange(int(np.ceil((time[-1] - time[0]) / step - 1e-6)) + 1)
 
 
-def feedback(model: Model) -> list[str]:
+def feedback(model: FmuModel) -> list[str]:
     """Return the outputs of a model that its control law sees, by canonical name."""
     return (
         [] if model.law is None else [name for name in seen_by(model.law) if not is_recorded(name)]
     )
 
 
-def seen_by(law: Model) -> list[str]:
+def seen_by(law: FmuModel) -> list[str]:
     """Return the inputs of a control law by canonical name, those apart that its table of names
     fixes.
     """
     return [name for name, link in law.links.inputs.items() if link.variable not in law.links.fixed]
 
 
-def check_law(model: Model, job: Job) -> None:
+def check_law(model: FmuModel, job: ReplayJob) -> None:
     """Check that a control law, its model and the record fit together.
 
     Raises
@@ -265,7 +269,7 @@ def check_law(model: Model, job: Job) -> None:
             )
 
 
-def _common_points(model: Model, law: Model, time: np.ndarray) -> np.ndarray:
+def _common_points(model: FmuModel, law: FmuModel, time: np.ndarray) -> np.ndarray:
     """Return the communication points of a model and its control law. [s]"""
     points = _points(law.fmu, time)
     if model.fmu.even and not (len(points) == len(time) and np.allclose(points, time, atol=1e-9)):
@@ -279,7 +283,7 @@ def _common_points(model: Model, law: Model, time: np.ndarray) -> np.ndarray:
 
 
 def _law_task(
-    model: Model, job: Job, outputs: list[str], inputs: list[str], at_points: Callable
+    model: FmuModel, job: ReplayJob, outputs: list[str], inputs: list[str], at_points: Callable
 ) -> dict[str, Any]:
     """Return the control law as the worker takes it, everything in the units of the FMUs."""
     law, given = model.law, job.law
@@ -339,7 +343,7 @@ def _law_task(
     }
 
 
-def _task(model: Model, job: Job, outputs: list[str], time: np.ndarray) -> dict[str, Any]:
+def _task(model: FmuModel, job: ReplayJob, outputs: list[str], time: np.ndarray) -> dict[str, Any]:
     """Return the job as the worker takes it: names, units and signs of the FMU, at its
     communication points.
     """
@@ -380,7 +384,7 @@ def _task(model: Model, job: Job, outputs: list[str], time: np.ndarray) -> dict[
     return task
 
 
-def _hand(links: Links, job: Job, outputs: list[str], inputs: list[str]) -> dict[str, Any]:
+def _hand(links: Links, job: ReplayJob, outputs: list[str], inputs: list[str]) -> dict[str, Any]:
     """Return the loops of the math pilot, what they see (column, factor, offset to SI) and what
     they move (column, factor to SI).
     """
@@ -401,8 +405,8 @@ def _moved(task: Mapping[str, Any], moved: Mapping[str, np.ndarray]) -> list[np.
 
 
 def _found(
-    model: Model,
-    job: Job,
+    model: FmuModel,
+    job: ReplayJob,
     outputs: list[str],
     time: np.ndarray,
     task: Mapping[str, Any],

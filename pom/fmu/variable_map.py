@@ -65,7 +65,7 @@ _GROUPS = ("init", "mass", "env", "trim", "applied")
 _LOOSE = {"env.qnh": "Pa", "mode": "1"}  # what has no row in the vocabulary, by name or group
 
 
-class _Entry(Strict):
+class _LinkTable(Strict):
     variable: str
     unit: str = ""
     scale: float | str | None = None
@@ -76,10 +76,10 @@ def _entry(item: Any) -> Any:
     return {"variable": item} if isinstance(item, str) else item
 
 
-_Entries = dict[str, Annotated[_Entry, BeforeValidator(_entry)]]
+_Entries = dict[str, Annotated[_LinkTable, BeforeValidator(_entry)]]
 
 
-class _File(Strict):
+class _VariableMapFile(Strict):
     inputs: _Entries = Field(default_factory=dict)
     outputs: _Entries = Field(default_factory=dict)
     parameters: _Entries = Field(default_factory=dict)
@@ -153,7 +153,7 @@ def links_of(fmu: Fmu, table: str | Path | None = None) -> Links:
     own = Links(_alike(fmu.inputs), _alike(fmu.outputs), _alike(fmu.parameters))
     if table is None:
         return own
-    file = validate(_File, load(table), f"names {table}")
+    file = validate(_VariableMapFile, load(table), f"names {table}")
     problems: list[str] = []
     found = {}
     for what, entries, offered, names in (
@@ -195,7 +195,7 @@ def _alike(offered: Mapping[str, str]) -> dict[str, Link]:
     return {name: Link(name) for name in offered}
 
 
-def _taken_once(what: str, entries: Mapping[str, _Entry], problems: list[str]) -> set[str]:
+def _taken_once(what: str, entries: Mapping[str, _LinkTable], problems: list[str]) -> set[str]:
     taken: dict[str, str] = {}
     for name, entry in entries.items():
         if entry.variable in taken:
@@ -207,7 +207,7 @@ def _taken_once(what: str, entries: Mapping[str, _Entry], problems: list[str]) -
 
 
 def _link(
-    what: str, name: str, entry: _Entry, offered: Mapping[str, str], problems: list[str]
+    what: str, name: str, entry: _LinkTable, offered: Mapping[str, str], problems: list[str]
 ) -> Link:
     place = f"{what}s.{name}"
     if entry.variable not in offered:
@@ -224,7 +224,7 @@ def _link(
     return Link(entry.variable, entry.sign * factor, entry.sign * offset)
 
 
-def _turned(entry: _Entry, declared: str, expected: str) -> tuple[float, float]:
+def _turned(entry: _LinkTable, declared: str, expected: str) -> tuple[float, float]:
     """Return factor and offset to SI by the entry and the unit that the FMU declares, empty when it
     declares none.
     """
@@ -253,7 +253,7 @@ def _parsed(unit: str) -> Any:
         return None
 
 
-def _check_fixed(file: _File, fmu: Fmu, problems: list[str]) -> None:
+def _check_fixed(file: _VariableMapFile, fmu: Fmu, problems: list[str]) -> None:
     offered = {**fmu.inputs, **fmu.parameters, **fmu.settable}
     mapped = {
         entry.variable for entries in (file.inputs, file.parameters) for entry in entries.values()

@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import xarray as xr
 
-from aerodb.comparison.conditions import completed, flat
+from aerodb.comparison.conditions import fill_missing_devices, select_covered_samples
 from aerodb.store.schema import HINGE, terms
-from aerodb.update.standard_errors import spread
+from aerodb.update.standard_errors import standard_errors
 from flightmech import terms as _terms
 from flightmech.errors import AeromatchError
 from flightmech.names import lookup
@@ -26,7 +26,7 @@ from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.kernel import Simulation
 from flightmech.support.arrays import rms
 from flightmech.units import DEGREE, FOOT, KNOT, from_si
-from pom.judging.verdict import unjudged
+from pom.judging.verdict import reason_not_judged
 from pom.tolerances.bands import RowRemark, difference
 from pom.tolerances.criteria import Criterion
 
@@ -73,14 +73,14 @@ class Evidence:
             name: leaf for name, leaf in leaves.items() if hinges or name.split("/")[0] not in HINGE
         }
         every = max(1, states.sizes["time"] // SAMPLES)
-        whole, _ = completed(states.isel(time=slice(None, None, every)), database)
-        self.samples, *_ = flat(whole, leaves.values()) if leaves else ({}, 0)
+        whole, _ = fill_missing_devices(states.isel(time=slice(None, None, every)), database)
+        self.samples, *_ = select_covered_samples(whole, leaves.values()) if leaves else ({}, 0)
         self.found: dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
         count = len(next(iter(self.samples.values()), ()))
         for name, leaf in leaves.items():
             B = _terms.basis(leaf, self.samples, "clamp")
             value = np.broadcast_to(_terms.evaluate(leaf, self.samples, "clamp"), count)
-            sigma, weights = spread(B, leaf), abs(B)
+            sigma, weights = standard_errors(B, leaf), abs(B)
             flown = (
                 weights @ _from_flight(leaf).ravel() > 0.5 * np.asarray(weights.sum(axis=1)).ravel()
             )
@@ -197,7 +197,7 @@ SHARE = 0.25  # of the largest departure of the flight from its start, where tha
 SLOWEST = 15.0  # [m s-1] below it the flow angles mean nothing
 
 
-def watch(
+def watch_channels(
     case: PomCase,
     time: np.ndarray,
     flight: Mapping[str, np.ndarray],
@@ -236,7 +236,11 @@ def watch(
 
 
 def _judged(case: PomCase, criterion: Criterion) -> bool:
-    return criterion.applies and criterion.measure == "trace" and not unjudged(case, criterion)
+    return (
+        criterion.applies
+        and criterion.measure == "trace"
+        and not reason_not_judged(case, criterion)
+    )
 
 
 def _remark(name: str, error: float, band: float, at: float) -> RowRemark:

@@ -19,7 +19,7 @@ import xarray as xr
 from flightmech.names import lookup
 from flightmech.units import KNOT
 from pom.tolerances.bands import Invalid, NotJudged, RowRemark, demand_finite, inside_window
-from pom.tolerances.channels import SOURCES, output_of, written
+from pom.tolerances.channels import SOURCES, display_value, output_of
 from pom.tolerances.criteria import ACTS, DISCRETES, LEVELS, Criterion
 from pom.tolerances.rows import sample_mask
 
@@ -31,7 +31,7 @@ Raw = Mapping[str, np.ndarray]
 _FLOW = re.compile(r"^engine\d+\.fuel_flow$")
 
 
-class Signals(Mapping[str, np.ndarray]):
+class RunSignals(Mapping[str, np.ndarray]):
     """Samples of one run by canonical name; what is not recorded but can be formed is formed. [SI]
 
     Parameters
@@ -44,7 +44,7 @@ class Signals(Mapping[str, np.ndarray]):
     """
 
     def __init__(self, raw: Raw, time: np.ndarray, wheel_radius: float | None = None):
-        self.raw: Raw = raw.raw if isinstance(raw, Signals) else raw
+        self.raw: Raw = raw.raw if isinstance(raw, RunSignals) else raw
         self.time: np.ndarray = time
         self.wheel_radius: float | None = wheel_radius
         self._formed: dict[str, np.ndarray] = {}
@@ -80,17 +80,17 @@ class Signals(Mapping[str, np.ndarray]):
         return {name: values for name, values in self.raw.items() if _FLOW.match(name)}
 
 
-def signals_of(case: PomCase, raw: Raw, time: np.ndarray) -> Signals:
+def signals_of(case: PomCase, raw: Raw, time: np.ndarray) -> RunSignals:
     """Return the signals of one run of a case; those of the same samples as they are, with what was
     formed of them.
     """
     if (
-        isinstance(raw, Signals)
+        isinstance(raw, RunSignals)
         and raw.time is time
         and raw.wheel_radius == case.conditions.get("wheel_radius")
     ):
         return raw
-    return Signals(raw, time, case.conditions.get("wheel_radius"))
+    return RunSignals(raw, time, case.conditions.get("wheel_radius"))
 
 
 def traces_of(signals: xr.Dataset, run: str) -> dict[str, np.ndarray]:
@@ -115,7 +115,7 @@ def _integral(rate: np.ndarray, time: np.ndarray) -> np.ndarray:
     return cumulative_trapezoid(rate, time, initial=0.0)
 
 
-def _deviation(s: Signals) -> np.ndarray:
+def _deviation(s: RunSignals) -> np.ndarray:
     """Return the distance to the right of the line along which the run started. [m]"""
     vn, ve = s["vn"], s["ve"]
     early = s.time <= s.time[0] + 1.0
@@ -124,7 +124,7 @@ def _deviation(s: Signals) -> np.ndarray:
     return _integral((ve * along_n - vn * along_e) / size, s.time)
 
 
-_RECIPES: dict[str, Callable[[Signals], np.ndarray]] = {
+_RECIPES: dict[str, Callable[[RunSignals], np.ndarray]] = {
     "time": lambda s: s.time,
     "V_ground": lambda s: np.hypot(s["vn"], s["ve"]),
     "distance": lambda s: _integral(s["V_ground"], s.time),
@@ -141,7 +141,7 @@ WHO = ("flight", "the model")
 
 
 @dataclass(frozen=True)
-class Match:
+class Comparison:
     """Flight and one model on the clock of the record.
 
     Attributes
@@ -156,16 +156,16 @@ class Match:
 
     case: PomCase
     time: np.ndarray
-    flight: Signals
-    model: Signals
+    flight: RunSignals
+    model: RunSignals
     _of_flight: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False)
 
     @classmethod
-    def of(cls, case: PomCase, time: np.ndarray, flight: Raw, model: Raw) -> Match:
+    def of(cls, case: PomCase, time: np.ndarray, flight: Raw, model: Raw) -> Comparison:
         """Return the match of two runs by canonical name."""
         return cls(case, time, signals_of(case, flight, time), signals_of(case, model, time))
 
-    def against(self, model: Raw) -> Match:
+    def against(self, model: Raw) -> Comparison:
         """Return the match of the same flight and another model; what depends on the flight alone
         is not computed again.
         """
@@ -235,14 +235,14 @@ class Instant:
     remarks: tuple[RowRemark, ...] = ()
 
 
-def event_time(match: Match, event: str) -> float:
+def event_time(match: Comparison, event: str) -> float:
     """Return the time of an event that the case has to give. [s]"""
     if event not in match.case.events:
         raise NotJudged(f"give the event {event} in [events]")
     return match.case.events[event]
 
 
-def find(match: Match, event: str, excluded: str = "") -> Instant:
+def find(match: Comparison, event: str, excluded: str = "") -> Instant:
     """Return when an event happens in flight and model.
 
     Parameters
@@ -288,11 +288,11 @@ def find(match: Match, event: str, excluded: str = "") -> Instant:
     reached = crossing(match.time, match.model[channel], level, direction)
     if reached is None:
         raise Invalid(
-            f"the model does not come to {event} ({written(channel, level)}) in the record"
+            f"the model does not come to {event} ({display_value(channel, level)}) in the record"
         )
     remark = RowRemark(
         "event",
-        f"{event} at {written(channel, level)}",
+        f"{event} at {display_value(channel, level)}",
         channel,
         {"level": level},
         lookup(channel).units,
@@ -300,7 +300,7 @@ def find(match: Match, event: str, excluded: str = "") -> Instant:
     return Instant(time, reached, (remark,))
 
 
-def level_at(match: Match, event: str, time: float) -> float:
+def level_at(match: Comparison, event: str, time: float) -> float:
     """Return the level of the signal of an event: what the flight has at the event; for a full stop
     that of standing still. [SI]
     """
@@ -311,7 +311,7 @@ def level_at(match: Match, event: str, time: float) -> float:
     )
 
 
-def _by_discrete(match: Match, event: str, names: tuple[str, ...]) -> Instant:
+def _by_discrete(match: Comparison, event: str, names: tuple[str, ...]) -> Instant:
     """Return an event that a discrete indicates; the flight's is as given where the case gives it."""
     flight, model = (_jump(match, signals, names) for signals in (match.flight, match.model))
     if model is None:
@@ -323,7 +323,7 @@ def _by_discrete(match: Match, event: str, names: tuple[str, ...]) -> Instant:
     return Instant(flight, model, (RowRemark("event", f"{event} by {' or '.join(names)}", event),))
 
 
-def _jump(match: Match, signals: Signals, names: tuple[str, ...]) -> float | None:
+def _jump(match: Comparison, signals: RunSignals, names: tuple[str, ...]) -> float | None:
     """Return when the first of several discretes comes on; None when none does, or one is not
     there. [s]
     """

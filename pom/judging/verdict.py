@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.names import lookup
-from pom.cases.case import PomCase, driven
+from pom.cases.case import PomCase, driven_quantities
 from pom.judging.measures import control_forces as curves
 from pom.judging.measures import control_forces as release
 from pom.judging.measures import modal, segments
@@ -22,24 +22,24 @@ from pom.judging.measures import values as instants
 from pom.judging.measures import values as levels
 from pom.judging.measures import values as trends
 from pom.judging.measures.control_forces import free_motion
-from pom.judging.signals import Match, Raw, Signals, signals_of
+from pom.judging.signals import Comparison, Raw, RunSignals, signals_of
 from pom.tolerances.bands import (
     Invalid,
+    Judgement,
     NotJudged,
     NoValue,
-    Outcome,
     RowRemark,
     applied_band,
     half_width,
+    judge_trace,
     reasons,
-    trace,
 )
-from pom.tolerances.channels import OTHERS, SOURCES, display_unit, factor, written
+from pom.tolerances.channels import OTHERS, SOURCES, display_unit, display_value, factor
 from pom.tolerances.criteria import PARTS, Band, Criterion
-from pom.tolerances.rows import KINDS, holds, needs
+from pom.tolerances.rows import KINDS, required_quantities, satisfies_relation
 
 
-def settled(case: PomCase, time: np.ndarray, flight: Raw) -> PomCase:
+def settle_case(case: PomCase, time: np.ndarray, flight: Raw) -> PomCase:
     """Return a case whose criteria are settled on this flight: which rows apply, on which channel,
     over which part.
 
@@ -52,10 +52,14 @@ def settled(case: PomCase, time: np.ndarray, flight: Raw) -> PomCase:
         [SI]
     """
     signals = signals_of(case, flight, time)
-    return replace(case, criteria=tuple(settle(case, c, time, signals) for c in case.criteria))
+    return replace(
+        case, criteria=tuple(settle_criterion(case, c, time, signals) for c in case.criteria)
+    )
 
 
-def settle(case: PomCase, criterion: Criterion, time: np.ndarray, flight: Signals) -> Criterion:
+def settle_criterion(
+    case: PomCase, criterion: Criterion, time: np.ndarray, flight: RunSignals
+) -> Criterion:
     """Return one criterion settled on a flight; settling twice is settling once."""
     criterion = _on_channel(criterion, flight)
     criterion = replace(
@@ -75,7 +79,7 @@ def settle(case: PomCase, criterion: Criterion, time: np.ndarray, flight: Signal
     return criterion
 
 
-def _on_channel(criterion: Criterion, flight: Signals) -> Criterion:
+def _on_channel(criterion: Criterion, flight: RunSignals) -> Criterion:
     """Return the criterion on the channel that the flight has of those that a parameter may be
     judged on.
     """
@@ -105,7 +109,7 @@ def _part(case: PomCase, criterion: Criterion, word: str) -> Criterion:
 
 
 def _of_kind(
-    case: PomCase, criterion: Criterion, word: str, time: np.ndarray, flight: Signals
+    case: PomCase, criterion: Criterion, word: str, time: np.ndarray, flight: RunSignals
 ) -> Criterion:
     """Settle a row of control dynamics: on the kind of the motion, and on whether it has what the
     row measures.
@@ -133,7 +137,7 @@ def _of_kind(
 
 
 def _by_distance(
-    case: PomCase, criterion: Criterion, word: str, time: np.ndarray, flight: Signals
+    case: PomCase, criterion: Criterion, word: str, time: np.ndarray, flight: RunSignals
 ) -> Criterion:
     """Settle a row that counts for short or for long runs."""
     if "distance" not in flight:
@@ -143,12 +147,12 @@ def _by_distance(
         for event, default in zip(criterion.bounds, criterion.window, strict=True)
     ]
     run = float(np.diff(np.interp(ends, time, flight["distance"]))[0])
-    if holds(word, run):
+    if satisfies_relation(word, run):
         return criterion
     return replace(
         criterion,
         applies=False,
-        reason=f"applies only with {word}; the flight has {written('distance', run)}",
+        reason=f"applies only with {word}; the flight has {display_value('distance', run)}",
     )
 
 
@@ -158,39 +162,39 @@ TRIMMED = ("delta_e", "delta_a", "delta_r", "thrust", "throttle")
 
 _STICK = ("F_column", "F_wheel", "F_rim", "F_pedal")  # forces on the controls that move surfaces
 
-MEASURES: dict[str, Callable[[Criterion, Match], Outcome]] = {
+MEASURES: dict[str, Callable[[Criterion, Comparison], Judgement]] = {
     "trace": lambda criterion, match: _traced(criterion, match),
-    "steady": levels.steady,
-    "change": levels.change,
+    "steady": levels.judge_steady_state,
+    "change": levels.judge_change,
     "end_value": levels.end_value,
     "low_speed_end": levels.low_speed_end,
     "segment_mean": segments.segment_mean,
-    "floor": segments.floor,
-    "elapsed": runs.elapsed,
+    "floor": segments.certified_gradient,
+    "elapsed": runs.judge_elapsed,
     "event_value": instants.event_value,
-    "setup": instants.setup,
-    "response_initial": engine.response,
-    "response_total": engine.response,
-    "curve": curves.curve,
+    "setup": instants.check_setup,
+    "response_initial": engine.judge_engine_response,
+    "response_total": engine.judge_engine_response,
+    "curve": curves.judge_curve,
     "force_increment": curves.force_increment,
-    "breakout": curves.breakout,
-    "scalar": turning.number,
+    "breakout": curves.judge_breakout,
+    "scalar": turning.judge_turning_number,
     "first_zero_crossing": release.first_zero_crossing,
     "time_90_to_10": release.time_90_to_10,
     "period_n": release.period_n,
     "overshoot_n": release.overshoot_n,
     "overshoot_count": release.overshoot_count,
-    "period": modal.modal,
-    "t_half": modal.modal,
-    "damping_ratio": modal.modal,
+    "period": modal.judge_mode,
+    "t_half": modal.judge_mode,
+    "damping_ratio": modal.judge_mode,
     "peak_lag": modal.peak_lag,
-    "trend": trends.trend,
+    "trend": trends.judge_trend,
 }
 
 
 def judge(
     case: PomCase, criterion: Criterion, time: np.ndarray, flight: Raw, model: Raw
-) -> Outcome:
+) -> Judgement:
     """Judge one criterion on one model.
 
     Parameters
@@ -209,10 +213,10 @@ def judge(
         ``not_tested`` or ``invalid`` with the reason as a remark when it cannot be judged; never an
         exception for data.
     """
-    return _judged(criterion, Match.of(case, time, flight, model))
+    return _judged(criterion, Comparison.of(case, time, flight, model))
 
 
-def _judged(criterion: Criterion, match: Match) -> Outcome:
+def _judged(criterion: Criterion, match: Comparison) -> Judgement:
     try:
         settled, needed, reason = match.once(
             ("settled", criterion.name), lambda: _settled(criterion, match)
@@ -220,43 +224,47 @@ def _judged(criterion: Criterion, match: Match) -> Outcome:
         if not reason:
             reason = _lacking("model", needed, match.model)
         return (
-            Outcome("not_tested", remarks=reasons(reason)) if reason else _measured(settled, match)
+            Judgement("not_tested", remarks=reasons(reason))
+            if reason
+            else _measured(settled, match)
         )
     except NotJudged as error:
-        return Outcome("not_tested", remarks=reasons(str(error)))
+        return Judgement("not_tested", remarks=reasons(str(error)))
     except NoValue as error:
-        return Outcome("invalid", remarks=(RowRemark("no_value", str(error)),))
+        return Judgement("invalid", remarks=(RowRemark("no_value", str(error)),))
     except Invalid as error:
-        return Outcome("invalid", remarks=reasons(str(error)))
+        return Judgement("invalid", remarks=reasons(str(error)))
 
 
-def _settled(criterion: Criterion, match: Match) -> tuple[Criterion, tuple[str, ...], str]:
+def _settled(criterion: Criterion, match: Comparison) -> tuple[Criterion, tuple[str, ...], str]:
     """Return a criterion settled on the flight, what it is computed from, and why it is not judged
     on any model; empty when it is.
     """
     case, flight = match.case, match.flight
-    criterion = settle(case, criterion, match.time, flight)
-    needed = needs(criterion)
+    criterion = settle_criterion(case, criterion, match.time, flight)
+    needed = required_quantities(criterion)
     reason = (
-        criterion.reason or unjudged(case, criterion) or _steered_by_record(case, criterion, flight)
+        criterion.reason
+        or reason_not_judged(case, criterion)
+        or _steered_by_record(case, criterion, flight)
     )
     return criterion, needed, reason or _lacking("flight record", needed, flight)
 
 
-def _lacking(who: str, needed: tuple[str, ...], signals: Signals) -> str:
+def _lacking(who: str, needed: tuple[str, ...], signals: RunSignals) -> str:
     """Return that signals are missing, in words; empty when none is."""
     missing = [name for name in needed if name not in signals]
     return f"the {who} has no {', '.join(missing)}" if missing else ""
 
 
-def judge_all(case: PomCase, time: np.ndarray, flight: Raw, model: Raw) -> dict[str, Outcome]:
+def judge_all(case: PomCase, time: np.ndarray, flight: Raw, model: Raw) -> dict[str, Judgement]:
     """Judge every criterion of a case on one model; parameters as `judge`, result as of
     `judge_match`.
     """
-    return judge_match(Match.of(case, time, flight, model))
+    return judge_match(Comparison.of(case, time, flight, model))
 
 
-def judge_match(match: Match) -> dict[str, Outcome]:
+def judge_match(match: Comparison) -> dict[str, Judgement]:
     """Judge every criterion of the case of a match.
 
     Returns
@@ -280,16 +288,16 @@ def judge_match(match: Match) -> dict[str, Outcome]:
             and criterion.applies
             and found[criterion.name].verdict in ("pass", "fail", "advisory")
         ):
-            found[criterion.name] = Outcome(
+            found[criterion.name] = Judgement(
                 "invalid", remarks=(RowRemark("no_value", f"its alternative {name}: {text}", name),)
             )
     return found
 
 
-def _traced(criterion: Criterion, match: Match) -> Outcome:
+def _traced(criterion: Criterion, match: Comparison) -> Judgement:
     time, flight, model = match.both(criterion)
     key = ("band", criterion.name, criterion.band.base)  # `_measured` exchanges the base
-    return trace(
+    return judge_trace(
         criterion,
         time,
         flight,
@@ -298,7 +306,7 @@ def _traced(criterion: Criterion, match: Match) -> Outcome:
     )
 
 
-def _measured(criterion: Criterion, match: Match) -> Outcome:
+def _measured(criterion: Criterion, match: Comparison) -> Judgement:
     measure = MEASURES[criterion.measure]
     if criterion.band.base != "range_max" or criterion.largest is not None:
         return measure(criterion, match)
@@ -314,7 +322,7 @@ def _measured(criterion: Criterion, match: Match) -> Outcome:
     return measure(criterion, match)
 
 
-def unjudged(case: PomCase, criterion: Criterion) -> str:
+def reason_not_judged(case: PomCase, criterion: Criterion) -> str:
     """Return why a criterion is not judged in this case; empty when it is."""
     if case.reference == "footprint":
         return FOOTPRINT
@@ -326,7 +334,11 @@ def unjudged(case: PomCase, criterion: Criterion) -> str:
     calibration = (
         criterion.abscissa == "trim_indicator"
     )  # what is judged there is the indicator that a model computes
-    if judged in driven(case) and not calibration and not _found_by_trim(case, criterion):
+    if (
+        judged in driven_quantities(case)
+        and not calibration
+        and not _found_by_trim(case, criterion)
+    ):
         return f"{judged} is driven by the record; what drives a model cannot be judged"
     if judged in _STICK and case.drive.level == "recorded":
         return "the surfaces are driven, so pilot forces have no meaning"
@@ -335,7 +347,7 @@ def unjudged(case: PomCase, criterion: Criterion) -> str:
     return ""
 
 
-def _steered_by_record(case: PomCase, criterion: Criterion, flight: Signals) -> str:
+def _steered_by_record(case: PomCase, criterion: Criterion, flight: RunSignals) -> str:
     """Return why a nose-wheel angle is not judged: the record gives the command of the steering
     itself.
     """
@@ -360,7 +372,7 @@ def _found_by_trim(case: PomCase, criterion: Criterion) -> bool:
     )
 
 
-def formed_channels(case: PomCase, flight: Signals) -> list[str]:
+def formed_channels(case: PomCase, flight: RunSignals) -> list[str]:
     """Return the judged channels that are formed of signals, so that they can be shown."""
     formed = SOURCES.keys() - {"time"}
     return [
@@ -370,7 +382,7 @@ def formed_channels(case: PomCase, flight: Signals) -> list[str]:
     ]
 
 
-def row(run: str, criterion: Criterion, outcome: Outcome) -> dict[str, Any]:
+def row(run: str, criterion: Criterion, outcome: Judgement) -> dict[str, Any]:
     """Return one row of the verdict table, in the unit of the table."""
     unit = display_unit(criterion)
     scale = factor(criterion.measure, criterion.channel, unit) if criterion.channel else 1.0
@@ -410,17 +422,17 @@ def bands(case: PomCase, time: np.ndarray, flight: Raw) -> xr.Dataset:
     found: dict[str, np.ndarray] = {}
     signals = signals_of(case, flight, time)
     for criterion in case.criteria:
-        criterion = settle(case, criterion, time, signals)
+        criterion = settle_criterion(case, criterion, time, signals)
         if (
             criterion.measure != "trace"
             or not criterion.applies
-            or unjudged(case, criterion)
+            or reason_not_judged(case, criterion)
             or criterion.channel not in signals
         ):
             continue
         width = np.full(time.size, np.nan)
         try:
-            mask = Match(case, time, signals, signals).counted(criterion)
+            mask = Comparison(case, time, signals, signals).counted(criterion)
             mask &= (time >= criterion.window[0] - 1e-9) & (time <= criterion.window[1] + 1e-9)
             width[mask] = half_width(criterion, signals[criterion.channel][mask])
         except (NotJudged, Invalid, ValueError):

@@ -23,11 +23,11 @@ from flightmech.support.kept_stages.program import installation
 from flightmech.support.kept_stages.sharing import cluster
 from pom.cases.case import PomCase
 from pom.cases.reference_states import path_states
-from pom.fmu.run_cache import Store
-from pom.fmu.simulate import Model, Models
+from pom.fmu.run_cache import RunCache
+from pom.fmu.simulate import FmuModel, Models
 from pom.judging.measures.modal import mode_table
 from pom.replaying.caches import KeptResults, KeptStates, ResultKeys
-from pom.replaying.replay_case import Plan, check_plan, perform, plan_of
+from pom.replaying.replay_case import ReplayPlan, check_plan, perform, plan_of
 from pom.result import PomResult
 
 LEAST_SHARE = 40
@@ -194,7 +194,7 @@ def replay_all(
         plans = _plans([case for case, _ in new], paths, records, jobs, pool)
         _check(plans, models)
         names_kept = [key if by_content.hold(case) else "" for case, key in new]
-        store = Store(folder) if folder is not None else None
+        store = RunCache(folder) if folder is not None else None
         calls = (
             (plan, models.of(plan.case), timeout, store, evidence, kept, key)
             for plan, key in zip(_let_go(plans), names_kept, strict=True)
@@ -220,7 +220,7 @@ def _plans(
     records: KeptStates,
     jobs: int,
     pool: Processes | None,
-) -> list[Plan]:
+) -> list[ReplayPlan]:
     """Return the plan of every case; a record is read once for all its cases, by processes when
     there are any.
     """
@@ -246,17 +246,17 @@ def _plans(
     ]
 
 
-def _plans_at_hand(cases: list[PomCase], records: KeptStates) -> list[Plan] | None:
+def _plans_at_hand(cases: list[PomCase], records: KeptStates) -> list[ReplayPlan] | None:
     """Return the plans of cases of one record; None when it has to be reconstructed."""
     states = _at_hand(cases[0], records)
     return None if states is None else [plan_of(case, states) for case in cases]
 
 
 def _performed(
-    plan: Plan,
-    models: Mapping[str, Model],
+    plan: ReplayPlan,
+    models: Mapping[str, FmuModel],
     timeout: float,
-    store: Store | None,
+    store: RunCache | None,
     evidence: xr.DataTree | None,
     kept: KeptResults,
     key: str,
@@ -276,7 +276,7 @@ def _given(case: PomCase, paths: Mapping[str, Any]) -> Any:
     return paths.get(case.record, paths.get(Path(case.record).stem))
 
 
-def flown(
+def paths_of_cases(
     cases: Sequence[PomCase], paths: Mapping[str, Any], records: KeptStates, jobs: int
 ) -> list[Any]:
     """Return the path of every case: the one given, else that of its record, read or reconstructed
@@ -319,7 +319,7 @@ def _at_hand(case: PomCase, records: KeptStates) -> xr.Dataset | None:
     return records.read(case) if states is None else states
 
 
-def _check(plans: Iterable[Plan], models: Models) -> None:
+def _check(plans: Iterable[ReplayPlan], models: Models) -> None:
     """Demand that every model can fly every case; what a model lacks is stated once, with the cases
     that need it.
     """

@@ -30,7 +30,7 @@ from flighttest.records.stored_groups import plain_group
 from pom.cases.case import PomCase
 from pom.cases.reference_states import recorded_states
 from pom.fmu.run_cache import FileState
-from pom.fmu.simulate import Model
+from pom.fmu.simulate import FmuModel
 from pom.judging.measures.modal import keep_modes, mode_table
 from pom.result import PomResult, records, split, verdict_table
 
@@ -88,7 +88,9 @@ class KeptStates:
             hashlib.sha256(Path(name).read_bytes() if name else b"").hexdigest()
             for name in (case.record, case.names)
         ]
-        return content_hash(program(), files, self._aircraft.get(case.aircraft), self.biases)
+        return content_hash(
+            reconstruction_digest(), files, self._aircraft.get(case.aircraft), self.biases
+        )
 
     def _file(self, case: PomCase) -> Path | None:
         if self.folder is None or not case.aircraft:
@@ -97,7 +99,7 @@ class KeptStates:
 
 
 @cache
-def program() -> str:
+def reconstruction_digest() -> str:
     """Return the hash of the modules that read and reconstruct, with the versions of the libraries
     they count with.
     """
@@ -142,7 +144,7 @@ class ResultKeys:
         default_factory=dict, repr=False
     )  # of files, before they were read
 
-    def of(self, case: PomCase, path: Any, models: Mapping[str, Model]) -> str:
+    def of(self, case: PomCase, path: Any, models: Mapping[str, FmuModel]) -> str:
         """Return the name of the result of a case; empty when one of its files cannot be read,
         which whoever reads it reports.
 
@@ -255,7 +257,7 @@ def _files(case: PomCase) -> list[str]:
     return [name for name in (case.record, case.names, case.aircraft) if name]
 
 
-def _described(model: Model) -> list[str]:
+def _described(model: FmuModel) -> list[str]:
     return [model.origin(), model.links.table]
 
 

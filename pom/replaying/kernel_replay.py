@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from flightmech.errors import SchemaError, SimulationError
-from flightmech.simulation.batch import MOST_LOOPS, Loop, fly_batch
+from flightmech.simulation.batch import MOST_LOOPS, ControlLoop, fly_batch
 from flightmech.simulation.kernel import Stepping
-from flightmech.simulation.run import constant_inputs, output_indices, prepared
-from pom.cases.job import Job
-from pom.cases.pilot import Pilot, turns
+from flightmech.simulation.run import constant_inputs, initialise_run, output_indices
+from pom.cases.job import ReplayJob
+from pom.cases.pilot import Pilot, is_wrapped_angle
 
 STEP = 0.01  # [s] largest internal step, where the job has no mode.step
 _AT_ONCE = (
@@ -24,7 +24,7 @@ _AT_ONCE = (
 
 def fly(
     sim: Any,
-    job: Job,
+    job: ReplayJob,
     choices: Sequence[Mapping[str, float]] = ({},),
     channels: Sequence[str] | None = None,
 ) -> tuple[dict[str, np.ndarray], list[str]]:
@@ -78,7 +78,9 @@ def fly(
     return {name: values[:, :, k] for k, name in enumerate(names)}, failures
 
 
-def fly_once(sim: Any, job: Job, channels: Sequence[str]) -> tuple[dict[str, np.ndarray], str]:
+def fly_once(
+    sim: Any, job: ReplayJob, channels: Sequence[str]
+) -> tuple[dict[str, np.ndarray], str]:
     """Replay a job once, as `fly` does, without its tables of runs: for many models with one run
     each.
 
@@ -96,14 +98,14 @@ def fly_once(sim: Any, job: Job, channels: Sequence[str]) -> tuple[dict[str, np.
             found = _closed(sim, job, parameters, names)
         else:
             u = _input_table(sim, job, parameters)
-            run = prepared(sim, parameters, u[0], float(job.time[0]))
+            run = initialise_run(sim, parameters, u[0], float(job.time[0]))
             found, _ = run.record(job.time, u, False, output_indices(sim, names), False)
     except SimulationError as error:
         return {name: np.full(job.time.size, np.nan) for name in names}, str(error)
     return dict(zip(names, found.T, strict=True)), ""
 
 
-def start_untrimmed(sim: Any, job: Job) -> None:
+def start_untrimmed(sim: Any, job: ReplayJob) -> None:
     """Start a job without its trim, to see whether the kernel takes its parameters and the first
     inputs.
 
@@ -115,25 +117,25 @@ def start_untrimmed(sim: Any, job: Job) -> None:
     parameters = _parameters(sim, job, {})
     if "mode.trim" in parameters:
         parameters["mode.trim"] = 0.0
-    prepared(sim, parameters, _input_table(sim, job, parameters)[0], float(job.time[0]))
+    initialise_run(sim, parameters, _input_table(sim, job, parameters)[0], float(job.time[0]))
 
 
 def _batch(
-    sim: Any, job: Job, varied: list[str], values: np.ndarray, names: list[str]
+    sim: Any, job: ReplayJob, varied: list[str], values: np.ndarray, names: list[str]
 ) -> tuple[np.ndarray, list[str]]:
     """Return outputs (run, time, name) and failures; `values` (run, varied) are those of the varied
     parameters.
     """
     parameters = _parameters(sim, job, {})
     loops = [
-        Loop(
+        ControlLoop(
             one.control,
             one.channel,
             one.gain,
             one.integral,
             one.limit,
             job.targets[one.channel],
-            turns(one.channel),
+            is_wrapped_angle(one.channel),
         )
         for one in job.pilot
     ]
@@ -151,7 +153,7 @@ def _batch(
 
 
 def _piloted(
-    sim: Any, job: Job, varied: list[str], values: np.ndarray, names: list[str]
+    sim: Any, job: ReplayJob, varied: list[str], values: np.ndarray, names: list[str]
 ) -> tuple[np.ndarray, list[str]]:
     """Return the same as `_batch`, the loops of the math pilot closed sample by sample."""
     found = np.full((len(values), job.time.size, len(names)), np.nan)
@@ -166,7 +168,7 @@ def _piloted(
     return found, failures
 
 
-def _closed(sim: Any, job: Job, parameters: dict[str, float], names: list[str]) -> np.ndarray:
+def _closed(sim: Any, job: ReplayJob, parameters: dict[str, float], names: list[str]) -> np.ndarray:
     """Return outputs (time, name) of one run; a correction is in force from its sample to the next,
     as in a replayed FMU.
     """
@@ -177,7 +179,7 @@ def _closed(sim: Any, job: Job, parameters: dict[str, float], names: list[str]) 
         dict(zip(pilot.channels, output_indices(sim, pilot.channels), strict=True)),
     )
     moved = [sim.inputs.index(name) for name in pilot.moved]
-    run = Stepping(prepared(sim, parameters, u[0], float(job.time[0])))
+    run = Stepping(initialise_run(sim, parameters, u[0], float(job.time[0])))
     before, after = run.ends
     found = np.empty((job.time.size, len(names)))
     times, steps = job.time.tolist(), np.diff(job.time).tolist()
@@ -196,7 +198,7 @@ def _closed(sim: Any, job: Job, parameters: dict[str, float], names: list[str]) 
     return found
 
 
-def _input_table(sim: Any, job: Job, parameters: Mapping[str, float]) -> np.ndarray:
+def _input_table(sim: Any, job: ReplayJob, parameters: Mapping[str, float]) -> np.ndarray:
     """Return the inputs (time, inputs): recorded ones, else the constant ones of the parameters,
     else their start values.
     """
@@ -207,7 +209,7 @@ def _input_table(sim: Any, job: Job, parameters: Mapping[str, float]) -> np.ndar
     return u
 
 
-def _parameters(sim: Any, job: Job, choice: Mapping[str, float]) -> dict[str, float]:
+def _parameters(sim: Any, job: ReplayJob, choice: Mapping[str, float]) -> dict[str, float]:
     return {
         "mode.step": STEP,
         **{name: value for name, value in job.parameters.items() if name in sim.parameters},

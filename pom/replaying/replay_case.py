@@ -13,29 +13,36 @@ import xarray as xr
 
 from flightmech.errors import AeromatchError, SchemaError
 from flightmech.names import lookup
-from flightmech.support.console import plain
+from flightmech.support.console import to_json_types
 from pom.cases.case import PomCase
-from pom.cases.job import Job, configuration, job_of
+from pom.cases.job import ReplayJob, configuration, job_of
 from pom.cases.reference_states import CALIBRATION, flight_states
 from pom.fmu.description import check
-from pom.fmu.run_cache import Store
-from pom.fmu.simulate import Model, Models, check_law, fly
-from pom.judging.beyond_the_bands import Evidence, evidence_remarks, watch
-from pom.judging.signals import Match, Signals, signals_of, traces_of
-from pom.judging.verdict import bands, formed_channels, judge_match, row, settled, unjudged
+from pom.fmu.run_cache import RunCache
+from pom.fmu.simulate import FmuModel, Models, check_law, fly_job
+from pom.judging.beyond_the_bands import Evidence, evidence_remarks, watch_channels
+from pom.judging.signals import Comparison, RunSignals, signals_of, traces_of
+from pom.judging.verdict import (
+    bands,
+    formed_channels,
+    judge_match,
+    reason_not_judged,
+    row,
+    settle_case,
+)
 from pom.replaying.run_remarks import PILOT, activity, table_ranges, tables_left
-from pom.replaying.trim import OBSERVED, beyond_limits, solved, trim_limits, trim_table
+from pom.replaying.trim import OBSERVED, beyond_limits, solve_trim_surfaces, trim_limits, trim_table
 from pom.result import PomResult, verdict_table
-from pom.tolerances.bands import Outcome, RowRemark
+from pom.tolerances.bands import Judgement, RowRemark
 from pom.tolerances.channels import WRAPPED, output_of
 from pom.tolerances.criteria import Criterion
-from pom.tolerances.rows import channels, helpful
+from pom.tolerances.rows import helpful_signals, required_signals
 
 Traces = Mapping[str, np.ndarray]
 
 
 @dataclass(frozen=True)
-class Plan:
+class ReplayPlan:
     """A case, ready to be flown by any model.
 
     Attributes
@@ -49,7 +56,7 @@ class Plan:
 
     case: PomCase
     states: xr.Dataset
-    job: Job
+    job: ReplayJob
 
 
 def replay(
@@ -100,11 +107,11 @@ def replay(
     return perform(plan, models, timeout, evidence=evidence)
 
 
-def plan_of(case: PomCase, path: Any = None) -> Plan:
+def plan_of(case: PomCase, path: Any = None) -> ReplayPlan:
     """Return what `perform` flies; parameters and errors as `replay`."""
     states = flight_states(case, path)
     job = job_of(case, states)
-    return Plan(settled(case, job.time, _samples(states)), states, job)
+    return ReplayPlan(settle_case(case, job.time, _samples(states)), states, job)
 
 
 def _samples(states: xr.Dataset) -> dict[str, np.ndarray]:
@@ -117,7 +124,7 @@ def _samples(states: xr.Dataset) -> dict[str, np.ndarray]:
     }
 
 
-def check_plan(plan: Plan, model: Model) -> None:
+def check_plan(plan: ReplayPlan, model: FmuModel) -> None:
     """Check that a model offers what a case needs.
 
     A judged channel that the flight record lacks as well is no error: its verdict states what is
@@ -151,10 +158,10 @@ def check_plan(plan: Plan, model: Model) -> None:
 
 
 def perform(
-    plan: Plan,
-    models: Mapping[str, Model],
+    plan: ReplayPlan,
+    models: Mapping[str, FmuModel],
     timeout: float,
-    store: Store | None = None,
+    store: RunCache | None = None,
     evidence: xr.DataTree | None = None,
 ) -> PomResult:
     """Fly a checked plan by every model and judge it; parameters as `replay` and `fly`."""
@@ -164,10 +171,10 @@ def perform(
         ranges[name] = table_ranges(model.fmu.path, model.fmu.sha256)
         axes = [item.variable for item in ranges[name]]
         wanted = {*_outputs([*shown, *axes], model.links.outputs), *OBSERVED}
-        job, trims[name], refused = solved(
+        job, trims[name], refused = solve_trim_surfaces(
             plan.job, plan.case.drive.trim_surfaces, model, timeout, store
         )
-        found[name], failures[name] = fly(model, job, wanted, timeout, store)
+        found[name], failures[name] = fly_job(model, job, wanted, timeout, store)
         failures[name] = refused or failures[name]
     attrs = {f"model.{name}": model.origin() for name, model in models.items()}
     laws = [model.law for model in models.values() if model.law is not None]
@@ -188,7 +195,7 @@ def perform(
     return assemble(plan.case, plan.states, plan.job, found, failures, attrs, more)
 
 
-def _without(job: Job, model: Model) -> tuple[RowRemark, ...]:
+def _without(job: ReplayJob, model: FmuModel) -> tuple[RowRemark, ...]:
     """Return the remark on what a case needs and a model does without, as its table of names
     allows.
     """
@@ -203,7 +210,7 @@ def _without(job: Job, model: Model) -> tuple[RowRemark, ...]:
 
 
 def _compared(
-    evidence: xr.DataTree | None, plan: Plan, models: Mapping[str, Model]
+    evidence: xr.DataTree | None, plan: ReplayPlan, models: Mapping[str, FmuModel]
 ) -> dict[str, tuple[RowRemark, ...]]:
     """Return the remarks of every model on its distance from the flight evidence; none without
     evidence.
@@ -222,7 +229,10 @@ def _compared(
 def judged_channels(case: PomCase) -> list[str]:
     """Return the channels that the criteria of a case are computed from."""
     names = [
-        name for c in case.criteria if c.applies and not unjudged(case, c) for name in channels(c)
+        name
+        for c in case.criteria
+        if c.applies and not reason_not_judged(case, c)
+        for name in required_signals(c)
     ]
     return list(dict.fromkeys(names))
 
@@ -249,7 +259,10 @@ def helping_channels(case: PomCase) -> list[str]:
     have them.
     """
     return [
-        name for c in case.criteria if c.applies and not unjudged(case, c) for name in helpful(c)
+        name
+        for c in case.criteria
+        if c.applies and not reason_not_judged(case, c)
+        for name in helpful_signals(c)
     ]
 
 
@@ -266,7 +279,7 @@ def _taken(given: Iterable[str], offered: Container[str], needed: Container[str]
 def assemble(
     case: PomCase,
     states: xr.Dataset,
-    job: Job,
+    job: ReplayJob,
     found: Mapping[str, Mapping[str, np.ndarray]],
     failures: Mapping[str, str],
     attrs: Mapping[str, str] | None = None,
@@ -287,17 +300,19 @@ def assemble(
     flight = signals_of(case, _samples(states), job.time)
     kept = {CALIBRATION: states.attrs[CALIBRATION]} if CALIBRATION in states.attrs else {}
     if job.pilot:
-        kept[PILOT] = json.dumps(plain(_pilot(job, found)))
+        kept[PILOT] = json.dumps(to_json_types(_pilot(job, found)))
     if job.pilot or job.law is not None:
         found = {run: _as_applied(job, outputs) for run, outputs in found.items()}
     rows, limits = [], trim_limits(case, flight)
     signals = _signals(
         [*shown_channels(case, states), *formed_channels(case, flight)], flight, found
     )
-    recorded, match = traces_of(signals, "flight"), Match(case, job.time, flight, flight)
+    recorded, match = traces_of(signals, "flight"), Comparison(case, job.time, flight, flight)
     for name, outputs in found.items():
         seen = (
-            () if failures.get(name) else watch(case, job.time, recorded, traces_of(signals, name))
+            ()
+            if failures.get(name)
+            else watch_channels(case, job.time, recorded, traces_of(signals, name))
         )
         remarks = (
             *beyond_limits(limits, outputs, demanded=False),
@@ -325,14 +340,14 @@ def _failed(text: str) -> tuple[RowRemark, ...]:
     return (RowRemark("failure", text),) if text else ()
 
 
-def _outcome(criterion: Criterion, failure: tuple[RowRemark, ...], outcome: Outcome) -> Outcome:
+def _outcome(criterion: Criterion, failure: tuple[RowRemark, ...], outcome: Judgement) -> Judgement:
     """Return an outcome; a run that failed, or started beyond what the case file allows the trim,
     carries no judgement.
     """
-    return Outcome("invalid", remarks=failure) if failure and criterion.applies else outcome
+    return Judgement("invalid", remarks=failure) if failure and criterion.applies else outcome
 
 
-def _pilot(job: Job, found: Mapping[str, Traces]) -> list[dict[str, Any]]:
+def _pilot(job: ReplayJob, found: Mapping[str, Traces]) -> list[dict[str, Any]]:
     """Return what the math pilot did in each run."""
     rows: list[dict[str, Any]] = []
     for run, outputs in found.items():
@@ -345,7 +360,7 @@ def _pilot(job: Job, found: Mapping[str, Traces]) -> list[dict[str, Any]]:
     return rows
 
 
-def _as_applied(job: Job, outputs: Traces) -> dict[str, np.ndarray]:
+def _as_applied(job: ReplayJob, outputs: Traces) -> dict[str, np.ndarray]:
     """Return outputs with what the math pilot moves at its true position, bias of the trim
     included, where the model reports it.
     """
@@ -356,11 +371,11 @@ def _as_applied(job: Job, outputs: Traces) -> dict[str, np.ndarray]:
     return {**outputs, **{name: outputs[f"applied.{name}"] for name in moved}}
 
 
-def _signals(names: list[str], flight: Signals, found: Mapping[str, Traces]) -> xr.Dataset:
+def _signals(names: list[str], flight: RunSignals, found: Mapping[str, Traces]) -> xr.Dataset:
     time = flight.time
     runs = {
         "flight": flight,
-        **{run: Signals(outputs, time, flight.wheel_radius) for run, outputs in found.items()},
+        **{run: RunSignals(outputs, time, flight.wheel_radius) for run, outputs in found.items()},
     }
     data = {}
     for name in dict.fromkeys(names):
@@ -388,7 +403,7 @@ def unwrapped_near(angle: np.ndarray, flight: np.ndarray) -> np.ndarray:
     return smooth - 2.0 * np.pi * np.round((smooth[0] - flight[0]) / (2.0 * np.pi))
 
 
-def _inputs(job: Job) -> xr.Dataset:
+def _inputs(job: ReplayJob) -> xr.Dataset:
     units = {
         name: lookup("thrust" if name.endswith("thrust_drive") else name).units
         for name in job.inputs

@@ -18,7 +18,7 @@ from flightmech.names import lookup
 from flightmech.simulation.kernel import AXIS
 from flightmech.support.arrays import rms
 from flightmech.units import from_si, parse
-from pom.cases.pilot import Loop, Pilot, shortest
+from pom.cases.pilot import Pilot, PilotLoop, shortest_error
 from pom.cases.reference_states import CALIBRATION
 from pom.judging.beyond_the_bands import SLOWEST, flown_model
 from pom.judging.signals import trace_of
@@ -72,7 +72,7 @@ _PILOT_COLUMNS = ("run", "control", "gains", "mean", "rms", "largest", "at", "at
 
 def activity(
     run: str,
-    loops: Sequence[Loop],
+    loops: Sequence[PilotLoop],
     time: np.ndarray,
     moved: Mapping[str, np.ndarray],
     targets: Mapping[str, np.ndarray],
@@ -129,7 +129,7 @@ def pilot_activity(result: PomResult) -> pd.DataFrame:
 
 
 def _cut(
-    loops: Sequence[Loop],
+    loops: Sequence[PilotLoop],
     time: np.ndarray,
     targets: Mapping[str, np.ndarray],
     outputs: Mapping[str, np.ndarray],
@@ -143,7 +143,7 @@ def _cut(
     return pilot.cut
 
 
-def _gains(loop: Loop) -> str:
+def _gains(loop: PilotLoop) -> str:
     moved, held = (lookup(name).display_units for name in (loop.control, loop.channel))
     size = parse(held)[1] / parse(moved)[1]
     over = f"{moved}/{held}" if "/" not in held else f"{moved}/({held})"
@@ -152,7 +152,7 @@ def _gains(loop: Loop) -> str:
 
 
 def _held(name: str, targets: Mapping[str, np.ndarray], outputs: Mapping[str, np.ndarray]) -> str:
-    error_of = np.array([shortest(name, error) for error in targets[name] - outputs[name]])
+    error_of = np.array([shortest_error(name, error) for error in targets[name] - outputs[name]])
     unit = lookup(name).display_units
     return f"{name} {np.sqrt(np.nanmean(error_of**2)) / parse(unit)[1]:.3g} {unit} rms"
 

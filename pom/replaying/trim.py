@@ -17,10 +17,10 @@ import pandas as pd
 
 from flightmech.units import DEGREE, POUND_FORCE, from_si
 from pom.cases.case import PomCase
-from pom.cases.job import Job
+from pom.cases.job import ReplayJob
 from pom.cases.resolve import BIASES, LIMIT_UNITS, REMAINDERS
-from pom.fmu.run_cache import Store
-from pom.fmu.simulate import Model, fly
+from pom.fmu.run_cache import RunCache
+from pom.fmu.simulate import FmuModel, fly_job
 from pom.judging.signals import trace_of
 from pom.result import PomResult
 from pom.tolerances.bands import ALLOWED, RowRemark
@@ -223,9 +223,13 @@ SURFACES_LEFT = 0.01 * POUND_FORCE
 ITERATIONS = 6
 
 
-def solved(
-    job: Job, names: Sequence[str], model: Model, timeout: float, store: Store | None = None
-) -> tuple[Job, tuple[RowRemark, ...], str]:
+def solve_trim_surfaces(
+    job: ReplayJob,
+    names: Sequence[str],
+    model: FmuModel,
+    timeout: float,
+    store: RunCache | None = None,
+) -> tuple[ReplayJob, tuple[RowRemark, ...], str]:
     """Return a job whose trim surfaces hold the recorded forces, for one model.
 
     Parameters
@@ -261,7 +265,7 @@ def solved(
 
     def forces_left(bias: np.ndarray) -> np.ndarray:
         nonlocal failure
-        outputs, text = fly(model, _start(moved(job, names, bias)), forces, timeout, store)
+        outputs, text = fly_job(model, _start(with_bias(job, names, bias)), forces, timeout, store)
         failure = failure or text
         return np.array([outputs[name][0] for name in forces])
 
@@ -279,10 +283,10 @@ def solved(
         )
         left = forces_left(bias)
     remarks = tuple(_remark(*item) for item in zip(names, forces, bias, left, works, strict=True))
-    return moved(job, names, bias), remarks, failure
+    return with_bias(job, names, bias), remarks, failure
 
 
-def moved(job: Job, names: Sequence[str], bias: np.ndarray) -> Job:
+def with_bias(job: ReplayJob, names: Sequence[str], bias: np.ndarray) -> ReplayJob:
     """Return a job with a constant added to some inputs. [SI]"""
     return replace(
         job,
@@ -293,7 +297,7 @@ def moved(job: Job, names: Sequence[str], bias: np.ndarray) -> Job:
     )
 
 
-def _start(job: Job) -> Job:
+def _start(job: ReplayJob) -> ReplayJob:
     """Return the first samples of a job, without the math pilot."""
     inputs = {name: values[:SAMPLES] for name, values in job.inputs.items()}
     return replace(job, time=job.time[:SAMPLES], inputs=inputs, pilot=(), targets={})

@@ -18,11 +18,11 @@ import pandas as pd
 import xarray as xr
 
 from flightmech.errors import SchemaError
-from flightmech.support.console import plain
+from flightmech.support.console import to_json_types
 from pom.report.case.page import line_styles
 from pom.report.models import database_comparison, identification
-from pom.report.submodels.section import Grid, Picture, Section
-from pom.report.submodels.sections import needed, sections
+from pom.report.submodels.section import Picture, Section, SectionTable
+from pom.report.submodels.sections import needed_submodels, sections
 
 if TYPE_CHECKING:
     from flighttest.regression.equation_error.fit import Fit
@@ -31,7 +31,7 @@ CHAPTERS = ("identification", "database")
 """Chapters of the PDF that are printed when wanted."""
 
 _ATTRIBUTES = ("title", "aircraft", "source", "absent", "notices")
-_KINDS = {kind.__name__: kind for kind in (Picture, Section, Grid)}
+_KINDS = {kind.__name__: kind for kind in (Picture, Section, SectionTable)}
 _KIND = "of"
 
 
@@ -58,7 +58,7 @@ class Chapters:
     compared: dict[str, Any] | None = None
     identification: dict[str, Any] | None = None
     submodels: tuple[Section, ...] = ()
-    needed: Grid | None = None
+    needed: SectionTable | None = None
     on_paper: tuple[str, ...] = ()
 
     @property
@@ -78,7 +78,7 @@ class Chapters:
         ).encode()
 
 
-def drawn(
+def draw_chapters(
     databases: Mapping[str, xr.DataTree],
     support: Mapping[str, pd.DataFrame],
     fits: Sequence[Fit],
@@ -96,12 +96,12 @@ def drawn(
     }
     return Chapters(
         attributes,
-        database_comparison.compared(databases, support, line_styles(databases))
+        database_comparison.compare_for_report(databases, support, line_styles(databases))
         if databases
         else None,
         identification.chapter(fits, level_lines, "identification" in on_paper) if fits else None,
         tuple(submodels),
-        needed(diagnoses, databases) if submodels else None,
+        needed_submodels(diagnoses, databases) if submodels else None,
         tuple(on_paper),
     )
 
@@ -121,10 +121,10 @@ def drawn_chapters(
     same report, drawn once.
     """
     found = sections(submodels, free_motion, driven_motion)
-    return drawn(databases, {}, fits, level_lines, found, diagnoses, chapters)
+    return draw_chapters(databases, {}, fits, level_lines, found, diagnoses, chapters)
 
 
-def restored(kept: bytes) -> Chapters:
+def restore_chapters(kept: bytes) -> Chapters:
     """Return the chapters that `Chapters.kept` gave."""
     found = _restored(json.loads(kept)) if kept else {}
     return Chapters(
@@ -186,7 +186,7 @@ def _plain(item: Any) -> Any:
         return {str(key): _plain(value) for key, value in item.items()}
     if isinstance(item, list | tuple):
         return [_plain(value) for value in item]
-    return plain(item)
+    return to_json_types(item)
 
 
 def _restored(item: Any) -> Any:

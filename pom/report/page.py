@@ -23,7 +23,7 @@ from pom.report.chapters import Chapters
 from pom.report.models import database_comparison, identification
 from pom.report.models import diagnosis as tuning
 from pom.report.presentation.quantities import label
-from pom.report.presentation.traces import page_templates, parcel
+from pom.report.presentation.traces import pack_page, page_templates
 from pom.report.presentation.verdict_text import Verdict, reason, words
 from pom.report.submodels import sections as submodel_page
 from pom.result import STATUSES, PomResult, results_name
@@ -235,10 +235,10 @@ def html_files(
     common["models"] = database_comparison.page(chapters.compared) if chapters.compared else None
     more = {}
     if chapters.compared:
-        more["models"] = parcel({"page": pages.get_template("models.html").render(common)})
+        more["models"] = pack_page({"page": pages.get_template("models.html").render(common)})
     if chapters.identification:
         context, head, body = identification.page(chapters.identification)
-        more["identification"] = parcel(
+        more["identification"] = pack_page(
             {
                 **head,
                 "page": pages.get_template("identification.html").render(
@@ -252,7 +252,7 @@ def html_files(
             "submodels": submodel_page.context(chapters.submodels),
             "needed": chapters.needed,
         }
-        more["submodels"] = parcel(
+        more["submodels"] = pack_page(
             {"page": pages.get_template("submodels.html").render(common, **chapter)}
         )
     if tunings:
@@ -262,7 +262,7 @@ def html_files(
         text = pages.get_template("tuning.html").render(
             common, tunings=tunings, note=tuning.NOTE, styles=found_styles
         )
-        more["tuning"] = parcel({"page": text})
+        more["tuning"] = pack_page({"page": text})
     lists = {
         "rows": pages.get_template("matrix_rows.html").render(matrix=table),
         "inputs": pages.get_template("input_rows.html").render(common),

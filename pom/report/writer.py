@@ -21,7 +21,7 @@ from flightmech.support.atomic_write import folder_written_atomically
 from flightmech.support.kept_stages.stages import Stages
 from pom.archive.origins import (
     NAME,
-    Provenance,
+    ReportProvenance,
     case_seen_from,
     manifest,
     sha256,
@@ -31,8 +31,8 @@ from pom.archive.origins import (
 from pom.archive.origins import check as check_provenance
 from pom.archive.results_document import CaseText, case_text
 from pom.judging.measures.modal import mode_table
-from pom.report.case.page import Heading, PackedPage, keys, packed_page, provenance_of
-from pom.report.chapters import CHAPTERS, Chapters, drawn, restored, with_kept
+from pom.report.case.page import CommonHeading, PackedPage, keys, packed_page, provenance_of
+from pom.report.chapters import CHAPTERS, Chapters, draw_chapters, restore_chapters, with_kept
 from pom.report.exports import case_csv
 from pom.report.models import diagnosis as tuning
 from pom.report.page import PAGE, PAGES, html_files
@@ -49,7 +49,7 @@ LEAST_SHARE = 20
 
 
 @dataclass(frozen=True)
-class Place:
+class CasePaths:
     """Where the parts of a case go.
 
     Attributes
@@ -89,9 +89,9 @@ def case_parts(
     position: int,
     key: str,
     result: PomResult,
-    heading: Heading,
+    heading: CommonHeading,
     diagnosis: pd.DataFrame | None,
-    place: Place,
+    place: CasePaths,
     report: Path | None = None,
 ) -> CaseParts:
     """Return the parts of the case at `position`, counted from one, and write its CSV file and its
@@ -129,7 +129,7 @@ class PartFiles:
     csv: bytes
     drawings: dict[str, bytes]
 
-    def write(self, key: str, place: Place) -> CaseParts:
+    def write(self, key: str, place: CasePaths) -> CaseParts:
         """Write the files where `case_parts` writes them."""
         (place.folder / CSV / f"{key}.csv").write_bytes(self.csv)
         for name, content in self.drawings.items():
@@ -141,14 +141,14 @@ def part_files(
     position: int,
     key: str,
     result: PomResult,
-    heading: Heading,
+    heading: CommonHeading,
     diagnosis: pd.DataFrame | None,
     paper: str | None,
     report: Path,
 ) -> PartFiles:
     """Return the parts of a case with their files; arguments as `case_parts`."""
     with TemporaryDirectory() as name:
-        place = Place(Path(name) / "report", paper, Path(name) / "drawings")
+        place = CasePaths(Path(name) / "report", paper, Path(name) / "drawings")
         (place.folder / CSV).mkdir(parents=True)
         place.drawings.mkdir()
         parts = case_parts(position, key, result, heading, diagnosis, place, report)
@@ -159,9 +159,9 @@ def part_files(
 def kept_parts(
     results: Sequence[PomResult],
     names: Sequence[str],
-    heading: Heading,
+    heading: CommonHeading,
     diagnoses: Mapping[str, pd.DataFrame],
-    place: Place,
+    place: CasePaths,
     jobs: int,
     stages: Stages,
 ) -> list[CaseParts]:
@@ -201,9 +201,9 @@ def kept_parts(
 def parts_of_cases(
     results: Sequence[PomResult],
     names: Sequence[str],
-    heading: Heading,
+    heading: CommonHeading,
     diagnoses: Mapping[str, pd.DataFrame],
-    place: Place,
+    place: CasePaths,
     jobs: int,
 ) -> Iterable[CaseParts]:
     """Return the parts of every case in their order; the work begins at once where it is shared out
@@ -239,7 +239,7 @@ def write_report(
     folder: str | os.PathLike,
     *,
     title: str,
-    provenance: Provenance | None = None,
+    provenance: ReportProvenance | None = None,
     databases: Mapping[str, xr.DataTree] | None = None,
     diagnoses: Mapping[str, pd.DataFrame] | None = None,
     support: Mapping[str, pd.DataFrame] | None = None,
@@ -342,18 +342,18 @@ def write_report(
         sections(submodels or {}, free_motion or {}, driven_motion),
         tuning.context(logs, results),
     )
-    shown = drawn(
+    shown = draw_chapters(
         databases or {}, support or {}, fits, level_lines or {}, found, diagnoses, chapters or ()
     )
     if isinstance(kept, Chapters):
         shown = kept
     elif kept:
-        shown = with_kept(shown, restored(kept), chapters)
+        shown = with_kept(shown, restore_chapters(kept), chapters)
     archive, names = (
         Archive(results, title, revision, made_from, diagnoses, paper or "", logs, shown.kept()),
         keys(results),
     )
-    heading = Heading(title, revision, len(results), made_from, bool(shown.databases))
+    heading = CommonHeading(title, revision, len(results), made_from, bool(shown.databases))
     folder = Path(folder)
     folder.parent.mkdir(parents=True, exist_ok=True)
     with (
@@ -378,7 +378,7 @@ def write_report(
             )
 
         (new / CSV).mkdir()
-        place = Place(new.resolve(), paper, Path(drawings))
+        place = CasePaths(new.resolve(), paper, Path(drawings))
         if stages is None:
             begun = parts_of_cases(results, names, heading, diagnoses, place, jobs)
         else:

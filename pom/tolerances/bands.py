@@ -108,7 +108,7 @@ class NoValue(Invalid):
 
 
 @dataclass(frozen=True)
-class Outcome:
+class Judgement:
     """Judgement of one criterion on one model, in SI; times on the clock of the record.
 
     ``flight`` and ``model`` are the values of a measure that is one number; ``applied`` the
@@ -193,7 +193,7 @@ def _base(criterion: Criterion, magnitude: np.ndarray) -> np.ndarray:
     return np.full_like(magnitude, abs(criterion.largest))
 
 
-def applied(criterion: Criterion, widths: np.ndarray, flight: np.ndarray | float) -> str:
+def applied_tolerance(criterion: Criterion, widths: np.ndarray, flight: np.ndarray | float) -> str:
     """Return the tolerance as applied: its share, what the percentage is of, and the number that
     came out.
 
@@ -278,16 +278,16 @@ def applied_band(criterion: Criterion, time: np.ndarray, flight: np.ndarray) -> 
     """Return the band about the samples of a flight (time,) [s, SI]; errors as `half_width`."""
     width = half_width(criterion, flight)
     step = median(np.diff(time)) if time.size > 1 else 0.0
-    return AppliedBand(width, float(width.min()), step, applied(criterion, width, flight))
+    return AppliedBand(width, float(width.min()), step, applied_tolerance(criterion, width, flight))
 
 
-def trace(
+def judge_trace(
     criterion: Criterion,
     time: np.ndarray,
     flight: np.ndarray,
     model: np.ndarray,
     band: AppliedBand | None = None,
-) -> Outcome:
+) -> Judgement:
     """Judge a time history: every flight sample must lie within the half width.
 
     Parameters
@@ -310,7 +310,7 @@ def trace(
     ratio = ratios(error, band.width)
     out = ratio > 1.0 + ROUNDING
     worst = int(np.argmax(ratio))
-    return Outcome(
+    return Judgement(
         verdict="fail" if out.any() else "pass",
         width=band.least,
         worst=float(error[worst]),
@@ -346,7 +346,7 @@ def _longest(out: np.ndarray) -> int:
     return int((edges[1::2] - edges[::2]).max())
 
 
-def scalar(
+def judge_number(
     criterion: Criterion,
     flight: float,
     model: float,
@@ -354,7 +354,7 @@ def scalar(
     remarks: tuple[RowRemark, ...] = (),
     base: float | None = None,
     cycle: int = 0,
-) -> Outcome:
+) -> Judgement:
     """Judge one number of the model against that of the flight.
 
     Parameters
@@ -374,7 +374,7 @@ def scalar(
     width = half_width(criterion, base, cycle)
     error = model - flight
     ratio = float(ratios(np.array([error]), width)[0])
-    return Outcome(
+    return Judgement(
         verdict="pass" if ratio <= 1.0 + ROUNDING else "fail",
         width=float(width[0]),
         worst=error,
@@ -383,5 +383,5 @@ def scalar(
         remarks=remarks,
         flight=flight,
         model=model,
-        applied=applied(criterion, width, base),
+        applied=applied_tolerance(criterion, width, base),
     )

@@ -227,7 +227,7 @@ def display_unit(criterion: Criterion) -> str:
     return shown if own == lookup(criterion.channel).units and shown in _LINEAR else own
 
 
-def written(channel: str, value: float) -> str:
+def display_value(channel: str, value: float) -> str:
     """Return a value in the unit that people read."""
     unit = lookup(channel).display_units
     return f"{channel} {from_si(value, unit):.4g}{'' if unit == '1' else ' ' + unit}"

@@ -55,19 +55,19 @@ SWEEPS = "alternate_method_moderate_or_rapid_sweep"
 """Control dynamics by sweeps, without a release."""
 
 
-def claimed(word: str) -> bool:
+def is_claim(word: str) -> bool:
     """Whether a condition is one that the case has to claim; the others are seen in the record."""
     return not (word in PARTS or word in KINDS or is_relation(word))
 
 
-def unclaimed(condition: str, features: tuple[str, ...]) -> list[str]:
+def missing_claims(condition: str, features: tuple[str, ...]) -> list[str]:
     """Return the words of a condition that the case would have to claim and does not."""
     missing = []
     for word in filter(None, condition.split(";")):
         if word in KINDS and SWEEPS in features:
             missing.append("a release instead of sweeps")
         elif word not in features and (
-            claimed(word) or (word in KINDS and set(KINDS) & set(features))
+            is_claim(word) or (word in KINDS and set(KINDS) & set(features))
         ):
             missing.append(word)
     return missing
@@ -78,7 +78,7 @@ def is_relation(word: str) -> bool:
     return _RELATION.match(word) is not None
 
 
-def asked(condition: str) -> list[str]:
+def condition_channels(condition: str) -> list[str]:
     """Return the channels that the relations of a condition speak of."""
     return [
         _CHANNEL[match.group(1)]
@@ -87,7 +87,7 @@ def asked(condition: str) -> list[str]:
     ]
 
 
-def holds(word: str, value: Any) -> Any:
+def satisfies_relation(word: str, value: Any) -> Any:
     """Return whether a value, or each of an array, fulfils a relation with a number. [SI]"""
     name, relation, text = _RELATION.match(word).groups()  # type: ignore[union-attr]
     unit = "m" if name == "distance" else "m s-1"
@@ -126,7 +126,7 @@ def sample_mask(
                 )
             mask &= flight[channel] > np.interp(min(times), time, flight[channel])
         else:
-            mask &= holds(word, flight[channel])
+            mask &= satisfies_relation(word, flight[channel])
     return mask
 
 
@@ -134,7 +134,7 @@ _WITH_BAND = ("trace", "end_value", "steady", "change", "low_speed_end", "curve"
 _NUMBER = re.compile(r"^\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(\D.*)?$")
 
 
-class Entry(Strict):
+class ToleranceOverride(Strict):
     """One entry of the table, written out."""
 
     abs: float | str | None = Field(
@@ -163,7 +163,7 @@ class Entry(Strict):
     )
 
     @model_validator(mode="after")
-    def _has_width(self) -> Entry:
+    def _has_width(self) -> ToleranceOverride:
         if self.abs is None and self.percent is None:
             raise ValueError("has no width; give abs, percent or both")
         return self
@@ -191,7 +191,7 @@ def override(
     UnknownName, UnitError, OutOfRange, SchemaError
         Key, unit, width or keys of the entry are wrong.
     """
-    entry = validate(Entry, item if isinstance(item, dict) else {"abs": item}, "entry")
+    entry = validate(ToleranceOverride, item if isinstance(item, dict) else {"abs": item}, "entry")
     matching = [c for c in criteria if c.name == key] or [
         c for c in criteria if c.channel == key and c.measure in _WITH_BAND
     ]
@@ -218,7 +218,7 @@ def override(
     return [_changed(c, entry) if c in matching else c for c in criteria]
 
 
-def _changed(criterion: Criterion, entry: Entry) -> Criterion:
+def _changed(criterion: Criterion, entry: ToleranceOverride) -> Criterion:
     limits = []
     if entry.percent is not None:
         limits.append(Limit("percent", entry.percent, "%"))
@@ -254,7 +254,7 @@ def _printed(item: float | str, si: str) -> tuple[float, str]:
     return float(match.group(1)), (match.group(2) or si).strip()
 
 
-def needs(criterion: Criterion) -> tuple[str, ...]:
+def required_quantities(criterion: Criterion) -> tuple[str, ...]:
     """Return the quantities a criterion is computed from, formed ones among them."""
     match criterion.measure:
         case "peak_lag":
@@ -283,12 +283,16 @@ def needs(criterion: Criterion) -> tuple[str, ...]:
     return (criterion.channel,)
 
 
-def channels(criterion: Criterion) -> tuple[str, ...]:
+def required_signals(criterion: Criterion) -> tuple[str, ...]:
     """Return the signals that a criterion is computed from; a model has to have them."""
-    return tuple(dict.fromkeys(name for channel in needs(criterion) for name in sources(channel)))
+    return tuple(
+        dict.fromkeys(
+            name for channel in required_quantities(criterion) for name in sources(channel)
+        )
+    )
 
 
-def helpful(criterion: Criterion) -> tuple[str, ...]:
+def helpful_signals(criterion: Criterion) -> tuple[str, ...]:
     """Return signals that show the events and conditions of a criterion; a model may have them."""
     event = (
         OF_PARAMETER.get(criterion.parameter, "")
@@ -306,7 +310,7 @@ def helpful(criterion: Criterion) -> tuple[str, ...]:
     return tuple(
         dict.fromkeys(
             name
-            for channel in (*showing, *asked(criterion.condition), *flows)
+            for channel in (*showing, *condition_channels(criterion.condition), *flows)
             for name in sources(channel)
         )
     )
@@ -367,7 +371,7 @@ def features() -> set[str]:
         word
         for row in rows()
         for word in row["condition"].split(";")
-        if word and (claimed(word) or word in KINDS)
+        if word and (is_claim(word) or word in KINDS)
     }
 
 
@@ -389,7 +393,7 @@ def band_of(row: Row) -> Band:
     return Band(tuple(limits), row["rule"], row["percent_base"])
 
 
-def bound(text: str, times: Mapping[str, float], default: float) -> float:
+def bound_time(text: str, times: Mapping[str, float], default: float) -> float:
     """Return the time of a bound such as ``change_start-5s``. [s]
 
     Raises
@@ -436,7 +440,7 @@ def criterion(
     )
     travel = TRAVEL.get(plain_id(row["test_id"]), "")
     channel = _channel(row, measure, travel, mode_channel, engine_parameter)
-    missing = unclaimed(row["condition"], features)
+    missing = missing_claims(row["condition"], features)
     return Criterion(
         name=name,
         parameter=row["parameter"],

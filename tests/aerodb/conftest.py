@@ -59,25 +59,25 @@ def small_terms():
     mach = [0.2, 0.4]
     CL = 0.2 + np.outer([5.0, 5.4], alpha)
     return {
-        "CL/basic": terms.make(
+        "CL/basic": terms.make_term(
             CL, {"mach": mach, "alpha": alpha}, stderr=0.05, source="datcom", comment="clean"
         ),
-        "CL/qhat": terms.make(
+        "CL/qhat": terms.make_term(
             [8.0, 8.4], {"mach": mach}, ["qhat"], stderr=[2.0, 2.1], source="datcom"
         ),
-        "CL/flap": terms.make(
+        "CL/flap": terms.make_term(
             [0.0, 0.2, 0.36],
             {"delta_f": np.radians([0, 20, 40])},
             stderr=[0.0, 0.04, 0.07],
             source="datcom",
         ),
-        "Cm/qhat": terms.make(-17.0, regressors=["qhat"], source="datcom"),
+        "Cm/qhat": terms.make_term(-17.0, regressors=["qhat"], source="datcom"),
     }
 
 
 @pytest.fixture
 def small(small_terms, root):
-    return aerodb.database(small_terms, **root)
+    return aerodb.make_database(small_terms, **root)
 
 
 @pytest.fixture(scope="session")

@@ -62,9 +62,10 @@ def test_a_look_at_a_database_makes_no_dataset(tmp_path, options):
         "y_ref": 0.0,
         "z_ref": 0.0,
     }
-    leaf = terms.make([0.1, 0.9], {"alpha": [0.0, 0.2]}, source="datcom")
+    leaf = terms.make_term([0.1, 0.9], {"alpha": [0.0, 0.2]}, source="datcom")
     aerodb.save(
-        aerodb.database({"CL/basic": leaf}, **about, force_axes="stability"), tmp_path / "db.nc"
+        aerodb.make_database({"CL/basic": leaf}, **about, force_axes="stability"),
+        tmp_path / "db.nc",
     )
     assert not modules_after("db", "show", str(tmp_path / "db.nc"), *options) & {
         "xarray",

@@ -12,7 +12,7 @@ import flightmech
 import flighttest
 from aeromatch.project.project import read_project
 from aeromatch.workflow.steps import perform
-from flightmech.support.console import step
+from flightmech.support.console import timed_step
 from flighttest.records.signals.conditioning import cut
 from flighttest.submodels.engine.bench import fly_deck
 from flighttest.submodels.engine.records import engine_channels
@@ -70,7 +70,7 @@ def test_an_engine_identified_in_the_job_flies_as_the_deck_file(tmp_path):
         gear=None,
         ground_effect=None,
     )
-    outcome = perform(few, tmp_path / "out", 1, step)
+    outcome = perform(few, tmp_path / "out", 1, timed_step)
     (case,) = outcome.to_dict()["cases"]
     assert case["failure"] == ""
     assert case["status"]["datcom"] != "pass"

@@ -32,7 +32,7 @@ def record():
 @pytest.fixture(scope="module")
 def tree(record):
     fit = flighttest.regress(
-        flighttest.Model.parse("CL = 1 + alpha"),
+        flighttest.RegressionModel.parse("CL = 1 + alpha"),
         [record.sel(time=slice(5.0, 9.99))],
         name="run_1: pitch",
     )

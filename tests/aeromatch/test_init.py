@@ -16,9 +16,9 @@ import flighttest
 import pom
 from aeromatch.cli.verbs import copy_example
 from aeromatch.drafting.aircraft import geometry_of
-from aeromatch.drafting.columns import by_size, guess
+from aeromatch.drafting.columns import guess_quantity, unit_from_size
 from aeromatch.drafting.flown import held_for_proof
-from aeromatch.drafting.folder import Known, draft_project
+from aeromatch.drafting.folder import StatedFacts, draft_project
 from aeromatch.drafting.names import draft_names
 from aeromatch.project.project import read_project
 from flightmech.errors import SchemaError
@@ -27,7 +27,7 @@ from flighttest.flight_programme.manoeuvre_finding.finding import find_manoeuvre
 
 T37 = Path(__file__).parents[2] / "data" / "t37"
 CLEAN = T37 / "datcom" / "t37_clean.out"
-MASS = Known(values={"mass": "2150 kg", "Ixx": "10826", "Iyy": "8135 kg m2", "Izz": "15162"})
+MASS = StatedFacts(values={"mass": "2150 kg", "Ixx": "10826", "Iyy": "8135 kg m2", "Izz": "15162"})
 COLUMNS = {  # column of the recorder: canonical name, what one of the recorder is in SI
     "RollRate": ("p", DEGREE),
     "PitchRate": ("q", DEGREE),
@@ -94,13 +94,13 @@ def drafted(recordings, tmp_path_factory):
     ],
 )  # fmt: skip
 def test_columns_are_recognised_by_their_names(column, name, unit):
-    found = guess(column)
+    found = guess_quantity(column)
     assert (found.name, found.unit) == (name, unit)
 
 
 @pytest.mark.parametrize("column", ["spare_7", "Event", "TAT", "gs_kt", "time", "status"])
 def test_columns_without_a_quantity_are_left_out(column):
-    assert guess(column) is None
+    assert guess_quantity(column) is None
 
 
 def test_units_follow_from_the_size_of_the_values():
@@ -117,12 +117,12 @@ def test_units_follow_from_the_size_of_the_values():
         "engine1.n1": 70.0 + time,
         "ax_imu": 0.05 * np.sin(time),
     }
-    found = {name: unit for name, (unit, _) in by_size({**small, **others}).items()}
+    found = {name: unit for name, (unit, _) in unit_from_size({**small, **others}).items()}
     assert found == {
         "theta": "deg", "delta_r": "deg", "p": "deg/s", "az_imu": "g", "ax_imu": "g", "p_static": "hPa", "temperature": "degC",
         "engine1.n1": "%",
     }  # fmt: skip
-    radians = by_size(
+    radians = unit_from_size(
         {"theta": 0.07 + 0.02 * np.sin(time), "p": 0.1 * np.sin(time), "az_imu": -9.8 + 0.0 * time}
     )
     assert [unit for unit, _ in radians.values()] == ["rad", "rad/s", "m/s2"]

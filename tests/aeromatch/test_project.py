@@ -1,7 +1,7 @@
 import pytest
 
 from aeromatch.project.project import NewTerm, read_project
-from datcom_io.reading.reader import Place
+from datcom_io.reading.reader import ListingCase
 from flightmech.errors import ParseError, SchemaError
 from flightmech.units import DEGREE
 
@@ -77,8 +77,8 @@ def test_a_role_may_have_several_listings(write, tmp_path):
         )
     )
     assert project.listings["elevator"] == (
-        Place(tmp_path / "clean.out"),
-        Place(tmp_path / "names.toml"),
+        ListingCase(tmp_path / "clean.out"),
+        ListingCase(tmp_path / "names.toml"),
     )
 
 
@@ -91,7 +91,9 @@ def test_what_is_stated_about_the_listings_is_no_role(write):
 def test_a_role_may_take_one_case_of_a_listing(write, tmp_path):
     place = "clean.out:TOTAL: small aircraft"
     project = read_project(write(('clean = "clean.out"', f'clean = "{place}"')))
-    assert project.listings["clean"] == (Place(tmp_path / "clean.out", "TOTAL: small aircraft"),)
+    assert project.listings["clean"] == (
+        ListingCase(tmp_path / "clean.out", "TOTAL: small aircraft"),
+    )
     assert problems(write(('clean = "clean.out"', 'clean = "clear.out:2"'))) == [
         f"listings.clean: no file 'clear.out:2' in {tmp_path}; write FILE, or FILE:CASE for one case of it"
     ]
@@ -101,7 +103,7 @@ def test_a_project_is_read(write, tmp_path):
     project = read_project(write())
     assert project.file == tmp_path / "aeromatch.toml"
     assert list(project.flights) == ["run_1", "run_2"]
-    assert project.listings == {"clean": (Place(tmp_path / "clean.out"),)}
+    assert project.listings == {"clean": (ListingCase(tmp_path / "clean.out"),)}
     assert project.altitude == pytest.approx(3048.0)
     assert project.cutoff == 4.0
     assert project.cases == (tmp_path / "case.toml",)

@@ -10,15 +10,20 @@ import pandas as pd
 import pytest
 import xarray as xr
 
-from aeromatch.project.sections import Control, Engine, Flown, GroundEffect
+from aeromatch.project.sections import (
+    ControlSection,
+    EngineSection,
+    GroundEffectSection,
+    RecordSelection,
+)
 from aeromatch.workflow import submodels
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.aircraft.controls import Circuit
-from flightmech.aircraft.controls import Control as Surface
-from flightmech.aircraft.engine import Deck
+from flightmech.aircraft.controls import ControlGeometry as Surface
 from flightmech.aircraft.engine import Engine as Jet
+from flightmech.aircraft.engine import EngineDeck
 from flightmech.errors import SchemaError
-from flightmech.terms import make
+from flightmech.terms import make_term
 
 K, S = 0.45, -1.2  # of CL0 over the ground, h in metres
 GEARING, AREA, CHORD = -2.0, 1.0, 0.3
@@ -38,8 +43,8 @@ def test_windows_of_whole_records_and_of_manoeuvres():
     )
     problems: list[str] = []
     flown = [
-        Flown(records=("a", "b")),
-        Flown(records=("a",), manoeuvres=("release column", "puls")),
+        RecordSelection(records=("a", "b")),
+        RecordSelection(records=("a",), manoeuvres=("release column", "puls")),
     ]
     found = submodels.spans_of("controls.column.free", flown, {"a": table, "b": table}, problems)
     assert found == {"a": [(-np.inf, np.inf), (8.0, 12.0)], "b": [(-np.inf, np.inf)]}
@@ -86,8 +91,8 @@ def swept(qbar, alpha):
 def test_control_loading_through_its_section():
     records = {"slow": (1500.0, 0.10), "fast": (6000.0, 0.02), "faster": (9000.0, 0.01)}
     paths = {name: SimpleNamespace(states=swept(*at)) for name, at in records.items()}
-    asked = Control(
-        driven=(Flown(records=tuple(records)),),
+    asked = ControlSection(
+        driven=(RecordSelection(records=tuple(records)),),
         model="Ch_e = 1 + alpha + delta_e",
         constants=("offset", "friction"),
         order=2,
@@ -134,13 +139,15 @@ def test_ground_effect_through_its_section_next_to_the_database():
     data = {f"at {h}": flight(h, k) for k, h in enumerate((1.5, 2.0, 3.0, 5.0, 9.0, 0.0))}
     database = xr.DataTree.from_dict(
         {
-            "/CL/basic": make([0.4, 0.9], {"alpha": [0.0, 0.1]}),
-            "/CL/ground": make([0.05, 0.0], {"h_agl": [1.0, 20.0]}),
+            "/CL/basic": make_term([0.4, 0.9], {"alpha": [0.0, 0.1]}),
+            "/CL/ground": make_term([0.05, 0.0], {"h_agl": [1.0, 20.0]}),
         }
     )
     database.attrs = {"force_axes": "stability"}
-    asked = GroundEffect(
-        flown=(Flown(records=tuple(data)),), models=("CL = 1 + alpha",), ground=("CL = 1",)
+    asked = GroundEffectSection(
+        flown=(RecordSelection(records=tuple(data)),),
+        models=("CL = 1 + alpha",),
+        ground=("CL = 1",),
     )
     spans = {"ground_effect.flown": {name: [(-np.inf, np.inf)] for name in data}}
     found = submodels.identified_ground_effect(
@@ -167,16 +174,18 @@ def test_nothing_is_identified_that_nobody_requests():
 
 
 def test_all_engines_get_the_identified_deck():
-    deck = Deck(
+    deck = EngineDeck(
         {
-            "n2_command": make([0.5, 1.0], {"throttle": [0.0, 1.0]}),
-            "n2_up_time": make(1.0),
-            "corrected_thrust": make([0.0, 9e3], {"corrected_n2": [0.4, 1.1]}),
+            "n2_command": make_term([0.5, 1.0], {"throttle": [0.0, 1.0]}),
+            "n2_up_time": make_term(1.0),
+            "corrected_thrust": make_term([0.0, 9e3], {"corrected_n2": [0.4, 1.1]}),
         }
     )
     craft = replace(CRAFT, engines=(Jet((0.0, -1.0, 0.0)), Jet((0.0, 1.0, 0.0))))
     found = SimpleNamespace(deck=lambda pla: deck if pla == (0.0, 1.0) else None)
-    after = submodels.with_engine(craft, SimpleNamespace(engine=Engine(points="p.csv")), found)
+    after = submodels.with_engine(
+        craft, SimpleNamespace(engine=EngineSection(points="p.csv")), found
+    )
     assert [engine.deck for engine in after.engines] == [deck, deck]
     assert [engine.position for engine in after.engines] == [
         engine.position for engine in craft.engines
@@ -184,6 +193,6 @@ def test_all_engines_get_the_identified_deck():
 
 
 def test_problems_are_raised_together():
-    submodels.demand(SimpleNamespace(file="p.toml"), [])
+    submodels.raise_problems(SimpleNamespace(file="p.toml"), [])
     with pytest.raises(SchemaError, match="2 problems"):
-        submodels.demand(SimpleNamespace(file="p.toml"), ["one", "two"])
+        submodels.raise_problems(SimpleNamespace(file="p.toml"), ["one", "two"])

@@ -12,7 +12,7 @@ import flightmech
 import flighttest
 import pom
 from aeromatch.project.project import NewTerm, read_project
-from aeromatch.project.sections import Flown, GroundEffect
+from aeromatch.project.sections import GroundEffectSection, RecordSelection
 from aeromatch.workflow import steps as workflow
 from flightmech import terms
 from flightmech.errors import AeromatchWarning, SchemaError
@@ -131,7 +131,7 @@ def test_what_proves_the_model_does_not_identify_it(project):
     read = {name: flighttest.read(file, project.names) for name, file in project.flights.items()}
     apart = workflow.windows_of(fitted(project, "3211 elevator"), read, [case])
     assert apart.fits == [{"run_1": [(1.0, 4.0)]}]
-    ground = GroundEffect(flown=(Flown(records=("run_1",)),), models=("CL = 1",))
+    ground = GroundEffectSection(flown=(RecordSelection(records=("run_1",)),), models=("CL = 1",))
     both = replace(fitted(project, "doublet elevator"), ground_effect=ground)
     with pytest.raises(SchemaError) as caught:
         workflow.windows_of(both, read, [case])
@@ -150,10 +150,10 @@ def test_records_that_prove_the_model_give_nothing_to_those_that_identify(projec
 
     monkeypatch.setattr(flighttest, "reconstruct_programme", reconstruct)
     records = {"proof": "b", "run_1": "a"}
-    found = workflow.reconstructed(project, None, records, 1)
+    found = workflow.reconstruct_records(project, None, records, 1)
     assert asked == {"records": ["a"], "validation": ["b"]}
     assert found == {"run_1": "path of a", "proof": "path of b"}
-    workflow.reconstructed(replace(project, fits=()), None, records, 1)
+    workflow.reconstruct_records(replace(project, fits=()), None, records, 1)
     assert asked == {"records": ["b", "a"], "validation": []}
 
 
@@ -162,7 +162,9 @@ def test_the_report_states_which_records_a_number_rests_on(project):
         SimpleNamespace(name="a", record="x/run_2.nc", window=(1.0, 2.0)),
         SimpleNamespace(name="b", record="x/run_1.nc"),
     ]
-    windows = workflow.Windows([{"run_1": [(1.0, 4.0)]}], {"gear.flown": {"run_1": [(0.0, 1.0)]}})
+    windows = workflow.IdentificationWindows(
+        [{"run_1": [(1.0, 4.0)]}], {"gear.flown": {"run_1": [(0.0, 1.0)]}}
+    )
     assert workflow.rests_on(project, windows, cases) == {
         "constants of the instruments": "run_1",
         f"fit {project.fits[0].name}": "run_1",
@@ -211,7 +213,7 @@ def test_cases_have_names_of_their_own(project):
 @pytest.mark.slow
 def test_new_terms_are_opened_and_others_stay(project, prior):
     terms = {"CL/gear": NewTerm(regressors=("gear",), stderr=0.05)}
-    db = workflow.opened(replace(project, terms=terms, held=("CL/altitude",)), prior)
+    db = workflow.add_missing_terms(replace(project, terms=terms, held=("CL/altitude",)), prior)
     gear = aerodb.terms(db)["CL/gear"]
     assert (float(gear["value"]), float(gear["stderr"])) == (0.0, 0.05)
     assert "CL/gear" not in db.attrs["absent"].split()
@@ -220,12 +222,12 @@ def test_new_terms_are_opened_and_others_stay(project, prior):
 
 @pytest.mark.slow
 def test_a_project_without_new_terms_keeps_the_database(project, prior):
-    assert set(aerodb.terms(workflow.opened(project, prior))) == set(aerodb.terms(prior))
+    assert set(aerodb.terms(workflow.add_missing_terms(project, prior))) == set(aerodb.terms(prior))
 
 
 def test_a_held_term_that_is_not_there(project, prior):
     with pytest.raises(SchemaError, match="held: unknown term 'CL/altitud'; near it: CL/altitude"):
-        workflow.opened(replace(project, held=("CL/altitud",)), prior)
+        workflow.add_missing_terms(replace(project, held=("CL/altitud",)), prior)
 
 
 def test_flights_enter_the_tables_in_the_way_that_the_project_names(project):
@@ -233,7 +235,7 @@ def test_flights_enter_the_tables_in_the_way_that_the_project_names(project):
     of all.
     """
     alpha = np.arange(0.0, 0.13, 0.04)
-    leaf = terms.make(0.2 + 5.0 * alpha, {"alpha": alpha}, stderr=0.05, source="datcom")
+    leaf = terms.make_term(0.2 + 5.0 * alpha, {"alpha": alpha}, stderr=0.05, source="datcom")
     root = dict(
         title="test",
         aircraft="test",
@@ -245,14 +247,14 @@ def test_flights_enter_the_tables_in_the_way_that_the_project_names(project):
         z_ref=0.0,
         force_axes="stability",
     )
-    start = aerodb.database({"CL/basic": leaf}, **root)
+    start = aerodb.make_database({"CL/basic": leaf}, **root)
     t = np.arange(0.0, 4.0, 0.02)
     flown = 0.04 + 0.035 * np.sin(2.0 * t)
     noise = 0.002 * np.random.default_rng(1).normal(size=len(t))
     data = xr.Dataset(
         {"alpha": ("time", flown), "CL": ("time", 0.22 + 5.4 * flown + noise)}, {"time": t}
     )
-    windows = workflow.Windows([{"run_1": [(0.0, 4.0)]}], {})
+    windows = workflow.IdentificationWindows([{"run_1": [(0.0, 4.0)]}], {})
     fits = workflow.identify(project, {"run_1": data}, windows, jobs=-1)  # one thread per core
     samples = workflow.samples_of(project, start, {"run_1": data}, windows)
     assert [one.attrs["name"] for one in samples] == [fit.name for fit in fits] == ["run_1: pitch"]
@@ -277,7 +279,7 @@ def test_an_elevator_without_a_table_stops_a_match_in_each_way(project, way):
     project a warning in the history.
     """
     alpha = np.arange(0.0, 0.13, 0.04)
-    leaf = terms.make(0.2 + 5.0 * alpha, {"alpha": alpha}, stderr=0.05, source="datcom")
+    leaf = terms.make_term(0.2 + 5.0 * alpha, {"alpha": alpha}, stderr=0.05, source="datcom")
     root = dict(
         title="test",
         aircraft="test",
@@ -289,14 +291,14 @@ def test_an_elevator_without_a_table_stops_a_match_in_each_way(project, way):
         z_ref=0.0,
         force_axes="stability",
     )
-    start = aerodb.database({"CL/basic": leaf}, **root)
+    start = aerodb.make_database({"CL/basic": leaf}, **root)
     t = np.arange(0.0, 4.0, 0.02)
     flown, elevator = 0.04 + 0.035 * np.sin(2.0 * t), 0.05 * np.cos(5.0 * t)
     lift = 0.2 + 5.0 * flown + 0.5 * elevator + 0.002 * np.random.default_rng(1).normal(size=len(t))
     data = xr.Dataset(
         {"alpha": ("time", flown), "delta_e": ("time", elevator), "CL": ("time", lift)}, {"time": t}
     )
-    windows = workflow.Windows([{"run_1": [(0.0, 4.0)]}], {})
+    windows = workflow.IdentificationWindows([{"run_1": [(0.0, 4.0)]}], {})
     job = replace(
         project,
         tabulation=way,
@@ -331,7 +333,10 @@ def test_fits_name_the_flight_modes_of_a_log():
     """Next to the rows of the project's table; records without modes are as before."""
     flights = {"log": Path("log.ulg"), "other": Path("other.nc")}
     project = SimpleNamespace(
-        fits=[Flown(records=("log", "other"))], submodels={}, manoeuvres=None, flights=flights
+        fits=[RecordSelection(records=("log", "other"))],
+        submodels={},
+        manoeuvres=None,
+        flights=flights,
     )
     rows = [
         {"manoeuvre": "stabilized", "control": "", "start": a, "end": b, "note": ""}
@@ -349,8 +354,8 @@ def test_fits_name_the_flight_modes_of_a_log():
     )
     assert [len(table) for table in tables.values()] == [2, 2]
     taken = [
-        Flown(records=("log",), manoeuvres=("stabilized",)),
-        Flown(records=("other",), manoeuvres=("doublet elevator",)),
+        RecordSelection(records=("log",), manoeuvres=("stabilized",)),
+        RecordSelection(records=("other",), manoeuvres=("doublet elevator",)),
     ]
     found = workflow.spans_of("fit", taken, tables, problems)
     assert problems == []

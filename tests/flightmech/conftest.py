@@ -13,11 +13,11 @@ from fmpy.fmi2 import FMU2Model, FMU2Slave, fmi2CallbackFunctions, fmi2CallbackL
 from fmpy.fmi3 import FMU3Model, FMU3Slave
 
 import flightmech
-from flightmech.aircraft.controls import Circuit, Control
-from flightmech.aircraft.engine import Deck, Engine
+from flightmech.aircraft.controls import Circuit, ControlGeometry
+from flightmech.aircraft.engine import Engine, EngineDeck
 from flightmech.aircraft.fuel import Fuel
 from flightmech.aircraft.landing_gear import Contact, LandingGear, Steering
-from flightmech.terms import make
+from flightmech.terms import make_term
 
 VERSIONS = ("2.0", "3.0")
 START = {"init.V": 90.0, "init.h": 3000.0, "init.gamma": 0.0, "mode.trim": 1}
@@ -28,28 +28,28 @@ def trainer() -> flightmech.SimModel:
     """A light trainer: every coefficient, tables of no to two axes, one engine with a lag."""
     alpha, mach = np.array([-0.2, 0.0, 0.15, 0.3]), np.array([0.1, 0.6])
     leaves = {
-        "/CL/basic": make(
+        "/CL/basic": make_term(
             [[-0.8, -0.9], [0.2, 0.25], [0.95, 1.1], [1.4, 1.5]],
             {"alpha": alpha, "mach": mach},
             source="datcom",
         ),
-        "/CL/delta_e": make(0.4, regressors=["delta_e"]),
-        "/CL/alphadothat": make(2.0, regressors=["alphadothat"]),
-        "/CD/basic": make(
+        "/CL/delta_e": make_term(0.4, regressors=["delta_e"]),
+        "/CL/alphadothat": make_term(2.0, regressors=["alphadothat"]),
+        "/CD/basic": make_term(
             [0.06, 0.025, 0.07, 0.2], {"alpha": alpha}, comment="parabola through 4 points"
         ),
-        "/CY/beta": make(-0.6, regressors=["beta"]),
-        "/Cl/beta": make([-0.05, -0.06, -0.08, -0.1], {"alpha": alpha}, ["beta"]),
-        "/Cl/phat": make(-0.45, regressors=["phat"]),
-        "/Cl/aileron": make(-0.12, regressors=["delta_a"]),
-        "/Cm/basic": make([0.2, 0.02, -0.12, -0.35], {"alpha": alpha}),
-        "/Cm/qhat": make(-14.0, regressors=["qhat"]),
-        "/Cm/delta_e": make(-1.1, regressors=["delta_e"]),
-        "/Cn/beta": make(0.09, regressors=["beta"]),
-        "/Cn/rhat": make(-0.14, regressors=["rhat"]),
-        "/Cn/rudder": make(-0.07, regressors=["delta_r"]),
+        "/CY/beta": make_term(-0.6, regressors=["beta"]),
+        "/Cl/beta": make_term([-0.05, -0.06, -0.08, -0.1], {"alpha": alpha}, ["beta"]),
+        "/Cl/phat": make_term(-0.45, regressors=["phat"]),
+        "/Cl/aileron": make_term(-0.12, regressors=["delta_a"]),
+        "/Cm/basic": make_term([0.2, 0.02, -0.12, -0.35], {"alpha": alpha}),
+        "/Cm/qhat": make_term(-14.0, regressors=["qhat"]),
+        "/Cm/delta_e": make_term(-1.1, regressors=["delta_e"]),
+        "/Cn/beta": make_term(0.09, regressors=["beta"]),
+        "/Cn/rhat": make_term(-0.14, regressors=["rhat"]),
+        "/Cn/rudder": make_term(-0.07, regressors=["delta_r"]),
     }
-    thrust = make([[200.0, 100.0], [9000.0, 7000.0]], {"throttle": [0.0, 1.0], "mach": mach})
+    thrust = make_term([[200.0, 100.0], [9000.0, 7000.0]], {"throttle": [0.0, 1.0], "mach": mach})
     aircraft = flightmech.Aircraft(
         "Trainer & co",
         17.0,
@@ -104,13 +104,13 @@ def everything_aircraft() -> flightmech.Aircraft:
         ),
         Steering(stiffness=2000.0),
     )
-    deck = Deck(
+    deck = EngineDeck(
         {
-            "n2_command": make([0.5, 1.0], {"throttle": [0.0, 1.0]}),
-            "n2_up_time": make(0.5),
-            "n2_down_time": make(0.8),
-            "thrust": make([0.0, 9000.0], {"n2": [0.5, 1.0]}),
-            "fuel_flow": make([0.02, 0.15], {"n2": [0.5, 1.0]}),
+            "n2_command": make_term([0.5, 1.0], {"throttle": [0.0, 1.0]}),
+            "n2_up_time": make_term(0.5),
+            "n2_down_time": make_term(0.8),
+            "thrust": make_term([0.0, 9000.0], {"n2": [0.5, 1.0]}),
+            "fuel_flow": make_term([0.02, 0.15], {"n2": [0.5, 1.0]}),
         },
         lever_delay=0.3,
     )
@@ -118,7 +118,10 @@ def everything_aircraft() -> flightmech.Aircraft:
         engines=(Engine((0.0, 0.0, 0.0), deck=deck),),
         fuel=Fuel(400.0, (-0.1, 0.0, 0.0)),
         gear=gear,
-        controls={"delta_e": Control(1.5, 0.3, -1.5), "delta_r": Control(1.0, 0.3, -2.0)},
+        controls={
+            "delta_e": ControlGeometry(1.5, 0.3, -1.5),
+            "delta_r": ControlGeometry(1.0, 0.3, -2.0),
+        },
         circuits={
             "column": Circuit((-0.2, 0.2), 5.0, friction=15.0, damping=40.0, stiffness=400.0),
             "pedal": Circuit(
@@ -279,7 +282,9 @@ def linear_tree(**changes) -> xr.DataTree:
         for words, value in {**LINEAR.get(coefficient, {}), **changes.get(coefficient, {})}.items():
             name = f"/{coefficient}/{words.replace(' ', '_') or 'basic'}"
             leaves[name] = (
-                value if isinstance(value, xr.Dataset) else make(value, regressors=words.split())
+                value
+                if isinstance(value, xr.Dataset)
+                else make_term(value, regressors=words.split())
             )
     return xr.DataTree.from_dict(leaves)
 

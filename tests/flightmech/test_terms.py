@@ -12,16 +12,16 @@ from scipy.interpolate import RegularGridInterpolator
 from flightmech.errors import OutOfRange, SchemaError, UnknownName
 from flightmech.terms import (
     SOURCES,
-    Power,
-    bare,
+    PowerFactor,
     basis,
     check,
     evaluate,
-    make,
+    make_term,
     multipliers,
     power,
     regressors,
     variables,
+    without_multipliers,
 )
 
 ALPHA, MACH = np.array([-0.1, 0.0, 0.2, 0.3]), np.array([0.2, 0.5, 0.8])
@@ -30,7 +30,7 @@ ALPHA, MACH = np.array([-0.1, 0.0, 0.2, 0.3]), np.array([0.2, 0.5, 0.8])
 @pytest.fixture
 def table() -> xr.Dataset:
     value = np.random.default_rng(1).normal(size=(4, 3))
-    return make(
+    return make_term(
         value, {"alpha": ALPHA, "mach": MACH}, ["qhat"], stderr=0.1, source="datcom", comment="test"
     )
 
@@ -46,7 +46,7 @@ def test_a_leaf_carries_its_meaning(table):
 
 def test_all_faults_are_reported_at_once():
     with pytest.raises(SchemaError) as caught:
-        make(
+        make_term(
             [1.0, np.nan],
             {"alpha": [0.2, 0.1]},
             ["alpha", "q", "nonsense"],
@@ -105,7 +105,7 @@ def test_contribution_is_linear_in_the_nodes(table):
 
 def test_factor_tables_multiply():
     gear = xr.DataArray([0.0, 3.0], coords={"gear": [0.0, 1.0]}, dims="gear")
-    leaf = make(2.0, regressors=["alpha", "alpha"], K1=gear)
+    leaf = make_term(2.0, regressors=["alpha", "alpha"], K1=gear)
     assert evaluate(leaf, {"alpha": 0.5, "gear": 0.5}) == pytest.approx(2.0 * 0.25 * 1.5)
 
 
@@ -143,7 +143,7 @@ def terms_and_conditions(draw):
         else None
     )
     words = draw(st.lists(st.sampled_from(["qhat", "alpha", "beta"]), max_size=2))
-    leaf = make(
+    leaf = make_term(
         rng.normal(size=[len(p) for p in axes.values()]),
         axes,
         words,
@@ -199,14 +199,14 @@ def test_places_found_once_serve_the_next_term(table):
     conditions = {"alpha": np.array([0.1, 0.25]), "mach": 0.4, "qhat": 1.0}
     first = evaluate(table, conditions, places=places)
     assert len(places) == 2
-    other = make([1.0, 2.0, 3.0, 4.0], {"alpha": ALPHA})
+    other = make_term([1.0, 2.0, 3.0, 4.0], {"alpha": ALPHA})
     np.testing.assert_array_equal(
         evaluate(other, conditions, places=places), evaluate(other, conditions)
     )
     np.testing.assert_array_equal(evaluate(table, conditions, places=places), first)
     assert len(places) == 2
     with pytest.raises(OutOfRange):
-        evaluate(make([1.0, 2.0], {"alpha": [0.0, 0.2]}), conditions, places=places)
+        evaluate(make_term([1.0, 2.0], {"alpha": [0.0, 0.2]}), conditions, places=places)
 
 
 def test_the_mask_has_a_place_for_every_sample(table):
@@ -251,7 +251,7 @@ def test_a_leaf_that_contradicts_the_vocabulary_or_holds_no_numbers(table, chang
 
 
 def test_another_spelling_of_the_same_unit_is_no_fault():
-    leaf = make([1.0, 2.0], {"V": [50.0, 100.0]})
+    leaf = make_term([1.0, 2.0], {"V": [50.0, 100.0]})
     leaf["V"].attrs["units"] = "m/s"
     assert check(leaf) == []
 
@@ -262,7 +262,9 @@ def ground() -> xr.Dataset:
     is ours.
     """
     flap = {"delta_f": [0.0, 0.7]}
-    return make([2.0, 0.506 * 4.87], flap, ["alpha"], power=Power("h_agl", -1.75, 2.0), stderr=0.1)
+    return make_term(
+        [2.0, 0.506 * 4.87], flap, ["alpha"], power=PowerFactor("h_agl", -1.75, 2.0), stderr=0.1
+    )
 
 
 def test_a_power_multiplies_the_table(ground):
@@ -272,12 +274,12 @@ def test_a_power_multiplies_the_table(ground):
     np.testing.assert_allclose(evaluate(ground, at), expected, rtol=1e-14)  # rounding
     np.testing.assert_allclose(basis(ground, at) @ ground["value"].values, expected, rtol=1e-14)
     assert variables(ground) == {"delta_f", "alpha", "h_agl"}
-    assert power(ground) == Power("h_agl", -1.75, 2.0)
+    assert power(ground) == PowerFactor("h_agl", -1.75, 2.0)
 
 
 def test_a_bare_leaf_keeps_its_table_and_other_attributes(ground):
     assert multipliers(ground) == ("alpha", "max(h_agl, 2)^-1.75")
-    alone = bare(ground.assign_attrs(comment="kept"))
+    alone = without_multipliers(ground.assign_attrs(comment="kept"))
     assert power(alone) is None
     assert multipliers(alone) == ()
     assert alone.attrs["comment"] == "kept"

@@ -6,9 +6,9 @@ import numpy as np
 import xarray as xr
 from scipy.signal import lfilter
 
-from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.model import RegressionModel
 
-LIFT = Model.parse("CL = 1 + alpha + qhat + delta_e")
+LIFT = RegressionModel.parse("CL = 1 + alpha + qhat + delta_e")
 TRUTH = dict(zip(LIFT.terms, (0.3, 5.0, 8.0, 0.5)))
 STEP = 0.02
 

@@ -21,11 +21,11 @@ from flightmech.errors import IdentificationError, SchemaError, UnknownName
 from flighttest.cli.submodels import controls
 from flighttest.submodels.control_loading.identification import identify_control_loading
 from flighttest.submodels.control_loading.loading import ControlLoading
-from flighttest.submodels.control_loading.motion import smoothed
+from flighttest.submodels.control_loading.motion import smooth_derivatives
 from flighttest.submodels.control_loading.regression import trim_forces
 from flighttest.submodels.control_loading.result import replace_hinge_moments
-from flighttest.submodels.control_loading.simulation import follow
-from flighttest.submodels.control_loading.windows import free_signals, modulated
+from flighttest.submodels.control_loading.simulation import simulate_linkages
+from flighttest.submodels.control_loading.windows import free_signals, modulate
 
 SHARED = Path(__file__).parents[2] / ".." / "shared" / "data" / "identification"
 CHANNELS = {
@@ -163,8 +163,8 @@ def test_aircraft_and_database_take_the_result(found, tmp_path):
     assert circuit.order == 4
     assert circuit.cable_stiffness == pytest.approx(found.value("cable_stiffness")[0])
     assert circuit.stops == (-0.17, 0.17)
-    leaf = flightmech.terms.make(-0.2, regressors=["alpha"], stderr=0.05, source="datcom")
-    database = aerodb.database(
+    leaf = flightmech.terms.make_term(-0.2, regressors=["alpha"], stderr=0.05, source="datcom")
+    database = aerodb.make_database(
         {"Ch_e/alpha": leaf, "Ch_e/delta": leaf}, **FACTS, force_axes="stability"
     )
     new = aerodb.terms(replace_hinge_moments(database, found))
@@ -225,7 +225,7 @@ def one_mass(
         mass=mass, friction=friction, damping=0.0, preload=0.0, stiffness=spring, rigging=0.0
     )
     constants = {name: np.array([value]) for name, value in names.items()}
-    s, _ = follow(
+    s, _ = simulate_linkages(
         constants, -1.0, (np.array([s0]), zero), np.zeros((count, 1)), np.zeros((count, 1, 1)), step
     )
     return s[:, 0]
@@ -372,14 +372,14 @@ def oscillation(time: np.ndarray) -> np.ndarray:
 def test_derivatives_behind_the_low_pass_are_exact_up_to_half_the_sampling_rate():
     step = 0.02
     time = np.arange(0.0, 6.0, step)
-    s, rate, acceleration = smoothed(oscillation(time), step, np.inf)
+    s, rate, acceleration = smooth_derivatives(oscillation(time), step, np.inf)
     h = 1e-5
     slope = (oscillation(time + h) - oscillation(time - h)) / (2.0 * h)
     second = (oscillation(time + h) - 2.0 * oscillation(time) + oscillation(time - h)) / h**2
     assert s == pytest.approx(oscillation(time), abs=1e-12)
     assert np.abs(rate - slope).max() < 1e-3 * np.abs(slope).max()
     assert np.abs(acceleration - second)[5:-5].max() < 2e-3 * np.abs(second).max()
-    gain = np.ptp(smoothed(np.sin(2.0 * np.pi * 8.0 * time), step, 8.0)[0][100:200]) / 2.0
+    gain = np.ptp(smooth_derivatives(np.sin(2.0 * np.pi * 8.0 * time), step, 8.0)[0][100:200]) / 2.0
     assert gain == pytest.approx(0.707, abs=0.01)
 
 
@@ -398,8 +398,8 @@ def test_windows_end_at_reversals_and_give_derivatives_without_differences(loadi
         (1, 2.0 * np.pi * 0.05 * np.cos(2.0 * np.pi * time)),
         (2, -((2.0 * np.pi) ** 2) * s),
     ):
-        assert modulated(s, windows, order) == pytest.approx(
-            modulated(exact, windows), abs=2e-3 * np.abs(exact).max()
+        assert modulate(s, windows, order) == pytest.approx(
+            modulate(exact, windows), abs=2e-3 * np.abs(exact).max()
         )
 
 

@@ -14,7 +14,7 @@ import xarray as xr
 
 from flightmech.units import FOOT, INCH, POUND_FORCE, SLUG
 from flighttest.reconstruction.dynamics.force_coefficients import coefficients
-from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
 
 jsbsim = pytest.importorskip("jsbsim", reason="jsbsim is not installed: pip install jsbsim")
@@ -111,7 +111,7 @@ def flight():
 
 def found(flight, text, start, stop):
     return (
-        regress(Model.parse(text), flight.sel(time=slice(start, stop)))
+        regress(RegressionModel.parse(text), flight.sel(time=slice(start, stop)))
         .estimates["estimate"]
         .to_series()
     )

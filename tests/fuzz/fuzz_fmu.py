@@ -30,7 +30,7 @@ import numpy as np
 from flightmech.errors import AeromatchError
 from pom.fmu.description import read_fmu
 from pom.fmu.variable_map import links_of
-from pom.fmu.worker import Model, replay
+from pom.fmu.worker import UnpackedFmu, replay
 from pom.fmu.worker.messages import columns_of, read_reply, reply_bytes
 
 RUBBISH = (
@@ -213,7 +213,7 @@ def _forked(path: Path, job: dict) -> str:
             os.dup2(1, 2)
             with tempfile.TemporaryDirectory() as folder:
                 try:
-                    found = replay(Model(str(path), folder, 50_000_000), job)
+                    found = replay(UnpackedFmu(str(path), folder, 50_000_000), job)
                     content = reply_bytes(1, found["error"], columns_of(job, found))
                 except (
                     Exception

@@ -10,7 +10,7 @@ import flightmech
 from flightmech import air, axes, terms
 from flightmech.aircraft.aircraft import inertia
 from flightmech.simulation.kernel import Simulation
-from flightmech.terms import make
+from flightmech.terms import make_term
 
 ALPHA = np.array([-0.2, -0.05, 0.0, 0.1, 0.22, 0.4])
 MACH = np.array([0.1, 0.3, 0.5, 0.8])
@@ -20,7 +20,7 @@ def thrust_leaf() -> xr.Dataset:
     value = np.array([[300.0, 250.0], [2000.0, 1700.0], [4559.0, 4000.0]])[:, :, None] * np.array(
         [1.0, 0.6]
     )
-    return make(value, {"throttle": [0.0, 0.6, 1.0], "mach": [0.0, 0.6], "h": [0.0, 8000.0]})
+    return make_term(value, {"throttle": [0.0, 0.6, 1.0], "mach": [0.0, 0.6], "h": [0.0, 8000.0]})
 
 
 def jet(**changes) -> flightmech.Aircraft:
@@ -67,36 +67,36 @@ def leaves() -> dict[str, xr.Dataset]:
         "beta": [-0.2, 0.0, 0.2],
     }
     return {
-        "CL/basic": make(
+        "CL/basic": make_term(
             rise[:, None] * (1.0 + 0.1 * MACH), {"alpha": ALPHA, "mach": MACH}, outside="linear"
         ),
-        "CL/elevator": make(0.36 + 0.05 * MACH, {"mach": MACH}, ["delta_e"]),
-        "CL/qhat": make(4.1, regressors=["qhat"]),
-        "CL/alphadothat": make([1.2, 1.5], {"mach": [0.2, 0.7]}, ["alphadothat"]),
-        "CL/ground": make(0.15, regressors=["alpha"], K1=ground),
-        "CD/basic": make(0.024 + 0.8 * ALPHA**2, {"alpha": ALPHA}),
-        "CD/gear": make(0.02 + 0.01 * ALPHA, {"alpha": ALPHA}, K1=gear),
-        "CD/square": make(0.3, regressors=["alpha", "alpha"]),
-        "CD/load_factor": make(0.002, regressors=["dnz"]),
-        "CY/beta": make(-0.6 - 0.1 * ALPHA, {"alpha": ALPHA}, ["beta"]),
-        "CY/betadothat": make(-0.3, regressors=["betadothat"]),
-        "CY/rudder": make(0.17, regressors=["delta_r"]),
-        "Cl/beta": make(
+        "CL/elevator": make_term(0.36 + 0.05 * MACH, {"mach": MACH}, ["delta_e"]),
+        "CL/qhat": make_term(4.1, regressors=["qhat"]),
+        "CL/alphadothat": make_term([1.2, 1.5], {"mach": [0.2, 0.7]}, ["alphadothat"]),
+        "CL/ground": make_term(0.15, regressors=["alpha"], K1=ground),
+        "CD/basic": make_term(0.024 + 0.8 * ALPHA**2, {"alpha": ALPHA}),
+        "CD/gear": make_term(0.02 + 0.01 * ALPHA, {"alpha": ALPHA}, K1=gear),
+        "CD/square": make_term(0.3, regressors=["alpha", "alpha"]),
+        "CD/load_factor": make_term(0.002, regressors=["dnz"]),
+        "CY/beta": make_term(-0.6 - 0.1 * ALPHA, {"alpha": ALPHA}, ["beta"]),
+        "CY/betadothat": make_term(-0.3, regressors=["betadothat"]),
+        "CY/rudder": make_term(0.17, regressors=["delta_r"]),
+        "Cl/beta": make_term(
             np.outer(-0.08 + 0.02 * ALPHA, np.ones(4)), {"alpha": ALPHA, "mach": MACH}, ["beta"]
         ),
-        "Cl/phat": make(-0.44, regressors=["phat"]),
-        "Cl/rhat": make(0.1 + 0.2 * ALPHA, {"alpha": ALPHA}, ["rhat"]),
-        "Cl/aileron": make([-0.15, -0.12], {"mach": [0.2, 0.7]}, ["delta_a"]),
-        "Cm/basic": make(0.03 - 0.7 * ALPHA, {"alpha": ALPHA}),
-        "Cm/cg": make(0.02, regressors=["x_cg", "alpha"]),
-        "Cm/elevator": make(-1.05, regressors=["delta_e"]),
-        "Cm/qhat": make(-13.0, regressors=["qhat"]),
-        "Cm/alphadothat": make(-4.5, regressors=["alphadothat"]),
-        "Cm/power": make([0.0, 0.01], {"engine1.thrust": [0.0, 5000.0]}),
-        "Cn/beta": make(0.1 + 0.05 * ALPHA, {"alpha": ALPHA}, ["beta"]),
-        "Cn/rhat": make(-0.14, regressors=["rhat"]),
-        "Cn/rudder": make(-0.07, regressors=["delta_r"]),
-        "Cn/basic": make(four, four_axes),
+        "Cl/phat": make_term(-0.44, regressors=["phat"]),
+        "Cl/rhat": make_term(0.1 + 0.2 * ALPHA, {"alpha": ALPHA}, ["rhat"]),
+        "Cl/aileron": make_term([-0.15, -0.12], {"mach": [0.2, 0.7]}, ["delta_a"]),
+        "Cm/basic": make_term(0.03 - 0.7 * ALPHA, {"alpha": ALPHA}),
+        "Cm/cg": make_term(0.02, regressors=["x_cg", "alpha"]),
+        "Cm/elevator": make_term(-1.05, regressors=["delta_e"]),
+        "Cm/qhat": make_term(-13.0, regressors=["qhat"]),
+        "Cm/alphadothat": make_term(-4.5, regressors=["alphadothat"]),
+        "Cm/power": make_term([0.0, 0.01], {"engine1.thrust": [0.0, 5000.0]}),
+        "Cn/beta": make_term(0.1 + 0.05 * ALPHA, {"alpha": ALPHA}, ["beta"]),
+        "Cn/rhat": make_term(-0.14, regressors=["rhat"]),
+        "Cn/rudder": make_term(-0.07, regressors=["delta_r"]),
+        "Cn/basic": make_term(four, four_axes),
     }
 
 

@@ -9,7 +9,7 @@ import xarray as xr
 import flightmech
 from flightmech import axes, terms
 from flightmech.simulation.kernel import Simulation
-from flightmech.terms import make
+from flightmech.terms import make_term
 
 
 def random_variables(
@@ -75,7 +75,7 @@ def test_the_same_force_in_three_axes(force_axes, make_aircraft, make_tree, flow
         "body": {"CX": float(CX), "CZ": float(CZ), "CY": CY},
     }[force_axes]
     db = make_tree(
-        {f"{name}/basic": make(value) for name, value in values.items()}, force_axes=force_axes
+        {f"{name}/basic": make_term(value) for name, value in values.items()}, force_axes=force_axes
     )
     sim = flightmech.compile(make_aircraft(engines=(), cg=(0.0, 0.0, 0.0)), db)
     y = flown(sim, init__alpha=alpha, init__beta=beta, init__V=90.0)
@@ -90,7 +90,7 @@ def test_moment_is_taken_to_the_centre_of_gravity(make_aircraft, make_tree, flow
     """
     sim = flightmech.compile(
         make_aircraft(engines=(), cg=(-0.1, 0.0, 0.0), Ixy=0.0, Ixz=0.0, Iyz=0.0),
-        make_tree({"CL/basic": make(0.5)}),
+        make_tree({"CL/basic": make_term(0.5)}),
     )
     y = flown(sim, init__V=80.0, mode__earth=0.0)
     assert y["q_dot"] == pytest.approx(0.5 * y["qbar"] * 17.0 * 0.1 / 8100.0, rel=1e-13)
@@ -155,7 +155,7 @@ def test_at_rest_in_still_air_there_is_no_aerodynamic_force(sim, flown):
 def test_drag_of_a_sphere_acts_against_the_wind_at_90_degrees(make_aircraft, make_tree, flown):
     sim = flightmech.compile(
         make_aircraft(engines=(), cg=(0.0, 0.0, 0.0)),
-        make_tree({"CD/basic": make(0.1)}, force_axes="wind"),
+        make_tree({"CD/basic": make_term(0.1)}, force_axes="wind"),
     )
     for alpha, beta in ((np.pi / 2, 0.0), (0.0, np.pi / 2), (0.7, -1.1)):
         y = flown(sim, init__V=50.0, init__alpha=alpha, init__beta=beta)

@@ -10,51 +10,53 @@ import xarray as xr
 
 import flightmech
 from flightmech import axes, terms
-from flightmech.build_up import level, levels
+from flightmech.build_up import evaluation_levels, term_level
 from flightmech.errors import SchemaError
 from flightmech.simulation.kernel import Simulation
-from flightmech.terms import Power, make
+from flightmech.terms import PowerFactor, make_term
 
 ALPHA = np.array([-0.2, 0.0, 0.1, 0.3])
-POLAR = make([0.05, 0.021, 0.03, 0.11], {"CL": [-0.5, 0.1, 0.6, 1.4]})
+POLAR = make_term([0.05, 0.021, 0.03, 0.11], {"CL": [-0.5, 0.1, 0.6, 1.4]})
 COUNT = ("CL", "CD", "CY", "Cl", "Cm", "Cn")
 
 
 def implicit(name: str) -> dict[str, xr.Dataset]:
     """Terms that make a force depend on its own acceleration."""
     return {
-        f"{name}/alphadothat": make(1.3, regressors=["alphadothat"]),
-        "Cm/alphadothat": make(-4.0, regressors=["alphadothat"]),
+        f"{name}/alphadothat": make_term(1.3, regressors=["alphadothat"]),
+        "Cm/alphadothat": make_term(-4.0, regressors=["alphadothat"]),
     }
 
 
 def content(force_axes: str) -> dict[str, xr.Dataset]:
     """A chain of three steps: lift (or axial and normal force), drag (or side force), moments."""
     common = {
-        "CY/beta": make(-0.6, regressors=["beta"]),
-        "Cl/ground": make(-0.05, regressors=["CL", "phi"]),
-        "Cm/basic": make(0.03 - 0.7 * ALPHA, {"alpha": ALPHA}),
-        "Cn/beta": make([0.08, 0.1, 0.07], {"CL": [-0.2, 0.5, 1.0]}, ["beta"], outside="linear"),
-        "Cn/roll": make(0.02, regressors=["Cl", "Cl"]),
+        "CY/beta": make_term(-0.6, regressors=["beta"]),
+        "Cl/ground": make_term(-0.05, regressors=["CL", "phi"]),
+        "Cm/basic": make_term(0.03 - 0.7 * ALPHA, {"alpha": ALPHA}),
+        "Cn/beta": make_term(
+            [0.08, 0.1, 0.07], {"CL": [-0.2, 0.5, 1.0]}, ["beta"], outside="linear"
+        ),
+        "Cn/roll": make_term(0.02, regressors=["Cl", "Cl"]),
     }
     if force_axes == "body":
         return common | {
-            "CZ/basic": make(-0.2 - 4.5 * ALPHA, {"alpha": ALPHA}),
-            "CX/basic": make([0.1, -0.02, -0.03], {"CZ": [-1.2, -0.3, 0.4]}),
-            "CY/normal": make(0.01, regressors=["CZ", "CX"]),
-            "Cm/drag": make(0.4, regressors=["CD"]),
+            "CZ/basic": make_term(-0.2 - 4.5 * ALPHA, {"alpha": ALPHA}),
+            "CX/basic": make_term([0.1, -0.02, -0.03], {"CZ": [-1.2, -0.3, 0.4]}),
+            "CY/normal": make_term(0.01, regressors=["CZ", "CX"]),
+            "Cm/drag": make_term(0.4, regressors=["CD"]),
         }
     return common | {
-        "CL/basic": make(0.25 + 4.8 * ALPHA, {"alpha": ALPHA}),
+        "CL/basic": make_term(0.25 + 4.8 * ALPHA, {"alpha": ALPHA}),
         "CD/basic": POLAR,
-        "CD/induced": make(0.02, regressors=["CL", "CL"]),
-        "CD/power": make(
+        "CD/induced": make_term(0.02, regressors=["CL", "CL"]),
+        "CD/power": make_term(
             0.004,
-            power=Power("CL", 1.5, 0.01),
+            power=PowerFactor("CL", 1.5, 0.01),
             K1=xr.DataArray([1.0, 1.2], {"mach": [0.1, 0.8]}, ("mach",)),
         ),
-        "Cm/drag": make([-0.1, 0.0, 0.2], {"CD": [0.01, 0.05, 0.2]}),
-        "CY/drag": make(0.1, regressors=["CD", "beta"]),
+        "Cm/drag": make_term([-0.1, 0.0, 0.2], {"CD": [0.01, 0.05, 0.2]}),
+        "CY/drag": make_term(0.1, regressors=["CD", "beta"]),
     }
 
 
@@ -141,9 +143,9 @@ def test_contributions_and_many_rows(make_aircraft, make_tree):
 
 def test_a_bias_and_a_changed_node_of_lift_change_the_drag(make_aircraft, make_tree, flown):
     leaves = {
-        "CL/basic": make(0.4),
-        "CD/basic": make([0.02, 0.06], {"CL": [0.0, 1.0]}),
-        "CD/induced": make(0.05, regressors=["CL", "CL"]),
+        "CL/basic": make_term(0.4),
+        "CD/basic": make_term([0.02, 0.06], {"CL": [0.0, 1.0]}),
+        "CD/induced": make_term(0.05, regressors=["CL", "CL"]),
     }
     sim = flightmech.compile(make_aircraft(engines=()), make_tree(leaves))
     assert flown(sim, init__V=90.0)["CD"] == pytest.approx(0.036 + 0.05 * 0.16, rel=1e-14)
@@ -163,24 +165,30 @@ def test_a_bias_and_a_changed_node_of_lift_change_the_drag(make_aircraft, make_t
     ("leaves", "text"),
     [
         (
-            {"CL/a": make(0.1, regressors=["CD"]), "CD/b": make([0.0, 1.0], {"CL": [0.0, 1.0]})},
+            {
+                "CL/a": make_term(0.1, regressors=["CD"]),
+                "CD/b": make_term([0.0, 1.0], {"CL": [0.0, 1.0]}),
+            },
             r"CL -> CD -> CL \(terms CD/b, CL/a\)",
         ),
-        ({"CL/a": make(0.1, regressors=["CL"])}, r"CL -> CL \(terms CL/a\)"),
+        ({"CL/a": make_term(0.1, regressors=["CL"])}, r"CL -> CL \(terms CL/a\)"),
         (
-            {"Cm/a": make(0.1, power=Power("Cn", 2.0, 0.1)), "Cn/b": make(1.0, regressors=["Cm"])},
+            {
+                "Cm/a": make_term(0.1, power=PowerFactor("Cn", 2.0, 0.1)),
+                "Cn/b": make_term(1.0, regressors=["Cm"]),
+            },
             "Cm -> Cn -> Cm|Cn -> Cm -> Cn",
         ),
         (
-            {"CD/a": make(0.1, regressors=["CZ"])},
+            {"CD/a": make_term(0.1, regressors=["CZ"])},
             "CD/a: depends on CZ, which a model with force_axes stability does not have",
         ),
         (
-            {"CD/a": make(0.1, regressors=["CL", "dnz"])},
+            {"CD/a": make_term(0.1, regressors=["CL", "dnz"])},
             "CD/a: depends on CL and on dnz, of which only one can be solved for",
         ),
         (
-            {"Ch_e/a": make(0.1, regressors=["CL"])},
+            {"Ch_e/a": make_term(0.1, regressors=["CL"])},
             "Ch_e/a: .*only terms of CL, CD, .* can depend on CL",
         ),
     ],
@@ -189,18 +197,18 @@ def test_what_has_no_order_is_refused(leaves, text, make_aircraft, make_tree):
     with pytest.raises(SchemaError, match=text):
         flightmech.compile(
             make_aircraft(engines=()),
-            make_tree({"CL/basic": make(0.1), "CD/basic": make(0.02), **leaves}),
+            make_tree({"CL/basic": make_term(0.1), "CD/basic": make_term(0.02), **leaves}),
         )
 
 
 def test_a_force_of_the_body_axes_cannot_depend_on_lift(make_aircraft, make_tree):
-    leaves = {"CX/a": make(0.1, regressors=["CL"]), "CZ/a": make(0.1)}
+    leaves = {"CX/a": make_term(0.1, regressors=["CL"]), "CZ/a": make_term(0.1)}
     with pytest.raises(SchemaError, match="CX -> CX"):
         flightmech.compile(make_aircraft(engines=()), make_tree(leaves, force_axes="body"))
 
 
 def test_levels():
-    found, problems = levels(content("stability"), "stability")
+    found, problems = evaluation_levels(content("stability"), "stability")
     assert not problems
     assert found == {"CL": 0, "CD": 1, "CY": 2, "Cl": 1, "Cm": 2, "Cn": 2}
 
@@ -209,8 +217,8 @@ def test_trim_and_linear_model_follow_the_polar(make_aircraft, make_tree):
     """CD(CL(alpha)) flies as the same drag written over alpha does."""
     knots = np.array([-0.1, 0.0, 0.1, 0.2, 0.3])
     lift = 0.2 + 4.5 * knots
-    over_alpha = make(0.02 + 0.05 * lift**2, {"alpha": knots})
-    over_lift = make(0.02 + 0.05 * lift**2, {"CL": lift})
+    over_alpha = make_term(0.02 + 0.05 * lift**2, {"alpha": knots})
+    over_lift = make_term(0.02 + 0.05 * lift**2, {"CL": lift})
     slopes = {
         "Cm/alpha": -0.7,
         "Cm/delta_e": -1.0,
@@ -218,8 +226,8 @@ def test_trim_and_linear_model_follow_the_polar(make_aircraft, make_tree):
         "Cl/phat": -0.4,
         "Cn/beta": 0.1,
     }
-    rest = {"CL/basic": make(lift, {"alpha": knots})} | {
-        name: make(k, regressors=[name.split("/")[1]]) for name, k in slopes.items()
+    rest = {"CL/basic": make_term(lift, {"alpha": knots})} | {
+        name: make_term(k, regressors=[name.split("/")[1]]) for name, k in slopes.items()
     }
     one, two = (
         flightmech.compile(make_aircraft(), make_tree(rest | {"CD/polar": drag}))
@@ -237,22 +245,22 @@ def test_trim_and_linear_model_follow_the_polar(make_aircraft, make_tree):
     ("leaves", "shift", "text"),
     [
         (
-            {"CL/a": make(0.1, regressors=["CD"]), "CD/a": make(0.1, regressors=["CL"])},
+            {"CL/a": make_term(0.1, regressors=["CD"]), "CD/a": make_term(0.1, regressors=["CL"])},
             0,
             "coefficients depend on each other in a loop",
         ),
         (
-            {"CL/a": make(0.1), "CD/a": make([0.0, 1.0], {"CL": [0.0, 1.0]})},
+            {"CL/a": make_term(0.1), "CD/a": make_term([0.0, 1.0], {"CL": [0.0, 1.0]})},
             -1,
             "CL is not yet known where a table needs it",
         ),
         (
-            {"CL/a": make(0.1), "CD/a": make([0.0, 1.0], {"CL": [0.0, 1.0]})},
+            {"CL/a": make_term(0.1), "CD/a": make_term([0.0, 1.0], {"CL": [0.0, 1.0]})},
             1,
             "term CD/a refers to a table outside its stage",
         ),
         (
-            {"CL/a": make(0.1), "CD/a": make(0.1, regressors=["CZ"])},
+            {"CL/a": make_term(0.1), "CD/a": make_term(0.1, regressors=["CZ"])},
             0,
             "term CD/a depends on a coefficient of other force axes",
         ),
@@ -266,8 +274,10 @@ def test_the_kernel_checks_the_order_by_itself(
     """
 
     def unchecked(found, force_axes):
-        of, _ = levels({term.name: term.leaf for term in found}, force_axes)
-        return [term._replace(level=level(term.leaf, of, force_axes) + shift) for term in found], []
+        of, _ = evaluation_levels({term.name: term.leaf for term in found}, force_axes)
+        return [
+            term._replace(level=term_level(term.leaf, of, force_axes) + shift) for term in found
+        ], []
 
     monkeypatch.setattr("flightmech.simulation.compiler._in_order", unchecked)
     with pytest.raises(SchemaError, match=text):

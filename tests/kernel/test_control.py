@@ -15,17 +15,17 @@ from scipy.integrate import solve_ivp
 
 import flightmech
 from flightmech.aircraft.aircraft import read_aircraft
-from flightmech.aircraft.controls import Circuit, Control
+from flightmech.aircraft.controls import Circuit, ControlGeometry
 from flightmech.aircraft.landing_gear import Contact, LandingGear, Steering
 from flightmech.errors import SchemaError, SimulationError
 from flightmech.simulation.kernel import INPUT, OUTPUT, PARAMETER
-from flightmech.terms import make
+from flightmech.terms import make_term
 
 G0 = 9.80665
 CONTROLS = {
-    "delta_e": Control(1.0, 0.35, -1.5),
-    "delta_a": Control(0.8, 0.25, -0.3),
-    "delta_r": Control(0.6, 0.4, -3.0),
+    "delta_e": ControlGeometry(1.0, 0.35, -1.5),
+    "delta_a": ControlGeometry(0.8, 0.25, -0.3),
+    "delta_r": ControlGeometry(0.6, 0.4, -3.0),
 }
 COLUMN = Circuit((-0.15, 0.2), 6.0, inertia=1.0, damping=10.0)
 WHEEL = Circuit((-1.2, 1.2), 0.2, inertia=0.4, damping=0.5, arm=4.0)
@@ -33,14 +33,14 @@ PEDAL = Circuit((-0.1, 0.1), 8.0, inertia=0.5, damping=20.0)
 CABLE = {"order": 4, "cable_stiffness": 2e4, "cable_damping": 20.0}
 CIRCUITS = {"column": COLUMN, "wheel": WHEEL, "pedal": PEDAL}
 HINGES = {
-    "Ch_e/delta": make(-0.35, regressors=["delta_e"]),
-    "Ch_e/alpha": make(-0.1, regressors=["alpha"]),
-    "Ch_e/tab": make(-0.2, regressors=["delta_t"]),
-    "Ch_a/delta": make(-0.3, regressors=["delta_a"]),
-    "Ch_a/alpha": make(-0.12, regressors=["alpha"]),
-    "Ch_a/tab": make(-0.15, regressors=["delta_ta"]),
-    "Ch_r/delta": make(-0.3, regressors=["delta_r"]),
-    "Ch_r/beta": make(0.1, regressors=["beta"]),
+    "Ch_e/delta": make_term(-0.35, regressors=["delta_e"]),
+    "Ch_e/alpha": make_term(-0.1, regressors=["alpha"]),
+    "Ch_e/tab": make_term(-0.2, regressors=["delta_t"]),
+    "Ch_a/delta": make_term(-0.3, regressors=["delta_a"]),
+    "Ch_a/alpha": make_term(-0.12, regressors=["alpha"]),
+    "Ch_a/tab": make_term(-0.15, regressors=["delta_ta"]),
+    "Ch_r/delta": make_term(-0.3, regressors=["delta_r"]),
+    "Ch_r/beta": make_term(0.1, regressors=["beta"]),
 }
 BALLISTIC = {"init.V": 200.0, "init.h": 3000.0, "mode.earth": 0.0}
 FLIGHT = {"init.V": 90.0, "init.h": 1500.0, "mode.trim": 1.0}
@@ -51,7 +51,7 @@ def build(make_aircraft, make_tree, content):
     """A jet with circuits; with `air` only hinge moments act, so that it falls."""
 
     def compiled(air: bool = True, hinges=HINGES, **fields) -> flightmech.SimModel:
-        terms = {**content, **hinges} if air else {"CD/basic": make(0.0), **hinges}
+        terms = {**content, **hinges} if air else {"CD/basic": make_term(0.0), **hinges}
         circuits = fields.pop("circuits", CIRCUITS)
         engines = {} if air else {"engines": ()}
         return flightmech.compile(
@@ -750,4 +750,4 @@ def test_circuit_without_its_control_is_no_model(build):
     with pytest.raises(
         SchemaError, match=r"circuit.column: \[control.delta_e\] with a gearing is missing"
     ):
-        build(controls={"delta_e": Control(1.0, 0.35)}, circuits={"column": COLUMN})
+        build(controls={"delta_e": ControlGeometry(1.0, 0.35)}, circuits={"column": COLUMN})

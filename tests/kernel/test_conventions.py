@@ -12,7 +12,7 @@ import pytest
 
 import flightmech
 from flightmech import air
-from flightmech.terms import make
+from flightmech.terms import make_term
 
 LEVEL = {"init__V": 100.0, "init__h": 0.0, "mode__earth": 0.0}
 QS, MASS, WEIGHT = 104125.0, 2300.0, 2300.0 * 9.80665
@@ -29,7 +29,7 @@ def body(make_aircraft, make_tree):
             name: value if isinstance(value, tuple) else (value,) for name, value in terms.items()
         }
         leaves = {
-            name: make(value, regressors=list(words)) for name, (value, *words) in rows.items()
+            name: make_term(value, regressors=list(words)) for name, (value, *words) in rows.items()
         }
         return flightmech.compile(
             make_aircraft(**(PLAIN | changes)), make_tree(leaves, **(attrs or {}))

@@ -10,7 +10,7 @@ import xarray as xr
 from scipy.optimize import brentq
 
 import flightmech
-from flightmech.terms import make
+from flightmech.terms import make_term
 
 RADIUS, MU, RATE = 6371007.1809, 3.986004418e14, 7.292115e-5  # NASA/TM-2015-218675, table 73
 PLACES = [
@@ -27,7 +27,7 @@ PLACES = [
 def stone() -> flightmech.SimModel:
     """A body without aerodynamics."""
     body = flightmech.Aircraft("stone", 1.0, 1.0, 1.0, 10.0, 1.0, 1.0, 1.0)
-    return flightmech.compile(body, xr.DataTree.from_dict({"/CD/basic": make(0.0)}))
+    return flightmech.compile(body, xr.DataTree.from_dict({"/CD/basic": make_term(0.0)}))
 
 
 def fly(sim, time, **parameters) -> xr.Dataset:
@@ -162,7 +162,7 @@ def test_outputs_in_earth_axes_on_request(stone):
     """
     assert not [name for name in stone.outputs if name.startswith(("earth.", "inertial."))]
     body = flightmech.Aircraft("stone", 1.0, 1.0, 1.0, 10.0, 1.0, 1.0, 1.0, earth_outputs=True)
-    sim = flightmech.compile(body, xr.DataTree.from_dict({"/CD/basic": make(0.0)}))
+    sim = flightmech.compile(body, xr.DataTree.from_dict({"/CD/basic": make_term(0.0)}))
     y = fly(sim, [0.0, 2.0], init__V=50.0, init__h=1000.0, init__psi=0.3, mode__earth=0.0)
     np.testing.assert_allclose(
         [y[f"earth.v{axis}"][-1] for axis in "xyz"],

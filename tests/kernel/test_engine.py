@@ -7,7 +7,7 @@ import pytest
 
 import flightmech
 from flightmech import terms
-from flightmech.terms import make
+from flightmech.terms import make_term
 
 STILL = {"init__V": 0.0, "init__h": 0.0, "mode__earth": 0.0}
 
@@ -15,7 +15,7 @@ STILL = {"init__V": 0.0, "init__h": 0.0, "mode__earth": 0.0}
 @pytest.fixture(scope="module")
 def bare(make_aircraft, make_tree) -> flightmech.SimModel:
     """The jet without aerodynamics."""
-    return flightmech.compile(make_aircraft(), make_tree({"CD/basic": make(0.0)}))
+    return flightmech.compile(make_aircraft(), make_tree({"CD/basic": make_term(0.0)}))
 
 
 def test_static_thrust_is_the_table(bare, flown, make_aircraft):
@@ -30,9 +30,13 @@ def test_static_thrust_is_the_table(bare, flown, make_aircraft):
 
 def test_lag_is_first_order(make_aircraft, make_tree, start):
     engine = flightmech.aircraft.Engine(
-        (0.0, 0.0, 0.0), thrust=make([300.0, 4500.0], {"throttle": [0.0, 1.0]}), time_constant=1.2
+        (0.0, 0.0, 0.0),
+        thrust=make_term([300.0, 4500.0], {"throttle": [0.0, 1.0]}),
+        time_constant=1.2,
     )
-    sim = flightmech.compile(make_aircraft(engines=(engine,)), make_tree({"CD/basic": make(0.0)}))
+    sim = flightmech.compile(
+        make_aircraft(engines=(engine,)), make_tree({"CD/basic": make_term(0.0)})
+    )
     run = start(sim, **STILL)
     idle, full = np.zeros(len(sim.inputs)), np.zeros(len(sim.inputs))
     full[sim.inputs.index("engine1.throttle")] = 1.0
@@ -81,7 +85,7 @@ def test_rotors_turn_pitch_into_yaw(make_aircraft, make_tree, flown):
     """A nose-up rate with a right-handed rotor along +x yaws the nose right: M = -w x H."""
     engine = flightmech.aircraft.Engine((0.0, 0.0, 0.0), angular_momentum=200.0)
     craft = make_aircraft(engines=(engine,), cg=(0.0, 0.0, 0.0), Ixy=0.0, Ixz=0.0, Iyz=0.0)
-    sim = flightmech.compile(craft, make_tree({"CD/basic": make(0.0)}))
+    sim = flightmech.compile(craft, make_tree({"CD/basic": make_term(0.0)}))
     y = flown(sim, **STILL, mode__engine=2.0, init__q=0.1)
     assert (y["p_dot"], y["q_dot"]) == (0.0, 0.0)
     assert y["r_dot"] == pytest.approx(0.1 * 200.0 / 15100.0, rel=1e-13)
@@ -90,7 +94,7 @@ def test_rotors_turn_pitch_into_yaw(make_aircraft, make_tree, flown):
 def test_throttle_without_a_table_is_refused(make_aircraft, make_tree, flown):
     sim = flightmech.compile(
         make_aircraft(engines=(flightmech.aircraft.Engine((0.0, 0.0, 0.0)),)),
-        make_tree({"CD/basic": make(0.0)}),
+        make_tree({"CD/basic": make_term(0.0)}),
     )
     assert np.isfinite(
         list(flown(sim, **STILL).values())

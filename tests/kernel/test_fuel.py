@@ -9,11 +9,11 @@ import pytest
 
 import flightmech
 from flightmech.aircraft.aircraft import inertia
-from flightmech.aircraft.engine import Deck
+from flightmech.aircraft.engine import EngineDeck
 from flightmech.aircraft.fuel import Fuel, Tank, tank_tables
 from flightmech.errors import SimulationError
 from flightmech.simulation.kernel import STATE
-from flightmech.terms import make
+from flightmech.terms import make_term
 
 STILL = {"init__V": 0.0, "init__h": 0.0, "mode__earth": 0.0, "mode__engine": 0.0}
 FLOW = 2.0  # kg/s: empties the tanks within a short run
@@ -68,12 +68,12 @@ def counterpart(craft: flightmech.Aircraft, fuel: float) -> tuple[float, np.ndar
 
 @pytest.fixture(scope="module")
 def craft(make_aircraft):
-    deck = Deck(
+    deck = EngineDeck(
         {
-            "n2_command": make([0.5, 1.0], {"throttle": [0.0, 1.0]}),
-            "n2_up_time": make(0.5),
-            "thrust": make([0.0, 4000.0], {"n2": [0.5, 1.0]}),
-            "fuel_flow": make(FLOW),
+            "n2_command": make_term([0.5, 1.0], {"throttle": [0.0, 1.0]}),
+            "n2_up_time": make_term(0.5),
+            "thrust": make_term([0.0, 4000.0], {"n2": [0.5, 1.0]}),
+            "fuel_flow": make_term(FLOW),
         }
     )
     return make_aircraft(
@@ -84,7 +84,7 @@ def craft(make_aircraft):
 
 @pytest.fixture(scope="module")
 def sim(craft, make_tree):
-    return flightmech.compile(craft, make_tree({"CD/basic": make(0.0)}))
+    return flightmech.compile(craft, make_tree({"CD/basic": make_term(0.0)}))
 
 
 def burnt(sim, run, seconds: float, start: float = 0.0, throttle: float = 0.0) -> dict[str, float]:
@@ -173,7 +173,7 @@ def test_the_engine_goes_out_when_the_fuel_is_gone(sim, start, craft):
 def test_one_mass_point_needs_no_tables(make_tree, craft, start):
     here = np.array([0.3, -0.1, 0.2])
     lone = replace(craft, fuel=Fuel(MASS, tuple(here)))
-    sim = flightmech.compile(lone, make_tree({"CD/basic": make(0.0)}))
+    sim = flightmech.compile(lone, make_tree({"CD/basic": make_term(0.0)}))
     y = burnt(sim, start(sim, **STILL), 20.0)
     mass, cg0 = craft.mass - 40.0, np.array(craft.cg)
     cg = (craft.mass * cg0 - 40.0 * here) / mass

@@ -16,7 +16,7 @@ from flightmech import axes
 from flightmech.aircraft.landing_gear import Contact, LandingGear, Steering
 from flightmech.errors import SimulationError
 from flightmech.simulation.kernel import STATE
-from flightmech.terms import make
+from flightmech.terms import make_term
 
 g = 9.80665
 CG = np.array([0.0, 0.0, 0.2235])
@@ -81,7 +81,7 @@ def compiled(make_aircraft, make_tree):
 
     def build(gear: LandingGear | None, terms=None, **changes) -> flightmech.SimModel:
         return flightmech.compile(
-            craft(make_aircraft, gear, **changes), make_tree(terms or {"CD/basic": make(0.0)})
+            craft(make_aircraft, gear, **changes), make_tree(terms or {"CD/basic": make_term(0.0)})
         )
 
     return build
@@ -145,7 +145,7 @@ def test_start_settles_the_struts(stand, start):
 
 def test_table_over_compression_is_the_spring(compiled, start, stand):
     points = np.array([0.0, 0.1, 0.3])
-    leaf = make(60e3 * points, {"compression": points}, outside="linear")
+    leaf = make_term(60e3 * points, {"compression": points}, outside="linear")
     legs = tuple(
         replace(c, stiffness=30e3, strut=leaf) if c.name in ("left", "right") else c
         for c in CONTACTS
@@ -447,11 +447,11 @@ def test_energy_only_falls(seed, stand, start):
 
 
 WIND = {
-    "CL/basic": make(0.3),
-    "CD/basic": make(0.05),
-    "CY/beta": make(-0.6, regressors=["beta"]),
-    "Cn/beta": make(0.05, regressors=["beta"]),
-    "Cl/beta": make(-0.05, regressors=["beta"]),
+    "CL/basic": make_term(0.3),
+    "CD/basic": make_term(0.05),
+    "CY/beta": make_term(-0.6, regressors=["beta"]),
+    "Cn/beta": make_term(0.05, regressors=["beta"]),
+    "Cl/beta": make_term(-0.05, regressors=["beta"]),
 }
 IDLE = {"mode__engine": 2.0, "engine1__thrust_drive": 240.0, "engine2__thrust_drive": 240.0}
 ENGINES = (
@@ -534,11 +534,11 @@ def test_landing_lift_and_nose_down(compiled, start):
     wheels carry at the end.
     """
     db = {
-        "CL/basic": make(0.25 + 4.8 * np.array([-0.2, 0.3]), {"alpha": [-0.2, 0.3]}),
-        "Cm/basic": make(-0.05),
-        "Cm/q": make(-13.0, regressors=["qhat"]),
+        "CL/basic": make_term(0.25 + 4.8 * np.array([-0.2, 0.3]), {"alpha": [-0.2, 0.3]}),
+        "Cm/basic": make_term(-0.05),
+        "Cm/q": make_term(-13.0, regressors=["qhat"]),
     }
-    sim = compiled(LandingGear(CONTACTS, STEERING), db | {"CD/basic": make(0.08)})
+    sim = compiled(LandingGear(CONTACTS, STEERING), db | {"CD/basic": make_term(0.08)})
     run, u = (
         start(
             sim,
@@ -571,10 +571,10 @@ def test_tail_scraper_ends_the_rotation(compiled, start):
     with the aircraft.
     """
     db = {
-        "CL/basic": make([-0.6, 0.25, 1.7], {"alpha": [-0.17, 0.0, 0.3]}),
-        "CD/basic": make(0.05),
-        "Cm/pull": make(0.55),
-        "Cm/q": make(-15.0, regressors=["qhat"]),
+        "CL/basic": make_term([-0.6, 0.25, 1.7], {"alpha": [-0.17, 0.0, 0.3]}),
+        "CD/basic": make_term(0.05),
+        "Cm/pull": make_term(0.55),
+        "Cm/q": make_term(-15.0, regressors=["qhat"]),
     }
     sim = compiled(LandingGear(CONTACTS, STEERING), db, engines=ENGINES)
     thrust = {"engine1__thrust_drive": 4500.0, "engine2__thrust_drive": 4500.0}

@@ -10,7 +10,7 @@ import pytest
 import flightmech
 from flightmech.errors import SimulationError
 from flightmech.simulation.kernel import Simulation
-from flightmech.terms import make
+from flightmech.terms import make_term
 
 FLIGHT = {"init__V": 100.0, "init__h": 2000.0, "mode__trim": 2.0}
 
@@ -24,13 +24,13 @@ def inputs_over(sim: flightmech.SimModel, time: np.ndarray, u0: np.ndarray) -> n
 
 def test_fourth_order_on_a_smooth_model(make_aircraft, make_tree, start):
     content = {
-        "CL/basic": make(0.3),
-        "CL/alpha": make(5.0, regressors=["alpha"]),
-        "CD/basic": make(0.03),
-        "CD/square": make(0.7, regressors=["alpha", "alpha"]),
-        "Cm/alpha": make(-0.9, regressors=["alpha"]),
-        "Cm/qhat": make(-12.0, regressors=["qhat"]),
-        "Cm/elevator": make(-1.1, regressors=["delta_e"]),
+        "CL/basic": make_term(0.3),
+        "CL/alpha": make_term(5.0, regressors=["alpha"]),
+        "CD/basic": make_term(0.03),
+        "CD/square": make_term(0.7, regressors=["alpha", "alpha"]),
+        "Cm/alpha": make_term(-0.9, regressors=["alpha"]),
+        "Cm/qhat": make_term(-12.0, regressors=["qhat"]),
+        "Cm/elevator": make_term(-1.1, regressors=["delta_e"]),
     }
     sim = flightmech.compile(make_aircraft(engines=()), make_tree(content))
     u = np.zeros(len(sim.inputs))
@@ -121,8 +121,8 @@ def test_bad_input_stops_the_run_and_reports_the_time(value, sim, start):
 
 def test_divergence_stops_the_run_and_keeps_the_last_good_state(make_aircraft, make_tree, start):
     content = {
-        "Cm/unstable": make(400.0, regressors=["alpha"]),
-        "Cm/worse": make(5e4, regressors=["qhat"]),
+        "Cm/unstable": make_term(400.0, regressors=["alpha"]),
+        "Cm/worse": make_term(5e4, regressors=["qhat"]),
     }
     sim = flightmech.compile(make_aircraft(engines=()), make_tree(content))
     u = np.zeros(len(sim.inputs))
@@ -150,8 +150,8 @@ def test_senseless_steps_are_refused(dt, sim, start):
 
 def test_steps_outside_the_tables_are_counted_per_axis_and_side(make_aircraft, make_tree, start):
     content = {
-        "CL/a": make([0.0, 1.0], {"alpha": [0.2, 0.4]}),
-        "CD/b": make([0.1, 0.1], {"mach": [0.0, 0.05]}),
+        "CL/a": make_term([0.0, 1.0], {"alpha": [0.2, 0.4]}),
+        "CD/b": make_term([0.1, 0.1], {"mach": [0.0, 0.05]}),
     }
     sim = flightmech.compile(make_aircraft(engines=()), make_tree(content))
     u = np.zeros(len(sim.inputs))
@@ -166,8 +166,8 @@ def test_steps_outside_the_tables_are_counted_per_axis_and_side(make_aircraft, m
 def test_a_table_that_no_step_looks_up_is_not_left(make_aircraft, make_tree, start):
     """Hinge moments are looked up for the outputs alone when the surfaces are driven."""
     content = {
-        "CL/a": make([0.0, 1.0], {"alpha": [-0.2, 0.4]}),
-        "Ch_e/b": make([0.1, 0.2], {"alpha": [-0.3, 0.3]}),
+        "CL/a": make_term([0.0, 1.0], {"alpha": [-0.2, 0.4]}),
+        "Ch_e/b": make_term([0.1, 0.2], {"alpha": [-0.3, 0.3]}),
     }
     sim = flightmech.compile(make_aircraft(engines=()), make_tree(content))
     u = np.zeros(len(sim.inputs))

@@ -13,7 +13,7 @@ import xarray as xr
 
 import flightmech
 from flightmech.errors import UnknownName
-from flightmech.simulation.batch import Loop, fly_batch
+from flightmech.simulation.batch import ControlLoop, fly_batch
 from flightmech.simulation.kernel import PARAMETER, library
 from flightmech.simulation.run import read_inputs
 
@@ -293,8 +293,8 @@ def test_loops_that_are_closed_sample_by_sample(together, record, hold):
     """
     time, names = record["time"].values, ["theta", "phi", "applied.delta_e"]
     loops = [
-        Loop("F_column", "theta", 400.0, 200.0, 60.0, 0.05 * np.sin(time)),
-        Loop("F_wheel", "phi", 20.0, 5.0, 6.0, np.full(time.size, 0.1), True),
+        ControlLoop("F_column", "theta", 400.0, 200.0, 60.0, 0.05 * np.sin(time)),
+        ControlLoop("F_wheel", "phi", 20.0, 5.0, 6.0, np.full(time.size, 0.1), True),
     ]
     start = {
         "mode.controls": 2.0,
@@ -337,7 +337,7 @@ def test_loops_that_are_closed_sample_by_sample(together, record, hold):
 
 def test_a_loop_of_nothing_is_refused(together, record):
     time = record["time"].values
-    loops = [Loop("F_column", "theta", 1.0, 0.0, 1.0, np.zeros(time.size))] * 17
+    loops = [ControlLoop("F_column", "theta", 1.0, 0.0, 1.0, np.zeros(time.size))] * 17
     u = read_inputs(together, record, {}, time.size, 1)
     _, _, (text,) = fly_batch(
         together, time, u, ["init.V"], np.array([[120.0]]), {}, ["theta"], loops=loops
@@ -358,7 +358,7 @@ def test_a_loop_of_nothing_is_refused(together, record):
 
 def test_a_loop_without_numbers_ends_the_runs_of_a_group_as_one_alone(together, record):
     time = record["time"].values
-    loop = Loop("F_column", "theta", 1.0, 0.0, 1.0, np.where(time > 0.1, np.nan, 0.0))
+    loop = ControlLoop("F_column", "theta", 1.0, 0.0, 1.0, np.where(time > 0.1, np.nan, 0.0))
     u = read_inputs(together, record.drop_vars(list(record.data_vars)), {}, time.size, 8)
     start, speeds = {"mode.controls": 2.0}, np.linspace(100.0, 120.0, 8)[:, None]
     (one, steps, words), (y, done, texts) = (

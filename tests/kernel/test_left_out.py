@@ -7,9 +7,9 @@ import pytest
 import xarray as xr
 
 import flightmech
-from flightmech.aircraft.controls import Circuit, Control
+from flightmech.aircraft.controls import Circuit, ControlGeometry
 from flightmech.simulation.kernel import PARAMETER, Simulation
-from flightmech.terms import Power, make
+from flightmech.terms import PowerFactor, make_term
 
 TIME = np.arange(0.0, 6.01, 0.02)
 START = {"init.V": 110.0, "init.h": 60.0, "mode.trim": 1}
@@ -19,11 +19,11 @@ def as_table(name: str, value: float, further: list[str]) -> xr.Dataset:
     """The term `value` times a switch, as a table over the switch, which is never left out: the
     same bits.
     """
-    return make([0.0, value], {name: [0.0, 1.0]}, further)
+    return make_term([0.0, value], {name: [0.0, 1.0]}, further)
 
 
 def as_regressor(name: str, value: float, further: list[str]) -> xr.Dataset:
-    return make(value, regressors=[name, *further])
+    return make_term(value, regressors=[name, *further])
 
 
 @pytest.fixture(scope="module")
@@ -92,11 +92,11 @@ def test_contributions_of_terms_that_are_left_out(switched):
 
 
 MORE = {
-    "CL/more": make([0.0, 0.5], {"alpha": [-0.5, 0.5]}),
-    "Cm/more": make(0.25, regressors=["qhat"]),
-    "CD/implicit": make(0.125, regressors=["alphadothat"]),
-    "Ch_e/more": make(0.5, regressors=["alpha"]),
-    "Ch_r/more": make([-0.25, 0.25], {"delta_r": [-0.5, 0.5]}),
+    "CL/more": make_term([0.0, 0.5], {"alpha": [-0.5, 0.5]}),
+    "Cm/more": make_term(0.25, regressors=["qhat"]),
+    "CD/implicit": make_term(0.125, regressors=["alphadothat"]),
+    "Ch_e/more": make_term(0.5, regressors=["alpha"]),
+    "Ch_r/more": make_term([-0.25, 0.25], {"delta_r": [-0.5, 0.5]}),
 }
 """Terms of every kind of target: with and without others, in a table, with an implicit variable."""
 
@@ -108,10 +108,13 @@ def with_circuits(make_aircraft, make_tree, content):
         "column": Circuit((-0.15, 0.2), 6.0, inertia=1.0, damping=10.0),
         "pedal": Circuit((-0.1, 0.1), 8.0, inertia=0.5, damping=20.0),
     }
-    controls = {"delta_e": Control(1.5, 0.35, -1.2), "delta_r": Control(0.6, 0.3, -2.5)}
+    controls = {
+        "delta_e": ControlGeometry(1.5, 0.35, -1.2),
+        "delta_r": ControlGeometry(0.6, 0.3, -2.5),
+    }
     aircraft, own = (
         make_aircraft(circuits=circuits, controls=controls),
-        content | {"Ch_e/delta": make(-0.1, regressors=["delta_e"])},
+        content | {"Ch_e/delta": make_term(-0.1, regressors=["delta_e"])},
     )
     return lambda more: flightmech.compile(aircraft, make_tree(own | more))
 
@@ -224,7 +227,7 @@ def test_a_power_in_a_step_is_that_of_whole_derivatives(
     less than 4e-4 of it, here 3.5e-4.  1e-9 m of a position, its rounding, are 3e-10 m/s after the
     step; the term of the series in u^3 is 2e-9 m/s.
     """
-    low = make(0.5 * 30.0**-exponent, power=Power("h_agl", exponent, 1.0))
+    low = make_term(0.5 * 30.0**-exponent, power=PowerFactor("h_agl", exponent, 1.0))
     sim = flightmech.compile(make_aircraft(), make_tree(content | {"CL/low": low}))
     run = Simulation(sim.model)
     for name, value in {"init.V": 110.0, "init.h": 30.0, "init.gamma": gamma}.items():

@@ -9,7 +9,7 @@ import xarray as xr
 import flightmech
 from flightmech.errors import SimulationError, UnknownName
 from flightmech.simulation.kernel import PARAMETER, Simulation
-from flightmech.terms import make
+from flightmech.terms import make_term
 
 HELD = {
     "init.V": 90.0,
@@ -118,7 +118,7 @@ def test_what_is_not_there_is_refused(name, sim, record):
 
 
 def test_too_many_changes_are_refused(make_aircraft, make_tree):
-    wide = make(np.zeros(300), {"alpha": np.linspace(-1.0, 1.0, 300)})
+    wide = make_term(np.zeros(300), {"alpha": np.linspace(-1.0, 1.0, 300)})
     sim = flightmech.compile(make_aircraft(), make_tree({"CL/basic": wide}))
     run = Simulation(sim.model)
     first = sim.model.find(PARAMETER, "node.CL.basic[0]")

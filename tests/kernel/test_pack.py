@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 import flightmech
 from flightmech.errors import SchemaError
-from flightmech.simulation.kernel import Model, Simulation
+from flightmech.simulation.kernel import KernelModel, Simulation
 
 SECTIONS = (
     "geometry",
@@ -49,7 +49,7 @@ def patched(block: bytes, offset: int, data: bytes, seal: bool = True) -> bytes:
     )
 
 
-def fly(model: Model) -> None:
+def fly(model: KernelModel) -> None:
     """Use a model that was accepted: nothing may crash, whatever the numbers."""
     run = Simulation(model)
     u = np.zeros(model.count(0))
@@ -84,15 +84,15 @@ def test_a_flipped_bit_is_found(sim):
             seal=False,
         )
         with pytest.raises(SchemaError):
-            Model(changed)
+            KernelModel(changed)
 
 
 def test_truncated_and_extended_blocks(sim):
     for length in (0, 1, 31, 32, 200, len(sim.block) // 2, len(sim.block) - 1):
         with pytest.raises(SchemaError, match=r"too few|truncated"):
-            Model(sim.block[:length])
+            KernelModel(sim.block[:length])
     with pytest.raises(SchemaError, match=r"truncated or extended"):
-        Model(sim.block + b"\0")
+        KernelModel(sim.block + b"\0")
 
 
 @pytest.mark.parametrize(
@@ -106,7 +106,7 @@ def test_truncated_and_extended_blocks(sim):
 )
 def test_wrong_headers_state_what_is_wrong(offset, data, text, sim):
     with pytest.raises(SchemaError, match=text):
-        Model(patched(sim.block, offset, data))
+        KernelModel(patched(sim.block, offset, data))
 
 
 @pytest.mark.parametrize(
@@ -141,7 +141,7 @@ def test_wrong_headers_state_what_is_wrong(offset, data, text, sim):
 )
 def test_wrong_records_state_what_is_wrong(name, inside, data, text, sim):
     with pytest.raises(SchemaError, match=text):
-        Model(patched(sim.block, section(sim.block, name)[0] + inside, data))
+        KernelModel(patched(sim.block, section(sim.block, name)[0] + inside, data))
 
 
 def test_sections_must_lie_inside(sim):
@@ -152,7 +152,7 @@ def test_sections_must_lie_inside(sim):
             struct.pack("<2Q", 65, 1),
         ):
             with pytest.raises(SchemaError):
-                Model(patched(sim.block, 32 + 16 * i, entry))
+                KernelModel(patched(sim.block, 32 + 16 * i, entry))
 
 
 @pytest.mark.slow
@@ -180,7 +180,7 @@ def test_hostile_blocks_with_a_right_checksum_do_not_crash(data, sim):
         )
         block = patched(block, offset, word)
     try:
-        model = Model(block)
+        model = KernelModel(block)
     except SchemaError:
         return
     fly(model)
@@ -190,9 +190,9 @@ def test_hostile_blocks_with_a_right_checksum_do_not_crash(data, sim):
 @given(st.binary(max_size=600))
 def test_any_bytes_are_refused(data):
     with pytest.raises(SchemaError):
-        Model(data)
+        KernelModel(data)
     with pytest.raises(SchemaError):
-        Model(b"AMKERNEL" + data)
+        KernelModel(b"AMKERNEL" + data)
 
 
 def test_the_library_itself_refuses_what_it_cannot_solve_for(sim):
@@ -201,10 +201,10 @@ def test_the_library_itself_refuses_what_it_cannot_solve_for(sim):
     implicit = [sim.variables.index(name) for name in ("alphadothat", "dnz")]
     aero = next(i for i, name in enumerate(sim.axes) if name == "alpha")
     with pytest.raises(SchemaError, match="dnz cannot be a table axis; it may be a regressor only"):
-        Model(patched(sim.block, axes + 24 * aero, struct.pack("<I", implicit[1])))
+        KernelModel(patched(sim.block, axes + 24 * aero, struct.pack("<I", implicit[1])))
     record = terms + 48 * sim.terms.index("Cm/elevator")
     with pytest.raises(
         SchemaError,
         match="term Cm/elevator has two of alphadothat, betadothat, dnz; only one can be solved for",
     ):
-        Model(patched(sim.block, record + 20, struct.pack("<2I", *(1 + i for i in implicit))))
+        KernelModel(patched(sim.block, record + 20, struct.pack("<2I", *(1 + i for i in implicit))))

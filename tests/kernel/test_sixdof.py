@@ -7,7 +7,7 @@ import pytest
 
 import flightmech
 from flightmech import axes
-from flightmech.terms import make
+from flightmech.terms import make_term
 
 
 def random_states(run, rng, n: int):
@@ -112,7 +112,7 @@ def test_outputs_give_back_the_initial_condition(earth, sim, flown):
 def empty(make_aircraft, make_tree, **changes) -> flightmech.SimModel:
     """A body without aerodynamics."""
     return flightmech.compile(
-        make_aircraft(engines=(), **changes), make_tree({"CD/basic": make(0.0)})
+        make_aircraft(engines=(), **changes), make_tree({"CD/basic": make_term(0.0)})
     )
 
 
@@ -221,7 +221,7 @@ def test_at_the_pole_itself(make_aircraft, make_tree, flown):
 
 def test_products_of_inertia_couple_the_axes(make_aircraft, make_tree, flown):
     craft = {"engines": (), "cg": (0.0, 0.0, 0.0), "Ixy": 0.0, "Iyz": 0.0, "Ixz": 900.0}
-    sim = flightmech.compile(make_aircraft(**craft), make_tree({"Cl/basic": make(0.01)}))
+    sim = flightmech.compile(make_aircraft(**craft), make_tree({"Cl/basic": make_term(0.01)}))
     y = flown(sim, init__V=100.0)
     roll = 0.01 * y["qbar"] * 17.0 * 10.3
     det = 10800.0 * 15100.0 - 900.0**2

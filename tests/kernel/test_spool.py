@@ -14,30 +14,30 @@ from scipy.integrate import solve_ivp
 import flightmech
 from flightmech import air, terms
 from flightmech.aircraft.aircraft import inertia
-from flightmech.aircraft.engine import Deck
+from flightmech.aircraft.engine import EngineDeck
 from flightmech.errors import SimulationError
 from flightmech.simulation.kernel import STATE, Simulation
-from flightmech.terms import make
+from flightmech.terms import make_term
 
 STILL = {"init__V": 0.0, "init__h": 0.0, "mode__earth": 0.0, "mode__engine": 0.0}
 N2 = {
-    "n2_command": make([0.5, 1.0], {"throttle": [0.0, 1.0]}),
-    "n2_up_time": make(0.5),
-    "n2_down_time": make(0.8),
+    "n2_command": make_term([0.5, 1.0], {"throttle": [0.0, 1.0]}),
+    "n2_up_time": make_term(0.5),
+    "n2_down_time": make_term(0.8),
 }
 STATIC = {
     **N2,
-    "n1_command": make([0.2, 0.9], {"n2": [0.5, 1.0]}),
-    "n1_up_time": make(0.4),
-    "corrected_thrust": make(
+    "n1_command": make_term([0.2, 0.9], {"n2": [0.5, 1.0]}),
+    "n1_up_time": make_term(0.4),
+    "corrected_thrust": make_term(
         [[100.0, -50.0], [5000.0, 4000.0]], {"corrected_n1": [0.2, 1.0], "mach": [0.0, 0.6]}
     ),
-    "corrected_air_flow": make([5.0, 30.0], {"corrected_n1": [0.2, 1.0]}),
-    "corrected_fuel_flow": make([0.02, 0.12], {"corrected_n2": [0.5, 1.0]}),
-    "corrected_itt": make([600.0, 900.0], {"corrected_n2": [0.5, 1.0]}),
-    "corrected_n1_windmill": make([0.0, 0.3], {"mach": [0.0, 0.6]}),
-    "corrected_n2_windmill": make([0.0, 0.15], {"mach": [0.0, 0.6]}),
-    "windmill_thrust": make(-0.02, regressors=["qbar"]),
+    "corrected_air_flow": make_term([5.0, 30.0], {"corrected_n1": [0.2, 1.0]}),
+    "corrected_fuel_flow": make_term([0.02, 0.12], {"corrected_n2": [0.5, 1.0]}),
+    "corrected_itt": make_term([600.0, 900.0], {"corrected_n2": [0.5, 1.0]}),
+    "corrected_n1_windmill": make_term([0.0, 0.3], {"mach": [0.0, 0.6]}),
+    "corrected_n2_windmill": make_term([0.0, 0.15], {"mach": [0.0, 0.6]}),
+    "windmill_thrust": make_term(-0.02, regressors=["qbar"]),
 }
 
 
@@ -47,14 +47,14 @@ def compiled(make_aircraft, make_tree):
     given.
     """
 
-    def of(*decks: Deck, **changes) -> flightmech.SimModel:
+    def of(*decks: EngineDeck, **changes) -> flightmech.SimModel:
         places = [(0.0, 0.0, 0.0)] if len(decks) == 1 else [(0.0, -1.0, 0.0), (0.0, 1.0, 0.0)]
         engines = tuple(
             flightmech.aircraft.Engine(place, deck=deck)
             for place, deck in zip(places, decks, strict=True)
         )
         return flightmech.compile(
-            make_aircraft(engines=engines, **changes), make_tree({"CD/basic": make(0.0)})
+            make_aircraft(engines=engines, **changes), make_tree({"CD/basic": make_term(0.0)})
         )
 
     return of
@@ -62,15 +62,16 @@ def compiled(make_aircraft, make_tree):
 
 @pytest.fixture(scope="module")
 def static(compiled) -> flightmech.SimModel:
-    return compiled(Deck(STATIC))
+    return compiled(EngineDeck(STATIC))
 
 
-def with_thrust(**tables: xr.Dataset | float) -> Deck:
+def with_thrust(**tables: xr.Dataset | float) -> EngineDeck:
     """A deck of N2 alone with a thrust, changed."""
     leaves = {
-        name: leaf if isinstance(leaf, xr.Dataset) else make(leaf) for name, leaf in tables.items()
+        name: leaf if isinstance(leaf, xr.Dataset) else make_term(leaf)
+        for name, leaf in tables.items()
     }
-    return Deck({**N2, "thrust": make([0.0, 4000.0], {"n2": [0.5, 1.0]}), **leaves})
+    return EngineDeck({**N2, "thrust": make_term([0.0, 4000.0], {"n2": [0.5, 1.0]}), **leaves})
 
 
 def values(sim: flightmech.SimModel, run: Simulation) -> dict[str, float]:
@@ -141,7 +142,9 @@ def test_start_is_steady(static, start):
 
 
 def test_ram_drag_acts_at_the_inlet_against_the_airspeed(compiled, flown, make_aircraft):
-    deck = Deck({**N2, "thrust": make(0.0), "air_flow": make(20.0)}, inlet=(0.5, 0.4, -0.3))
+    deck = EngineDeck(
+        {**N2, "thrust": make_term(0.0), "air_flow": make_term(20.0)}, inlet=(0.5, 0.4, -0.3)
+    )
     y = flown(compiled(deck), **FLIGHT, init__alpha=0.1, init__beta=0.05)
     force = -20.0 * np.array([y["u"], y["v"], y["w"]])
     craft = make_aircraft()
@@ -193,7 +196,7 @@ def test_time_constant_depends_on_the_speed(compiled, start):
     """tau = 2 - 1.5 n: between n' = (1 - n) / tau and its integral 1.5 (n - n0) - 0.5 ln((1 - n)/(1
     - n0)) = t.
     """
-    sim = compiled(with_thrust(n2_up_time=make([2.0, 0.5], {"n2": [0.0, 1.0]})))
+    sim = compiled(with_thrust(n2_up_time=make_term([2.0, 0.5], {"n2": [0.0, 1.0]})))
     n = flown_through(sim, start(sim, **STILL), inputs(sim, engine1__throttle=1.0), 1.5)[
         "engine1.n2"
     ]
@@ -202,9 +205,9 @@ def test_time_constant_depends_on_the_speed(compiled, start):
 
 def test_corrected_command_and_pla(compiled, flown):
     """A schedule over the lever angle, of the corrected speed."""
-    schedule = make([0.5, 1.0], {"pla": [0.2, 1.2]})
-    deck = Deck(
-        {"corrected_n1_command": schedule, "n1_up_time": make(0.5), "thrust": make(0.0)},
+    schedule = make_term([0.5, 1.0], {"pla": [0.2, 1.2]})
+    deck = EngineDeck(
+        {"corrected_n1_command": schedule, "n1_up_time": make_term(0.5), "thrust": make_term(0.0)},
         pla_idle=0.2,
         pla_full=1.2,
     )
@@ -321,13 +324,13 @@ def test_start_up_and_shut_down(compiled, start):
     """Cranked to light-off, up to idle by the acceleration table, cut off and run down: each piece
     by its closed form.
     """
-    deck = Deck(
+    deck = EngineDeck(
         {
             **N2,
-            "thrust": make([0.0, 4000.0], {"n2": [0.5, 1.0]}),
-            "fuel_flow": make(0.05),
-            "n2_up_limit": make(0.05),
-            "itt": make(900.0),
+            "thrust": make_term([0.0, 4000.0], {"n2": [0.5, 1.0]}),
+            "fuel_flow": make_term(0.05),
+            "n2_up_limit": make_term(0.05),
+            "itt": make_term(900.0),
         },
         starter_speed=0.25,
         starter_time=2.0,
@@ -427,8 +430,8 @@ def test_too_slow_to_light_or_to_go_on(compiled, start):
 def test_envelopes(compiled, flown, start):
     """The flame goes out where burn_margin is negative and lights only where light_margin is not."""
     margin = {
-        "burn_margin": make([1.0, -1.0], {"h": [8000.0, 12000.0]}),
-        "light_margin": make([1.0, -1.0], {"h": [5000.0, 7000.0]}),
+        "burn_margin": make_term([1.0, -1.0], {"h": [8000.0, 12000.0]}),
+        "light_margin": make_term([1.0, -1.0], {"h": [5000.0, 7000.0]}),
     }
     sim = compiled(with_thrust(**margin))
     for h, burning in ((9900.0, 1.0), (10100.0, 0.0)):
@@ -455,7 +458,9 @@ def test_one_engine_failed_yaws_towards_it(compiled, flown, make_aircraft):
 
 
 def test_n1_drives(compiled, start):
-    deck = Deck({**STATIC, "corrected_n2_driven": make([0.4, 1.0], {"corrected_n1": [0.1, 1.0]})})
+    deck = EngineDeck(
+        {**STATIC, "corrected_n2_driven": make_term([0.4, 1.0], {"corrected_n1": [0.1, 1.0]})}
+    )
     sim = compiled(deck)
     run = start(sim, **{**FLIGHT, "mode__engine": 1.0}, engine1__n1_drive=0.7)
     for n1 in (0.7, 0.9):
@@ -492,8 +497,8 @@ def test_rotors_keep_the_angular_momentum(compiled, start, make_aircraft):
     """Without outer moments, J w + H of the rotors that speed up stays what it was, in magnitude."""
     craft = {"cg": (0.0, 0.0, 0.0), "Ixy": 0.0, "Ixz": 0.0, "Iyz": 0.0}
     sim = compiled(
-        Deck(
-            {**STATIC, "corrected_thrust": make(0.0), "corrected_air_flow": make(0.0)},
+        EngineDeck(
+            {**STATIC, "corrected_thrust": make_term(0.0), "corrected_air_flow": make_term(0.0)},
             n1_rated=1500.0,
             n2_rated=-3000.0,
             n1_inertia=0.4,
@@ -551,7 +556,7 @@ def test_constants_without_meaning_are_refused(static, flown, changed, message):
 
 
 def test_n1_drive_needs_a_deck(make_aircraft, make_tree, flown):
-    sim = flightmech.compile(make_aircraft(), make_tree({"CD/basic": make(0.0)}))
+    sim = flightmech.compile(make_aircraft(), make_tree({"CD/basic": make_term(0.0)}))
     with pytest.raises(
         SimulationError,
         match=r"mode.engine = 1 drives N1, but the engines have no deck of spool speeds",

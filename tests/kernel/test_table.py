@@ -8,7 +8,7 @@ from scipy.interpolate import RegularGridInterpolator
 
 import flightmech
 from flightmech.simulation.kernel import Simulation
-from flightmech.terms import make
+from flightmech.terms import make_term
 
 NAMES = ("alpha", "beta", "mach", "delta_e")
 
@@ -27,7 +27,8 @@ def test_random_grids_agree_with_scipy(count, make_aircraft, make_tree):
     points = {name: np.cumsum(rng.uniform(0.05, 1.0, rng.integers(2, 9))) for name in NAMES[:count]}
     tables = {f"CL/t{i}": rng.normal(size=[len(p) for p in points.values()]) for i in range(7)}
     sim = flightmech.compile(
-        make_aircraft(), make_tree({name: make(value, points) for name, value in tables.items()})
+        make_aircraft(),
+        make_tree({name: make_term(value, points) for name, value in tables.items()}),
     )
     x = {name: rng.uniform(p[0], p[-1], 300) for name, p in points.items()}
     v = np.stack([x[name] if name in x else np.zeros(300) for name in sim.variables], axis=1)
@@ -45,8 +46,8 @@ def test_random_grids_agree_with_scipy(count, make_aircraft, make_tree):
 def test_hold_keeps_the_end_and_linear_goes_on(make_aircraft, make_tree):
     points = np.array([0.0, 1.0, 3.0])
     content = {
-        "CL/held": make([1.0, 2.0, 8.0], {"alpha": points}),
-        "CD/linear": make([1.0, 2.0, 8.0], {"alpha": points}, outside="linear"),
+        "CL/held": make_term([1.0, 2.0, 8.0], {"alpha": points}),
+        "CD/linear": make_term([1.0, 2.0, 8.0], {"alpha": points}, outside="linear"),
     }
     sim = flightmech.compile(make_aircraft(), make_tree(content))
     CL, CD = evaluate(sim, alpha=[-1.0, 0.0, 3.0, 5.0])[:, :2].T
@@ -57,7 +58,7 @@ def test_hold_keeps_the_end_and_linear_goes_on(make_aircraft, make_tree):
 def test_axis_of_one_point_is_a_constant(make_aircraft, make_tree):
     sim = flightmech.compile(
         make_aircraft(),
-        make_tree({"CL/one": make([[3.0, 5.0]], {"mach": [0.4], "alpha": [0.0, 1.0]})}),
+        make_tree({"CL/one": make_term([[3.0, 5.0]], {"mach": [0.4], "alpha": [0.0, 1.0]})}),
     )
     assert evaluate(sim, alpha=[0.0, 0.5, 1.0], mach=[0.1, 0.4, 0.9])[:, 0].tolist() == [
         3.0,
@@ -69,7 +70,9 @@ def test_axis_of_one_point_is_a_constant(make_aircraft, make_tree):
 def test_value_at_a_breakpoint_is_the_node(make_aircraft, make_tree):
     points = np.linspace(-0.3, 0.4, 8)
     nodes = np.sin(points * 9.0)
-    sim = flightmech.compile(make_aircraft(), make_tree({"CL/t": make(nodes, {"alpha": points})}))
+    sim = flightmech.compile(
+        make_aircraft(), make_tree({"CL/t": make_term(nodes, {"alpha": points})})
+    )
     assert evaluate(sim, alpha=points)[:, 0].tolist() == nodes.tolist()
 
 
@@ -77,7 +80,7 @@ def test_result_does_not_depend_on_the_way_there(make_aircraft, make_tree):
     rng = np.random.default_rng(3)
     points = np.cumsum(rng.uniform(0.1, 1.0, 40))
     sim = flightmech.compile(
-        make_aircraft(), make_tree({"CL/t": make(rng.normal(size=40), {"alpha": points})})
+        make_aircraft(), make_tree({"CL/t": make_term(rng.normal(size=40), {"alpha": points})})
     )
     x = rng.uniform(points[0] - 1.0, points[-1] + 1.0, 500)
     order = np.argsort(x)
@@ -86,7 +89,7 @@ def test_result_does_not_depend_on_the_way_there(make_aircraft, make_tree):
 
 def test_nan_stays_nan_and_harms_nothing(make_aircraft, make_tree):
     sim = flightmech.compile(
-        make_aircraft(), make_tree({"CL/t": make([1.0, 2.0, 8.0], {"alpha": [0.0, 1.0, 3.0]})})
+        make_aircraft(), make_tree({"CL/t": make_term([1.0, 2.0, 8.0], {"alpha": [0.0, 1.0, 3.0]})})
     )
     found = evaluate(sim, alpha=[0.5, np.nan, np.inf, 0.5])[:, 0]
     assert np.isnan(found[1])
@@ -95,9 +98,9 @@ def test_nan_stays_nan_and_harms_nothing(make_aircraft, make_tree):
 
 def test_same_axes_share_a_bundle_other_breakpoints_do_not(make_aircraft, make_tree):
     content = {
-        "CL/a": make([0.0, 1.0], {"alpha": [0.0, 1.0]}),
-        "CD/b": make([0.0, 1.0], {"alpha": [0.0, 1.0]}),
-        "Cm/c": make([0.0, 1.0], {"alpha": [0.0, 2.0]}),
+        "CL/a": make_term([0.0, 1.0], {"alpha": [0.0, 1.0]}),
+        "CD/b": make_term([0.0, 1.0], {"alpha": [0.0, 1.0]}),
+        "Cm/c": make_term([0.0, 1.0], {"alpha": [0.0, 2.0]}),
     }
     sim = flightmech.compile(make_aircraft(engines=()), make_tree(content))
     assert sim.axes == ("alpha", "alpha")
@@ -116,7 +119,7 @@ def test_many_rows_at_once_give_the_numbers_of_single_rows(
         f"Cn/alone{i}": list(points)[-i:] for i in (1, 2, 3)
     }
     more = {
-        name: make(
+        name: make_term(
             rng.normal(size=[len(points[axis]) for axis in axes]),
             {axis: points[axis] for axis in axes},
             outside=outside,
@@ -131,7 +134,7 @@ def test_many_rows_at_once_give_the_numbers_of_single_rows(
         "Cm": ("h_agl", -1.5),
     }
     for head, (variable, exponent) in powers.items():  # one that follows itself, and others between
-        more[f"{head}/powered"] = make(0.3).assign_attrs(
+        more[f"{head}/powered"] = make_term(0.3).assign_attrs(
             power=variable, exponent=exponent, floor=0.5
         )
     sim = flightmech.compile(make_aircraft(), make_tree({**content, **more}))
@@ -169,7 +172,7 @@ def test_tables_that_are_zero_in_a_cell_come_back(numbers, content, make_aircraf
                 value = rng.normal(size=[len(p) for p in grid.values()])
                 if "h_agl" in grid:
                     value[2:] = 0.0
-                more[f"{head}/aloft{axes}{i}"] = make(value, grid)
+                more[f"{head}/aloft{axes}{i}"] = make_term(value, grid)
     sim = flightmech.compile(make_aircraft(), make_tree({**content, **more}))
     v = np.zeros((400, len(sim.variables)))
     ranges = {"h_agl": (-0.5, 6.0), "alpha": (-0.5, 2.5), "beta": (-1.2, 1.2), "mach": (0.0, 2.1)}

@@ -12,19 +12,19 @@ import pytest
 import xarray as xr
 
 import flightmech
-from flightmech.aircraft.controls import Circuit, Control
+from flightmech.aircraft.controls import Circuit, ControlGeometry
 from flightmech.steady_flight.trim_search import start_of
-from flightmech.terms import make
+from flightmech.terms import make_term
 
 CRUISE = {"init.V": 110.0, "init.h": 3000.0, "mode.earth": 0.0}
 AREA, CHORD, GEARING = 1.5, 0.35, -1.2
 HINGES = {
-    "Ch_e/alpha": make(-0.1, regressors=["alpha"]),
-    "Ch_e/elevator": make(-0.3, regressors=["delta_e"]),
-    "Ch_e/tab": make(-0.2, regressors=["delta_t"]),
-    "Ch_r/beta": make(0.05, regressors=["beta"]),
-    "Ch_r/rudder": make(-0.25, regressors=["delta_r"]),
-    "Ch_r/tab": make(-0.15, regressors=["delta_tr"]),
+    "Ch_e/alpha": make_term(-0.1, regressors=["alpha"]),
+    "Ch_e/elevator": make_term(-0.3, regressors=["delta_e"]),
+    "Ch_e/tab": make_term(-0.2, regressors=["delta_t"]),
+    "Ch_r/beta": make_term(0.05, regressors=["beta"]),
+    "Ch_r/rudder": make_term(-0.25, regressors=["delta_r"]),
+    "Ch_r/tab": make_term(-0.15, regressors=["delta_tr"]),
 }
 
 
@@ -32,7 +32,10 @@ HINGES = {
 def piloted(make_aircraft, make_tree, content) -> flightmech.SimModel:
     """The jet of the tests of the kernel with column and pedals."""
     craft = make_aircraft(
-        controls={"delta_e": Control(AREA, CHORD, GEARING), "delta_r": Control(0.9, 0.4, -1.5)},
+        controls={
+            "delta_e": ControlGeometry(AREA, CHORD, GEARING),
+            "delta_r": ControlGeometry(0.9, 0.4, -1.5),
+        },
         circuits={
             "column": Circuit((-0.3, 0.3), 6.0, friction=15.0),
             "pedal": Circuit((-0.3, 0.3), 8.0, friction=20.0),

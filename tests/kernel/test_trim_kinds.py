@@ -15,10 +15,10 @@ import xarray as xr
 
 import flightmech
 from flightmech import axes
-from flightmech.aircraft.engine import Deck
+from flightmech.aircraft.engine import EngineDeck
 from flightmech.errors import SchemaError, SimulationError, UnknownName
 from flightmech.steady_flight.trim_search import start_of
-from flightmech.terms import make
+from flightmech.terms import make_term
 
 G0 = 9.80665
 V, QS, MASS, SPAN = 100.0, 104125.0, 2300.0, 10.3
@@ -66,7 +66,7 @@ def plain(make_aircraft, make_tree):
         )
         fixed = {"engines": engines, "cg": (0.0, 0.0, 0.0), "Ixy": 0.0, "Iyz": 0.0}
         leaves = {
-            name: make(value, regressors=list(words)) for name, (value, *words) in rows.items()
+            name: make_term(value, regressors=list(words)) for name, (value, *words) in rows.items()
         }
         return flightmech.compile(make_aircraft(**(fixed | changes)), make_tree(leaves))
 
@@ -312,11 +312,11 @@ def test_engine_out_by_hand(steady):
 
 
 DECK = {
-    "n1_command": make([0.3, 1.0], {"throttle": [0.0, 1.0]}),
-    "n1_up_time": make(1.0),
-    "corrected_thrust": make([0.0, 9000.0], {"corrected_n1": [0.2, 1.0]}),
-    "corrected_n1_windmill": make([0.0, 0.3], {"mach": [0.0, 0.6]}),
-    "windmill_thrust": make(-0.05, regressors=["qbar"]),
+    "n1_command": make_term([0.3, 1.0], {"throttle": [0.0, 1.0]}),
+    "n1_up_time": make_term(1.0),
+    "corrected_thrust": make_term([0.0, 9000.0], {"corrected_n1": [0.2, 1.0]}),
+    "corrected_n1_windmill": make_term([0.0, 0.3], {"mach": [0.0, 0.6]}),
+    "windmill_thrust": make_term(-0.05, regressors=["qbar"]),
 }
 
 
@@ -324,7 +324,9 @@ def test_a_dead_engine_with_a_deck_windmills(plain):
     """Fuel cut off: 0.05 m2 times dynamic pressure of drag on its side, n1 as the air turns it; the
     other one at full power climbs.
     """
-    engines = tuple(flightmech.aircraft.Engine((0.0, y, 0.0), deck=Deck(DECK)) for y in (-0.8, 0.8))
+    engines = tuple(
+        flightmech.aircraft.Engine((0.0, y, 0.0), deck=EngineDeck(DECK)) for y in (-0.8, 0.8)
+    )
     found = flightmech.trim(
         plain(engines=engines),
         LEVEL,

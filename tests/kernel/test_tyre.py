@@ -13,7 +13,7 @@ import flightmech
 from flightmech.aircraft.landing_gear import Contact, LandingGear, Steering, wet_friction
 from flightmech.errors import SchemaError
 from flightmech.simulation.kernel import PARAMETER, STATE
-from flightmech.terms import make
+from flightmech.terms import make_term
 
 g, MASS, KNOT = 9.80665, 2150.0, 1852.0 / 3600.0
 LEG = {
@@ -59,7 +59,7 @@ def compiled(make_aircraft, make_tree):
         }
         engines = (flightmech.aircraft.Engine((0.0, 0.0, 0.2235)),)
         craft = make_aircraft(**(body | {"engines": engines, "gear": landing_gear} | changes))
-        return flightmech.compile(craft, make_tree({"CD/basic": make(0.0)}))
+        return flightmech.compile(craft, make_tree({"CD/basic": make_term(0.0)}))
 
     return build
 
@@ -425,7 +425,7 @@ def test_aircraft_file(tmp_path, make_tree):
     craft = flightmech.read_aircraft(path)
     assert craft.gear is not None
     assert [c.name for c in craft.gear.contacts] == ["main", "tail"]
-    sim = flightmech.compile(craft, make_tree({"CD/basic": make(0.02)}))
+    sim = flightmech.compile(craft, make_tree({"CD/basic": make_term(0.02)}))
     rows = {row.name: row for row in sim.entries(PARAMETER)}
     found = {
         name: rows[name].value

@@ -13,7 +13,7 @@ from scipy import linalg, signal, stats
 
 import flightmech
 from flightmech.errors import SimulationError
-from flightmech.terms import make
+from flightmech.terms import make_term
 
 FT, DEG = 0.3048, np.pi / 180.0
 SPAN = 10.3
@@ -38,7 +38,7 @@ GIVEN = {
 def probe() -> flightmech.SimModel:
     """A body without aerodynamics: what the air does changes neither its speed nor its attitude."""
     body = flightmech.Aircraft("probe", 17.0, 1.67, SPAN, 2300.0, 10800.0, 8100.0, 15100.0)
-    return flightmech.compile(body, xr.DataTree.from_dict({"/CD/basic": make(0.0)}))
+    return flightmech.compile(body, xr.DataTree.from_dict({"/CD/basic": make_term(0.0)}))
 
 
 def fly(sim: flightmech.SimModel, time, parameters, step: float = 0.01, **inputs) -> xr.Dataset:
@@ -555,9 +555,9 @@ def test_gust_velocity_and_rates_reach_the_coefficients():
     taken from the body's.
     """
     body = flightmech.Aircraft("vane", 17.0, 1.67, SPAN, 2300.0, 10800.0, 8100.0, 15100.0)
-    terms = {"/CL/alpha": make(5.0, regressors=["alpha"])}
+    terms = {"/CL/alpha": make_term(5.0, regressors=["alpha"])}
     terms |= {
-        f"/{c}/{rate}": make(-0.5, regressors=[rate])
+        f"/{c}/{rate}": make_term(-0.5, regressors=[rate])
         for c, rate in (("Cl", "phat"), ("Cm", "qhat"), ("Cn", "rhat"))
     }
     y = fly(

@@ -260,8 +260,8 @@ def trainer():
 @pytest.fixture
 def judged():
     """Judge the rows of a test on signals made by hand; returns the verdict rows by criterion."""
-    from pom.cases.case import Drive, PomCase
-    from pom.judging.verdict import judge, row, settled
+    from pom.cases.case import CaseInputs, PomCase
+    from pom.judging.verdict import judge, row, settle_case
     from pom.tolerances import rows as table
 
     def judge_rows(
@@ -281,12 +281,12 @@ def judged():
         for item, name in zip(found, table.names_of(found), strict=True):
             marks = {event: time[0] for event in table.events()} | events
             ends = zip(("applies_from", "applies_to"), window or (time[0], time[-1]), strict=True)
-            start, stop = (float(table.bound(item[key], marks, end)) for key, end in ends)
+            start, stop = (float(table.bound_time(item[key], marks, end)) for key, end in ends)
             inside = (max(start, time[0]), min(stop, time[-1]))
             criteria.append(
                 table.criterion(item, name, inside, features, engine_parameter="engine1.n1")
             )
-        drive = drive or Drive("cockpit", "throttle")
+        drive = drive or CaseInputs("cockpit", "throttle")
         case = PomCase(
             "c",
             "C",
@@ -300,7 +300,7 @@ def judged():
             criteria=tuple(criteria),
             **more,
         )
-        case = settled(case, time, flight)
+        case = settle_case(case, time, flight)
         return {c.name: row("m", c, judge(case, c, time, flight, model)) for c in case.criteria}
 
     return judge_rows

@@ -317,7 +317,7 @@ def databases():
         - 20.0 * np.clip(alpha[:, None] - 0.15, 0, None) ** 2
     )
     flown = (alpha[:, None] > -0.02) & (alpha[:, None] < 0.2) & (mach > 0)
-    final_basic = terms.make(
+    final_basic = terms.make_term(
         lift_true,
         {"alpha": alpha, "mach": mach},
         stderr=np.where(flown, 0.006, 0.05),
@@ -328,40 +328,42 @@ def databases():
     flaps = np.outer(np.ones(len(alpha)), [0.0, 0.28, 0.45]) - 0.3 * np.outer(alpha, [0, 0.5, 1.0])
     prior = {
         "CL": {
-            "basic": terms.make(lift, {"alpha": alpha, "mach": mach}, source="datcom", stderr=0.08),
-            "flap": terms.make(flaps, axes, source="datcom"),
-            "qhat": terms.make(5.1, regressors=["qhat"], source="datcom", stderr=1.2),
-            "tab": terms.make(0.12, regressors=["delta_t"], source="datcom"),
+            "basic": terms.make_term(
+                lift, {"alpha": alpha, "mach": mach}, source="datcom", stderr=0.08
+            ),
+            "flap": terms.make_term(flaps, axes, source="datcom"),
+            "qhat": terms.make_term(5.1, regressors=["qhat"], source="datcom", stderr=1.2),
+            "tab": terms.make_term(0.12, regressors=["delta_t"], source="datcom"),
         },
         "CD": {
-            "basic": terms.make(
+            "basic": terms.make_term(
                 0.021 + 0.06 * lift**2, {"alpha": alpha, "mach": mach}, source="datcom"
             )
         },
         "Cm": {
-            "basic": terms.make(
+            "basic": terms.make_term(
                 0.03 - 0.9 * alpha[:, None] * np.ones(3),
                 {"alpha": alpha, "mach": mach},
                 source="datcom",
             ),
-            "elevator": terms.make(
+            "elevator": terms.make_term(
                 -1.1 - 0.3 * alpha, {"alpha": alpha}, ["delta_e"], source="datcom", stderr=0.2
             ),
         },
     }
     final = {c: dict(leaves) for c, leaves in prior.items()}
     final["CL"]["basic"] = final_basic
-    final["CL"]["qhat"] = terms.make(
+    final["CL"]["qhat"] = terms.make_term(
         8.3,
         regressors=["qhat"],
         source="flight",
         stderr=0.4,
         comment="holds the effect of alpha-dot",
     )
-    final["CL"]["gear"] = terms.make(
+    final["CL"]["gear"] = terms.make_term(
         -0.012 - 0.05 * alpha, {"alpha": alpha}, ["gear"], source="flight", stderr=0.004
     )
-    final["Cm"]["elevator"] = terms.make(
+    final["Cm"]["elevator"] = terms.make_term(
         -1.32 - 0.35 * alpha, {"alpha": alpha}, ["delta_e"], source="flight", stderr=0.03
     )
     del final["CL"]["tab"]
@@ -546,7 +548,7 @@ def fits():
     words = (["1", "alpha", "qhat", "delta_e"], ["1", "alpha"])
     return [
         flighttest.regress(
-            flighttest.Model("CL", terms), parts, name=f"short period, {len(terms)} terms"
+            flighttest.RegressionModel("CL", terms), parts, name=f"short period, {len(terms)} terms"
         )
         for terms in words
     ]

@@ -8,7 +8,7 @@ import xarray as xr
 
 import flightmech
 from pom.cases.case import read_case
-from pom.judging.verdict import unjudged
+from pom.judging.verdict import reason_not_judged
 from pom.replaying.replay_case import replay
 
 FOLDER = Path(__file__).parents[2] / "data" / "t37" / "cases"
@@ -47,7 +47,7 @@ def test_case_is_sound_and_inside_its_record(stem):
     assert Path(case.record).stem[4:6] == stem[:2]
     judged = [c for c in case.criteria if c.applies]
     assert judged
-    assert not any(unjudged(case, c) for c in judged)
+    assert not any(reason_not_judged(case, c) for c in judged)
     with xr.open_dataset(case.record, group="imu", engine="h5netcdf") as imu:
         assert imu["time"].values[0] <= case.window[0]
         assert imu["time"].values[-1] >= case.window[1]

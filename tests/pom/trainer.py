@@ -46,14 +46,14 @@ _REGRESSORS = {"elevator": "delta_e", "aileron": "delta_a", "rudder": "delta_r",
 def database():
     """Return the true database."""
     leaves = {
-        "CL/basic": terms.make(0.2 + 5.0 * ALPHA, {"alpha": ALPHA}),
-        "CD/basic": terms.make(0.02 + 1.3 * ALPHA**2, {"alpha": ALPHA}),
-        "Cm/basic": terms.make(0.02 - 0.7 * ALPHA, {"alpha": ALPHA}),
-        "Cm/gear": terms.make(-0.03, regressors=["gear"]),
+        "CL/basic": terms.make_term(0.2 + 5.0 * ALPHA, {"alpha": ALPHA}),
+        "CD/basic": terms.make_term(0.02 + 1.3 * ALPHA**2, {"alpha": ALPHA}),
+        "Cm/basic": terms.make_term(0.02 - 0.7 * ALPHA, {"alpha": ALPHA}),
+        "Cm/gear": terms.make_term(-0.03, regressors=["gear"]),
     }
     for name, value in (_RATES | _OTHERS).items():
         word = name.split("/")[1]
-        leaves[name] = terms.make(value, regressors=[_REGRESSORS.get(word, word)])
+        leaves[name] = terms.make_term(value, regressors=[_REGRESSORS.get(word, word)])
     root = {
         "title": "trainer",
         "aircraft": "trainer",
@@ -62,7 +62,7 @@ def database():
         "b": 10.3,
         "force_axes": "stability",
     }
-    return aerodb.database(leaves, **root, x_ref=0.0, y_ref=0.0, z_ref=0.0)
+    return aerodb.make_database(leaves, **root, x_ref=0.0, y_ref=0.0, z_ref=0.0)
 
 
 def scaled(db, **factors):

@@ -12,9 +12,9 @@ import pytest
 import xarray as xr
 
 from flighttest.regression.combining.joined_fits import join_fits
-from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
-from flighttest.regression.model_structure.selection import decide
+from flighttest.regression.model_structure.selection import apply_deletion_rule
 
 PRINTED = {
     "1": 0.012,
@@ -25,7 +25,7 @@ PRINTED = {
     "alpha**3": -3.116,
     "qhat**3": -0.132,
 }
-MODEL = Model("Cm", list(PRINTED))
+MODEL = RegressionModel("Cm", list(PRINTED))
 
 
 def glide(seed):
@@ -68,7 +68,7 @@ def runs():
 def test_the_cubic_in_the_pitch_rate_contributes_nothing(runs):
     rate = runs[0].data["qhat"].values
     assert np.abs(PRINTED["qhat**3"] * rate**3).max() < 1e-5
-    verdict = decide(runs)
+    verdict = apply_deletion_rule(runs)
     assert verdict.loc["qhat**3", "decision"] != "identified"
     for term in ("alpha", "qhat", "delta_e", "alpha**2"):
         assert verdict.loc[term, "decision"] == "identified", term

@@ -18,7 +18,7 @@ import xarray as xr
 from nesc import records
 
 import flightmech
-from flightmech.terms import make
+from flightmech.terms import make_term
 
 FOLDER = Path(__file__).parents[2] / ".." / "shared" / "data" / "flight" / "nesc_checkcases"
 THINNED = Path(__file__).parent / "trajectories"
@@ -33,7 +33,7 @@ def sphere(CD: float) -> flightmech.SimModel:
     body = flightmech.Aircraft(
         "sphere", 0.1963495 * FT**2, FT, FT, SLUG, inertia, inertia, inertia, earth_outputs=True
     )
-    db = xr.DataTree.from_dict({"/CD/basic": make(CD)})
+    db = xr.DataTree.from_dict({"/CD/basic": make_term(CD)})
     db.attrs["force_axes"] = "wind"
     return flightmech.compile(body, db)
 
@@ -54,7 +54,7 @@ def brick(damping: float) -> flightmech.SimModel:
         earth_outputs=True,
     )
     terms = {
-        f"/{c}/damping": make(-damping, regressors=[rate])
+        f"/{c}/damping": make_term(-damping, regressors=[rate])
         for c, rate in (("Cl", "phat"), ("Cm", "qhat"), ("Cn", "rhat"))
     }
     return flightmech.compile(body, xr.DataTree.from_dict(terms))

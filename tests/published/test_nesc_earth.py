@@ -18,7 +18,7 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 import flightmech
-from flightmech.terms import make
+from flightmech.terms import make_term
 
 FT, DEG = 0.3048, np.pi / 180.0
 SLUG, SLUG_FT2 = 14.593902937, 1.3558179483  # NASA/TM-2015-218675
@@ -57,7 +57,7 @@ def ball() -> flightmech.SimModel:
     body = flightmech.Aircraft(
         "sphere", AREA, FT, FT, SLUG, inertia, inertia, inertia, earth_outputs=True
     )
-    db = xr.DataTree.from_dict({"/CD/basic": make(0.1)})
+    db = xr.DataTree.from_dict({"/CD/basic": make_term(0.1)})
     db.attrs["force_axes"] = "wind"
     return flightmech.compile(body, db)
 

@@ -18,7 +18,7 @@ import flightmech
 import flighttest
 from flightmech import terms
 from flightmech.names import attrs
-from flighttest.flight_programme.evaluation.flight_evaluation import completed
+from flighttest.flight_programme.evaluation.flight_evaluation import add_computed_mass
 from flighttest.flight_programme.evaluation.plan import read_plan
 
 HERE = Path(__file__).parent
@@ -83,7 +83,7 @@ def plan(year):
 @lru_cache
 def record(year):
     """Return a record with mass and c.g., and thrust where temperature was recorded."""
-    found = completed(
+    found = add_computed_mass(
         flighttest.read(FLIGHTS / f"{RECORDS[year]}.csv.gz", names(year)),
         aircraft(),
         plan(year).loading,
@@ -131,13 +131,13 @@ def coefficients(year, motion, begin, end):
 def stationary_parts(year, *series):
     data = flighttest.coefficients(stationary(year), aircraft(), errors=THRUST_ERROR)
     return [
-        flighttest.between(data, *window)
+        flighttest.select_time(data, *window)
         for window in stationary_windows(year, *(series or ("clcd", "trim")))
     ]
 
 
 def fit(model, data, name=""):
-    return flighttest.regress(flighttest.Model.parse(model), data, name=name)
+    return flighttest.regress(flighttest.RegressionModel.parse(model), data, name=name)
 
 
 @lru_cache
@@ -170,7 +170,7 @@ def similar(db):
     )
     larger.attrs.update(zip(("x_ref", "y_ref", "z_ref"), aircraft().reference))
     opened = {
-        name: terms.make(0.0, {}, word.split(), stderr=stderr, source="judgement")
+        name: terms.make_term(0.0, {}, word.split(), stderr=stderr, source="judgement")
         for name, (word, stderr) in OPENED.items()
     }
     return aerodb.replace_terms(

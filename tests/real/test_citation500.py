@@ -87,11 +87,15 @@ def within(fit, **expected):
 
 def test_surfaces_as_recorded_give_the_values_of_the_readme():
     data = measured("de3211_1")
-    force = flighttest.regress(flighttest.Model.parse("CZ = 1 + alpha + qhat + delta_e"), data)
+    force = flighttest.regress(
+        flighttest.RegressionModel.parse("CZ = 1 + alpha + qhat + delta_e"), data
+    )
     within(force, bias="-0.142", alpha="-5.59", delta_e="-0.44")
     assert values(force)["qhat"] / 2 == pytest.approx(-4.80, abs=0.01)
     assert force.estimates.attrs["R2"] == pytest.approx(0.998, abs=1e-3)
-    moment = flighttest.regress(flighttest.Model.parse("Cm = 1 + alpha + qhat + delta_e"), data)
+    moment = flighttest.regress(
+        flighttest.RegressionModel.parse("Cm = 1 + alpha + qhat + delta_e"), data
+    )
     # 0.3 %: how the README differentiates the rates is not stated
     for term, printed in {
         "1": 0.0126,
@@ -105,19 +109,23 @@ def test_surfaces_as_recorded_give_the_values_of_the_readme():
 
 def test_the_lag_of_the_surfaces_is_found_by_the_fit_of_the_moment():
     data = measured("de3211_1", lag=LAG)
-    moment = flighttest.regress(flighttest.Model.parse("Cm = 1 + alpha + qhat + delta_e"), data)
+    moment = flighttest.regress(
+        flighttest.RegressionModel.parse("Cm = 1 + alpha + qhat + delta_e"), data
+    )
     assert moment.estimates.attrs["R2"] == pytest.approx(0.979, abs=1e-3)
     # 4 %: the values of the README are those of a lag of 0.083 s in this discretisation, half a
     # sample and more
     for term, printed in {"alpha": -0.882, "qhat": -20.4, "delta_e": -1.41}.items():
         assert values(moment)[term] == pytest.approx(printed, rel=0.045)
-    force = flighttest.regress(flighttest.Model.parse("CZ = 1 + alpha + qhat + delta_e"), data)
+    force = flighttest.regress(
+        flighttest.RegressionModel.parse("CZ = 1 + alpha + qhat + delta_e"), data
+    )
     assert values(force)["alpha"] == pytest.approx(-5.66, abs=0.02)
 
 
 def test_the_band_of_the_short_period_gives_the_same_moments_as_time():
     data = measured("de3211_1", lag=LAG)
-    model = flighttest.Model.parse("Cm = 1 + alpha + qhat + delta_e")
+    model = flighttest.RegressionModel.parse("Cm = 1 + alpha + qhat + delta_e")
     band, time = (
         flighttest.equation_error.regress_frequency(model, data, (0.05, 1.5)),
         flighttest.regress(model, data),
@@ -132,13 +140,13 @@ def test_the_band_of_the_short_period_gives_the_same_moments_as_time():
 def test_rolling_moment_of_three_records_with_lag():
     data = measured("da3211_2", "dadoublet_1", "dr3211_1", lag=LAG)
     roll = flighttest.regress(
-        flighttest.Model.parse("Cl = 1 + beta + phat + rhat + delta_a + delta_r"), data
+        flighttest.RegressionModel.parse("Cl = 1 + beta + phat + rhat + delta_a + delta_r"), data
     )
     assert roll.estimates.attrs["R2"] == pytest.approx(0.989, abs=3e-3)
     for term, printed in {"beta": -0.072, "phat": -0.515, "rhat": 0.165, "delta_a": -0.197}.items():
         assert values(roll)[term] == pytest.approx(printed, rel=0.06)  # the lag, as above
     side = flighttest.regress(
-        flighttest.Model.parse("CY = 1 + beta + phat + rhat + delta_a + delta_r"), data
+        flighttest.RegressionModel.parse("CY = 1 + beta + phat + rhat + delta_a + delta_r"), data
     )
     assert values(side)["beta"] == pytest.approx(-0.55, abs=0.005)
 

@@ -13,7 +13,7 @@ import xarray as xr
 import flightmech
 import flighttest
 from flightmech.air import atmosphere
-from flightmech.terms import make
+from flightmech.terms import make_term
 from flightmech.units import G0
 
 LATERAL = {
@@ -70,7 +70,7 @@ def published(aircraft, mass, V, h, delta_T):
         "published", aircraft.S, aircraft.cbar, aircraft.b, mass, **inertia, engines=(engine,)
     )
     leaves = {
-        f"/{c}/{words.replace(' ', '_') or 'basic'}": make(x, regressors=words.split())
+        f"/{c}/{words.replace(' ', '_') or 'basic'}": make_term(x, regressors=words.split())
         for c, d in numbers.items()
         for words, x in d.items()
     }

@@ -210,7 +210,9 @@ def test_three_ways_to_tables_agree_on_the_flight(citation, prior):
 
 
 def frequency(citation, model, data, band):
-    return flighttest.equation_error.regress_frequency(flighttest.Model.parse(model), data, band)
+    return flighttest.equation_error.regress_frequency(
+        flighttest.RegressionModel.parse(model), data, band
+    )
 
 
 @pytest.mark.parametrize("year", YEARS)

@@ -13,7 +13,7 @@ def test_the_roll_rate_lags_behind_the_ailerons(citation, year):
     """0.21 s in both flights; all data changed in the twelfth digit change it as little."""
     t = citation.start(year, "aperiodic_roll")
     data = flighttest.cut(citation.record(year), t - 2.0, t + 8.0, rate=10.0)[["p", "delta_a"]]
-    model = flighttest.Model.parse("p = 1 + lag(delta_a, tau)", {"tau": (0.05, 4.0)})
+    model = flighttest.RegressionModel.parse("p = 1 + lag(delta_a, tau)", {"tau": (0.05, 4.0)})
     fit = flighttest.separable.regress_separable(model, data)
     tau, error = fit.value("tau")
     assert fit.value("lag(delta_a,tau)")[0] < 0.0

@@ -7,9 +7,9 @@ import pytest
 
 from flighttest.flight_programme.planning.recursive_fourier import may_end, running_estimate
 from flighttest.regression.equation_error.frequency_domain import regress_frequency
-from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.model import RegressionModel
 
-MODEL, BAND = Model.parse("Cm = 1 + alpha + qhat + delta_e"), (0.1, 1.5)
+MODEL, BAND = RegressionModel.parse("Cm = 1 + alpha + qhat + delta_e"), (0.1, 1.5)
 
 
 @pytest.mark.slow

@@ -100,7 +100,7 @@ def test_a_perturbation_of_1e_12_stays_one(citation):
     """
     spread, number = 0.0, 0
     for number, (_, data, text) in enumerate(cases(citation), 1):
-        model = flighttest.Model.parse(text)
+        model = flighttest.RegressionModel.parse(text)
         stderr = flighttest.regress(model, data).estimates["stderr"].values
         for seed in range(3):
             again = flighttest.regress(
@@ -118,7 +118,7 @@ def test_standard_errors_of_real_fits_are_those_of_common_sense(citation):
     """
     ratios = []
     for _, data, text in cases(citation):
-        e = flighttest.regress(flighttest.Model.parse(text), data).estimates
+        e = flighttest.regress(flighttest.RegressionModel.parse(text), data).estimates
         ratios.extend((e["stderr"] / e["stderr_window"]).values[1:])
         assert e.attrs["hidden"] < 4.0
     assert min(ratios) > 0.3

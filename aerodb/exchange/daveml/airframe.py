@@ -12,14 +12,14 @@ import numpy as np
 import xarray as xr
 
 from aerodb.exchange.daveml import polynomials
-from aerodb.exchange.daveml.document.model import DaveModel, Variable
+from aerodb.exchange.daveml.document.model import DaveModel, DaveVariable
 from aerodb.exchange.daveml.document.reading import read
 from aerodb.exchange.daveml.expansion import expand
 from aerodb.exchange.daveml.vocabulary import conversion, quantity_of
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.aircraft.engine import THRUST_AXES, Engine
 from flightmech.errors import SchemaError
-from flightmech.terms import evaluate, make
+from flightmech.terms import evaluate, make_term
 
 _NAMES = {  # of S-119, in addition to those of the vocabulary
     "bodyProductOfInertia_ZX": "Ixz",
@@ -114,7 +114,7 @@ def import_daveml_aircraft(
     )
 
 
-def _quantity(variable: Variable) -> str:
+def _quantity(variable: DaveVariable) -> str:
     return _NAMES.get(variable.name) or quantity_of(variable)
 
 
@@ -168,7 +168,7 @@ def _thrust(model: DaveModel) -> xr.Dataset:
     if outputs[0] not in sums:
         raise SchemaError(model.file, [f"{outputs[0]} is no table: {reasons[outputs[0]]}"])
     axes = {name: points for name in THRUST_AXES if len(points := _points(sums[outputs[0]], name))}
-    leaf = make(
+    leaf = make_term(
         _forces(model, scales, outputs[0], _meshed(axes)), axes, references=Path(model.file).name
     )
     _prove(model, scales, outputs[0], leaf, axes)

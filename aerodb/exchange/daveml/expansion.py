@@ -11,10 +11,10 @@ import numpy as np
 
 from aerodb.exchange.daveml import piecewise_linear, polynomials
 from aerodb.exchange.daveml.document import mathml
-from aerodb.exchange.daveml.document.model import DaveModel, Function, Uncertainty, Variable
-from aerodb.exchange.daveml.document.tables import Axis, Gridded
+from aerodb.exchange.daveml.document.model import DaveFunction, DaveModel, DaveVariable, Uncertainty
+from aerodb.exchange.daveml.document.tables import FunctionAxis, Gridded
 from aerodb.exchange.daveml.piecewise_linear import PiecewiseLinear
-from aerodb.exchange.daveml.polynomials import Grid, GridAxis, Inexact, Sum
+from aerodb.exchange.daveml.polynomials import GridAxis, Inexact, MultilinearTable, Sum
 from aerodb.exchange.daveml.sampler import Sampler
 from aerodb.exchange.daveml.vocabulary import REDUCED, VALUE
 
@@ -58,7 +58,7 @@ def expand(
     return sums, reasons
 
 
-def approximated(
+def approximate_variable(
     sampler: Sampler,
     varID: str,
     reasons: Mapping[str, str],
@@ -108,7 +108,7 @@ class _Approximation:
 
 def _approximated(expression: mathml.Expression, of: _Approximation, weight: float) -> Sum:
     if isinstance(expression, mathml.Name):
-        return approximated(of.sampler, expression.varID, of.reasons, of.lengths, weight)
+        return approximate_variable(of.sampler, expression.varID, of.reasons, of.lengths, weight)
     exact = _exact(expression, of)
     if exact is not None:
         return exact
@@ -141,7 +141,7 @@ def _factors(expression: mathml.Apply) -> Iterator[mathml.Expression]:
     numerator = expression.arguments if expression.operator == "times" else expression.arguments[:1]
     yield from numerator
     for denominator in expression.arguments[len(numerator) :]:
-        yield mathml.Apply("power", (denominator, mathml.Number(-1.0)))
+        yield mathml.Apply("power", (denominator, mathml.MathNumber(-1.0)))
 
 
 def _exact(expression: mathml.Expression, of: _Approximation) -> Sum | None:
@@ -151,7 +151,7 @@ def _exact(expression: mathml.Expression, of: _Approximation) -> Sum | None:
         return None
 
 
-def spread(uncertainty: Uncertainty | None, values: np.ndarray) -> np.ndarray | None:
+def node_standard_errors(uncertainty: Uncertainty | None, values: np.ndarray) -> np.ndarray | None:
     """Return the standard errors (shape of the values) that an uncertainty states, or None when it
     states none.
 
@@ -195,13 +195,15 @@ def _variable(
         raise Inexact(
             f"it is an input in {variable.units or 'no unit'} that no quantity of the vocabulary belongs to; state one with names="
         )
-    stderr = spread(variable.uncertainty, np.asarray(variable.initial))
+    stderr = node_standard_errors(variable.uncertainty, np.asarray(variable.initial))
     if stderr is not None or variable.name.endswith(VALUE):
-        return polynomials.table(Grid((), np.asarray(variable.initial), stderr, varID, -1))
+        return polynomials.table(
+            MultilinearTable((), np.asarray(variable.initial), stderr, varID, -1)
+        )
     return polynomials.constant(variable.initial)
 
 
-def _limited(one: Sum, variable: Variable) -> Sum:
+def _limited(one: Sum, variable: DaveVariable) -> Sum:
     """Apply the limits of a variable."""
     if not np.isfinite((variable.low, variable.high)).any():
         return one
@@ -209,7 +211,7 @@ def _limited(one: Sum, variable: Variable) -> Sum:
     if value is not None:
         return polynomials.constant(float(np.clip(value, variable.low, variable.high)))
     try:
-        return polynomials.applied(
+        return polynomials.apply_piecewise_linear(
             piecewise_linear.limiter(variable.low, variable.high), one, variable.varID
         )
     except Inexact as error:
@@ -255,7 +257,7 @@ class _Lookup:
 
 
 def _expression(expression: mathml.Expression, known: _Lookup) -> Sum:
-    if isinstance(expression, mathml.Number):
+    if isinstance(expression, mathml.MathNumber):
         return polynomials.constant(expression.value)
     if isinstance(expression, mathml.Name):
         return known[expression.varID]
@@ -295,7 +297,7 @@ def _operation(operator: str, arguments: list[Sum]) -> Sum:
     if operator == "power" and rest[0].constant is not None:
         return polynomials.power(first, rest[0].constant)
     if operator == "abs":
-        return polynomials.applied(piecewise_linear.ABS, first)
+        return polynomials.apply_piecewise_linear(piecewise_linear.ABS, first)
     if operator in ("max", "min"):
         sign = 1.0 if operator == "max" else -1.0
         for one in rest:  # max(a, b) = a + max(b - a, 0), min(a, b) = a - max(a - b, 0)
@@ -303,7 +305,9 @@ def _operation(operator: str, arguments: list[Sum]) -> Sum:
             first = polynomials.add(
                 [
                     first,
-                    polynomials.scale(polynomials.applied(piecewise_linear.POSITIVE, gap), sign),
+                    polynomials.scale(
+                        polynomials.apply_piecewise_linear(piecewise_linear.POSITIVE, gap), sign
+                    ),
                 ]
             )
         return first
@@ -328,8 +332,8 @@ def _choice(choice: mathml.Choice, known: _Lookup) -> Sum:
         elif held is not False:
             name, at, below = held
             gap = polynomials.add([_expression(value, known), polynomials.scale(result, -1.0)])
-            result = polynomials.joined(
-                polynomials.add([result, polynomials.side(gap, name, at, below)])
+            result = polynomials.merge_tables(
+                polynomials.add([result, polynomials.restrict_side(gap, name, at, below)])
             )
     return result
 
@@ -363,14 +367,14 @@ def _condition(condition: mathml.Expression, known: _Lookup) -> bool | tuple[str
     return name, at, (condition.operator in ("lt", "leq")) == (slope > 0.0)
 
 
-def _function(function: Function, known: _Lookup) -> Sum:
+def _function(function: DaveFunction, known: _Lookup) -> Sum:
     """Return a table look-up whose inputs are each a piecewise-linear function of one variable, as
     a table over these variables.
     """
     if not isinstance(function.table, Gridded):
         raise Inexact("its table is ungridded")
     values = function.table.values
-    stderr = spread(function.uncertainty, values)
+    stderr = node_standard_errors(function.uncertainty, values)
     axes: list[GridAxis] = []
     for index in reversed(range(len(function.axes))):
         axis, argument = function.axes[index], known[function.inputs[index]]
@@ -388,11 +392,13 @@ def _function(function: Function, known: _Lookup) -> Sum:
             raise Inexact(f"two of its inputs depend on {name}")
         made, values, stderr = _axis(axis, name, inner, values, stderr, index)
         axes = [*made, *axes]
-    return polynomials.table(Grid(tuple(axes), values, stderr, function.output, function.place))
+    return polynomials.table(
+        MultilinearTable(tuple(axes), values, stderr, function.output, function.place)
+    )
 
 
 def _axis(
-    axis: Axis,
+    axis: FunctionAxis,
     name: str,
     inner: PiecewiseLinear,
     values: np.ndarray,
@@ -409,7 +415,8 @@ def _axis(
     plain = (GridAxis("", axis.points, axis.open_low, axis.open_high),)
     front = [None if item is None else np.moveaxis(item, index, 0) for item in (values, stderr)]
     along = [
-        None if item is None else Grid((*plain, *_nameless(item)), item).along("") for item in front
+        None if item is None else MultilinearTable((*plain, *_nameless(item)), item).along("")
+        for item in front
     ]
     assert along[0] is not None
     if not name:
@@ -426,7 +433,7 @@ def _axis(
 
 
 def _straight(
-    axis: Axis,
+    axis: FunctionAxis,
     name: str,
     inner: PiecewiseLinear,
     values: np.ndarray,
@@ -442,7 +449,7 @@ def _straight(
     return (GridAxis(name, points, *ends),), values, stderr
 
 
-def _limits(axis: Axis) -> bool:
+def _limits(axis: FunctionAxis) -> bool:
     """Whether the limits of an input change what the table gives."""
     low, high = axis.points[0], axis.points[-1]
     return (axis.low > low or (axis.open_low and axis.low > -np.inf)) or (

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from aerodb.exchange.daveml.document.units import code_of
-from aerodb.exchange.daveml.vocabulary import REDUCED, STORED, legal
+from aerodb.exchange.daveml.vocabulary import REDUCED, STORED, replace_illegal_characters
 from aerodb.store.evaluation import contributions
 from aerodb.store.schema import FORCE_AXES, terms
 from flightmech.names import lookup
@@ -26,18 +26,24 @@ def element(
 ) -> list[str]:
     """Return an element as lines; `inside` is its text, or the lines of its children."""
     head = tag + "".join(
-        f" {key}={quoteattr(legal(text))}" for key, text in (attributes or {}).items() if text != ""
+        f" {key}={quoteattr(replace_illegal_characters(text))}"
+        for key, text in (attributes or {}).items()
+        if text != ""
     )
     if inside is None or len(inside) == 0:
         return [f"<{head}/>"]
     if isinstance(inside, str):
-        return [f"<{head}>{escape(legal(inside))}</{tag}>"]
+        return [f"<{head}>{escape(replace_illegal_characters(inside))}</{tag}>"]
     return [f"<{head}>", *(_STEP + line for line in inside), f"</{tag}>"]
 
 
 def text(tag: str, content: str) -> list[str]:
     """Return an element of several lines of text, each at the margin; nothing for no text."""
-    return [f"<{tag}>", *escape(legal(content)).split("\n"), f"</{tag}>"] if content.strip() else []
+    return (
+        [f"<{tag}>", *escape(replace_illegal_characters(content)).split("\n"), f"</{tag}>"]
+        if content.strip()
+        else []
+    )
 
 
 def numbers(values: np.ndarray) -> list[str]:
@@ -98,7 +104,7 @@ def ranges(leaves: Iterable[xr.Dataset], limits: Limits) -> dict[str, tuple[floa
     return found
 
 
-def size(name: str) -> float:
+def typical_size(name: str) -> float:
     """Return the usual largest size of a variable. [SI]"""
     row = lookup(name)
     return max(map(abs, _RANGES.get(row.name, _RANGES.get(row.units, (-1.0, 1.0)))))
@@ -152,7 +158,7 @@ SIZES = ("S", "cbar", "b")
 
 
 @dataclass(frozen=True)
-class Case:
+class CheckShot:
     """One check case: inputs and coefficients in SI, contributions by term, tolerance by
     coefficient.
     """
@@ -163,7 +169,7 @@ class Case:
     outputs: Mapping[str, tuple[float, float]]
 
 
-def totals(db: xr.DataTree) -> list[str]:
+def exported_coefficients(db: xr.DataTree) -> list[str]:
     """Return the coefficients of an exported file: those of the database, in its order, then those
     of its force axes that it has not.
     """
@@ -174,9 +180,9 @@ def totals(db: xr.DataTree) -> list[str]:
     )
 
 
-def drawn_cases(
+def draw_check_cases(
     db: xr.DataTree, count: int, limits: Mapping[str, tuple[float, float]]
-) -> list[Case]:
+) -> list[CheckShot]:
     """Return check cases spread over the tables, every second one to 15 % beyond them."""
     leaves = list(terms(db).values())
     inside = draw(leaves, count, 0.0, limits)
@@ -188,7 +194,7 @@ def drawn_cases(
     return _cases(db, names, with_rates(states, _lengths(db)))
 
 
-def stored_cases(db: xr.DataTree) -> list[Case]:
+def read_stored_cases(db: xr.DataTree) -> list[CheckShot]:
     """Return the cases in ``/checks`` that hold all inputs, with the expected values and tolerances
     that stand there.
 
@@ -216,7 +222,7 @@ def stored_cases(db: xr.DataTree) -> list[Case]:
     return [case for i, one in enumerate(made) if (case := _as_stored(one, table, i)) is not None]
 
 
-def shot_lines(case: Case, term_ids: Mapping[str, str], inputs: Sequence[str]) -> list[str]:
+def shot_lines(case: CheckShot, term_ids: Mapping[str, str], inputs: Sequence[str]) -> list[str]:
     """Return a staticShot element as lines."""
     given = [line for name in inputs for line in _signal(_labels(name), case.inputs[name])]
     internal = [
@@ -242,10 +248,12 @@ def _lengths(db: xr.DataTree) -> dict[str, float]:
     return {name: float(db.attrs[name]) for name in ("cbar", "b")}
 
 
-def _cases(db: xr.DataTree, names: Sequence[str], states: Mapping[str, np.ndarray]) -> list[Case]:
+def _cases(
+    db: xr.DataTree, names: Sequence[str], states: Mapping[str, np.ndarray]
+) -> list[CheckShot]:
     parts = {
         c: contributions(db, c, with_reduced(states, _lengths(db)), outside="clamp")
-        for c in totals(db)
+        for c in exported_coefficients(db)
     }
     sizes = {name: (float(db.attrs[name]), _tolerance([float(db.attrs[name])])) for name in SIZES}
     whole = np.zeros(len(names))
@@ -262,7 +270,7 @@ def _cases(db: xr.DataTree, names: Sequence[str], states: Mapping[str, np.ndarra
             c: (sum(found.values()), _tolerance(found.values())) for c, found in each.items()
         }
         cases.append(
-            Case(
+            CheckShot(
                 name,
                 {key: float((whole + value)[i]) for key, value in states.items()},
                 internal,
@@ -276,7 +284,7 @@ def _tolerance(parts: Iterable[float]) -> float:
     return max(_TOLERANCE * max(map(abs, parts), default=0.0), _LEAST)
 
 
-def _as_stored(case: Case, table: xr.Dataset, index: int) -> Case | None:
+def _as_stored(case: CheckShot, table: xr.Dataset, index: int) -> CheckShot | None:
     """Return a case with the values of ``/checks``, or None when an input is missing or a value is
     not met.
     """
@@ -295,7 +303,7 @@ def _as_stored(case: Case, table: xr.Dataset, index: int) -> Case | None:
         if not abs(value - expected) <= allowed:
             return None
         outputs[name] = expected, allowed
-    return Case(case.name, case.inputs, case.internal, outputs)
+    return CheckShot(case.name, case.inputs, case.internal, outputs)
 
 
 def standard_name(quantity: str) -> str:

@@ -16,23 +16,23 @@ import xarray as xr
 
 from aerodb.exchange.daveml import export_checks as sample_states
 from aerodb.exchange.daveml.document import mathml
-from aerodb.exchange.daveml.document.mathml import Apply, Expression, Name, Number
+from aerodb.exchange.daveml.document.mathml import Apply, Expression, MathNumber, Name
 from aerodb.exchange.daveml.document.units import code_of
 from aerodb.exchange.daveml.export_checks import (
     SIZES,
-    Case,
-    drawn_cases,
+    CheckShot,
+    draw_check_cases,
     element,
+    exported_coefficients,
     numbers,
+    read_stored_cases,
     shot_lines,
     standard_name,
-    stored_cases,
     text,
-    totals,
 )
-from aerodb.exchange.daveml.vocabulary import REDUCED, VALUE, WRITER, packed, runs
+from aerodb.exchange.daveml.vocabulary import REDUCED, VALUE, WRITER, pack_attributes, source_runs
 from aerodb.store.schema import require, terms
-from flightmech.build_up import used
+from flightmech.build_up import used_coefficients
 from flightmech.errors import SchemaError
 from flightmech.names import lookup
 from flightmech.support.atomic_write import write_text
@@ -91,7 +91,7 @@ def export_daveml(
         _demand_same(db, aircraft)
     limits = aircraft.limits if aircraft is not None else {}
     writer = _Writer(db)
-    cases = [*drawn_cases(db, shots, limits), *stored_cases(db)]
+    cases = [*draw_check_cases(db, shots, limits), *read_stored_cases(db)]
     lines = [_HEAD, *element("DAVEfunc", {"xmlns": _NAMESPACE}, writer.lines(cases))]
     write_text(path, "\n".join(lines) + "\n")
 
@@ -104,7 +104,7 @@ def _demand_tables(db: xr.DataTree) -> None:
                 f"{name}: the factor {power(leaf)} is a formula, and the file takes tables; "
                 "make it one first (aerodb.transform.with_height_table)"
             )
-        for word in sorted(used(leaf)):
+        for word in sorted(used_coefficients(leaf)):
             problems.append(
                 f"{name}: {word} is an output of the file and no input; leave the term out (aerodb.delete_terms)"
             )
@@ -138,7 +138,7 @@ class _Writer:
         self.ids: set[str] = set()
         self.term_ids: dict[str, str] = {}
 
-    def lines(self, cases: Iterable[Case]) -> list[str]:
+    def lines(self, cases: Iterable[CheckShot]) -> list[str]:
         head = self._header()
         given = [line for name in self._inputs() for line in self._input(name)]
         fixed = [line for name in _GEOMETRY for line in self._constant(name)]
@@ -151,7 +151,7 @@ class _Writer:
         for name, leaf in self.leaves.items():
             self.term_ids[name] = self._id(name.replace("/", "_"))
             self._term(name, leaf)
-        sums = [line for name in totals(self.db) for line in self._total(name)]
+        sums = [line for name in exported_coefficients(self.db) for line in self._total(name)]
         checks = element(
             "checkData",
             {},
@@ -188,7 +188,7 @@ class _Writer:
             *self._author(),
             *element("creationDate", {"date": self.today}),
             *element("fileVersion", {}, f"{WRITER} {version('aeromatch')}"),
-            *text("description", packed(texts)),
+            *text("description", pack_attributes(texts)),
             *(
                 line
                 for i, title in enumerate(documents, 1)
@@ -255,7 +255,10 @@ class _Writer:
         self.ids.add(name)
         made = Apply(
             "divide",
-            (Apply("times", (Name(rate), Name(length))), Apply("times", (Number(2.0), Name("V")))),
+            (
+                Apply("times", (Name(rate), Name(length))),
+                Apply("times", (MathNumber(2.0), Name("V"))),
+            ),
         )
         return self._variable(name, name, {}, _calculation(made))
 
@@ -305,10 +308,10 @@ class _Writer:
             if key not in ("regressors", "outside")
         }
         if "source" in leaf:
-            texts["source"] = runs(leaf["source"].values)
+            texts["source"] = source_runs(leaf["source"].values)
         properties = {"name": name, "varID": self.term_ids[name], "units": "nd"}
         self.term_lines += element(
-            "variableDef", properties, [*text("description", packed(texts)), *product]
+            "variableDef", properties, [*text("description", pack_attributes(texts)), *product]
         )
 
     def _table_variable(self, name: str, key: str, leaf: xr.Dataset) -> str:
@@ -407,7 +410,7 @@ class _Writer:
 def _calculation(expression: Expression) -> list[str]:
     """Return a calculation element."""
     return element(
-        "calculation", {}, element("math", {"xmlns": _MATH}, mathml.written(expression, ""))
+        "calculation", {}, element("math", {"xmlns": _MATH}, mathml.write_mathml(expression, ""))
     )
 
 

@@ -15,12 +15,12 @@ import xarray as xr
 
 from aerodb.exchange.daveml import export_checks as sample_states
 from aerodb.exchange.daveml import polynomials
-from aerodb.exchange.daveml.document.model import DaveModel, Reference, Shot, Variable
+from aerodb.exchange.daveml.document.model import DaveModel, DaveReference, DaveVariable, Shot
 from aerodb.exchange.daveml.document.reading import read
-from aerodb.exchange.daveml.expansion import approximated, expand
+from aerodb.exchange.daveml.expansion import approximate_variable, expand
 from aerodb.exchange.daveml.polynomials import Sum
 from aerodb.exchange.daveml.sampler import Sampler
-from aerodb.exchange.daveml.terms import Part, leaves_of, parts_of
+from aerodb.exchange.daveml.terms import CoefficientPart, leaves_of, parts_of
 from aerodb.exchange.daveml.vocabulary import (
     COEFFICIENTS,
     STORED,
@@ -28,10 +28,10 @@ from aerodb.exchange.daveml.vocabulary import (
     conversion,
     device_of,
     quantity_of,
-    unpacked,
+    unpack_attributes,
 )
 from aerodb.store.evaluation import contributions
-from aerodb.store.schema import FORCE_AXES, database, terms
+from aerodb.store.schema import FORCE_AXES, make_database, terms
 from flightmech.errors import AeromatchWarning, SchemaError, UnitError, UnknownName
 from flightmech.names import ITEM, VOCABULARY, attrs, lookup
 from flightmech.support.netcdf_trees import CHECKS
@@ -121,28 +121,28 @@ def import_daveml(
     }
     sums, reasons = expand(model, inputs, geometry)
     outputs, axes = _coefficients(model, names, force_axes, without)
-    source = _Source(model, mine, outputs, geometry, sums, reasons)
+    source = _ImportedModel(model, mine, outputs, geometry, sums, reasons)
     if sample is None and grid:
         raise ValueError(
             "grid= states where functions are sampled; give sample=, the largest difference allowed, with it"
         )
     if sample is None:
         leaves, lines = _terms(source, None), list[str]()
-        _prove(database(leaves, **_root(source, Path(path), axes)), source, {}, 0.0)
+        _prove(make_database(leaves, **_root(source, Path(path), axes)), source, {}, 0.0)
     else:
         leaves, lines = _sampled_terms(
             source,
-            lambda found: database(found, **_root(source, Path(path), axes)),
+            lambda found: make_database(found, **_root(source, Path(path), axes)),
             sample,
             grid or {},
         )
     root = _root(source, Path(path), axes, _named_inputs(model, mine, names, leaves), lines)
-    db, cases = database(leaves, **root), _checks(model, mine, outputs, geometry)
+    db, cases = make_database(leaves, **root), _checks(model, mine, outputs, geometry)
     return db if cases is None else xr.DataTree.from_dict({**db.to_dict(), f"/{CHECKS}": cases})
 
 
 @dataclass(frozen=True)
-class _Source:
+class _ImportedModel:
     """A model as it is taken over: quantities of inputs and varIDs of coefficients, lengths, exact
     sums and why others are not exact.
     """
@@ -155,7 +155,7 @@ class _Source:
     reasons: Mapping[str, str]
 
 
-def _terms(source: _Source, sampler: Sampler | None) -> dict[str, xr.Dataset]:
+def _terms(source: _ImportedModel, sampler: Sampler | None) -> dict[str, xr.Dataset]:
     """Return the terms of all coefficients by name.
 
     Raises
@@ -187,7 +187,7 @@ def _terms(source: _Source, sampler: Sampler | None) -> dict[str, xr.Dataset]:
 
 
 def _sampled_terms(
-    source: _Source,
+    source: _ImportedModel,
     put: Callable[[dict[str, xr.Dataset]], xr.DataTree],
     sample: float,
     grid: Mapping[str, Sequence[float]],
@@ -247,7 +247,7 @@ def _quantities(model: DaveModel, names: Mapping[str, str]) -> dict[str, str]:
     return found
 
 
-def _substitute(variable: Variable, quantity: str) -> Sum:
+def _substitute(variable: DaveVariable, quantity: str) -> Sum:
     factor, offset = conversion(variable, quantity)
     return polynomials.variable(quantity, factor, offset)
 
@@ -354,19 +354,21 @@ def _axes_of(model: DaveModel, found: Mapping[str, str]) -> str:
 
 
 def _leaves(
-    source: _Source, coefficient: str, varID: str, sampler: Sampler | None
+    source: _ImportedModel, coefficient: str, varID: str, sampler: Sampler | None
 ) -> dict[str, xr.Dataset]:
     """Return the terms of one coefficient by name."""
     model, sums = source.model, source.sums if sampler is None else sampler.sums
     factor, offset = conversion(model.variables[varID], coefficient)
     if sampler is not None:
-        approximated(sampler, varID, source.reasons, source.geometry)
+        approximate_variable(sampler, varID, source.reasons, source.geometry)
     if varID not in sums:
         raise polynomials.Inexact(source.reasons[varID])
     parts = parts_of(model, coefficient, varID, sums)
     if factor != 1.0 or offset != 0.0:
         parts = [
-            Part(part.name, polynomials.scale(part.sum, 1.0 / factor), part.order, part.texts)
+            CoefficientPart(
+                part.name, polynomials.scale(part.sum, 1.0 / factor), part.order, part.texts
+            )
             for part in parts
         ]
     return leaves_of(model, coefficient, parts, None if sampler is None else sampler.joined)
@@ -400,7 +402,7 @@ def _named_inputs(
 
 
 def _root(
-    source: _Source, path: Path, axes: str, remark: str = "", lines: Sequence[str] = ()
+    source: _ImportedModel, path: Path, axes: str, remark: str = "", lines: Sequence[str] = ()
 ) -> dict[str, str | float]:
     model, header = source.model, source.model.header
     missing = [name for name in FORCE_AXES[axes] if name not in source.outputs]
@@ -413,7 +415,7 @@ def _root(
         "absent": " ".join(f"{name}/basic" for name in missing),
     }
     if header.version.startswith(WRITER):
-        attributes = unpacked(header.description)
+        attributes = unpack_attributes(header.description)
     values = model.check()
     line = f"import_daveml: {path.name}, version {header.version or 'unnamed'}, {len(model.shots)} check cases with {len(values)} values, "
     line += "all met" if values["passed"].all() else f"{int((~values['passed']).sum())} NOT met"
@@ -426,7 +428,7 @@ def _root(
     return {**attributes, **dict.fromkeys(_PLACE, 0.0), **source.geometry, "force_axes": axes}
 
 
-def _cited(reference: Reference) -> str:
+def _cited(reference: DaveReference) -> str:
     parts = (reference.author, reference.title, reference.accession, reference.date)
     return ", ".join(part.replace(";", ",") for part in parts if part)
 
@@ -461,7 +463,7 @@ def _file_inputs(
 
 
 def _prove(
-    db: xr.DataTree, source: _Source, box: Mapping[str, tuple[float, float]], sample: float
+    db: xr.DataTree, source: _ImportedModel, box: Mapping[str, tuple[float, float]], sample: float
 ) -> dict[str, float]:
     """Compare the database with the model at states inside and beyond its tables; where functions
     were sampled, inside their range.

@@ -62,7 +62,9 @@ def line(slope: float, offset: float = 0.0) -> PiecewiseLinear:
     return PiecewiseLinear(np.zeros(1), np.array([offset]), np.asarray(slope), np.asarray(slope))
 
 
-def bend(points: list[float], values: list[float], left: float, right: float) -> PiecewiseLinear:
+def from_nodes(
+    points: list[float], values: list[float], left: float, right: float
+) -> PiecewiseLinear:
     """Return a function by its nodes and end slopes."""
     return PiecewiseLinear(
         np.array(points, float),
@@ -72,24 +74,26 @@ def bend(points: list[float], values: list[float], left: float, right: float) ->
     )
 
 
-ABS = bend([0.0], [0.0], -1.0, 1.0)
-POSITIVE = bend([0.0], [0.0], 0.0, 1.0)
+ABS = from_nodes([0.0], [0.0], -1.0, 1.0)
+POSITIVE = from_nodes([0.0], [0.0], 0.0, 1.0)
 
 
 def limiter(low: float, high: float) -> PiecewiseLinear:
     """Return the limiter to low ... high; either may be infinite."""
     if np.isfinite(low) and np.isfinite(high):
         return (
-            bend([low, high], [low, high], 0.0, 0.0) if low < high else bend([low], [low], 0.0, 0.0)
+            from_nodes([low, high], [low, high], 0.0, 0.0)
+            if low < high
+            else from_nodes([low], [low], 0.0, 0.0)
         )
     if np.isfinite(low):
-        return bend([low], [low], 0.0, 1.0)
-    return bend([high], [high], 1.0, 0.0) if np.isfinite(high) else line(1.0)
+        return from_nodes([low], [low], 0.0, 1.0)
+    return from_nodes([high], [high], 1.0, 0.0) if np.isfinite(high) else line(1.0)
 
 
 def add(f: PiecewiseLinear, g: PiecewiseLinear) -> PiecewiseLinear:
     """Return f + g."""
-    points = g.points if f.is_line else f.points if g.is_line else union(f.points, g.points)
+    points = g.points if f.is_line else f.points if g.is_line else merge_points(f.points, g.points)
     return PiecewiseLinear(
         points, f(points) + g(points), _total(f.left, g.left), _total(f.right, g.right)
     )
@@ -98,7 +102,7 @@ def add(f: PiecewiseLinear, g: PiecewiseLinear) -> PiecewiseLinear:
 def compose(outer: PiecewiseLinear, inner: PiecewiseLinear) -> PiecewiseLinear:
     """Return outer(inner(x)); the inner function is a single one."""
     places, nodes = preimages(outer.points, inner)
-    points = union(places, inner.points)
+    points = merge_points(places, inner.points)
     values = outer(inner(points))
     for at, node in zip(
         places, nodes, strict=True
@@ -117,9 +121,9 @@ def compose(outer: PiecewiseLinear, inner: PiecewiseLinear) -> PiecewiseLinear:
     return _without(PiecewiseLinear(points, values, left, right), places)
 
 
-def part(f: PiecewiseLinear, at: float, below: bool) -> PiecewiseLinear | None:
+def restrict_side(f: PiecewiseLinear, at: float, below: bool) -> PiecewiseLinear | None:
     """Return f on one side of a place and zero on the other, or None when f jumps there."""
-    points = union(f.points, np.array([at]))
+    points = merge_points(f.points, np.array([at]))
     values = f(points)
     here = int(np.argmin(np.abs(points - at)))
     if np.abs(values[here]).max(initial=0.0) > _SAME * max(
@@ -171,7 +175,7 @@ def _same(a: np.ndarray, b: np.ndarray) -> bool:
     return bool((np.abs(a - b) <= _SAME * scale).all())
 
 
-def union(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def merge_points(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Return the points of both, rising; those of the first win over nearly equal ones of the
     second.
     """

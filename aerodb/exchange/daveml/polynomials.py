@@ -44,7 +44,7 @@ class GridAxis:
 
 
 @dataclass(frozen=True, eq=False)
-class Grid:
+class MultilinearTable:
     """A multilinear table over model variables, with the standard error of its nodes where the file
     states it.
 
@@ -81,16 +81,16 @@ class Grid:
             slopes[1] if axis.open_high else flat,
         )
 
-    def replaced(self, variable: str, along: PiecewiseLinear) -> Grid:
+    def replaced(self, variable: str, along: PiecewiseLinear) -> MultilinearTable:
         """Return the table with another function along one of its variables, without standard
         errors.
         """
         index = self.variables.index(variable)
         points, values, low, high = piecewise_linear.as_axis(along)
         axes = (*self.axes[:index], GridAxis(variable, points, low, high), *self.axes[index + 1 :])
-        return Grid(axes, np.moveaxis(values, 0, index), None, self.label)
+        return MultilinearTable(axes, np.moveaxis(values, 0, index), None, self.label)
 
-    def opened(self, index: int) -> Grid:
+    def opened(self, index: int) -> MultilinearTable:
         """Return the same table with an axis that goes on with its end slope on both sides: held
         ends get a flat piece.
         """
@@ -112,11 +112,11 @@ class Grid:
             for item in (values, stderr)
         ]
         assert put[0] is not None
-        return Grid(axes, put[0], put[1], self.label)
+        return MultilinearTable(axes, put[0], put[1], self.label)
 
 
 Powers = tuple[tuple[str, int], ...]
-Product = tuple[tuple[Grid, ...], Powers]
+Product = tuple[tuple[MultilinearTable, ...], Powers]
 ONE: Product = ((), ())
 
 
@@ -155,7 +155,7 @@ def variable(name: str, factor: float = 1.0, offset: float = 0.0) -> Sum:
     return add([Sum({((), ((name, 1),)): factor}), constant(offset)])
 
 
-def table(grid: Grid) -> Sum:
+def table(grid: MultilinearTable) -> Sum:
     """Return a table as a sum."""
     return Sum({((grid,), ()): 1.0})
 
@@ -271,22 +271,22 @@ def from_piecewise_linear(name: str, function: PiecewiseLinear, label: str = "")
             else constant(offset)
         )
     points, values, low, high = piecewise_linear.as_axis(function)
-    return table(Grid((GridAxis(name, points, low, high),), values, None, label))
+    return table(MultilinearTable((GridAxis(name, points, low, high),), values, None, label))
 
 
-def applied(outer: PiecewiseLinear, one: Sum, label: str = "") -> Sum:
+def apply_piecewise_linear(outer: PiecewiseLinear, one: Sum, label: str = "") -> Sum:
     """Return a piecewise-linear function of a sum, which must be one of a single variable itself."""
     name, inner = as_piecewise_linear(one)
     return from_piecewise_linear(name, piecewise_linear.compose(outer, inner), label)
 
 
-def side(one: Sum, name: str, at: float, below: bool) -> Sum:
+def restrict_side(one: Sum, name: str, at: float, below: bool) -> Sum:
     """Return a sum where a variable is on one side of a place, and zero on the other; it must
     vanish at the place.
 
     The products are gathered by what else they hold; each gathering must vanish by itself.
     """
-    gathered: dict[Product, list[tuple[Grid | None, float]]] = {}
+    gathered: dict[Product, list[tuple[MultilinearTable | None, float]]] = {}
     for (grids, powers), coefficient in one.products.items():
         own = [grid for grid in grids if name in grid.variables]
         degree = dict(powers).get(name, 0)
@@ -296,7 +296,7 @@ def side(one: Sum, name: str, at: float, below: bool) -> Sum:
             tuple(grid for grid in grids if name not in grid.variables),
             tuple(p for p in powers if p[0] != name),
         )
-        shape = own[0] if own else None if degree else Grid((), np.ones(()))
+        shape = own[0] if own else None if degree else MultilinearTable((), np.ones(()))
         gathered.setdefault(rest, []).append((shape, coefficient))
     return add(
         multiply(Sum({rest: 1.0}), _side(parts, name, at, below))
@@ -304,7 +304,9 @@ def side(one: Sum, name: str, at: float, below: bool) -> Sum:
     )
 
 
-def _side(parts: list[tuple[Grid | None, float]], name: str, at: float, below: bool) -> Sum:
+def _side(
+    parts: list[tuple[MultilinearTable | None, float]], name: str, at: float, below: bool
+) -> Sum:
     flat = Sum(
         {
             (
@@ -316,21 +318,21 @@ def _side(parts: list[tuple[Grid | None, float]], name: str, at: float, below: b
     )
     if all(grid is None or len(grid.axes) < 2 for grid, _ in parts):
         _, function = as_piecewise_linear(flat)
-        cut = piecewise_linear.part(function, at, below)
+        cut = piecewise_linear.restrict_side(function, at, below)
         if cut is not None:
             return from_piecewise_linear(name, cut)
     elif len(parts) == 1:
         grid, coefficient = parts[0]
         assert grid is not None
-        cut = piecewise_linear.part(grid.along(name), at, below)
+        cut = piecewise_linear.restrict_side(grid.along(name), at, below)
         if cut is not None:
             return scale(table(grid.replaced(name, cut)), coefficient)
     raise Inexact(f"it jumps where {name} passes {at:g}")
 
 
-def joined(one: Sum) -> Sum:
+def merge_tables(one: Sum) -> Sum:
     """Return a sum in which tables over the same variables, with the same factors, are one table."""
-    kept: dict[tuple[frozenset[str], Powers], Grid] = {}
+    kept: dict[tuple[frozenset[str], Powers], MultilinearTable] = {}
     rest: list[Sum] = []
     for (grids, powers), coefficient in one.products.items():
         if len(grids) != 1 or not grids[0].axes:
@@ -341,25 +343,27 @@ def joined(one: Sum) -> Sum:
     return add([*(Sum({((grid,), powers): 1.0}) for (_, powers), grid in kept.items()), *rest])
 
 
-def _scaled(grid: Grid, factor: float) -> Grid:
+def _scaled(grid: MultilinearTable, factor: float) -> MultilinearTable:
     stderr = None if grid.stderr is None else abs(factor) * grid.stderr
-    return Grid(grid.axes, factor * grid.values, stderr, grid.label)
+    return MultilinearTable(grid.axes, factor * grid.values, stderr, grid.label)
 
 
-def _total(a: Grid, b: Grid) -> Grid:
+def _total(a: MultilinearTable, b: MultilinearTable) -> MultilinearTable:
     """Return the sum of two tables over the same variables, on the breakpoints of both."""
     order = [b.variables.index(name) for name in a.variables]
-    b = Grid(tuple(b.axes[i] for i in order), np.transpose(b.values, order), None, b.label)
+    b = MultilinearTable(
+        tuple(b.axes[i] for i in order), np.transpose(b.values, order), None, b.label
+    )
     for index in range(len(a.axes)):
         flags = [(grid.axes[index].open_low, grid.axes[index].open_high) for grid in (a, b)]
         if flags[0] != flags[1]:
             a, b = a.opened(index), b.opened(index)
-        points = piecewise_linear.union(a.axes[index].points, b.axes[index].points)
+        points = piecewise_linear.merge_points(a.axes[index].points, b.axes[index].points)
         a, b = _refined(a, index, points), _refined(b, index, points)
-    return Grid(a.axes, a.values + b.values, None, a.label or b.label)
+    return MultilinearTable(a.axes, a.values + b.values, None, a.label or b.label)
 
 
-def _refined(grid: Grid, index: int, points: np.ndarray) -> Grid:
+def _refined(grid: MultilinearTable, index: int, points: np.ndarray) -> MultilinearTable:
     """Return the same table on more breakpoints."""
     axis = grid.axes[index]
     values = np.moveaxis(grid.along(axis.variable)(points), 0, index)
@@ -368,4 +372,4 @@ def _refined(grid: Grid, index: int, points: np.ndarray) -> Grid:
         GridAxis(axis.variable, points, axis.open_low, axis.open_high),
         *grid.axes[index + 1 :],
     )
-    return Grid(axes, values, None, grid.label)
+    return MultilinearTable(axes, values, None, grid.label)

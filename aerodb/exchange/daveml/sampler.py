@@ -11,11 +11,11 @@ from aerodb.exchange.daveml import export_checks as sample_states
 from aerodb.exchange.daveml import piecewise_linear, polynomials
 from aerodb.exchange.daveml.document import mathml
 from aerodb.exchange.daveml.document.model import DaveModel
-from aerodb.exchange.daveml.polynomials import Grid, GridAxis, Inexact, Sum
-from aerodb.exchange.daveml.terms import Factors, closed
+from aerodb.exchange.daveml.polynomials import GridAxis, Inexact, MultilinearTable, Sum
+from aerodb.exchange.daveml.terms import Factors, unify_rules
 from aerodb.exchange.daveml.vocabulary import REDUCED, conversion
-from aerodb.exchange.sampling import Function, Unsampled, difference, tabulated
-from flightmech.terms import MAX_AXES, evaluate, make
+from aerodb.exchange.sampling import Function, SamplingError, largest_difference, tabulate_function
+from flightmech.terms import MAX_AXES, evaluate, make_term
 
 _FIRST = 5  # breakpoints of an axis whose table has its two ends only
 _RATES = {rate for rate, _ in REDUCED.values()} - {
@@ -105,10 +105,10 @@ class Sampler:
         try:
             return float(np.abs(self._start(quantity, ())).max())
         except Inexact:  # what no table is over has a usual range
-            return sample_states.size(quantity)
+            return sample_states.typical_size(quantity)
 
     def joined(
-        self, grids: list[Grid], powers: Mapping[str, int], factor: float
+        self, grids: list[MultilinearTable], powers: Mapping[str, int], factor: float
     ) -> Iterator[Factors]:
         """Yield a product, a number apart, with the factors that share variables on one table, then
         with all of them on one.
@@ -170,12 +170,14 @@ class Sampler:
         starts = {name: self._start(name, needed) for name in sorted(set(inputs.values()))}
         return polynomials.table(self._sampled(what, function, starts, weight))
 
-    def _product(self, grids: list[Grid], powers: Mapping[str, int], weight: float) -> Grid:
+    def _product(
+        self, grids: list[MultilinearTable], powers: Mapping[str, int], weight: float
+    ) -> MultilinearTable:
         leaves = []
         for grid in grids:
-            outside, (table,) = closed([grid])
+            outside, (table,) = unify_rules([grid])
             leaves.append(
-                make(
+                make_term(
                     table.values,
                     {axis.variable: axis.points for axis in table.axes},
                     outside=outside,
@@ -206,7 +208,7 @@ class Sampler:
 
     def _sampled(
         self, what: str, function: Function, starts: Mapping[str, np.ndarray], weight: float
-    ) -> Grid:
+    ) -> MultilinearTable:
         if len(starts) > MAX_AXES:
             raise Inexact(
                 f"{what} cannot be sampled: it depends on {', '.join(starts)}; a table has at most {MAX_AXES} axes"
@@ -222,14 +224,14 @@ class Sampler:
 
         fixed = [name for name in starts if len(self.given.get(name, ())) > 2]
         try:
-            table = tabulated(finite, starts, self.bound / max(weight, 1e-12), fixed)
-        except Unsampled as error:
+            table = tabulate_function(finite, starts, self.bound / max(weight, 1e-12), fixed)
+        except SamplingError as error:
             raise Inexact(f"{what} cannot be sampled: {error}") from None
         for name, points in starts.items():
             low, high = self.box.get(name, (points[0], points[-1]))
             self.box[name] = float(max(low, points[0])), float(min(high, points[-1]))
-        note = f"{what} sampled on {' x '.join(map(str, table.shape))} nodes: largest difference seen {difference(finite, table):.2g}"
-        return Grid(
+        note = f"{what} sampled on {' x '.join(map(str, table.shape))} nodes: largest difference seen {largest_difference(finite, table):.2g}"
+        return MultilinearTable(
             tuple(GridAxis(str(name), table[name].values) for name in table.dims),
             table.values,
             None,

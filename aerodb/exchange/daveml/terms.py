@@ -13,11 +13,11 @@ import xarray as xr
 
 from aerodb.exchange.daveml.document import mathml
 from aerodb.exchange.daveml.document.model import DaveModel
-from aerodb.exchange.daveml.polynomials import Grid, GridAxis, Inexact, Sum
-from aerodb.exchange.daveml.vocabulary import codes, unpacked
+from aerodb.exchange.daveml.polynomials import GridAxis, Inexact, MultilinearTable, Sum
+from aerodb.exchange.daveml.vocabulary import source_codes, unpack_attributes
 from flightmech.aircraft.controls import DEVICE
 from flightmech.names import attrs, lookup
-from flightmech.terms import MAX_AXES, MAX_REGRESSORS, SOURCES, make
+from flightmech.terms import MAX_AXES, MAX_REGRESSORS, SOURCES, make_term
 
 # what a regressor makes of a contribution's name; others keep their own
 _WORDS = {
@@ -35,7 +35,7 @@ _TABLES = 1 + 2  # value, K1, K2
 
 
 @dataclass(frozen=True)
-class Part:
+class CoefficientPart:
     """A part of a coefficient: its sum, the name the file gives it or ``""``, the order of its
     factors, and what is noted about it.
     """
@@ -46,7 +46,9 @@ class Part:
     texts: Mapping[str, str | float] = field(default_factory=dict)
 
 
-def parts_of(model: DaveModel, coefficient: str, varID: str, sums: Mapping[str, Sum]) -> list[Part]:
+def parts_of(
+    model: DaveModel, coefficient: str, varID: str, sums: Mapping[str, Sum]
+) -> list[CoefficientPart]:
     """Return a coefficient as its parts: the summands that the file names ``CL/flap`` each by
     itself, or one part without a name.
     """
@@ -55,13 +57,13 @@ def parts_of(model: DaveModel, coefficient: str, varID: str, sums: Mapping[str, 
     pattern = re.compile(rf"{coefficient}/([A-Za-z][A-Za-z0-9_]*)")
     found = [pattern.fullmatch(model.variables[name].name) for name in summands]
     if not summands or not all(found):
-        return [Part("", sums[varID])]
+        return [CoefficientPart("", sums[varID])]
     return [
-        Part(
+        CoefficientPart(
             match[1],
             sums[name],
             _factors(model, name, sums),
-            unpacked(model.variables[name].description),
+            unpack_attributes(model.variables[name].description),
         )
         for match, name in zip(found, summands, strict=True)
         if match is not None
@@ -95,15 +97,15 @@ def _factors(model: DaveModel, varID: str, sums: Mapping[str, Sum]) -> tuple[str
     return tuple(power[0][0] for power in powers if len(power) == 1)
 
 
-Factors = tuple[list[Grid], dict[str, int]]
+Factors = tuple[list[MultilinearTable], dict[str, int]]
 """Tables of a product, and the powers of its variables."""
 
 
-Join = Callable[[list[Grid], Mapping[str, int], float], Iterator[Factors]]
+Join = Callable[[list[MultilinearTable], Mapping[str, int], float], Iterator[Factors]]
 
 
 def leaves_of(
-    model: DaveModel, coefficient: str, parts: Sequence[Part], join: Join | None = None
+    model: DaveModel, coefficient: str, parts: Sequence[CoefficientPart], join: Join | None = None
 ) -> dict[str, xr.Dataset]:
     """Return the terms of a coefficient by name.
 
@@ -135,10 +137,10 @@ def leaves_of(
 
 def _leaf_or_joined(
     model: DaveModel,
-    grids: list[Grid],
+    grids: list[MultilinearTable],
     powers: dict[str, int],
     factor: float,
-    part: Part,
+    part: CoefficientPart,
     join: Join | None,
 ) -> xr.Dataset:
     try:
@@ -154,18 +156,22 @@ def _leaf_or_joined(
 
 
 def _leaf(
-    model: DaveModel, grids: list[Grid], powers: Mapping[str, int], factor: float, part: Part
+    model: DaveModel,
+    grids: list[MultilinearTable],
+    powers: Mapping[str, int],
+    factor: float,
+    part: CoefficientPart,
 ) -> xr.Dataset:
     labels = [grid.label for grid in grids if grid.label in model.functions]
     notes = [grid.note for grid in grids if grid.note]
     words = _regressors(powers, part.order)
     tables, words = _tables(grids, words, named=bool(part.name))
     _demand_disjoint(tables)
-    outside, tables = closed(tables)
-    value, *factors = tables or [Grid((), np.ones(()))]
+    outside, tables = unify_rules(tables)
+    value, *factors = tables or [MultilinearTable((), np.ones(()))]
     texts = dict(part.texts) if part.name else _texts(model, labels)
     source = str(texts.pop("source", ""))
-    leaf = make(
+    leaf = make_term(
         factor * value.values if factor != 1.0 else value.values,
         {axis.variable: axis.points for axis in value.axes},
         words,
@@ -173,7 +179,7 @@ def _leaf(
         outside=outside,
         **{f"K{i}": _array(grid) for i, grid in enumerate(factors, 1)},  # type: ignore[arg-type]
     )
-    flags = codes(source, value.values.shape) if source else None
+    flags = source_codes(source, value.values.shape) if source else None
     if flags is not None:
         leaf["source"] = (
             leaf["value"].dims,
@@ -195,7 +201,9 @@ def _regressors(powers: Mapping[str, int], order: Sequence[str]) -> list[str]:
     return sorted(words, key=lambda word: order.index(word) if word in order else len(order))
 
 
-def _tables(grids: list[Grid], words: list[str], named: bool) -> tuple[list[Grid], list[str]]:
+def _tables(
+    grids: list[MultilinearTable], words: list[str], named: bool
+) -> tuple[list[MultilinearTable], list[str]]:
     """Return at most three tables and two regressors for a product: what is too much becomes
     tables, or one table of several.
     """
@@ -217,7 +225,9 @@ def _tables(grids: list[Grid], words: list[str], named: bool) -> tuple[list[Grid
             raise Inexact(f"it multiplies {len(grids)} tables; a term has at most {_TABLES}")
         grids = [
             *rest,
-            Grid((*a.axes, *b.axes), np.multiply.outer(a.values, b.values), None, a.label),
+            MultilinearTable(
+                (*a.axes, *b.axes), np.multiply.outer(a.values, b.values), None, a.label
+            ),
         ]
     for grid in grids:
         if len(grid.axes) > MAX_AXES:
@@ -227,7 +237,7 @@ def _tables(grids: list[Grid], words: list[str], named: bool) -> tuple[list[Grid
     return grids, words
 
 
-def _without_scalars(grids: list[Grid]) -> list[Grid]:
+def _without_scalars(grids: list[MultilinearTable]) -> list[MultilinearTable]:
     """Multiply uncertain constants into the first table, or into the first of themselves; standard
     errors to first order.
     """
@@ -241,19 +251,21 @@ def _without_scalars(grids: list[Grid]) -> list[Grid]:
         first, c = tables[0], float(scalar.values)
         spread = [np.zeros(()) if grid.stderr is None else grid.stderr for grid in (first, scalar)]
         stderr = np.hypot(c * spread[0], first.values * spread[1])
-        tables[0] = Grid(first.axes, c * first.values, stderr, first.label, first.serial)
+        tables[0] = MultilinearTable(
+            first.axes, c * first.values, stderr, first.label, first.serial
+        )
     return tables
 
 
-def _identity(name: str) -> Grid:
+def _identity(name: str) -> MultilinearTable:
     """Return the table that gives its variable."""
     span = _SPAN.get(lookup(name).units, 10.0)
     points = np.array([-span, span])
-    return Grid((GridAxis(name, points, True, True),), points.copy())
+    return MultilinearTable((GridAxis(name, points, True, True),), points.copy())
 
 
-def _demand_disjoint(grids: Sequence[Grid]) -> None:
-    seen: dict[str, Grid] = {}
+def _demand_disjoint(grids: Sequence[MultilinearTable]) -> None:
+    seen: dict[str, MultilinearTable] = {}
     for grid in grids:
         for name in grid.variables:
             if name in seen:
@@ -263,7 +275,7 @@ def _demand_disjoint(grids: Sequence[Grid]) -> None:
             seen[name] = grid
 
 
-def closed(tables: Sequence[Grid]) -> tuple[str, list[Grid]]:
+def unify_rules(tables: Sequence[MultilinearTable]) -> tuple[str, list[MultilinearTable]]:
     """Return the rule of the leaf, and its tables so that it holds for all axes: where some go on,
     held ends get a flat piece.
     """
@@ -285,7 +297,7 @@ def closed(tables: Sequence[Grid]) -> tuple[str, list[Grid]]:
     return "linear", list(tables)
 
 
-def _array(grid: Grid) -> xr.DataArray:
+def _array(grid: MultilinearTable) -> xr.DataArray:
     array = xr.DataArray(
         grid.values, {axis.variable: axis.points for axis in grid.axes}, grid.variables
     )

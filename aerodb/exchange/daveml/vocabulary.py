@@ -10,7 +10,7 @@ from itertools import groupby
 
 import numpy as np
 
-from aerodb.exchange.daveml.document.model import Variable
+from aerodb.exchange.daveml.document.model import DaveVariable
 from aerodb.exchange.daveml.document.units import unit_of_code
 from flightmech.aircraft.controls import DEVICE
 from flightmech.errors import SchemaError, UnitError, UnknownName
@@ -39,7 +39,7 @@ _MORE = "| "  # a line that goes on
 _KEY = re.compile(r"([A-Za-z_][A-Za-z0-9_]*)(:=|:) ?(.*)", re.DOTALL)
 
 
-def packed(attributes: Mapping[str, str | float]) -> str:
+def pack_attributes(attributes: Mapping[str, str | float]) -> str:
     """Return attributes as lines; numbers stand behind ``:=``.  Characters that XML does not allow
     become question marks.
     """
@@ -53,10 +53,10 @@ def packed(attributes: Mapping[str, str | float]) -> str:
                 if isinstance(item, int | np.integer)
                 else f"{key}:= {float(item)!r}"
             )
-    return legal("\n".join(lines))
+    return replace_illegal_characters("\n".join(lines))
 
 
-def unpacked(text: str) -> dict[str, str | float]:
+def unpack_attributes(text: str) -> dict[str, str | float]:
     """Return the attributes that `packed` wrote."""
     found: dict[str, str | float] = {}
     for line in text.replace(f"\n{_MORE}", "\0").replace("\n|", "\0").split("\n"):
@@ -72,19 +72,19 @@ def _number(text: str) -> int | float:
     return int(text) if re.fullmatch(r"-?\d{1,18}", text) else float(text)
 
 
-def legal(text: str) -> str:
+def replace_illegal_characters(text: str) -> str:
     """Return a text in which the characters that XML does not allow are question marks."""
     return re.sub("[^\t\n\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]", "?", text)
 
 
-def runs(source: np.ndarray) -> str:
+def source_runs(source: np.ndarray) -> str:
     """Return the source codes of nodes as runs in C order: ``12 datcom, 3 judgement``."""
     return ", ".join(
         f"{len(list(group))} {SOURCES[code]}" for code, group in groupby(source.ravel().tolist())
     )
 
 
-def codes(text: str, shape: tuple[int, ...]) -> np.ndarray | None:
+def source_codes(text: str, shape: tuple[int, ...]) -> np.ndarray | None:
     """Return the source codes that `runs` wrote, or None when they do not fit the shape."""
     pairs = [part.split() for part in text.split(", ")]
     if not all(len(pair) == 2 and pair[0].isdigit() and pair[1] in SOURCES for pair in pairs):
@@ -137,7 +137,7 @@ def _letters(text: str) -> str:
 _S119 = {_letters(row.s119): row.name for row in VOCABULARY.values() if row.s119} | _ALIASES
 
 
-def quantity_of(variable: Variable) -> str:
+def quantity_of(variable: DaveVariable) -> str:
     """Return the quantity of the vocabulary that a variable is by its name or varID, or ``""``.
 
     Names of S-119 come first, in any case and with or without a unit at their end
@@ -153,7 +153,7 @@ def quantity_of(variable: Variable) -> str:
     return "mach" if variable.name.lower() == "mach" else ""
 
 
-def device_of(variable: Variable) -> str:
+def device_of(variable: DaveVariable) -> str:
     """Return the name of an input that is no quantity of the vocabulary,
     ``device.DBFLL.deflection``; ``""`` for other units.
 
@@ -182,7 +182,7 @@ def _is_quantity(text: str) -> bool:
     return True
 
 
-def conversion(variable: Variable, quantity: str) -> tuple[float, float]:
+def conversion(variable: DaveVariable, quantity: str) -> tuple[float, float]:
     """Return factor and offset of value_file = factor * value_SI + offset, units and sign.
 
     Raises
@@ -203,11 +203,11 @@ def conversion(variable: Variable, quantity: str) -> tuple[float, float]:
             )
     except UnitError as error:
         raise SchemaError(f"variable {variable.varID} ({variable.name})", [str(error)]) from None
-    sense = -1.0 if turned(variable.sign, lookup(quantity).sign) else 1.0
+    sense = -1.0 if has_opposite_sign(variable.sign, lookup(quantity).sign) else 1.0
     return sense / to_si, -offset / to_si
 
 
-def turned(sign: str, own: str) -> bool:
+def has_opposite_sign(sign: str, own: str) -> bool:
     """Whether a sign convention is the opposite of that of the vocabulary; what is not known counts
     as the same.
     """

@@ -20,7 +20,7 @@ _MASS = {"LBS": POUND, "KG": 1.0}
 _INERTIA = {"SLUG*FT2": SLUG * FOOT**2, "KG*M2": 1.0}
 
 
-class _Point(NamedTuple):
+class _PointMass(NamedTuple):
     """A mass [kg], its place from the drawing datum along body axes [m], and its inertia about
     itself, alike about all axes [kg m2].
     """
@@ -70,7 +70,7 @@ def import_jsbsim_aircraft(
     metrics, balance = _section(root, "metrics"), _section(root, "mass_balance")
     sizes, reference = _sizes(metrics), _reference(metrics)
     datum = np.array([reference[f"{axis}_ref"] for axis in "xyz"])
-    empty = _Point(_number(balance.need("emptywt"), _MASS, "LBS"), _place(_cg(balance)))
+    empty = _PointMass(_number(balance.need("emptywt"), _MASS, "LBS"), _place(_cg(balance)))
     points = [*_point_masses(balance), *_tanks(root)]
     mass = empty.mass + sum(point.mass for point in points)
     cg = (
@@ -122,7 +122,7 @@ def _cg(balance: Element) -> Element:
     )
 
 
-def _point_masses(balance: Element) -> Iterator[_Point]:
+def _point_masses(balance: Element) -> Iterator[_PointMass]:
     for element in balance.all("pointmass"):
         form = element.first("form")
         if form is not None:
@@ -130,12 +130,12 @@ def _point_masses(balance: Element) -> Iterator[_Point]:
                 "<form> of a point mass",
                 "point masses without an extent of their own; its inertia is not read",
             )
-        yield _Point(
+        yield _PointMass(
             _number(element.need("weight"), _MASS, "LBS"), _place(element.need("location"))
         )
 
 
-def _tanks(root: Element) -> Iterator[_Point]:
+def _tanks(root: Element) -> Iterator[_PointMass]:
     """Yield the contents of the tanks."""
     if root.first("propulsion") is None:
         return
@@ -143,7 +143,7 @@ def _tanks(root: Element) -> Iterator[_Point]:
         contents, location = element.first("contents"), element.first("location")
         if contents is not None and location is not None:
             mass = _number(contents, _MASS, "LBS")
-            yield _Point(
+            yield _PointMass(
                 mass, _place(location), 0.4 * mass * _radius(element) ** 2
             )  # JSBSim takes it for a sphere
 
@@ -170,7 +170,7 @@ def _number(element: Element, units: dict[str, float], default: str) -> float:
     return element.number * _unit(element, default, units)
 
 
-def _about(point: _Point, cg: np.ndarray) -> np.ndarray:
+def _about(point: _PointMass, cg: np.ndarray) -> np.ndarray:
     """Return the inertia tensor (3, 3) of a mass about the c.g. [kg m2]"""
     arm = point.place - cg
     return point.mass * (arm @ arm * np.eye(3) - np.outer(arm, arm)) + point.own * np.eye(3)

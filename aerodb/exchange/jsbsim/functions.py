@@ -13,28 +13,28 @@ from aerodb.exchange.jsbsim.products import (
     KNOWN,
     LENGTHS,
     NOT_COMPUTED,
+    NotAProduct,
     OpaqueFactor,
     Product,
     Sum,
-    Unfit,
+    absolute_value_table,
     combine,
-    length,
-    magnitude,
-    times,
+    reference_factor,
+    scale_products,
 )
 from aerodb.exchange.jsbsim.properties import (
     MAGNITUDE,
     NORMALISED,
     PROPERTY,
-    Power,
+    PropertyValue,
     throttle,
     thrust,
     unit,
 )
 from aerodb.exchange.jsbsim.terms import read_table
-from aerodb.exchange.sampling import Unsampled, difference, tabulated
+from aerodb.exchange.sampling import SamplingError, largest_difference, tabulate_function
 from aerodb.exchange.xml_reader import MAX_DEPTH, Element
-from flightmech.terms import MAX_AXES, evaluate, make
+from flightmech.terms import MAX_AXES, evaluate, make_term
 
 _MOST_ENGINES = 8
 _ENGINES = {
@@ -134,29 +134,31 @@ class Functions:
 
     def _property(self, name: str) -> Sum:
         if name.startswith("-"):
-            return times(-1.0, self._property(name[1:]))
+            return scale_products(-1.0, self._property(name[1:]))
         power = self._power(name)
         if power is not None:
             return [Product(power.factor, dict(power.symbols))]
         if name in MAGNITUDE:
-            found = magnitude(self._property(MAGNITUDE[name]))
+            found = absolute_value_table(self._property(MAGNITUDE[name]))
             assert found is not None
             return found
         if name in self.constants:
             return [Product(self.constants[name])]
         if name in self.named:
             return self._function(name)
-        raise Unfit(self._unknown(name))
+        raise NotAProduct(self._unknown(name))
 
-    def _power(self, name: str) -> Power | None:
+    def _power(self, name: str) -> PropertyValue | None:
         """Return a property as powers of symbols, None when it is none."""
         if name in PROPERTY:
             return PROPERTY[name]
         if name in _ENGINES:
-            return Power(1.0, {_ENGINES[name]: 1})
+            return PropertyValue(1.0, {_ENGINES[name]: 1})
         variable, sense = NORMALISED.get(name, ("", 1.0))
         return (
-            Power(sense / self.travel[variable], {variable: 1}) if variable in self.travel else None
+            PropertyValue(sense / self.travel[variable], {variable: 1})
+            if variable in self.travel
+            else None
         )
 
     def _unknown(self, name: str) -> str:
@@ -191,15 +193,15 @@ class Functions:
         """Return the variable that a table looks up, and its value in SI per unit of the property."""
         power = self._power(name.lstrip("-"))
         if power is None:
-            raise Unfit(f"a table over {name}: {self._unknown(name.lstrip('-'))}")
+            raise NotAProduct(f"a table over {name}: {self._unknown(name.lstrip('-'))}")
         variables = {
             symbol: exponent for symbol, exponent in power.symbols.items() if symbol not in LENGTHS
         }
         if len(variables) != 1 or set(variables.values()) != {1}:
-            raise Unfit(f"a table over {name}, which is no single variable of the model")
+            raise NotAProduct(f"a table over {name}, which is no single variable of the model")
         (variable,) = variables
         return variable, (-1.0 if name.startswith("-") else 1.0) * unit(variable) / (
-            power.factor * length(power.symbols, self.sizes)
+            power.factor * reference_factor(power.symbols, self.sizes)
         )
 
     def _table(self, element: Element) -> xr.DataArray:
@@ -209,7 +211,7 @@ class Functions:
         for position, (name, points) in enumerate(zip(names, grid)):
             variable, scale = self._axis(MAGNITUDE.get(name, name))
             if variable in found.dims:
-                raise Unfit(f"a table with {variable} on two axes")
+                raise NotAProduct(f"a table with {variable} on two axes")
             found = found.rename({f"dim_{position}": variable}).assign_coords({variable: points})
             if name in MAGNITUDE:
                 found = _mirrored(found, variable)
@@ -236,10 +238,10 @@ class Functions:
             or not all(table[d].equals(tables[0][d]) for d in table.dims)
             for table in tables[1:]
         ):
-            raise Unfit("<interpolate1d> between tables of different axes")
+            raise NotAProduct("<interpolate1d> between tables of different axes")
         variable, scale = self._axis(parts[0].text)
         if variable in tables[0].dims:
-            raise Unfit(f"<interpolate1d> over {variable}, which is an axis of its tables")
+            raise NotAProduct(f"<interpolate1d> over {variable}, which is an axis of its tables")
         joined = xr.concat(tables, xr.Variable(variable, points * scale))
         return [Product(tables=(joined.sortby(variable),))]
 
@@ -262,14 +264,14 @@ def _tabulated(parts: Sum) -> xr.DataArray:
     part = parts[0] if len(parts) == 1 else Product(symbols={"": 1})
     tables = (*part.tables, *part.shared)
     if part.symbols or part.opaque or len(tables) > 1:
-        raise Unfit("<interpolate1d> between values that are no tables")
+        raise NotAProduct("<interpolate1d> between values that are no tables")
     return tables[0] * part.factor if tables else xr.DataArray(part.factor)
 
 
 _FIRST = 5  # breakpoints of an axis that no table has
 
 
-def sampled(
+def sample_product(
     opaque: Sequence[OpaqueFactor],
     tables: Sequence[xr.DataArray],
     bound: float | None,
@@ -298,17 +300,19 @@ def sampled(
         ]
     )
     if bound is None:
-        raise Unfit(
+        raise NotAProduct(
             f"{what} is no product of tables without common axes; give sample = largest difference to put it onto one table"
         )
     variables = sorted(
         {str(d) for table in tables for d in table.dims}.union(*(one.variables for one in opaque))
     )
     if len(variables) > MAX_AXES:
-        raise Unfit(
+        raise NotAProduct(
             f"{what} depends on {', '.join(variables)}; a table has at most {MAX_AXES} axes"
         )
-    leaves = [make(table.values, {str(d): table[d].values for d in table.dims}) for table in tables]
+    leaves = [
+        make_term(table.values, {str(d): table[d].values for d in table.dims}) for table in tables
+    ]
 
     def function(at: Mapping[str, np.ndarray]) -> np.ndarray:
         found = np.ones(())
@@ -317,18 +321,20 @@ def sampled(
         for one in opaque:
             found = found * one.value(at)
         if not np.isfinite(found).all():
-            raise Unfit(
+            raise NotAProduct(
                 f"{what} is not finite inside its box; give box = {{variable: (low, high)}} to narrow it"
             )
         return found
 
     try:
-        table = tabulated(function, {name: _start(name, tables, box) for name in variables}, bound)
-    except Unsampled as error:
-        raise Unfit(f"{what}: {error}") from None
-    worst = difference(function, table)
+        table = tabulate_function(
+            function, {name: _start(name, tables, box) for name in variables}, bound
+        )
+    except SamplingError as error:
+        raise NotAProduct(f"{what}: {error}") from None
+    worst = largest_difference(function, table)
     if worst > bound:
-        raise Unfit(
+        raise NotAProduct(
             f"{what} on {table.size} nodes differs by {worst:.2g}, more than {bound:.2g}; give a wider bound or a narrower box"
         )
     return table, f"{what} sampled on {table.size} nodes: largest difference seen {worst:.2g}"
@@ -347,5 +353,7 @@ def _start(
         low, high = box[name]
         points = np.union1d(points[(points > low) & (points < high)], [low, high])
     if len(points) < 2:
-        raise Unfit(f"no table states how far {name} goes; give box = {{{name!r}: (low, high)}}")
+        raise NotAProduct(
+            f"no table states how far {name} goes; give box = {{{name!r}: (low, high)}}"
+        )
     return points if len(points) > 2 else np.linspace(points[0], points[-1], _FIRST)

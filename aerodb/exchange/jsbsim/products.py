@@ -18,7 +18,7 @@ import numpy as np
 import xarray as xr
 
 from aerodb.exchange.jsbsim.properties import RANGE, unit
-from flightmech.terms import evaluate, make
+from flightmech.terms import evaluate, make_term
 
 MOST_PRODUCTS = 64
 MOST_NODES = 5_000_000  # of one table
@@ -26,7 +26,7 @@ LENGTHS = ("S", "cbar", "b")
 Values = Mapping[str, np.ndarray]
 
 
-class Unfit(Exception):
+class NotAProduct(Exception):
     """Why something is no term; the import collects these."""
 
 
@@ -102,20 +102,20 @@ def combine(tag: str, sums: Sequence[Sum], sizes: Mapping[str, float]) -> Sum:
         It multiplies out too far, or the operation cannot be computed from model variables.
     """
     if tag in NOT_COMPUTED:
-        raise Unfit(f"<{tag}> is no function of model variables")
+        raise NotAProduct(f"<{tag}> is no function of model variables")
     exact = _EXACT[tag](sums) if tag in _EXACT else None
     found = _opaque(tag, sums, sizes) if exact is None else exact
     if len(found) > MOST_PRODUCTS:
-        raise Unfit(f"it multiplies out to more than {MOST_PRODUCTS} products")
+        raise NotAProduct(f"it multiplies out to more than {MOST_PRODUCTS} products")
     return found
 
 
-def times(factor: float, parts: Sum) -> Sum:
+def scale_products(factor: float, parts: Sum) -> Sum:
     """Return a sum multiplied by a number."""
     return [replace(part, factor=part.factor * factor) for part in parts]
 
 
-def magnitude(parts: Sum) -> Sum | None:
+def absolute_value_table(parts: Sum) -> Sum | None:
     """Return the magnitude of a multiple of one variable as a table over all values it can take;
     None for anything else.
     """
@@ -136,24 +136,26 @@ def magnitude(parts: Sum) -> Sum | None:
     ]
 
 
-def length(symbols: Mapping[str, int], sizes: Mapping[str, float]) -> float:
+def reference_factor(symbols: Mapping[str, int], sizes: Mapping[str, float]) -> float:
     """Return the part of a product that are reference quantities. [ft2, ft]"""
     return math.prod(sizes[name] ** symbols[name] for name in LENGTHS if name in symbols)
 
 
-def value(parts: Iterable[Product], at: Values, sizes: Mapping[str, float]) -> np.ndarray:
+def evaluate_products(
+    parts: Iterable[Product], at: Values, sizes: Mapping[str, float]
+) -> np.ndarray:
     """Return a sum of products at conditions in SI."""
     return sum((_value(part, at, sizes) for part in parts), np.zeros(()))
 
 
 def _value(part: Product, at: Values, sizes: Mapping[str, float]) -> np.ndarray:
-    found = np.asarray(part.factor * length(part.symbols, sizes))
+    found = np.asarray(part.factor * reference_factor(part.symbols, sizes))
     for symbol, power in part.symbols.items():
         if symbol not in LENGTHS:
             found = found * (np.asarray(at[symbol], float) / unit(symbol)) ** power
     for table in (*part.tables, *part.shared):
         found = found * evaluate(
-            make(table.values, {str(d): table[d].values for d in table.dims}), at, "clamp"
+            make_term(table.values, {str(d): table[d].values for d in table.dims}), at, "clamp"
         )
     for one in part.opaque:
         found = found * one.value(at)
@@ -165,7 +167,9 @@ def _opaque(tag: str, sums: Sequence[Sum], sizes: Mapping[str, float]) -> Sum:
 
     def compute(at: Values) -> np.ndarray:
         with np.errstate(all="ignore"):
-            return np.asarray(_CURVED[tag](*(value(parts, at, sizes) for parts in sums)), float)
+            return np.asarray(
+                _CURVED[tag](*(evaluate_products(parts, at, sizes) for parts in sums)), float
+            )
 
     variables = frozenset().union(*(part.variables for parts in sums for part in parts))
     return (
@@ -180,12 +184,12 @@ def _sum(sums: Sequence[Sum]) -> Sum:
 
 
 def _difference(sums: Sequence[Sum]) -> Sum:
-    return _sum([sums[0], *(times(-1.0, parts) for parts in sums[1:])])
+    return _sum([sums[0], *(scale_products(-1.0, parts) for parts in sums[1:])])
 
 
 def _product(sums: Sequence[Sum]) -> Sum:
     if math.prod(map(len, sums)) > MOST_PRODUCTS:
-        raise Unfit(f"it multiplies out to more than {MOST_PRODUCTS} products")
+        raise NotAProduct(f"it multiplies out to more than {MOST_PRODUCTS} products")
     return reduce(lambda a, b: [x * y for x in a for y in b], sums)
 
 
@@ -225,10 +229,10 @@ _EXACT: dict[str, Callable[[Sequence[Sum]], Sum | None]] = {
     "product": _product,
     "quotient": _quotient,
     "pow": _power,
-    "abs": lambda sums: magnitude(sums[0]),
-    "avg": lambda sums: times(1.0 / len(sums), _sum(sums)),
-    "toradians": lambda sums: times(math.pi / 180.0, sums[0]),
-    "todegrees": lambda sums: times(180.0 / math.pi, sums[0]),
+    "abs": lambda sums: absolute_value_table(sums[0]),
+    "avg": lambda sums: scale_products(1.0 / len(sums), _sum(sums)),
+    "toradians": lambda sums: scale_products(math.pi / 180.0, sums[0]),
+    "todegrees": lambda sums: scale_products(180.0 / math.pi, sums[0]),
 }
 _CURVED: dict[str, Callable] = {
     "quotient": operator.truediv,

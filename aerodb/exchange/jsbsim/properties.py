@@ -117,19 +117,19 @@ def thrust(engine: int) -> str:
     return f"fcs/engine{engine}-thrust-lbs"
 
 
-class Power(NamedTuple):
+class PropertyValue(NamedTuple):
     """The value of a property: `factor` times powers of symbols, each in the unit of `UNIT`."""
 
     factor: float
     symbols: Mapping[str, int]
 
 
-def _one(symbol: str, factor: float = 1.0) -> Power:
-    return Power(factor, {symbol: 1})
+def _one(symbol: str, factor: float = 1.0) -> PropertyValue:
+    return PropertyValue(factor, {symbol: 1})
 
 
 # every property the import knows; ailerons are taken to move by the same angle, left = -delta_a
-PROPERTY: dict[str, Power] = {
+PROPERTY: dict[str, PropertyValue] = {
     **{name: _one(variable) for variable, name in AXIS.items()},
     "aero/alpha-deg": _one("alpha", 1.0 / DEGREE),
     "aero/beta-deg": _one("beta", 1.0 / DEGREE),
@@ -153,11 +153,11 @@ PROPERTY: dict[str, Power] = {
     "metrics/Sw-sqft": _one("S"),
     "metrics/cbarw-ft": _one("cbar"),
     "metrics/bw-ft": _one("b"),
-    "aero/qbar-area": Power(1.0, {"qbar": 1, "S": 1}),
-    "aero/bi2vel": Power(0.5, {"b": 1, "V": -1}),
-    "aero/ci2vel": Power(0.5, {"cbar": 1, "V": -1}),
-    "aero/h_b-mac-ft": Power(1.0 / FOOT, {"h_agl": 1, "b": -1}),
-    LIFT_SQUARED: Power(1.0, {"CL": 2}),
+    "aero/qbar-area": PropertyValue(1.0, {"qbar": 1, "S": 1}),
+    "aero/bi2vel": PropertyValue(0.5, {"b": 1, "V": -1}),
+    "aero/ci2vel": PropertyValue(0.5, {"cbar": 1, "V": -1}),
+    "aero/h_b-mac-ft": PropertyValue(1.0 / FOOT, {"h_agl": 1, "b": -1}),
+    LIFT_SQUARED: PropertyValue(1.0, {"CL": 2}),
     **{OWN + variable: _one(variable) for variable in FUNCTION},
 }
 
@@ -244,7 +244,7 @@ def table(values: xr.DataArray, native: bool) -> ET.Element:
     return element
 
 
-def reaching(leaf: xr.Dataset, reach: Mapping[str, tuple[float, float]]) -> xr.Dataset:
+def extend_linearly(leaf: xr.Dataset, reach: Mapping[str, tuple[float, float]]) -> xr.Dataset:
     """Return a term that goes on linearly beyond its tables as one that holds, its tables continued
     to `reach`.
     """

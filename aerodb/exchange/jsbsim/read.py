@@ -16,12 +16,12 @@ from pathlib import Path
 
 import xarray as xr
 
-from aerodb.exchange.jsbsim.functions import Functions, sampled
-from aerodb.exchange.jsbsim.products import Unfit, times
+from aerodb.exchange.jsbsim.functions import Functions, sample_product
+from aerodb.exchange.jsbsim.products import NotAProduct, scale_products
 from aerodb.exchange.jsbsim.properties import COEFFICIENT, stated_travel
-from aerodb.exchange.jsbsim.terms import leaf
+from aerodb.exchange.jsbsim.terms import term_of_product
 from aerodb.exchange.xml_reader import Element, parse
-from aerodb.store.schema import HINGE, database
+from aerodb.store.schema import HINGE, make_database
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.units import FOOT, INCH
 
@@ -52,7 +52,7 @@ _WORD = re.compile(r"[^A-Za-z0-9_]+")
 
 
 @dataclass(frozen=True)
-class _Axis:
+class _JsbsimAxis:
     """An axis of the file: the coefficient, its sign there and what a coefficient is multiplied by."""
 
     coefficient: str
@@ -132,7 +132,7 @@ def import_jsbsim(
             f"{path}: functions that are no terms; leave_out = [names] does without them, sample = bound tabulates what can be",
             problems,
         )
-    return database(
+    return make_database(
         leaves,
         title=_title(root),
         aircraft=root.attributes.get("name", "") or Path(path).stem,
@@ -153,7 +153,7 @@ def import_jsbsim(
 
 
 def _leaves(
-    axes: list[_Axis],
+    axes: list[_JsbsimAxis],
     functions: Functions,
     leave_out: Collection[str],
     sample: float | None,
@@ -173,12 +173,12 @@ def _leaves(
             }
             text["history"] = f"import_jsbsim: {Path(element.file).name}"
             try:
-                for product in times(axis.sign, functions.products(element)):
-                    found = leaf(
+                for product in scale_products(axis.sign, functions.products(element)):
+                    found = term_of_product(
                         product,
                         axis.per,
                         functions.sizes,
-                        lambda opaque, tables: sampled(opaque, tables, sample, box),
+                        lambda opaque, tables: sample_product(opaque, tables, sample, box),
                         **text,
                     )
                     leaves[
@@ -186,7 +186,7 @@ def _leaves(
                             f"{axis.coefficient}/{_contribution(title, axis.coefficient)}", leaves
                         )
                     ] = found
-            except Unfit as reason:
+            except NotAProduct as reason:
                 problems.append(f"line {element.line}: {title or 'function'}: {reason}")
             except SchemaError as error:
                 problems += [
@@ -196,10 +196,10 @@ def _leaves(
     return leaves, problems
 
 
-def _axes(aerodynamics: Element) -> tuple[str, list[_Axis]]:
+def _axes(aerodynamics: Element) -> tuple[str, list[_JsbsimAxis]]:
     """Return the force axes of the file and its axes, hinge moments behind them."""
     frames: dict[str, Element] = {}
-    found: list[_Axis] = []
+    found: list[_JsbsimAxis] = []
     elements = aerodynamics.all("axis")
     names = {element.attributes.get("name", "") for element in elements}
     for element in elements:
@@ -231,7 +231,7 @@ def _axes(aerodynamics: Element) -> tuple[str, list[_Axis]]:
     return next(iter(frames), "wind"), [*found, *_hinges(aerodynamics)]
 
 
-def _axis(element: Element, names: set[str]) -> tuple[str, _Axis]:
+def _axis(element: Element, names: set[str]) -> tuple[str, _JsbsimAxis]:
     """Return the frame of the forces ("" for moments) and the axis."""
     name, frame = element.attributes.get("name", ""), element.attributes.get("frame", "")
     functions = element.all("function")
@@ -248,18 +248,18 @@ def _axis(element: Element, names: set[str]) -> tuple[str, _Axis]:
                 "moments in body axes; turn them, which changes the tables with alpha",
             )
         coefficient, span = _MOMENTS[name]
-        return "", _Axis(coefficient, 1.0, {"qbar": 1, "S": 1, span: 1}, functions)
+        return "", _JsbsimAxis(coefficient, 1.0, {"qbar": 1, "S": 1, span: 1}, functions)
     if name == "SIDE":
         side = "body" if names & {"AXIAL", "NORMAL"} else "wind"
-        return side, _Axis("CY", 1.0, {"qbar": 1, "S": 1}, functions)
+        return side, _JsbsimAxis("CY", 1.0, {"qbar": 1, "S": 1}, functions)
     if (name, frame) not in _FRAMES:
         allowed = "DRAG SIDE LIFT, AXIAL SIDE NORMAL, X Y Z (frame BODY, STABILITY or WIND), ROLL PITCH YAW"
         raise element.error(f"axis {name!r} {frame}".rstrip(), allowed)
     axes, coefficient, sign = _FRAMES[name, frame]
-    return axes, _Axis(coefficient, sign, {"qbar": 1, "S": 1}, functions)
+    return axes, _JsbsimAxis(coefficient, sign, {"qbar": 1, "S": 1}, functions)
 
 
-def _hinges(aerodynamics: Element) -> Iterator[_Axis]:
+def _hinges(aerodynamics: Element) -> Iterator[_JsbsimAxis]:
     """Yield the hinge-moment coefficients that `export_jsbsim` writes next to the axes."""
     for coefficient in HINGE:
         named = [
@@ -268,7 +268,7 @@ def _hinges(aerodynamics: Element) -> Iterator[_Axis]:
             if e.attributes.get("name", "").startswith(f"{COEFFICIENT}{coefficient}/")
         ]
         if named:
-            yield _Axis(coefficient, 1.0, {}, named)
+            yield _JsbsimAxis(coefficient, 1.0, {}, named)
 
 
 def _stated_travel(root: Element) -> dict[str, float]:
@@ -402,7 +402,7 @@ def _free(name: str, taken: Collection[str]) -> str:
     return found
 
 
-def _left_out(axis: _Axis, leave_out: Collection[str]) -> list[str]:
+def _left_out(axis: _JsbsimAxis, leave_out: Collection[str]) -> list[str]:
     return [
         title
         for function in axis.functions

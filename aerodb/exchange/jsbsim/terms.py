@@ -18,14 +18,14 @@ import xarray as xr
 from aerodb.exchange.jsbsim.products import (
     LENGTHS,
     MOST_NODES,
+    NotAProduct,
     OpaqueFactor,
     Product,
-    Unfit,
-    length,
+    reference_factor,
 )
 from aerodb.exchange.jsbsim.properties import AXIS, ENGINE, FUNCTION, RANGE, RATES, unit
 from aerodb.exchange.xml_reader import Element
-from flightmech.terms import MAX_AXES, MAX_REGRESSORS, make
+from flightmech.terms import MAX_AXES, MAX_REGRESSORS, make_term
 
 _PLACES = ("axis4", "table", "row", "column")
 
@@ -163,7 +163,7 @@ _KNOWN = {*AXIS, *FUNCTION, "CL"}
 Sampler = Callable[[list[OpaqueFactor], list[xr.DataArray]], tuple[xr.DataArray, str]]
 
 
-def leaf(
+def term_of_product(
     product: Product,
     per: Mapping[str, int],
     sizes: Mapping[str, float],
@@ -196,7 +196,7 @@ def leaf(
     tables, note = _tables(product, sampler)
     tables += _lines(words, tables)
     if len(words) > MAX_REGRESSORS:
-        raise Unfit(
+        raise NotAProduct(
             f"{' x '.join(words)}: more than {MAX_REGRESSORS} regressors, and none of them bounded so that it could be an axis"
         )
     tables = _merged(tables)
@@ -206,7 +206,9 @@ def leaf(
     assert value is not None
     if note:
         text["comment"] = "; ".join(part for part in (text.get("comment", ""), note) if part)
-    found = make((value * factor).values, _grid(value), words, K1=_like_ours(K1), K2=_like_ours(K2))
+    found = make_term(
+        (value * factor).values, _grid(value), words, K1=_like_ours(K1), K2=_like_ours(K2)
+    )
     return found.assign_attrs(text)
 
 
@@ -219,9 +221,9 @@ def _regressors(
     symbols = Counter(product.symbols)
     symbols.subtract(per)
     if symbols["qbar"] < 0:
-        raise Unfit("it is not proportional to the dynamic pressure")
+        raise NotAProduct("it is not proportional to the dynamic pressure")
     if max(symbols.values(), default=0) > _HIGHEST:
-        raise Unfit(f"a variable to a power above {_HIGHEST}")
+        raise NotAProduct(f"a variable to a power above {_HIGHEST}")
     factor, words = product.factor, []
     for reduced, (rate, reference) in RATES.items():
         for _ in range(symbols.pop(rate) if symbols[rate] > 0 else 0):
@@ -231,12 +233,12 @@ def _regressors(
             factor *= 2.0
             symbols.update({reference: -1, "V": 1})
             words.append(reduced)
-    factor *= length({name: symbols[name] for name in LENGTHS if symbols[name]}, sizes)
+    factor *= reference_factor({name: symbols[name] for name in LENGTHS if symbols[name]}, sizes)
     for symbol, power in symbols.items():
         if symbol in LENGTHS:
             continue
         if power < 0:
-            raise Unfit(f"it divides by {symbol}")
+            raise NotAProduct(f"it divides by {symbol}")
         factor /= unit(symbol) ** power
         words += [symbol] * power
     for word in words:
@@ -253,7 +255,7 @@ def _in_order(words: list[str], product: Product) -> list[str]:
 
 def _demand_known(word: str) -> None:
     if word not in _KNOWN and not ENGINE.match(word):
-        raise Unfit(f"{word} is no variable of the model")
+        raise NotAProduct(f"{word} is no variable of the model")
 
 
 def _tables(product: Product, sampler: Sampler) -> tuple[list[xr.DataArray], str]:
@@ -304,13 +306,13 @@ def _merged(tables: list[xr.DataArray]) -> list[xr.DataArray]:
             tables[first].ndim + tables[second].ndim > MAX_AXES
             or tables[first].size * tables[second].size > MOST_NODES
         ):
-            raise Unfit(f"a product of {len(tables)} tables")
+            raise NotAProduct(f"a product of {len(tables)} tables")
         tables[first] = tables[first] * tables.pop(second)
     return tables
 
 
 def _like_ours(table: xr.DataArray | None) -> xr.DataArray | None:
-    return None if table is None else make(table.values, _grid(table))["value"]
+    return None if table is None else make_term(table.values, _grid(table))["value"]
 
 
 def _grid(table: xr.DataArray) -> dict[str, np.ndarray]:

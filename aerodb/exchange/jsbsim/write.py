@@ -29,8 +29,8 @@ from aerodb.exchange.jsbsim.properties import (
     FUNCTION,
     OWN,
     REGRESSOR,
+    extend_linearly,
     factors,
-    reaching,
     throttle,
     thrust,
 )
@@ -63,7 +63,7 @@ _ONE_SIDED = ("delta_f", "gear", "speedbrake")
 _DEFAULT = {"gear": (0.0, 1.0), "speedbrake": (0.0, 1.0)}
 
 
-def header(root: ET.Element, attributes: Mapping) -> None:
+def write_header(root: ET.Element, attributes: Mapping) -> None:
     """Write title, source and history of the database."""
     head = ET.SubElement(root, "fileheader")
     for tag, key in (
@@ -80,7 +80,7 @@ def header(root: ET.Element, attributes: Mapping) -> None:
         )
 
 
-def body(root: ET.Element, aircraft: Aircraft) -> None:
+def write_geometry_and_mass(root: ET.Element, aircraft: Aircraft) -> None:
     """Write geometry and mass; products of inertia change sign with x and z, which point the other
     way in structural axes.
     """
@@ -99,7 +99,7 @@ def body(root: ET.Element, aircraft: Aircraft) -> None:
     ET.SubElement(root, "ground_reactions")
 
 
-def propulsion(root: ET.Element, aircraft: Aircraft) -> None:
+def write_engines(root: ET.Element, aircraft: Aircraft) -> None:
     """Write the engines as external forces that follow ``fcs/engine1-thrust-lbs``."""
     if not aircraft.engines:
         return
@@ -324,14 +324,14 @@ def export_jsbsim(
     if problems:
         raise SchemaError(f"JSBSim model of {aircraft.name}", problems)
     leaves, thrusts = (
-        {name: reaching(leaf, reach or {}) for name, leaf in found.items()}
+        {name: extend_linearly(leaf, reach or {}) for name, leaf in found.items()}
         for found in (leaves, thrusts)
     )
 
     root = ET.Element("fdm_config", name=aircraft.name, version="2.0", release="BETA")
-    header(root, db.attrs)
-    body(root, aircraft)
-    propulsion(root, aircraft)
+    write_header(root, db.attrs)
+    write_geometry_and_mass(root, aircraft)
+    write_engines(root, aircraft)
     flight_control(root, aircraft, used, thrusts, native)
     aerodynamics = ET.SubElement(root, "aerodynamics")
     for variable in FUNCTION:

@@ -21,25 +21,25 @@ import pandas as pd
 import xarray as xr
 
 from aerodb.exchange.tables.csv_text import (
-    Table,
-    dressed,
-    flat,
+    CsvTable,
+    flatten_attributes,
     numbers,
     read_csv,
+    restore_attributes,
     si_column,
-    unwritable,
+    unwritable_keys,
     written_csv,
 )
 from aerodb.store.evaluation import (
     SEED,
     TOLERANCE,
-    agreement,
+    compare_output,
     needed_inputs,
     outputs_at,
     random_states,
 )
 from aerodb.store.schema import check, require, terms
-from aerodb.store.undo_history import noted
+from aerodb.store.undo_history import add_history_line
 from flightmech import terms as _terms
 from flightmech.errors import ParseError, SchemaError, UnknownName
 from flightmech.names import lookup
@@ -126,7 +126,7 @@ def run_checkcases(db: xr.DataTree, path: str | os.PathLike) -> pd.DataFrame:
         raise SchemaError(str(path), problems)
     found = outputs_at(db, inputs, len(table.lines))
     rows = {
-        name: agreement(found.get(name, np.zeros(len(table.lines))), column)
+        name: compare_output(found.get(name, np.zeros(len(table.lines))), column)
         for name, column in expected.items()
     }
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("output")
@@ -160,12 +160,12 @@ def export_csv(db: xr.DataTree, folder: str | os.PathLike) -> None:
     folder = Path(folder)
     require(db)
     leaves = terms(db)
-    facts = {name: flat(leaf) for name, leaf in leaves.items()}
+    facts = {name: flatten_attributes(leaf) for name, leaf in leaves.items()}
     root = {str(key): item for key, item in db.attrs.items()}
     problems = [
         f"{name}: {text}"
         for name, given in [("root", root), *facts.items()]
-        for text in unwritable(given)
+        for text in unwritable_keys(given)
     ]
     if problems:
         raise SchemaError("CSV files", problems)
@@ -289,7 +289,7 @@ def import_csv(folder: str | os.PathLike) -> xr.DataTree:
                 leaves.get(term, xr.Dataset()), folder / file, kind, problems
             )
     if not problems:
-        nodes = {f"/{name}": dressed(leaf, leaf.attrs) for name, leaf in leaves.items()}
+        nodes = {f"/{name}": restore_attributes(leaf, leaf.attrs) for name, leaf in leaves.items()}
         db = xr.DataTree.from_dict({"/": xr.Dataset(attrs=index.facts), **nodes})
         problems = check(db)
     if problems:
@@ -335,7 +335,11 @@ def _with_table(leaf: xr.Dataset, path: Path, kind: str, problems: list[str]) ->
         for axis in axes
         if parse(table.units[axis]) != parse(lookup(axis).units)
     ]
-    return noted(found, f"import_csv: {path.name} gives {', '.join(given)}") if given else found
+    return (
+        add_history_line(found, f"import_csv: {path.name} gives {', '.join(given)}")
+        if given
+        else found
+    )
 
 
 def _unknown(axis: str) -> Iterator[str]:
@@ -345,7 +349,7 @@ def _unknown(axis: str) -> Iterator[str]:
         yield str(error)
 
 
-def _codes(table: Table, problems: list[str]) -> np.ndarray:
+def _codes(table: CsvTable, problems: list[str]) -> np.ndarray:
     """Return the column of sources as codes."""
     found = np.zeros(len(table.lines), np.uint8)
     for place, (word, line) in enumerate(zip(table.columns["source"], table.lines)):
@@ -359,7 +363,7 @@ def _codes(table: Table, problems: list[str]) -> np.ndarray:
 
 
 def _grid(
-    table: Table, coords: Mapping[str, np.ndarray], problems: list[str]
+    table: CsvTable, coords: Mapping[str, np.ndarray], problems: list[str]
 ) -> tuple[dict[str, np.ndarray], np.ndarray] | None:
     """Return the breakpoints and, for every node in order, its row; None with problems when rows
     are missing or stand twice.

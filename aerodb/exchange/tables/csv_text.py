@@ -27,7 +27,7 @@ Facts = Mapping[str, str | int | float]
 _WITHOUT = "_without"  # words: usual attributes that a variable lacks
 
 
-def flat(leaf: xr.Dataset) -> dict[str, str | int | float]:
+def flatten_attributes(leaf: xr.Dataset) -> dict[str, str | int | float]:
     """Return the attributes of a leaf, and as ``variable.key`` those of its variables that the
     vocabulary does not give.
     """
@@ -44,7 +44,7 @@ def flat(leaf: xr.Dataset) -> dict[str, str | int | float]:
     return {**found, _WITHOUT: " ".join(missing)} if missing else found
 
 
-def dressed(leaf: xr.Dataset, facts: Facts) -> xr.Dataset:
+def restore_attributes(leaf: xr.Dataset, facts: Facts) -> xr.Dataset:
     """Return a leaf with the attributes that `flat` gave."""
     found = leaf.copy()
     missing = str(facts.get(_WITHOUT, "")).split()
@@ -74,7 +74,7 @@ _SPECIAL = re.compile(r"[\\\x00-\x09\x0b-\x1f\x7f-\x9f\u2028\u2029\ufeff]")
 _WRITTEN = re.compile(r"\\u([0-9a-f]{4})")
 
 
-class Table(NamedTuple):
+class CsvTable(NamedTuple):
     """A CSV file as read: its first comment line, facts, units of the columns (empty without
     brackets), cells, lines of the rows.
     """
@@ -103,7 +103,7 @@ def written_csv(
     return "\n".join([*lines, ",".join(header), *(",".join(row) for row in rows), ""])
 
 
-def unwritable(facts: Mapping[str, Fact]) -> list[str]:
+def unwritable_keys(facts: Mapping[str, Fact]) -> list[str]:
     """Return the faults of facts whose keys cannot stand in a comment line."""
     return [
         f"attribute {key!r} is not a word of letters, digits and underscores; rename it"
@@ -112,7 +112,7 @@ def unwritable(facts: Mapping[str, Fact]) -> list[str]:
     ]
 
 
-def read_csv(path: Path) -> tuple[Table, list[str]]:
+def read_csv(path: Path) -> tuple[CsvTable, list[str]]:
     """Return a CSV file and the faults of its lines.
 
     Raises
@@ -156,7 +156,7 @@ def read_csv(path: Path) -> tuple[Table, list[str]]:
             columns[name].append(cell.strip())
     title = comments[0][1].removeprefix("#").strip() if comments else ""
     units = {match[1]: match[2] or "" for match in head if match}
-    return Table(path.name, title, facts, units, columns, kept), problems
+    return CsvTable(path.name, title, facts, units, columns, kept), problems
 
 
 def _take_fact(line: str, facts: dict[str, Fact], problems: list[str], place: str) -> None:
@@ -179,7 +179,7 @@ def _take_fact(line: str, facts: dict[str, Fact], problems: list[str], place: st
     facts[key] = f"{facts[key]}\n{decoded}" if key in facts else decoded
 
 
-def numbers(table: Table, name: str, problems: list[str]) -> np.ndarray:
+def numbers(table: CsvTable, name: str, problems: list[str]) -> np.ndarray:
     """Return a column as numbers; each cell that is none becomes a problem."""
     found = np.full(len(table.lines), np.nan)
     for place, (cell, line) in enumerate(zip(table.columns[name], table.lines)):
@@ -192,7 +192,7 @@ def numbers(table: Table, name: str, problems: list[str]) -> np.ndarray:
     return found
 
 
-def si_column(table: Table, name: str, problems: list[str]) -> np.ndarray:
+def si_column(table: CsvTable, name: str, problems: list[str]) -> np.ndarray:
     """Return a column converted from the unit in its brackets to SI; without brackets it is taken
     as it is.
     """

@@ -23,7 +23,7 @@ import numpy as np
 import xarray as xr
 from scipy.io import savemat
 
-from aerodb.exchange.tables.csv_text import dressed, flat
+from aerodb.exchange.tables.csv_text import flatten_attributes, restore_attributes
 from aerodb.store.schema import check, require, terms
 from flightmech import terms as _terms
 from flightmech.errors import ParseError, SchemaError
@@ -107,7 +107,7 @@ def _sealed(content: bytes) -> bytes:
 
 def _element(name: str, leaf: xr.Dataset) -> dict[str, Any]:
     coefficient, _, contribution = name.partition("/")
-    facts = flat(leaf)
+    facts = flatten_attributes(leaf)
     named = {key: facts.pop(key) if isinstance(facts.get(key), str) else "" for key in _TEXTS}
     absent = [key for key in _TEXTS if key not in leaf.attrs]
     words = _cell(_terms.regressors(leaf))
@@ -273,7 +273,7 @@ def _leaf(element: Any) -> tuple[str, xr.Dataset]:
     facts |= {
         _text(key, "attributes"): _fact(item) for key, item in element["attributes"].reshape(-1, 2)
     }
-    return name, dressed(xr.Dataset(variables, coords), facts)
+    return name, restore_attributes(xr.Dataset(variables, coords), facts)
 
 
 def _read_table(

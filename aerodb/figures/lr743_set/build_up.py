@@ -10,18 +10,24 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from aerodb.figures.curve_families import fine, thinned
-from aerodb.figures.lr743_set.chart import Chart, Line, NotDrawn, Panel, Points
-from aerodb.figures.lr743_set.combinations import at_rest, combined, leaves_of, points_of, span_of
-from aerodb.figures.lr743_set.flown import Flown, is_clean, is_free
-from aerodb.figures.symbols import axis_label, equals, number, shown, symbol
+from aerodb.figures.curve_families import refine_breakpoints, thin_breakpoints
+from aerodb.figures.lr743_set.chart import Chart, ChartLine, ChartPanel, FlightPoints, NotDrawn
+from aerodb.figures.lr743_set.combinations import (
+    combine_coefficients,
+    leaves_of,
+    points_of,
+    remove_moving_devices,
+    span_of,
+)
+from aerodb.figures.lr743_set.flown import FlightData, is_clean, is_free
+from aerodb.figures.symbols import axis_label, number_text, symbol, to_display_unit, value_text
 from aerodb.store.overview import FREE_AIR
 from flightmech import terms as _terms
 from flightmech.names import lookup
 from flightmech.units import DEGREE
 
 Databases = Mapping[str, xr.DataTree]
-Curves = Callable[[xr.DataTree], tuple[list[Line], str]]
+Curves = Callable[[xr.DataTree], tuple[list[ChartLine], str]]
 """The lines of one database, and where its other variables are held, in words."""
 
 _SLOPE = (
@@ -42,11 +48,11 @@ _AROUND = 4.0 * DEGREE  # beyond the angles of attack of low passes that Fig. 16
 _NEAR = 2.0 * DEGREE  # of a flap setting: whose estimates belong to it
 
 
-def intercept(databases: Databases, flown: Flown | None) -> Chart:
+def intercept(databases: Databases, flown: FlightData | None) -> Chart:
     """Fig. 1: lift coefficient at zero angle of attack over Mach number, clean."""
 
     def curve(db: xr.DataTree, mach: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return combined(db, "CL", (1.0, {"alpha": 0.0, "mach": mach}))
+        return combine_coefficients(db, "CL", (1.0, {"alpha": 0.0, "mach": mach}))
 
     title = "lift coefficient at zero angle of attack, clean"
     return _over_mach(
@@ -61,12 +67,12 @@ def intercept(databases: Databases, flown: Flown | None) -> Chart:
     )
 
 
-def slope(databases: Databases, flown: Flown | None) -> Chart:
+def slope(databases: Databases, flown: FlightData | None) -> Chart:
     """Fig. 2: lift slope over Mach number, clean."""
 
     def curve(db: xr.DataTree, mach: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         end = min(_SLOPE, span_of(db, "CL", "alpha")[1])
-        return combined(
+        return combine_coefficients(
             db,
             "CL",
             (1.0 / end, {"alpha": end, "mach": mach}),
@@ -87,10 +93,10 @@ def slope(databases: Databases, flown: Flown | None) -> Chart:
     )
 
 
-def flap_increment(databases: Databases, flown: Flown | None, stem: str, figure: str) -> Chart:
+def flap_increment(databases: Databases, flown: FlightData | None, stem: str, figure: str) -> Chart:
     """Figs. 3 and 13: increment of the lift coefficient by the flaps over angle of attack."""
 
-    def curves(db: xr.DataTree) -> tuple[list[Line], str]:
+    def curves(db: xr.DataTree) -> tuple[list[ChartLine], str]:
         mach = _middle_mach(db, "delta_f")
         alpha = _alpha(db)
         lines = []
@@ -101,7 +107,9 @@ def flap_increment(databases: Databases, flown: Flown | None, stem: str, figure:
                     "delta_f",
                     flap,
                     alpha,
-                    combined(db, "CL", (1.0, {**place, "delta_f": flap}), (-1.0, place)),
+                    combine_coefficients(
+                        db, "CL", (1.0, {**place, "delta_f": flap}), (-1.0, place)
+                    ),
                     i,
                 )
             )
@@ -111,10 +119,10 @@ def flap_increment(databases: Databases, flown: Flown | None, stem: str, figure:
     return _over_alpha(stem, figure, title, r"$\Delta C_L$ [1]", "delta_f", databases, curves)
 
 
-def elevator(databases: Databases, flown: Flown | None, stem: str, figure: str) -> Chart:
+def elevator(databases: Databases, flown: FlightData | None, stem: str, figure: str) -> Chart:
     """Figs. 4 and 14: lift coefficient by the elevator over angle of attack, by flap setting."""
 
-    def curves(db: xr.DataTree) -> tuple[list[Line], str]:
+    def curves(db: xr.DataTree) -> tuple[list[ChartLine], str]:
         mach = _middle_mach(db, "delta_e")
         span = _reach(db, "delta_e", _CONTROL)
         return _by_flap(db, "delta_e", span, mach), _held(mach)
@@ -137,10 +145,10 @@ def elevator(databases: Databases, flown: Flown | None, stem: str, figure: str) 
     )
 
 
-def pitch_rate(databases: Databases, flown: Flown | None) -> Chart:
+def pitch_rate(databases: Databases, flown: FlightData | None) -> Chart:
     """Fig. 15: lift coefficient by pitch rate over angle of attack, by flap setting."""
 
-    def curves(db: xr.DataTree) -> tuple[list[Line], str]:
+    def curves(db: xr.DataTree) -> tuple[list[ChartLine], str]:
         mach = _middle_mach(db, "qhat")
         return _by_flap(db, "qhat", _RATE, mach, ("alphadothat",)), _held(mach)
 
@@ -163,14 +171,20 @@ def pitch_rate(databases: Databases, flown: Flown | None) -> Chart:
     )
 
 
-def lift_by_mach(databases: Databases, flown: Flown | None) -> Chart:
+def lift_by_mach(databases: Databases, flown: FlightData | None) -> Chart:
     """Fig. 12: lift coefficient of the clean aeroplane over angle of attack, by Mach number."""
 
-    def curves(db: xr.DataTree) -> tuple[list[Line], str]:
+    def curves(db: xr.DataTree) -> tuple[list[ChartLine], str]:
         alpha = _alpha(db)
-        members = thinned(points_of(db, "CL", "mach"), _MOST)
+        members = thin_breakpoints(points_of(db, "CL", "mach"), _MOST)
         return [
-            _line("mach", mach, alpha, combined(db, "CL", (1.0, {"alpha": alpha, "mach": mach})), i)
+            _line(
+                "mach",
+                mach,
+                alpha,
+                combine_coefficients(db, "CL", (1.0, {"alpha": alpha, "mach": mach})),
+                i,
+            )
             for i, mach in enumerate(members)
         ], ""
 
@@ -179,7 +193,7 @@ def lift_by_mach(databases: Databases, flown: Flown | None) -> Chart:
     )
 
 
-def near_the_ground(databases: Databases, flown: Flown | None) -> Chart:
+def near_the_ground(databases: Databases, flown: FlightData | None) -> Chart:
     """Fig. 16: lift coefficient over angle of attack by height, largest flap setting."""
     for db in databases.values():
         _demand_height(db, "CL")
@@ -192,7 +206,7 @@ def near_the_ground(databases: Databases, flown: Flown | None) -> Chart:
         else [_sampled(flown, row, i, "alpha", "CL") for i, row in enumerate(low)]
     )
 
-    def curves(db: xr.DataTree) -> tuple[list[Line], str]:
+    def curves(db: xr.DataTree) -> tuple[list[ChartLine], str]:
         alpha = _alpha(db)
         if points:
             ends = [np.radians(end(one.x)) for one in points for end in (np.min, np.max)]
@@ -201,8 +215,8 @@ def near_the_ground(databases: Databases, flown: Flown | None) -> Chart:
             )
         lines = []
         for i, (h, place) in enumerate(_heights(db, "CL", low, flap)):
-            y, stderr = combined(db, "CL", (1.0, {**place, "alpha": alpha, "h_agl": h}))
-            lines.append(Line(_height(h), shown("alpha", alpha), y, stderr, i))
+            y, stderr = combine_coefficients(db, "CL", (1.0, {**place, "alpha": alpha, "h_agl": h}))
+            lines.append(ChartLine(_height(h), to_display_unit("alpha", alpha), y, stderr, i))
         return lines, _held({"delta_f": flap})
 
     notes = (
@@ -218,7 +232,7 @@ def near_the_ground(databases: Databases, flown: Flown | None) -> Chart:
     )
 
 
-def bank_near_the_ground(databases: Databases, flown: Flown | None) -> Chart:
+def bank_near_the_ground(databases: Databases, flown: FlightData | None) -> Chart:
     """Fig. 17: rolling moment of the ground over lift coefficient times bank angle, by height."""
     last = {name: db for name, db in databases.items() if _rolls(db)}
     if not last:
@@ -229,12 +243,14 @@ def bank_near_the_ground(databases: Databases, flown: Flown | None) -> Chart:
     low = [] if flown is None else _low_passes(flown)
     x = np.linspace(-0.3, 0.3, 13)
 
-    def curves(db: xr.DataTree) -> tuple[list[Line], str]:
+    def curves(db: xr.DataTree) -> tuple[list[ChartLine], str]:
         lines = []
         for i, (h, place) in enumerate(_heights(db, "Cl", low, 0.0)):
             banked = {**place, "h_agl": h, "CL": 1.0, "phi": x}
-            y, stderr = combined(db, "Cl", (1.0, banked), (-1.0, {**banked, "phi": 0.0}))
-            lines.append(Line(_height(h), x, y, stderr, i))
+            y, stderr = combine_coefficients(
+                db, "Cl", (1.0, banked), (-1.0, {**banked, "phi": 0.0})
+            )
+            lines.append(ChartLine(_height(h), x, y, stderr, i))
         return lines, ""
 
     points = [] if flown is None else [_banked(flown, last, row, i) for i, row in enumerate(low)]
@@ -261,14 +277,14 @@ def _over_mach(
     y_label: str,
     databases: Databases,
     curve: Callable[[xr.DataTree, np.ndarray], tuple[np.ndarray, np.ndarray]],
-    points: Sequence[Points],
+    points: Sequence[FlightPoints],
     notes: Sequence[str],
 ) -> Chart:
     lines = []
     for i, (name, db) in enumerate(databases.items()):
-        mach = fine(points_of(db, "CL", "mach"))
-        lines.append(Line(name, mach, *curve(db, mach), i))
-    held = _held({k: v for k, v in at_rest(db, "CL").items() if k == "h"})
+        mach = refine_breakpoints(points_of(db, "CL", "mach"))
+        lines.append(ChartLine(name, mach, *curve(db, mach), i))
+    held = _held({k: v for k, v in remove_moving_devices(db, "CL").items() if k == "h"})
     line = f"{y_label.split(' [')[0]} over ${symbol('mach')}${held}"
     return Chart(
         stem,
@@ -277,7 +293,7 @@ def _over_mach(
         line,
         axis_label("mach"),
         y_label,
-        [Panel("", lines, points=points)],
+        [ChartPanel("", lines, points=points)],
         notes,
         is_by_database=True,
     )
@@ -291,7 +307,7 @@ def _over_alpha(
     by: str,
     databases: Databases,
     curves: Curves,
-    points: Sequence[Points] = (),
+    points: Sequence[FlightPoints] = (),
     notes: Sequence[str] = (),
 ) -> Chart:
     panels, held = _panels(databases, curves, points, by)
@@ -303,12 +319,12 @@ def _over_alpha(
 
 
 def _panels(
-    databases: Databases, curves: Curves, points: Sequence[Points], by: str
-) -> tuple[list[Panel], str]:
+    databases: Databases, curves: Curves, points: Sequence[FlightPoints], by: str
+) -> tuple[list[ChartPanel], str]:
     found = {name: curves(db) for name, db in databases.items()}
     last = list(found)[-1]
     panels = [
-        Panel(name, lines, points=points if name == last else (), by=f"${symbol(by)}$")
+        ChartPanel(name, lines, points=points if name == last else (), by=f"${symbol(by)}$")
         for name, (lines, _) in found.items()
     ]
     return panels, next(iter(found.values()))[1]
@@ -316,13 +332,13 @@ def _panels(
 
 def _line(
     by: str, member: float, x: np.ndarray, values: tuple[np.ndarray, np.ndarray], i: int
-) -> Line:
-    return Line(equals(by, member), shown("alpha", x), *values, i)
+) -> ChartLine:
+    return ChartLine(value_text(by, member), to_display_unit("alpha", x), *values, i)
 
 
 def _by_flap(
     db: xr.DataTree, name: str, span: float, place: Mapping[str, float], along: Sequence[str] = ()
-) -> list[Line]:
+) -> list[ChartLine]:
     """Return a derivative of lift over angle of attack, a line per flap setting; one line where the
     flaps change nothing.
     """
@@ -333,26 +349,26 @@ def _by_flap(
     )
     lines = []
     for i, flap in enumerate(_flaps(db)):
-        values = combined(
+        values = combine_coefficients(
             db, "CL", (weight, {**up, "delta_f": flap}), (-weight, {**down, "delta_f": flap})
         )
         lines.append(_line("delta_f", flap, alpha, values, i))
     same = all(np.allclose(line.y, lines[0].y, rtol=1e-9, atol=1e-12) for line in lines)
     return (
-        [Line("all", lines[0].x, lines[0].y, lines[0].stderr, -1)]
+        [ChartLine("all", lines[0].x, lines[0].y, lines[0].stderr, -1)]
         if same and len(lines) > 1
         else lines
     )
 
 
 def _flaps(db: xr.DataTree) -> tuple[float, ...]:
-    return thinned(points_of(db, "CL", "delta_f"), _MOST)
+    return thin_breakpoints(points_of(db, "CL", "delta_f"), _MOST)
 
 
 def _alpha(db: xr.DataTree) -> np.ndarray:
     low, high = span_of(db, "CL", "alpha")
     points = points_of(db, "CL", "alpha")
-    return fine(points[(points >= low) & (points <= high)])
+    return refine_breakpoints(points[(points >= low) & (points <= high)])
 
 
 def _reach(db: xr.DataTree, name: str, wanted: float) -> float:
@@ -382,7 +398,7 @@ def _middle_mach(db: xr.DataTree, among: str) -> dict[str, float]:
 
 
 def _height(h: float) -> str:
-    return "free air" if h >= FREE_AIR else f"{number(h)} m"
+    return "free air" if h >= FREE_AIR else f"{number_text(h)} m"
 
 
 def _demand_height(db: xr.DataTree, coefficient: str) -> None:
@@ -402,7 +418,7 @@ def _cl(db: xr.DataTree) -> dict[str, xr.Dataset]:
     return {name: leaf for name, leaf in terms(db).items() if name.startswith("Cl/")}
 
 
-def _low_passes(flown: Flown | None) -> list[pd.Series]:
+def _low_passes(flown: FlightData | None) -> list[pd.Series]:
     """Return the manoeuvres at a steady height in ground effect, one per record, rising; means over
     their samples. [SI]
     """
@@ -433,7 +449,7 @@ def _heights(
     """Return the heights of the curves, the lowest first and free air last, and the condition of
     each. [SI]
     """
-    own = at_rest(db, coefficient)
+    own = remove_moving_devices(db, coefficient)
     if low:
         places = [
             {name: float(row[name]) for name in own if name in row and np.isfinite(row[name])}
@@ -448,12 +464,12 @@ def _heights(
     ]
 
 
-def _sampled(flown: Flown, row: pd.Series, member: int, x: str, y: str) -> Points:
+def _sampled(flown: FlightData, row: pd.Series, member: int, x: str, y: str) -> FlightPoints:
     manoeuvres = flown.manoeuvres.index[flown.manoeuvres["record"] == row.name]
     part = flown.samples[flown.samples["manoeuvre"].isin(manoeuvres)]
-    return Points(
+    return FlightPoints(
         f"samples at {_height(round(row['h_agl'], 1))}",
-        shown(x, part[x]),
+        to_display_unit(x, part[x]),
         part[y].to_numpy(),
         np.zeros(len(part)),
         "sample",
@@ -461,17 +477,21 @@ def _sampled(flown: Flown, row: pd.Series, member: int, x: str, y: str) -> Point
     )
 
 
-def _banked(flown: Flown, databases: Databases, row: pd.Series, member: int) -> Points:
+def _banked(flown: FlightData, databases: Databases, row: pd.Series, member: int) -> FlightPoints:
     db = list(databases.values())[-1]
     part = flown.samples[
         flown.samples["manoeuvre"].isin(
             flown.manoeuvres.index[flown.manoeuvres["record"] == row.name]
         )
     ]
-    own = {name: part[name].to_numpy(float) for name in {*at_rest(db, "Cl"), "CL"} if name in part}
-    others, _ = combined(db, "Cl", (1.0, {**own, "phi": 0.0}))
+    own = {
+        name: part[name].to_numpy(float)
+        for name in {*remove_moving_devices(db, "Cl"), "CL"}
+        if name in part
+    }
+    others, _ = combine_coefficients(db, "Cl", (1.0, {**own, "phi": 0.0}))
     y = part["Cl"].to_numpy(float) - others
-    return Points(
+    return FlightPoints(
         f"samples at {_height(round(row['h_agl'], 1))}",
         (part["CL"] * part["phi"]).to_numpy(float),
         y,
@@ -481,7 +501,7 @@ def _banked(flown: Flown, databases: Databases, row: pd.Series, member: int) -> 
     )
 
 
-def _estimates(flown: Flown | None, term: str, over: str) -> list[Points]:
+def _estimates(flown: FlightData | None, term: str, over: str) -> list[FlightPoints]:
     """Return the local estimates of a term of lift, clean."""
     if flown is None:
         return []
@@ -493,10 +513,16 @@ def _estimates(flown: Flown | None, term: str, over: str) -> list[Points]:
     if table.empty:
         return []
     x, y, stderr = (table[name].to_numpy(float) for name in (over, "estimate", "stderr"))
-    return [Points("local estimate, standard error", shown(over, x), y, stderr, "estimate")]
+    return [
+        FlightPoints(
+            "local estimate, standard error", to_display_unit(over, x), y, stderr, "estimate"
+        )
+    ]
 
 
-def _by_flap_estimates(flown: Flown | None, term: str, databases: Databases) -> list[Points]:
+def _by_flap_estimates(
+    flown: FlightData | None, term: str, databases: Databases
+) -> list[FlightPoints]:
     """Return the local estimates of a term of lift in free air over angle of attack, by the flap
     setting nearest to theirs.
     """
@@ -512,15 +538,17 @@ def _by_flap_estimates(flown: Flown | None, term: str, databases: Databases) -> 
         part = table[(table["delta_f"] - flap).abs() < _NEAR]
         if len(part):
             x, y, stderr = (part[name].to_numpy(float) for name in ("alpha", "estimate", "stderr"))
-            label = f"local estimate, flaps {number(float(shown('delta_f', flap)))} deg"
-            found.append(Points(label, shown("alpha", x), y, stderr, "estimate", i))
+            label = (
+                f"local estimate, flaps {number_text(float(to_display_unit('delta_f', flap)))} deg"
+            )
+            found.append(FlightPoints(label, to_display_unit("alpha", x), y, stderr, "estimate", i))
     return found
 
 
-def _own(points: Sequence[Points]) -> tuple[str, ...]:
+def _own(points: Sequence[FlightPoints]) -> tuple[str, ...]:
     return ("Estimates at their own Mach numbers; bars: one standard error.",) if points else ()
 
 
 def _held(place: Mapping[str, float]) -> str:
-    words = ", ".join(equals(name, value) for name, value in place.items())
+    words = ", ".join(value_text(name, value) for name, value in place.items())
     return f"; at {words}" if words else ""

@@ -15,7 +15,7 @@ class NotDrawn(Exception):
 
 
 @dataclass(frozen=True)
-class Line:
+class ChartLine:
     """One curve.
 
     Attributes
@@ -36,7 +36,7 @@ class Line:
 
 
 @dataclass(frozen=True)
-class Points:
+class FlightPoints:
     """Points of one kind from flight.
 
     Attributes
@@ -61,7 +61,7 @@ class Points:
 
 
 @dataclass(frozen=True)
-class Panel:
+class ChartPanel:
     """Lines and points over one pair of axes.
 
     Attributes
@@ -75,8 +75,8 @@ class Panel:
     """
 
     title: str
-    lines: Sequence[Line]
-    points: Sequence[Points] = ()
+    lines: Sequence[ChartLine]
+    points: Sequence[FlightPoints] = ()
     by: str = ""
 
 
@@ -111,7 +111,7 @@ class Chart:
     line: str
     x_label: str
     y_label: str
-    panels: Sequence[Panel]
+    panels: Sequence[ChartPanel]
     notes: Sequence[str] = field(default_factory=tuple)
     is_by_database: bool = False
     x_zero: bool = False

@@ -10,11 +10,16 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from aerodb.comparison.conditions import axes_of, breakpoints, coefficient_points, neutral
+from aerodb.comparison.conditions import (
+    axes_of,
+    coefficient_points,
+    merge_breakpoints,
+    neutral_value,
+)
 from aerodb.figures.lr743_set.chart import NotDrawn
 from aerodb.store.evaluation import evaluate
 from aerodb.store.schema import terms
-from aerodb.update.standard_errors import repeated, spread_of_sum
+from aerodb.update.standard_errors import repeat_rows, spread_of_sum
 from flightmech import terms as _terms
 from flightmech.build_up import COEFFICIENTS
 
@@ -47,7 +52,7 @@ def points_of(db: xr.DataTree, coefficient: str, axis: str, among: str = "") -> 
     leaves = [
         leaf for leaf in leaves_of(db, coefficient) if not among or among in _terms.variables(leaf)
     ]
-    points = breakpoints(leaves)
+    points = merge_breakpoints(leaves)
     if axis not in points:
         raise NotDrawn(f"no term of {coefficient} is a table over {axis}")
     return points[axis]
@@ -66,17 +71,19 @@ def span_of(db: xr.DataTree, coefficient: str, axis: str) -> tuple[float, float]
     return float(max(low for low, _ in ends)), float(min(high for _, high in ends))
 
 
-def at_rest(db: xr.DataTree, coefficient: str) -> dict[str, float]:
+def remove_moving_devices(db: xr.DataTree, coefficient: str) -> dict[str, float]:
     """Return the variables of a coefficient at rest, in free air and at the lowest height;
     coefficients that it depends on are left out.
     """
     points = coefficient_points(leaves_of(db, coefficient), [])
     return {
-        name: neutral(name, values) for name, values in points.items() if name not in COEFFICIENTS
+        name: neutral_value(name, values)
+        for name, values in points.items()
+        if name not in COEFFICIENTS
     }
 
 
-def combined(
+def combine_coefficients(
     db: xr.DataTree, coefficient: str, *parts: tuple[float, Condition]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return sum_i w_i C(x_i) of a coefficient C with its standard error.
@@ -95,7 +102,7 @@ def combined(
         that of any other one (`aerodb.update.standard_errors`).
     """
     leaves = leaves_of(db, coefficient)
-    rest = at_rest(db, coefficient)
+    rest = remove_moving_devices(db, coefficient)
     count = np.broadcast_shapes(
         *(np.shape(value) for _, given in parts for value in given.values()), (1,)
     )
@@ -104,7 +111,7 @@ def combined(
     for leaf in leaves:
         maps.append(
             sum(
-                weight * repeated(_terms.basis(leaf, conditions, "clamp"), count[0])
+                weight * repeat_rows(_terms.basis(leaf, conditions, "clamp"), count[0])
                 for weight, conditions in whole
             )
         )
@@ -122,6 +129,8 @@ def _complete(
     }
     summed = [name for name in needed if name in COEFFICIENTS and name not in found]
     return found | {
-        name: np.broadcast_to(evaluate(db, name, "clamp", **{**at_rest(db, name), **found}), count)
+        name: np.broadcast_to(
+            evaluate(db, name, "clamp", **{**remove_moving_devices(db, name), **found}), count
+        )
         for name in summed
     }

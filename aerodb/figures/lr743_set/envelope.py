@@ -13,19 +13,23 @@ import pandas as pd
 import scipy
 import xarray as xr
 
-from aerodb.figures.curve_families import thinned
+from aerodb.figures.curve_families import thin_breakpoints
 from aerodb.figures.lr743_set.build_up import Databases
-from aerodb.figures.lr743_set.chart import Chart, Line, NotDrawn, Panel, Points
-from aerodb.figures.lr743_set.combinations import at_rest, combined, points_of
+from aerodb.figures.lr743_set.chart import Chart, ChartLine, ChartPanel, FlightPoints, NotDrawn
+from aerodb.figures.lr743_set.combinations import (
+    combine_coefficients,
+    points_of,
+    remove_moving_devices,
+)
 from aerodb.figures.lr743_set.flown import (
-    Flown,
+    FlightData,
     configuration,
     height_text,
     heights,
     is_clean,
     is_free,
 )
-from aerodb.figures.symbols import axis_label, equals, number, shown, symbol
+from aerodb.figures.symbols import axis_label, number_text, symbol, to_display_unit, value_text
 from flightmech.air import GAMMA, atmosphere
 from flightmech.errors import AeromatchError, SimulationError
 from flightmech.flying_qualities.performance import one_g, polar, stall
@@ -81,7 +85,7 @@ def one_g_lines(
         for h in map(float, np.unique(at)):
             part = alike[at == h]
             means = part.mean(numeric_only=True)
-            label = f"{height_text(h)}, {number(float(np.round(means['mass'], -1)))} kg, {configuration(means)}"
+            label = f"{height_text(h)}, {number_text(float(np.round(means['mass'], -1)))} kg, {configuration(means)}"
             flight = {name: float(means[name]) for name in ("mass", *_SETTINGS)} | {
                 "h": h,
                 "mach": float(part["mach"].max()),
@@ -128,7 +132,7 @@ class _Polar(NamedTuple):
 
 
 def envelope(
-    databases: Databases, aircraft: Aircrafts, flown: Flown | None, buffet: pd.DataFrame | None
+    databases: Databases, aircraft: Aircrafts, flown: FlightData | None, buffet: pd.DataFrame | None
 ) -> Chart:
     """Fig. 9: test points of the clean aeroplane over Mach number, 1 g lines, stall, buffet,
     excursions of lift.
@@ -139,18 +143,18 @@ def envelope(
     machs = np.linspace(max(machs[0], 0.05), machs[-1], 24)
     stalls = [float(polar(point, float(mach))["CL"].max()) for mach in machs]
     lines = [
-        Line(
+        ChartLine(
             f"stall, trimmed, power off ({name})", machs, np.array(stalls), np.zeros(len(machs)), -1
         )
     ]
-    points = list[Points]()
+    points = list[FlightPoints]()
     levels = [(h, craft.mass) for h in _HEIGHTS]
     if flown is not None:
         clean = flown.manoeuvres[is_clean(flown.manoeuvres)]
         at = heights(clean)
         levels = [(h, float(clean["mass"][at == h].mean())) for h in np.unique(at)]
         points += [
-            Points(
+            FlightPoints(
                 f"test point, {height_text(h)}",
                 clean["mach"][at == h].to_numpy(),
                 clean["CL"][at == h].to_numpy(),
@@ -167,15 +171,15 @@ def envelope(
     for i, (h, mass) in enumerate(levels):
         per_square = 2.0 * mass * G0 / (GAMMA * float(atmosphere(h).p_static) * craft.S)
         mach = np.linspace(min(np.sqrt(per_square / top), machs[-1]), machs[-1], 60)
-        label = f"1 g, {height_text(h)}, {number(float(np.round(mass, -1)))} kg"
-        lines.append(Line(label, mach, per_square / mach**2, np.zeros(len(mach)), i))
+        label = f"1 g, {height_text(h)}, {number_text(float(np.round(mass, -1)))} kg"
+        lines.append(ChartLine(label, mach, per_square / mach**2, np.zeros(len(mach)), i))
     notes = [
         f"Stall: largest lift coefficient of the trimmed polar of {name}; in 1 g flight at sea level {stall(point).why}.",
         "1 g: CL = 2 W/(gamma p S M^2) at the mean mass of the test points of that height.",
     ]
     if buffet is not None:
         lines.append(
-            Line(
+            ChartLine(
                 "buffet",
                 buffet["mach"].to_numpy(float),
                 buffet["CL"].to_numpy(float),
@@ -196,14 +200,14 @@ def envelope(
         else f"$C_L$ over ${symbol('mach')}$",
         axis_label("mach"),
         "$C_L$ [1]",
-        [Panel("", lines, points=points)],
+        [ChartPanel("", lines, points=points)],
         notes,
         x_zero=True,
         y_zero=True,
     )
 
 
-def sweeps(databases: Databases, flown: Flown | None) -> Chart:
+def sweeps(databases: Databases, flown: FlightData | None) -> Chart:
     """Fig. 10: lift over angle of attack in the sweeps of the elevator, by configuration and Mach
     number, and the database there.
     """
@@ -214,7 +218,7 @@ def sweeps(databases: Databases, flown: Flown | None) -> Chart:
     name, db = list(databases.items())[-1]
     rows = flown.manoeuvres[is_free(flown.manoeuvres)]
     rows = rows.assign(height=heights(rows))
-    found: dict[str, list[tuple[float, Line, Points]]] = {}
+    found: dict[str, list[tuple[float, ChartLine, FlightPoints]]] = {}
     for i, part in _by_manoeuvre(flown, rows[rows["label"].str.contains("elevator")]):
         if np.ptp(part["CL"]) >= _MOVED and np.ptp(part["mach"]) <= _FORWARD:
             row = rows.loc[[i]].iloc[0]
@@ -240,7 +244,7 @@ def sweeps(databases: Databases, flown: Flown | None) -> Chart:
     )
 
 
-def _of_sweeps(title: str, swept: Sequence[tuple[float, Line, Points]]) -> Panel:
+def _of_sweeps(title: str, swept: Sequence[tuple[float, ChartLine, FlightPoints]]) -> ChartPanel:
     """Return the sweeps of one configuration and height: a curve per Mach number, over the widest
     sweep there.
     """
@@ -250,14 +254,16 @@ def _of_sweeps(title: str, swept: Sequence[tuple[float, Line, Points]]) -> Panel
         lines[mach] = replace(line, member=members[mach])
     points = []
     for mach, _, trace in swept:
-        start = Points(
+        start = FlightPoints(
             "test point", trace.x[:1], trace.y[:1], np.zeros(1), "test point", members[mach]
         )
         points += [replace(trace, member=members[mach]), start]
-    return Panel(title, [lines[mach] for mach in members], points=points, by=f"${symbol('mach')}$")
+    return ChartPanel(
+        title, [lines[mach] for mach in members], points=points, by=f"${symbol('mach')}$"
+    )
 
 
-def polars_clean(databases: Databases, aircraft: Aircrafts, flown: Flown | None) -> Chart:
+def polars_clean(databases: Databases, aircraft: Aircrafts, flown: FlightData | None) -> Chart:
     """Fig. 11: lift over drag coefficient of the clean aeroplane, by Mach number."""
     panels = []
     for name, db in databases.items():
@@ -265,9 +271,11 @@ def polars_clean(databases: Databases, aircraft: Aircrafts, flown: Flown | None)
         lines = []
         for i, one in enumerate(_polars(point, db)):
             lines.append(
-                Line(equals("mach", one.mach), one.CD, one.CL, one.stderr, i, is_across=True)
+                ChartLine(
+                    value_text("mach", one.mach), one.CD, one.CL, one.stderr, i, is_across=True
+                )
             )
-        panels.append(Panel(name, lines, by=f"${symbol('mach')}$"))
+        panels.append(ChartPanel(name, lines, by=f"${symbol('mach')}$"))
     points = []
     if flown is not None:
         clean = flown.manoeuvres[is_clean(flown.manoeuvres)]
@@ -275,7 +283,7 @@ def polars_clean(databases: Databases, aircraft: Aircrafts, flown: Flown | None)
         for i, h in enumerate(np.unique(at)):
             on = at == h
             points.append(
-                Points(
+                FlightPoints(
                     f"test point, {height_text(h)}",
                     clean["CD"][on].to_numpy(),
                     clean["CL"][on].to_numpy(),
@@ -283,7 +291,7 @@ def polars_clean(databases: Databases, aircraft: Aircrafts, flown: Flown | None)
                     i,
                 )
             )
-        panels[-1] = Panel(panels[-1].title, panels[-1].lines, points=points, by=panels[-1].by)
+        panels[-1] = ChartPanel(panels[-1].title, panels[-1].lines, points=points, by=panels[-1].by)
     return Chart(
         "figure-11",
         "Fig. 11",
@@ -297,7 +305,7 @@ def polars_clean(databases: Databases, aircraft: Aircrafts, flown: Flown | None)
     )
 
 
-def drag_polars(databases: Databases, aircraft: Aircrafts, flown: Flown | None) -> Chart:
+def drag_polars(databases: Databases, aircraft: Aircrafts, flown: FlightData | None) -> Chart:
     """Drag over lift coefficient by Mach number, a panel per flap setting."""
     name, db = list(databases.items())[-1]
     craft = _aircraft_of(aircraft, name)
@@ -309,12 +317,12 @@ def drag_polars(databases: Databases, aircraft: Aircrafts, flown: Flown | None) 
     for flap in flaps:
         point = _flight(craft, db, {"delta_f": float(flap)} if flap else {})
         lines = [
-            Line(equals("mach", p.mach), p.CL, p.CD, p.stderr, i)
+            ChartLine(value_text("mach", p.mach), p.CL, p.CD, p.stderr, i)
             for i, p in enumerate(_polars(point, db, float(flap)))
         ]
         panels.append(
-            Panel(
-                equals("delta_f", float(flap)),
+            ChartPanel(
+                value_text("delta_f", float(flap)),
                 lines,
                 points=_test_points(flown, float(flap)),
                 by=f"${symbol('mach')}$",
@@ -333,7 +341,7 @@ def drag_polars(databases: Databases, aircraft: Aircrafts, flown: Flown | None) 
     )
 
 
-def _test_points(flown: Flown | None, flap: float) -> list[Points]:
+def _test_points(flown: FlightData | None, flap: float) -> list[FlightPoints]:
     """Return the steady starts of manoeuvres with a flap setting, gear up and gear down apart."""
     if flown is None:
         return []
@@ -346,7 +354,7 @@ def _test_points(flown: Flown | None, flap: float) -> list[Points]:
         if len(part):
             on = np.ones(len(part), bool)
             found.append(
-                Points(
+                FlightPoints(
                     f"test point, {words}",
                     part["CL"].to_numpy(),
                     part["CD"].to_numpy(),
@@ -386,7 +394,7 @@ def _polars(point: Point, db: xr.DataTree, flap: float = 0.0) -> list[_Polar]:
     """Return trimmed polars at Mach numbers of the tables, those that a flap setting is flown at."""
     machs = points_of(db, "CL", "mach")
     machs = machs[machs > 0.0]
-    kept = thinned(machs, _MOST)
+    kept = thin_breakpoints(machs, _MOST)
     return [
         _polar(point, db, mach) for mach in (kept[: (len(kept) + 1) // 2 + 1] if flap else kept)
     ]
@@ -400,9 +408,11 @@ def _polar(point: Point, db: xr.DataTree, mach: float) -> _Polar:
     )
     own = point.variables | {"mach": mach, "qhat": 0.0, "dnz": 0.0}
     place = {
-        name: own[name] for name in {*at_rest(db, "CL"), *at_rest(db, "CD")} if name in own
+        name: own[name]
+        for name in {*remove_moving_devices(db, "CL"), *remove_moving_devices(db, "CD")}
+        if name in own
     } | {"alpha": alpha, "delta_e": delta_e}
-    lift, drag = (combined(db, name, (1.0, place))[1] for name in ("CL", "CD"))
+    lift, drag = (combine_coefficients(db, name, (1.0, place))[1] for name in ("CL", "CD"))
     slope, rise = (
         scipy.ndimage.uniform_filter1d(np.gradient(values, alpha), _SMOOTH, mode="nearest")
         for values in (CL, CD)
@@ -411,7 +421,9 @@ def _polar(point: Point, db: xr.DataTree, mach: float) -> _Polar:
     return _Polar(mach, CL, CD, np.hypot(drag, drag_slope * lift), alpha)
 
 
-def _swept(db: xr.DataTree, row: pd.Series, part: pd.DataFrame) -> tuple[float, Line, Points]:
+def _swept(
+    db: xr.DataTree, row: pd.Series, part: pd.DataFrame
+) -> tuple[float, ChartLine, FlightPoints]:
     """Return the Mach number of one sweep to the nearest 0.02, the database over its angles of
     attack, and its samples.
     """
@@ -419,31 +431,31 @@ def _swept(db: xr.DataTree, row: pd.Series, part: pd.DataFrame) -> tuple[float, 
     means = part.mean(numeric_only=True)
     place = {
         name: float(means[name])
-        for name in at_rest(db, "CL")
+        for name in remove_moving_devices(db, "CL")
         if name in means and np.isfinite(means[name])
     }
     alpha = np.linspace(part["alpha"].min(), part["alpha"].max(), 25)
-    y, stderr = combined(
+    y, stderr = combine_coefficients(
         db, "CL", (1.0, {**place, "qhat": 0.0, "alphadothat": 0.0, "dnz": 0.0, "alpha": alpha})
     )
     return (
         mach,
-        Line(equals("mach", mach), shown("alpha", alpha), y, stderr),
+        ChartLine(value_text("mach", mach), to_display_unit("alpha", alpha), y, stderr),
         _trace(part, "alpha", "CL"),
     )
 
 
-def _trace(part: pd.DataFrame, x: str, y: str) -> Points:
-    return Points(
+def _trace(part: pd.DataFrame, x: str, y: str) -> FlightPoints:
+    return FlightPoints(
         "samples of flight",
-        shown(x, part[x]),
+        to_display_unit(x, part[x]),
         part[y].to_numpy(float),
         np.zeros(len(part)),
         "trace",
     )
 
 
-def _by_manoeuvre(flown: Flown, rows: pd.DataFrame) -> list[tuple[int, pd.DataFrame]]:
+def _by_manoeuvre(flown: FlightData, rows: pd.DataFrame) -> list[tuple[int, pd.DataFrame]]:
     samples = flown.samples[flown.samples["manoeuvre"].isin(rows.index)]
     return [
         (int(part["manoeuvre"].iloc[0]), part)

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from aerodb.figures.symbols import number, printed_unit, shown
+from aerodb.figures.symbols import number_text, printed_unit, to_display_unit
 from aerodb.store.evaluation import contributions
 from aerodb.store.schema import terms
 from flightmech import terms as _terms
@@ -61,7 +61,7 @@ _APART = 300.0  # between two heights that were flown [m]
 
 
 @dataclass(frozen=True)
-class Flown:
+class FlightData:
     """What was flown.
 
     Attributes
@@ -90,7 +90,7 @@ class Flown:
     ground: pd.DataFrame
 
 
-def read_flown(path: str | os.PathLike) -> Flown:
+def read_flown(path: str | os.PathLike) -> FlightData:
     """Return what was flown from a file that ``aeromatch match`` wrote.
 
     Raises
@@ -132,7 +132,7 @@ def read_flown(path: str | os.PathLike) -> Flown:
         raise ParseError(
             str(path), 0, f"a file without {', '.join(lacking)}", f"{FLOWN} of `aeromatch match`"
         )
-    return Flown(str(held.attrs.get("title", Path(path).name)), **tables)
+    return FlightData(str(held.attrs.get("title", Path(path).name)), **tables)
 
 
 def is_clean(table: pd.DataFrame) -> pd.Series:
@@ -153,7 +153,7 @@ def is_free(table: pd.DataFrame) -> pd.Series:
 def configuration(row: pd.Series) -> str:
     """Return the configuration in words: ``clean``, ``flaps 40 deg, gear``."""
     words = (
-        [f"flaps {number(float(np.round(shown('delta_f', row['delta_f']))))} deg"]
+        [f"flaps {number_text(float(np.round(to_display_unit('delta_f', row['delta_f']))))} deg"]
         if abs(row["delta_f"]) >= _AT_REST
         else []
     )
@@ -176,7 +176,7 @@ def heights(table: pd.DataFrame) -> np.ndarray:
 
 def height_text(h: float) -> str:
     """Return a height as it is named: to the nearest hundred of its display unit."""
-    return f"{number(float(np.round(shown('h', h), -2)))} {printed_unit('h')}"
+    return f"{number_text(float(np.round(to_display_unit('h', h), -2)))} {printed_unit('h')}"
 
 
 _LEAST = 8  # samples of a manoeuvre
@@ -186,7 +186,7 @@ _EXCITED = (
 _MOST_RHO = 0.95  # of the correlation of neighbours, which short manoeuvres estimate poorly
 
 
-def partial_residuals(db: xr.DataTree, flown: Flown, name: str) -> pd.DataFrame:
+def partial_residuals(db: xr.DataTree, flown: FlightData, name: str) -> pd.DataFrame:
     """Return for each manoeuvre that excites a term what its value would have to be there.
 
     Parameters

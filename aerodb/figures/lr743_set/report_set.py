@@ -24,7 +24,7 @@ from aerodb.figures.lr743_set.build_up import (
 )
 from aerodb.figures.lr743_set.chart import Chart, NotDrawn
 from aerodb.figures.lr743_set.envelope import drag_polars, envelope, polars_clean, sweeps
-from aerodb.figures.lr743_set.flown import Flown
+from aerodb.figures.lr743_set.flown import FlightData
 from aerodb.figures.lr743_set.sheet import draw
 from flightmech.errors import SchemaError
 from flightmech.support.atomic_write import folder_written_atomically
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 _NO_FLIGHTS = "it needs what was flown: flown.nc of the folder that `aeromatch match` wrote"
 
 
-class Written(NamedTuple):
+class WrittenSet(NamedTuple):
     """One figure or table of the set: its number in LR-743, title, file (None where it cannot be
     made) and why not.
     """
@@ -49,7 +49,7 @@ class Written(NamedTuple):
 def lr743_charts(
     databases: Mapping[str, xr.DataTree],
     aircraft: Mapping[str, Aircraft] | None = None,
-    flown: Flown | None = None,
+    flown: FlightData | None = None,
     buffet: pd.DataFrame | None = None,
 ) -> Iterator[tuple[str, str, Callable[[], Chart]]]:
     """Yield number, title and maker of every figure; a maker raises `NotDrawn` with what is
@@ -100,10 +100,10 @@ def write_lr743(
     format: str = "svg",
     *,
     aircraft: Mapping[str, Aircraft] | None = None,
-    flown: Flown | None = None,
+    flown: FlightData | None = None,
     buffet: pd.DataFrame | None = None,
     sources: str = "",
-) -> list[Written]:
+) -> list[WrittenSet]:
     """Write the figures and tables of LR-743 that the data allow into a folder.
 
     Parameters
@@ -158,11 +158,11 @@ def write_lr743(
             try:
                 chart = make()
             except NotDrawn as lacking:
-                made.append(Written(number, title, None, str(lacking)))
+                made.append(WrittenSet(number, title, None, str(lacking)))
                 continue
             file = f"{chart.stem}.{format}"
             save_figure(draw(chart, name, notes), part / file)
-            made.append(Written(number, chart.title, folder / file, ""))
+            made.append(WrittenSet(number, chart.title, folder / file, ""))
         made += [
             *_table(
                 part,
@@ -188,11 +188,11 @@ def write_lr743(
 
 def _table(
     part: Path, folder: Path, number: str, file: str, title: str, table: pd.DataFrame | None
-) -> Iterator[Written]:
+) -> Iterator[WrittenSet]:
     if table is None:
-        yield Written(number, title, None, _NO_FLIGHTS)
+        yield WrittenSet(number, title, None, _NO_FLIGHTS)
     elif table.empty:
-        yield Written(number, title, None, "the project has no section [ground_effect]")
+        yield WrittenSet(number, title, None, "the project has no section [ground_effect]")
     else:
         table.to_csv(part / file, index=False, float_format="%.6g", lineterminator="\n")
-        yield Written(number, title, folder / file, "")
+        yield WrittenSet(number, title, folder / file, "")

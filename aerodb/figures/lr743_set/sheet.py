@@ -13,19 +13,19 @@ from aerodb.figures.drawing import (
     WIDTH,
     Axes,
     Figure,
+    FigureSheet,
     Line2D,
     MaxNLocator,
-    Sheet,
+    axis_limits,
     band_handle,
     colormaps,
-    drawing,
+    drawing_style,
     foot_height,
     foot_lines,
-    padded,
-    pens,
+    line_styles,
 )
 from aerodb.figures.figures import end_labels
-from aerodb.figures.lr743_set.chart import Chart, Line, Panel, Points
+from aerodb.figures.lr743_set.chart import Chart, ChartLine, ChartPanel, FlightPoints
 
 _TOP, _KEY, _PANEL, _ALONE, _AXIS, _TITLE = 0.52, 0.17, 2.1, 3.6, 0.4, 0.2  # [in]
 
@@ -64,7 +64,7 @@ def draw(chart: Chart, aircraft: str, notes: Sequence[str] = ()) -> Figure:
     """Return a chart as a figure, `notes` at its foot after its own; its lines and points carry
     their labels.
     """
-    with drawing():
+    with drawing_style():
         return _sheet(chart, aircraft, foot_lines((*chart.notes, *notes)))
 
 
@@ -76,7 +76,7 @@ def _sheet(chart: Chart, aircraft: str, notes: list[str]) -> Figure:
     columns = min(len(chart.panels), _COLUMNS)
     rows = -(-len(chart.panels) // columns)
     height = _ALONE if len(chart.panels) == 1 else _PANEL
-    sheet = Sheet(top + rows * (titled + height + _AXIS) + foot_height(notes))
+    sheet = FigureSheet(top + rows * (titled + height + _AXIS) + foot_height(notes))
     number = f"{chart.number}, " if chart.number else ""
     sheet.figure.set_label(f"{number}{chart.title}")
     sheet.head(
@@ -114,7 +114,7 @@ def _sheet(chart: Chart, aircraft: str, notes: list[str]) -> Figure:
 def _draw(
     axes: Axes,
     chart: Chart,
-    panel: Panel,
+    panel: ChartPanel,
     limits: tuple[tuple[float, float], tuple[float, float]],
     size: tuple[float, float],
 ) -> None:
@@ -157,7 +157,7 @@ def _draw(
         )
 
 
-def _end(line: Line, right: float, limits: tuple[float, float]) -> tuple[float, float, str]:
+def _end(line: ChartLine, right: float, limits: tuple[float, float]) -> tuple[float, float, str]:
     """Return the last point of a line inside the axes and its label, without symbol and unit where
     it has a number.
     """
@@ -165,10 +165,10 @@ def _end(line: Line, right: float, limits: tuple[float, float]) -> tuple[float, 
         (line.x <= right) & (line.y >= limits[0]) & (line.y <= limits[1]) & np.isfinite(line.y)
     )
     at = inside[-1] if len(inside) else -1
-    return float(line.x[at]), float(line.y[at]), short(line.label)
+    return float(line.x[at]), float(line.y[at]), short_label(line.label)
 
 
-def short(label: str) -> str:
+def short_label(label: str) -> str:
     """Return the number of a label ``$M$ = 0.3``, with the unit of a height; another label as it
     is.
     """
@@ -176,9 +176,9 @@ def short(label: str) -> str:
     return value.removesuffix(" deg") if " = " in label else value
 
 
-def _codes(chart: Chart, lines: Sequence[Line]) -> list[dict[str, Any]]:
+def _codes(chart: Chart, lines: Sequence[ChartLine]) -> list[dict[str, Any]]:
     if chart.is_by_database:
-        code = list(pens([line.label for line in lines]).values())
+        code = list(line_styles([line.label for line in lines]).values())
         return [
             {"color": pen.color, "linestyle": pen.dashes, "linewidth": pen.width} for pen in code
         ]
@@ -216,7 +216,7 @@ def _dashes(chart: Chart, member: int) -> Any:
     )
 
 
-def _points(axes: Axes, chart: Chart, points: Points) -> None:
+def _points(axes: Axes, chart: Chart, points: FlightPoints) -> None:
     colour = _colour(chart, points.member)
     if points.kind == "trace":
         shade = "#8c8c8c" if points.member < 0 else colour
@@ -280,7 +280,7 @@ def _row_by_row(handles: Sequence[Any]) -> list[Any]:
     return [handle for column in range(_KEYS) for handle in handles[column::_KEYS]]
 
 
-def _handle(chart: Chart, points: Points) -> Line2D:
+def _handle(chart: Chart, points: FlightPoints) -> Line2D:
     several = _scaled(chart) and points.kind != "estimate"
     colour = (
         _BLACK
@@ -308,12 +308,12 @@ def _handle(chart: Chart, points: Points) -> Line2D:
 def _limits(chart: Chart) -> tuple[tuple[float, float], tuple[float, float]]:
     lines = [line for panel in chart.panels for line in panel.lines]
     points = [points for panel in chart.panels for points in panel.points if len(points.x)]
-    x = padded([*(line.x for line in lines), *(p.x for p in points)], zero=chart.x_zero)
+    x = axis_limits([*(line.x for line in lines), *(p.x for p in points)], zero=chart.x_zero)
     values = [
         line.y + s * line.stderr * (not line.is_across) for line in lines for s in (-1.0, 1.0)
     ]
-    core = padded([*(line.y for line in lines), *(p.y for p in points)], zero=chart.y_zero)
-    whole = padded(
+    core = axis_limits([*(line.y for line in lines), *(p.y for p in points)], zero=chart.y_zero)
+    whole = axis_limits(
         [*values, *(p.y + s * p.stderr for p in points for s in (-1.0, 1.0))], zero=chart.y_zero
     )
     more = _BEYOND * (core[1] - core[0])

@@ -22,7 +22,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from aerodb.update.observations import Known, basis_at, coefficient_of, known_terms
+from aerodb.update.observations import CoefficientTerms, basis_at, coefficient_of, known_terms
 from flightmech import terms as _terms
 from flightmech.errors import SchemaError, UnknownName
 
@@ -132,7 +132,7 @@ def unplaced_terms(
 def unplaced_controls(
     name: str,
     samples: xr.Dataset,
-    known: Known,
+    known: CoefficientTerms,
     directions: Callable[[], np.ndarray],
     covariance: Covariance,
 ) -> pd.DataFrame:
@@ -280,7 +280,7 @@ def _table(rows: Sequence[tuple], index: Sequence[tuple[str, str]]) -> pd.DataFr
     return pd.DataFrame(rows, columns=list(COLUMNS), index=labels)
 
 
-def _unplaced(place: int, term: str, fit: Any, known: Known) -> _Part | None:
+def _unplaced(place: int, term: str, fit: Any, known: CoefficientTerms) -> _Part | None:
     """Return why no table carries a term of a fit, or None where one does."""
     factors = _factors(term)
     needed = set(factors) - _STATE
@@ -323,7 +323,7 @@ def _is_regressor(leaf: xr.Dataset, factors: Sequence[str]) -> bool:
     )
 
 
-def _free_nodes(name: str, leaf: xr.Dataset, known: Known) -> np.ndarray:
+def _free_nodes(name: str, leaf: xr.Dataset, known: CoefficientTerms) -> np.ndarray:
     """Return which nodes may carry something: those with a standard error; all of a table that is
     held or stated as exact.
     """
@@ -334,7 +334,7 @@ def _free_nodes(name: str, leaf: xr.Dataset, known: Known) -> np.ndarray:
     return free | stated_exact
 
 
-def _columns(name: str, leaf: xr.Dataset, data: xr.Dataset, known: Known) -> np.ndarray:
+def _columns(name: str, leaf: xr.Dataset, data: xr.Dataset, known: CoefficientTerms) -> np.ndarray:
     """Return the columns of the nodes that the samples touch, (samples, nodes)."""
     basis = basis_at(leaf, data).tocsc()[:, _free_nodes(name, leaf, known)]
     return basis[:, np.diff(basis.indptr) > 0].toarray()
@@ -379,7 +379,7 @@ def _is_finer(
     regressors: np.ndarray,
     fit: Any,
     leaves: Mapping[str, xr.Dataset],
-    known: Known,
+    known: CoefficientTerms,
 ) -> bool:
     """Whether a table carries the straight part of a curved term along an axis, so that only its
     breakpoints are too far apart.

@@ -16,10 +16,10 @@ from datcom_io.arrays.families import (
     tabs,
     trim,
 )
-from datcom_io.arrays.stacking import Leaf, Stacker
+from datcom_io.arrays.stacking import LeafBuilder, Stacker
 
 _SUBJECTS = (clean, devices, tabs, trim, auxiliary, fairing, sections, special)
 
-LEAVES: dict[str, Callable[[Stacker], Leaf | None]] = {
+LEAVES: dict[str, Callable[[Stacker], LeafBuilder | None]] = {
     name: make for subject in _SUBJECTS for name, make in subject.LEAVES.items()
 }

@@ -4,8 +4,8 @@ canard_downwash``.
 
 from __future__ import annotations
 
-from datcom_io.arrays.families.single_numbers import Item, Sheet, labelled, row
-from datcom_io.arrays.stacking import Leaf, Stacker
+from datcom_io.arrays.families.single_numbers import Item, NumberStack, labelled, row
+from datcom_io.arrays.stacking import LeafBuilder, Stacker
 from datcom_io.printout.layouts.auxiliary import (
     BODY,
     CANARD,
@@ -19,7 +19,7 @@ from datcom_io.printout.layouts.auxiliary import (
     SURFACES,
     VORTEX,
 )
-from datcom_io.printout.tables import Layout
+from datcom_io.printout.tables import TableLayout
 
 _ALONG = ("condition",)
 _BODY_NAMES = {
@@ -75,13 +75,13 @@ _CANARD_NAMES = {
 }
 
 
-def auxiliary(stacker: Stacker) -> Leaf | None:
+def auxiliary(stacker: Stacker) -> LeafBuilder | None:
     """Stack the properties of the body and the place of the moment centre."""
     bodies = stacker.placed("body")
     places = stacker.placed_values("mac")
     if not bodies and not places:
         return None
-    sheet = Sheet(stacker, {"condition": None})
+    sheet = NumberStack(stacker, {"condition": None})
     sheet.add(
         BODY.columns,
         _ALONG,
@@ -95,7 +95,7 @@ def auxiliary(stacker: Stacker) -> Leaf | None:
     return sheet.finished(_BODY_NAMES, configuration=(bodies or places)[0][1].configuration)
 
 
-def planform(stacker: Stacker) -> Leaf | None:
+def planform(stacker: Stacker) -> LeafBuilder | None:
     """Stack the properties of the surfaces and their panels."""
     groups = stacker.placed_values("planform")
     if not groups:
@@ -106,7 +106,7 @@ def planform(stacker: Stacker) -> Leaf | None:
         name for name in PANELS if any(f"{surface} {name} AREA" in labels for surface in surfaces)
     ]
     names = [panel.lower().replace("theoritical", "theoretical") for panel in panels]
-    sheet = Sheet(
+    sheet = NumberStack(
         stacker, {"condition": None, "surface": [name.lower() for name in surfaces], "panel": names}
     )
     items: list[Item] = [
@@ -120,14 +120,16 @@ def planform(stacker: Stacker) -> Leaf | None:
     return sheet.finished(_PLANFORM_NAMES)
 
 
-def interference(stacker: Stacker) -> Leaf | None:
+def interference(stacker: Stacker) -> LeafBuilder | None:
     """Stack the interference factors of wing and horizontal tail with the body, and the sidewash."""
     groups = stacker.placed_values("interference")
     if not groups:
         return None
     present = {label for _, _, group in groups for label in group.labels}
     surfaces = [name for name, form in INTERFERENCE.items() if form.numbers[0].name in present]
-    sheet = Sheet(stacker, {"condition": None, "surface": [name.lower() for name in surfaces]})
+    sheet = NumberStack(
+        stacker, {"condition": None, "surface": [name.lower() for name in surfaces]}
+    )
     wing = INTERFERENCE["WING"].numbers
     items: list[Item] = []
     for spot, page, group in groups:
@@ -153,12 +155,12 @@ def interference(stacker: Stacker) -> Leaf | None:
     return found
 
 
-def increments(stacker: Stacker) -> Leaf | None:
+def increments(stacker: Stacker) -> LeafBuilder | None:
     """Stack the increments of dynamic derivatives, and the derivatives per dihedral and twist."""
     groups = stacker.placed_values("increments")
     if not groups:
         return None
-    sheet = Sheet(stacker, {"condition": None})
+    sheet = NumberStack(stacker, {"condition": None})
     columns = [column for form in INCREMENTS for column in form.numbers] + list(DIHEDRAL_AND_TWIST)
     sheet.add(
         columns,
@@ -168,7 +170,7 @@ def increments(stacker: Stacker) -> Leaf | None:
     return sheet.finished(_INCREMENT_NAMES)
 
 
-def _over_alpha(stacker: Stacker, layout: Layout) -> Leaf | None:
+def _over_alpha(stacker: Stacker, layout: TableLayout) -> LeafBuilder | None:
     placed = stacker.placed(layout.name)
     if not placed:
         return None
@@ -177,13 +179,13 @@ def _over_alpha(stacker: Stacker, layout: Layout) -> Leaf | None:
     return stacker.stack(layout.columns[1:], [stacker.condition_axis()], alphas, items)
 
 
-def vortex(stacker: Stacker) -> Leaf | None:
+def vortex(stacker: Stacker) -> LeafBuilder | None:
     """Stack the vortex interference factors and vortex strengths."""
     found = _over_alpha(stacker, VORTEX)
     return None if found is None else found.described(_VORTEX_NAMES)
 
 
-def canard_downwash(stacker: Stacker) -> Leaf | None:
+def canard_downwash(stacker: Stacker) -> LeafBuilder | None:
     """Stack the effective downwash of a canard."""
     found = _over_alpha(stacker, CANARD)
     return None if found is None else found.described(_CANARD_NAMES)

@@ -3,25 +3,29 @@
 from __future__ import annotations
 
 from datcom_io.arrays.conditions import control_surface
-from datcom_io.arrays.stacking import Axis, Leaf, Stacker
+from datcom_io.arrays.stacking import LeafBuilder, StackedAxis, Stacker
 from datcom_io.printout.layouts import BY_NAME
 
 
-def _over_alpha(stacker: Stacker, name: str) -> Leaf | None:
+def _over_alpha(stacker: Stacker, name: str) -> LeafBuilder | None:
     """Stack the tables of a kind that have one row per alpha and one page per configuration."""
     placed = stacker.placed(name)
     if not placed:
         return None
     device = "delta_e" if control_surface(stacker.case.deck) == "tail" else "delta_f"
-    axes = [Axis("configuration", list(dict.fromkeys(page.configuration for _, page, _ in placed)))]
+    axes = [
+        StackedAxis(
+            "configuration", list(dict.fromkeys(page.configuration for _, page, _ in placed))
+        )
+    ]
     if name != "dynamic":
-        axes.append(Axis("power", list(dict.fromkeys(page.power for _, page, _ in placed))))
+        axes.append(StackedAxis("power", list(dict.fromkeys(page.power for _, page, _ in placed))))
     axes.append(stacker.condition_axis())
     if name != "dynamic":
         axes.append(
-            Axis("ground_height", sorted({spot.ground_height for spot, _, _ in placed}), "m")
+            StackedAxis("ground_height", sorted({spot.ground_height for spot, _, _ in placed}), "m")
         )
-        axes.append(Axis(device, sorted({spot.delta for spot, _, _ in placed}), "deg"))
+        axes.append(StackedAxis(device, sorted({spot.delta for spot, _, _ in placed}), "deg"))
     kept = [axis for axis in axes if axis.name == "condition" or len(axis.values) > 1]
     items = []
     for spot, page, table in placed:
@@ -44,17 +48,17 @@ def _over_alpha(stacker: Stacker, name: str) -> Leaf | None:
     return found
 
 
-def static(stacker: Stacker) -> Leaf | None:
+def static(stacker: Stacker) -> LeafBuilder | None:
     """Stack the static pages."""
     return _over_alpha(stacker, "static")
 
 
-def downwash(stacker: Stacker) -> Leaf | None:
+def downwash(stacker: Stacker) -> LeafBuilder | None:
     """Stack the downwash tables."""
     return _over_alpha(stacker, "downwash")
 
 
-def dynamic(stacker: Stacker) -> Leaf | None:
+def dynamic(stacker: Stacker) -> LeafBuilder | None:
     """Stack the dynamic derivatives."""
     return _over_alpha(stacker, "dynamic")
 

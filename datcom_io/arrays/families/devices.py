@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from datcom_io.arrays.conditions import Spot, control_surface
-from datcom_io.arrays.stacking import HALF_UNIT, Axis, Leaf, Stacker
+from datcom_io.arrays.conditions import PagePlace, control_surface
+from datcom_io.arrays.stacking import HALF_UNIT, LeafBuilder, StackedAxis, Stacker
 from datcom_io.cells import ABSENT
 from datcom_io.decks.deck import Deck
 from datcom_io.printout.content import Page
 from datcom_io.printout.layouts import BY_NAME
-from datcom_io.printout.tables import Table
+from datcom_io.printout.tables import PrintedTable
 from flightmech.units import DEGREE
 
-_Placed = list[tuple[Spot, Page, Table]]
+_Placed = list[tuple[PagePlace, Page, PrintedTable]]
 
 LONG_NAMES = {
     "dCL": "increment of the lift coefficient, constant in alpha",
@@ -48,7 +48,7 @@ _HALF_UNIT_OF_DIFFERENCE = 2 * HALF_UNIT  # both angles are rounded
 _HALF_UNIT_OF_CHORD = 5.01e-5  # of spoiler heights, printed with four decimals
 
 
-def symflp(stacker: Stacker) -> Leaf | None:
+def symflp(stacker: Stacker) -> LeafBuilder | None:
     """Stack the increments of a symmetrical device, hinge moments and induced drag."""
     placed = stacker.placed("symflp")
     if not placed:
@@ -73,7 +73,7 @@ def _device(configuration: str, deck: Deck) -> tuple[str, str]:
     return control_surface(deck), _DEVICES[kind - 1] if 0 < kind <= len(_DEVICES) else ""
 
 
-def asyflp(stacker: Stacker) -> Leaf | None:
+def asyflp(stacker: Stacker) -> LeafBuilder | None:
     """Stack rolling and yawing moment of ailerons, or the rolling moment of a differential tail."""
     roll, tail = stacker.placed("asyflp_roll"), stacker.placed("asyflp_tail")
     if not roll and not tail:
@@ -82,7 +82,7 @@ def asyflp(stacker: Stacker) -> Leaf | None:
     surface = "tail" if tail or "STABILIZER" in words else "wing"
     left, right = _sides(stacker, roll)
     difference = [one - other for one, other in zip(left, right)] or _printed_difference(tail)
-    pairs = Axis("delta_pair", list(range(len(difference))))
+    pairs = StackedAxis("delta_pair", list(range(len(difference))))
     if surface == "tail":
         found = _differential_tail(stacker, roll, tail, pairs, difference)
     else:
@@ -103,12 +103,12 @@ def asyflp(stacker: Stacker) -> Leaf | None:
 
 
 def _differential_tail(
-    stacker: Stacker, roll: _Placed, tail: _Placed, pairs: Axis, difference: list[float]
-) -> Leaf:
+    stacker: Stacker, roll: _Placed, tail: _Placed, pairs: StackedAxis, difference: list[float]
+) -> LeafBuilder:
     """Return the rolling moment by alpha, and the transonic one, which the program prints without
     alpha.
     """
-    found = Leaf(stacker.coords([stacker.condition_axis(), pairs]))
+    found = LeafBuilder(stacker.coords([stacker.condition_axis(), pairs]))
     if tail:
         stacker.with_two_way(found, tail, pairs, difference, _HALF_UNIT_OF_DIFFERENCE)
     if roll:
@@ -138,22 +138,22 @@ def _printed_difference(tail: _Placed) -> list[float]:
     return [float(x) for x in across]
 
 
-def _rolling(stacker: Stacker, roll: _Placed, pairs: Axis) -> Leaf:
+def _rolling(stacker: Stacker, roll: _Placed, pairs: StackedAxis) -> LeafBuilder:
     items = [([spot.condition], page, table) for spot, page, table in roll]
     return stacker.stack(
         BY_NAME["asyflp_roll"].columns[2:], [stacker.condition_axis()], pairs, items
     )
 
 
-def spoiler(stacker: Stacker) -> Leaf | None:
+def spoiler(stacker: Stacker) -> LeafBuilder | None:
     """Stack rolling and yawing moment of spoilers; their heights are coordinates of the deflection."""
     placed = [item for name in _SPOILERS for item in stacker.placed(name)]
     if not placed:
         return None
     count = max(len(table.rows) for _, _, table in placed)
-    deflections = Axis("deflection", list(range(count)))
+    deflections = StackedAxis("deflection", list(range(count)))
     axes = [stacker.condition_axis(), deflections]
-    found = Leaf(stacker.coords(axes))
+    found = LeafBuilder(stacker.coords(axes))
     for column in BY_NAME["spoiler"].columns[3:]:
         value, flag = (
             np.full((len(stacker.conditions), count), np.nan),
@@ -174,7 +174,7 @@ def spoiler(stacker: Stacker) -> Leaf | None:
     )
 
 
-def _heights(stacker: Stacker, tables: list[Table], count: int) -> dict[str, xr.Variable]:
+def _heights(stacker: Stacker, tables: list[PrintedTable], count: int) -> dict[str, xr.Variable]:
     """Return what names a deflection, by the cards, checked against every table that prints it; or
     as printed.
     """

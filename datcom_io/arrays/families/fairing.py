@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from datcom_io.arrays.families.single_numbers import Item, Sheet, labelled, row
-from datcom_io.arrays.stacking import Leaf, Stacker
+from datcom_io.arrays.families.single_numbers import Item, NumberStack, labelled, row
+from datcom_io.arrays.stacking import LeafBuilder, Stacker
 from datcom_io.printout.layouts.fairing import (
     DIVERGENCE,
     DRAG,
@@ -34,7 +34,7 @@ _NAMES = {
 }
 
 
-def fairing(stacker: Stacker) -> Leaf | None:
+def fairing(stacker: Stacker) -> LeafBuilder | None:
     """Stack the numbers between which the program interpolates in transonic flow."""
     groups = stacker.placed_values("fairing")
     if not groups:
@@ -57,7 +57,7 @@ def fairing(stacker: Stacker) -> Leaf | None:
         "node": range(nodes),
         "drag_node": range(drag_nodes),
     }
-    sheet = Sheet(stacker, axes)
+    sheet = NumberStack(stacker, axes)
     columns = {
         column.quantity: column for form in (*SURFACE, *WITH_BODY) for column in form.numbers
     }

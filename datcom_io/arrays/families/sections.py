@@ -9,12 +9,12 @@ from collections.abc import Sequence
 import numpy as np
 import xarray as xr
 
-from datcom_io.arrays.families.single_numbers import Item, Sheet, labelled, row
-from datcom_io.arrays.stacking import Leaf, Stacker
+from datcom_io.arrays.families.single_numbers import Item, NumberStack, labelled, row
+from datcom_io.arrays.stacking import LeafBuilder, Stacker
 from datcom_io.printout.content import Page
 from datcom_io.printout.layouts.auxiliary import SURFACES
 from datcom_io.printout.layouts.sections import COORDINATES, SLOPE, SUMMARY
-from datcom_io.printout.tables import Table
+from datcom_io.printout.tables import PrintedTable
 from flightmech.errors import ParseError
 
 _HALF_UNIT = 0.5001e-4  # of the printed Mach number
@@ -57,7 +57,7 @@ def _surfaces(pages: Sequence[Page]) -> list[str]:
     return [name for name in SURFACES if name in found]
 
 
-def section(stacker: Stacker) -> Leaf | None:
+def section(stacker: Stacker) -> LeafBuilder | None:
     """Stack what the section module computes."""
     case = stacker.case
     summaries = [(page, group) for page, group in case.values("section") if _surface(page)]
@@ -67,7 +67,7 @@ def section(stacker: Stacker) -> Leaf | None:
     surfaces = _surfaces([page for page, _ in (*summaries, *slopes)])
     machs = case.deck.schedule("FLTCON", "MACH", "NMACH")
     machs = machs or max((table.values[:, 0].tolist() for _, table in slopes), key=len, default=[])
-    sheet = Sheet(stacker, {"surface": [name.lower() for name in surfaces], "mach": machs})
+    sheet = NumberStack(stacker, {"surface": [name.lower() for name in surfaces], "mach": machs})
     single = [column for form in SUMMARY for column in form.numbers]
     sheet.add(
         single,
@@ -91,7 +91,7 @@ def section(stacker: Stacker) -> Leaf | None:
     return found
 
 
-def _places(stacker: Stacker, table: Table, machs: Sequence[float]) -> list[int]:
+def _places(stacker: Stacker, table: PrintedTable, machs: Sequence[float]) -> list[int]:
     """Return the index of each printed Mach number in the schedule; some are not printed, but none
     out of turn.
     """
@@ -105,7 +105,7 @@ def _places(stacker: Stacker, table: Table, machs: Sequence[float]) -> list[int]
     return places
 
 
-def coordinates(stacker: Stacker) -> Leaf | None:
+def coordinates(stacker: Stacker) -> LeafBuilder | None:
     """Stack the coordinates of the sections."""
     tables = [
         (page, table) for page, table in stacker.case.tables(COORDINATES.name) if _surface(page)
@@ -114,7 +114,7 @@ def coordinates(stacker: Stacker) -> Leaf | None:
         return None
     surfaces = _surfaces([page for page, _ in tables])
     points = range(max(len(table.rows) for _, table in tables))
-    sheet = Sheet(stacker, {"surface": [name.lower() for name in surfaces], "point": points})
+    sheet = NumberStack(stacker, {"surface": [name.lower() for name in surfaces], "point": points})
     items = (
         ((surfaces.index(_surface(page)), k), page, row(table, k))
         for page, table in tables

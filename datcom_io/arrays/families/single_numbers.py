@@ -10,18 +10,18 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-from datcom_io.arrays.stacking import Leaf, Stacker
+from datcom_io.arrays.stacking import LeafBuilder, Stacker
 from datcom_io.cells import ABSENT, OK, SUSPECT
 from datcom_io.printout.content import Page
-from datcom_io.printout.rows import Column
-from datcom_io.printout.tables import Table, Values
+from datcom_io.printout.rows import PrintedColumn
+from datcom_io.printout.tables import PrintedTable, Values
 from flightmech.errors import ParseError
 from flightmech.names import VOCABULARY, attrs
 
 _PER = {"1/deg": "radian", "1/deg2": "radian squared"}
 
 
-class Number(NamedTuple):
+class PrintedNumber(NamedTuple):
     """One printed number with its flag and line. [as printed]"""
 
     line: int
@@ -29,32 +29,34 @@ class Number(NamedTuple):
     flag: int
 
 
-Numbers = Mapping[str, Number]
+Numbers = Mapping[str, PrintedNumber]
 """Numbers by their printed name."""
 Item = tuple[tuple[int, ...], Page, Numbers]
 """Index along the dimensions, page and numbers."""
 
 
-def labelled(group: Values, subject: str = "") -> dict[str, Number]:
+def labelled(group: Values, subject: str = "") -> dict[str, PrintedNumber]:
     """Return the numbers of a group; with a subject only those whose labels begin with it, without
     it.
     """
     start = f"{subject} " if subject else ""
     cells = zip(group.labels, group.lines, group.values.tolist(), group.flags.tolist())
     return {
-        label.removeprefix(start): Number(*cell)
+        label.removeprefix(start): PrintedNumber(*cell)
         for label, *cell in cells
         if label.startswith(start)
     }
 
 
-def row(table: Table, k: int = 0) -> dict[str, Number]:
+def row(table: PrintedTable, k: int = 0) -> dict[str, PrintedNumber]:
     """Return the numbers of a row."""
     cells = zip(table.columns, table.values[k].tolist(), table.flags[k].tolist())
-    return {column.name: Number(table.lines[k], value, flag) for column, value, flag in cells}
+    return {
+        column.name: PrintedNumber(table.lines[k], value, flag) for column, value, flag in cells
+    }
 
 
-class Sheet:
+class NumberStack:
     """A leaf in the making.
 
     `axes` maps dimensions to coordinate values, None for the dimension ``condition``; the
@@ -64,7 +66,9 @@ class Sheet:
     def __init__(self, stacker: Stacker, axes: Mapping[str, Sequence | None]):
         self.stacker, self.axes = stacker, axes
         self.first = next(iter(axes))
-        self.leaf = Leaf(stacker.coords([stacker.condition_axis()]) if "condition" in axes else {})
+        self.leaf = LeafBuilder(
+            stacker.coords([stacker.condition_axis()]) if "condition" in axes else {}
+        )
         self.sizes = {
             name: len(stacker.conditions if values is None else values)
             for name, values in axes.items()
@@ -76,7 +80,9 @@ class Sheet:
                 )
         self.seen: dict[int, list[int]] = {}
 
-    def add(self, columns: Iterable[Column], dims: Sequence[str], items: Iterable[Item]) -> None:
+    def add(
+        self, columns: Iterable[PrintedColumn], dims: Sequence[str], items: Iterable[Item]
+    ) -> None:
         """Add a variable over `dims` for each column, filled where an item has a number of that
         name.
         """
@@ -104,7 +110,7 @@ class Sheet:
             if column.units in _PER:
                 self.leaf[column.quantity].attrs["per"] = _PER[column.units]
 
-    def finished(self, long_names: Mapping[str, str], **attributes: str) -> Leaf:
+    def finished(self, long_names: Mapping[str, str], **attributes: str) -> LeafBuilder:
         """Return the leaf with long names, attributes and the range of lines of its numbers."""
         lines = np.full(self.sizes[self.first], "", dtype=object)
         for k, numbers in self.seen.items():

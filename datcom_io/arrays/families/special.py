@@ -12,14 +12,14 @@ from collections.abc import Sequence
 import numpy as np
 import xarray as xr
 
-from datcom_io.arrays.conditions import Condition, nearest, si_factor
-from datcom_io.arrays.families.single_numbers import Item, Sheet, labelled
-from datcom_io.arrays.stacking import HALF_UNIT, Axis, Leaf, Stacker
+from datcom_io.arrays.conditions import PrintedCondition, nearest_exact, si_factor
+from datcom_io.arrays.families.single_numbers import Item, NumberStack, labelled
+from datcom_io.arrays.stacking import HALF_UNIT, LeafBuilder, StackedAxis, Stacker
 from datcom_io.cells import ABSENT
 from datcom_io.printout.content import Page
 from datcom_io.printout.layouts.special import HYPERSONIC, HYPERSONIC_FROM
-from datcom_io.printout.rows import Column
-from datcom_io.printout.tables import Table, Values
+from datcom_io.printout.rows import PrintedColumn
+from datcom_io.printout.tables import PrintedTable, Values
 from flightmech.errors import ParseError
 from flightmech.units import FOOT
 
@@ -93,7 +93,7 @@ _WEIGHT_NAMES = {
 }
 
 
-def hypersonic(stacker: Stacker) -> Leaf | None:
+def hypersonic(stacker: Stacker) -> LeafBuilder | None:
     """Stack the increments of a hypersonic flap, per metre of its span."""
     tables = {layout.name: list(stacker.case.tables(layout.name)) for layout in HYPERSONIC}
     count = max(map(len, tables.values()))
@@ -111,7 +111,7 @@ def hypersonic(stacker: Stacker) -> Leaf | None:
     )
     deltas = _axis(local, placed, "delta", stacker.case.deck.schedule("HYPEFF", "HDELTA", "HNDLTA"))
     alphas = _axis(local, placed, "alpha", stacker.alphas())
-    found = Leaf(local.coords([local.condition_axis(), alphas, deltas]))
+    found = LeafBuilder(local.coords([local.condition_axis(), alphas, deltas]))
     lines = np.full(count, "", dtype=object)
     for layout in HYPERSONIC:
         assert layout.across is not None
@@ -131,7 +131,7 @@ def hypersonic(stacker: Stacker) -> Leaf | None:
     )
 
 
-def jet(stacker: Stacker) -> Leaf | None:
+def jet(stacker: Stacker) -> LeafBuilder | None:
     """Stack the transverse jet over time."""
     placed = list(stacker.case.values("jet"))
     if not placed:
@@ -140,9 +140,9 @@ def jet(stacker: Stacker) -> Leaf | None:
     conditions = [_unprinted(stacker, pair) for pair in _matched(deck.conditions(), len(placed))]
     local = _local(stacker, conditions)
     times = _times(stacker, [group for _, group in placed])
-    found = Leaf(local.coords([local.condition_axis(), Axis("time", times, "s")]))
+    found = LeafBuilder(local.coords([local.condition_axis(), StackedAxis("time", times, "s")]))
     for label, quantity, units, meaning in _JET:
-        column = Column(
+        column = PrintedColumn(
             label, 0, 0, quantity, _pressure_unit(stacker) if units == "pressure" else units
         )
         value, flag = (
@@ -169,7 +169,7 @@ def jet(stacker: Stacker) -> Leaf | None:
     return found
 
 
-def weight(stacker: Stacker) -> Leaf | None:
+def weight(stacker: Stacker) -> LeafBuilder | None:
     """Stack weight and lift coefficient of level flight, of the first page of each condition that
     has them.
     """
@@ -178,7 +178,7 @@ def weight(stacker: Stacker) -> Leaf | None:
         first.setdefault(spot.condition, page)
     if not first:
         return None
-    sheet = Sheet(stacker, {"condition": None})
+    sheet = NumberStack(stacker, {"condition": None})
     items: list[Item] = []
     units = "lbf"
     for condition, page in first.items():
@@ -197,16 +197,18 @@ def weight(stacker: Stacker) -> Leaf | None:
             )
         )
         units = next((unit for group in groups for unit in group.units if unit), units)
-    sheet.add([Column("VEHICLE WEIGHT", 0, 0, "weight", units)], ["condition"], items)
+    sheet.add([PrintedColumn("VEHICLE WEIGHT", 0, 0, "weight", units)], ["condition"], items)
     sheet.add(
-        [Column("LEVEL FLIGHT LIFT COEFFICIENT", 0, 0, "CL_level_flight")], ["condition"], items
+        [PrintedColumn("LEVEL FLIGHT LIFT COEFFICIENT", 0, 0, "CL_level_flight")],
+        ["condition"],
+        items,
     )
     found = sheet.finished(_WEIGHT_NAMES)
     found["weight"].attrs["units"] = "N"
     return found
 
 
-def _local(stacker: Stacker, conditions: list[Condition]) -> Stacker:
+def _local(stacker: Stacker, conditions: list[PrintedCondition]) -> Stacker:
     """Return a stacker over the conditions of special pages."""
     return Stacker(stacker.case, conditions, {}, stacker.fill_transonic)
 
@@ -218,11 +220,15 @@ def _matched(schedule: Sequence[tuple[float, float]], count: int) -> list[tuple[
     return list(schedule) if len(schedule) == count else [(math.nan, math.nan)] * count
 
 
-def _unprinted(stacker: Stacker, pair: tuple[float, float]) -> Condition:
-    return Condition(pair[0], pair[1] * si_factor("length", stacker.case.deck.dim), *[math.nan] * 4)
+def _unprinted(stacker: Stacker, pair: tuple[float, float]) -> PrintedCondition:
+    return PrintedCondition(
+        pair[0], pair[1] * si_factor("length", stacker.case.deck.dim), *[math.nan] * 4
+    )
 
 
-def _condition(stacker: Stacker, header: dict[str, float], pair: tuple[float, float]) -> Condition:
+def _condition(
+    stacker: Stacker, header: dict[str, float], pair: tuple[float, float]
+) -> PrintedCondition:
     """Return the condition of a hypersonic page: printed Mach and Reynolds number, altitude of the
     cards.
     """
@@ -232,7 +238,7 @@ def _condition(stacker: Stacker, header: dict[str, float], pair: tuple[float, fl
     condition = _unprinted(stacker, pair)
     reynolds = header.get("REYNOLDS NO./FT", math.nan) / FOOT
     return condition._replace(
-        mach=nearest(mach, [pair[0]], _HALF_UNIT_MACH), reynolds_per_m=reynolds
+        mach=nearest_exact(mach, [pair[0]], _HALF_UNIT_MACH), reynolds_per_m=reynolds
     )
 
 
@@ -256,15 +262,15 @@ def _reference(stacker: Stacker, header: dict[str, float]) -> dict[str, float]:
     ):
         exact = deck.value("OPTINS", variable)
         given = [] if exact is None else [exact * si_factor(units, deck.dim)]
-        found[name] = nearest(
+        found[name] = nearest_exact(
             header.get(label, math.nan) * foot, given, _HALF_UNIT_REFERENCE * foot
         )
     return found
 
 
 def _axis(
-    stacker: Stacker, placed: list[tuple[Page, Table]], name: str, exact: Sequence[float]
-) -> Axis:
+    stacker: Stacker, placed: list[tuple[Page, PrintedTable]], name: str, exact: Sequence[float]
+) -> StackedAxis:
     """Return alpha or deflection: the deck's values, or the printed ones without a deck; all tables
     must agree. [deg]
     """
@@ -280,7 +286,7 @@ def _axis(
     values = list(exact) or max((shown for shown, _ in printed), key=len).tolist()
     for shown, lines in printed:
         stacker.demand(name.upper(), shown, values, lines)
-    return Axis(name, values, "deg")
+    return StackedAxis(name, values, "deg")
 
 
 def _places(stacker: Stacker, group: Values, label: str) -> list[int]:
@@ -324,7 +330,11 @@ def _pressure_unit(stacker: Stacker) -> str:
 
 
 def _add(
-    leaf: Leaf, column: Column, dims: Sequence[str], value: np.ndarray, flag: np.ndarray
+    leaf: LeafBuilder,
+    column: PrintedColumn,
+    dims: Sequence[str],
+    value: np.ndarray,
+    flag: np.ndarray,
 ) -> None:
     leaf.add(column, dims, value, flag)
     leaf[column.quantity].attrs["units"] = _SI.get(column.units, "1")

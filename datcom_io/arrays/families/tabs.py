@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from datcom_io.arrays.stacking import Axis, Leaf, Stacker
+from datcom_io.arrays.stacking import LeafBuilder, StackedAxis, Stacker
 from datcom_io.cells import ABSENT, BLANK
 from datcom_io.printout.layouts import tabs as streams
-from datcom_io.printout.tables import Layout
+from datcom_io.printout.tables import TableLayout
 from flightmech.errors import ParseError
 
 _LONG_NAMES = {
@@ -22,7 +22,7 @@ _LONG_NAMES = {
 }
 
 
-def tabs(stacker: Stacker) -> Leaf | None:
+def tabs(stacker: Stacker) -> LeafBuilder | None:
     """Stack the value streams of control tabs as (condition, alpha, delta), alpha and delta taken
     from the input cards.
     """
@@ -30,9 +30,13 @@ def tabs(stacker: Stacker) -> Leaf | None:
     layouts = [layout for layout in streams.LAYOUTS if stacker.placed(layout.name)]
     if not layouts or not alphas or not deltas:
         return None
-    found = Leaf(
+    found = LeafBuilder(
         stacker.coords(
-            [stacker.condition_axis(), Axis("alpha", alphas, "deg"), Axis("delta", deltas, "deg")]
+            [
+                stacker.condition_axis(),
+                StackedAxis("alpha", alphas, "deg"),
+                StackedAxis("delta", deltas, "deg"),
+            ]
         )
     )
     for layout in layouts:
@@ -49,7 +53,9 @@ def tabs(stacker: Stacker) -> Leaf | None:
     return found.described(_LONG_NAMES)
 
 
-def _add_stream(stacker: Stacker, found: Leaf, layout: Layout, shape: tuple[int, int, int]) -> None:
+def _add_stream(
+    stacker: Stacker, found: LeafBuilder, layout: TableLayout, shape: tuple[int, int, int]
+) -> None:
     """Add the streams of one kind as a variable (condition, alpha, delta)."""
     column, placed = layout.columns[0], stacker.placed(layout.name)
     count = shape[1] * shape[2]

@@ -8,7 +8,7 @@ import numpy as np
 
 from datcom_io.arrays.conditions import control_surface
 from datcom_io.arrays.families.devices import LONG_NAMES
-from datcom_io.arrays.stacking import Leaf, Stacker
+from datcom_io.arrays.stacking import LeafBuilder, Stacker
 from datcom_io.cells import ABSENT, NA, OK, SENTINEL
 from datcom_io.printout.layouts import BY_NAME
 
@@ -43,7 +43,7 @@ _STABILIZER_NAMES = {
 }
 
 
-def trim(stacker: Stacker) -> Leaf | None:
+def trim(stacker: Stacker) -> LeafBuilder | None:
     """Stack trim with a control device; a row whose CM is NA is no solution, whatever stands behind
     it.
     """
@@ -60,7 +60,7 @@ def trim(stacker: Stacker) -> Leaf | None:
     return found.described(_level_names(_TRIM_NAMES), surface=control_surface(stacker.case.deck))
 
 
-def trim_stabilizer(stacker: Stacker) -> Leaf | None:
+def trim_stabilizer(stacker: Stacker) -> LeafBuilder | None:
     """Stack trim with an all-movable stabilizer: the tail alone, and the aircraft at trim."""
     placed, aircraft = stacker.placed("trim_stabilizer"), stacker.placed("trim_stabilizer_aircraft")
     if not placed:
@@ -86,7 +86,7 @@ def trim_stabilizer(stacker: Stacker) -> Leaf | None:
 
 
 def _add_level_flight(
-    stacker: Stacker, found: Leaf, name: str, left_out: tuple[str, ...] = ()
+    stacker: Stacker, found: LeafBuilder, name: str, left_out: tuple[str, ...] = ()
 ) -> None:
     """Add the row of level flight as variables (condition) called ``<name>_level``."""
     placed = stacker.placed(name)

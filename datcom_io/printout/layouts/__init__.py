@@ -17,12 +17,14 @@ from datcom_io.printout.layouts import (
     trim,
 )
 from datcom_io.printout.layouts.clean import CONDITIONS
-from datcom_io.printout.tables import Block, Layout
+from datcom_io.printout.tables import PrintedBlock, TableLayout
 
 _SUBJECTS = (clean, devices, tabs, trim, special, diagnostics, auxiliary, fairing, sections)
 
-LAYOUTS: tuple[Layout, ...] = tuple(layout for subject in _SUBJECTS for layout in subject.LAYOUTS)
-BLOCKS: tuple[Block, ...] = tuple(
+LAYOUTS: tuple[TableLayout, ...] = tuple(
+    layout for subject in _SUBJECTS for layout in subject.LAYOUTS
+)
+BLOCKS: tuple[PrintedBlock, ...] = tuple(
     block for subject in _SUBJECTS for block in getattr(subject, "BLOCKS", ())
 )
 BY_HEADING = {layout.heading: layout for layout in LAYOUTS if layout.heading}

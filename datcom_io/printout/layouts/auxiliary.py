@@ -10,8 +10,15 @@ from __future__ import annotations
 import re
 
 from datcom_io.printout.layouts.labelled import Item, Labelled, labelled_block, title_block
-from datcom_io.printout.rows import Column, Line, windows
-from datcom_io.printout.tables import Block, Layout, Printed, heading_words, make_values, read_table
+from datcom_io.printout.rows import Line, PrintedColumn, windows
+from datcom_io.printout.tables import (
+    Printed,
+    PrintedBlock,
+    TableLayout,
+    heading_words,
+    make_values,
+    read_table,
+)
 
 _PAGES = ("auxiliary",)
 SURFACES = ("WING", "HORIZONTAL TAIL", "VERTICAL TAIL", "VENTRAL FIN")
@@ -24,35 +31,39 @@ PANELS = (
 )
 _LABEL_END = 20  # last column of a panel's name
 
-BODY = Layout(
+BODY = TableLayout(
     "body",
     "WETTED AREA XCG ZCG BASE AREA ZERO LIFT DRAG BASE DRAG FRICTION DRAG PRESSURE DRAG",
     (
-        Column("WETTED AREA", 12, 24, "area_wetted", "area"),
-        Column("XCG", 26, 33, "x_moment_centre", "length"),
-        Column("ZCG", 35, 42, "z_moment_centre", "length"),
-        Column("BASE AREA", 44, 58, "area_base", "area"),
-        Column("ZERO LIFT DRAG", 60, 72, "CD0"),
-        Column("BASE DRAG", 74, 86, "CD_base"),
-        Column("FRICTION DRAG", 88, 102, "CD_friction"),
-        Column("PRESSURE DRAG", 104, 117, "CD_pressure"),
+        PrintedColumn("WETTED AREA", 12, 24, "area_wetted", "area"),
+        PrintedColumn("XCG", 26, 33, "x_moment_centre", "length"),
+        PrintedColumn("ZCG", 35, 42, "z_moment_centre", "length"),
+        PrintedColumn("BASE AREA", 44, 58, "area_base", "area"),
+        PrintedColumn("ZERO LIFT DRAG", 60, 72, "CD0"),
+        PrintedColumn("BASE DRAG", 74, 86, "CD_base"),
+        PrintedColumn("FRICTION DRAG", 88, 102, "CD_friction"),
+        PrintedColumn("PRESSURE DRAG", 104, 117, "CD_pressure"),
     ),
     keys=0,
 )
 MAC = Labelled(
     "XCG RELATIVE TO THEORETICAL LEADING EDGE MAC=",
-    (Column("XCG RELATIVE TO THEORETICAL LEADING EDGE MAC", 87, 93, "x_behind_mac", "length"),),
+    (
+        PrintedColumn(
+            "XCG RELATIVE TO THEORETICAL LEADING EDGE MAC", 87, 93, "x_behind_mac", "length"
+        ),
+    ),
 )
 PLANFORM = (
-    Column("AREA", 21, 33, "area", "area"),
-    Column("TAPER RATIO", 34, 43, "taper_ratio"),
-    Column("ASPECT RATIO", 44, 57, "aspect_ratio"),
-    Column("QUARTER CHORD SWEEP", 58, 67, "sweep_c4", "deg"),
-    Column("MAC", 68, 80, "mac", "length"),
-    Column("QUARTER CHORD X(MAC)", 81, 93, "x_c4_mac", "length"),
-    Column("Y(MAC)", 94, 106, "y_mac", "length"),
-    Column("ZERO LIFT DRAG", 107, 119, "CD0"),
-    Column("FRICTION COEFFICIENT", 120, 132, "Cf"),
+    PrintedColumn("AREA", 21, 33, "area", "area"),
+    PrintedColumn("TAPER RATIO", 34, 43, "taper_ratio"),
+    PrintedColumn("ASPECT RATIO", 44, 57, "aspect_ratio"),
+    PrintedColumn("QUARTER CHORD SWEEP", 58, 67, "sweep_c4", "deg"),
+    PrintedColumn("MAC", 68, 80, "mac", "length"),
+    PrintedColumn("QUARTER CHORD X(MAC)", 81, 93, "x_c4_mac", "length"),
+    PrintedColumn("Y(MAC)", 94, 106, "y_mac", "length"),
+    PrintedColumn("ZERO LIFT DRAG", 107, 119, "CD0"),
+    PrintedColumn("FRICTION COEFFICIENT", 120, 132, "Cf"),
 )
 
 
@@ -61,11 +72,11 @@ def _interference(letter: str) -> Labelled:
     return Labelled(
         f"CLA-B({letter})= CLA-{letter}(B)= K-B({letter})= K-{letter}(B)= XAC/C-B({letter})=",
         (
-            Column(f"CLA-B({letter})", 21, 30, "CL_alpha_body", "1/deg"),
-            Column(f"CLA-{letter}(B)", 45, 54, "CL_alpha_surface", "1/deg"),
-            Column(f"K-B({letter})", 67, 76, "K_body"),
-            Column(f"K-{letter}(B)", 89, 98, "K_surface"),
-            Column(f"XAC/C-B({letter})", 115, 124, "xac_body"),
+            PrintedColumn(f"CLA-B({letter})", 21, 30, "CL_alpha_body", "1/deg"),
+            PrintedColumn(f"CLA-{letter}(B)", 45, 54, "CL_alpha_surface", "1/deg"),
+            PrintedColumn(f"K-B({letter})", 67, 76, "K_body"),
+            PrintedColumn(f"K-{letter}(B)", 89, 98, "K_surface"),
+            PrintedColumn(f"XAC/C-B({letter})", 115, 124, "xac_body"),
         ),
     )
 
@@ -73,18 +84,18 @@ def _interference(letter: str) -> Labelled:
 INTERFERENCE = {"WING": _interference("W"), "HORIZONTAL TAIL": _interference("H")}
 SIDEWASH = Labelled(
     "SIDEWASH, (1 + D(SIGMA)/D(BETA))QV/Q =",
-    (Column("SIDEWASH, (1 + D(SIGMA)/D(BETA))QV/Q", 78, 91, "sidewash"),),
+    (PrintedColumn("SIDEWASH, (1 + D(SIGMA)/D(BETA))QV/Q", 78, 91, "sidewash"),),
 )
-VORTEX = Layout(
+VORTEX = TableLayout(
     "vortex",
     "",
     (
-        Column("ALPHA", 14, 24, "alpha", "deg"),
-        Column("IV-B(W)", 27, 41, "i_body_wing"),
-        Column("IV-W(H)", 44, 58, "i_wing_tail"),
-        Column("IV-B(H)", 61, 75, "i_body_tail"),
-        Column("GAMMA/2*PI*ALPHA*V*R", 78, 93, "gamma"),
-        Column("GAMMA/(2*PI*ALPHA*V*R)T", 103, 118, "gamma_tail"),
+        PrintedColumn("ALPHA", 14, 24, "alpha", "deg"),
+        PrintedColumn("IV-B(W)", 27, 41, "i_body_wing"),
+        PrintedColumn("IV-W(H)", 44, 58, "i_wing_tail"),
+        PrintedColumn("IV-B(H)", 61, 75, "i_body_tail"),
+        PrintedColumn("GAMMA/2*PI*ALPHA*V*R", 78, 93, "gamma"),
+        PrintedColumn("GAMMA/(2*PI*ALPHA*V*R)T", 103, 118, "gamma_tail"),
     ),
     keys=1,
     rows=("FLTCON", "NALPHA"),
@@ -93,31 +104,31 @@ INCREMENTS = (
     Labelled(
         "CLP(GAMMA=CL=0) = CLP(GAMMA)/CLP (GAMMA=0) = CNP/THETA =",
         (
-            Column("CLP(GAMMA=CL=0)", 28, 38, "Cl_phat"),
-            Column("CLP(GAMMA)/CLP (GAMMA=0)", 70, 80, "Cl_phat_ratio_dihedral"),
-            Column("CNP/THETA", 98, 108, "Cn_phat_twist", "1/deg"),
+            PrintedColumn("CLP(GAMMA=CL=0)", 28, 38, "Cl_phat"),
+            PrintedColumn("CLP(GAMMA)/CLP (GAMMA=0)", 70, 80, "Cl_phat_ratio_dihedral"),
+            PrintedColumn("CNP/THETA", 98, 108, "Cn_phat_twist", "1/deg"),
         ),
     ),
     Labelled(
         "CYP/GAMMA = CYP/CL (CL=0) =",
         (
-            Column("CYP/GAMMA", 42, 52, "dCY_phat_dihedral"),
-            Column("CYP/CL (CL=0)", 88, 98, "CY_phat_CL"),
+            PrintedColumn("CYP/GAMMA", 42, 52, "dCY_phat_dihedral"),
+            PrintedColumn("CYP/CL (CL=0)", 88, 98, "CY_phat_CL"),
         ),
     ),
 )
 DIHEDRAL_AND_TWIST = (
-    Column("CLB/GAMMA", 44, 59, "Cl_beta_dihedral", "1/deg2"),
-    Column("(CMO/THETA)W", 62, 77, "Cm0_twist_wing", "1/deg"),
-    Column("(CMO/THETA)H", 80, 95, "Cm0_twist_tail", "1/deg"),
+    PrintedColumn("CLB/GAMMA", 44, 59, "Cl_beta_dihedral", "1/deg2"),
+    PrintedColumn("(CMO/THETA)W", 62, 77, "Cm0_twist_wing", "1/deg"),
+    PrintedColumn("(CMO/THETA)H", 80, 95, "Cm0_twist_tail", "1/deg"),
 )
-CANARD = Layout(
+CANARD = TableLayout(
     "canard_downwash",
     "ALPHA (EPSOLN)EFF. D(EPSOLN)/D(ALPHA) EFF.",
     (
-        Column("ALPHA", 44, 54, "alpha", "deg"),
-        Column("(EPSOLN)EFF.", 58, 73, "epsilon_effective", "deg"),
-        Column("D(EPSOLN)/D(ALPHA) EFF.", 76, 90, "epsilon_alpha_effective"),
+        PrintedColumn("ALPHA", 44, 54, "alpha", "deg"),
+        PrintedColumn("(EPSOLN)EFF.", 58, 73, "epsilon_effective", "deg"),
+        PrintedColumn("D(EPSOLN)/D(ALPHA) EFF.", 76, 90, "epsilon_alpha_effective"),
     ),
     keys=1,
     rows=("FLTCON", "NALPHA"),
@@ -192,16 +203,16 @@ BLOCKS = (
         "CANARD EFFECTIVE DOWNWASH",
     ),
     labelled_block("mac", _PAGES, (MAC,)),
-    Block(("planform",), _PAGES, re.compile(f"^(?:{'|'.join(SURFACES)})$"), _read_surface),
+    PrintedBlock(("planform",), _PAGES, re.compile(f"^(?:{'|'.join(SURFACES)})$"), _read_surface),
     labelled_block("interference", _PAGES, (*INTERFERENCE.values(), SIDEWASH)),
-    Block(
+    PrintedBlock(
         ("vortex",),
         _PAGES,
         re.compile(r"^ALPHA IV-B\(W\) IV-W\(H\) IV-B\(H\) GAMMA/ GAMMA/$"),
         _read_vortex,
     ),
     labelled_block("increments", _PAGES, INCREMENTS),
-    Block(
+    PrintedBlock(
         ("increments",), _PAGES, re.compile(r"^CLB/GAMMA \(CMO/THETA\)W \(CMO/THETA\)H$"), _read_row
     ),
 )

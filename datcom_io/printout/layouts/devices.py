@@ -4,98 +4,107 @@ from __future__ import annotations
 
 import re
 
-from datcom_io.printout.rows import Across, Column, Line
-from datcom_io.printout.tables import Block, Layout, Printed, Values, heading_words, make_values
+from datcom_io.printout.rows import Across, Line, PrintedColumn
+from datcom_io.printout.tables import (
+    Printed,
+    PrintedBlock,
+    TableLayout,
+    Values,
+    heading_words,
+    make_values,
+)
 
-_DIFFERENCE = Across("(DELTAL-DELTAR)", "delta_difference", 18, 23, Column("CN", 14, 25, "Cn"), 12)
+_DIFFERENCE = Across(
+    "(DELTAL-DELTAR)", "delta_difference", 18, 23, PrintedColumn("CN", 14, 25, "Cn"), 12
+)
 _NO_OUTPUT = "*NOTE* NO OUTPUT AVAILABLE"
 
 LAYOUTS = (
-    Layout(
+    TableLayout(
         "symflp",
         "DELTA D(CL) D(CM) D(CL MAX) D(CD MIN) (CLA)D (CH)A (CH)D",
         (
-            Column("DELTA", 1, 13, "delta", "deg"),
-            Column("D(CL)", 14, 23, "dCL"),
-            Column("D(CM)", 24, 34, "dCm"),
-            Column("D(CL MAX)", 35, 45, "dCLmax"),
-            Column("D(CD MIN)", 46, 62, "dCDmin"),
-            Column("(CLA)D", 63, 81, "CL_alpha_delta", "1/deg"),
-            Column("(CH)A", 82, 93, "Ch_alpha", "1/deg", constant=True),
-            Column("(CH)D", 94, 105, "Ch_delta", "1/deg"),
+            PrintedColumn("DELTA", 1, 13, "delta", "deg"),
+            PrintedColumn("D(CL)", 14, 23, "dCL"),
+            PrintedColumn("D(CM)", 24, 34, "dCm"),
+            PrintedColumn("D(CL MAX)", 35, 45, "dCLmax"),
+            PrintedColumn("D(CD MIN)", 46, 62, "dCDmin"),
+            PrintedColumn("(CLA)D", 63, 81, "CL_alpha_delta", "1/deg"),
+            PrintedColumn("(CH)A", 82, 93, "Ch_alpha", "1/deg", constant=True),
+            PrintedColumn("(CH)D", 94, 105, "Ch_delta", "1/deg"),
         ),
         keys=1,
         rows=("SYMFLP", "NDELTA"),
     ),
-    Layout(
+    TableLayout(
         "dcdi",
         "INDUCED DRAG COEFFICIENT INCREMENT , D(CDI) , DUE TO DEFLECTION",
-        (Column("ALPHA", 2, 9, "alpha", "deg"),),
+        (PrintedColumn("ALPHA", 2, 9, "alpha", "deg"),),
         keys=1,
         rows=("FLTCON", "NALPHA"),
-        across=Across("DELTA", "delta", 16, 22, Column("D(CDI)", 15, 24, "dCDi"), 10),
+        across=Across("DELTA", "delta", 16, 22, PrintedColumn("D(CDI)", 15, 24, "dCDi"), 10),
     ),
-    Layout(
+    TableLayout(
         "asyflp_cn",
         "YAWING MOMENT COEFFICIENT,CN,DUE TO CONTROL DEFLECTION",
-        (Column("ALPHA", 1, 8, "alpha", "deg"),),
+        (PrintedColumn("ALPHA", 1, 8, "alpha", "deg"),),
         keys=1,
         rows=("FLTCON", "NALPHA"),
         across=_DIFFERENCE,
     ),
-    Layout(
+    TableLayout(
         "asyflp_tail",
         "ROLLING-MOMENT COEFFICIENT DUE TO DEFLECTION",
-        (Column("ALPHA", 1, 8, "alpha", "deg"),),
+        (PrintedColumn("ALPHA", 1, 8, "alpha", "deg"),),
         keys=1,
         rows=("FLTCON", "NALPHA"),
-        across=_DIFFERENCE._replace(cell=Column("(CL)ROLL", 14, 25, "Cl")),
+        across=_DIFFERENCE._replace(cell=PrintedColumn("(CL)ROLL", 14, 25, "Cl")),
     ),
-    Layout(
+    TableLayout(
         "asyflp_roll",
         "DELTAL DELTAR (CL)ROLL",
         (
-            Column("DELTAL", 43, 52, "delta_left", "deg"),
-            Column("DELTAR", 58, 68, "delta_right", "deg"),
-            Column("(CL)ROLL", 75, 89, "Cl"),
+            PrintedColumn("DELTAL", 43, 52, "delta_left", "deg"),
+            PrintedColumn("DELTAR", 58, 68, "delta_right", "deg"),
+            PrintedColumn("(CL)ROLL", 75, 89, "Cl"),
         ),
         keys=2,
         rows=("ASYFLP", "NDELTA"),
     ),
-    Layout(
+    TableLayout(
         "spoiler",
         "XS/C HS/C DS/C (CL)ROLL CN",
         (
-            Column("XS/C", 32, 43, "xs_c"),
-            Column("HS/C", 44, 55, "hs_c"),
-            Column("DS/C", 56, 67, "ds_c"),
-            Column("(CL)ROLL", 68, 83, "Cl"),
-            Column("CN", 84, 99, "Cn"),
+            PrintedColumn("XS/C", 32, 43, "xs_c"),
+            PrintedColumn("HS/C", 44, 55, "hs_c"),
+            PrintedColumn("DS/C", 56, 67, "ds_c"),
+            PrintedColumn("(CL)ROLL", 68, 83, "Cl"),
+            PrintedColumn("CN", 84, 99, "Cn"),
         ),
         keys=3,
         rows=("ASYFLP", "NDELTA"),
     ),
-    Layout(
+    TableLayout(
         "spoiler_slot",
         "XS/C HS/C DD/C DS/C (CL)ROLL CN",
         (
-            Column("XS/C", 26, 37, "xs_c"),
-            Column("HS/C", 38, 49, "hs_c"),
-            Column("DD/C", 50, 61, "dd_c"),
-            Column("DS/C", 62, 73, "ds_c"),
-            Column("(CL)ROLL", 74, 89, "Cl"),
-            Column("CN", 90, 105, "Cn"),
+            PrintedColumn("XS/C", 26, 37, "xs_c"),
+            PrintedColumn("HS/C", 38, 49, "hs_c"),
+            PrintedColumn("DD/C", 50, 61, "dd_c"),
+            PrintedColumn("DS/C", 62, 73, "ds_c"),
+            PrintedColumn("(CL)ROLL", 74, 89, "Cl"),
+            PrintedColumn("CN", 90, 105, "Cn"),
         ),
         keys=4,
         rows=("ASYFLP", "NDELTA"),
     ),
-    Layout(
+    TableLayout(
         "spoiler_supersonic",
         "DS/C (CL)ROLL CN",
         (
-            Column("DS/C", 43, 54, "ds_c"),
-            Column("(CL)ROLL", 55, 72, "Cl"),
-            Column("CN", 73, 89, "Cn"),
+            PrintedColumn("DS/C", 43, 54, "ds_c"),
+            PrintedColumn("(CL)ROLL", 55, 72, "Cl"),
+            PrintedColumn("CN", 73, 89, "Cn"),
         ),
         keys=1,
         rows=("ASYFLP", "NDELTA"),
@@ -133,7 +142,7 @@ def _read_without_method(lines: list[Line], at: int) -> tuple[list[Printed], int
 
 
 BLOCKS = (
-    Block(
+    PrintedBlock(
         ("asyflp_cn",),
         ("high-lift",),
         re.compile("^YAWING MOMENT COEFFICIENT,CN,DUE TO CONTROL DEFLECTION$"),

@@ -12,7 +12,7 @@ import numpy as np
 
 from datcom_io.cells import OK
 from datcom_io.printout.rows import Line
-from datcom_io.printout.tables import Block, Printed, Values, make_values
+from datcom_io.printout.tables import Printed, PrintedBlock, Values, make_values
 
 _VARIABLE_NAME, _EQUALS = slice(1, 8), 8
 _FIELD_FIRST, _FIELD_WIDTH, _FIELD_STEP = 9, 14, 15  # G14.7 and a comma, eight on a line
@@ -146,9 +146,9 @@ def _with_words(name: str, items: list[Item]) -> Values:
 
 
 BLOCKS = (
-    Block(("namelist",), ("final inputs",), re.compile(r"^\$[A-Z]+$"), _read_namelist),
-    Block(("dump",), ("dump",), re.compile(r"^[A-Z][A-Z0-9]* ?\( ?\d+\)="), _read_dump),
-    Block(
+    PrintedBlock(("namelist",), ("final inputs",), re.compile(r"^\$[A-Z]+$"), _read_namelist),
+    PrintedBlock(("dump",), ("dump",), re.compile(r"^[A-Z][A-Z0-9]* ?\( ?\d+\)="), _read_dump),
+    PrintedBlock(
         ("extrapolation",),
         ("extrapolation",),
         re.compile("^OVERLAY FIGURE NUMBER"),

@@ -9,8 +9,15 @@ from __future__ import annotations
 import re
 
 from datcom_io.printout.layouts.labelled import Labelled, read_lines, title_block
-from datcom_io.printout.rows import Column, Line
-from datcom_io.printout.tables import Block, Layout, Printed, heading_words, make_values, read_table
+from datcom_io.printout.rows import Line, PrintedColumn
+from datcom_io.printout.tables import (
+    Printed,
+    PrintedBlock,
+    TableLayout,
+    heading_words,
+    make_values,
+    read_table,
+)
 
 _PAGES = ("auxiliary",)
 SUBJECTS = ("WING", "WING-BODY", "HORIZONTAL TAIL", "HORIZONTAL TAIL-BODY")
@@ -18,29 +25,32 @@ SUBJECTS = ("WING", "WING-BODY", "HORIZONTAL TAIL", "HORIZONTAL TAIL-BODY")
 SURFACE = (
     Labelled(
         "CDL/CL**2 = CLB/CL =",
-        (Column("CDL/CL**2", 51, 61, "CDL_CL2"), Column("CLB/CL", 75, 85, "Cl_beta_CL", "1/deg")),
+        (
+            PrintedColumn("CDL/CL**2", 51, 61, "CDL_CL2"),
+            PrintedColumn("CLB/CL", 75, 85, "Cl_beta_CL", "1/deg"),
+        ),
     ),
     Labelled(
         "FORCE BREAK MACH NUMBER (ZERO SWEEP) = FORCE BREAK MACH NUMBER (WITH SWEEP) =",
         (
-            Column("FORCE BREAK MACH NUMBER (ZERO SWEEP)", 51, 61, "mach_break_unswept"),
-            Column("FORCE BREAK MACH NUMBER (WITH SWEEP)", 105, 115, "mach_break"),
+            PrintedColumn("FORCE BREAK MACH NUMBER (ZERO SWEEP)", 51, 61, "mach_break_unswept"),
+            PrintedColumn("FORCE BREAK MACH NUMBER (WITH SWEEP)", 105, 115, "mach_break"),
         ),
     ),
     Labelled(
         "MACH(A) = CLA(A) = MACH(B) = CLA(B) =",
         (
-            Column("MACH(A)", 32, 37, "mach_a"),
-            Column("CLA(A)", 51, 61, "CL_alpha_a", "1/deg"),
-            Column("MACH(B)", 76, 81, "mach_b"),
-            Column("CLA(B)", 95, 105, "CL_alpha_b", "1/deg"),
+            PrintedColumn("MACH(A)", 32, 37, "mach_a"),
+            PrintedColumn("CLA(A)", 51, 61, "CL_alpha_a", "1/deg"),
+            PrintedColumn("MACH(B)", 76, 81, "mach_b"),
+            PrintedColumn("CLA(B)", 95, 105, "CL_alpha_b", "1/deg"),
         ),
     ),
     Labelled(
         "(CLB/CL)M=0.6 = (CLB/CL)M=1.4 =",
         (
-            Column("(CLB/CL)M=0.6", 64, 74, "Cl_beta_CL_mach_06", "1/deg"),
-            Column("(CLB/CL)M=1.4", 95, 105, "Cl_beta_CL_mach_14", "1/deg"),
+            PrintedColumn("(CLB/CL)M=0.6", 64, 74, "Cl_beta_CL_mach_06", "1/deg"),
+            PrintedColumn("(CLB/CL)M=1.4", 95, 105, "Cl_beta_CL_mach_14", "1/deg"),
         ),
     ),
 )
@@ -48,35 +58,35 @@ WITH_BODY = (
     Labelled(
         "CLB/CL = (CLB/CL)MFB = (CLB/CL)M=1.4 = (CNA)M=1.4 =",
         (
-            Column("CLB/CL", 21, 31, "Cl_beta_CL", "1/deg"),
-            Column("(CLB/CL)MFB", 50, 60, "Cl_beta_CL_break", "1/deg"),
-            Column("(CLB/CL)M=1.4", 81, 91, "Cl_beta_CL_mach_14", "1/deg"),
-            Column("(CNA)M=1.4", 109, 119, "CN_alpha_mach_14", "1/deg"),
+            PrintedColumn("CLB/CL", 21, 31, "Cl_beta_CL", "1/deg"),
+            PrintedColumn("(CLB/CL)MFB", 50, 60, "Cl_beta_CL_break", "1/deg"),
+            PrintedColumn("(CLB/CL)M=1.4", 81, 91, "Cl_beta_CL_mach_14", "1/deg"),
+            PrintedColumn("(CNA)M=1.4", 109, 119, "CN_alpha_mach_14", "1/deg"),
         ),
     ),
 )
 DIVERGENCE = (
     Labelled(
         "DRAG DIVERGENCE MACH NUMBER =",
-        (Column("DRAG DIVERGENCE MACH NUMBER", 78, 83, "mach_divergence"),),
+        (PrintedColumn("DRAG DIVERGENCE MACH NUMBER", 78, 83, "mach_divergence"),),
     ),
 )
 FORMS = (*SURFACE, *WITH_BODY, *DIVERGENCE)
 
 
-def _over_mach(name: str, column: Column) -> Layout:
+def _over_mach(name: str, column: PrintedColumn) -> TableLayout:
     """Return a table over Mach numbers of its own, which are not the flight condition's."""
-    return Layout(name, "", (Column("MACH", 50, 61, "mach_node"), column), keys=1)
+    return TableLayout(name, "", (PrintedColumn("MACH", 50, 61, "mach_node"), column), keys=1)
 
 
 SLOPES = {
     subject: _over_mach(
         f"slope_{subject.lower().replace(' ', '_')}",
-        Column("CL-ALPHA", 70, 86, "CL_alpha", "1/deg"),
+        PrintedColumn("CL-ALPHA", 70, 86, "CL_alpha", "1/deg"),
     )
     for subject in ("WING", "HORIZONTAL TAIL")
 }
-DRAG = _over_mach("drag_rise", Column("CDO", 70, 86, "CD0"))
+DRAG = _over_mach("drag_rise", PrintedColumn("CDO", 70, 86, "CD0"))
 _TITLE = re.compile(r"^\*\*\* (\S.*\S) DATA FAIRING \*\*\*$")
 _SLOPE_TABLE = "LIFT-CURVE-SLOPE INTERPOLATION TABLE"
 
@@ -107,7 +117,7 @@ def _read_subject(lines: list[Line], at: int) -> tuple[list[Printed], int] | Non
 
 LAYOUTS = ()
 BLOCKS = (
-    Block(
+    PrintedBlock(
         ("fairing", *(layout.name for layout in SLOPES.values()), DRAG.name),
         _PAGES,
         _TITLE,

@@ -12,8 +12,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from datcom_io.cells import read_cell
-from datcom_io.printout.rows import Column, Line
-from datcom_io.printout.tables import Block, Printed, heading_words, make_values
+from datcom_io.printout.rows import Line, PrintedColumn
+from datcom_io.printout.tables import Printed, PrintedBlock, heading_words, make_values
 
 Item = tuple[int, str, str, str]
 """Line number, label, text, unit as printed: what `make_values` takes."""
@@ -25,7 +25,7 @@ class Labelled(NamedTuple):
     """
 
     words: str
-    numbers: tuple[Column, ...]
+    numbers: tuple[PrintedColumn, ...]
 
 
 def read_line(form: Labelled, line: Line, subject: str = "") -> list[Item]:
@@ -75,7 +75,7 @@ def read_lines(
     return items, after
 
 
-def labelled_block(name: str, pages: tuple[str, ...], forms: Sequence[Labelled]) -> Block:
+def labelled_block(name: str, pages: tuple[str, ...], forms: Sequence[Labelled]) -> PrintedBlock:
     """Return the block of lines that have one of the forms, in any order; it gives one group of
     values.
     """
@@ -85,10 +85,10 @@ def labelled_block(name: str, pages: tuple[str, ...], forms: Sequence[Labelled])
         return ([make_values(name, items)], after) if items else None
 
     labels = "|".join(re.escape(form.words.partition("=")[0].strip()) for form in forms)
-    return Block((name,), pages, re.compile(f"^(?:{labels}) ?="), read)
+    return PrintedBlock((name,), pages, re.compile(f"^(?:{labels}) ?="), read)
 
 
-def title_block(pages: tuple[str, ...], *titles: str) -> Block:
+def title_block(pages: tuple[str, ...], *titles: str) -> PrintedBlock:
     """Return the block of lines that only name what follows."""
     opens = re.compile(f"^(?:{'|'.join(map(re.escape, titles))})$")
-    return Block((), pages, opens, lambda lines, at: ([], at + 1))
+    return PrintedBlock((), pages, opens, lambda lines, at: ([], at + 1))

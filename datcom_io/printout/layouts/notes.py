@@ -124,12 +124,12 @@ NAMES = ("weight", "note")
 """Kinds of group that `numbers` returns."""
 
 
-def plain(line: str) -> str:
+def strip_control_column(line: str) -> str:
     """Return the words of a line; two footnotes of the dynamic page start in the control column."""
     return line.strip() if line.startswith("**") else line[1:].strip()
 
 
-def continues(words: str) -> bool:
+def is_continuation(words: str) -> bool:
     """Return whether a line goes on with the footnote or message before it."""
     return words.startswith(_CONTINUED)
 

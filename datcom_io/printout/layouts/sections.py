@@ -9,22 +9,22 @@ from __future__ import annotations
 import re
 
 from datcom_io.printout.layouts.labelled import Labelled, labelled_block
-from datcom_io.printout.rows import Column, Line, windows
-from datcom_io.printout.tables import Block, Layout, Printed, Table, make_values
+from datcom_io.printout.rows import Line, PrintedColumn, windows
+from datcom_io.printout.tables import Printed, PrintedBlock, PrintedTable, TableLayout, make_values
 
 _PAGES = ("section",)
 
-COORDINATES = Layout(
+COORDINATES = TableLayout(
     "coordinates",
     "UPPER ABSCISSA UPPER ORDINATE LOWER ABSCISSA LOWER ORDINATE X-FRACTION CHORD MEAN LINE THICKNESS",
     (
-        Column("UPPER ABSCISSA", 5, 20, "x_upper"),
-        Column("UPPER ORDINATE", 24, 39, "z_upper"),
-        Column("LOWER ABSCISSA", 43, 58, "x_lower"),
-        Column("LOWER ORDINATE", 61, 76, "z_lower"),
-        Column("X-FRACTION CHORD", 81, 96, "x"),
-        Column("MEAN LINE", 100, 112, "mean_line"),
-        Column("THICKNESS", 114, 126, "thickness"),
+        PrintedColumn("UPPER ABSCISSA", 5, 20, "x_upper"),
+        PrintedColumn("UPPER ORDINATE", 24, 39, "z_upper"),
+        PrintedColumn("LOWER ABSCISSA", 43, 58, "x_lower"),
+        PrintedColumn("LOWER ORDINATE", 61, 76, "z_lower"),
+        PrintedColumn("X-FRACTION CHORD", 81, 96, "x"),
+        PrintedColumn("MEAN LINE", 100, 112, "mean_line"),
+        PrintedColumn("THICKNESS", 114, 126, "thickness"),
     ),
     keys=0,
 )
@@ -32,7 +32,9 @@ COORDINATES = Layout(
 
 def _alone(name: str, quantity: str, units: str = "1", printed_unit: str = "") -> Labelled:
     """Return a line with one number; on a section page they all stand in the same columns."""
-    return Labelled(f"{name} = {printed_unit}".strip(), (Column(name, 58, 67, quantity, units),))
+    return Labelled(
+        f"{name} = {printed_unit}".strip(), (PrintedColumn(name, 58, 67, quantity, units),)
+    )
 
 
 SUMMARY = (
@@ -48,13 +50,13 @@ SUMMARY = (
     _alone("LOCATION", "x_crest", "1", "FRACTION CHORD"),
     _alone("LIFT-CURVE-SLOPE", "CL_alpha_crest", "1/deg", "/DEG."),
 )
-SLOPE = Layout(
+SLOPE = TableLayout(
     "section_slope",
     "",
     (
-        Column("MACH", 32, 38, "mach_node"),
-        Column("LIFT-CURVE-SLOPE", 58, 67, "CL_alpha", "1/deg"),
-        Column("XAC", 85, 94, "xac"),
+        PrintedColumn("MACH", 32, 38, "mach_node"),
+        PrintedColumn("LIFT-CURVE-SLOPE", 58, 67, "CL_alpha", "1/deg"),
+        PrintedColumn("XAC", 85, 94, "xac"),
     ),
     keys=1,
 )
@@ -78,7 +80,9 @@ def _read_slopes(lines: list[Line], at: int) -> tuple[list[Printed], int] | None
         numbers.append(number)
         rows.append(text)
         after = k + 1
-    return ([Table(SLOPE, SLOPE.columns, tuple(numbers), tuple(rows))], after) if rows else None
+    return (
+        ([PrintedTable(SLOPE, SLOPE.columns, tuple(numbers), tuple(rows))], after) if rows else None
+    )
 
 
 def _numbers_only(text: str) -> str:
@@ -103,7 +107,7 @@ _MEAN_LINE = re.compile(r" +A= ?(0?\.\d)$")
 
 LAYOUTS = (COORDINATES,)
 BLOCKS = (
-    Block(("designation",), _PAGES, re.compile(r"^NACA \S"), _read_designation),
+    PrintedBlock(("designation",), _PAGES, re.compile(r"^NACA \S"), _read_designation),
     labelled_block("section", _PAGES, SUMMARY),
-    Block(("section_slope",), _PAGES, re.compile(r"^MACH="), _read_slopes),
+    PrintedBlock(("section_slope",), _PAGES, re.compile(r"^MACH="), _read_slopes),
 )

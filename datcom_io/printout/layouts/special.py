@@ -13,11 +13,11 @@ from typing import NamedTuple
 import numpy as np
 
 from datcom_io.cells import BLANK, NOT_A_NUMBER, OK, read_cell
-from datcom_io.printout.rows import Across, Column, Line
+from datcom_io.printout.rows import Across, Line, PrintedColumn
 from datcom_io.printout.tables import (
-    Block,
-    Layout,
     Printed,
+    PrintedBlock,
+    TableLayout,
     heading_words,
     make_table,
     make_values,
@@ -66,15 +66,19 @@ _QUANTITIES = (
 _HEADINGS = {heading: name for name, heading, _, _ in _QUANTITIES}
 
 
-def _layout(name: str, heading: str, quantity: str, units: str, form: _Form) -> Layout:
-    return Layout(
+def _layout(name: str, heading: str, quantity: str, units: str, form: _Form) -> TableLayout:
+    return TableLayout(
         name,
         "",
-        (Column("ALPHA", *form.alpha, "alpha", "deg"),),
+        (PrintedColumn("ALPHA", *form.alpha, "alpha", "deg"),),
         keys=1,
         rows=("FLTCON", "NALPHA"),
         across=Across(
-            "DELTA", "delta", *form.delta, Column(heading, *form.cell, quantity, units), form.step
+            "DELTA",
+            "delta",
+            *form.delta,
+            PrintedColumn(heading, *form.cell, quantity, units),
+            form.step,
         ),
     )
 
@@ -198,7 +202,7 @@ def _read_cells(text: str, form: _Form, count: int) -> tuple[list[float], list[i
 
 
 def _increments(
-    layout: Layout, deltas: np.ndarray, rows: list, number: int, text: str
+    layout: TableLayout, deltas: np.ndarray, rows: list, number: int, text: str
 ) -> list[Printed]:
     """Return the table, and the fields behind its last deflection as a group of their own."""
     across, count = layout.across, len(deltas)
@@ -270,12 +274,12 @@ def _read_jet(lines: list[Line], at: int) -> tuple[list[Printed], int] | None:
 
 LAYOUTS = HYPERSONIC
 BLOCKS = (
-    Block(("hypersonic",), ("hypersonic",), re.compile(r"^MACH NUMBER ?="), _read_header),
-    Block(
+    PrintedBlock(("hypersonic",), ("hypersonic",), re.compile(r"^MACH NUMBER ?="), _read_header),
+    PrintedBlock(
         (*_HEADINGS.values(), "hypersonic_unused"),
         ("hypersonic",),
         re.compile("^-?(?:" + "|".join(map(re.escape, _HEADINGS)) + ")-?$"),
         _read_increments,
     ),
-    Block(("jet",), ("special",), re.compile(r"^TIME \(SEC\)"), _read_jet),
+    PrintedBlock(("jet",), ("special",), re.compile(r"^TIME \(SEC\)"), _read_jet),
 )

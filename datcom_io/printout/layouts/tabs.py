@@ -15,17 +15,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from datcom_io.printout.layouts.devices import heading_values
-from datcom_io.printout.rows import Across, Column, Line
-from datcom_io.printout.tables import Block, Layout, Printed, read_table
+from datcom_io.printout.rows import Across, Line, PrintedColumn
+from datcom_io.printout.tables import Printed, PrintedBlock, TableLayout, read_table
 
 if TYPE_CHECKING:
     from datcom_io.decks.deck import Deck
-    from datcom_io.printout.tables import Table
+    from datcom_io.printout.tables import PrintedTable
 
 PER_LINE = 11
 """Values on one line of a stream; the first of them has one decimal."""
 
-_DELTA = Across("DELTA", "delta", 16, 22, Column("", 15, 24), 10)
+_DELTA = Across("DELTA", "delta", 16, 22, PrintedColumn("", 15, 24), 10)
 _TABLES = (
     ("tab_force", "STICK FORCE, F(C), LB", "F_stick", "lbf"),
     ("tab_force_coefficient", "STICK FORCE COEFFICIENT, CF(C)", "CF_stick", "1"),
@@ -36,7 +36,7 @@ _TABLES = (
 )
 
 
-def stream_axes(deck: Deck, table: Table) -> Mapping[str, np.ndarray]:
+def stream_axes(deck: Deck, table: PrintedTable) -> Mapping[str, np.ndarray]:
     """Return alpha and delta (row, column) of a stream by the input cards, NaN behind its end;
     nothing without cards. [deg]
     """
@@ -55,12 +55,12 @@ def stream_axes(deck: Deck, table: Table) -> Mapping[str, np.ndarray]:
     return axes
 
 
-def _layout(name: str, words: str, quantity: str, units: str) -> Layout:
+def _layout(name: str, words: str, quantity: str, units: str) -> TableLayout:
     windows = [(2, 9), *((15 + 10 * k, 24 + 10 * k) for k in range(PER_LINE - 1))]
-    return Layout(
+    return TableLayout(
         name,
         "",
-        tuple(Column(words, first, last, quantity, units) for first, last in windows),
+        tuple(PrintedColumn(words, first, last, quantity, units) for first, last in windows),
         keys=0,
         axes=stream_axes,
         stream=(("FLTCON", "NALPHA"), ("SYMFLP", "NDELTA")),
@@ -70,7 +70,9 @@ def _layout(name: str, words: str, quantity: str, units: str) -> Layout:
 LAYOUTS = tuple(_layout(*table) for table in _TABLES)
 
 
-def _read_stream(layout: Layout, lines: list[Line], at: int) -> tuple[list[Printed], int] | None:
+def _read_stream(
+    layout: TableLayout, lines: list[Line], at: int
+) -> tuple[list[Printed], int] | None:
     """Read the deflections of the heading and the stream below them."""
     heading = next((i for i in range(at + 1, len(lines)) if lines[i][1][1:].strip()), at)
     deltas = heading_values(layout.name, _DELTA, lines[heading])
@@ -81,7 +83,7 @@ def _read_stream(layout: Layout, lines: list[Line], at: int) -> tuple[list[Print
 
 
 BLOCKS = tuple(
-    Block(
+    PrintedBlock(
         (layout.name,),
         ("high-lift",),
         re.compile("^" + re.escape(layout.columns[0].name)),

@@ -10,39 +10,46 @@ import re
 from functools import partial
 from itertools import pairwise
 
-from datcom_io.printout.rows import Column, Line
-from datcom_io.printout.tables import Block, Layout, Printed, Table, heading_words, read_table
+from datcom_io.printout.rows import Line, PrintedColumn
+from datcom_io.printout.tables import (
+    Printed,
+    PrintedBlock,
+    PrintedTable,
+    TableLayout,
+    heading_words,
+    read_table,
+)
 
 _STOPS = "TRIM RESULTS"  # ... HAVE BEEN TERMINATED DUE TO ..., ... TERMINATED BECAUSE ...
 _CONTROL = (
-    Column("ALPHA", 1, 11, "alpha", "deg"),
-    Column("CL", 12, 21, "CL"),
-    Column("CD", 22, 31, "CD"),
-    Column("CM", 32, 41, "Cm"),
-    Column("DELTAT", 42, 49, "delta_trim", "deg"),
-    Column("D(CL)", 50, 58, "dCL"),
-    Column("D(CL MAX)", 59, 70, "dCLmax"),
-    Column("D(CDI)", 71, 82, "dCDi"),
-    Column("D(CD MIN)", 83, 92, "dCDmin"),
-    Column("CH(A)", 93, 105, "Ch_alpha", "1/deg", constant=True),
-    Column("CH(D)", 106, 118, "Ch_delta", "1/deg"),
+    PrintedColumn("ALPHA", 1, 11, "alpha", "deg"),
+    PrintedColumn("CL", 12, 21, "CL"),
+    PrintedColumn("CD", 22, 31, "CD"),
+    PrintedColumn("CM", 32, 41, "Cm"),
+    PrintedColumn("DELTAT", 42, 49, "delta_trim", "deg"),
+    PrintedColumn("D(CL)", 50, 58, "dCL"),
+    PrintedColumn("D(CL MAX)", 59, 70, "dCLmax"),
+    PrintedColumn("D(CDI)", 71, 82, "dCDi"),
+    PrintedColumn("D(CD MIN)", 83, 92, "dCDmin"),
+    PrintedColumn("CH(A)", 93, 105, "Ch_alpha", "1/deg", constant=True),
+    PrintedColumn("CH(D)", 106, 118, "Ch_delta", "1/deg"),
 )
 _STABILIZER = (
-    Column("ALPHA", 1, 8, "alpha", "deg"),
-    Column("UNTRIMMED CD", 9, 17, "CD_tail"),
-    Column("UNTRIMMED CL", 18, 26, "CL_tail"),
-    Column("UNTRIMMED CM", 27, 36, "Cm_tail"),
-    Column("UNTRIMMED HM", 37, 50, "Ch_tail"),
-    Column("ALIHT", 80, 88, "i_tail", "deg"),
-    Column("AT TRIM INCIDENCE CD", 89, 96, "CD_tail_trim"),
-    Column("AT TRIM INCIDENCE CL", 97, 105, "CL_tail_trim"),
-    Column("AT TRIM INCIDENCE CM", 106, 115, "Cm_tail_trim"),
-    Column("AT TRIM INCIDENCE HM", 116, 128, "Ch_tail_trim"),
+    PrintedColumn("ALPHA", 1, 8, "alpha", "deg"),
+    PrintedColumn("UNTRIMMED CD", 9, 17, "CD_tail"),
+    PrintedColumn("UNTRIMMED CL", 18, 26, "CL_tail"),
+    PrintedColumn("UNTRIMMED CM", 27, 36, "Cm_tail"),
+    PrintedColumn("UNTRIMMED HM", 37, 50, "Ch_tail"),
+    PrintedColumn("ALIHT", 80, 88, "i_tail", "deg"),
+    PrintedColumn("AT TRIM INCIDENCE CD", 89, 96, "CD_tail_trim"),
+    PrintedColumn("AT TRIM INCIDENCE CL", 97, 105, "CL_tail_trim"),
+    PrintedColumn("AT TRIM INCIDENCE CM", 106, 115, "Cm_tail_trim"),
+    PrintedColumn("AT TRIM INCIDENCE HM", 116, 128, "Ch_tail_trim"),
 )
 _AIRCRAFT = (
-    Column("ALPHA", 51, 59, "alpha", "deg"),
-    Column("CD", 60, 68, "CD"),
-    Column("CL", 69, 78, "CL"),
+    PrintedColumn("ALPHA", 51, 59, "alpha", "deg"),
+    PrintedColumn("CD", 60, 68, "CD"),
+    PrintedColumn("CL", 69, 78, "CL"),
 )
 # the program's WRITE names CL first, so that it stands below the heading CD
 _AIRCRAFT_LEVEL = (
@@ -52,16 +59,16 @@ _AIRCRAFT_LEVEL = (
 )
 _ROWS = ("FLTCON", "NALPHA")
 
-TRIM = Layout("trim", "", _CONTROL, keys=1, rows=_ROWS, stops=_STOPS)
-TRIM_LEVEL = Layout("trim_level", "", _CONTROL, keys=1)
-STABILIZER = Layout("trim_stabilizer", "", _STABILIZER, keys=1, rows=_ROWS, stops=_STOPS)
-AIRCRAFT = Layout("trim_stabilizer_aircraft", "", _AIRCRAFT, keys=1, rows=_ROWS, stops=_STOPS)
-AIRCRAFT_LEVEL = Layout("trim_stabilizer_level", "", _AIRCRAFT_LEVEL, keys=1)
+TRIM = TableLayout("trim", "", _CONTROL, keys=1, rows=_ROWS, stops=_STOPS)
+TRIM_LEVEL = TableLayout("trim_level", "", _CONTROL, keys=1)
+STABILIZER = TableLayout("trim_stabilizer", "", _STABILIZER, keys=1, rows=_ROWS, stops=_STOPS)
+AIRCRAFT = TableLayout("trim_stabilizer_aircraft", "", _AIRCRAFT, keys=1, rows=_ROWS, stops=_STOPS)
+AIRCRAFT_LEVEL = TableLayout("trim_stabilizer_level", "", _AIRCRAFT_LEVEL, keys=1)
 LAYOUTS = (TRIM, TRIM_LEVEL, STABILIZER, AIRCRAFT, AIRCRAFT_LEVEL)
 
 
 def _read(
-    layout: Layout, columns: str, level: Layout | None, lines: list[Line], at: int
+    layout: TableLayout, columns: str, level: TableLayout | None, lines: list[Line], at: int
 ) -> tuple[list[Printed], int] | None:
     """Read a table with a group heading, the line of `columns` and the rows up to a gap, and a row
     of level flight behind it.
@@ -81,7 +88,7 @@ def _read(
     return printed, max(after, start)
 
 
-def _level_row(level: Layout, lines: list[Line]) -> Table | None:
+def _level_row(level: TableLayout, lines: list[Line]) -> PrintedTable | None:
     """Return the first of two lines as the row of level flight; None when it is no row, or one of
     several.
     """
@@ -92,9 +99,13 @@ def _level_row(level: Layout, lines: list[Line]) -> Table | None:
 
 
 def _block(
-    names: tuple[str, ...], opens: str, layout: Layout, columns: str, level: Layout | None = None
-) -> Block:
-    return Block(
+    names: tuple[str, ...],
+    opens: str,
+    layout: TableLayout,
+    columns: str,
+    level: TableLayout | None = None,
+) -> PrintedBlock:
+    return PrintedBlock(
         names, ("high-lift",), re.compile(f"^{opens}$"), partial(_read, layout, columns, level)
     )
 

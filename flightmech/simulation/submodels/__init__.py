@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from flightmech.aircraft.aircraft import Aircraft
-    from flightmech.simulation.kernel import Entry
+    from flightmech.simulation.kernel import CatalogueEntry
 
 MODULES = (weather, engine, fuel, landing_gear, controls, devices, earth_axes)
 _OWNER = {
@@ -50,7 +50,7 @@ def items(aircraft: Aircraft) -> dict[str, tuple[str, ...]]:
     return found
 
 
-def row(kind: int, group: str, item: str, name: str, aircraft: Aircraft) -> Entry:
+def row(kind: int, group: str, item: str, name: str, aircraft: Aircraft) -> CatalogueEntry:
     """Return the catalogue row of a name of a group."""
     return _OWNER[group].row(kind, group, item, name, aircraft)
 

@@ -16,7 +16,7 @@ from flightmech.aircraft.controls import (
 )
 from flightmech.errors import SchemaError
 from flightmech.names import lookup
-from flightmech.simulation.kernel import FIXED, INPUT, INTEGER, PARAMETER, Entry
+from flightmech.simulation.kernel import FIXED, INPUT, INTEGER, PARAMETER, CatalogueEntry
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -67,7 +67,7 @@ def items(aircraft: Aircraft) -> dict[str, tuple[str, ...]]:
     return {"circuit": found}
 
 
-def row(kind: int, group: str, item: str, name: str, aircraft: Aircraft) -> Entry:
+def row(kind: int, group: str, item: str, name: str, aircraft: Aircraft) -> CatalogueEntry:
     """Return the catalogue row of a name of a circuit."""
     if kind == PARAMETER:
         return _parameter(name, item, aircraft)
@@ -76,19 +76,21 @@ def row(kind: int, group: str, item: str, name: str, aircraft: Aircraft) -> Entr
     return _output(name, item)
 
 
-def _like(name: str, quantity: str, text: str, low: float = -MOST, high: float = MOST) -> Entry:
+def _like(
+    name: str, quantity: str, text: str, low: float = -MOST, high: float = MOST
+) -> CatalogueEntry:
     like = lookup(quantity)
-    return Entry(name, like.units, like.display_units, text, 0.0, low, high, 0)
+    return CatalogueEntry(name, like.units, like.display_units, text, 0.0, low, high, 0)
 
 
-def _input(name: str, item: str, circuit: Circuit) -> Entry:
+def _input(name: str, item: str, circuit: Circuit) -> CatalogueEntry:
     quantity = lookup(name)
     mode = 1 if name == item else 2
     text = f"{quantity.long_name}, positive {quantity.sign}; drives when mode.controls is {mode}"
     return _like(name, name, text, *(circuit.stops if name == item else ()))
 
 
-def _output(name: str, item: str) -> Entry:
+def _output(name: str, item: str) -> CatalogueEntry:
     group, _, word = name.rpartition(".")
     if group == "trim":
         return _like(
@@ -107,13 +109,13 @@ def _output(name: str, item: str) -> Entry:
     text = f"{_SURFACE[item]}: {text}" if kind in "DH" else f"{item}: {text}"
     if kind == "R":
         units, display = ("rad s-1", "deg/s") if item == "wheel" else ("m s-1", "cm/s")
-        return Entry(name, units, display, text, 0.0, -MOST, MOST, 0)
+        return CatalogueEntry(name, units, display, text, 0.0, -MOST, MOST, 0)
     if kind == "H":
-        return Entry(name, "N m", "N m", text, 0.0, -MOST, MOST, 0)
+        return CatalogueEntry(name, "N m", "N m", text, 0.0, -MOST, MOST, 0)
     return _like(name, MOVES[item] if kind == "D" else f"F_{item}", text)
 
 
-def _parameter(name: str, item: str, aircraft: Aircraft) -> Entry:
+def _parameter(name: str, item: str, aircraft: Aircraft) -> CatalogueEntry:
     circuit, control = aircraft.circuits[item], aircraft.controls[MOVES[item]]
     assert control.gearing is not None
     word = name.rpartition(".")[2]
@@ -122,7 +124,7 @@ def _parameter(name: str, item: str, aircraft: Aircraft) -> Entry:
         constant = _CONSTANTS[word]
         units = _units(item, constant)
         high = 1.0 if word == "restitution" else MOST
-        return Entry(
+        return CatalogueEntry(
             name,
             units,
             _DISPLAY.get(units, units),
@@ -171,7 +173,7 @@ def _parameter(name: str, item: str, aircraft: Aircraft) -> Entry:
         ),
     }
     units, display, text, value, least, flags = others[word]
-    return Entry(name, units, display, text, float(value), least, MOST, flags)
+    return CatalogueEntry(name, units, display, text, float(value), least, MOST, flags)
 
 
 def terms(aircraft: Aircraft) -> Iterator[tuple[str, str, xr.Dataset]]:

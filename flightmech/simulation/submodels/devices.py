@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from flightmech.aircraft.controls import DEVICE
 from flightmech.aircraft.fuel import MOST
 from flightmech.names import lookup
-from flightmech.simulation.kernel import Entry
+from flightmech.simulation.kernel import CatalogueEntry
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -42,13 +42,13 @@ def items(aircraft: Aircraft) -> dict[str, tuple[str, ...]]:
     }
 
 
-def row(kind: int, group: str, item: str, name: str, aircraft: Aircraft) -> Entry:
+def row(kind: int, group: str, item: str, name: str, aircraft: Aircraft) -> CatalogueEntry:
     """Return the catalogue row of a device, as input and as model variable."""
     like, (low, high) = lookup(name), aircraft.limits[name]
     text = (
         f"{like.long_name.partition(' of ')[0]} of {item.partition('.')[0]}, positive {like.sign}"
     )
-    return Entry(name, like.units, like.display_units, text, 0.0, low, high, 0)
+    return CatalogueEntry(name, like.units, like.display_units, text, 0.0, low, high, 0)
 
 
 def terms(aircraft: Aircraft) -> Iterator[tuple[str, str, xr.Dataset]]:

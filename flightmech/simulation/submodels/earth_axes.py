@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from flightmech.aircraft.fuel import MOST
-from flightmech.simulation.kernel import Entry
+from flightmech.simulation.kernel import CatalogueEntry
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -46,10 +46,10 @@ def items(aircraft: Aircraft) -> dict[str, tuple[str, ...]]:
     return {"earth": ("",) if aircraft.earth_outputs else ()}
 
 
-def row(kind: int, group: str, item: str, name: str, aircraft: Aircraft) -> Entry:
+def row(kind: int, group: str, item: str, name: str, aircraft: Aircraft) -> CatalogueEntry:
     """Return the catalogue row of an output."""
     units, text = _OUTPUTS[name]
-    return Entry(name, units, units, text, 0.0, -MOST, MOST, 0)
+    return CatalogueEntry(name, units, units, text, 0.0, -MOST, MOST, 0)
 
 
 def terms(aircraft: Aircraft) -> Iterator[tuple[str, str, xr.Dataset]]:

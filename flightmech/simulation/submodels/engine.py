@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from flightmech.aircraft.engine import MOST, OWN, Engine
 from flightmech.errors import SchemaError
 from flightmech.names import lookup
-from flightmech.simulation.kernel import INPUT, OUTPUT, STATE, VARIABLE, Entry
+from flightmech.simulation.kernel import INPUT, OUTPUT, STATE, VARIABLE, CatalogueEntry
 from flightmech.terms import regressors
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ def items(aircraft: Aircraft) -> dict[str, tuple[str, ...]]:
     return {"engine": numbers, "spool": () if without else numbers}
 
 
-def row(kind: int, group: str, item: str, name: str, aircraft: Aircraft) -> Entry:
+def row(kind: int, group: str, item: str, name: str, aircraft: Aircraft) -> CatalogueEntry:
     """Return the catalogue row of a name of an engine."""
     word = name.rsplit(".", 1)[-1]
     engine = aircraft.engines[int(item) - 1]
@@ -89,7 +89,7 @@ def row(kind: int, group: str, item: str, name: str, aircraft: Aircraft) -> Entr
         return _like(name, word)
     if word in _CONSTANTS:
         units, display, text, low = _CONSTANTS[word]
-        return Entry(
+        return CatalogueEntry(
             name,
             units,
             display,
@@ -102,10 +102,10 @@ def row(kind: int, group: str, item: str, name: str, aircraft: Aircraft) -> Entr
     return _geometry(name, word, engine)
 
 
-def _geometry(name: str, word: str, engine: Engine) -> Entry:
+def _geometry(name: str, word: str, engine: Engine) -> CatalogueEntry:
     axis = word.removesuffix("_inlet")[-1]
     if word.startswith("direction"):
-        return Entry(
+        return CatalogueEntry(
             name,
             "1",
             "1",
@@ -119,7 +119,7 @@ def _geometry(name: str, word: str, engine: Engine) -> Entry:
     at = engine.deck.inlet if at_inlet else engine.position  # type: ignore[union-attr]
     what = "ram drag" if word.endswith("_inlet") else "thrust"
     text = f"place of the {what} from the moment reference point, body {axis}"
-    return Entry(name, "m", "m", text, at["xyz".index(axis)], -MOST, MOST, 0)  # type: ignore[index]
+    return CatalogueEntry(name, "m", "m", text, at["xyz".index(axis)], -MOST, MOST, 0)  # type: ignore[index]
 
 
 def terms(aircraft: Aircraft) -> Iterator[tuple[str, str, xr.Dataset]]:
@@ -134,10 +134,12 @@ def terms(aircraft: Aircraft) -> Iterator[tuple[str, str, xr.Dataset]]:
             )
 
 
-def _like(name: str, quantity_: str, low: float = -MOST, high: float = MOST) -> Entry:
+def _like(name: str, quantity_: str, low: float = -MOST, high: float = MOST) -> CatalogueEntry:
     found = lookup(quantity_)
     sign = f", positive {found.sign}" if found.sign else ""
-    return Entry(name, found.units, found.display_units, found.long_name + sign, 0.0, low, high, 0)
+    return CatalogueEntry(
+        name, found.units, found.display_units, found.long_name + sign, 0.0, low, high, 0
+    )
 
 
 def _renamed(leaf: xr.Dataset, own: Mapping[str, str]) -> xr.Dataset:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from flightmech.aircraft.fuel import MOST
 from flightmech.names import lookup
-from flightmech.simulation.kernel import FIXED, PARAMETER, Entry
+from flightmech.simulation.kernel import FIXED, PARAMETER, CatalogueEntry
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -20,12 +20,12 @@ def items(aircraft: Aircraft) -> dict[str, tuple[str, ...]]:
     return {"fuel": () if aircraft.fuel is None else ("",)}
 
 
-def row(kind: int, group: str, item: str, name: str, aircraft: Aircraft) -> Entry:
+def row(kind: int, group: str, item: str, name: str, aircraft: Aircraft) -> CatalogueEntry:
     """Return the catalogue row of a name of the fuel."""
     fuel, word = aircraft.fuel, name.rsplit(".", 1)[-1]
     assert fuel is not None, "names of the group fuel are requested only where there is fuel"
     if kind == PARAMETER and name == "init.fuel":
-        return Entry(
+        return CatalogueEntry(
             name,
             "kg",
             "lb",
@@ -37,9 +37,11 @@ def row(kind: int, group: str, item: str, name: str, aircraft: Aircraft) -> Entr
         )
     if kind == PARAMETER:
         text = f"place of the fuel as a mass point from the moment reference point, body {word}"
-        return Entry(name, "m", "m", text, fuel.position["xyz".index(word)], -MOST, MOST, 0)
+        return CatalogueEntry(
+            name, "m", "m", text, fuel.position["xyz".index(word)], -MOST, MOST, 0
+        )
     found = lookup(word)
-    return Entry(
+    return CatalogueEntry(
         name,
         found.units,
         found.display_units,

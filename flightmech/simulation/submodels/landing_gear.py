@@ -6,7 +6,15 @@ import sys
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from flightmech.simulation.kernel import FIXED, INPUT, INTEGER, OUTPUT, PARAMETER, STATE, Entry
+from flightmech.simulation.kernel import (
+    FIXED,
+    INPUT,
+    INTEGER,
+    OUTPUT,
+    PARAMETER,
+    STATE,
+    CatalogueEntry,
+)
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -135,7 +143,7 @@ _CONTACT = {
 }
 
 
-def row(kind: int, group: str, item: str, name: str, aircraft: Aircraft) -> Entry:
+def row(kind: int, group: str, item: str, name: str, aircraft: Aircraft) -> CatalogueEntry:
     """Return the catalogue row of a name of the gear or of a contact."""
     assert aircraft.gear is not None
     word = name.rsplit(".", 1)[-1]
@@ -151,7 +159,7 @@ def row(kind: int, group: str, item: str, name: str, aircraft: Aircraft) -> Entr
     if kind == INPUT:
         units, display, text = _INPUTS[name]
         limit = aircraft.gear.steering.limit
-        return Entry(
+        return CatalogueEntry(
             name,
             units,
             display,
@@ -161,25 +169,25 @@ def row(kind: int, group: str, item: str, name: str, aircraft: Aircraft) -> Entr
             0,
         )
     if name == f"wow_{item}":
-        return Entry(name, "1", "1", f"{item} on the ground, 1 yes", 0.0, 0.0, 1.0, 0)
+        return CatalogueEntry(name, "1", "1", f"{item} on the ground, 1 yes", 0.0, 0.0, 1.0, 0)
     if kind == STATE:
         units, display, text = (_GEAR_STATES if group == "gear" else _CONTACT_STATES)[word]
     elif kind == OUTPUT and group == "gear":
         units, display, text = _GEAR_OUTPUTS[name]
     else:
         units, display, text = _CONTACT_OUTPUTS[word]
-    return Entry(
+    return CatalogueEntry(
         name, units, display, text if group == "gear" else f"{item}: {text}", 0.0, -MOST, MOST, 0
     )
 
 
-def _gear_parameter(name: str, word: str, gear: LandingGear) -> Entry:
+def _gear_parameter(name: str, word: str, gear: LandingGear) -> CatalogueEntry:
     if name == "runway.condition":
-        return Entry(
+        return CatalogueEntry(
             name, "1", "1", "0 dry, 1 wet, 2 icy", float(gear.condition), 0.0, 2.0, INTEGER
         )
     if name == "gear.antiskid":
-        return Entry(
+        return CatalogueEntry(
             name,
             "1",
             "1",
@@ -190,7 +198,7 @@ def _gear_parameter(name: str, word: str, gear: LandingGear) -> Entry:
             0,
         )
     if name == "steering.order":
-        return Entry(
+        return CatalogueEntry(
             name,
             "1",
             "1",
@@ -202,18 +210,20 @@ def _gear_parameter(name: str, word: str, gear: LandingGear) -> Entry:
         )
     low = -MOST if word in _SIGNED else 0.0
     if name.startswith("steering."):
-        return Entry(name, *_STEERING[word], getattr(gear.steering, word), low, MOST, 0)
+        return CatalogueEntry(name, *_STEERING[word], getattr(gear.steering, word), low, MOST, 0)
     units, text = _RUNWAY[word]
     value = gear.mu_wet[int(word[-1])] if word.startswith("mu_wet") else getattr(gear, word)
-    return Entry(name, units, units, text, value, low, 1.0 if word == "skid_ratio" else MOST, 0)
+    return CatalogueEntry(
+        name, units, units, text, value, low, 1.0 if word == "skid_ratio" else MOST, 0
+    )
 
 
-def _contact_parameter(name: str, word: str, contact: Contact) -> Entry:
+def _contact_parameter(name: str, word: str, contact: Contact) -> CatalogueEntry:
     units, display, text = _CONTACT[word]
     place = dict(zip("xyz", contact.position, strict=True))
     value = place[word] if word in place else float(getattr(contact, word))
     high = {"retracts": 1.0, "loss": 0.04}.get(word, MOST)
-    return Entry(
+    return CatalogueEntry(
         name,
         units,
         display,

@@ -10,7 +10,7 @@ import sys
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from flightmech.simulation.kernel import INTEGER, OUTPUT, Entry
+from flightmech.simulation.kernel import INTEGER, OUTPUT, CatalogueEntry
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -240,11 +240,11 @@ def items(aircraft: Aircraft) -> dict[str, tuple[str, ...]]:
     return {"weather": ("",)}
 
 
-def row(kind: int, group: str, item: str, name: str, aircraft: Aircraft) -> Entry:
+def row(kind: int, group: str, item: str, name: str, aircraft: Aircraft) -> CatalogueEntry:
     """Return the catalogue row of an output or parameter of the weather."""
     if kind == OUTPUT:
-        return Entry(name, *_OUTPUTS[name], 0.0, -_MOST, _MOST, 0)
-    return Entry(name, *_PARAMETERS[name])
+        return CatalogueEntry(name, *_OUTPUTS[name], 0.0, -_MOST, _MOST, 0)
+    return CatalogueEntry(name, *_PARAMETERS[name])
 
 
 def terms(aircraft: Aircraft) -> Iterator[tuple[str, str, xr.Dataset]]:

@@ -21,11 +21,17 @@ from flightmech.errors import (
 from flightmech.names import lookup
 from flightmech.support.arrays import rms
 from flightmech.units import G0, from_si, quantity
-from flighttest.flight_programme.evaluation.plan import Bound, Line, Plan, Points, Sheet
+from flighttest.flight_programme.evaluation.plan import (
+    Bound,
+    EvaluationPlan,
+    StationaryTimes,
+    StraightLine,
+    TestPointSheet,
+)
 from flighttest.reconstruction.quality.checks.control_response import EQUATIONS
 from flighttest.reconstruction.quality.checks.relations import RELATIONS
 from flighttest.records.sensors.measurements import pressure
-from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.model import RegressionModel
 
 if TYPE_CHECKING:
     from flightmech.aircraft.aircraft import Aircraft
@@ -40,7 +46,7 @@ _MOVES = 1e-6  # relative spread of x below which the points do not determine a 
 
 
 @dataclass(frozen=True)
-class Fitted:
+class FittedLine:
     """A straight line y = offset + slope x through the means of stationary points.
 
     Attributes
@@ -54,7 +60,7 @@ class Fitted:
         Of the residuals. [SI]
     """
 
-    line: Line
+    line: StraightLine
     x: np.ndarray
     y: np.ndarray
     slope: tuple[float, float]
@@ -63,11 +69,11 @@ class Fitted:
     rms: float
 
 
-def times_of(points: Points) -> pd.DataFrame:
+def times_of(points: StationaryTimes) -> pd.DataFrame:
     """Return the noted times and series of a sheet of stationary points: ``time series``, sorted;
     one row per time and series.
     """
-    sheet = Sheet(points.file)
+    sheet = TestPointSheet(points.file)
     series = (
         [sheet.text(row, points.series) for row in range(len(sheet.rows))]
         if points.series
@@ -77,7 +83,7 @@ def times_of(points: Points) -> pd.DataFrame:
     return found.dropna().drop_duplicates().sort_values("time", ignore_index=True)
 
 
-def windows_of(points: Points, series: Sequence[str] = ()) -> list[tuple[float, float]]:
+def windows_of(points: StationaryTimes, series: Sequence[str] = ()) -> list[tuple[float, float]]:
     """Return the windows of some series, each time once.
 
     Raises
@@ -166,7 +172,7 @@ def _row(
     return row
 
 
-def line_through(line: Line, points: pd.DataFrame) -> Fitted:
+def line_through(line: StraightLine, points: pd.DataFrame) -> FittedLine:
     """Return a straight line through points by least squares; standard errors from the scatter of
     the points.
 
@@ -197,7 +203,7 @@ def line_through(line: Line, points: pd.DataFrame) -> Fitted:
     C = np.linalg.inv(X.T @ X) * float(rest @ rest) / (len(x) - 2)
     slope_of_root = np.array([-1.0 / m, b / m**2])
     errors = np.sqrt([C[1, 1], C[0, 0], slope_of_root @ C @ slope_of_root])
-    return Fitted(line, x, y, (m, errors[0]), (b, errors[1]), (-b / m, errors[2]), rms(rest))
+    return FittedLine(line, x, y, (m, errors[0]), (b, errors[1]), (-b / m, errors[2]), rms(rest))
 
 
 DISPLAY = {"rad": "deg", "rad s-1": "rad/s", "m s-1": "m/s", "s-2": "1/s2 per rad"}
@@ -235,7 +241,7 @@ _MODES = {
 _KINEMATIC = ("slope", "offset", "correlation", "disagreement")
 
 
-class Figure(NamedTuple):
+class FigureOfMerit(NamedTuple):
     """One number: value, standard error (NaN where there is none), SI unit."""
 
     value: float
@@ -243,7 +249,7 @@ class Figure(NamedTuple):
     unit: str
 
 
-def units_of(plan: Plan) -> dict[str, str]:
+def units_of(plan: EvaluationPlan) -> dict[str, str]:
     """Return name and SI unit of every figure that an evaluation can give.
 
     ``kinematics.theta_rate.slope``, ``delay.theta``, ``answer.delta_e``; of a line ``trim.slope
@@ -267,7 +273,7 @@ def units_of(plan: Plan) -> dict[str, str]:
                 f"{line.name}.root": _unit(line.x),
             }
     for fit in plan.fit:
-        found |= {f"{fit.name}.{term}": "1" for term in Model.parse(fit.model).terms}
+        found |= {f"{fit.name}.{term}": "1" for term in RegressionModel.parse(fit.model).terms}
     for mode in plan.mode:
         found |= {f"{mode.name}.{what}": unit for what, unit in _MODES[mode.kind].items()}
     return found
@@ -283,7 +289,7 @@ def _unit(name: str) -> str:
         return "1"
 
 
-def limits_of(plan: Plan) -> list[tuple[float, float]]:
+def limits_of(plan: EvaluationPlan) -> list[tuple[float, float]]:
     """Return the bounds in SI.
 
     Raises
@@ -318,55 +324,59 @@ def _limits(bound: Bound, unit: str) -> tuple[float, float]:
 
 def collect(
     quality: Quality,
-    lines: Sequence[Fitted],
+    lines: Sequence[FittedLine],
     fits: Sequence[Fit],
     motions: Mapping[str, Motion],
     aircraft: Aircraft,
-) -> dict[str, Figure]:
+) -> dict[str, FigureOfMerit]:
     """Return the figures of an evaluation by name."""
     nan = math.nan
-    found: dict[str, Figure] = {}
+    found: dict[str, FigureOfMerit] = {}
     for row in quality.kinematics.to_dict("records"):
         head = f"kinematics.{row['relation']}"
-        found[f"{head}.slope"] = Figure(row["slope"], row["slope_stderr"], "1")
+        found[f"{head}.slope"] = FigureOfMerit(row["slope"], row["slope_stderr"], "1")
         found |= {
-            f"{head}.{what}": Figure(row[what], nan, row["units"] if what == "offset" else "1")
+            f"{head}.{what}": FigureOfMerit(
+                row[what], nan, row["units"] if what == "offset" else "1"
+            )
             for what in _KINEMATIC[1:]
         }
     for row in quality.delays.to_dict("records"):
-        found[f"delay.{row['channel']}"] = Figure(row["delay"], row["stderr"], "s")
+        found[f"delay.{row['channel']}"] = FigureOfMerit(row["delay"], row["stderr"], "s")
     for row in quality.answers.to_dict("records"):
-        found[f"answer.{row['surface']}"] = Figure(row["effect"], row["stderr"], "s-2")
+        found[f"answer.{row['surface']}"] = FigureOfMerit(row["effect"], row["stderr"], "s-2")
     for fitted in lines:
         found |= _of_line(fitted, aircraft)
     for fit in fits:
         e = fit.estimates
         for k, term in enumerate(e["term"].values):
-            found[f"{fit.name}.{term}"] = Figure(
+            found[f"{fit.name}.{term}"] = FigureOfMerit(
                 float(e["estimate"].values[k]), float(e["stderr"].values[k]), "1"
             )
     for name, motion in motions.items():
-        found |= {f"{name}.{what}": Figure(*values) for what, values in motion.values.items()}
+        found |= {
+            f"{name}.{what}": FigureOfMerit(*values) for what, values in motion.values.items()
+        }
     return found
 
 
-def _of_line(fitted: Fitted, aircraft: Aircraft) -> dict[str, Figure]:
+def _of_line(fitted: FittedLine, aircraft: Aircraft) -> dict[str, FigureOfMerit]:
     line = fitted.line
     if line.kind == "polar":
         slope, error = fitted.slope
         e = aircraft.S / (math.pi * aircraft.b**2 * slope)  # CD = CD0 + CL^2 / (pi A e)
         return {
-            f"{line.name}.CD0": Figure(*fitted.offset, "1"),
-            f"{line.name}.oswald": Figure(e, abs(e * error / slope), "1"),
+            f"{line.name}.CD0": FigureOfMerit(*fitted.offset, "1"),
+            f"{line.name}.oswald": FigureOfMerit(e, abs(e * error / slope), "1"),
         }
     return {
-        f"{line.name}.slope": Figure(*fitted.slope, "1"),
-        f"{line.name}.offset": Figure(*fitted.offset, _unit(line.y)),
-        f"{line.name}.root": Figure(*fitted.root, _unit(line.x)),
+        f"{line.name}.slope": FigureOfMerit(*fitted.slope, "1"),
+        f"{line.name}.offset": FigureOfMerit(*fitted.offset, _unit(line.y)),
+        f"{line.name}.root": FigureOfMerit(*fitted.root, _unit(line.x)),
     }
 
 
-def judge(plan: Plan, figures: Mapping[str, Figure]) -> pd.DataFrame:
+def judge(plan: EvaluationPlan, figures: Mapping[str, FigureOfMerit]) -> pd.DataFrame:
     """Return every bound with its figure and verdict; columns `COLUMNS`, SI."""
     rows = []
     for bound, (low, high) in zip(plan.bound, limits_of(plan)):

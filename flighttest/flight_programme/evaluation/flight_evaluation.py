@@ -25,7 +25,7 @@ from flightmech.errors import (
 )
 from flightmech.names import attrs
 from flighttest.flight_programme.evaluation.figures_of_merit import (
-    Fitted,
+    FittedLine,
     collect,
     judge,
     limits_of,
@@ -34,23 +34,22 @@ from flighttest.flight_programme.evaluation.figures_of_merit import (
     windows_of,
 )
 from flighttest.flight_programme.evaluation.plan import (
-    Deck,
+    EvaluationPlan,
     FitTable,
     Loading,
-    Mode,
-    Plan,
-    Sheet,
+    PlannedMode,
+    TestPointSheet,
+    ThrustPoints,
     read_plan,
 )
 from flighttest.flight_programme.evaluation.result import Evaluation
-from flighttest.reconstruction.dynamics.force_coefficients import between, coefficients
+from flighttest.reconstruction.dynamics.force_coefficients import coefficients, select_time
 from flighttest.reconstruction.quality.assessment import assess
-from flighttest.reconstruction.smoother import Path as FlightPath
-from flighttest.reconstruction.smoother import reconstruct
+from flighttest.reconstruction.smoother import FlightPath, reconstruct
 from flighttest.records.record import read
 from flighttest.records.signals.conditioning import cut
 from flighttest.regression.equation_error.fit import Fit
-from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
 from flighttest.submodels.aircraft_properties.eigenmotion import Motion, fit_motion
 
@@ -63,7 +62,9 @@ _RESIDUAL = 0.05
 _AIR = ("h_baro", "mach", "temperature")
 
 
-def weigh(sheet: Loading, aircraft: Aircraft, burnt: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def mass_after_burn(
+    sheet: Loading, aircraft: Aircraft, burnt: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Return mass and c.g. after some fuel has been burnt.
 
     Parameters
@@ -84,7 +85,7 @@ def weigh(sheet: Loading, aircraft: Aircraft, burnt: np.ndarray) -> tuple[np.nda
     SchemaError
         No such fuel item, more fuel burnt than taken, or less left than the fuel table reaches.
     """
-    items, table = Sheet(sheet.file), Sheet(sheet.fuel_table.file)
+    items, table = TestPointSheet(sheet.file), TestPointSheet(sheet.fuel_table.file)
     names = [items.text(row, sheet.item) for row in range(len(items.rows))]
     if sheet.fuel not in names:
         raise SchemaError(
@@ -110,7 +111,11 @@ def weigh(sheet: Loading, aircraft: Aircraft, burnt: np.ndarray) -> tuple[np.nda
 
 
 def deck_thrust(
-    deck: Deck, h: np.ndarray, mach: np.ndarray, temperature: np.ndarray, fuel_flow: np.ndarray
+    deck: ThrustPoints,
+    h: np.ndarray,
+    mach: np.ndarray,
+    temperature: np.ndarray,
+    fuel_flow: np.ndarray,
 ) -> np.ndarray:
     """Return the net thrust of one engine [N] from points of its deck.
 
@@ -122,7 +127,7 @@ def deck_thrust(
     IdentificationError
         The points are too few, or such a polynomial does not reproduce them.
     """
-    points = Sheet(deck.file)
+    points = TestPointSheet(deck.file)
     units = {"h": "m", "mach": "1", "delta_T": "K", "fuel_flow": "kg s-1", "thrust": "N"}
     deck_h, deck_mach, warmer, flow, thrust = (
         getattr(deck, name).of(points, unit) for name, unit in units.items()
@@ -143,8 +148,8 @@ def deck_thrust(
     return np.maximum(delta * (X @ theta), 0.0)
 
 
-def completed(
-    record: xr.DataTree, aircraft: Aircraft, loading: Loading | None, deck: Deck | None
+def add_computed_mass(
+    record: xr.DataTree, aircraft: Aircraft, loading: Loading | None, deck: ThrustPoints | None
 ) -> xr.DataTree:
     """Return the record with a leaf ``computed``: mass, c.g. and thrust over the clock of the fuel
     flow.
@@ -179,7 +184,7 @@ def completed(
     found: dict[str, np.ndarray] = {}
     if loading is not None:
         burnt = np.concatenate([[0.0], np.cumsum(flow.sum(axis=0)[:-1] * np.diff(time))])
-        found["mass"], found["x_cg_b"] = weigh(loading, aircraft, burnt)
+        found["mass"], found["x_cg_b"] = mass_after_burn(loading, aircraft, burnt)
     if deck is not None:
         h, mach, temperature = (channel(name) for name in _AIR)
         found |= {
@@ -203,7 +208,7 @@ T = TypeVar("T")
 _POINT_RATE = 10.0  # Hz: nothing moves
 
 
-def evaluate(plan: Plan | str | Path) -> Evaluation:
+def evaluate(plan: EvaluationPlan | str | Path) -> Evaluation:
     """Evaluate a flight: consistency, stationary points, coefficients, eigenmotions, each against
     its bounds.
 
@@ -224,7 +229,7 @@ def evaluate(plan: Plan | str | Path) -> Evaluation:
         Plan, sheets, name map, aircraft or record are faulty.  A part that the record does not
         carry is no exception but in `refused`.
     """
-    plan = plan if isinstance(plan, Plan) else read_plan(plan)
+    plan = plan if isinstance(plan, EvaluationPlan) else read_plan(plan)
     limits_of(plan)
     return _Work(plan).done()
 
@@ -233,7 +238,7 @@ def evaluate(plan: Plan | str | Path) -> Evaluation:
 class _Work:
     """An evaluation on its way."""
 
-    plan: Plan
+    plan: EvaluationPlan
     refused: dict[str, str] = field(default_factory=dict)
     paths: dict[str, FlightPath] = field(default_factory=dict)
 
@@ -246,7 +251,9 @@ class _Work:
         quality = assess(self.record, self.aircraft)
         points, lines, fits, motions = pd.DataFrame(), [], [], {}
         if quality.usable:
-            self.record = completed(self.record, self.aircraft, self.plan.loading, self.plan.thrust)
+            self.record = add_computed_mass(
+                self.record, self.aircraft, self.plan.loading, self.plan.thrust
+            )
             points = self._points()
             lines = [
                 fitted
@@ -293,7 +300,7 @@ class _Work:
         table = self.plan.manoeuvres
         if table is None:
             return {}
-        sheet = Sheet(table.file)
+        sheet = TestPointSheet(table.file)
         return {
             sheet.text(row, table.name): float(t) for row, t in enumerate(table.time.of(sheet, "s"))
         }
@@ -333,7 +340,7 @@ class _Work:
         )
         return pd.DataFrame() if found is None else found
 
-    def _line(self, line, points: pd.DataFrame) -> Fitted:
+    def _line(self, line, points: pd.DataFrame) -> FittedLine:
         if points.empty:
             raise SchemaError(f"line {line.name}", ["there are no stationary points"])
         wanted = {start for start, _ in windows_of(self.plan.points, line.series)}  # type: ignore[arg-type]
@@ -370,16 +377,16 @@ class _Work:
                 parts += (
                     []
                     if data is None
-                    else [between(data, *w) for w in windows_of(self.plan.points, table.series)]  # type: ignore[arg-type]
+                    else [select_time(data, *w) for w in windows_of(self.plan.points, table.series)]  # type: ignore[arg-type]
                 )
             else:
                 key = name, table.window or (0.0, 0.0)
                 if key not in self._flown:
                     self._flown[key] = self._manoeuvre(*key)
                 parts.append(self._flown[key])
-        return regress(Model.parse(table.model), parts, name=table.name)
+        return regress(RegressionModel.parse(table.model), parts, name=table.name)
 
-    def _motion(self, mode: Mode) -> Motion:
+    def _motion(self, mode: PlannedMode) -> Motion:
         t = self.start(mode.on)
         home = {str(n): node for node in self.record.children.values() for n in node.data_vars}
         for name in (*mode.channels, *mode.inputs):

@@ -70,7 +70,7 @@ from flightmech.support.toml_models import Strict, si, validate
 from flightmech.units import to_si
 
 
-class Column(Strict):
+class SheetColumn(Strict):
     """One column: its name, its unit, and a factor for what the unit cannot express (``scale =
     100`` with ``unit = "in lb"``).
     """
@@ -79,7 +79,7 @@ class Column(Strict):
     unit: str = ""
     scale: float = 1.0
 
-    def of(self, sheet: Sheet, expected: str) -> np.ndarray:
+    def of(self, sheet: TestPointSheet, expected: str) -> np.ndarray:
         """Return the column in SI.
 
         Parameters
@@ -102,7 +102,7 @@ class Column(Strict):
             raise SchemaError(f"sheet {sheet.path}", [f"column {self.column}: {error}"]) from None
 
 
-class Sheet:
+class TestPointSheet:
     """A CSV file as text cells.
 
     Parameters
@@ -163,12 +163,12 @@ _Window = tuple[float, float]
 _Name = Annotated[str, Field(pattern=r"^\w+$")]  # of a figure, and of a file
 
 
-class FuelTable(Strict):
+class FuelMomentTable(Strict):
     """Moment of the fuel in the tanks over its mass, about station 0."""
 
     file: Path
-    mass: Column
-    moment: Column
+    mass: SheetColumn
+    moment: SheetColumn
 
 
 class Loading(Strict):
@@ -176,30 +176,30 @@ class Loading(Strict):
 
     file: Path
     item: str
-    mass: Column
-    station: Column
+    mass: SheetColumn
+    station: SheetColumn
     fuel: str
     leading_edge: _Length  # type: ignore[valid-type]
-    fuel_table: FuelTable
+    fuel_table: FuelMomentTable
 
 
-class Deck(Strict):
+class ThrustPoints(Strict):
     """Points of an engine deck: net thrust of one engine."""
 
     file: Path
-    h: Column
-    mach: Column
-    delta_T: Column
-    fuel_flow: Column
-    thrust: Column
+    h: SheetColumn
+    mach: SheetColumn
+    delta_T: SheetColumn
+    fuel_flow: SheetColumn
+    thrust: SheetColumn
     error: float = Field(default=0.02, gt=0.0)
 
 
-class Points(Strict):
+class StationaryTimes(Strict):
     """Times of stationary points; `window` about them, before the crew changed anything."""
 
     file: Path
-    time: Column
+    time: SheetColumn
     series: str = ""
     window: _Window
 
@@ -209,10 +209,10 @@ class Manoeuvres(Strict):
 
     file: Path
     name: str
-    time: Column
+    time: SheetColumn
 
 
-class Line(Strict):
+class StraightLine(Strict):
     """A straight line through means; ``kind = "polar"`` is CD over CL squared."""
 
     name: _Name
@@ -232,7 +232,7 @@ class FitTable(Strict):
     series: tuple[str, ...] = ()
 
 
-class Mode(Strict):
+class PlannedMode(Strict):
     """An eigenmotion."""
 
     name: _Name
@@ -266,7 +266,7 @@ class Bound(Strict):
         return self
 
 
-class Plan(Strict):
+class EvaluationPlan(Strict):
     """An evaluation."""
 
     title: str
@@ -275,16 +275,16 @@ class Plan(Strict):
     aircraft: Path
     rate: float = Field(default=50.0, gt=0.0)
     loading: Loading | None = None
-    thrust: Deck | None = None
-    points: Points | None = None
+    thrust: ThrustPoints | None = None
+    points: StationaryTimes | None = None
     manoeuvres: Manoeuvres | None = None
-    line: tuple[Line, ...] = ()
+    line: tuple[StraightLine, ...] = ()
     fit: tuple[FitTable, ...] = ()
-    mode: tuple[Mode, ...] = ()
+    mode: tuple[PlannedMode, ...] = ()
     bound: tuple[Bound, ...] = ()
 
     @model_validator(mode="after")
-    def _whole(self) -> Plan:
+    def _whole(self) -> EvaluationPlan:
         given = [
             *(x.name for x in self.line),
             *(x.name for x in self.fit),
@@ -312,7 +312,7 @@ class Plan(Strict):
         return self
 
 
-def read_plan(path: str | Path) -> Plan:
+def read_plan(path: str | Path) -> EvaluationPlan:
     """Read the plan of an evaluation; names of files become relative to it.
 
     Raises
@@ -323,7 +323,7 @@ def read_plan(path: str | Path) -> Plan:
         Every unknown key, missing value, wrong unit and absent file at once.
     """
     path = Path(path)
-    plan = validate(Plan, _placed(load(path), path.parent), f"evaluation {path}")
+    plan = validate(EvaluationPlan, _placed(load(path), path.parent), f"evaluation {path}")
     absent = [str(file) for file in files_of(plan) if not file.is_file()]
     if absent:
         raise SchemaError(
@@ -348,7 +348,7 @@ def _placed(item: Any, folder: Path) -> Any:
     }
 
 
-def files_of(plan: Plan) -> list[Path]:
+def files_of(plan: EvaluationPlan) -> list[Path]:
     """Return the files that a plan names."""
     found = [plan.record, plan.names, plan.aircraft]
     found += [

@@ -16,25 +16,25 @@ import xarray as xr
 
 from flightmech.errors import UnknownName
 from flightmech.names import lookup
-from flightmech.support.console import command_line, plain
+from flightmech.support.console import command_line, to_json_types
 from flightmech.units import from_si
 from flighttest.flight_programme.evaluation.figures_of_merit import (
     INSIDE,
-    Figure,
-    Fitted,
+    FigureOfMerit,
+    FittedLine,
     limits_shown,
     number,
     unit_shown,
 )
-from flighttest.flight_programme.evaluation.plan import Plan, files_of
+from flighttest.flight_programme.evaluation.plan import EvaluationPlan, files_of
 from flighttest.reconstruction.flight_programme import save_path
 from flighttest.reconstruction.quality.page import chart, scatter, style, template_of
 from flighttest.reconstruction.quality.result import Quality, meaningful, shown
 from flighttest.reconstruction.quality.result import report as quality_report
-from flighttest.reconstruction.smoother import Path as FlightPath
+from flighttest.reconstruction.smoother import FlightPath
 from flighttest.records.files import save_record
 from flighttest.regression.equation_error.fit import Fit, save_fit
-from flighttest.remarks import Remark, barred, documents
+from flighttest.remarks import Remark, is_forbidden, remarks_to_json
 from flighttest.submodels.aircraft_properties.eigenmotion import Motion
 
 if TYPE_CHECKING:
@@ -68,16 +68,16 @@ class Evaluation:
         What could not be determined, and why.
     """
 
-    plan: Plan
+    plan: EvaluationPlan
     aircraft: Aircraft
     record: xr.DataTree
     quality: Quality
     paths: dict[str, FlightPath]
     points: pd.DataFrame
-    lines: list[Fitted]
+    lines: list[FittedLine]
     fits: list[Fit]
     motions: dict[str, Motion]
-    figures: dict[str, Figure]
+    figures: dict[str, FigureOfMerit]
     judged: pd.DataFrame
     refused: dict[str, str]
 
@@ -103,7 +103,7 @@ class Evaluation:
     @property
     def barred(self) -> dict[str, list[Remark]]:
         """Fits and motions whose figures must not be used, with the remarks that state why."""
-        return {name: remarks for name, remarks in self.remarks.items() if barred(remarks)}
+        return {name: remarks for name, remarks in self.remarks.items() if is_forbidden(remarks)}
 
     @property
     def verdict(self) -> str:
@@ -129,8 +129,8 @@ class Evaluation:
             "bounds": self.judged,
             "refused": self.refused,
         }
-        remarks = {name: documents(found) for name, found in self.remarks.items()}
-        return plain(
+        remarks = {name: remarks_to_json(found) for name, found in self.remarks.items()}
+        return to_json_types(
             {**parts, "remarks": remarks, "points": self.points, "quality": self.quality.as_dict()}
         )
 
@@ -264,7 +264,7 @@ def _point(e: Evaluation, row) -> dict[str, Any]:
     return {"start": row["start"], "stop": row["stop"], "cells": cells}
 
 
-def _line(e: Evaluation, fitted: Fitted) -> dict[str, Any]:
+def _line(e: Evaluation, fitted: FittedLine) -> dict[str, Any]:
     line = fitted.line
     names = (f"{line.x} squared" if line.kind == "polar" else _name(line.x)), _name(line.y)
     x_units, y_units = ("1" if line.kind == "polar" else _units(line.x)), _units(line.y)

@@ -51,11 +51,11 @@ from flighttest.flight_programme.input_design.predicted_response import (
     Amplitude,
     amplitude_within,
     each_within,
-    scaled,
+    scale_signal,
     trimmed_start,
 )
 from flighttest.flight_programme.input_design.specification import Design
-from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.model import RegressionModel
 
 if TYPE_CHECKING:
     from flightmech.aircraft.aircraft import Aircraft
@@ -323,10 +323,10 @@ def design_input(
     limits = {**surface_limits(sim, aircraft, signal), **design.condition.limits}
     margin = design.condition.margin
     factors = each_within(sim, signal, start, limits, margin)
-    signal = scaled(signal, factors)
+    signal = scale_signal(signal, factors)
     amplitude = amplitude_within(sim, signal, start, limits, margin=margin)
     factors = {name: factor * amplitude.scale for name, factor in factors.items()}
-    signal = scaled(signal, dict.fromkeys(factors, amplitude.scale))
+    signal = scale_signal(signal, dict.fromkeys(factors, amplitude.scale))
     expected = _expected(design, sim, aircraft, signal, start, amplitude)
     return Designed(
         design.title,
@@ -391,7 +391,9 @@ def _expected(
         return ()
     noise = dict(wanted.noise) or None
     found = [
-        expected_errors(Model.parse(text), amplitude.response, aircraft, noise, wanted.memory)
+        expected_errors(
+            RegressionModel.parse(text), amplitude.response, aircraft, noise, wanted.memory
+        )
         for text in wanted.models
     ]
     if wanted.parameters:

@@ -27,7 +27,7 @@ from flighttest.flight_programme.input_design.predicted_response import STEP, mo
 from flighttest.reconstruction.dynamics.force_coefficients import reduced_rates
 from flighttest.records.sensors.instruments import instruments
 from flighttest.records.signals.differentiation import derivative_noise
-from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.uncertainty import collinearity
 
 if TYPE_CHECKING:
@@ -122,7 +122,7 @@ def coefficient_noise(aircraft: Aircraft, response: xr.Dataset) -> dict[str, flo
 
 
 def expected_errors(
-    model: Model,
+    model: RegressionModel,
     response: xr.Dataset,
     aircraft: Aircraft,
     noise: Mapping[str, float] | None = None,

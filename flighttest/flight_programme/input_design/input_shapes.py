@@ -18,7 +18,7 @@ from flightmech.names import lookup
 from flighttest.flight_programme.input_design.input_signals import (
     LEAD_IN,
     RATE,
-    assembled,
+    assemble_signal,
     fine_samples,
     optimise_phases,
     synthesise,
@@ -127,7 +127,7 @@ def multisine(
         active[name] = synthesise(k, scaled, phi, count)
         at = np.searchsorted(every, k)
         power[row, at], phase[row, at] = scaled, phi
-    signal = assembled(active, rate, lead_in, repeats, kind="multisine")
+    signal = assemble_signal(active, rate, lead_in, repeats, kind="multisine")
     signal["power"] = (
         ("axis", "harmonic"),
         power,
@@ -305,7 +305,7 @@ def multistep(
     jumps = np.diff(signs)[:, None] * np.clip(
         (time - (edges[:, None] + start - ramp / 2.0)) / ramp, 0.0, 1.0
     )
-    return assembled({axis: amplitude * jumps.sum(axis=0)}, rate, lead_in, kind="multistep")
+    return assemble_signal({axis: amplitude * jumps.sum(axis=0)}, rate, lead_in, kind="multistep")
 
 
 def sweep(
@@ -368,7 +368,7 @@ def sweep(
         growth = np.log(high / low)
         cycles = duration * low * np.expm1(growth * s) / growth
     envelope = np.clip(np.minimum(s, 1.0 - s) / fade, 0.0, 1.0) if fade > 0.0 else np.ones_like(s)
-    return assembled(
+    return assemble_signal(
         {axis: amplitude * envelope * np.sin(2.0 * np.pi * cycles)}, rate, lead_in, kind="sweep"
     )
 
@@ -414,6 +414,6 @@ def in_sequence(signals: Sequence[xr.Dataset], pause: float = 0.0) -> xr.Dataset
                 *([gap] if number else []),
                 one[name].values[:size] if name in one else np.zeros(size),
             ]
-    return assembled(
+    return assemble_signal(
         {name: np.concatenate(parts) for name, parts in columns.items()}, rate, 0.0, kind="sequence"
     )

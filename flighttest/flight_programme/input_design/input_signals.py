@@ -196,7 +196,7 @@ CHANNEL_SETS = {  # programmed test inputs of [DAS], Table 3
 }
 
 
-def assembled(
+def assemble_signal(
     active: Mapping[str, np.ndarray],
     rate: float,
     lead_in: float = LEAD_IN,

@@ -224,7 +224,7 @@ def amplitude_within(
             response = predict_response(sim, signal, start, scale, list(limits))
         except SimulationError as error:
             return f"the motion diverges ({error})"
-        return first_broken(response, narrow)
+        return first_exceeded_limit(response, narrow)
 
     low, high, binding = 0.0, largest, broken(largest)
     if not binding:
@@ -260,7 +260,7 @@ def each_within(
     }
 
 
-def scaled(signal: xr.Dataset, factors: Mapping[str, float]) -> xr.Dataset:
+def scale_signal(signal: xr.Dataset, factors: Mapping[str, float]) -> xr.Dataset:
     """Return a test input with its axes, and the powers of their lines, scaled."""
     found = signal.assign({name: signal[name] * factor for name, factor in factors.items()})
     if "power" in signal:
@@ -293,7 +293,7 @@ def _model_axes(sim: SimModel, axis: str) -> list[tuple[str, float]]:
     return shares
 
 
-def first_broken(response: xr.Dataset, limits: Mapping[str, tuple[float, ...]]) -> str:
+def first_exceeded_limit(response: xr.Dataset, limits: Mapping[str, tuple[float, ...]]) -> str:
     """Return the limit that a response breaks first, in words; empty for none."""
     found: list[tuple[float, str]] = []
     for name, (low, high) in limits.items():

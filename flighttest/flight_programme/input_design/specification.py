@@ -54,7 +54,7 @@ from flighttest.flight_programme.input_design.input_shapes import (
     unit_step,
 )
 from flighttest.flight_programme.input_design.input_signals import LEAD_IN, RATE, measures
-from flighttest.flight_programme.input_design.predicted_response import scaled
+from flighttest.flight_programme.input_design.predicted_response import scale_signal
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -223,7 +223,7 @@ class Design(Strict):
                 for name in factors
             ]
             raise SchemaError("design of a multistep", lines)
-        return scaled(signal, factors)
+        return scale_signal(signal, factors)
 
     def _missing(self) -> list[str]:
         problems = []

@@ -58,7 +58,7 @@ class Excursion:
 
 
 @dataclass(frozen=True)
-class Found:
+class FoundManoeuvre:
     """One manoeuvre: kind, control, first and last movement [s], confidence 0 to 1."""
 
     kind: str
@@ -139,11 +139,11 @@ def _excursion(time: np.ndarray, x: np.ndarray) -> Excursion:
     return Excursion(float(x[-1] - x[0]), float(time[start]), float(time[first]), float(time[end]))
 
 
-def step_inputs(control: str, found: Sequence[Excursion]) -> list[Found]:
+def step_inputs(control: str, found: Sequence[Excursion]) -> list[FoundManoeuvre]:
     """Return 3-2-1-1, doublets and pulses: fast excursions in the proportions of a template,
     nothing else close by.
     """
-    inputs: list[Found] = []
+    inputs: list[FoundManoeuvre] = []
     taken = np.zeros(len(found), bool)
     for kind, (sizes, steps) in TEMPLATES.items():
         count = len(sizes)
@@ -158,7 +158,7 @@ def step_inputs(control: str, found: Sequence[Excursion]) -> list[Found]:
             likeness = _likeness(part, sizes, steps)
             if likeness > 0.0:
                 taken[k : k + count] = True
-                inputs.append(Found(kind, control, part[0].start, part[-1].end, likeness))
+                inputs.append(FoundManoeuvre(kind, control, part[0].start, part[-1].end, likeness))
     return inputs
 
 
@@ -199,7 +199,7 @@ def _disturbed(found: Sequence[Excursion], k: int, count: int) -> bool:
 
 def oscillations(
     control: str, found: Sequence[Excursion], most: float
-) -> list[tuple[Found, float]]:
+) -> list[tuple[FoundManoeuvre, float]]:
     """Return long alternating movements, and the trend of their half periods, -1 for a sweep
     upwards, 1 for one downwards.
 
@@ -220,7 +220,10 @@ def oscillations(
     for chain in chains:
         if len(chain) >= _FEWEST and np.median([abs(one.size) for one in chain]) > most:
             waves.append(
-                (Found("unknown", control, chain[0].start, chain[-1].end, 0.0), _trend(chain))
+                (
+                    FoundManoeuvre("unknown", control, chain[0].start, chain[-1].end, 0.0),
+                    _trend(chain),
+                )
             )
     return waves
 
@@ -241,11 +244,11 @@ def _trend(chain: Sequence[Excursion]) -> float:
     )
 
 
-def named_oscillations(waves: Sequence[tuple[Found, float]]) -> list[Found]:
+def named_oscillations(waves: Sequence[tuple[FoundManoeuvre, float]]) -> list[FoundManoeuvre]:
     """Return oscillations as multisine (several controls over the same time), sweep (a trend of
     frequency), or unknown.
     """
-    named: list[Found] = []
+    named: list[FoundManoeuvre] = []
     left = list(waves)
     while left:
         first = left.pop(0)
@@ -259,11 +262,11 @@ def named_oscillations(waves: Sequence[tuple[Found, float]]) -> list[Found]:
             kind, confidence = "sweep", abs(first[1])
         else:
             kind, confidence = "unknown", 0.0
-        named.append(Found(kind, control, start, end, confidence))
+        named.append(FoundManoeuvre(kind, control, start, end, confidence))
     return named
 
 
-def _shared(one: Found, other: Found) -> float:
+def _shared(one: FoundManoeuvre, other: FoundManoeuvre) -> float:
     """Return the time that two movements share, of the time that they cover together."""
     if one.control == other.control:
         return 0.0

@@ -17,14 +17,14 @@ from flightmech.support.figures import demand_drawable, new_figure, save_figure
 from flightmech.units import DEGREE
 from flighttest.flight_programme.manoeuvre_finding.excursions import (
     Excursion,
-    Found,
+    FoundManoeuvre,
     movements,
     named_oscillations,
     oscillations,
     step_inputs,
 )
 from flighttest.flight_programme.manoeuvre_finding.responses import phugoids, responses
-from flighttest.reconstruction.quality.checks.signals import Signals, signals_of
+from flighttest.reconstruction.quality.checks.signals import ResampledChannels, signals_of
 from flighttest.records.record import locate
 from flighttest.records.signals.sample_flags import flags
 
@@ -242,7 +242,7 @@ def named_by_response(record: xr.DataTree, marks: pd.DataFrame) -> pd.DataFrame:
     return named
 
 
-def _with_pulse(one: Found, inputs: Sequence[Found]) -> Found:
+def _with_pulse(one: FoundManoeuvre, inputs: Sequence[FoundManoeuvre]) -> FoundManoeuvre:
     """Return a phugoid with the pulse of the elevator that began it."""
     before = [
         other
@@ -255,7 +255,7 @@ def _with_pulse(one: Found, inputs: Sequence[Found]) -> Found:
     return replace(one, start=before[-1].start - _LEAD, confidence=before[-1].confidence)
 
 
-def _excursions(signals: Signals, name: str) -> tuple[list[Excursion], float]:
+def _excursions(signals: ResampledChannels, name: str) -> tuple[list[Excursion], float]:
     """Return the excursions of a surface in flight, and the smallest that counts."""
     x = signals[name]
     noise = (
@@ -270,7 +270,9 @@ def _excursions(signals: Signals, name: str) -> tuple[list[Excursion], float]:
     return found, least
 
 
-def _alone(one: Found, moved: Mapping[str, tuple[list[Excursion], float]]) -> Found:
+def _alone(
+    one: FoundManoeuvre, moved: Mapping[str, tuple[list[Excursion], float]]
+) -> FoundManoeuvre:
     """Return an input with its confidence reduced by what the other surfaces do meanwhile, in units
     of the smallest movement.
     """
@@ -288,40 +290,42 @@ def _alone(one: Found, moved: Mapping[str, tuple[list[Excursion], float]]) -> Fo
     )
 
 
-def _with_response(one: Found, moved: Sequence[Excursion], signals: Signals) -> Found:
+def _with_response(
+    one: FoundManoeuvre, moved: Sequence[Excursion], signals: ResampledChannels
+) -> FoundManoeuvre:
     """Return an input with its quiet start and the free response after it."""
     later = [part.start for part in moved if part.start > one.end + signals.step]
     end = min([one.end + _RESPONSE, float(signals.time[-1]), *later])
-    return Found(
+    return FoundManoeuvre(
         one.kind, one.control, max(one.start - _LEAD, float(signals.time[0])), end, one.confidence
     )
 
 
-def _unknown(control: str, parts: Sequence[Excursion], least: float) -> list[Found]:
+def _unknown(control: str, parts: Sequence[Excursion], least: float) -> list[FoundManoeuvre]:
     """Return clear fast movements, those close to each other as one."""
-    found: list[Found] = []
+    found: list[FoundManoeuvre] = []
     for one in parts:
         if not one.fast or abs(one.size) < _CLEAR * least:
             continue
         if found and one.start - found[-1].end < 4.0:
-            found[-1] = Found("unknown", control, found[-1].start, one.end, 0.0)
+            found[-1] = FoundManoeuvre("unknown", control, found[-1].start, one.end, 0.0)
         else:
-            found.append(Found("unknown", control, one.start, one.end, 0.0))
+            found.append(FoundManoeuvre("unknown", control, one.start, one.end, 0.0))
     return found
 
 
-def _overlap(one: Found, other: Found) -> bool:
+def _overlap(one: FoundManoeuvre, other: FoundManoeuvre) -> bool:
     return one.start < other.end and other.start < one.end
 
 
-def _new(one: Found, known: Sequence[Found]) -> bool:
+def _new(one: FoundManoeuvre, known: Sequence[FoundManoeuvre]) -> bool:
     """Return whether no known manoeuvre accounts for a movement: one of the same control, or any
     that is moved for its own sake.
     """
     return not any(_overlap(one, other) and one.control in other.control.split() for other in known)
 
 
-def _table(found: Sequence[Found], signals: Signals) -> pd.DataFrame:
+def _table(found: Sequence[FoundManoeuvre], signals: ResampledChannels) -> pd.DataFrame:
     first, last = float(signals.time[0]), float(signals.time[-1])
     rows = [
         (

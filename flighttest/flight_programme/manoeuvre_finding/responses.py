@@ -12,12 +12,12 @@ import numpy as np
 from flightmech.units import DEGREE
 from flighttest.flight_programme.manoeuvre_finding.excursions import (
     Excursion,
-    Found,
+    FoundManoeuvre,
     excursions,
     movements,
     stretches,
 )
-from flighttest.reconstruction.quality.checks.signals import Signals, smooth
+from flighttest.reconstruction.quality.checks.signals import ResampledChannels, smooth
 
 G = 9.80665  # m s-2
 SURFACES = ("delta_e", "delta_a", "delta_r")
@@ -42,13 +42,13 @@ _SPEED_CHANGE, _PITCH_CHANGE = (
 _SHOWN = 15.0  # s of the response to a power change, [14CFR60] Table A2A 2.c.1
 
 
-def speed_of(signals: Signals) -> np.ndarray | None:
+def speed_of(signals: ResampledChannels) -> np.ndarray | None:
     """Return the speed of a record, or None. [m/s]"""
     name = next((name for name in ("V", "V_cas") if name in signals), None)
     return None if name is None else smooth(signals[name], signals.step, 0.2)
 
 
-def phugoids(signals: Signals) -> list[Found]:
+def phugoids(signals: ResampledChannels) -> list[FoundManoeuvre]:
     """Return stretches in which elevator and levers are at rest for a period ``pi sqrt(2) V / g``
     at least, and the speed oscillates.
 
@@ -80,11 +80,11 @@ def phugoids(signals: Signals) -> list[Found]:
             and len(crossings) > 1
             and _HALF[0] < np.median(np.diff(crossings)) / period < _HALF[1]
         ):
-            found.append(Found("phugoid", "elevator", start, end, 0.8))
+            found.append(FoundManoeuvre("phugoid", "elevator", start, end, 0.8))
     return found
 
 
-def spirals(signals: Signals) -> list[Found]:
+def spirals(signals: ResampledChannels) -> list[FoundManoeuvre]:
     """Return stretches of 20 s and more in a bank in which neither a surface nor a lever moves."""
     if "phi" not in signals or not set(SURFACES) <= set(signals.values):
         return []
@@ -96,13 +96,15 @@ def spirals(signals: Signals) -> list[Found]:
             flying=signals.flying & (np.arange(len(banked)) >= a) & (np.arange(len(banked)) < b),
         )
         found += [
-            Found("spiral", "aileron", start, end, 0.8)
+            FoundManoeuvre("spiral", "aileron", start, end, 0.8)
             for start, end in _rests(inside, SURFACES, _SPIRAL)
         ]
     return found
 
 
-def _rests(signals: Signals, surfaces: Sequence[str], least: float) -> list[tuple[float, float]]:
+def _rests(
+    signals: ResampledChannels, surfaces: Sequence[str], least: float
+) -> list[tuple[float, float]]:
     """Return the stretches of flight, `least` long, in which none of `surfaces` and no lever moves.
     [s]
     """
@@ -117,7 +119,9 @@ def _rests(signals: Signals, surfaces: Sequence[str], least: float) -> list[tupl
     return found
 
 
-def power_changes(moved: Sequence[Found], signals: Signals) -> list[Found]:
+def power_changes(
+    moved: Sequence[FoundManoeuvre], signals: ResampledChannels
+) -> list[FoundManoeuvre]:
     """Return chops and slams, those after which power stays constant for 10 s and the aeroplane
     responds as power changes.
     """
@@ -134,11 +138,11 @@ def power_changes(moved: Sequence[Found], signals: Signals) -> list[Found]:
     return found
 
 
-def configuration_changes(signals: Signals) -> list[Found]:
+def configuration_changes(signals: ResampledChannels) -> list[FoundManoeuvre]:
     """Return movements of flaps, gear and speed brakes in flight, as ``flaps_out``, ``gear_in``
     ..., with 15 s of response at most.
     """
-    found: list[Found] = []
+    found: list[FoundManoeuvre] = []
     for channel, word, least in (
         ("delta_f", "flaps", 3.0 * DEGREE),
         ("gear", "gear", 0.5),
@@ -148,7 +152,7 @@ def configuration_changes(signals: Signals) -> list[Found]:
             if signals.flying[np.searchsorted(signals.time, one.middle)]:
                 kind = f"{word}_{'out' if one.size > 0.0 else 'in'}"
                 found.append(
-                    Found(
+                    FoundManoeuvre(
                         kind, word, one.start, min(one.end + _SHOWN, float(signals.time[-1])), 1.0
                     )
                 )
@@ -156,7 +160,7 @@ def configuration_changes(signals: Signals) -> list[Found]:
 
 
 def at_rest_until(
-    signals: Signals, surfaces: Sequence[str], start: float, still: float = _STILL
+    signals: ResampledChannels, surfaces: Sequence[str], start: float, still: float = _STILL
 ) -> float:
     """Return when one of `surfaces`, a lever or the end of the flight ends the rest that begins at
     `start`. [s]
@@ -173,7 +177,7 @@ def at_rest_until(
     return float(signals.time[a:c][-1 if rest.all() else np.argmin(rest)])
 
 
-def _responds(signals: Signals, start: float, end: float) -> bool:
+def _responds(signals: ResampledChannels, start: float, end: float) -> bool:
     a, b = np.searchsorted(signals.time, (start, end))
     speed = speed_of(signals)
     slower = speed is not None and float(np.ptp(speed[a:b])) > _SPEED_CHANGE * float(speed[a])
@@ -197,7 +201,7 @@ _LASTING = (
 _SPEED = 0.1  # smallest change, of the highest speed
 
 
-def responses(signals: Signals) -> list[Found]:
+def responses(signals: ResampledChannels) -> list[FoundManoeuvre]:
     """Return the manoeuvres that show in the motion, and movements of levers, flaps, gear and speed
     brakes.
     """
@@ -212,7 +216,7 @@ def responses(signals: Signals) -> list[Found]:
     ]
 
 
-def throttle_movements(signals: Signals) -> list[Found]:
+def throttle_movements(signals: ResampledChannels) -> list[FoundManoeuvre]:
     """Return chops and slams; a record without levers shows them in the speed of the fan."""
     levers = [x for name, x in signals.values.items() if name.endswith(".throttle")]
     fans = [x for name, x in signals.values.items() if name.endswith(".n1")]
@@ -225,7 +229,7 @@ def throttle_movements(signals: Signals) -> list[Found]:
         for one in movements(signals.time, x, _LEVER)
         if one.end - one.start < fastest and _flown(signals, one.middle)
     ]
-    found: list[Found] = []
+    found: list[FoundManoeuvre] = []
     for one in moved:
         confidence = min(1.0, abs(one.size) / (2.0 * _LEVER)) * (1.0 if levers else 0.7)
         before = found[-1] if found else None
@@ -235,7 +239,7 @@ def throttle_movements(signals: Signals) -> list[Found]:
             and before.kind == "throttle_chop"
             and one.start - before.end < _AGAIN
         ):
-            found[-1] = Found(
+            found[-1] = FoundManoeuvre(
                 "throttle_chop_and_slam",
                 "throttle",
                 before.start,
@@ -244,7 +248,7 @@ def throttle_movements(signals: Signals) -> list[Found]:
             )
         else:
             found.append(
-                Found(
+                FoundManoeuvre(
                     "throttle_chop" if one.size < 0.0 else "throttle_slam",
                     "throttle",
                     one.start,
@@ -255,7 +259,7 @@ def throttle_movements(signals: Signals) -> list[Found]:
     return found
 
 
-def level_speed_changes(signals: Signals) -> list[Found]:
+def level_speed_changes(signals: ResampledChannels) -> list[FoundManoeuvre]:
     """Return accelerations and decelerations at nearly constant height, by the energy that goes
     into the speed.
     """
@@ -263,7 +267,7 @@ def level_speed_changes(signals: Signals) -> list[Found]:
     if speed is None or "h_baro" not in signals:
         return []
     V, h = (smooth(signals[name], signals.step, 0.2) for name in (speed, "h_baro"))
-    found: list[Found] = []
+    found: list[FoundManoeuvre] = []
     for one in excursions(signals.time, V, _SPEED * float(np.percentile(V, 90.0))):
         a, b = np.searchsorted(signals.time, (one.start, one.end))
         kinetic, potential = 0.5 * abs(V[b] ** 2 - V[a] ** 2), G * float(np.ptp(h[a : b + 1]))
@@ -276,18 +280,20 @@ def level_speed_changes(signals: Signals) -> list[Found]:
         kind = "level_acceleration" if one.size > 0.0 else "level_deceleration"
         margin = 0.15 * (one.end - one.start)
         found.append(
-            Found(kind, "throttle", one.start - margin, one.end + margin, 1.0 - potential / kinetic)
+            FoundManoeuvre(
+                kind, "throttle", one.start - margin, one.end + margin, 1.0 - potential / kinetic
+            )
         )
     return found
 
 
-def pull_ups(signals: Signals) -> list[Found]:
+def pull_ups(signals: ResampledChannels) -> list[FoundManoeuvre]:
     """Return pull-ups followed by push-downs (or the reverse) with wings level, by the load factor."""
     if not {"az_imu", "phi"} <= set(signals.values):
         return []
     n = -smooth(signals["az_imu"], signals.step, 0.5) / G
     moves = [one for one in excursions(signals.time, n, 0.25) if _flown(signals, one.middle)]
-    found: list[Found] = []
+    found: list[FoundManoeuvre] = []
     for one in moves:
         a, b = np.searchsorted(signals.time, (one.start - 3.0, one.end + 3.0))
         inside = n[a : b + 1]
@@ -301,7 +307,7 @@ def pull_ups(signals: Signals) -> list[Found]:
         ):
             start, end = _disturbed(n, signals, one)
             found.append(
-                Found(
+                FoundManoeuvre(
                     "pull_up_push_down",
                     "elevator",
                     start,
@@ -312,7 +318,7 @@ def pull_ups(signals: Signals) -> list[Found]:
     return found
 
 
-def _disturbed(n: np.ndarray, signals: Signals, one: Excursion) -> tuple[float, float]:
+def _disturbed(n: np.ndarray, signals: ResampledChannels, one: Excursion) -> tuple[float, float]:
     """Return the time around an excursion of the load factor in which it is not at rest near 1, 10
     s before and after at most.
     """
@@ -327,7 +333,7 @@ def _disturbed(n: np.ndarray, signals: Signals, one: Excursion) -> tuple[float, 
     )
 
 
-def sideslips(signals: Signals) -> list[Found]:
+def sideslips(signals: ResampledChannels) -> list[FoundManoeuvre]:
     """Return stretches of held rudder at a steady bank, with sideslip or side force."""
     if not {"delta_r", "p", "phi"} <= set(signals.values):
         return []
@@ -340,7 +346,7 @@ def sideslips(signals: Signals) -> list[Found]:
         & signals.flying
         & (np.abs(np.gradient(dr, signals.step)) < 1.0 * DEGREE)
     )
-    found: list[Found] = []
+    found: list[FoundManoeuvre] = []
     for a, b in stretches(held):
         if (b - a) * signals.step < _HELD or np.ptp(dr[a:b]) > 0.3 * np.abs(away[a:b]).mean():
             continue
@@ -348,7 +354,7 @@ def sideslips(signals: Signals) -> list[Found]:
         force = ay is not None and abs(float(np.mean(ay[a:b]) - np.median(ay))) > _SIDE_FORCE
         if (slip or force) and np.ptp(signals["phi"][a:b]) < 12.0 * DEGREE:
             found.append(
-                Found(
+                FoundManoeuvre(
                     "steady_sideslip",
                     "rudder aileron",
                     signals.time[a] - 2.0,
@@ -359,7 +365,7 @@ def sideslips(signals: Signals) -> list[Found]:
     return found
 
 
-def _flown(signals: Signals, time: float) -> bool:
+def _flown(signals: ResampledChannels, time: float) -> bool:
     return bool(
         signals.flying[min(int(np.searchsorted(signals.time, time)), len(signals.flying) - 1)]
     )

@@ -65,7 +65,7 @@ from flightmech.support.toml_models import Strict, si, validate
 from flightmech.units import quantity
 from flighttest.flight_programme.input_design.specification import ConditionTable, Design, design_of
 from flighttest.reconstruction.dynamics.force_coefficients import ERRORS
-from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.model import RegressionModel
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -81,7 +81,7 @@ _OF_KIND = {
 }  # what the amplitude is of
 
 
-class Condition(ConditionTable):
+class PlannedCondition(ConditionTable):
     """A steady flight in which manoeuvres are flown; `fixed`, `kind`, `unknowns` as in
     `flightmech.trim`.
     """
@@ -91,7 +91,7 @@ class Condition(ConditionTable):
     parameters: dict[str, float] = Field(default_factory=dict)
 
 
-class Manoeuvre(Strict):
+class PlannedManoeuvre(Strict):
     """A manoeuvre that may be flown at the conditions named, at all of them without a name."""
 
     name: str
@@ -109,7 +109,7 @@ class Manoeuvre(Strict):
     design: Design | None = None
 
     @model_validator(mode="after")
-    def _complete(self) -> Manoeuvre:
+    def _complete(self) -> PlannedManoeuvre:
         if self.kind in STEADY and not (self.amplitude and self.duration > 0.0):
             raise ValueError(f"a {self.kind} needs amplitude and duration; give both")
         if (self.kind == "device") != bool(self.device):
@@ -145,7 +145,7 @@ class PlannedFit(Strict):
     conditions: tuple[str, ...] = ()
 
 
-class Wanted(Strict):
+class WantedAccuracy(Strict):
     """Nodes of a term and the standard error that they must have after the flight."""
 
     term: str
@@ -164,7 +164,7 @@ class Wanted(Strict):
         return {name: tuple(_si(name, item) for item in pair) for name, pair in table.items()}
 
     @model_validator(mode="after")
-    def _one_bound(self) -> Wanted:
+    def _one_bound(self) -> WantedAccuracy:
         if (self.stderr is None) == (self.ratio is None):
             raise ValueError("give stderr or ratio, one of them")
         return self
@@ -183,10 +183,10 @@ class Catalogue(Strict):
     limits: dict[str, tuple[float, float]] = Field(default_factory=dict)
     abort: tuple[str, ...] = ()
     seed: int = 0
-    condition: tuple[Condition, ...] = Field(min_length=1)
-    manoeuvre: tuple[Manoeuvre, ...] = Field(min_length=1)
+    condition: tuple[PlannedCondition, ...] = Field(min_length=1)
+    manoeuvre: tuple[PlannedManoeuvre, ...] = Field(min_length=1)
     fit: tuple[PlannedFit, ...] = Field(min_length=1)
-    wanted: tuple[Wanted, ...] = Field(min_length=1)
+    wanted: tuple[WantedAccuracy, ...] = Field(min_length=1)
 
     @field_validator("limits", mode="before")
     @classmethod
@@ -210,7 +210,7 @@ class Catalogue(Strict):
             *_twice("fit", self.fit),
         ]
         conditions, manoeuvres = [c.name for c in self.condition], [m.name for m in self.manoeuvre]
-        users: list[tuple[str, Manoeuvre | PlannedFit]] = [
+        users: list[tuple[str, PlannedManoeuvre | PlannedFit]] = [
             *(("manoeuvre", m) for m in self.manoeuvre),
             *(("fit", f) for f in self.fit),
         ]
@@ -228,7 +228,7 @@ class Catalogue(Strict):
             ]
             for text in fit.models:
                 try:
-                    Model.parse(text)
+                    RegressionModel.parse(text)
                 except AeromatchError as error:
                     problems.append(f"fit {fit.name!r}: {error}")
         problems += [
@@ -240,7 +240,7 @@ class Catalogue(Strict):
             raise ValueError("; ".join(problems))
         return self
 
-    def flyable(self) -> list[tuple[Condition, Manoeuvre]]:
+    def flyable(self) -> list[tuple[PlannedCondition, PlannedManoeuvre]]:
         """Return every condition with every manoeuvre that is allowed there."""
         return [
             (c, m)

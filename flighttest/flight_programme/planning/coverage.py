@@ -21,23 +21,23 @@ import xarray as xr
 from aerodb.update.tabulation import Tabulation, tabulate
 from flightmech.errors import SchemaError
 from flightmech.units import DEGREE
-from flighttest.flight_programme.planning.catalogue import Catalogue, Condition
+from flighttest.flight_programme.planning.catalogue import Catalogue, PlannedCondition
 from flighttest.flight_programme.planning.plan import (
     Goal,
-    choose,
     clock_text,
     nodes_of,
     order_of,
+    select_manoeuvres,
     time_of,
 )
 from flighttest.flight_programme.planning.prediction import (
     Item,
     Prediction,
+    fit_model,
     predict,
-    regressed,
     with_assumed,
 )
-from flighttest.reconstruction.dynamics.force_coefficients import between, coefficients
+from flighttest.reconstruction.dynamics.force_coefficients import coefficients, select_time
 
 if TYPE_CHECKING:
     from flightmech.aircraft.aircraft import Aircraft
@@ -154,7 +154,7 @@ def flights_of(
                 continue
             spans = pd.concat(rows).sort_values("start")
             parts = [
-                between(data, *span)
+                select_time(data, *span)
                 for span in zip(
                     spans["start"].astype(float), spans["end"].astype(float), strict=True
                 )
@@ -162,7 +162,7 @@ def flights_of(
             fits += [
                 one
                 for text in fit.models
-                if (one := regressed(text, parts, f"{name}: {fit.name}")) is not None
+                if (one := fit_model(text, parts, f"{name}: {fit.name}")) is not None
             ]
     if not fits:
         names = ", ".join(m.name for m in catalogue.manoeuvre)
@@ -175,7 +175,7 @@ def flights_of(
     return Flights(fits, conditions, list(dict.fromkeys(done)))
 
 
-def nearest_condition(conditions: Sequence[Condition], data: xr.Dataset) -> str:
+def nearest_condition(conditions: Sequence[PlannedCondition], data: xr.Dataset) -> str:
     """Return the name of the condition next to the median of a flight; empty when none is near in
     speed, height and configuration.
     """
@@ -223,9 +223,11 @@ def coverage_of(
         raise SchemaError("plan", [f"{c}, {m}: no manoeuvre of the catalogue" for c, m in unknown])
     rest = [item for item in planned if item not in flights.done]
     learnt = tabulate(flights.fits, database, catalogue.held)
-    prediction = _rest(catalogue, rest, aircraft, identified(learnt, database, catalogue), jobs)
+    prediction = _rest(
+        catalogue, rest, aircraft, identify_database(learnt, database, catalogue), jobs
+    )
     goal = Goal(prediction, database, flights.fits, learnt)
-    needed = choose(goal) if rest else []
+    needed = select_manoeuvres(goal) if rest else []
     items = [item for item in prediction.candidates if item in needed]
     now, then = nodes_of(goal, [], database), nodes_of(goal, items, database)
     nodes = now.rename(columns={"expected": "achieved"}).drop(columns=["bound", "state"])
@@ -241,7 +243,9 @@ def coverage_of(
     )
 
 
-def identified(learnt: Tabulation, database: xr.DataTree, catalogue: Catalogue) -> xr.DataTree:
+def identify_database(
+    learnt: Tabulation, database: xr.DataTree, catalogue: Catalogue
+) -> xr.DataTree:
     """Return the database as some flights have identified it; a term that they do not inform keeps
     the value that the catalogue assumes.
 

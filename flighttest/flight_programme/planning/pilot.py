@@ -22,7 +22,7 @@ from flightmech.names import attrs
 from flightmech.units import DEGREE
 from flighttest.flight_programme.input_design.input_signals import axes_of
 from flighttest.flight_programme.input_design.predicted_response import STEP, model_inputs
-from flighttest.flight_programme.planning.catalogue import RATE, Manoeuvre
+from flighttest.flight_programme.planning.catalogue import RATE, PlannedManoeuvre
 from flighttest.records.sensors.instruments import IMU, Instrument, Instruments, instruments
 from flighttest.records.signals.delays import remove_lag
 
@@ -44,7 +44,7 @@ _RAMP = 2.5  # of the rudder into and out of a sideslip [s]
 
 
 @dataclass(frozen=True)
-class Flown:
+class PredictedFlight:
     """A condition as predicted: the motion, and where its manoeuvres are.
 
     Attributes
@@ -62,8 +62,8 @@ class Flown:
 def fly(
     sim: SimModel,
     start: Mapping[str, float],
-    manoeuvres: Sequence[tuple[Manoeuvre, xr.Dataset | None]],
-) -> Flown:
+    manoeuvres: Sequence[tuple[PlannedManoeuvre, xr.Dataset | None]],
+) -> PredictedFlight:
     """Return the predicted flight of some manoeuvres, one after the other, from a trimmed start.
 
     Parameters
@@ -84,7 +84,7 @@ def fly(
     """
     import flightmech
 
-    phases: list[tuple[float, Manoeuvre | None, xr.Dataset | None]] = [(BEFORE, None, None)]
+    phases: list[tuple[float, PlannedManoeuvre | None, xr.Dataset | None]] = [(BEFORE, None, None)]
     marks: list[dict[str, Any]] = []
     clock = BEFORE
     for manoeuvre, signal in manoeuvres:
@@ -104,10 +104,10 @@ def fly(
     inputs = {
         name: item for name, item in held.items() if name not in motion and name not in sim.outputs
     }
-    return Flown(motion.assign(inputs), marks)
+    return PredictedFlight(motion.assign(inputs), marks)
 
 
-def duration(manoeuvre: Manoeuvre, signal: xr.Dataset | None = None) -> float:
+def duration(manoeuvre: PlannedManoeuvre, signal: xr.Dataset | None = None) -> float:
     """Return the length of a manoeuvre without recovery. [s]"""
     if signal is not None:
         return float(signal["time"][-1])
@@ -151,7 +151,7 @@ class _Law:
 
     sim: SimModel
     start: Mapping[str, float]
-    phases: Sequence[tuple[float, Manoeuvre | None, xr.Dataset | None]]
+    phases: Sequence[tuple[float, PlannedManoeuvre | None, xr.Dataset | None]]
     power: Mapping[str, float]
     state: dict[str, float] = field(default_factory=dict)
 
@@ -226,7 +226,7 @@ class _Law:
         }
 
     def _sideslip(
-        self, t: float, since: float, y: Mapping[str, float], m: Manoeuvre
+        self, t: float, since: float, y: Mapping[str, float], m: PlannedManoeuvre
     ) -> dict[str, float]:
         half = since % m.duration
         sign = 1.0 if since < m.duration else -1.0
@@ -238,13 +238,13 @@ class _Law:
         return {**self._steady(t, y), "delta_r": self.trim["delta_r"] + rudder}
 
     def _pull_up_push_down(
-        self, t: float, since: float, y: Mapping[str, float], m: Manoeuvre
+        self, t: float, since: float, y: Mapping[str, float], m: PlannedManoeuvre
     ) -> dict[str, float]:
         theta = self.base["theta"] + m.amplitude * np.sin(2.0 * np.pi * since / m.duration)
         return {**self._steady(t, y), **self._pitch(y, theta), **self._levers(self.kept["lever"])}
 
     def _level_speed(
-        self, t: float, since: float, y: Mapping[str, float], m: Manoeuvre
+        self, t: float, since: float, y: Mapping[str, float], m: PlannedManoeuvre
     ) -> dict[str, float]:
         slowly, fast = self.first["V"] - m.amplitude, self.first["V"] + m.amplitude
         slow_part = since < m.duration
@@ -259,7 +259,7 @@ class _Law:
         return {**self._steady(t, y), **power}
 
     def _device(
-        self, t: float, since: float, y: Mapping[str, float], m: Manoeuvre
+        self, t: float, since: float, y: Mapping[str, float], m: PlannedManoeuvre
     ) -> dict[str, float]:
         travel = 0.5 * m.duration
         part = np.interp(
@@ -322,7 +322,7 @@ _MASS = ("mass", "x_cg_b", "y_cg_b", "z_cg_b")
 
 
 def predicted_record(
-    flown: Flown,
+    flown: PredictedFlight,
     aircraft: Aircraft,
     title: str,
     rates: Mapping[str, float] | None = None,

@@ -147,7 +147,7 @@ def bounds_of(catalogue: Catalogue, database: xr.DataTree) -> dict[str, np.ndarr
     return found
 
 
-def choose(goal: Goal, done: Callable[[int, float], None] | None = None) -> list[Item]:
+def select_manoeuvres(goal: Goal, done: Callable[[int, float], None] | None = None) -> list[Item]:
     """Return the manoeuvres of a programme, in the order in which they were found worth their time.
 
     Parameters
@@ -239,7 +239,7 @@ def _exchanged(goal: Goal, chosen: list[Item]) -> list[Item]:
 
 
 @dataclass(frozen=True)
-class Plan:
+class ProgrammePlan:
     """A flight-test programme.
 
     Attributes
@@ -298,7 +298,7 @@ def plan_programme(
     flown: Sequence[Any] = (),
     jobs: int = 1,
     done: Callable[[int, float], None] | None = None,
-) -> Plan:
+) -> ProgrammePlan:
     """Return the smallest programme of a catalogue that brings every wanted node below its bound,
     as far as it can.
 
@@ -331,14 +331,14 @@ def plan_of(
     database: xr.DataTree,
     flown: Sequence[Any] = (),
     done: Callable[[int, float], None] | None = None,
-) -> Plan:
+) -> ProgrammePlan:
     """Return the smallest programme of predicted flights; parameters as in `plan_programme`."""
     goal = Goal(prediction, database, flown)
-    chosen = set(choose(goal, done))
+    chosen = set(select_manoeuvres(goal, done))
     items = [item for item in prediction.candidates if item in chosen]
     fits = [*flown, *prediction.fits(items)]
     undetermined = [f"{c}: {fit.name}" for c, fit in _undetermined(prediction, items)]
-    return Plan(
+    return ProgrammePlan(
         prediction,
         items,
         order_of(prediction, items),
@@ -428,7 +428,7 @@ def _undetermined(prediction: Prediction, items: Sequence[Item]) -> list[tuple[s
     return found
 
 
-def shown(name: str, value: float) -> str:
+def display_value(name: str, value: float) -> str:
     """Return a quantity by name in the units of display, with its unit."""
     units = lookup(name.removeprefix("applied.")).display_units
     text = f"{float(from_si(value, units)):.4g}"
@@ -442,7 +442,7 @@ def clock_text(seconds: float) -> str:
     return f"{hours}:{minutes:02d}:{rest:02d}" if hours else f"{minutes}:{rest:02d}"
 
 
-def _report(plan: Plan) -> str:
+def _report(plan: ProgrammePlan) -> str:
     prediction = plan.prediction
     lines = [
         f"{prediction.catalogue.title or 'flight-test programme'}: {len(plan.items)} of {len(prediction.candidates)} manoeuvres"

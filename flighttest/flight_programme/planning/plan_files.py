@@ -20,9 +20,9 @@ from flightmech.errors import ParseError, SchemaError
 from flightmech.support.atomic_write import folder_written_atomically, write_text
 from flighttest.flight_programme.input_design.design import save_csv, save_timetable
 from flighttest.flight_programme.input_design.input_signals import axes_of
-from flighttest.flight_programme.planning.catalogue import Condition, Manoeuvre
+from flighttest.flight_programme.planning.catalogue import PlannedCondition, PlannedManoeuvre
 from flighttest.flight_programme.planning.pilot import BEHIND
-from flighttest.flight_programme.planning.plan import Plan, clock_text, shown
+from flighttest.flight_programme.planning.plan import ProgrammePlan, clock_text, display_value
 from flighttest.flight_programme.planning.prediction import Item
 
 _TEMPLATE = Path(__file__).with_name("cards.typ")
@@ -45,7 +45,7 @@ _WORDS = {
 }
 
 
-def card_page(plan: Plan, number: int, name: str) -> bytes:
+def card_page(plan: ProgrammePlan, number: int, name: str) -> bytes:
     """Return the test card of one manoeuvre of a plan as PDF.
 
     Parameters
@@ -85,10 +85,10 @@ def _page(content: dict[str, Any], place: Path) -> bytes:
         raise SchemaError("test cards", [f"typst: {error.message}"]) from error
 
 
-def _content(plan: Plan, number: int, name: str, place: Path) -> dict[str, Any]:
+def _content(plan: ProgrammePlan, number: int, name: str, place: Path) -> dict[str, Any]:
     prediction, item = plan.prediction, plan.items[number - 1]
     candidate, catalogue = prediction.candidates[item], prediction.catalogue
-    condition: Condition = next(c for c in catalogue.condition if c.name == item[0])
+    condition: PlannedCondition = next(c for c in catalogue.condition if c.name == item[0])
     start, row = (
         prediction.trims[condition.name],
         {str(name): x for name, x in plan.order.to_dict("index")[number].items()},
@@ -106,7 +106,9 @@ def _content(plan: Plan, number: int, name: str, place: Path) -> dict[str, Any]:
         if key.endswith(".throttle") and key.startswith("engine")
     ]
     trim = [
-        [key, shown(key, float(start[source]))] for source, key in _TRIM.items() if source in start
+        [key, display_value(key, float(start[source]))]
+        for source, key in _TRIM.items()
+        if source in start
     ]
     return {
         "title": f"Test card {number}: {item[1]}, {item[0]}",
@@ -115,7 +117,7 @@ def _content(plan: Plan, number: int, name: str, place: Path) -> dict[str, Any]:
         "count": str(len(plan.items)),
         "manoeuvre": item[1],
         "condition": item[0],
-        "state": [[key, shown(key, value)] for key, value in condition.fixed.items()],
+        "state": [[key, display_value(key, value)] for key, value in condition.fixed.items()],
         "trim": trim + ([["power levers", ", ".join(dict.fromkeys(levers))]] if levers else []),
         "instruction": _instruction(candidate.manoeuvre, signal),
         "axes": _axes(signal, name) if signal is not None else [],
@@ -126,8 +128,8 @@ def _content(plan: Plan, number: int, name: str, place: Path) -> dict[str, Any]:
         "limits": [
             [
                 key,
-                f"{shown(key, low)} ... {shown(key, high)}",
-                " ... ".join(shown(key, x) for x in candidate.extremes.get(key, ())),
+                f"{display_value(key, low)} ... {display_value(key, high)}",
+                " ... ".join(display_value(key, x) for x in candidate.extremes.get(key, ())),
             ]
             for key, (low, high) in limits.items()
         ],
@@ -140,13 +142,13 @@ def _content(plan: Plan, number: int, name: str, place: Path) -> dict[str, Any]:
     }
 
 
-def _instruction(manoeuvre: Manoeuvre, signal: xr.Dataset | None) -> str:
+def _instruction(manoeuvre: PlannedManoeuvre, signal: xr.Dataset | None) -> str:
     if signal is None:
         of = {"sideslip": "delta_r", "pull_up_push_down": "theta", "level_speed": "V"}.get(
             manoeuvre.kind, manoeuvre.device
         )
         text = _WORDS[manoeuvre.kind].format(
-            a=shown(of, manoeuvre.amplitude), t=manoeuvre.duration, d=manoeuvre.device
+            a=display_value(of, manoeuvre.amplitude), t=manoeuvre.duration, d=manoeuvre.device
         )
     else:
         steps = (
@@ -174,7 +176,12 @@ def _axes(signal: xr.Dataset, name: str) -> list[list[str]]:
         u = signal[axis].values
         rate = float(np.abs(np.diff(u)).max()) * float(signal.attrs["rate"])
         rows.append(
-            [axis, shown(axis, float(np.abs(u).max())), f"{shown(axis, rate)}/s", f"{name}.csv"]
+            [
+                axis,
+                display_value(axis, float(np.abs(u).max())),
+                f"{display_value(axis, rate)}/s",
+                f"{name}.csv",
+            ]
         )
     return rows
 
@@ -209,7 +216,7 @@ def _drawing(signal: xr.Dataset) -> str:
             f'<polyline points="{points}" fill="none" stroke="#000000" stroke-width="1.6"/>'
         )
         body.append(
-            f'<text x="4" y="{middle - 3:.1f}">{name}</text><text x="4" y="{middle + 15:.1f}">+-{shown(name, peak)}</text>'
+            f'<text x="4" y="{middle - 3:.1f}">{name}</text><text x="4" y="{middle + 15:.1f}">+-{display_value(name, peak)}</text>'
         )
     style = 'font-family="Libertinus Serif" font-size="15"'
     return f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_WIDE:g} {height:g}" {style}>{"".join(body)}</svg>'
@@ -218,7 +225,7 @@ def _drawing(signal: xr.Dataset) -> str:
 _OURS = ("order.csv", "nodes.csv", "expected.csv", "plan.txt", "inputs", "cards")
 
 
-def save_plan(plan: Plan, folder: str | os.PathLike) -> list[Path]:
+def save_plan(plan: ProgrammePlan, folder: str | os.PathLike) -> list[Path]:
     """Write a plan into a folder; what an earlier plan wrote there is replaced, other files stay.
 
     Parameters
@@ -294,7 +301,7 @@ def card_name(number: int, item: Item) -> str:
     )
 
 
-def expected_table(plan: Plan) -> pd.DataFrame:
+def expected_table(plan: ProgrammePlan) -> pd.DataFrame:
     """Return the expected standard errors of all nodes: ``term``, its axes as text, ``expected``."""
     rows = []
     for name, stderr in plan.expected.items():

@@ -28,19 +28,24 @@ from flighttest.flight_programme.input_design.design import surface_limits
 from flighttest.flight_programme.input_design.predicted_response import (
     amplitude_within,
     each_within,
-    first_broken,
-    scaled,
+    first_exceeded_limit,
+    scale_signal,
     trimmed_start,
 )
 from flighttest.flight_programme.planning.catalogue import (
     Catalogue,
-    Condition,
-    Manoeuvre,
+    PlannedCondition,
     PlannedFit,
+    PlannedManoeuvre,
 )
-from flighttest.flight_programme.planning.pilot import BEHIND, Flown, fly, predicted_record
-from flighttest.reconstruction.dynamics.force_coefficients import between, coefficients
-from flighttest.regression.equation_error.model import Model
+from flighttest.flight_programme.planning.pilot import (
+    BEHIND,
+    PredictedFlight,
+    fly,
+    predicted_record,
+)
+from flighttest.reconstruction.dynamics.force_coefficients import coefficients, select_time
+from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
 
 if TYPE_CHECKING:
@@ -82,7 +87,7 @@ class Candidate:
     """
 
     item: Item
-    manoeuvre: Manoeuvre
+    manoeuvre: PlannedManoeuvre
     time: float
     fuel: float
     signal: xr.Dataset | None
@@ -146,19 +151,19 @@ class Prediction:
             marks = self.marks[condition]
             chosen = marks[marks["manoeuvre"].isin(used)]
             spans = zip(chosen["start"].astype(float), chosen["end"].astype(float), strict=True)
-            parts = [between(self.data[condition], *span) for span in spans]
+            parts = [select_time(self.data[condition], *span) for span in spans]
             self._fits[key] = [
                 one
                 for text in fit.models
-                if (one := regressed(text, parts, f"{condition}: {fit.name}")) is not None
+                if (one := fit_model(text, parts, f"{condition}: {fit.name}")) is not None
             ]
         return self._fits[key]
 
 
-def regressed(text: str, parts: list[xr.Dataset], name: str) -> Any:
+def fit_model(text: str, parts: list[xr.Dataset], name: str) -> Any:
     """Return the fit of a model to manoeuvres, None where they do not determine it."""
     try:
-        return regress(Model.parse(text), parts, name=name)
+        return regress(RegressionModel.parse(text), parts, name=name)
     except IdentificationError:
         return None
 
@@ -260,14 +265,14 @@ def predict(
 
 def _condition(
     catalogue: Catalogue,
-    condition: Condition,
-    wanted: Sequence[Manoeuvre],
+    condition: PlannedCondition,
+    wanted: Sequence[PlannedManoeuvre],
     sim: SimModel,
     aircraft: Aircraft,
     candidates: dict[Item, Candidate],
     refused: dict[Item, str],
     trims: dict[str, dict[str, float]],
-) -> Flown | None:
+) -> PredictedFlight | None:
     """Fly all manoeuvres of a condition that can be flown, one after the other; None for none."""
     try:
         start = trimmed_start(
@@ -295,10 +300,10 @@ def _condition(
 def _within(
     sim: SimModel,
     start: Mapping[str, float],
-    manoeuvre: Manoeuvre,
+    manoeuvre: PlannedManoeuvre,
     signal: xr.Dataset | None,
     limits: Mapping[str, Any],
-) -> tuple[Manoeuvre, Flown, str]:
+) -> tuple[PlannedManoeuvre, PredictedFlight, str]:
     """Return a manoeuvre as large as the limits allow, its flight, and the limit that a larger one
     breaks.
     """
@@ -306,7 +311,7 @@ def _within(
     for part in _PARTS if signal is None and manoeuvre.kind != "device" else (1.0,):
         smaller = manoeuvre.model_copy(update={"amplitude": part * manoeuvre.amplitude})
         flown = fly(sim, start, [(smaller, signal)])
-        broken = first_broken(
+        broken = first_exceeded_limit(
             flown.motion, {name: pair for name, pair in limits.items() if name in flown.motion}
         )
         if not broken:
@@ -317,7 +322,7 @@ def _within(
 
 def _fitted_signal(
     catalogue: Catalogue,
-    manoeuvre: Manoeuvre,
+    manoeuvre: PlannedManoeuvre,
     sim: SimModel,
     aircraft: Aircraft,
     start: Mapping[str, float],
@@ -328,13 +333,20 @@ def _fitted_signal(
         return None, ""
     signal = manoeuvre.design.signal()
     allowed = {**surface_limits(sim, aircraft, signal), **limits}
-    signal = scaled(signal, each_within(sim, signal, start, allowed, catalogue.margin))
+    signal = scale_signal(signal, each_within(sim, signal, start, allowed, catalogue.margin))
     amplitude = amplitude_within(sim, signal, start, allowed, margin=catalogue.margin)
-    return scaled(signal, dict.fromkeys(manoeuvre.design.axis, amplitude.scale)), amplitude.binding
+    return scale_signal(
+        signal, dict.fromkeys(manoeuvre.design.axis, amplitude.scale)
+    ), amplitude.binding
 
 
 def _candidate(
-    item: Item, manoeuvre: Manoeuvre, signal: xr.Dataset | None, binding: str, alone: Flown, limits
+    item: Item,
+    manoeuvre: PlannedManoeuvre,
+    signal: xr.Dataset | None,
+    binding: str,
+    alone: PredictedFlight,
+    limits,
 ) -> Candidate:
     mark, motion = alone.marks[0], alone.motion
     part = motion.sel(time=slice(mark["start"], mark["end"]))

@@ -23,8 +23,8 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import IdentificationError, UnknownName
-from flighttest.regression.equation_error.frequency_domain import stacked
-from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.frequency_domain import stack_complex
+from flighttest.regression.equation_error.model import RegressionModel
 
 SPACING = 0.04  # of the frequencies [Hz]
 _NUISANCE = 2  # constant and ramp
@@ -48,7 +48,7 @@ class RunningEstimate:
         A band that is none, or with fewer frequencies than terms.
     """
 
-    def __init__(self, model: Model, band: tuple[float, float], spacing: float = SPACING):
+    def __init__(self, model: RegressionModel, band: tuple[float, float], spacing: float = SPACING):
         if not 0.0 < band[0] < band[1] or not spacing > 0.0:
             raise IdentificationError(
                 f"band {band[0]:g} ... {band[1]:g} Hz, spacing {spacing:g} Hz; expected 0 < low < high, as 0.1 ... 2"
@@ -113,7 +113,7 @@ class RunningEstimate:
         freedom = 1.0 - (len(self.terms) + _NUISANCE) / (2.0 * independent) if independent else 0.0
         if freedom <= 0.0:
             return unknown, unknown
-        rows = stacked(self._transforms / np.sqrt(self.duration))
+        rows = stack_complex(self._transforms / np.sqrt(self.duration))
         z, X = rows[:, 0], rows[:, 1:]
         scale = np.linalg.norm(X, axis=0)
         if not (scale > 0.0).all() or np.linalg.cond(X / scale) > 1e8:
@@ -131,7 +131,7 @@ class RunningEstimate:
 
 
 def running_estimate(
-    model: Model,
+    model: RegressionModel,
     data: xr.Dataset,
     band: tuple[float, float],
     every: float = 0.5,

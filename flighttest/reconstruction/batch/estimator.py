@@ -12,8 +12,13 @@ import numpy as np
 
 from flightmech.errors import IdentificationError
 from flightmech.simulation.normal_sums import Readings, driven_products
-from flighttest.reconstruction.batch.unknowns import Layout, Sweep, segments, sweep
-from flighttest.reconstruction.problem.trajectory import moving, shown
+from flighttest.reconstruction.batch.unknowns import (
+    BatchUnknowns,
+    PathSensitivities,
+    path_sensitivities,
+    segments,
+)
+from flighttest.reconstruction.problem.trajectory import linearise_sensor, states_and_rates
 
 
 @dataclass(frozen=True)
@@ -26,13 +31,13 @@ class Unknowns:
     starts: list[np.ndarray]
     paths: list[np.ndarray]
 
-    def moved(self, layout: Layout, step: np.ndarray, paths: list[np.ndarray]) -> Unknowns:
+    def moved(self, layout: BatchUnknowns, step: np.ndarray, paths: list[np.ndarray]) -> Unknowns:
         """Return the unknowns after a step (size,)."""
         starts = [start + step[layout.start_places(i)] for i, start in enumerate(self.starts)]
         return Unknowns(self.c + step[: len(self.c)], starts, paths)
 
 
-class Part(NamedTuple):
+class SegmentReadings(NamedTuple):
     """Readings of one sensor in one segment of a record.
 
     Attributes
@@ -75,7 +80,7 @@ class Sums:
     count: int
 
 
-class Equations:
+class BatchEquations:
     """Readings of all records at the present unknowns, weighed by the noise of the channels.
 
     Parameters
@@ -86,7 +91,7 @@ class Equations:
         One sigma of the noise of each channel.
     """
 
-    def __init__(self, layout: Layout, at: Unknowns, sigma: dict[str, float]):
+    def __init__(self, layout: BatchUnknowns, at: Unknowns, sigma: dict[str, float]):
         self.layout, self.at, self.sigma = layout, at, sigma
         self.paths: list[np.ndarray] = []
         self.sums: list[Sums] = []
@@ -99,7 +104,7 @@ class Equations:
                 self.sums.append(Sums(part.names, at_segment, products, len(part.readings.r)))
         self.normal, self.gradient, self.cost = self._assembled()
 
-    def swept(self, run: int) -> tuple[Sweep, list[np.ndarray]]:
+    def swept(self, run: int) -> tuple[PathSensitivities, list[np.ndarray]]:
         """Return the path of a record with its sensitivities, and for each segment the places of
         its unknowns among all.
 
@@ -108,21 +113,21 @@ class Equations:
         """
         layout, problem = self.layout, self.layout.setups[run].problem
         at = layout.places[run]
-        swept = sweep(
+        swept = path_sensitivities(
             problem, self.at.starts[run], self.at.c[at], self.at.paths[run], layout.free[at]
         )
         own = at[_order(swept.columns, layout.free[at])]
         return swept, [np.append(start, own) for start in layout.start_places(run)]
 
-    def parts(self, run: int, swept: Sweep) -> Iterator[Part]:
+    def parts(self, run: int, swept: PathSensitivities) -> Iterator[SegmentReadings]:
         """Yield what the sensors of a record show along its path, segment by segment."""
         layout, problem = self.layout, self.layout.setups[run].problem
         c = self.at.c[layout.places[run]]
         order, place = _order(swept.columns, layout.free[layout.places[run]]), np.full(len(c), -1)
         place[order] = problem.states + np.arange(len(order))
-        values = moving(problem, swept.x, c)
+        values = states_and_rates(problem, swept.x, c)
         for sensor in problem.sensors:
-            r, k, f, J, columns, Jc = shown(problem, sensor, values, c)
+            r, k, f, J, columns, Jc = linearise_sensor(problem, sensor, values, c)
             for i, samples in enumerate(segments(problem)):
                 rows = slice(*np.searchsorted(k, [samples.start, samples.stop]))
                 if rows.stop > rows.start:
@@ -134,9 +139,9 @@ class Equations:
                         place[columns],
                         Jc[rows],
                     )
-                    yield Part(sensor.names, i, samples, readings)
+                    yield SegmentReadings(sensor.names, i, samples, readings)
 
-    def weighed(self, sigma: dict[str, float]) -> Equations:
+    def weighed(self, sigma: dict[str, float]) -> BatchEquations:
         """Return the equations at the same unknowns for another noise of the channels."""
         found = copy(self)
         found.sigma = sigma
@@ -215,15 +220,15 @@ _MULTIPLY = ("factor.", "lag.", "delay.", "scale.")
 
 
 @dataclass(frozen=True)
-class Fitted:
+class BatchSolution:
     """The last equations, the noise they are weighed with, and the number of iterations."""
 
-    equations: Equations
+    equations: BatchEquations
     sigma: dict[str, float]
     iterations: int
 
 
-def first_equations(layout: Layout) -> Equations:
+def first_equations(layout: BatchUnknowns) -> BatchEquations:
     """Return the equations at the start: paths from the readings, constants at their first values,
     noise as specified.
     """
@@ -236,10 +241,10 @@ def first_equations(layout: Layout) -> Equations:
             sigma.update(zip(sensor.names, map(float, sensor.sigma), strict=True))
     paths = [setup.x for setup in layout.setups]
     starts = [setup.x[setup.problem.starts].copy() for setup in layout.setups]
-    return Equations(layout, Unknowns(c, starts, paths), sigma)
+    return BatchEquations(layout, Unknowns(c, starts, paths), sigma)
 
 
-def fit(equations: Equations) -> Fitted:
+def fit(equations: BatchEquations) -> BatchSolution:
     """Return the maximum-likelihood estimate.
 
     Parameters
@@ -270,10 +275,10 @@ def fit(equations: Equations) -> Fitted:
         if change < SAME:
             break
         equations = equations.weighed(sigma)
-    return Fitted(equations, equations.sigma, count)
+    return BatchSolution(equations, equations.sigma, count)
 
 
-def _settle(equations: Equations) -> tuple[Equations, int]:
+def _settle(equations: BatchEquations) -> tuple[BatchEquations, int]:
     layout, damping, fresh = equations.layout, 0.0, False
     multiply = np.array([name.startswith(_MULTIPLY) for name in layout.names])
     for count in range(1, ITERATIONS + 1):
@@ -301,8 +306,8 @@ def _settle(equations: Equations) -> tuple[Equations, int]:
     )
 
 
-def _moved(equations: Equations, step: np.ndarray) -> Equations | None:
+def _moved(equations: BatchEquations, step: np.ndarray) -> BatchEquations | None:
     """Return the equations after a step; None where the path leaves what Euler angles can show."""
     after = equations.at.moved(equations.layout, step, equations.paths)
-    trial = Equations(equations.layout, after, equations.sigma)
+    trial = BatchEquations(equations.layout, after, equations.sigma)
     return trial if np.isfinite(trial.cost) else None

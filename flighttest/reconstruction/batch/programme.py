@@ -10,18 +10,23 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import IdentificationError, SchemaError
-from flighttest.reconstruction.batch.estimator import Equations, Fitted, first_equations, fit
+from flighttest.reconstruction.batch.estimator import (
+    BatchEquations,
+    BatchSolution,
+    first_equations,
+    fit,
+)
 from flighttest.reconstruction.batch.standard_errors import (
-    Visibility,
+    Observability,
     covariances,
     demand_sight,
-    visibility,
+    determine_observability,
 )
-from flighttest.reconstruction.batch.unknowns import Layout, layout
+from flighttest.reconstruction.batch.unknowns import BatchUnknowns, layout
 from flighttest.reconstruction.problem.assembly import assemble
 from flighttest.reconstruction.problem.problem import identifiability
 from flighttest.reconstruction.problem.trajectory import Solution
-from flighttest.reconstruction.smoother import ACCEPT, Path, finish
+from flighttest.reconstruction.smoother import ACCEPT, FlightPath, path_of_solution
 from flighttest.records.sensors.instruments import instruments_of
 from flighttest.records.sensors.measurements import windows_of
 
@@ -53,11 +58,11 @@ class Batch:
     iterations : int
     """
 
-    paths: list[Path]
+    paths: list[FlightPath]
     estimates: xr.Dataset
     starts: xr.Dataset
     noise: Any
-    visibility: Visibility
+    visibility: Observability
     iterations: int
 
     def report(self) -> str:
@@ -152,7 +157,7 @@ def reconstruct_batch(
     .. [LR743] Report LR-743, 1993, section 4.3.
     """
     first = _start(records, aircraft, windows, free, prior, rate)
-    seen = visibility(first)
+    seen = determine_observability(first)
     if free is not None:
         demand_sight(seen)
     try:
@@ -162,20 +167,20 @@ def reconstruct_batch(
     return _batch(records, aircraft, fitted, seen)
 
 
-def visible(
+def observable_constants(
     records: Sequence[xr.DataTree],
     aircraft: Aircraft,
     windows: Sequence[Windows | None] | None = None,
     free: Sequence[str] | None = None,
     rate: float = 50.0,
-) -> Visibility:
+) -> Observability:
     """Return what the readings of records can determine of the instruments, without a fit;
     arguments as `reconstruct_batch`.
     """
-    return visibility(_start(records, aircraft, windows, free, None, rate))
+    return determine_observability(_start(records, aircraft, windows, free, None, rate))
 
 
-def _start(records, aircraft, windows, free, prior, rate) -> Equations:
+def _start(records, aircraft, windows, free, prior, rate) -> BatchEquations:
     if not records:
         raise SchemaError("batch reconstruction", ["no record; give one at least"])
     chosen = windows if windows is not None else [None] * len(records)
@@ -192,7 +197,7 @@ def _start(records, aircraft, windows, free, prior, rate) -> Equations:
     return first_equations(layout(setups, free))
 
 
-def _batch(records, aircraft, fitted: Fitted, seen: Visibility) -> Batch:
+def _batch(records, aircraft, fitted: BatchSolution, seen: Observability) -> Batch:
     import pandas as pd
 
     equations = fitted.equations
@@ -218,7 +223,7 @@ def _batch(records, aircraft, fitted: Fitted, seen: Visibility) -> Batch:
     )
 
 
-def _path(record, aircraft, i: int, fitted: Fitted, covariance: np.ndarray) -> Path:
+def _path(record, aircraft, i: int, fitted: BatchSolution, covariance: np.ndarray) -> FlightPath:
     """Return the path of one record with the common constants; those held keep the covariance of
     their prior.
     """
@@ -232,11 +237,11 @@ def _path(record, aircraft, i: int, fitted: Fitted, covariance: np.ndarray) -> P
         equations.paths[i], equations.at.c[at], own, equations.cost, fitted.iterations, True
     )
     names = tuple(name for name, stays in zip(setup.problem.constants.names, held) if stays)
-    return finish(record, aircraft, replace(setup, held=names), solution)
+    return path_of_solution(record, aircraft, replace(setup, held=names), solution)
 
 
 def _estimates(
-    plan: Layout, c: np.ndarray, covariance: np.ndarray, white: np.ndarray
+    plan: BatchUnknowns, c: np.ndarray, covariance: np.ndarray, white: np.ndarray
 ) -> xr.Dataset:
     nc, names = len(plan.names), list(plan.names)
     variance = np.diag(covariance)[:nc]
@@ -258,7 +263,7 @@ def _estimates(
     )
 
 
-def _starts(equations: Equations, covariance: np.ndarray, white: np.ndarray) -> xr.Dataset:
+def _starts(equations: BatchEquations, covariance: np.ndarray, white: np.ndarray) -> xr.Dataset:
     plan = equations.layout
     rows, states = [], ["phi", "theta", "psi", "vn", "ve", "vd", "h", "alpha_vane", "beta_vane"]
     for i, setup in enumerate(plan.setups):

@@ -20,7 +20,7 @@ from scipy.fft import irfft, next_fast_len, rfft
 
 from flightmech.errors import IdentificationError
 from flightmech.simulation.normal_sums import driven_series
-from flighttest.reconstruction.batch.estimator import Equations
+from flighttest.reconstruction.batch.estimator import BatchEquations
 from flighttest.reconstruction.batch.unknowns import driven_paths, segments
 
 RANK = 1e-10  # of the largest eigenvalue of the information scaled to unit diagonal
@@ -28,7 +28,7 @@ PART = 0.2  # of the largest component: smaller ones are left out of the words
 
 
 @dataclass(frozen=True)
-class Visibility:
+class Observability:
     """What the readings determine of the constants, the starts of the path unknown.
 
     Attributes
@@ -77,7 +77,7 @@ class Visibility:
         )
 
 
-def visibility(equations: Equations) -> Visibility:
+def determine_observability(equations: BatchEquations) -> Observability:
     """Return what the readings determine of the free constants.
 
     Parameters
@@ -110,12 +110,12 @@ def visibility(equations: Equations) -> Visibility:
         coords={"parameter": [layout.names[i] for i in free]},
     )
     rank = int((own > RANK * own[-1]).sum())
-    return Visibility(
+    return Observability(
         directions, rank, len(free), float(own[-1] / own[0]) if own[0] > 0.0 else np.inf
     )
 
 
-def demand_sight(found: Visibility) -> None:
+def demand_sight(found: Observability) -> None:
     """Refuse to estimate from the readings alone what they do not show.
 
     Raises
@@ -135,7 +135,7 @@ def demand_sight(found: Visibility) -> None:
 WINDOW = 0.1  # lag window over the length of a segment
 
 
-def covariances(equations: Equations) -> tuple[np.ndarray, np.ndarray]:
+def covariances(equations: BatchEquations) -> tuple[np.ndarray, np.ndarray]:
     """Return the corrected and the white (Cramer-Rao) covariance of all unknowns; zero for those
     not estimated.
 
@@ -176,7 +176,7 @@ def covariances(equations: Equations) -> tuple[np.ndarray, np.ndarray]:
     return (corrected + corrected.T) / 2.0, D
 
 
-def residual_noise(equations: Equations) -> tuple[np.ndarray, np.ndarray]:
+def residual_noise(equations: BatchEquations) -> tuple[np.ndarray, np.ndarray]:
     """Return what the gradient takes from residuals correlated in time, and from the noise of gyros
     and accelerometers.
 
@@ -205,7 +205,7 @@ def residual_noise(equations: Equations) -> tuple[np.ndarray, np.ndarray]:
             for S, r, own in zip(series, part.readings.r.T, sigma, strict=True):
                 used = np.flatnonzero(S.any(axis=1))
                 chosen = places[part.segment][used]
-                coloured[np.ix_(chosen, chosen)] += spread(S[used] / own, r / own)
+                coloured[np.ix_(chosen, chosen)] += correlated_variance(S[used] / own, r / own)
         paths = driven_paths(problem, equations.at.c[at], swept.x, swept.columns)
         for path, samples, own in zip(paths, segments(problem), places, strict=True):
             products = np.zeros((len(own), len(own)))
@@ -214,7 +214,7 @@ def residual_noise(equations: Equations) -> tuple[np.ndarray, np.ndarray]:
     return coloured, inertial
 
 
-def spread(S: np.ndarray, r: np.ndarray) -> np.ndarray:
+def correlated_variance(S: np.ndarray, r: np.ndarray) -> np.ndarray:
     """Return sum_ij S_i Rvv(i - j) S_j' of series S (u, N), Rvv the autocorrelation of r (N,), see
     `tapered`.
 
@@ -222,7 +222,7 @@ def spread(S: np.ndarray, r: np.ndarray) -> np.ndarray:
     -----
     Parseval: the sum over the frequencies of the spectra of S, each with the spectrum of Rvv, both long enough not to wrap around.
     """
-    right = tapered(r)
+    right = tapered_autocorrelation(r)
     size = next_fast_len(S.shape[1] + len(right) - 1, real=True)
     both = np.zeros(size)
     both[: len(right)] = right
@@ -234,7 +234,7 @@ def spread(S: np.ndarray, r: np.ndarray) -> np.ndarray:
     return (parts * np.concatenate([weight, weight])) @ parts.T
 
 
-def tapered(r: np.ndarray) -> np.ndarray:
+def tapered_autocorrelation(r: np.ndarray) -> np.ndarray:
     """Return the biased autocorrelation at lags 0, 1, ..., Bartlett's taper over a tenth of the
     record.
     """

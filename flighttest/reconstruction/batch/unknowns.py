@@ -13,12 +13,12 @@ import numpy as np
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.simulation.driven_path import DrivenPath
 from flighttest.reconstruction.problem.assembly import Setup
-from flighttest.reconstruction.problem.problem import PER_RUN, Problem, inverse
-from flighttest.reconstruction.problem.trajectory import driven_path, driving
+from flighttest.reconstruction.problem.problem import PER_RUN, PathProblem, inverse
+from flighttest.reconstruction.problem.trajectory import driven_path, driving_constants
 
 
 @dataclass(frozen=True)
-class Layout:
+class BatchUnknowns:
     """Unknowns of a batch fit: constants first, then the starts of all segments.
 
     Attributes
@@ -77,7 +77,7 @@ class Layout:
         return len(problem.starts) * problem.states
 
 
-def layout(setups: Sequence[Setup], free: Sequence[str] | None) -> Layout:
+def layout(setups: Sequence[Setup], free: Sequence[str] | None) -> BatchUnknowns:
     """Return the layout of the unknowns.
 
     Parameters
@@ -124,11 +124,13 @@ def layout(setups: Sequence[Setup], free: Sequence[str] | None) -> Layout:
         for place, name, unit in zip(at, constants.names, constants.units, strict=True):
             units[place] = unit
             chosen[place] = free is None or name in free
-    return Layout(setups, names, tuple(units), mean, covariance, places, chosen, free is None)
+    return BatchUnknowns(
+        setups, names, tuple(units), mean, covariance, places, chosen, free is None
+    )
 
 
 @dataclass(frozen=True)
-class Sweep:
+class PathSensitivities:
     """A path and its sensitivities.
 
     Attributes
@@ -147,14 +149,14 @@ class Sweep:
     columns: np.ndarray
 
 
-def segments(problem: Problem) -> list[slice]:
+def segments(problem: PathProblem) -> list[slice]:
     """Return the samples of each window."""
     edges = [*problem.starts.tolist(), len(problem.time)]
     return [slice(a, b) for a, b in pairwise(edges)]
 
 
 def driven_paths(
-    problem: Problem, c: np.ndarray, before: np.ndarray, columns: np.ndarray
+    problem: PathProblem, c: np.ndarray, before: np.ndarray, columns: np.ndarray
 ) -> list[DrivenPath]:
     """Return the path of each window for constants c (nc,), what depends on it weakly from the path
     `before` (N, n).
@@ -162,7 +164,9 @@ def driven_paths(
     return [driven_path(problem, before, c, columns, part) for part in segments(problem)]
 
 
-def path_of(problem: Problem, starts: np.ndarray, c: np.ndarray, before: np.ndarray) -> np.ndarray:
+def path_of(
+    problem: PathProblem, starts: np.ndarray, c: np.ndarray, before: np.ndarray
+) -> np.ndarray:
     """Return the states that follow from the starts of the segments (segments, n) and constants
     (nc,); `before` as in `driven_paths`.
     """
@@ -174,16 +178,16 @@ def path_of(problem: Problem, starts: np.ndarray, c: np.ndarray, before: np.ndar
     return x
 
 
-def sweep(
-    problem: Problem, starts: np.ndarray, c: np.ndarray, before: np.ndarray, free: np.ndarray
-) -> Sweep:
+def path_sensitivities(
+    problem: PathProblem, starts: np.ndarray, c: np.ndarray, before: np.ndarray, free: np.ndarray
+) -> PathSensitivities:
     """Return states and sensitivities to the constants in the mask `free` (nc,); other arguments as
     `path_of`.
     """
-    columns, n = driving(problem, free), problem.states
+    columns, n = driving_constants(problem, free), problem.states
     x, X = np.empty((len(before), n)), np.empty((len(before), n, n + len(columns)))
     for path, part, start in zip(
         driven_paths(problem, c, before, columns), segments(problem), starts, strict=True
     ):
         path.follow(start, x[part], X[part])
-    return Sweep(x, X, columns)
+    return PathSensitivities(x, X, columns)

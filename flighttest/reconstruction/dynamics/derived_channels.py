@@ -185,7 +185,7 @@ def incidence_from_velocity(
     )
 
 
-def complete(
+def add_derived_channels(
     data: xr.Dataset, wind: Sequence[float] = (0.0, 0.0, 0.0), wind_error: float = _WIND_ERROR
 ) -> xr.Dataset:
     """Return a manoeuvre with everything added that it lacks and that follows from what it has;

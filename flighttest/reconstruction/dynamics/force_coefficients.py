@@ -118,7 +118,7 @@ def coefficients(
     .. [Klein2006] Klein, Morelli, Aircraft System Identification, AIAA 2006, chapter 3.
     """
     states = getattr(path, "states", path)
-    known = reduced_rates(states if cutoff is None else smoothed(states, cutoff), aircraft)
+    known = reduced_rates(states if cutoff is None else smooth_states(states, cutoff), aircraft)
     data = _columns(known)
     if aircraft.engines:
         data["CT"] = _thrust_coefficient(data, aircraft)
@@ -253,7 +253,7 @@ def _counting(
     return {source: share for (source, share), used in zip(shares.items(), counts) if used}
 
 
-def between(data: xr.Dataset, start: float, stop: float) -> xr.Dataset:
+def select_time(data: xr.Dataset, start: float, stop: float) -> xr.Dataset:
     """Return the samples of one manoeuvre, ``start <= time < stop``.
 
     Raises
@@ -270,7 +270,7 @@ def between(data: xr.Dataset, start: float, stop: float) -> xr.Dataset:
     return data.sel(time=slice(start, stop - 0.5 * step))
 
 
-def smoothed(states: xr.Dataset, cutoff: float) -> xr.Dataset:
+def smooth_states(states: xr.Dataset, cutoff: float) -> xr.Dataset:
     """Return states low-passed without phase, every one alike.
 
     Noise of the regressors makes slopes too small, by noise variance over the variance that the

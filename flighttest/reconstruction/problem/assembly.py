@@ -17,10 +17,16 @@ from flightmech.names import lookup
 from flighttest.reconstruction.dynamics.kinematics import earth, gravity, rotation
 from flighttest.reconstruction.problem import output_equations
 from flighttest.reconstruction.problem.output_equations import LAPSE
-from flighttest.reconstruction.problem.problem import PER_RUN, Constants, Problem, Sensor, biases
+from flighttest.reconstruction.problem.problem import (
+    PER_RUN,
+    Constants,
+    PathProblem,
+    Sensor,
+    biases,
+)
 from flighttest.reconstruction.problem.trajectory import Solution
 from flighttest.records.sensors.instruments import IMU, SPEEDS, VANES, Instruments
-from flighttest.records.sensors.measurements import MEASURED, Channels, air_readings
+from flighttest.records.sensors.measurements import MEASURED, MeasuredChannels, air_readings
 from flighttest.records.signals.conditioning import to_grid
 from flighttest.records.signals.differentiation import derivative
 
@@ -50,7 +56,7 @@ _RADIO_MAXIMUM = 700.0  # m, when the instrument states none
 class Setup:
     """A problem with its start, and what the results need besides."""
 
-    problem: Problem
+    problem: PathProblem
     x: np.ndarray
     c: np.ndarray
     temperature: np.ndarray
@@ -90,7 +96,7 @@ class _Assembly:
         windows: Sequence[tuple[float, float]],
         rate: float,
     ):
-        self.channels = Channels(record, windows)
+        self.channels = MeasuredChannels(record, windows)
         self.specification, self.windows, self.rate = specification, windows, rate
         self.latitude = float(record.attrs["latitude"]) if "latitude" in record.attrs else None
         self.runway = (
@@ -161,7 +167,7 @@ class _Assembly:
         start = [_START[name] for name in ("phi", "theta", heading, "v", "v", "v", "h")] + [
             _START["vane"]
         ] * len(self.vanes)
-        problem = Problem(
+        problem = PathProblem(
             time=self.time,
             linked=np.diff(self.time) < 1.5 / self.rate,
             omega=omega,
@@ -329,7 +335,7 @@ class _Assembly:
                 self.sensor(
                     constants,
                     names,
-                    output_equations.pick,
+                    output_equations.show_states,
                     {"places": np.array([place[n] for n in names])},
                 )
             )
@@ -338,7 +344,7 @@ class _Assembly:
                 self.sensor(
                     constants,
                     names,
-                    output_equations.vanes,
+                    output_equations.show_vanes,
                     {},
                     air.speed_at(self.channels.get(names[0])[0]),
                 )
@@ -365,7 +371,9 @@ class _Assembly:
         low = self.low_radio()
         if low is not None:
             extra = {"arm": self.arm("h_radio"), "elevation": self.runway, "keep": low}
-            found.append(self.sensor(constants, ["h_radio"], output_equations.radio, extra))
+            found.append(
+                self.sensor(constants, ["h_radio"], output_equations.show_radio_height, extra)
+            )
         return [sensor for sensor in found if len(sensor.time)]
 
     def groups(self, *names: str) -> list[list[str]]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from flightmech.air import A_SEA, GAMMA, P_SEA, R_AIR
 from flighttest.reconstruction.dynamics.kinematics import skew, to_body
-from flighttest.reconstruction.problem.problem import ATTITUDE, VELOCITY, Problem, Sensor, wind
+from flighttest.reconstruction.problem.problem import ATTITUDE, VELOCITY, PathProblem, Sensor, wind
 
 LAPSE = 0.0065  # K/m, inside one run; the level is measured
 _BEHIND_AIR = (
@@ -33,7 +33,7 @@ SEES_GUSTS = {
 }  # place of what gusts add to a reading
 
 
-def pick(sensor: Sensor, problem: Problem, x: np.ndarray, c: np.ndarray):
+def show_states(sensor: Sensor, problem: PathProblem, x: np.ndarray, c: np.ndarray):
     """Show single state variables, each with a bias when there is a constant ``bias.<channel>``."""
     places = sensor.extra["places"]
     y = x[:, places]
@@ -43,7 +43,7 @@ def pick(sensor: Sensor, problem: Problem, x: np.ndarray, c: np.ndarray):
     return y, J, names, Jc
 
 
-def vanes(sensor: Sensor, problem: Problem, x: np.ndarray, c: np.ndarray):
+def show_vanes(sensor: Sensor, problem: PathProblem, x: np.ndarray, c: np.ndarray):
     """Show K times the lagged angle plus an offset."""
     places = np.array([7 + problem.vanes.index(name) for name in sensor.names])
     factors = tuple(f"factor.{name}" for name in sensor.names)
@@ -60,7 +60,7 @@ def vanes(sensor: Sensor, problem: Problem, x: np.ndarray, c: np.ndarray):
     return y, J, (*factors, *names), Jc
 
 
-def radio(sensor: Sensor, problem: Problem, x: np.ndarray, c: np.ndarray):
+def show_radio_height(sensor: Sensor, problem: PathProblem, x: np.ndarray, c: np.ndarray):
     """Show the height of the antenna over the runway."""
     (sf, st, _), (cf, ct, _) = np.sin(x[:, :3]).T, np.cos(x[:, :3]).T
     a, b, d = sensor.extra["arm"]
@@ -75,7 +75,7 @@ def radio(sensor: Sensor, problem: Problem, x: np.ndarray, c: np.ndarray):
     return y, J, names, Jc
 
 
-def air_data(sensor: Sensor, problem: Problem, x: np.ndarray, c: np.ndarray):
+def air_data(sensor: Sensor, problem: PathProblem, x: np.ndarray, c: np.ndarray):
     """Show impact and static pressure, q_c (1 - k) + bias and p + k q_c, or an airspeed, K V +
     bias.
 
@@ -116,7 +116,7 @@ def air_data(sensor: Sensor, problem: Problem, x: np.ndarray, c: np.ndarray):
 
 
 def _air_rows(
-    problem: Problem, c: np.ndarray, square: np.ndarray, h: np.ndarray, sensor: Sensor
+    problem: PathProblem, c: np.ndarray, square: np.ndarray, h: np.ndarray, sensor: Sensor
 ) -> dict[str, tuple[np.ndarray, ...]]:
     """Return per channel its value without errors and the derivatives by V^2, height, temperature,
     ``p_reference`` and k.
@@ -139,7 +139,7 @@ def _air_rows(
 
 
 def airspeed_squared(
-    problem: Problem, x: np.ndarray, c: np.ndarray, arm: np.ndarray | None = None
+    problem: PathProblem, x: np.ndarray, c: np.ndarray, arm: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the square of the airspeed at a place of the aeroplane and its derivative by state and
     body rates.
@@ -174,7 +174,7 @@ def airspeed_squared(
 
 
 def impact_and_static(
-    problem: Problem,
+    problem: PathProblem,
     square: np.ndarray,
     h: np.ndarray,
     c: np.ndarray,
@@ -220,14 +220,14 @@ def impact_and_static(
 
 
 def pressures(
-    problem: Problem, square, h, c, temperature, reference
+    problem: PathProblem, square, h, c, temperature, reference
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return true impact and static pressure alone; arguments as `impact_and_static`."""
     *_, base, _, _, p = _air(problem, square, h, c, temperature, reference)
     return p * (base * base * base * np.sqrt(base) - 1.0), p
 
 
-def _air(problem: Problem, square, h, c, temperature, reference) -> tuple[np.ndarray, ...]:
+def _air(problem: PathProblem, square, h, c, temperature, reference) -> tuple[np.ndarray, ...]:
     """Return T, temperature at the reference height, Mach number squared, T_0/T of it, T/T of the
     reference, p/p of it, and p.
     """
@@ -239,7 +239,9 @@ def _air(problem: Problem, square, h, c, temperature, reference) -> tuple[np.nda
     return T, level, X, 1.0 + 0.2 * X, left, ratio, problem.constants.get(c, "p_reference") * ratio
 
 
-def _show_gust(problem: Problem, x: np.ndarray, name: str, y: np.ndarray, J: np.ndarray) -> None:
+def _show_gust(
+    problem: PathProblem, x: np.ndarray, name: str, y: np.ndarray, J: np.ndarray
+) -> None:
     """Add in place what the gusts do to a reading, where the state holds just that."""
     if problem.shown and problem.gust is not None and name in SEES_GUSTS:
         at = problem.gusts.start + SEES_GUSTS[name]
@@ -247,7 +249,7 @@ def _show_gust(problem: Problem, x: np.ndarray, name: str, y: np.ndarray, J: np.
         J[:, at] = 1.0
 
 
-def no_sideslip(sensor: Sensor, problem: Problem, x: np.ndarray, c: np.ndarray):
+def no_sideslip(sensor: Sensor, problem: PathProblem, x: np.ndarray, c: np.ndarray):
     """Show the air-relative velocity along body y: without a sideslip vane it is held near zero."""
     U, turn, Rt = to_body(x[:, :3], x[:, 3:6] - wind(problem, x, c))
     J = np.zeros((len(x), 1, problem.states))
@@ -256,7 +258,7 @@ def no_sideslip(sensor: Sensor, problem: Problem, x: np.ndarray, c: np.ndarray):
 
 
 def _with_bias(
-    sensor: Sensor, problem: Problem, y: np.ndarray, c: np.ndarray
+    sensor: Sensor, problem: PathProblem, y: np.ndarray, c: np.ndarray
 ) -> tuple[np.ndarray, tuple[str, ...], np.ndarray]:
     """Add the biases of the channels that have one; return also their names and the derivative by
     them (M, m, names).

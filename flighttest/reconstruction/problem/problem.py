@@ -150,7 +150,7 @@ def identifiability(found: xr.Dataset) -> list[str]:
 
 
 Model = Callable[
-    ["Sensor", "Problem", np.ndarray, np.ndarray],
+    ["Sensor", "PathProblem", np.ndarray, np.ndarray],
     tuple[np.ndarray, np.ndarray, tuple[str, ...], np.ndarray],
 ]
 ATTITUDE, VELOCITY, HEIGHT = (
@@ -190,7 +190,7 @@ class Sensor:
 
 
 @dataclass(frozen=True)
-class Problem:
+class PathProblem:
     """Everything but the unknowns.
 
     Attributes
@@ -286,28 +286,28 @@ class Problem:
         return np.concatenate([[0], np.flatnonzero(~self.linked) + 1])
 
 
-def wind(problem: Problem, x: np.ndarray, c: np.ndarray) -> np.ndarray:
+def wind(problem: PathProblem, x: np.ndarray, c: np.ndarray) -> np.ndarray:
     """Return the velocity of the air mass at each state, gusts included (N, 3). [m s-1]"""
     steady = np.array([problem.constants.get(c, name) for name in ("wind_n", "wind_e", "wind_d")])
     blowing = problem.gust is not None and not problem.shown
     return np.broadcast_to(steady, (len(x), 3)) + (x[:, problem.gusts] if blowing else 0.0)
 
 
-def body_rates(problem: Problem, c: np.ndarray) -> np.ndarray:
+def body_rates(problem: PathProblem, c: np.ndarray) -> np.ndarray:
     """Return the gyro signals without biases and scale errors (N, 3). [rad s-1]"""
     return (problem.omega - c[problem.constants.index("bias.p", "bias.q", "bias.r")]) * gains(
         problem, c
     )[:3]
 
 
-def specific_force(problem: Problem, c: np.ndarray) -> np.ndarray:
+def specific_force(problem: PathProblem, c: np.ndarray) -> np.ndarray:
     """Return the specific force at the c.g. without biases and scale errors (N, 3). [m s-2]"""
     return force_at_cg(
         sensed_force(problem, c), body_rates(problem, c), problem.omega_dot, problem.arm
     )
 
 
-def sensed_force(problem: Problem, c: np.ndarray) -> np.ndarray:
+def sensed_force(problem: PathProblem, c: np.ndarray) -> np.ndarray:
     """Return the specific force where the accelerometers sit, without biases and scale errors (N,
     3). [m s-2]
     """
@@ -316,6 +316,6 @@ def sensed_force(problem: Problem, c: np.ndarray) -> np.ndarray:
     ) * gains(problem, c)[3:]
 
 
-def gains(problem: Problem, c: np.ndarray) -> np.ndarray:
+def gains(problem: PathProblem, c: np.ndarray) -> np.ndarray:
     """Return 1/(1 + scale error) of gyros and accelerometers (6,)."""
     return 1.0 / (1.0 + np.array([problem.constants.get(c, f"scale.{name}") for name in IMU]))

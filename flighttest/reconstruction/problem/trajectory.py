@@ -34,7 +34,7 @@ from flightmech.simulation.driven_path import (
 from flighttest.reconstruction.problem.normal_equations import NormalEquations
 from flighttest.reconstruction.problem.problem import (
     VELOCITY,
-    Problem,
+    PathProblem,
     Sensor,
     body_rates,
     gains,
@@ -83,7 +83,7 @@ class Solution:
 
 
 def estimate(
-    problem: Problem,
+    problem: PathProblem,
     x: np.ndarray,
     c: np.ndarray,
     iterations: int = ITERATIONS,
@@ -133,7 +133,7 @@ def estimate(
         dx, dc, information = equations.solve(moving)
         gain = -float(np.vdot(equations.gx, dx) + equations.gc @ dc)
         if not far and gain < GAIN:
-            x, c, settled, near = moved(x, dx), c + dc, True, gain < NEAR
+            x, c, settled, near = step_trajectory(x, dx), c + dc, True, gain < NEAR
             break
         trial, share = _line_search(problem, x, c, dx, dc, equations.cost, gain, spare)
         gained = equations.cost - trial.cost
@@ -143,7 +143,7 @@ def estimate(
             )
         left = trial
         if gained > -GAIN:
-            x, c, equations, left = moved(x, share * dx), c + share * dc, trial, equations
+            x, c, equations, left = step_trajectory(x, share * dx), c + share * dc, trial, equations
             equations.take_room(left)
         if left is not known:  # that belongs to the caller
             spare.append(left)
@@ -152,7 +152,7 @@ def estimate(
     return Solution(x, c, covariance, equations.cost, step, settled, equations if near else None)
 
 
-def moved(x: np.ndarray, dx: np.ndarray) -> np.ndarray:
+def step_trajectory(x: np.ndarray, dx: np.ndarray) -> np.ndarray:
     """Return the trajectory after a step: the horizontal velocity turns along with the heading.
 
     To first order this is x + dx.  Without a compass the heading is free, and a straight step in
@@ -172,14 +172,16 @@ def moved(x: np.ndarray, dx: np.ndarray) -> np.ndarray:
 
 
 def _line_search(
-    problem: Problem, x, c, dx, dc, cost: float, gain: float, spare: list[NormalEquations]
+    problem: PathProblem, x, c, dx, dc, cost: float, gain: float, spare: list[NormalEquations]
 ) -> tuple[NormalEquations, float]:
     """Return the equations at the best of the step's halves, while halving pays; the full step when
     it keeps its promise.
     """
-    share, best = 1.0, linearise(problem, moved(x, dx), c + dc, spare)
+    share, best = 1.0, linearise(problem, step_trajectory(x, dx), c + dc, spare)
     while gain > GAIN and cost - best.cost < 0.25 * gain * share and share > 1e-3:
-        trial = linearise(problem, moved(x, share / 2.0 * dx), c + share / 2.0 * dc, spare)
+        trial = linearise(
+            problem, step_trajectory(x, share / 2.0 * dx), c + share / 2.0 * dc, spare
+        )
         if trial.cost >= best.cost:
             spare.append(trial)
             break
@@ -202,7 +204,7 @@ def _covariance(information: np.ndarray, free: np.ndarray, prior: np.ndarray) ->
 
 
 def linearise(
-    problem: Problem, x: np.ndarray, c: np.ndarray, spare: list[NormalEquations] | None = None
+    problem: PathProblem, x: np.ndarray, c: np.ndarray, spare: list[NormalEquations] | None = None
 ) -> NormalEquations:
     """Return the normal equations of all residuals about a trajectory and constants.
 
@@ -222,9 +224,9 @@ def linearise(
     with equations.sums.together():
         _path_steps(problem, x, c, equations)
         _gust_steps(problem, x, equations)
-        values = moving(problem, x, c)
+        values = states_and_rates(problem, x, c)
         for sensor in problem.sensors:
-            r, k, f, J, places, Jc = shown(problem, sensor, values, c)
+            r, k, f, J, places, Jc = linearise_sensor(problem, sensor, values, c)
             equations.add_samples(r, k, f, J, places, Jc, 1.0 / sensor.sigma)
     for k in problem.starts:
         weight = 1.0 / problem.start_sigma[: problem.states]
@@ -236,7 +238,7 @@ def linearise(
     return equations
 
 
-def surroundings(problem: Problem) -> Surroundings:
+def surroundings(problem: PathProblem) -> Surroundings:
     """Return gravity and the rate of the Earth along a path."""
     return Surroundings(
         problem.g, problem.g_fall, problem.g_height, *problem.earth, problem.gyro_spin
@@ -244,7 +246,11 @@ def surroundings(problem: Problem) -> Surroundings:
 
 
 def driven_path(
-    problem: Problem, x: np.ndarray, c: np.ndarray, columns: np.ndarray, part: slice = slice(None)
+    problem: PathProblem,
+    x: np.ndarray,
+    c: np.ndarray,
+    columns: np.ndarray,
+    part: slice = slice(None),
 ) -> DrivenPath:
     """Return a path (N, n) between the instruments, or a part of it, with derivatives by the
     constants at the places `columns`.
@@ -275,7 +281,7 @@ def driven_path(
     )
 
 
-def driving(problem: Problem, free: np.ndarray | None = None) -> np.ndarray:
+def driving_constants(problem: PathProblem, free: np.ndarray | None = None) -> np.ndarray:
     """Return the places of the constants that act between the samples of a path, of those in the
     mask `free` (nc,) if given.
     """
@@ -285,8 +291,10 @@ def driving(problem: Problem, free: np.ndarray | None = None) -> np.ndarray:
     )
 
 
-def _path_steps(problem: Problem, x: np.ndarray, c: np.ndarray, equations: NormalEquations) -> None:
-    columns = driving(problem)
+def _path_steps(
+    problem: PathProblem, x: np.ndarray, c: np.ndarray, equations: NormalEquations
+) -> None:
+    columns = driving_constants(problem)
     sigma = np.empty((len(x) - 1, 7 + len(problem.vanes)))
     sigma[:, :7] = np.append(problem.noise, HEIGHT_NOISE)
     sigma[:, 7:] = np.where(_slow(problem.airborne)[:, None], LOOSE, problem.vane_noise)
@@ -300,7 +308,7 @@ def _slow(airborne: np.ndarray) -> np.ndarray:
     return ~(airborne[1:] & airborne[:-1])
 
 
-def _gust_steps(problem: Problem, x: np.ndarray, equations: NormalEquations) -> None:
+def _gust_steps(problem: PathProblem, x: np.ndarray, equations: NormalEquations) -> None:
     if problem.gust is None:
         return
     keep = np.exp(-problem.dt / problem.gust_time)
@@ -314,7 +322,9 @@ def _gust_steps(problem: Problem, x: np.ndarray, equations: NormalEquations) -> 
     )
 
 
-def place(problem: Problem, sensor: Sensor, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def reading_positions(
+    problem: PathProblem, sensor: Sensor, c: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Return for each reading of a sensor the sample before it, k, and the fraction f of the step,
     its delay removed.
     """
@@ -327,7 +337,7 @@ def place(problem: Problem, sensor: Sensor, c: np.ndarray) -> tuple[np.ndarray, 
     return k, np.where((np.abs(f) < 1e-6) | last[k], 0.0, f)
 
 
-def moving(problem: Problem, x: np.ndarray, c: np.ndarray) -> np.ndarray:
+def states_and_rates(problem: PathProblem, x: np.ndarray, c: np.ndarray) -> np.ndarray:
     """Return states and body rates (N, n + 3)."""
     return np.concatenate([x, body_rates(problem, c)], axis=1)
 
@@ -352,7 +362,7 @@ def _between(k: np.ndarray, f: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 
 def _gyro_errors(
-    problem: Problem, c: np.ndarray, omega: np.ndarray
+    problem: PathProblem, c: np.ndarray, omega: np.ndarray
 ) -> Iterator[tuple[str, int, np.ndarray | float]]:
     """Yield the constants behind the body rates, the axis they act on, and the derivative of its
     rate by them.
@@ -368,7 +378,7 @@ def _gyro_errors(
                 )
 
 
-def shown(problem: Problem, sensor: Sensor, values: np.ndarray, c: np.ndarray):
+def linearise_sensor(problem: PathProblem, sensor: Sensor, values: np.ndarray, c: np.ndarray):
     """Return what a sensor shows, linearised at its readings.
 
     Parameters
@@ -394,7 +404,7 @@ def shown(problem: Problem, sensor: Sensor, values: np.ndarray, c: np.ndarray):
         Derivative by them.
     """
     n = problem.states
-    k, f = place(problem, sensor, c)
+    k, f = reading_positions(problem, sensor, c)
     at = _between(k, f, values)
     y, J, names, Jc = sensor.model(sensor, problem, at, c)
     more: list[np.ndarray] = []
@@ -417,17 +427,17 @@ def shown(problem: Problem, sensor: Sensor, values: np.ndarray, c: np.ndarray):
 
 
 def residuals(
-    problem: Problem, sensor: Sensor, x: np.ndarray, c: np.ndarray
+    problem: PathProblem, sensor: Sensor, x: np.ndarray, c: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return readings minus model (M, m) of a sensor and the sample each belongs to."""
-    k, f = place(problem, sensor, c)
-    at = _between(k, f, moving(problem, x, c))
+    k, f = reading_positions(problem, sensor, c)
+    at = _between(k, f, states_and_rates(problem, x, c))
     return sensor.z - sensor.model(sensor, problem, at, c)[0], k + (f > 0.5)
 
 
 def with_gusts(
-    problem: Problem, x: np.ndarray, sigma: np.ndarray, length: float, shown: bool
-) -> tuple[Problem, np.ndarray]:
+    problem: PathProblem, x: np.ndarray, sigma: np.ndarray, length: float, shown: bool
+) -> tuple[PathProblem, np.ndarray]:
     """Return the problem with gust states of given intensity and scale length, and the trajectory
     with zero gusts.
     """

@@ -18,11 +18,11 @@ from flightmech.units import DEGREE
 from flighttest.reconstruction.problem.assembly import assemble
 from flighttest.reconstruction.quality.checks.control_response import (
     answer_findings,
-    answers,
+    control_responses,
     correlations,
     excitation,
     excitation_findings,
-    hands,
+    pilot_to_surface,
 )
 from flighttest.reconstruction.quality.checks.kinematic_consistency import (
     accuracy_findings,
@@ -31,7 +31,7 @@ from flighttest.reconstruction.quality.checks.kinematic_consistency import (
     lag_findings,
     lags,
 )
-from flighttest.reconstruction.quality.checks.mistake_search import explain
+from flighttest.reconstruction.quality.checks.mistake_search import find_mistakes
 from flighttest.reconstruction.quality.checks.relations import compare_all, not_checked
 from flighttest.reconstruction.quality.checks.samples import (
     channel_findings,
@@ -40,7 +40,7 @@ from flighttest.reconstruction.quality.checks.samples import (
     flag_findings,
     remarks,
 )
-from flighttest.reconstruction.quality.checks.signals import Signals, at_cg, signals_of
+from flighttest.reconstruction.quality.checks.signals import ResampledChannels, at_cg, signals_of
 from flighttest.reconstruction.quality.declarations.aircraft import (
     geometry_findings,
     inertia_findings,
@@ -57,7 +57,7 @@ from flighttest.reconstruction.quality.finding import Finding, by_severity, with
 from flighttest.reconstruction.quality.result import Quality
 from flighttest.records.record import manoeuvres
 from flighttest.records.sensors.instruments import SPEEDS, Instruments, instruments_of
-from flighttest.records.sensors.measurements import Channels, demand_air_data, windows_of
+from flighttest.records.sensors.measurements import MeasuredChannels, demand_air_data, windows_of
 from flighttest.records.signals.conditioning import GAP
 
 if TYPE_CHECKING:
@@ -108,7 +108,7 @@ def assess(
     table = channel_table(record)
     findings = flag_findings(faults) + channel_findings(record, table, specification)
     shared, wrong = column_findings(record, signals)
-    explanations, corrected, comparisons = explain(signals.without(wrong))
+    explanations, corrected, comparisons = find_mistakes(signals.without(wrong))
     mistaken = [channel for explanation in explanations for channel in explanation.repair.channels]
     findings += (
         shared + heading_findings(record, corrected, mistaken) + pressure_height_findings(corrected)
@@ -122,7 +122,10 @@ def assess(
         of_aircraft, unseen = _of_aircraft(moved, aircraft, record, database, unseen)
         findings += of_aircraft
     delays = lags(moved, places)
-    answered, followed = answers(_on_time(moved, delays, specification, record)), hands(corrected)
+    answered, followed = (
+        control_responses(_on_time(moved, delays, specification, record)),
+        pilot_to_surface(corrected),
+    )
     excited, matrix = excitation(corrected), correlations(corrected)
     purpose = str(record.attrs.get("purpose", ""))
     findings += accuracy_findings(kinematics)
@@ -158,8 +161,11 @@ def assess(
 
 
 def _on_time(
-    signals: Signals, delays: pd.DataFrame, specification: Instruments | None, record: xr.DataTree
-) -> Signals:
+    signals: ResampledChannels,
+    delays: pd.DataFrame,
+    specification: Instruments | None,
+    record: xr.DataTree,
+) -> ResampledChannels:
     """Return signals whose late channels are put back on time: a late flow angle makes its surface
     look reversed.
     """
@@ -183,7 +189,7 @@ def _on_time(
 
 
 def _of_aircraft(
-    moved: Signals,
+    moved: ResampledChannels,
     aircraft: Aircraft,
     record: xr.DataTree,
     database: xr.DataTree | None,
@@ -221,7 +227,7 @@ def _refusals(
         if aircraft is not None and specification is not None:
             assemble(record, aircraft, specification, windows, RATE, None)
         else:
-            channels = Channels(record, windows)
+            channels = MeasuredChannels(record, windows)
             demand_air_data(
                 channels, next((name for name in ("q_c", *SPEEDS) if name in channels), "q_c")
             )
@@ -256,7 +262,9 @@ def _places(specification: Instruments | None, aircraft: Aircraft | None) -> dic
     }
 
 
-def _facts(record: xr.DataTree, signals: Signals, aircraft: Aircraft | None) -> dict[str, Any]:
+def _facts(
+    record: xr.DataTree, signals: ResampledChannels, aircraft: Aircraft | None
+) -> dict[str, Any]:
     facts = {
         key: str(record.attrs.get(key, "")) for key in ("title", "source_file", "start", "purpose")
     }
@@ -334,15 +342,15 @@ def _of_stretch(states: xr.Dataset) -> list[Finding]:
     """Return the findings of a stretch without gaps."""
     record = _as_record(states)
     signals = signals_of(record, pd.DataFrame(columns=["leaf", "channel", "kind", "start", "stop"]))
-    explanations, corrected, comparisons = explain(signals)
+    explanations, corrected, comparisons = find_mistakes(signals)
     if any(
         sum(e.before) - sum(e.after) < _CERTAIN_GAIN for e in explanations
     ):  # seconds of small motion explain themselves by anything
         explanations, corrected, comparisons = [], signals, {}
-    answered = answers(corrected)
+    answered = control_responses(corrected)
     found = kinematic_findings(explanations, comparisons, corrected, record)
     found += answer_findings(
-        answered[answered["movement"] > _MOVED], hands(corrected), corrected, record
+        answered[answered["movement"] > _MOVED], pilot_to_surface(corrected), corrected, record
     )
     found += excitation_findings(
         excitation(corrected), correlations(corrected), corrected, manoeuvres(record), ""

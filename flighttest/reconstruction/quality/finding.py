@@ -12,7 +12,7 @@ from typing import Any
 import pandas as pd
 import xarray as xr
 
-from flighttest.records.readers.name_map import Channel, corrected, line_of
+from flighttest.records.readers.name_map import Channel, correct_channel, line_of
 
 SEVERITIES = ("error", "warning", "note")
 """An error makes numbers wrong; a warning spoils some, or should be looked at; a note is worth knowing."""
@@ -77,26 +77,26 @@ def map_entry(record: xr.DataTree, name: str, slope: float, shift: float = 0.0) 
     slope, shift : float
         The channel as it should be is slope * recorded + shift. [1, SI]
     """
-    leaf, channel, file_unit = mapped(record, name)
+    leaf, channel, file_unit = map_entry_of(record, name)
     if channel is not None:
-        return f"{line_of(name, corrected(channel, name, file_unit, slope, shift))}   # in [{leaf}] of the name map"
+        return f"{line_of(name, correct_channel(channel, name, file_unit, slope, shift))}   # in [{leaf}] of the name map"
     sides = [side for side in (f"{name}_left", f"{name}_right") if side in record[leaf].data_vars]
     if sides and shift == 0.0:
         return "\n    ".join(map_entry(record, side, slope) for side in sides)
     return f"{name} = {slope:.10g} * {name} {shift:+.10g} on what it is made of: {record[leaf][name].attrs.get('calibration', '')}"
 
 
-def later(
+def add_delay_line(
     record: xr.DataTree, name: str, *, delay: float = 0.0, lag: float = 0.0, slope: float = 1.0
 ) -> str:
     """Return the line of the name map of a channel with more delay or lag [s], times `slope`; empty
     for one formed from others.
     """
-    leaf, channel, file_unit = mapped(record, name)
+    leaf, channel, file_unit = map_entry_of(record, name)
     if channel is None:
         return ""
     if slope != 1.0:
-        channel = corrected(channel, name, file_unit, slope, 0.0)
+        channel = correct_channel(channel, name, file_unit, slope, 0.0)
     changed = {
         key: round(getattr(channel, key) + more, 3)
         for key, more in (("delay", delay), ("lag", lag))
@@ -105,9 +105,9 @@ def later(
     return f"{line_of(name, channel.changed(**changed))}   # in [{leaf}] of the name map"
 
 
-def exchanged(record: xr.DataTree, one: str, other: str) -> str:
+def exchange_channels(record: xr.DataTree, one: str, other: str) -> str:
     """Return the lines of the name map with the entries of two channels exchanged."""
-    places = {name: mapped(record, name) for name in (one, other)}
+    places = {name: map_entry_of(record, name) for name in (one, other)}
     lines = []
     for name, source in ((one, other), (other, one)):
         (leaf, _, _), (home, channel, _) = places[name], places[source]
@@ -124,7 +124,7 @@ def exchanged(record: xr.DataTree, one: str, other: str) -> str:
     return "\n    ".join(lines)
 
 
-def mapped(record: xr.DataTree, name: str) -> tuple[str, Channel | None, str | None]:
+def map_entry_of(record: xr.DataTree, name: str) -> tuple[str, Channel | None, str | None]:
     """Return the leaf of a channel, its entry of the name map and the unit in the file; None where
     it was formed from others.
     """

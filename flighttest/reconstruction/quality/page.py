@@ -25,14 +25,14 @@ from flightmech.support.figures import (
     stretches,
     svg,
     text,
-    thinned,
+    thin_to_extremes,
 )
 from flightmech.units import from_si
 from flighttest.reconstruction.quality.checks.control_response import SIGNIFICANT
 from flighttest.reconstruction.quality.result import meaningful, shown
 
 if TYPE_CHECKING:
-    from flighttest.reconstruction.quality.checks.relations import Comparison
+    from flighttest.reconstruction.quality.checks.relations import RelationCheck
     from flighttest.reconstruction.quality.result import Quality
 
 WIDTH, HEIGHT = 560, 170
@@ -71,7 +71,7 @@ def chart(
     ]
     parts.append(axes(frame, x_labels=True, x_most=6))
     for values, style in reversed(list(zip(lines, ("one", "two"), strict=False))):
-        kept = thinned(values)
+        kept = thin_to_extremes(values)
         parts.append(curve(frame, time[kept], values[kept], style, _SLACK))
     return _figure(parts, units, "over time [s]", label)
 
@@ -209,7 +209,7 @@ def _history(quality: Quality, name: str) -> dict[str, Any]:
     return {"title": f"{name}: {row.long_name}", "svg": picture}
 
 
-def _worth_seeing(name: str, c: Comparison) -> bool:
+def _worth_seeing(name: str, c: RelationCheck) -> bool:
     return not c.consistent or (name not in _AIR_DATA and meaningful(c.moving, c.correlation))
 
 
@@ -219,7 +219,7 @@ def _broken(quality: Quality) -> list[str]:
     return sorted(broken, key=lambda name: -quality.as_read[name].disagreement)[:4]
 
 
-def _comparison(c: Comparison) -> dict[str, Any]:
+def _comparison(c: RelationCheck) -> dict[str, Any]:
     """Both sides over the minute in which they move most."""
     units = {"rad": "deg", "rad s-1": "deg/s"}.get(c.relation.units, c.relation.units)
     step = c.time[1] - c.time[0]

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from flightmech.support.console import plain
+from flightmech.support.console import to_json_types
 from flightmech.units import from_si
-from flighttest.reconstruction.quality.checks.relations import Comparison
-from flighttest.reconstruction.quality.checks.signals import Signals
+from flighttest.reconstruction.quality.checks.relations import RelationCheck
+from flighttest.reconstruction.quality.checks.signals import ResampledChannels
 from flighttest.reconstruction.quality.finding import SEVERITIES, Finding, rows
 
 
@@ -59,9 +59,9 @@ class Quality:
     hands: pd.DataFrame
     excitation: pd.DataFrame
     correlation: pd.DataFrame
-    comparisons: dict[str, Comparison]
-    as_read: dict[str, Comparison]
-    signals: Signals
+    comparisons: dict[str, RelationCheck]
+    as_read: dict[str, RelationCheck]
+    signals: ResampledChannels
     not_checked: pd.DataFrame
 
     def count(self, severity: str) -> int:
@@ -108,7 +108,7 @@ class Quality:
             name: getattr(self, name).to_dict("records") for name in tables if name != "correlation"
         }
         found["correlation"] = self.correlation.to_dict()
-        return plain(
+        return to_json_types(
             {
                 "facts": self.facts,
                 "verdict": self.verdict,

@@ -57,7 +57,7 @@ from pydantic import Field
 from flightmech.errors import UnitError, UnknownName
 from flightmech.support.toml_models import Strict
 from flightmech.units import parse
-from flighttest.records.readers.recording import Table
+from flighttest.records.readers.recording import RecordedTable
 
 WordCode = Literal["unsigned", "twos", "offset", "magnitude", "float"]
 
@@ -70,7 +70,7 @@ def _unit_fault(name: str, unit: str) -> list[str]:
     return []
 
 
-class Label(Strict):
+class Arinc429Label(Strict):
     """One ARINC 429 parameter."""
 
     label: str = Field(description="Octal label in quotes.", examples=["210"])
@@ -140,7 +140,7 @@ class Arinc429(Strict):
         description="Label byte as an octal number in bits 8-1, or transmitted: bit 1 is the first one sent.",
         examples=["octal"],
     )
-    parameters: dict[str, Label] = Field(
+    parameters: dict[str, Arinc429Label] = Field(
         description="Parameters of the words, by the name of the column that they become."
     )
     channel: int | None = Field(
@@ -375,7 +375,7 @@ class Words:
     bus: np.ndarray | None = None
 
 
-def label_values(word: np.ndarray, label: Label) -> np.ndarray:
+def label_values(word: np.ndarray, label: Arinc429Label) -> np.ndarray:
     """Return the engineering values of words that carry one label, NaN where the word states that
     it is not valid.
 
@@ -429,7 +429,9 @@ def odd_parity(word: np.ndarray) -> np.ndarray:
     return (word & 1).astype(bool)
 
 
-def label_tables(words: Words, spec: Arinc429, name: str) -> tuple[dict[str, Table], list[str]]:
+def label_tables(
+    words: Words, spec: Arinc429, name: str
+) -> tuple[dict[str, RecordedTable], list[str]]:
     """Return one table per parameter, ``name.parameter`` with the column ``value``, and what was
     left out.
 
@@ -454,7 +456,7 @@ def label_tables(words: Words, spec: Arinc429, name: str) -> tuple[dict[str, Tab
         mine = labels == label.number
         if label.sdi is not None:
             mine &= sdi == label.sdi
-        tables[f"{name}.{parameter}"] = Table(
+        tables[f"{name}.{parameter}"] = RecordedTable(
             {"value": label_values(word[mine], label)}, {"value": label.unit}, time[mine]
         )
     notes = [f"decode.{name}: {wrong} words with wrong parity left out"] if wrong else []
@@ -480,7 +482,7 @@ def _demand_labels(spec: Arinc429, labels: np.ndarray, name: str) -> None:
             )
 
 
-def words_of_columns(tables: Mapping[str, Table], spec: Arinc429, time_of) -> Words:
+def words_of_columns(tables: Mapping[str, RecordedTable], spec: Arinc429, time_of) -> Words:
     """Return the words that a column of a file holds, ``table/column``; `time_of` gives the stamps
     of a table [s].
     """

@@ -18,7 +18,7 @@ from flightmech.errors import SchemaError, UnknownName
 from flightmech.support.arrays import median
 from flighttest.records.readers.columns import column_called, unit_of_column
 from flighttest.records.readers.name_map import Clock, NameMap, Utc
-from flighttest.records.readers.recording import LeftOut, Table, clock_name
+from flighttest.records.readers.recording import LeftOut, RecordedTable, clock_name
 from flighttest.records.signals.conditioning import GAP
 from flighttest.records.signals.sample_flags import MOST, Flag
 
@@ -40,7 +40,7 @@ class Settled:
     about: dict[str, Any] = field(default_factory=dict)
 
 
-def settled(raw: np.ndarray, clock: Clock, scale: float, what: str) -> Settled:
+def rising_clock(raw: np.ndarray, clock: Clock, scale: float, what: str) -> Settled:
     """Return the clock of a table.
 
     Parameters
@@ -214,7 +214,7 @@ class Clocks:
 
     def __init__(
         self,
-        tables: Mapping[str, Table],
+        tables: Mapping[str, RecordedTable],
         names: NameMap,
         file: str,
         left_out: Sequence[LeftOut] = (),
@@ -235,7 +235,7 @@ class Clocks:
                 f"[time.{unknown[0]}] of the name map; {file} holds none of this name",
             )
 
-    def with_decoded_words(self) -> dict[str, Table]:
+    def with_decoded_words(self) -> dict[str, RecordedTable]:
         """Return the tables, with those that ``[decode]`` takes out of columns of words."""
         if not self.names.decode:
             return self.tables
@@ -288,7 +288,7 @@ class Clocks:
             raw, scale, column = self._raw(table)
             if column is not None:
                 self.columns_used.add((table, column))
-            self._settled[table] = settled(raw, self.names.clock_of(table), scale, what)
+            self._settled[table] = rising_clock(raw, self.names.clock_of(table), scale, what)
         return self._settled[table]
 
     def same(self, one: str, other: str, what: str) -> bool:
@@ -297,7 +297,9 @@ class Clocks:
         return np.array_equal(a.time, b.time) and np.array_equal(a.keep, b.keep)
 
 
-def utc_facts(utc: Utc | None, tables: Mapping[str, Table], clocks: Clocks) -> dict[str, Any]:
+def utc_facts(
+    utc: Utc | None, tables: Mapping[str, RecordedTable], clocks: Clocks
+) -> dict[str, Any]:
     """Return what a column with the time of the world shows about the clock of the record.
 
     Returns

@@ -19,7 +19,13 @@ from flightmech.errors import SchemaError, UnitError, UnknownName
 from flightmech.names import lookup
 from flightmech.units import fitted_unit, known_unit, parse, to_si
 from flighttest.records.readers.name_map import units_of
-from flighttest.records.readers.recording import CLOCK_NAMES, Columns, Recording, Table, clock_name
+from flighttest.records.readers.recording import (
+    CLOCK_NAMES,
+    Columns,
+    RecordedTable,
+    Recording,
+    clock_name,
+)
 
 _HEAD = re.compile(r"^(.*\S)\s*[\[({]\s*([^\])}]*?)\s*[\])}]$")
 _COMMA = re.compile(r"^(.*\S)\s*,\s*([^,\s][^,]*)$")
@@ -107,7 +113,7 @@ def units_at_the_end(words: Sequence[str]) -> list[str]:
     return [known_unit(unit) for unit in candidates if unit and _is_unit(unit)]
 
 
-def unit_of_column(table: Table, column: str, name: str) -> str | None:
+def unit_of_column(table: RecordedTable, column: str, name: str) -> str | None:
     """Return the unit of a column that shows a quantity: as the file states it, else by the end of
     its heading.
     """
@@ -200,7 +206,7 @@ def with_units_of_headings(recording: Recording) -> Recording:
     return recording
 
 
-def column_called(wanted: str, table: Table) -> str | None:
+def column_called(wanted: str, table: RecordedTable) -> str | None:
     """Return the column of a table that a name map means: by its name, or by its heading with or
     without what stands in brackets.
     """
@@ -232,7 +238,7 @@ def _is_canonical(name: str) -> bool:
         return False
 
 
-def located(
+def locate_column(
     recording: Recording, wanted: str, path: str | Path, required: bool = True
 ) -> tuple[np.ndarray, np.ndarray, str] | None:
     """Return stamps [s], values as recorded and unit of a column, or None where it is not there and
@@ -287,7 +293,7 @@ def located(
     return time[good], values[good], unit or table.units.get(one, "")
 
 
-def _stamps(table: Table, path: str | Path) -> np.ndarray:
+def _stamps(table: RecordedTable, path: str | Path) -> np.ndarray:
     if table.time is not None:
         return np.asarray(table.time, float)
     name = clock_name(table.columns)

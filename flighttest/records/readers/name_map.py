@@ -46,7 +46,7 @@ import numpy as np
 from flightmech.errors import ParseError, SchemaError, UnitError, UnknownName
 from flightmech.names import lookup
 from flightmech.support.input_files import WESTERN, foreign_kind, load, read_text
-from flightmech.support.plain_tables import Plain, made, value
+from flightmech.support.plain_tables import Plain, read_table, value
 from flightmech.support.toml_quantities import Above, InUnits
 from flightmech.units import G0, fitted_unit, known_unit, parse, quantity, to_si
 
@@ -645,7 +645,7 @@ def _flatten(table: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _made(kind: type[P]) -> Callable[[dict[str, Any], str], P]:
-    return partial(made, kind)
+    return partial(read_table, kind)
 
 
 def _twice_written(table: Mapping[str, Any]) -> list[str]:
@@ -755,7 +755,7 @@ def line_of(name: str, channel: Channel) -> str:
     return f"{key} = {{ {', '.join(f'{word} = {_toml(item)}' for word, item in entry.items())} }}"
 
 
-def corrected(
+def correct_channel(
     channel: Channel, name: str, file_unit: str | None, slope: float, shift: float
 ) -> Channel:
     """Return a channel with a correction of its converted values.

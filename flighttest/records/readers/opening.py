@@ -7,11 +7,11 @@ import struct
 from pathlib import Path
 
 from flightmech.errors import ParseError
-from flightmech.support.hdf5_seal import unbroken_if_sealed
+from flightmech.support.hdf5_seal import read_if_sealed
 from flightmech.support.input_files import demand_regular, file_kind, marked_encoding, packed_kind
 from flighttest.records.readers.columns import with_units_of_headings
 from flighttest.records.readers.name_map import NameMap
-from flighttest.records.readers.recording import Recording, guarded, without_short_tables
+from flighttest.records.readers.recording import Recording, decoding_errors, without_short_tables
 
 # format: (module, what people call it); the modules import their packages when they read
 FORMATS = {
@@ -49,7 +49,7 @@ def recognise(path: str | Path) -> str:
         those that were sealed.
     """
     demand_regular(path, "a recording")
-    unbroken_if_sealed(Path(path), "a recording; write or copy it again")
+    read_if_sealed(Path(path), "a recording; write or copy it again")
     with open(path, "rb") as file:
         head = file.read(4096)
     packed = head[:2] == b"\x1f\x8b"
@@ -114,7 +114,7 @@ def _demand_record(path: str | Path, form: str) -> None:
 def _unpacked(path: str | Path) -> bytes:
     import gzip
 
-    with guarded(path, "a whole .gz file"), gzip.open(path) as file:
+    with decoding_errors(path, "a whole .gz file"), gzip.open(path) as file:
         return file.read(4096)
 
 

@@ -201,7 +201,7 @@ class Columns(Mapping[str, np.ndarray]):
         return name in self._loaders
 
 
-class Table(NamedTuple):
+class RecordedTable(NamedTuple):
     """Columns over one clock.
 
     Attributes
@@ -261,7 +261,7 @@ class Recording(NamedTuple):
     """
 
     kind: str
-    tables: dict[str, Table]
+    tables: dict[str, RecordedTable]
     facts: Mapping[str, Any] = _NOTHING
     notes: tuple[str, ...] = ()
     modes: tuple[tuple[float, str], ...] = ()
@@ -269,7 +269,7 @@ class Recording(NamedTuple):
 
 
 @contextmanager
-def guarded(path: str | Path, expected: str) -> Iterator[None]:
+def decoding_errors(path: str | Path, expected: str) -> Iterator[None]:
     """Turn whatever a decoder raises on damaged bytes into a ParseError that names the file."""
     try:
         yield
@@ -292,7 +292,7 @@ def clock_name(columns: Mapping[str, Any]) -> str | None:
     Of those other names only a column counts that rises in 19 of 20 steps: a time of day at one
     sample per second is no clock.
     """
-    if plain := first(CLOCK_NAMES, columns):
+    if plain := first_present(CLOCK_NAMES, columns):
         return plain
     words = {_clock_word(name): name for name in reversed(list(columns))}
     candidates = [words[word] for word in _CLOCK_WORDS if word in words]
@@ -352,7 +352,7 @@ def without_short_tables(recording: Recording) -> Recording:
     return recording._replace(tables=tables, left_out=(*others, *left_out))
 
 
-def _stamps(table: Table) -> int | None:
+def _stamps(table: RecordedTable) -> int | None:
     """Return the number of stamps of a table with a clock of its own, 2 for any larger number."""
     if table.time is None:
         return None
@@ -362,7 +362,7 @@ def _stamps(table: Table) -> int | None:
     )
 
 
-def spread(
+def columns_of_array(
     name: str, shape: tuple[int, ...], length: int
 ) -> dict[str, Callable[[Any], np.ndarray]]:
     """Return the columns that an array of a file gives over a clock of `length` samples: column
@@ -404,13 +404,13 @@ def _slice(i: int, axis: int, x: Any) -> np.ndarray:
     return np.take(x, i, axis)
 
 
-def needs(package: str, extra: str, path: str | Path) -> AeromatchError:
+def missing_package(package: str, extra: str, path: str | Path) -> AeromatchError:
     """Return the error of a format whose package is not installed."""
     return AeromatchError(
         f"{path}: reading it needs the package {package}; install it with: pip install 'aeromatch[{extra}]'"
     )
 
 
-def first(names: Iterable[str], among: Mapping[str, Any]) -> str | None:
+def first_present(names: Iterable[str], among: Mapping[str, Any]) -> str | None:
     """Return the first of `names` that is there."""
     return next((name for name in names if name in among), None)

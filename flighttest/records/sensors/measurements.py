@@ -20,7 +20,7 @@ from flightmech.errors import OutOfRange, SchemaError
 from flightmech.names import attrs
 from flighttest.records.sensors.instruments import IMU, MEASURED, SPEEDS, Instruments
 from flighttest.records.signals.conditioning import demand_numbers, lowpass
-from flighttest.records.signals.sample_flags import spiked
+from flighttest.records.signals.sample_flags import find_spikes
 
 _EARTH_RADIUS = 6356766.0  # m, of the standard atmosphere's geopotential height
 
@@ -37,7 +37,7 @@ def pressure(h_baro) -> np.ndarray:
     return atmosphere(_EARTH_RADIUS * h / (_EARTH_RADIUS - h)).p_static
 
 
-def derived(leaves: dict[str, xr.Dataset]) -> dict[str, xr.Dataset]:
+def derive_air_data(leaves: dict[str, xr.Dataset]) -> dict[str, xr.Dataset]:
     """Return the leaves that gain static or impact pressure computed back from what the air-data
     computer shows.
 
@@ -78,14 +78,14 @@ def _impact(data: xr.Dataset) -> np.ndarray | None:
     return None
 
 
-class Channels:
+class MeasuredChannels:
     """Channels of a record inside the windows, with derived air data."""
 
     def __init__(self, record: xr.DataTree, windows: Sequence[tuple[float, float]]):
         leaves = {name: node.to_dataset() for name, node in record.children.items()}
         self.recorded = {str(name) for data in leaves.values() for name in data.data_vars}
         leaves.update(_with_temperature(leaves, record.attrs.get("temperature")))
-        leaves.update(derived(leaves))
+        leaves.update(derive_air_data(leaves))
         self.windows = windows
         self.title = str(record.attrs.get("title", "flight record"))
         self.leaf: dict[str, str] = {
@@ -121,7 +121,7 @@ class Channels:
     def spikes(self, name: str) -> np.ndarray:
         """Return which samples of a channel are spikes."""
         if name not in self._spikes:
-            self._spikes[name] = spiked(
+            self._spikes[name] = find_spikes(
                 self.leaves[self.leaf[name]][name].values.astype(float), name
             )
         return self._spikes[name]
@@ -188,7 +188,7 @@ def _with_temperature(
     }
 
 
-def airspeed_channel(channels: Channels, specification: Instruments) -> str:
+def airspeed_channel(channels: MeasuredChannels, specification: Instruments) -> str:
     """Return the channel that shows the airspeed: impact pressure when recorded, else V, V_cas or
     mach with noise of its own.
 
@@ -284,7 +284,7 @@ class AirData:
         return self.at(time, self.speed)
 
 
-def air_readings(channels: Channels, specification: Instruments) -> AirData:
+def air_readings(channels: MeasuredChannels, specification: Instruments) -> AirData:
     """Return the air data of a record.
 
     Without static pressure that of the standard atmosphere at ``h_gps`` is taken, for first values
@@ -311,7 +311,7 @@ def air_readings(channels: Channels, specification: Instruments) -> AirData:
     return AirData(name, clock, T, speed, p, (item.delay or (0.0, 0.0))[0])
 
 
-def demand_air_data(channels: Channels, name: str) -> None:
+def demand_air_data(channels: MeasuredChannels, name: str) -> None:
     """Check that airspeed (channel `name`), static pressure or height, and temperature are there.
 
     Raises
@@ -340,7 +340,7 @@ def demand_air_data(channels: Channels, name: str) -> None:
         raise SchemaError("flight record", problems)
 
 
-def _standard_pressure(channels: Channels) -> tuple[np.ndarray, np.ndarray]:
+def _standard_pressure(channels: MeasuredChannels) -> tuple[np.ndarray, np.ndarray]:
     clock, h = channels.get("h_gps")
     return clock, atmosphere(h).p_static
 

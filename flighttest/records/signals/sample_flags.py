@@ -93,12 +93,12 @@ def add_flags(record: xr.DataTree, leaf: str, found: Iterable[Flag]) -> xr.DataT
             raise UnknownName(flag.channel, map(str, record.children[leaf].data_vars), "channel")
     flagged = record.copy()
     flagged[leaf].attrs["flags"] = as_text(
-        dict.fromkeys([*kept(flagged[leaf].attrs.get("flags", "[]")), *found])
+        dict.fromkeys([*read_stored_flags(flagged[leaf].attrs.get("flags", "[]")), *found])
     )
     return flagged
 
 
-def kept(text: str) -> list[Flag]:
+def read_stored_flags(text: str) -> list[Flag]:
     """Return the flags in an attribute; none when it is not ours."""
     try:
         return [Flag(*row) for row in json.loads(text)]
@@ -191,7 +191,7 @@ def sample_faults(time: np.ndarray, x: np.ndarray, channel: str, rate: float) ->
     return found + spans(time, _spikes(step, typical), channel, "spike")
 
 
-def spiked(x: np.ndarray, channel: str) -> np.ndarray:
+def find_spikes(x: np.ndarray, channel: str) -> np.ndarray:
     """Return which samples of a channel are spikes, see `sample_faults` (time,)."""
     step = _steps(x, channel)
     typical = _typical(step)

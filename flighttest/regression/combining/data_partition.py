@@ -20,7 +20,7 @@ import xarray as xr
 
 from flightmech.errors import IdentificationError, UnknownName
 from flighttest.regression.equation_error.fit import Fit
-from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
 
 LEAST_STRETCH = 0.5  # stretches inside a bin that are shorter are left out [s]
@@ -43,7 +43,7 @@ class Partition:
         Bins without a fit, and why.
     """
 
-    model: Model
+    model: RegressionModel
     estimates: xr.Dataset
     fits: tuple[Fit, ...]
     refused: Mapping[int, str]
@@ -121,7 +121,7 @@ def bins(
 
 
 def fit_bins(
-    model: Model,
+    model: RegressionModel,
     data: xr.Dataset | Sequence[xr.Dataset],
     edges: Mapping[str, Sequence[float]],
     name: str = "",
@@ -185,7 +185,7 @@ def _inside(one: xr.Dataset, limits: Mapping[str, tuple[float, float]]) -> xr.Da
     return one.isel(time=inside)
 
 
-def _table(model: Model, sorted_bins, fits: Mapping[int, Fit]) -> xr.Dataset:
+def _table(model: RegressionModel, sorted_bins, fits: Mapping[int, Fit]) -> xr.Dataset:
     terms, count = list(model.terms), len(sorted_bins)
     shapes = {
         "estimate": (count, len(terms)),

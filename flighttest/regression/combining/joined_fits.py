@@ -18,9 +18,9 @@ from flightmech.errors import IdentificationError, UnknownName
 from flighttest.regression.combining.pooling import METHODS, Pooled, pool
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.fit import Fit
-from flighttest.regression.equation_error.samples import Samples, stack
-from flighttest.regression.uncertainty.coloured_residuals import coloured
-from flighttest.remarks import Remark, lines
+from flighttest.regression.equation_error.samples import RegressionSamples, stack
+from flighttest.regression.uncertainty.coloured_residuals import coloured_covariance_of
+from flighttest.remarks import Remark, remark_lines
 
 
 def table_samples(
@@ -88,8 +88,8 @@ def coloured_covariance(samples: xr.Dataset, X: np.ndarray, v: np.ndarray) -> np
     ----------
     .. [Morelli1997] Morelli, Klein, J. Guidance 20, 1997.
     """
-    pieces, steps = Samples(samples, list(samples.attrs["steps"])).pieces()
-    return coloured(X, v, pieces, steps).covariance
+    pieces, steps = RegressionSamples(samples, list(samples.attrs["steps"])).pieces()
+    return coloured_covariance_of(X, v, pieces, steps).covariance
 
 
 _DISAGREEMENT = 3.0
@@ -158,7 +158,7 @@ class Joined:
                 f"{term!s:<18}{row['estimate']:>11.5g}{row['stderr']:>10.2g}{row['stderr_white']:>10.2g}{row['scatter']:>10.2g}"
                 f"{row['scatter_ratio']:>7.2f}{row['birge']:>7.2f}{row['disagreement']:>7.1f}{row['count']:>6.0f}"
             )
-        return "\n".join([*text, *lines(self.remarks)])
+        return "\n".join([*text, *remark_lines(self.remarks)])
 
 
 def join_fits(fits: Sequence[Fit], method: str = "inverse_variance", name: str = "") -> Joined:

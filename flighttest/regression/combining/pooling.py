@@ -15,7 +15,7 @@ from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.fit import Fit
 from flighttest.regression.equation_error.fit_remarks import against_prior
 from flighttest.regression.equation_error.model import powers, variable_of
-from flighttest.remarks import Remark, lines
+from flighttest.remarks import Remark, remark_lines
 
 Prior = Mapping[str, tuple[float, float]] | xr.Dataset
 
@@ -122,7 +122,7 @@ class Mixed:
                     "nan", "  -"
                 )
             )
-        return "\n".join([*text, *lines(self.remarks)])
+        return "\n".join([*text, *remark_lines(self.remarks)])
 
 
 _CONTRADICTION = 3.0
@@ -130,7 +130,7 @@ _IMPROBABLE = 0.01
 _UNMOVED = 0.81  # share of the prior's variance that is left: a standard error above 0.9 of it
 
 
-def mixed(fit: Fit, prior: Prior) -> Mixed:
+def mix_with_prior(fit: Fit, prior: Prior) -> Mixed:
     """Return the estimates that join a fit with a-priori values (mixed estimation).
 
     Parameters

@@ -19,7 +19,7 @@ from flightmech.support.input_files import WESTERN, csv_rows, read_text
 from flightmech.units import parse, to_si
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.fit import Fit
-from flighttest.regression.equation_error.model import Model, powers, variable_of
+from flighttest.regression.equation_error.model import RegressionModel, powers, variable_of
 from flighttest.regression.uncertainty import collinearity
 
 _TANGENT = (
@@ -30,7 +30,7 @@ _RATES = ("phat", "qhat", "rhat", "alphadothat", "betadothat")  # zero unless st
 
 
 def published_fit(
-    model: Model | str,
+    model: RegressionModel | str,
     values: Mapping[str, float],
     stderr: Mapping[str, float],
     conditions: Mapping[str, float | Sequence[float] | str],
@@ -87,7 +87,7 @@ def published_fit(
     >>> [float(x) for x in fit.estimates["estimate"]]
     [0.03, -0.56, -17.6, -1.16]
     """
-    model = Model.parse(model) if isinstance(model, str) else model
+    model = RegressionModel.parse(model) if isinstance(model, str) else model
     _demand(model, values, stderr, conditions, correlation)
     data = _grid(model, conditions)
     X, terms = model.design(data), list(model.terms)
@@ -100,7 +100,7 @@ def published_fit(
         ) from None
     theta, sd = (np.array([float(given[term]) for term in terms]) for given in (values, stderr))
     data[model.coefficient] = "sample", X @ theta
-    design = least_squares.labelled(X, terms)
+    design = least_squares.label_terms(X, terms)
     R = np.eye(len(terms)) if correlation is None else np.asarray(correlation, float)
     found = least_squares.estimates(
         terms,
@@ -129,7 +129,9 @@ def _unpublished(count: int) -> dict[str, tuple]:
     }
 
 
-def _grid(model: Model, conditions: Mapping[str, float | Sequence[float] | str]) -> xr.Dataset:
+def _grid(
+    model: RegressionModel, conditions: Mapping[str, float | Sequence[float] | str]
+) -> xr.Dataset:
     """Return every combination of the conditions along ``sample``: two points per tangent, as many
     as fit in per range.
     """
@@ -164,7 +166,7 @@ def _ends(condition: float | Sequence[float], moves: bool) -> tuple[float, float
     return condition - step, condition + step
 
 
-def _demand(model: Model, values, stderr, conditions, correlation) -> None:
+def _demand(model: RegressionModel, values, stderr, conditions, correlation) -> None:
     """Raise with every problem."""
     problems = []
     for what, given in (("value", values), ("standard error", stderr)):
@@ -450,7 +452,7 @@ def _fit(name: str, coefficient: str, rows: list[_Row], problems: list[str]) -> 
     ):
         return None
     try:
-        model = Model(coefficient, terms, reference)
+        model = RegressionModel(coefficient, terms, reference)
         values, stderr = (
             {term: float(item) for term, item in zip(model.terms, column)}
             for column in zip(*((r.value, r.stderr) for r in rows))

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from aerodb.store.overview import plain_number, readable
+from aerodb.store.overview import display_text, plain_number
 from flightmech.errors import (
     AeromatchWarning,
     IdentificationError,
@@ -28,8 +28,8 @@ from flightmech.support.figures import html_table
 from flightmech.support.hdf5_seal import demand_self_contained
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.fit_remarks import FitData, fit_figure, remarks_of
-from flighttest.regression.equation_error.model import Model, regressors
-from flighttest.remarks import Remark, lines
+from flighttest.regression.equation_error.model import RegressionModel, regressors
+from flighttest.remarks import Remark, remark_lines
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 _ROUNDING = 1e-9  # of the ends of a range: what the conversion of units may add
 
 
-def predicted(fit: FitData, data: xr.Dataset, manoeuvre: int | None) -> xr.Dataset:
+def predict_samples(fit: FitData, data: xr.Dataset, manoeuvre: int | None) -> xr.Dataset:
     """Return coefficient and standard error at the samples of `data`; see `Fit.predict`."""
     samples = _samples(fit, data)
     X = _design(fit, samples, manoeuvre)
@@ -45,7 +45,7 @@ def predicted(fit: FitData, data: xr.Dataset, manoeuvre: int | None) -> xr.Datas
     variance = np.einsum("ij,jk,ik->i", X, e["covariance"].values, X) + (
         (X @ e["systematic"].values) ** 2
     ).sum(axis=1)
-    found = outside(fit, samples, X)
+    found = describe_extrapolation(fit, samples, X)
     if found:
         name = f"{fit.name}: " if fit.name else ""
         warnings.warn(
@@ -65,7 +65,7 @@ def predicted(fit: FitData, data: xr.Dataset, manoeuvre: int | None) -> xr.Datas
     return xr.Dataset(columns, samples.coords)
 
 
-def outside(fit: FitData, samples: xr.Dataset, X: np.ndarray) -> list[str]:
+def describe_extrapolation(fit: FitData, samples: xr.Dataset, X: np.ndarray) -> list[str]:
     """Return in words which variables and which further terms leave the range of the samples that
     were fitted.
 
@@ -79,7 +79,7 @@ def outside(fit: FitData, samples: xr.Dataset, X: np.ndarray) -> list[str]:
     """
     variables = fit.model.variables
     found = [
-        _beyond(name, samples[name].values, fit.data[name].values, partial(readable, name))
+        _beyond(name, samples[name].values, fit.data[name].values, partial(display_text, name))
         for name in variables
     ]
     for term, x, known in zip(fit.estimates["term"].values, X.T, fit.regressors.values.T):
@@ -203,7 +203,7 @@ class Fit(FitData):
         Ranges are those of one variable or term at a time.  Data may lie inside all of them and still where no sample was, as at high
         alpha with an elevator that trims at low alpha; `stderr` grows there.
         """
-        return predicted(self, data, manoeuvre)
+        return predict_samples(self, data, manoeuvre)
 
     @property
     def remarks(self) -> list[Remark]:
@@ -233,7 +233,10 @@ class Fit(FitData):
         ]
         caption = f"{self.name}: {self.model}" if self.name else str(self.model)
         return html_table(
-            caption, ("term", *given), rows, [_headline(self.estimates.attrs), *lines(self.remarks)]
+            caption,
+            ("term", *given),
+            rows,
+            [_headline(self.estimates.attrs), *remark_lines(self.remarks)],
         )
 
     def report(self, correlation: bool = False) -> str:
@@ -288,7 +291,7 @@ def open_fit(path: str | os.PathLike) -> Fit:
         tree.attrs,
         {str(name): node.to_dataset(inherit=False) for name, node in tree.children.items()},
     )
-    model = replace(Model.parse(about["model"]), reference=json.loads(about["reference"]))
+    model = replace(RegressionModel.parse(about["model"]), reference=json.loads(about["reference"]))
     return Fit(
         str(about["name"]),
         model,
@@ -397,4 +400,4 @@ def _report(fit: Fit, correlation: bool) -> str:
         text.append(
             f"{term!s:<{wide}}{row['estimate']:>11.5g}{row['stderr']:>10.2g}{between:>24}{errors}{t}{vif:>8}{row['contribution']:>8.2f}"
         )
-    return "\n".join([*text, *(correlations(e) if correlation else []), *lines(fit.remarks)])
+    return "\n".join([*text, *(correlations(e) if correlation else []), *remark_lines(fit.remarks)])

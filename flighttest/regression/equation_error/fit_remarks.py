@@ -18,7 +18,7 @@ import xarray as xr
 from flightmech.errors import IdentificationError
 from flightmech.support.figures import new_figure
 from flighttest.regression.equation_error import least_squares
-from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.uncertainty import collinearity
 from flighttest.regression.uncertainty.residual_spectrum import HIDDEN
 from flighttest.remarks import Remark
@@ -61,7 +61,7 @@ class FitData:
     """
 
     name: str
-    model: Model
+    model: RegressionModel
     estimates: xr.Dataset
     data: xr.Dataset
     design: xr.DataArray

@@ -34,15 +34,15 @@ from flighttest.records.signals.fourier import adjoint, detrended, finite_fourie
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.fit import Fit
 from flighttest.regression.equation_error.least_squares import ridge_penalty
-from flighttest.regression.equation_error.model import Model
-from flighttest.regression.equation_error.samples import Samples, slopes_of, stack
+from flighttest.regression.equation_error.model import RegressionModel
+from flighttest.regression.equation_error.samples import RegressionSamples, slopes_of, stack
 from flighttest.regression.equation_error.time_domain import (
     demand_choice,
     demand_determined,
-    separated,
+    separate_intercepts,
 )
 from flighttest.regression.uncertainty import collinearity, significance
-from flighttest.regression.uncertainty.coloured_residuals import coloured
+from flighttest.regression.uncertainty.coloured_residuals import coloured_covariance_of
 
 _EXCITED = 1e-6  # rms of a regressor inside the band, over its largest value, that is no rounding
 _SHAPE = 2  # degree of the logarithm of the residual's spectrum over the logarithm of the frequency
@@ -56,7 +56,7 @@ WEIGHTS = ("equal", "spectrum")
 
 
 @dataclass(frozen=True)
-class Stretch:
+class TransformedStretch:
     """Where one stretch without a gap stands in the samples and among the transformed rows."""
 
     samples: slice
@@ -71,8 +71,8 @@ class Stretch:
 
 
 def stretches(
-    samples: Samples, band: tuple[float, float], spacing: float | None = None
-) -> list[Stretch]:
+    samples: RegressionSamples, band: tuple[float, float], spacing: float | None = None
+) -> list[TransformedStretch]:
     """Return the stretches that reach down to the band, with the frequencies of each.
 
     Parameters
@@ -88,14 +88,16 @@ def stretches(
     IdentificationError
         No stretch is long enough, or the band is none.
     """
-    found: list[Stretch] = []
+    found: list[TransformedStretch] = []
     start = 0
     for piece, step in zip(*samples.pieces()):
         duration = (piece.stop - piece.start) * step
         if duration * band[0] < 1.0 - 1e-9:
             continue
         frequencies = harmonics(duration if spacing is None else 1.0 / spacing, *band)
-        found.append(Stretch(piece, step, frequencies, slice(start, start + len(frequencies))))
+        found.append(
+            TransformedStretch(piece, step, frequencies, slice(start, start + len(frequencies)))
+        )
         start += len(frequencies)
     if not found:
         longest = max((piece.stop - piece.start) * step for piece, step in zip(*samples.pieces()))
@@ -105,7 +107,7 @@ def stretches(
     return found
 
 
-def transform(columns: np.ndarray, parts: Sequence[Stretch]) -> np.ndarray:
+def transform(columns: np.ndarray, parts: Sequence[TransformedStretch]) -> np.ndarray:
     """Return the scaled transforms of sampled columns, complex (rows, columns)."""
     rows = [
         finite_fourier(detrended(columns[part.samples]), part.step, part.frequencies)
@@ -115,13 +117,13 @@ def transform(columns: np.ndarray, parts: Sequence[Stretch]) -> np.ndarray:
     return np.concatenate(rows)
 
 
-def stacked(values: np.ndarray) -> np.ndarray:
+def stack_complex(values: np.ndarray) -> np.ndarray:
     """Return complex rows as real ones: real parts above imaginary parts."""
     return np.concatenate([values.real, values.imag])
 
 
 def regress_frequency(
-    model: Model,
+    model: RegressionModel,
     data: xr.Dataset | Sequence[xr.Dataset],
     band: tuple[float, float],
     name: str = "",
@@ -183,7 +185,7 @@ def regress_frequency(
     samples = stack(model.coefficient, model.variables, data, model)
     X, terms = model.design(samples.data), list(model.terms)
     if intercepts == "separate":
-        X, terms = separated(X, terms, samples.data["manoeuvre"].values)
+        X, terms = separate_intercepts(X, terms, samples.data["manoeuvre"].values)
     demand_determined(name, model, samples.data[model.coefficient].values, X, terms)
     parts = stretches(samples, band, spacing)
     found, A, change = _solve(model, samples, X, terms, parts, name, ridge, weights)
@@ -199,13 +201,17 @@ def regress_frequency(
         model,
         found,
         data,
-        least_squares.labelled(least_squares.equivalent(A), terms),
-        least_squares.labelled(X, terms),
+        least_squares.label_terms(least_squares.equivalent_regressors(A), terms),
+        least_squares.label_terms(X, terms),
     )
 
 
 def demand_frequencies(
-    label: str, rows: np.ndarray, X: np.ndarray, parts: Sequence[Stretch], terms: Sequence[str]
+    label: str,
+    rows: np.ndarray,
+    X: np.ndarray,
+    parts: Sequence[TransformedStretch],
+    terms: Sequence[str],
 ) -> None:
     """Raise when the transformed equations cannot determine the terms.
 
@@ -243,18 +249,18 @@ def demand_frequencies(
             "add a manoeuvre, or work in time"
         )
     try:
-        collinearity.demand_rank(stacked(rows), terms)
-        collinearity.demand_independence(stacked(rows), np.zeros(len(terms), bool), terms)
+        collinearity.demand_rank(stack_complex(rows), terms)
+        collinearity.demand_independence(stack_complex(rows), np.zeros(len(terms), bool), terms)
     except IdentificationError as error:
         raise IdentificationError(f"{label}: inside the band {error}") from None
 
 
 def _solve(
-    model: Model,
-    samples: Samples,
+    model: RegressionModel,
+    samples: RegressionSamples,
     X: np.ndarray,
     terms: list[str],
-    parts: list[Stretch],
+    parts: list[TransformedStretch],
     name: str,
     ridge,
     weights: str,
@@ -341,7 +347,7 @@ def _solve(
     }
     dof, inflated = np.full(len(terms), freedom.min()), np.ones(len(terms))
     dof[~fixed], inflated[~fixed] = freedom, grow
-    found = significance.added(found, fixed, dof, inflated)
+    found = significance.add_tests(found, fixed, dof, inflated)
     return found, whole.A, errors
 
 
@@ -364,7 +370,7 @@ class Whitened:
         """Return transformed columns (rows, columns) as real equations (2 rows, columns): weighted,
         less what the ends leak.
         """
-        found = stacked(columns * self.root[:, None])
+        found = stack_complex(columns * self.root[:, None])
         return found - self.ends @ (self.ends.T @ found) if self.ends.shape[1] else found
 
     def residual(self, zf: np.ndarray, Xf: np.ndarray, theta: np.ndarray) -> np.ndarray:
@@ -376,7 +382,7 @@ class Whitened:
         return (left[: len(v)] + 1j * left[len(v) :]) / self.root
 
 
-def whitening(Xf: np.ndarray, zf: np.ndarray, parts: Sequence[Stretch]) -> Whitened:
+def whitening(Xf: np.ndarray, zf: np.ndarray, parts: Sequence[TransformedStretch]) -> Whitened:
     """Return weights by which a fit leaves a residual with a flat spectrum.
 
     Parameters
@@ -423,7 +429,7 @@ def whitening(Xf: np.ndarray, zf: np.ndarray, parts: Sequence[Stretch]) -> White
         )
     X, root = np.hstack([Xf, leaks]), np.ones(len(zf))
     for _ in range(_WEIGHINGS):
-        E, z = stacked(X * root[:, None]), stacked(zf * root)
+        E, z = stack_complex(X * root[:, None]), stack_complex(zf * root)
         v = zf - X @ np.linalg.lstsq(E, z, rcond=None)[0]
         power = residual_power(v, E, parts)[: len(v)]
         if not power.all():
@@ -432,10 +438,10 @@ def whitening(Xf: np.ndarray, zf: np.ndarray, parts: Sequence[Stretch]) -> White
         root /= root.mean()
         if np.abs(np.log(root / before)).max() < _WEIGHED:
             break
-    return Whitened(root, np.linalg.qr(stacked(leaks * root[:, None]))[0])
+    return Whitened(root, np.linalg.qr(stack_complex(leaks * root[:, None]))[0])
 
 
-def _spacing(part: Stretch) -> float:
+def _spacing(part: TransformedStretch) -> float:
     return (
         float(part.frequencies[1] - part.frequencies[0])
         if len(part.frequencies) > 1
@@ -443,7 +449,7 @@ def _spacing(part: Stretch) -> float:
     )
 
 
-def residual_power(v: np.ndarray, E: np.ndarray, parts: Sequence[Stretch]) -> np.ndarray:
+def residual_power(v: np.ndarray, E: np.ndarray, parts: Sequence[TransformedStretch]) -> np.ndarray:
     """Return the variance of each real equation (2 rows,): the residual's spectrum as a parabola in
     logarithms, less what the fit took up.
 
@@ -472,7 +478,7 @@ class _Spectrum(NamedTuple):
     free: np.ndarray
 
 
-def _spectrum(v: np.ndarray, E: np.ndarray, parts: Sequence[Stretch]) -> _Spectrum:
+def _spectrum(v: np.ndarray, E: np.ndarray, parts: Sequence[TransformedStretch]) -> _Spectrum:
     leverage = (np.linalg.qr(E)[0] ** 2).sum(axis=1)
     free = np.maximum(0.05, 1.0 - 0.5 * (leverage[: len(v)] + leverage[len(v) :]))
     power = 0.5 * np.abs(v) ** 2 / free
@@ -527,7 +533,7 @@ def student_factor(free: float | np.ndarray) -> np.ndarray:
     return np.asarray(t.ppf(norm.cdf(2.0), free)) / 2.0
 
 
-def _map(D: np.ndarray, parts: Sequence[Stretch], samples: int) -> np.ndarray:
+def _map(D: np.ndarray, parts: Sequence[TransformedStretch], samples: int) -> np.ndarray:
     """The linear map (terms, samples) from the measured coefficient to the slopes."""
     half = D.shape[1] // 2
     weights = (D[:, :half] + 1j * D[:, half:]).T
@@ -555,7 +561,7 @@ class _Whole:
 
 
 def _joined(
-    X: np.ndarray, z: np.ndarray, fixed: np.ndarray, samples: Samples, slopes: _Whole
+    X: np.ndarray, z: np.ndarray, fixed: np.ndarray, samples: RegressionSamples, slopes: _Whole
 ) -> _Whole:
     """Slopes joined by the constants that are left in time; these depend on the slopes through the
     mean regressors.
@@ -569,7 +575,7 @@ def _joined(
     P = least_squares.estimator(X[:, fixed])
     theta[fixed] = P @ (z - X[:, ~fixed] @ slopes.theta)
     v = z - X @ theta
-    own = coloured(X[:, fixed], v, *samples.pieces())
+    own = coloured_covariance_of(X[:, fixed], v, *samples.pieces())
     means = P @ X[:, ~fixed]
     A[fixed] = P - means @ slopes.A
     C[np.ix_(fixed, fixed)] = own.covariance + means @ slopes.covariance @ means.T

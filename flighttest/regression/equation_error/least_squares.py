@@ -43,7 +43,7 @@ def solve(
     return np.linalg.solve(R.T @ R + np.diag(penalty), R.T @ (Q.T @ z)), Q @ raised
 
 
-def equivalent(A: np.ndarray) -> np.ndarray:
+def equivalent_regressors(A: np.ndarray) -> np.ndarray:
     """Return the regressors (samples, terms) whose ordinary least squares is theta = A z."""
     Q, R = np.linalg.qr(A.T)
     return np.linalg.solve(R, Q.T).T
@@ -55,7 +55,7 @@ def estimator(E: np.ndarray) -> np.ndarray:
     return np.linalg.solve(R, Q.T)
 
 
-def labelled(X: np.ndarray, terms: Sequence[str]) -> xr.DataArray:
+def label_terms(X: np.ndarray, terms: Sequence[str]) -> xr.DataArray:
     """Return regressors with the names of their terms."""
     return xr.DataArray(X, dims=("sample", "term"), coords={"term": list(terms)})
 

@@ -35,7 +35,7 @@ _EXPECTED = "'1' or a product of names, ramps and powers, such as 'delta_f*alpha
 
 
 @dataclass(frozen=True)
-class Model:
+class RegressionModel:
     """A coefficient as a sum of terms, each with one unknown parameter.
 
     Parameters
@@ -74,7 +74,7 @@ class Model:
                 raise UnknownName(
                     self.coefficient, MEASURED, "coefficient", "or any quantity of the vocabulary"
                 ) from None
-        names = tuple(word(powers(term)) for term in self.terms)
+        names = tuple(term_text(powers(term)) for term in self.terms)
         if len(set(names)) < len(names):
             twice = next(name for name in names if names.count(name) > 1)
             raise ParseError("<model>", 0, f"the term {twice} more than once", "each term once")
@@ -89,7 +89,7 @@ class Model:
 
     @overload
     @classmethod
-    def parse(cls, text: str) -> Model: ...
+    def parse(cls, text: str) -> RegressionModel: ...
 
     @overload
     @classmethod
@@ -110,7 +110,7 @@ class Model:
         text: str,
         parameters: Mapping[str, ShapeParameter | tuple] | None = None,
         units: Mapping[str, str] | None = None,
-    ) -> Model | SeparableModel:
+    ) -> RegressionModel | SeparableModel:
         """Return the model that a text such as ``"CL = 1 + alpha + qhat + delta_e"`` describes.
 
         Parameters
@@ -162,7 +162,7 @@ class Model:
         """
         return regressors(self.terms, data, self.reference).T
 
-    def absolute(self) -> tuple[Model, np.ndarray]:
+    def absolute(self) -> tuple[RegressionModel, np.ndarray]:
         """Return the same model without reference values, and the matrix that turns its parameters
         into those.
 
@@ -181,7 +181,7 @@ class Model:
         for j, expansion in enumerate(expansions):
             for name, factor in expansion.items():
                 matrix[names.index(name), j] = factor
-        return Model(self.coefficient, names), matrix
+        return RegressionModel(self.coefficient, names), matrix
 
 
 def regressors(
@@ -309,7 +309,7 @@ def _factor(word: str, term: str) -> str:
     return f"ramp({match.group(1)},{quantity(float(text) if bare else text, units):.10g})"
 
 
-def word(factors: Mapping[str, int]) -> str:
+def term_text(factors: Mapping[str, int]) -> str:
     """Return the term made of factors and their powers, the inverse of `powers`."""
     return (
         "*".join(name if power == 1 else f"{name}**{power}" for name, power in factors.items())
@@ -330,6 +330,6 @@ def _expand(factors: Mapping[str, int], reference: Mapping[str, float]) -> dict[
     ]
     total: dict[str, float] = {}
     for pick in product(*choices):
-        name = word({name: k for name, k, _ in pick if k})
+        name = term_text({name: k for name, k, _ in pick if k})
         total[name] = total.get(name, 0.0) + float(np.prod([factor for *_, factor in pick]))
     return total

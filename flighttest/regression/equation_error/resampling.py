@@ -17,8 +17,8 @@ import xarray as xr
 from flightmech.errors import IdentificationError
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.fit import Fit
-from flighttest.regression.equation_error.samples import Samples
-from flighttest.regression.uncertainty.coloured_residuals import colours
+from flighttest.regression.equation_error.samples import RegressionSamples
+from flighttest.regression.uncertainty.coloured_residuals import estimate_disturbances
 
 FEWEST = 20
 _BATCHES = 4  # batches of replicates per process: a task must be longer than its journey
@@ -60,7 +60,7 @@ class Bootstrap:
 
 
 @dataclass(frozen=True)
-class Study:
+class MonteCarlo:
     """What many simulated records gave, against the truth.
 
     Attributes
@@ -99,7 +99,7 @@ class Study:
 
 def monte_carlo(
     identify: Callable[[int], Any], truth: dict[str, float], seeds: Sequence[int], jobs: int = -1
-) -> Study:
+) -> MonteCarlo:
     """Identify many simulated records and hold the estimates against the truth.
 
     Parameters
@@ -147,7 +147,7 @@ def monte_carlo(
     true = np.array(list(truth.values()))
     away = runs["estimate"].values - true
     scatter = away.std(axis=0, ddof=1)
-    return Study(
+    return MonteCarlo(
         xr.Dataset(
             {
                 "truth": ("term", true),
@@ -210,7 +210,7 @@ def bootstrap(fit: Fit, replicates: int = 200, seed: int = 0, jobs: int = 1) -> 
         raise IdentificationError(
             f"{fit.name or fit.model}: published values have no residuals to draw from; give a fit of samples"
         )
-    source = _Source(fit)
+    source = _ResidualSimulator(fit)
     batches = _batches(list(range(replicates)), jobs)
     found = np.concatenate(
         Parallel(n_jobs=jobs)(delayed(source.draw)(seed, batch) for batch in batches)
@@ -235,7 +235,7 @@ def bootstrap(fit: Fit, replicates: int = 200, seed: int = 0, jobs: int = 1) -> 
     )
 
 
-class _Source:
+class _ResidualSimulator:
     """Disturbances like the residual of a fit, and what they do to the estimates."""
 
     def __init__(self, fit: Fit):
@@ -244,10 +244,12 @@ class _Source:
             float(np.median(np.diff(time[number == k]))) if (number == k).sum() > 1 else 1.0
             for k in range(int(number.max()) + 1)
         ]
-        self.pieces, steps = Samples(fit.data, steps).pieces()
+        self.pieces, steps = RegressionSamples(fit.data, steps).pieces()
         self.estimator = least_squares.estimator(fit.design.values)
         self.offset = float(fit.estimates.attrs.get("offset", 0.0))
-        self.colours = colours(fit.regressors.values, fit.residual, self.pieces, steps)
+        self.colours = estimate_disturbances(
+            fit.regressors.values, fit.residual, self.pieces, steps
+        )
 
     def draw(self, seed: int, numbers: Sequence[int]) -> np.ndarray:
         """Return changes of the estimates, (numbers, terms)."""

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import IdentificationError, UnknownName
-from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.model import RegressionModel
 
 # what tables may depend on: kept with the samples
 _KEPT = (
@@ -51,7 +51,7 @@ _KEPT = (
 
 
 @dataclass(frozen=True)
-class Samples:
+class RegressionSamples:
     """Samples of manoeuvres, one after the other.
 
     Attributes
@@ -136,7 +136,9 @@ class Samples:
         )
 
 
-def slopes_of(model: Model, theta: np.ndarray) -> Callable[[Mapping[str, np.ndarray]], np.ndarray]:
+def slopes_of(
+    model: RegressionModel, theta: np.ndarray
+) -> Callable[[Mapping[str, np.ndarray]], np.ndarray]:
     """Return what a model makes of values of its variables without its constant, for
     `Samples.errors`.
 
@@ -182,7 +184,7 @@ def stack(
     variables: Sequence[str],
     data: xr.Dataset | Sequence[xr.Dataset],
     purpose: object,
-) -> Samples:
+) -> RegressionSamples:
     """Return all samples in which the coefficient and the variables are finite.
 
     Parameters
@@ -261,7 +263,7 @@ def stack(
         float(np.median(np.diff(one["time"].values))) if one.sizes["time"] > 1 else 1.0
         for one in manoeuvres
     ]
-    return Samples(samples, steps)
+    return RegressionSamples(samples, steps)
 
 
 def _by_source(

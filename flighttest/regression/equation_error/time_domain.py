@@ -19,10 +19,10 @@ from flightmech.names import lookup
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.fit import Fit
 from flighttest.regression.equation_error.least_squares import WEIGHTS, ridge_penalty, roots
-from flighttest.regression.equation_error.model import Model, powers, variable_of
-from flighttest.regression.equation_error.samples import Samples, slopes_of, stack
+from flighttest.regression.equation_error.model import RegressionModel, powers, variable_of
+from flighttest.regression.equation_error.samples import RegressionSamples, slopes_of, stack
 from flighttest.regression.uncertainty import collinearity, significance
-from flighttest.regression.uncertainty.coloured_residuals import coloured
+from flighttest.regression.uncertainty.coloured_residuals import coloured_covariance_of
 
 SAMPLES_PER_TERM = 5
 # smallest rms excursion that counts as movement, by unit; a reduced rate of 1e-5 is 0.1 deg/s on a
@@ -31,7 +31,7 @@ LEAST_MOVEMENT = {"rad": 2e-4, "1": 2e-6}
 
 
 def regress(
-    model: Model,
+    model: RegressionModel,
     data: xr.Dataset | Sequence[xr.Dataset],
     name: str = "",
     intercepts: str = "common",
@@ -87,7 +87,7 @@ def regress(
     samples = stack(model.coefficient, [*model.variables, *extra], data, model)
     X, terms = model.design(samples.data), list(model.terms)
     if intercepts == "separate":
-        X, terms = separated(X, terms, samples.data["manoeuvre"].values)
+        X, terms = separate_intercepts(X, terms, samples.data["manoeuvre"].values)
     demand_determined(name, model, samples.data[model.coefficient].values, X, terms)
     found, design, change = _solve(model, samples, X, terms, lag, weights, ridge)
     found.attrs.update(name=name, intercepts=intercepts)
@@ -97,8 +97,8 @@ def regress(
         model,
         found,
         data,
-        least_squares.labelled(design, terms),
-        least_squares.labelled(X, terms),
+        least_squares.label_terms(design, terms),
+        least_squares.label_terms(X, terms),
     )
 
 
@@ -132,7 +132,7 @@ def demand_determined(
         raise IdentificationError(f"{label}{model}: {error}") from None
 
 
-def separated(
+def separate_intercepts(
     X: np.ndarray, terms: list[str], manoeuvre: np.ndarray
 ) -> tuple[np.ndarray, list[str]]:
     """Return regressors and terms with one intercept per manoeuvre in place of the term ``1``."""
@@ -168,7 +168,13 @@ def _demand_movement(z: np.ndarray, X: np.ndarray, terms: Sequence[str]) -> None
 
 
 def _solve(
-    model: Model, samples: Samples, X: np.ndarray, terms: list[str], lag, weights: str, ridge
+    model: RegressionModel,
+    samples: RegressionSamples,
+    X: np.ndarray,
+    terms: list[str],
+    lag,
+    weights: str,
+    ridge,
 ) -> tuple[xr.Dataset, np.ndarray, np.ndarray]:
     """The estimates, the regressors of which they are the ordinary least squares, and what the
     common errors change.
@@ -181,7 +187,7 @@ def _solve(
     v = z - X @ theta
     s2 = float(v * root @ (v * root)) / (len(z) - len(terms))
     pieces, steps = samples.pieces()
-    C = coloured(E, v * root, pieces, steps, lag)
+    C = coloured_covariance_of(E, v * root, pieces, steps, lag)
     A = least_squares.estimator(E) * root
     sources, errors = samples.errors(model.coefficient, model.variables, slopes_of(model, theta))
     spread = float(np.std(z))
@@ -220,5 +226,5 @@ def _solve(
         **significance.whiteness(v * root, pieces, steps),
     }
     dof = significance.of_slopes(A, v, pieces, fixed)
-    found = significance.added(found, fixed, dof, np.ones(len(terms)))
-    return found, E if weights == "equal" else least_squares.equivalent(A), errors
+    found = significance.add_tests(found, fixed, dof, np.ones(len(terms)))
+    return found, E if weights == "equal" else least_squares.equivalent_regressors(A), errors

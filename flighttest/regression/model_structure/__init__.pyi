@@ -5,5 +5,5 @@ from .candidates import spline_terms as spline_terms
 from .search import select_orthogonal as select_orthogonal
 from .search import select_stepwise as select_stepwise
 from .selection import Selection as Selection
-from .selection import decide as decide
-from .selection import tally as tally
+from .selection import apply_deletion_rule as apply_deletion_rule
+from .selection import count_selections as count_selections

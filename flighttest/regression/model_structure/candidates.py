@@ -15,12 +15,12 @@ from flightmech.names import lookup
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.frequency_domain import (
     WEIGHTS,
-    stacked,
+    stack_complex,
     stretches,
     transform,
     whitening,
 )
-from flighttest.regression.equation_error.model import powers, regressors, variable_of, word
+from flighttest.regression.equation_error.model import powers, regressors, term_text, variable_of
 from flighttest.regression.equation_error.samples import stack
 from flighttest.regression.equation_error.time_domain import demand_choice
 
@@ -50,7 +50,7 @@ def monomials(variables: Sequence[str], order: int) -> list[str]:
     found = ["1"]
     for size in range(1, order + 1):
         for pick in combinations_with_replacement(variables, size):
-            found.append(word({name: pick.count(name) for name in dict.fromkeys(pick)}))
+            found.append(term_text({name: pick.count(name) for name in dict.fromkeys(pick)}))
     return found
 
 
@@ -79,21 +79,23 @@ def spline_terms(variable: str, knots: Sequence[float | str], order: int = 1) ->
     if order not in (1, 2):
         raise ParseError("<model>", 0, f"order {order} of a spline", "1 or 2")
     return [
-        word({factor: order}) for knot in knots for factor in powers(f"ramp({variable},{knot})")
+        term_text({factor: order})
+        for knot in knots
+        for factor in powers(f"ramp({variable},{knot})")
     ]
 
 
 @lru_cache(maxsize=16)
 def _spelled(candidates: tuple[str, ...]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Terms in one spelling, each once, and their variables."""
-    terms = tuple(dict.fromkeys(word(powers(term)) for term in candidates))
+    terms = tuple(dict.fromkeys(term_text(powers(term)) for term in candidates))
     return terms, tuple(
         dict.fromkeys(variable_of(factor) for term in terms for factor in powers(term))
     )
 
 
 @dataclass(frozen=True)
-class Equations:
+class CandidateEquations:
     """Candidates and the coefficient as rows of real equations.
 
     Attributes
@@ -137,7 +139,7 @@ def equations(
     data: xr.Dataset | Sequence[xr.Dataset],
     band: tuple[float, float] | None,
     weights: str = "equal",
-) -> Equations:
+) -> CandidateEquations:
     """Return the regressors of candidates.
 
     Parameters
@@ -187,10 +189,10 @@ def equations(
                 whitened.ends.shape[1],
             )
         else:
-            X, z = stacked(Xf).T, stacked(zf)[:, 0]
+            X, z = stack_complex(Xf).T, stack_complex(zf)[:, 0]
     elif not keep.all():
         X = X[keep]
-    return Equations(
+    return CandidateEquations(
         coefficient,
         tuple(term for term, use in zip(terms, keep) if use),
         np.ascontiguousarray(X),
@@ -208,7 +210,7 @@ _TIE = 1e-9
 LEAST = 1e-4  # of a candidate's size that must be left for it to be taken
 
 
-class Working:
+class OrthogonalBasis:
     """State of a forward selection.
 
     Parameters

@@ -25,15 +25,15 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import IdentificationError
-from flighttest.regression.equation_error.model import powers, word
+from flighttest.regression.equation_error.model import powers, term_text
 from flighttest.regression.model_structure.candidates import (
     FREE,
     LEAST,
-    Equations,
-    Working,
+    CandidateEquations,
+    OrthogonalBasis,
     equations,
 )
-from flighttest.regression.model_structure.selection import Selection, conclude
+from flighttest.regression.model_structure.selection import Selection, fit_selected_terms
 
 GAIN = 0.005  # rise of R2 that a further function must bring
 _WORTH = (
@@ -84,7 +84,7 @@ def select_orthogonal(
     the variance of the residual.  In frequency see `Rating`.
     """
     problem = equations(coefficient, candidates, data, band, weights)
-    work = Working(problem.X, problem.z)
+    work = OrthogonalBasis(problem.X, problem.z)
     kept = [problem.place(term) for term in keep if not (term == "1" and band is not None)]
     rows: list[dict] = []
     rate = Rating(problem, noise)
@@ -95,11 +95,13 @@ def select_orthogonal(
         problem, work, rate, gain, kept, rows
     ):
         pass
-    return conclude("orthogonal functions", problem, work, rows, kept, data, name, drop=True)
+    return fit_selected_terms(
+        "orthogonal functions", problem, work, rows, kept, data, name, drop=True
+    )
 
 
 def _forward(
-    problem: Equations, work: Working, rate: Rating, gain: float, rows: list[dict]
+    problem: CandidateEquations, work: OrthogonalBasis, rate: Rating, gain: float, rows: list[dict]
 ) -> bool:
     """Take the function that adds most, when it adds enough."""
     gains = work.gains()
@@ -113,8 +115,8 @@ def _forward(
 
 
 def _better(
-    problem: Equations,
-    work: Working,
+    problem: CandidateEquations,
+    work: OrthogonalBasis,
     rate: Rating,
     gain: float,
     kept: Sequence[int],
@@ -135,12 +137,12 @@ def _better(
             )
         )
         return True
-    return exchanged(problem, work, rate, gain, kept, rows)
+    return exchange_term(problem, work, rate, gain, kept, rows)
 
 
-def exchanged(
-    problem: Equations,
-    work: Working,
+def exchange_term(
+    problem: CandidateEquations,
+    work: OrthogonalBasis,
     rate: Rating,
     gain: float,
     kept: Sequence[int],
@@ -189,7 +191,7 @@ class Rating:
     term a hundredth of R2 and more; the bound is the smaller of it and of 50 times the variance of the noise.
     """
 
-    def __init__(self, problem: Equations, noise: float | None = None):
+    def __init__(self, problem: CandidateEquations, noise: float | None = None):
         centred, z = problem.band is None, problem.z
         if noise is not None and not (noise > 0 and centred):
             raise IdentificationError(
@@ -208,12 +210,12 @@ class Rating:
         """Return the fall of the sum of squares that makes a term worth its place."""
         return max(gain * self.total, self.price(rss))
 
-    def variance(self, work: Working) -> float:
+    def variance(self, work: OrthogonalBasis) -> float:
         """Return the variance of the residual."""
         return work.rss / max(1, self.rows - len(work.taken))
 
     def row(
-        self, action: str, term: str, work: Working, partial: float, F: float | None = None
+        self, action: str, term: str, work: OrthogonalBasis, partial: float, F: float | None = None
     ) -> dict:
         """Return one step of a selection."""
         n, rss, s2 = len(work.taken), work.rss, self.variance(work)
@@ -231,7 +233,7 @@ class Rating:
         }
 
 
-def _of_all(problem: Equations) -> float:
+def _of_all(problem: CandidateEquations) -> float:
     """The variance of a row that all candidates together do not explain; infinite where there are
     too many of them.
     """
@@ -314,7 +316,7 @@ def select_stepwise(
         )
     problem = equations(coefficient, candidates, data, band, weights)
     kept = [problem.place(term) for term in keep if not (term == "1" and band is not None)]
-    work, rate = Working(problem.X, problem.z), Rating(problem)
+    work, rate = OrthogonalBasis(problem.X, problem.z), Rating(problem)
     rows: list[dict] = []
     for j in kept:
         work.take(j)
@@ -334,13 +336,13 @@ def select_stepwise(
                 place, F = weak
                 work.start([k for k in work.taken if k != place])
                 rows.append(rate.row("removed", problem.terms[place], work, np.nan, F))
-        if hierarchy or not exchanged(problem, work, rate, gain, kept, rows):
+        if hierarchy or not exchange_term(problem, work, rate, gain, kept, rows):
             break
-    return conclude("stepwise", problem, work, rows, kept, data, name, drop=False)
+    return fit_selected_terms("stepwise", problem, work, rows, kept, data, name, drop=False)
 
 
 def _next(
-    work: Working, rate: Rating, enter: float, gain: float, parents: list[set[int]] | None
+    work: OrthogonalBasis, rate: Rating, enter: float, gain: float, parents: list[set[int]] | None
 ) -> int | None:
     """The candidate to enter, or None."""
     if len(work.taken) + 2 >= rate.rows or work.rss <= 0.0:
@@ -360,7 +362,7 @@ def _next(
 
 
 def _weakest(
-    work: Working, rate: Rating, kept: Sequence[int], leave: float
+    work: OrthogonalBasis, rate: Rating, kept: Sequence[int], leave: float
 ) -> tuple[int, float] | None:
     """The term in the model with the smallest partial F, when that is too small."""
     s2 = rate.variance(work)
@@ -372,14 +374,14 @@ def _weakest(
     return (work.taken[k], float(F[k])) if F[k] < leave else None
 
 
-def _parents(problem: Equations) -> list[set[int]]:
+def _parents(problem: CandidateEquations) -> list[set[int]]:
     """For every candidate the candidates with one factor less."""
     places = {term: j for j, term in enumerate(problem.terms)}
     found = []
     for term in problem.terms:
         factors = powers(term)
         lower = [
-            word({f: p - (f == less) for f, p in factors.items() if p - (f == less)})
+            term_text({f: p - (f == less) for f, p in factors.items() if p - (f == less)})
             for less in factors
         ]
         found.append({places[one] for one in lower if one in places and one != "1"})

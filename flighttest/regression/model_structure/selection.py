@@ -13,9 +13,9 @@ from flightmech.errors import IdentificationError
 from flighttest.regression.combining.pooling import pool_fits
 from flighttest.regression.equation_error.fit import Fit
 from flighttest.regression.equation_error.frequency_domain import regress_frequency
-from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
-from flighttest.regression.model_structure.candidates import Equations, Working
+from flighttest.regression.model_structure.candidates import CandidateEquations, OrthogonalBasis
 from flighttest.regression.uncertainty.collinearity import VIF
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ DETERMINED = 10.0  # standard errors above which a collinear term counts as dete
 GAIN = 0.02  # relative rise of the validation error below which a term is not needed
 
 
-def decide(
+def apply_deletion_rule(
     fits: Sequence[Fit],
     prior: Mapping[str, tuple[float, float]] | None = None,
     validation: Fit | None = None,
@@ -224,7 +224,7 @@ class Selection:
     idle: tuple[str, ...]
 
     @property
-    def model(self) -> Model:
+    def model(self) -> RegressionModel:
         """The chosen model."""
         return self.fit.model
 
@@ -253,7 +253,7 @@ class Selection:
         return "\n".join([*lines, "", self.fit.report(correlation)])
 
 
-def tally(selections: Sequence[Selection]) -> pd.DataFrame:
+def count_selections(selections: Sequence[Selection]) -> pd.DataFrame:
     """Count in how many selections each term was chosen: the way from single records to a common
     model.
 
@@ -290,10 +290,10 @@ def tally(selections: Sequence[Selection]) -> pd.DataFrame:
     return pd.DataFrame({"count": counts, "share": counts / len(selections)}).rename_axis("term")
 
 
-def conclude(
+def fit_selected_terms(
     method: str,
-    problem: Equations,
-    work: Working,
+    problem: CandidateEquations,
+    work: OrthogonalBasis,
     rows: Sequence[dict],
     keep: Sequence[int],
     data,
@@ -339,7 +339,7 @@ def conclude(
         ]
     if problem.band is not None:
         terms = ["1", *terms]
-    model = Model(problem.coefficient, terms)
+    model = RegressionModel(problem.coefficient, terms)
     fit = (
         regress(model, data, name)
         if problem.band is None
@@ -348,7 +348,7 @@ def conclude(
     return Selection(method, fit, pd.DataFrame(rows), _functions(problem, work, fit), problem.idle)
 
 
-def _functions(problem: Equations, work: Working, fit: Fit) -> xr.Dataset:
+def _functions(problem: CandidateEquations, work: OrthogonalBasis, fit: Fit) -> xr.Dataset:
     """The orthogonal functions p = Q diag(R), so that each holds its own term once."""
     names = [problem.terms[j] for j in work.taken]
     R = work.triangle

@@ -14,7 +14,12 @@ from flightmech.errors import IdentificationError, UnknownName
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.samples import stack
 from flighttest.regression.expressions import Scope, parse
-from flighttest.regression.separable.search import Found, Problem, Search, judged
+from flighttest.regression.separable.search import (
+    SeparableProblem,
+    SeparableSolution,
+    WeightedMinimum,
+    assess_identifiability,
+)
 from flighttest.regression.separable_model import SeparableModel, ShapeParameter
 from flighttest.regression.uncertainty import collinearity
 
@@ -196,8 +201,10 @@ def regress_separable(
     """
     models = [model] if isinstance(model, SeparableModel) else list(model)
     _demand_models(models)
-    problem = Problem(models, [stack(one.target, one.variables, data, one) for one in models])
-    search = Search(problem)
+    problem = SeparableProblem(
+        models, [stack(one.target, one.variables, data, one) for one in models]
+    )
+    search = WeightedMinimum(problem)
     found = search.settled(lag)
     estimates = _estimates(problem, found)
     residuals = problem.residuals(found.values, found.coefficients)
@@ -212,7 +219,7 @@ def regress_separable(
     )
 
 
-def _estimates(problem: Problem, found: Found) -> xr.Dataset:
+def _estimates(problem: SeparableProblem, found: SeparableSolution) -> xr.Dataset:
     """Estimates under the names that all fits share; what is at a bound has no standard error."""
     names = [*(term for terms in problem.terms for term in terms), *problem.names]
     theta = np.concatenate([*found.coefficients, found.values])
@@ -251,7 +258,7 @@ def _estimates(problem: Problem, found: Found) -> xr.Dataset:
             pushed = np.zeros(size)
             pushed[columns] = X.T @ (problem.weights[j] * error)
             change[free, sources.index(source)] += D @ pushed[free]
-    more = judged(problem.models, problem.shape, names, theta, covariance, found)
+    more = assess_identifiability(problem.models, problem.shape, names, theta, covariance, found)
     return least_squares.estimates(names, theta, covariance, white, (sources, change), more)
 
 
@@ -273,7 +280,9 @@ def _whole(part: np.ndarray, free: np.ndarray) -> np.ndarray:
     return found
 
 
-def _facts(problem: Problem, found: Found, residuals: Sequence[np.ndarray], name: str) -> dict:
+def _facts(
+    problem: SeparableProblem, found: SeparableSolution, residuals: Sequence[np.ndarray], name: str
+) -> dict:
     targets = [model.target for model in problem.models]
     total = [float(((z - z.mean()) ** 2).sum()) for z in problem.z]
     R2 = [1.0 - float(v @ v) / t if t else float("nan") for v, t in zip(residuals, total)]

@@ -40,7 +40,7 @@ _DIFFERENCE = 1e-5  # step of the second derivatives, of the range of a paramete
 _RANK = 1e-10
 
 
-class Block(NamedTuple):
+class LinearBlock(NamedTuple):
     """One linear least-squares problem: z (rows,), A (rows, n), and what its columns change with
     the parameters.
 
@@ -73,11 +73,13 @@ class Projection(NamedTuple):
     coefficients: tuple[np.ndarray, ...]
 
 
-Blocks = Callable[[np.ndarray], Sequence[Block]]
+Blocks = Callable[[np.ndarray], Sequence[LinearBlock]]
 
 
 def project(
-    blocks: Sequence[Block], parameters: int, fixed: tuple[np.ndarray, np.ndarray] | None = None
+    blocks: Sequence[LinearBlock],
+    parameters: int,
+    fixed: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> Projection | None:
     """Return the projection, or None where the coefficients are not determined.
 
@@ -141,7 +143,7 @@ def minimise(
     IdentificationError
         Nowhere a projection.
     """
-    best: _Place | None = None
+    best: _SearchPoint | None = None
     for start in starts:
         best = _better(best, _descended(evaluate, low, high, np.clip(start, low, high)))
     if best is None:
@@ -153,7 +155,7 @@ def minimise(
     return _polished(evaluate, low, high, best.s)
 
 
-def _valleys(evaluate, best: _Place, low: np.ndarray, high: np.ndarray) -> list[np.ndarray]:
+def _valleys(evaluate, best: _SearchPoint, low: np.ndarray, high: np.ndarray) -> list[np.ndarray]:
     """Starts that differ from a solution in one parameter, where the cost along it has another
     valley.
     """
@@ -180,19 +182,19 @@ def _between(low: float, high: float) -> np.ndarray:
     return low + (high - low) * (np.arange(STARTS) + 0.5) / STARTS
 
 
-class _Place(NamedTuple):
+class _SearchPoint(NamedTuple):
     cost: float
     s: np.ndarray
 
 
-def _better(best: _Place | None, found: _Place | None) -> _Place | None:
+def _better(best: _SearchPoint | None, found: _SearchPoint | None) -> _SearchPoint | None:
     """The second only where it is clearly better, so that equal minima are not exchanged."""
     if found is None or (best is not None and found.cost > best.cost * (1.0 - 1e-6)):
         return best
     return found
 
 
-def _descended(evaluate, low: np.ndarray, high: np.ndarray, s: np.ndarray) -> _Place | None:
+def _descended(evaluate, low: np.ndarray, high: np.ndarray, s: np.ndarray) -> _SearchPoint | None:
     """Levenberg and Marquardt from one start: the least cost, nearly, and where."""
     now = _tried(evaluate, s)
     if now is None:
@@ -214,7 +216,7 @@ def _descended(evaluate, low: np.ndarray, high: np.ndarray, s: np.ndarray) -> _P
         s, now, damping = new, then, max(damping / 10.0, 1e-14)
         if gain <= _ENOUGH * now.cost:
             break
-    return _Place(now.cost, s)
+    return _SearchPoint(now.cost, s)
 
 
 def _polished(evaluate, low: np.ndarray, high: np.ndarray, s: np.ndarray) -> np.ndarray:

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from flightmech.errors import IdentificationError
-from flighttest.regression.equation_error.samples import Samples
+from flighttest.regression.equation_error.samples import RegressionSamples
 from flighttest.regression.expressions import Pieces
 from flighttest.regression.separable.projection import (
-    Block,
+    LinearBlock,
     Projection,
     minimise,
     project,
@@ -22,7 +22,7 @@ from flighttest.regression.separable.projection import (
 )
 from flighttest.regression.separable_model import SeparableModel, ShapeParameter
 from flighttest.regression.uncertainty import collinearity
-from flighttest.regression.uncertainty.coloured_residuals import coloured
+from flighttest.regression.uncertainty.coloured_residuals import coloured_covariance_of
 
 # least coefficient over standard error of a term whose shape was searched: the search takes the
 # largest of many
@@ -30,7 +30,7 @@ T_SHAPED = 3.0
 NARROWED = 0.5  # largest standard error of a shape parameter over that before the flights
 
 
-def judged(
+def assess_identifiability(
     models: Sequence[SeparableModel],
     shape: Mapping[str, ShapeParameter],
     names: Sequence[str],
@@ -142,10 +142,10 @@ def _decomposed(found: Any) -> tuple[np.ndarray, np.ndarray]:
 SAMPLES_PER_PARAMETER = 5
 
 
-class Problem:
+class SeparableProblem:
     """Models and their samples: the least-squares problem for given shape parameters and weights."""
 
-    def __init__(self, models: Sequence[SeparableModel], samples: Sequence[Samples]):
+    def __init__(self, models: Sequence[SeparableModel], samples: Sequence[RegressionSamples]):
         self.models, self.samples = models, samples
         self.pieces = [Pieces(*one.pieces()) for one in samples]
         self.quantities = [
@@ -190,7 +190,7 @@ class Problem:
         parameter.
         """
         blocks = [
-            Block(z * w, A * w, [(m, j, slope * w) for m, j, slope in slopes])
+            LinearBlock(z * w, A * w, [(m, j, slope * w) for m, j, slope in slopes])
             for z, w, (A, slopes) in zip(self.z, self.weights, self.designs(s))
         ]
         means = np.array([self.shape[name].start or 0.0 for name in self.names])
@@ -215,7 +215,7 @@ _AT_BOUND = 1e-9  # distance from a bound over the range
 
 
 @dataclass(frozen=True)
-class Found:
+class SeparableSolution:
     """Where the search ended: shape parameters, coefficients, and what belongs to the covariance.
 
     ``products`` (X'X), ``spread`` (X'RX) and ``white`` (s2 X'X) are over all coefficients and shape
@@ -233,17 +233,17 @@ class Found:
     offset: float
 
 
-class Search:
+class WeightedMinimum:
     """The minimum for given weights, and the weights that belong to it."""
 
-    def __init__(self, problem: Problem):
+    def __init__(self, problem: SeparableProblem):
         self.problem = problem
         items = [problem.shape[name] for name in problem.names]
         self.low, self.high = np.array([i.low for i in items]), np.array([i.high for i in items])
         self.sigma = np.array([i.sigma for i in items])
         self.given = np.array([np.nan if i.start is None else i.start for i in items])
 
-    def settled(self, lag: float | None) -> Found:
+    def settled(self, lag: float | None) -> SeparableSolution:
         """The minimum once the weights of quantities and priors no longer change."""
         problem, known = self.problem, np.isfinite(self.sigma)
         weight, starts = np.zeros(len(self.low)), spread_starts(self.low, self.high, self.given)
@@ -275,7 +275,7 @@ class Search:
             return np.zeros(0)
         return minimise(lambda s: self.problem.project(s, prior), self.low, self.high, starts)
 
-    def colour(self, found: Found) -> np.ndarray:
+    def colour(self, found: SeparableSolution) -> np.ndarray:
         """Variance that a white disturbance would need, to give each shape parameter its standard
         error.
         """
@@ -289,7 +289,7 @@ class Search:
             np.trace(found.spread) / np.trace(found.products),
         )
 
-    def around(self, s: np.ndarray, prior: np.ndarray, lag: float | None) -> Found:
+    def around(self, s: np.ndarray, prior: np.ndarray, lag: float | None) -> SeparableSolution:
         """Coefficients and what their covariance is made of."""
         problem = self.problem
         projection = problem.project(s, np.zeros_like(prior))
@@ -328,7 +328,9 @@ class Search:
         idle = np.diag(products)[size - m :] == 0.0
         free = np.concatenate([np.ones(size - m, bool), inside & ~idle])
         extra = np.concatenate([np.zeros(size - m), prior**2])
-        return Found(s, c, extra, products, spread, white, regressors, free, float(max(offsets)))
+        return SeparableSolution(
+            s, c, extra, products, spread, white, regressors, free, float(max(offsets))
+        )
 
 
 def _spread(
@@ -340,6 +342,6 @@ def _spread(
     length = np.linalg.norm(X, axis=0)
     U, s, Vt = np.linalg.svd(X / np.where(length > 0, length, 1.0), full_matrices=False)
     seen = s > 1e-10 * s[0]
-    found = coloured(U[:, seen], v, pieces.slices, pieces.steps, lag)
+    found = coloured_covariance_of(U[:, seen], v, pieces.slices, pieces.steps, lag)
     back = (s[:, None] * Vt)[seen] * length
     return back.T @ found.covariance @ back, found.offset

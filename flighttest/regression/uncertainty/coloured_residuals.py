@@ -56,7 +56,7 @@ class Coloured(NamedTuple):
     edge: float = 0.0
 
 
-def coloured(
+def coloured_covariance_of(
     X: np.ndarray,
     v: np.ndarray,
     pieces: Sequence[slice],
@@ -107,7 +107,7 @@ def coloured(
     windowed = np.sqrt(np.diag(by_window))
     if lag is not None:
         return Coloured(by_window, offset, windowed)
-    found = colours(X, v, pieces, steps)
+    found = estimate_disturbances(X, v, pieces, steps)
     covariance, offset = _covariance(
         X, v, pieces, [colour.spread(X[piece]) for colour, piece in zip(found, pieces)]
     )
@@ -148,7 +148,7 @@ def _windowed(X, v, pieces, steps, lag: float) -> list[tuple[np.ndarray, float]]
 
 
 @dataclass(frozen=True)
-class Colour:
+class PieceDisturbance:
     """The disturbance of one piece: that of block means, and white noise within the blocks.
 
     Averaging takes out the part of the spectrum that a low-pass has emptied, and lets an
@@ -196,9 +196,9 @@ class Colour:
         return np.repeat(slow - np.add.reduceat(fast, starts) / counts, counts) + fast
 
 
-def colours(
+def estimate_disturbances(
     X: np.ndarray, v: np.ndarray, pieces: Sequence[slice], steps: Sequence[float]
-) -> list[Colour]:
+) -> list[PieceDisturbance]:
     """Return the disturbance behind the residuals, piece by piece.
 
     Parameters
@@ -215,7 +215,7 @@ def colours(
         rest = v[piece] - np.repeat(mean[:, -1], counts)
         means.append(mean)
         whites.append(float(rest @ rest) / max(1, len(rest) - len(starts)))
-    found: dict[int, Colour] = {}
+    found: dict[int, PieceDisturbance] = {}
     for clock in set(clocks):
         members = [k for k, own in enumerate(clocks) if own == clock]
         edges = np.cumsum([0, *(len(means[k]) for k in members)])
@@ -224,7 +224,7 @@ def colours(
         spectrum = residual_spectrum(together[:, :-1], together[:, -1], places)
         sizes = _sizes(spectrum.model, [means[k][:, -1] for k in members])
         for k, size in zip(members, sizes):
-            found[k] = Colour(spectrum, float(size), lengths[k], whites[k])
+            found[k] = PieceDisturbance(spectrum, float(size), lengths[k], whites[k])
     return [found[k] for k in range(len(pieces))]
 
 

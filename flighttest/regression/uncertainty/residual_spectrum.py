@@ -211,14 +211,14 @@ def residual_spectrum(X: np.ndarray, v: np.ndarray, pieces: Sequence[slice]) -> 
     )
 
 
-class Mode(NamedTuple):
+class SpectrumMaximum(NamedTuple):
     """The maximum of the posterior of ln S at the knots, for one roughness."""
 
     c: np.ndarray
     covariance: np.ndarray
     evidence: float  # logarithm, but for a constant
 
-    def mean(self, hats: Hats) -> np.ndarray:
+    def mean(self, hats: RoofFunctions) -> np.ndarray:
         """Return the posterior mean of S at frequencies, that of a lognormal variable."""
         left, right = hats.left, 1.0 - hats.left
         own, neighbour = np.diag(self.covariance), np.diag(self.covariance, 1)
@@ -230,7 +230,7 @@ class Mode(NamedTuple):
         return np.exp(hats.at(self.c) + 0.5 / np.sqrt(variance**-2.0 + np.log(UNKNOWN) ** -4.0))
 
 
-class Hats(NamedTuple):
+class RoofFunctions(NamedTuple):
     """Frequencies among the knots, between which ln S is linear: two knots act on each, so that
     sums of products are tridiagonal.
     """
@@ -259,7 +259,7 @@ class Hats(NamedTuple):
         return np.diag(own) + np.diag(neighbour, 1) + np.diag(neighbour, -1)
 
 
-class _Point(NamedTuple):
+class _TrialSpectrum(NamedTuple):
     """A spectrum under trial."""
 
     c: np.ndarray  # ln S at the knots
@@ -300,13 +300,13 @@ class _Likelihood:
         self.knots = np.linspace(0.0, end, 1 + max(1, int(np.ceil(end / _KNOT))))
         self.every = self.hats(np.concatenate(frequencies))
 
-    def hats(self, f: np.ndarray) -> Hats:
+    def hats(self, f: np.ndarray) -> RoofFunctions:
         """Return frequencies in cycles per sample among the knots."""
         x = np.arcsinh(f * self.longest) / self.knots[1]
         cell = np.minimum(x.astype(int), len(self.knots) - 2)
-        return Hats(len(self.knots), cell, 1.0 + cell - x)
+        return RoofFunctions(len(self.knots), cell, 1.0 + cell - x)
 
-    def mode(self, c: np.ndarray, roughness: float) -> Mode:
+    def mode(self, c: np.ndarray, roughness: float) -> SpectrumMaximum:
         """Return the maximum of the posterior from any start `c`, by Newton steps that never go
         down.
         """
@@ -328,15 +328,15 @@ class _Likelihood:
                 break
         information = 0.5 * self.every.products(self.kept) + prior + self._pull(at)[1]
         evidence = -at.cost - np.log(step).sum() - 0.5 * np.linalg.slogdet(information)[1]
-        return Mode(at.c, np.linalg.inv(information), float(evidence))
+        return SpectrumMaximum(at.c, np.linalg.inv(information), float(evidence))
 
-    def _at(self, c: np.ndarray, prior: np.ndarray) -> _Point:
+    def _at(self, c: np.ndarray, prior: np.ndarray) -> _TrialSpectrum:
         """Return the negative logarithm of the posterior, and what it is made of."""
         level = self.every.at(c)
         S = np.exp(level)
         ratio = self.power / S
         excess = max(0.0, float(np.log(S.sum() / len(S)))) / np.log(HIDDEN)
-        return _Point(
+        return _TrialSpectrum(
             c,
             0.5 * float(self.kept @ (level + ratio) + c @ prior @ c + excess**2),
             S,
@@ -344,7 +344,7 @@ class _Likelihood:
             excess,
         )
 
-    def _pull(self, at: _Point) -> tuple[np.ndarray, np.ndarray]:
+    def _pull(self, at: _TrialSpectrum) -> tuple[np.ndarray, np.ndarray]:
         """Gradient and second derivatives of the prior on the hidden variance."""
         if at.excess == 0.0:
             return np.zeros(len(at.c)), np.zeros((len(at.c), len(at.c)))
@@ -355,7 +355,7 @@ class _Likelihood:
             self.every.products(share) - outer
         )
 
-    def _slopes(self, at: _Point, prior: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _slopes(self, at: _TrialSpectrum, prior: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Second derivatives and gradient of the cost."""
         slope, bend = self._pull(at)
         found = self.kept * at.ratio

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-class Shares(NamedTuple):
+class TheilShares(NamedTuple):
     """Parts of the mean square error that are bias, unequal spread and lack of correlation; their
     sum is one.
     """
@@ -97,7 +97,7 @@ def theil_single_root(measured, predicted) -> float:
     return rms(z - y) / _nonzero(np.hypot(rms(z), rms(y)))
 
 
-def theil_shares(measured, predicted) -> Shares:
+def theil_shares(measured, predicted) -> TheilShares:
     """Return what the mean square error consists of: different means, different spreads, lack of
     correlation.
 
@@ -110,7 +110,7 @@ def theil_shares(measured, predicted) -> Shares:
     total = _nonzero(((z - y) ** 2).mean())
     bias, spread = (z.mean() - y.mean()) ** 2, (z.std() - y.std()) ** 2
     rest = 2.0 * (z.std() * y.std() - ((z - z.mean()) * (y - y.mean())).mean())
-    return Shares(float(bias / total), float(spread / total), float(rest / total))
+    return TheilShares(float(bias / total), float(spread / total), float(rest / total))
 
 
 METRICS = {"TIC": theil, "NRMSE": nrmse, "R2": r_squared}
@@ -205,7 +205,9 @@ CONFIDENCE = 0.95
 LAGS = 20  # of the portmanteau statistic; fewer on short stretches, a fifth of the longest
 
 
-def degrees(A: np.ndarray, v: np.ndarray, pieces: Sequence[slice], terms: int) -> np.ndarray:
+def degrees_of_freedom(
+    A: np.ndarray, v: np.ndarray, pieces: Sequence[slice], terms: int
+) -> np.ndarray:
     """Return the degrees of freedom of the standard errors of linear estimates theta = A z.
 
     Parameters
@@ -249,11 +251,11 @@ def of_slopes(
     fixed : array of bool (terms,)
         Intercepts.
     """
-    found = degrees(A, v, pieces, len(A))
+    found = degrees_of_freedom(A, v, pieces, len(A))
     return np.where(fixed, found[~fixed].min(), found) if not fixed.all() else found
 
 
-def added(
+def add_tests(
     estimates: xr.Dataset, fixed: np.ndarray, dof: np.ndarray, inflated: np.ndarray
 ) -> xr.Dataset:
     """Return estimates with t and F tests and confidence intervals.

@@ -27,7 +27,7 @@ from flightmech.names import attrs
 from flightmech.support.figures import demand_drawable, new_figure, save_figure
 from flighttest.records.signals.fourier import detrended, finite_fourier
 from flighttest.regression.equation_error.fit import Fit, open_fit
-from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.special_tests.multibody.mechanics import (
     actuator_loads,
     energy,
@@ -36,7 +36,7 @@ from flighttest.special_tests.multibody.mechanics import (
     spring_loads,
 )
 from flighttest.special_tests.multibody.motion_fit import TreeMotion, states
-from flighttest.special_tests.multibody.vehicle import Surface, Vehicle
+from flighttest.special_tests.multibody.vehicle import LiftingBody, Vehicle
 
 _COMPONENTS = ("X", "Y", "Z", "L", "M", "N")
 _SLOWEST = 0.1  # airspeed that coefficients need [m/s]
@@ -140,7 +140,11 @@ def air_loads(motion: TreeMotion, commands: xr.Dataset | None = None) -> xr.Data
 
 
 def surface_loads(
-    vehicle: Vehicle, surface: Surface, p: np.ndarray, v: np.ndarray, C: Mapping[str, np.ndarray]
+    vehicle: Vehicle,
+    surface: LiftingBody,
+    p: np.ndarray,
+    v: np.ndarray,
+    C: Mapping[str, np.ndarray],
 ) -> np.ndarray:
     """Return the loads of a surface with the coefficients ``CL`` and ``CD`` (time,), as `air_loads`
     orders them (time, component).
@@ -158,7 +162,7 @@ def surface_loads(
     return np.concatenate([force, np.cross(point, force), joints], axis=1)
 
 
-def _flow(vehicle: Vehicle, surface: Surface, p: np.ndarray, v: np.ndarray):
+def _flow(vehicle: Vehicle, surface: LiftingBody, p: np.ndarray, v: np.ndarray):
     """Angle of attack, sideslip and airspeed at a surface, and the tree."""
     tree = posture(vehicle, p[:, 7:])
     point = tree.point(surface.body, surface.point)
@@ -212,9 +216,11 @@ def _columns(
     return found
 
 
-def _models(name: str, surface: Surface) -> dict[str, tuple[Model, np.ndarray, np.ndarray]]:
+def _models(
+    name: str, surface: LiftingBody
+) -> dict[str, tuple[RegressionModel, np.ndarray, np.ndarray]]:
     """Model, values and root of the covariance (term, source) of the coefficients of a surface."""
-    found: dict[str, tuple[Model, np.ndarray, np.ndarray]] = {}
+    found: dict[str, tuple[RegressionModel, np.ndarray, np.ndarray]] = {}
     if surface.fits is None:
         for c, terms in (("CL", surface.CL), ("CD", surface.CD)):
             if terms:
@@ -223,7 +229,7 @@ def _models(name: str, surface: Surface) -> dict[str, tuple[Model, np.ndarray, n
                     for x in terms.values()
                 ]
                 values, errors = np.array(pairs).T
-                found[c] = Model(c, list(terms)), values, np.diag(errors)
+                found[c] = RegressionModel(c, list(terms)), values, np.diag(errors)
     else:
         for c in ("CL", "CD"):
             fit = open_fit(Path(surface.fits) / f"{c}.nc")
@@ -233,7 +239,9 @@ def _models(name: str, surface: Surface) -> dict[str, tuple[Model, np.ndarray, n
                 axis=1,
             )
             found[c] = (
-                Model(c, [str(term) for term in fit.estimates["term"].values], fit.model.reference),
+                RegressionModel(
+                    c, [str(term) for term in fit.estimates["term"].values], fit.model.reference
+                ),
                 fit.estimates["estimate"].values,
                 root,
             )

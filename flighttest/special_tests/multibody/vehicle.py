@@ -64,7 +64,7 @@ from flightmech.errors import SchemaError
 from flightmech.support.input_files import load
 from flightmech.support.toml_models import Strict, si, validate
 from flightmech.units import quantity, to_si
-from flighttest.records.readers.columns import located
+from flighttest.records.readers.columns import locate_column
 from flighttest.records.readers.name_map import NameMap
 from flighttest.records.readers.opening import open_recording
 from flighttest.special_tests.motion_capture import MarkerSetup, read_markers
@@ -82,7 +82,7 @@ def _inertia(item: Any) -> tuple[float, ...]:
     return tuple(quantity(value, "kg m2") for value in item)
 
 
-class Body(Strict):
+class RigidBody(Strict):
     """One rigid body and the joint that holds it to its parent."""
 
     mass: si("kg") = Field(ge=0.0, description="Mass.")  # type: ignore[valid-type]
@@ -113,7 +113,7 @@ class Body(Strict):
         return np.array([[xx, -xy, -xz], [-xy, yy, -yz], [-xz, -yz, zz]])
 
     @model_validator(mode="after")
-    def _possible(self) -> Body:
+    def _possible(self) -> RigidBody:
         if not np.linalg.norm(self.axis) > 0.0:
             raise ValueError("axis has no length")
         moments = np.linalg.eigvalsh(self.matrix)
@@ -125,7 +125,7 @@ class Body(Strict):
         return self
 
 
-class Gear(Strict):
+class GearedJoint(Strict):
     """A joint that turns with another one."""
 
     follows: str = Field(description="The other joint, by its body.")
@@ -168,7 +168,7 @@ class Spring(Strict):
     damping: si("N m s rad-1") = Field(default=0.0, ge=0.0, description="Moment over rate.")  # type: ignore[valid-type]
 
 
-class Drive(Strict):
+class JointActuator(Strict):
     """An actuator on an independent joint, Ma a + Ca v + Ka p + G tau = B u, tau the moment on the
     joint; SI.
     """
@@ -183,13 +183,13 @@ class Drive(Strict):
     )
 
     @model_validator(mode="after")
-    def _geared(self) -> Drive:
+    def _geared(self) -> JointActuator:
         if self.G == 0.0:
             raise ValueError("the gear ratio G is zero; the moment on the joint would be unknown")
         return self
 
 
-class Surface(Strict):
+class LiftingBody(Strict):
     """A body whose air loads are known: lift and drag along its stability axes, by angle of attack
     and sideslip at a point of it.
     """
@@ -211,7 +211,7 @@ class Surface(Strict):
     )
 
     @model_validator(mode="after")
-    def _one_source(self) -> Surface:
+    def _one_source(self) -> LiftingBody:
         if bool(self.fits) == bool(self.CL or self.CD):
             raise ValueError("either fits or CL and CD are needed")
         return self
@@ -239,14 +239,16 @@ class Cameras(Strict):
 class Vehicle(Strict):
     """Bodies, what drives their joints, known air loads, cameras."""
 
-    body: dict[str, Body] = Field(min_length=1)
-    gear: dict[str, Gear] = Field(
+    body: dict[str, RigidBody] = Field(min_length=1)
+    gear: dict[str, GearedJoint] = Field(
         default_factory=dict, description="Per joint that follows another."
     )
     linkage: dict[str, Linkage] = Field(default_factory=dict)
     spring: dict[str, Spring] = Field(default_factory=dict, description="Per joint.")
-    actuator: dict[str, Drive] = Field(default_factory=dict, description="Per independent joint.")
-    aerodynamics: dict[str, Surface] = Field(default_factory=dict)
+    actuator: dict[str, JointActuator] = Field(
+        default_factory=dict, description="Per independent joint."
+    )
+    aerodynamics: dict[str, LiftingBody] = Field(default_factory=dict)
     reference: Area
     cameras: Cameras
     rho: si("kg m-3") = Field(default=1.225, gt=0.0, description="Density of the air.")  # type: ignore[valid-type]
@@ -417,7 +419,7 @@ def read_flight(path: str | Path, vehicle: Vehicle) -> tuple[xr.DataArray, xr.Da
     recording = open_recording(path, NameMap({}))
     commands: dict[str, np.ndarray] = {}
     for name in sorted({drive.command for drive in vehicle.actuator.values() if drive.command}):
-        place = located(recording, name, path)
+        place = locate_column(recording, name, path)
         assert place is not None  # required
         stamps, values = place[0], np.asarray(to_si(place[1], place[2])) if place[2] else place[1]
         good = np.isfinite(values)

@@ -2,7 +2,7 @@
 
 from .polynomial_models import SPIN as SPIN
 from .polynomial_models import Polynomial as Polynomial
-from .polynomial_models import models as models
+from .polynomial_models import models_of_structure as models_of_structure
 from .polynomial_models import polynomial_database as polynomial_database
 from .polynomial_models import read_polynomials as read_polynomials
 from .rotation_rates import nominal_variables as nominal_variables

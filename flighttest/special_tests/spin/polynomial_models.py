@@ -23,8 +23,8 @@ import xarray as xr
 from flightmech.aircraft.aircraft import reference_in
 from flightmech.errors import ParseError, SchemaError
 from flightmech.support.input_files import csv_rows, read_text
-from flightmech.terms import MAX_REGRESSORS, make
-from flighttest.regression.equation_error.model import Model, powers
+from flightmech.terms import MAX_REGRESSORS, make_term
+from flighttest.regression.equation_error.model import RegressionModel, powers
 from flighttest.special_tests.spin.rotation_rates import WIND_RATES
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ _IMPLICIT = (
 
 
 def polynomial_database(
-    fitted: Mapping[str, tuple[Model, np.ndarray]],
+    fitted: Mapping[str, tuple[RegressionModel, np.ndarray]],
     aircraft: Aircraft,
     alpha: np.ndarray = ALPHA,
     beta: np.ndarray = BETA,
@@ -107,7 +107,7 @@ def polynomial_database(
                         f"{name} next to {' '.join(rates)} in {model}",
                         "body rates or rates of the decomposition",
                     )
-                leaves[f"/{coefficient}/{name}"] = make(
+                leaves[f"/{coefficient}/{name}"] = make_term(
                     table, {"alpha": alpha, "beta": beta}, [name]
                 )
     x, y, z = reference_in(aircraft, {})
@@ -147,7 +147,7 @@ def _term(term: str, value: float) -> xr.Dataset:
     for name in rest:
         axes[name] = np.array([-1.0, 1.0])
         table = np.multiply.outer(table, axes[name])
-    return make(table, axes, words, outside="linear" if rest else "hold")
+    return make_term(table, axes, words, outside="linear" if rest else "hold")
 
 
 def _rate_factors(
@@ -212,9 +212,9 @@ SPIN: Mapping[str, tuple[str, ...]] = {  # eq. (30)-(35)
 }
 
 
-def models(
+def models_of_structure(
     structure: Mapping[str, tuple[str, ...]], nominal: Mapping[str, float] | None = None
-) -> dict[str, Model]:
+) -> dict[str, RegressionModel]:
     """Return one model per coefficient.
 
     Parameters
@@ -233,7 +233,7 @@ def models(
     found = {}
     for coefficient, terms in structure.items():
         variables = {name for term in terms for name in powers(term)}
-        found[coefficient] = Model(
+        found[coefficient] = RegressionModel(
             coefficient,
             terms,
             {name: value for name, value in (nominal or {}).items() if name in variables},
@@ -247,7 +247,7 @@ COLUMNS = ("coefficient", "term", "estimate", "sigma")
 class Polynomial(NamedTuple):
     """A model of one coefficient with its estimates and their standard errors, (term,)."""
 
-    model: Model
+    model: RegressionModel
     estimates: np.ndarray
     sigma: np.ndarray
 
@@ -300,7 +300,7 @@ def read_polynomials(
     for coefficient, lines in rows.items():
         terms = [term for term, _, _ in lines]
         variables = {name for term in terms for name in powers(term)}
-        model = Model(
+        model = RegressionModel(
             coefficient,
             terms,
             {name: value for name, value in (nominal or {}).items() if name in variables},

@@ -36,7 +36,7 @@ from flightmech.errors import UnknownName
 from flightmech.names import attrs
 from flighttest.reconstruction.dynamics.force_coefficients import reduced_rates
 from flighttest.reconstruction.dynamics.kinematics import rotation
-from flighttest.reconstruction.smoother import Path, reconstruct
+from flighttest.reconstruction.smoother import FlightPath, reconstruct
 from flighttest.records.sensors.instruments import stated_in
 
 if TYPE_CHECKING:
@@ -187,7 +187,7 @@ _ANEW = (
 )
 
 
-def reconstruct_steep(record: xr.DataTree, aircraft: Aircraft, rate: float = 50.0) -> Path:
+def reconstruct_steep(record: xr.DataTree, aircraft: Aircraft, rate: float = 50.0) -> FlightPath:
     """Reconstruct the flight path of a record with the nose near the vertical.
 
     Parameters

@@ -75,7 +75,7 @@ def _constants(item: Any) -> dict[str, float]:
         raise ValueError(str(error)) from error
 
 
-class Reference(Strict):
+class ReferenceLengths(Strict):
     """Reference lengths of the coefficients."""
 
     S: si("m2") = Field(gt=0.0, description="Reference area.")  # type: ignore[valid-type]
@@ -103,7 +103,7 @@ class Balance(Strict):
 class BalanceSetup(Strict):
     """What a balance measures and how it sits in the model."""
 
-    reference: Reference
+    reference: ReferenceLengths
     balance: Balance = Balance()
     columns: dict[str, str] = Field(
         default_factory=dict,

@@ -19,12 +19,12 @@ from flightmech.axes import lift_drag, rotation, transfer_moment
 from flightmech.errors import IdentificationError, SchemaError
 from flightmech.support.figures import demand_drawable, new_figure, save_figure
 from flightmech.units import to_si
-from flighttest.records.readers.columns import located
+from flighttest.records.readers.columns import locate_column
 from flighttest.records.readers.name_map import NameMap
 from flighttest.records.readers.opening import open_recording
 from flighttest.records.readers.recording import CLOCK_NAMES
 from flighttest.regression.equation_error.fit import Fit
-from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.special_tests.wind_tunnel.balance import (
     COEFFICIENTS,
     FORCES,
@@ -168,7 +168,7 @@ def balance_coefficients(path: str | Path, setup: BalanceSetup) -> xr.Dataset:
 
 
 def without_nuisance(
-    data: Sequence[xr.Dataset], model: Model, setup: BalanceSetup
+    data: Sequence[xr.Dataset], model: RegressionModel, setup: BalanceSetup
 ) -> list[xr.Dataset]:
     """Return the points less tare and interference, estimated together with a model.
 
@@ -286,7 +286,7 @@ def _column(
         return np.asarray(table.columns[name.strip()], float), unit.strip().rstrip(
             "]"
         ).strip() or table.units.get(name.strip(), "")
-    place = located(recording, wanted, path, required)
+    place = locate_column(recording, wanted, path, required)
     return None if place is None else place[1:]
 
 

@@ -33,10 +33,10 @@ import xarray as xr
 
 from flightmech.errors import AeromatchWarning, IdentificationError
 from flighttest.maximum_likelihood.residual_covariance import coloured_covariance
-from flighttest.maximum_likelihood.result import OutputError, noise_of, tabulated
+from flighttest.maximum_likelihood.result import OutputError, estimates_dataset, noise_of
 from flighttest.maximum_likelihood.search import (
-    Found,
     Likelihood,
+    LikelihoodMaximum,
     Unknown,
     inverse,
     lay_out,
@@ -44,10 +44,10 @@ from flighttest.maximum_likelihood.search import (
 )
 from flighttest.records.signals.fourier import finite_fourier, harmonics
 from flighttest.regression.equation_error.frequency_domain import (
-    Stretch,
+    TransformedStretch,
     residual_power,
     spectral_freedom,
-    stacked,
+    stack_complex,
     student_factor,
 )
 from flighttest.regression.uncertainty.collinearity import demand_rank
@@ -147,7 +147,7 @@ class _Rows:
         logs: Sequence[xr.Dataset],
         structure: Structure,
         band: tuple[float, float] | None,
-        parts: Sequence[Stretch] | None = None,
+        parts: Sequence[TransformedStretch] | None = None,
     ):
         self.structure, self.logs, self.parts = structure, logs, list(parts or ())
         self.motion: list[dict[str, np.ndarray]] = []
@@ -163,7 +163,9 @@ class _Rows:
             duration = step * (log.sizes["time"] - 1)
             f = harmonics(duration, *(band or excited_band(log)))
             self.parts.append(
-                Stretch(slice(0, log.sizes["time"]), step, f, slice(start, start + len(f)))
+                TransformedStretch(
+                    slice(0, log.sizes["time"]), step, f, slice(start, start + len(f))
+                )
             )
             start += len(f)
             self.motion.append(self._spectra(log, step, f, torque))
@@ -223,7 +225,7 @@ class _Rows:
     def cost(self, delay: float) -> float:
         """Return the sum of squares of the equations for a dead time."""
         X, z, _ = self._system(delay)
-        X2, z2 = stacked(X), stacked(z)
+        X2, z2 = stack_complex(X), stack_complex(z)
         v = z2 - X2 @ np.linalg.lstsq(X2, z2, rcond=None)[0]
         return float(v @ v)
 
@@ -270,7 +272,7 @@ class _Rows:
         X, z, names = self._system(delay)
         Z = instruments._system(delay)[0] if instruments else X
         size = np.sqrt((np.abs(X) ** 2).sum(axis=0))
-        demand_rank(stacked(X[:, : len(names)]), names)
+        demand_rank(stack_complex(X[:, : len(names)]), names)
         if self.structure.delay:
             b = names.index(next(name for name in names if name.split("/")[0] == "B"))
             step = min(part.step for part in self.parts)
@@ -279,7 +281,7 @@ class _Rows:
             )
             X, Z = np.column_stack([X, slope]), np.column_stack([Z, slope])
             size = np.append(size, np.sqrt((np.abs(slope) ** 2).sum()))
-        E, F, z2 = stacked(X / size), stacked(Z / size), stacked(z)
+        E, F, z2 = stack_complex(X / size), stack_complex(Z / size), stack_complex(z)
         D = np.linalg.solve(F.T @ E, F.T) if instruments else np.linalg.pinv(E)
         theta = D @ z2
         v = z2 - E @ theta
@@ -360,7 +362,9 @@ def output_error(
     found = search(likelihood, ITERATIONS)
     covariance, colours = coloured_covariance(found, layout.columns, [run.step for run in runs])
     covariance = covariance + _by_torque(runs, logs, structure, found, layout.columns)
-    estimates = tabulated(found, layout, covariance, {"method": "output error in time, actuator"})
+    estimates = estimates_dataset(
+        found, layout, covariance, {"method": "output error in time, actuator"}
+    )
     scatter = noise_of(found, list(runs[0].outputs), colours, [run.measured for run in runs])
     return OutputError(
         estimates, tuple(run.residual(v) for run, v in zip(runs, found.residuals)), scatter
@@ -368,10 +372,10 @@ def output_error(
 
 
 def _by_torque(
-    runs: Sequence[_Run],
+    runs: Sequence[_SimulatedLog],
     logs: Sequence[xr.Dataset],
     structure: Structure,
-    found: Found,
+    found: LikelihoodMaximum,
     columns: Sequence[np.ndarray],
 ) -> np.ndarray:
     """Return the covariance (unknown, unknown) that the noise of the torque cell adds.
@@ -397,12 +401,12 @@ def _by_torque(
 
 def _likelihood(
     logs: Sequence[xr.Dataset], structure: Structure, start: Mapping[str, float]
-) -> tuple[list[_Run], Likelihood]:
+) -> tuple[list[_SimulatedLog], Likelihood]:
     unknowns = {
         name: Unknown(float(start[name]), low=_LOWEST.get(name, -math.inf))
         for name in structure.parameters
     }
-    runs = [_Run(log, structure) for log in logs]
+    runs = [_SimulatedLog(log, structure) for log in logs]
     # wide priors: against a stop no response shows where a log begins
     if structure.stiffness:
         unknowns["init.position"] = Unknown(None, max(run.reach for run in runs), own=True)
@@ -413,7 +417,7 @@ def _likelihood(
     return runs, Likelihood(runs, layout, np.zeros(len(runs), int))
 
 
-class _Run:
+class _SimulatedLog:
     """One log and its response."""
 
     names: tuple[str, ...]

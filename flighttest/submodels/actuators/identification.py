@@ -14,7 +14,7 @@ import xarray as xr
 from flightmech.errors import IdentificationError, SchemaError
 from flightmech.units import to_si
 from flighttest.maximum_likelihood.result import OutputError
-from flighttest.records.readers.columns import located
+from flighttest.records.readers.columns import locate_column
 from flighttest.records.readers.name_map import NameMap
 from flighttest.records.readers.opening import open_recording
 from flighttest.records.signals.differentiation import fourier_smooth
@@ -67,7 +67,7 @@ def read_bench_log(path: str | Path, columns: Mapping[str, str] | None = None) -
     units: dict[str, str] = {}
     for channel in CHANNELS:
         wanted = (columns or {}).get(channel)
-        place = located(recording, wanted or channel, path, required=wanted is not None)
+        place = locate_column(recording, wanted or channel, path, required=wanted is not None)
         if place is not None:
             time, values, unit = place
             si = UNITS.get(channel)

@@ -19,7 +19,7 @@ from flightmech.support.figures import demand_drawable, new_figure, save_figure
 from flighttest.maximum_likelihood.result import OutputError
 from flighttest.records.signals.fourier import detrended, finite_fourier
 from flighttest.regression.combining.pooling import DISAGREEMENT, Pooled, pool
-from flighttest.remarks import Remark, lines
+from flighttest.remarks import Remark, remark_lines
 from flighttest.submodels.actuators.estimation import Estimates, excited_band
 from flighttest.submodels.actuators.response import Structure, simulate_actuator
 
@@ -38,7 +38,7 @@ class LogEstimates:
 
 
 @dataclass(frozen=True)
-class Value:
+class ValueWithError:
     """A number with its standard error."""
 
     value: float
@@ -161,7 +161,7 @@ class IdentifiedActuator:
                 }  # fmt: skip
         return pd.DataFrame.from_dict(rows, orient="index").rename_axis("parameter")
 
-    def with_inertia(self, Ma: float, stderr: float = 0.0) -> dict[str, Value]:
+    def with_inertia(self, Ma: float, stderr: float = 0.0) -> dict[str, ValueWithError]:
         """Return absolute coefficients from ratios and a known inertia.
 
         Parameters
@@ -182,14 +182,14 @@ class IdentifiedActuator:
             )
             raise IdentificationError(words)
         values, errors = self.parameters, self.stderr
-        found = {"Ma": Value(Ma, stderr)}
+        found = {"Ma": ValueWithError(Ma, stderr)}
         for name in self.structure.coefficients:
-            found[name.removesuffix("/Ma")] = Value(
+            found[name.removesuffix("/Ma")] = ValueWithError(
                 Ma * values[name], math.hypot(Ma * errors[name], stderr * values[name])
             )
         return found
 
-    def derived(self) -> dict[str, Value]:
+    def derived(self) -> dict[str, ValueWithError]:
         """Return what the response looks like.
 
         Returns
@@ -220,7 +220,7 @@ class IdentifiedActuator:
     def _ratio(self, values: Mapping[str, float], name: str) -> float:
         return values[name] / values["Ma"] if self.absolute else values[f"{name}/Ma"]
 
-    def _carried(self, function: Callable[[Mapping[str, float]], float]) -> Value:
+    def _carried(self, function: Callable[[Mapping[str, float]], float]) -> ValueWithError:
         """Return a function of the parameters with its standard error to first order."""
         names = list(self.structure.parameters)
         at, errors = self.parameters, self.stderr
@@ -233,7 +233,7 @@ class IdentifiedActuator:
                     - function({**at, name: at[name] - step})
                 ) / (2.0 * step)
         C = self.response.estimates["covariance"].sel(parameter=names, parameter_=names).values
-        return Value(
+        return ValueWithError(
             function(at),
             math.sqrt(max(0.0, float(slope @ np.where(np.isfinite(C), C, 0.0) @ slope))),
         )
@@ -434,17 +434,17 @@ def _report(found: IdentifiedActuator) -> str:
     ]
     if "delay" in found.parameters:
         text.append(
-            f"  {'dead time':18s} {Value(found.parameters['delay'], found.stderr['delay'])} s"
+            f"  {'dead time':18s} {ValueWithError(found.parameters['delay'], found.stderr['delay'])} s"
         )
     for name, part in found.reached.items():
         text.append(
-            f"  {name.replace('_', ' '):18s} {Value(found.parameters[name], found.stderr[name])}, held in {100.0 * part:.1f} % of samples"
+            f"  {name.replace('_', ' '):18s} {ValueWithError(found.parameters[name], found.stderr[name])}, held in {100.0 * part:.1f} % of samples"
         )
     if kind == "servo":
         text.append(
             f"  the first-order lag holds to {found.valid_to:.2g} Hz (10 % of amplitude, 0.1 rad of phase)"
         )
-    return "\n".join([*text, "", *lines(found.remarks)]).rstrip()
+    return "\n".join([*text, "", *remark_lines(found.remarks)]).rstrip()
 
 
 _RECORDED, _MODEL, _REST = "black", "#bc6c25", "#2a6f97"

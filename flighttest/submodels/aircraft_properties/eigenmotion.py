@@ -31,9 +31,9 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
-from flighttest.regression.uncertainty.coloured_residuals import coloured
-from flighttest.regression.uncertainty.significance import degrees
-from flighttest.remarks import Remark, barred, lines
+from flighttest.regression.uncertainty.coloured_residuals import coloured_covariance_of
+from flighttest.regression.uncertainty.significance import degrees_of_freedom
+from flighttest.remarks import Remark, is_forbidden, remark_lines
 from flighttest.submodels.aircraft_properties.moved_windows import (
     SHIFT,
     MovedWindow,
@@ -145,7 +145,7 @@ class Motion:
                 test,
                 f"  {'':14s}{'estimate':>12s}{'std. error':>12s}",
                 *rows,
-                *lines(self.remarks),
+                *remark_lines(self.remarks),
             ]
         )
 
@@ -197,7 +197,7 @@ def fit_motion(
     3.141593
     """
     motion = _fitted_motion(data, channels, kind, inputs, trend)
-    if kind == "aperiodic" or barred(motion.remarks):
+    if kind == "aperiodic" or is_forbidden(motion.remarks):
         return motion
     period = motion.values["period"][0]
     moved = fits_in_moved_windows(
@@ -214,7 +214,7 @@ def _fitted_motion(
 ) -> Motion:
     """Fit one mode to the window as it is."""
     y, u, time = _samples(data, channels, kind, inputs)
-    model = _Response(time - time[0], y, u, kind, trend)
+    model = _ModeResponse(time - time[0], y, u, kind, trend)
     x = model.best()
     sigma, omega = float(x[0]), abs(float(x[1])) if kind == "oscillation" else 0.0
     fitted = model.fitted(x)
@@ -349,7 +349,7 @@ def _samples(
     return y, u, time
 
 
-class _Response:
+class _ModeResponse:
     """The response of one mode at given sigma and omega, all else eliminated."""
 
     def __init__(self, t: np.ndarray, y: np.ndarray, u: np.ndarray, kind: str, trend: bool):
@@ -401,7 +401,9 @@ class _Response:
         cycle.
         """
         every = max(len(self.t) // _COARSE, 1)
-        coarse = _Response(self.t[::every], self.y[::every], self.u[::every], self.kind, self.trend)
+        coarse = _ModeResponse(
+            self.t[::every], self.y[::every], self.u[::every], self.kind, self.trend
+        )
         longest = self.t[-1]
         if self.kind == "aperiodic":
             times = np.geomspace(3.0 * coarse.step, 3.0 * longest, 40)
@@ -427,7 +429,9 @@ class _Response:
         free, basis = len(x), self.basis(x)
         X = self._tangents(x, basis)
         v = ((self.y - self.fitted(x)) / self.weight).T.ravel()
-        found = coloured(X, v, self._pieces(), [self.step] * self.y.shape[1]).covariance
+        found = coloured_covariance_of(
+            X, v, self._pieces(), [self.step] * self.y.shape[1]
+        ).covariance
         covariance = np.zeros((2, 2))
         covariance[:free, :free] = found[:free, :free]
         return covariance
@@ -448,7 +452,7 @@ class _Response:
         v = left - X @ np.linalg.lstsq(X, left, rcond=1e-10)[0]
         pieces = self._pieces()
         try:
-            C = coloured(X, v, pieces, [self.step] * channels).covariance
+            C = coloured_covariance_of(X, v, pieces, [self.step] * channels).covariance
         except np.linalg.LinAlgError:  # the motion is a cubic in this window
             return 0.0, channels, 1.0, 1.0
         amplitudes = (np.linalg.lstsq(basis / size, self.y, rcond=1e-12)[0] / self.weight)[
@@ -464,7 +468,7 @@ class _Response:
         impulses[0, [piece.start for piece in pieces]] = (
             1.0  # a flat spectrum: all frequencies of the residual count
         )
-        dof = float(degrees(impulses, v, pieces, len(at) + len(x))[0])
+        dof = float(degrees_of_freedom(impulses, v, pieces, len(at) + len(x))[0])
         return max(F, 0.0), len(at), dof, float(stats.f.sf(max(F, 0.0), len(at), dof))
 
     def _pieces(self) -> list[slice]:

@@ -38,14 +38,14 @@ from flighttest.reconstruction.dynamics.force_coefficients import (
     inertia_matrix,
     known_moment,
     reduced_rates,
-    smoothed,
+    smooth_states,
 )
 from flighttest.regression.equation_error import least_squares
-from flighttest.regression.equation_error.model import Model, regressors
+from flighttest.regression.equation_error.model import RegressionModel, regressors
 from flighttest.regression.equation_error.samples import stack
 from flighttest.regression.uncertainty.collinearity import demand_rank
-from flighttest.regression.uncertainty.coloured_residuals import coloured
-from flighttest.remarks import Remark, lines
+from flighttest.regression.uncertainty.coloured_residuals import coloured_covariance_of
+from flighttest.remarks import Remark, remark_lines
 
 if TYPE_CHECKING:
     from flightmech.aircraft.aircraft import Aircraft
@@ -119,13 +119,13 @@ class Inertia:
                     f"{x:>{w}.{d}g}" for x, w, d in zip(numbers, (12, 11, 11, 12), (6, 2, 2, 6))
                 )
             )
-        return "\n".join([*text, *lines(self.remarks)])
+        return "\n".join([*text, *remark_lines(self.remarks)])
 
 
 def inertia_from_flight(
     path: xr.Dataset | Sequence[xr.Dataset],
     aircraft: Aircraft,
-    models: Mapping[str, Model],
+    models: Mapping[str, RegressionModel],
     scale: str = "Iyy",
     cutoff: float | None = None,
 ) -> Inertia:
@@ -200,7 +200,7 @@ class _Regressed:
 
 def _prepared(states: xr.Dataset, aircraft: Aircraft, cutoff: float | None) -> xr.Dataset:
     """States with angular accelerations freed from known moments, and the products of the rates."""
-    data = reduced_rates(states if cutoff is None else smoothed(states, cutoff), aircraft)
+    data = reduced_rates(states if cutoff is None else smooth_states(states, cutoff), aircraft)
     known = np.linalg.solve(inertia_matrix(aircraft), known_moment(data, aircraft).T)
     p, q, r = (np.asarray(data[name].values, float) for name in "pqr")
     for name, part in zip(_PRODUCTS, known):
@@ -218,7 +218,10 @@ def _prepared(states: xr.Dataset, aircraft: Aircraft, cutoff: float | None) -> x
 
 
 def _regressed(
-    rate: str, parts: Sequence[xr.Dataset], aircraft: Aircraft, models: Mapping[str, Model]
+    rate: str,
+    parts: Sequence[xr.Dataset],
+    aircraft: Aircraft,
+    models: Mapping[str, RegressionModel],
 ) -> _Regressed:
     """One equation: an angular acceleration over products of rates and qbar times the aerodynamic
     regressors.
@@ -248,7 +251,7 @@ def _regressed(
         raise IdentificationError(f"equation of {rate}: {error}") from None
     theta, _ = least_squares.solve(X, z)
     v = z - X @ theta
-    C = coloured(X, v, *samples.pieces()).covariance
+    C = coloured_covariance_of(X, v, *samples.pieces()).covariance
     A = least_squares.estimator(X)
     white = A @ A.T * float(v @ v) / (len(z) - len(theta))
     n = len(products)

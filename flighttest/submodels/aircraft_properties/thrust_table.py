@@ -20,7 +20,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar, nnls
 
 from flightmech.errors import AeromatchWarning, IdentificationError, UnknownName
-from flightmech.terms import basis, make
+from flightmech.terms import basis, make_term
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -101,7 +101,7 @@ def fit_thrust(
         raise IdentificationError(
             "the throttle moves by less than 0.1 in all runs; add a run with a power change"
         )
-    template = make(np.zeros([len(points) for points in axes.values()]), axes)
+    template = make_term(np.zeros([len(points) for points in axes.values()]), axes)
     designs = [basis(template, run, outside="clamp").toarray() for run, _, _ in runs]
     settled = np.concatenate([_settled(run["throttle"], step) for run, _, step in runs])
     target, design = np.concatenate([thrust for _, thrust, _ in runs]), np.concatenate(designs)
@@ -126,7 +126,7 @@ def fit_thrust(
         if abs(best.x - np.log(end)) < _END:
             text = f"time constant of the thrust: {words} {end:g} s, the end of the search; these runs do not determine it"
             warnings.warn(text, AeromatchWarning, stacklevel=2)
-    leaf = make(nodes.reshape(template["value"].shape), axes, source="flight")
+    leaf = make_term(nodes.reshape(template["value"].shape), axes, source="flight")
     still = float(np.sqrt(np.mean((target - design @ nodes)[settled] ** 2)))
     return ThrustFit(leaf, float(np.exp(best.x)), still, float(best.fun), float(np.ptp(target)))
 

@@ -14,7 +14,7 @@ from scipy.linalg import block_diag
 from flightmech.aircraft.controls import Circuit
 from flightmech.errors import IdentificationError
 from flighttest.regression.equation_error import least_squares
-from flighttest.submodels.control_loading.joint_fit import JointFit, Rows
+from flighttest.submodels.control_loading.joint_fit import JointFit, RecordEquations
 from flighttest.submodels.control_loading.loading import ControlLoading
 from flighttest.submodels.control_loading.motion import CUTOFF, channels
 from flighttest.submodels.control_loading.regression import (
@@ -26,7 +26,7 @@ from flighttest.submodels.control_loading.regression import (
 )
 from flighttest.submodels.control_loading.result import DRAWINGS_ERROR, SHARED, IdentifiedLoading
 from flighttest.submodels.control_loading.windows import (
-    Stretch,
+    PreparedRecord,
     driven_stretches,
     force_rows,
     free_stretches,
@@ -162,8 +162,8 @@ class _Fit:
 
     def changes(
         self,
-        slow: Sequence[Stretch],
-        quick: Sequence[Stretch],
+        slow: Sequence[PreparedRecord],
+        quick: Sequence[PreparedRecord],
         sources: Sequence[tuple[str, int, float]],
     ) -> np.ndarray:
         """Return the changes of the estimates by errors of channels, (sources, names), to first
@@ -172,7 +172,7 @@ class _Fit:
         loading, theta = self.slid.loading, self.slid.estimates["estimate"].values
         known = [loading.names.index(loading.term(term)) for term in loading.model.terms]
 
-        def residuals(stretches: Sequence[Stretch]) -> np.ndarray:
+        def residuals(stretches: Sequence[PreparedRecord]) -> np.ndarray:
             return np.concatenate(
                 [_residual(force_rows(loading, one, self.shares), theta) for one in stretches]
             )
@@ -191,7 +191,7 @@ class _Fit:
         return np.array(found)
 
 
-def _residual(rows: Rows, theta: np.ndarray) -> np.ndarray:
+def _residual(rows: RecordEquations, theta: np.ndarray) -> np.ndarray:
     return rows.z - rows.X @ theta
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from flightmech.errors import IdentificationError
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.uncertainty import collinearity
-from flighttest.regression.uncertainty.coloured_residuals import coloured
+from flighttest.regression.uncertainty.coloured_residuals import coloured_covariance_of
 
 _PASSES = 5  # of the weights
 _LEAST = 0.1  # of the mean square of the residuals: what the noise of the regressors never explains
@@ -23,7 +23,7 @@ _NOISY = 0.9  # share of noise in what distinguishes a regressor from the others
 
 
 @dataclass(frozen=True)
-class Rows:
+class RecordEquations:
     """Equations of one record.
 
     Attributes
@@ -46,7 +46,7 @@ class Rows:
 
 
 @dataclass(frozen=True)
-class Known:
+class PriorConstraint:
     """What is known of the estimates from elsewhere: ``row @ theta`` is `value` within `stderr`."""
 
     row: np.ndarray
@@ -95,8 +95,11 @@ class JointFit:
         ends = np.cumsum(self.lengths)
         pieces = [slice(int(b) - a, int(b)) for a, b in zip(self.lengths, ends)]
         A, rest = self.estimator[:, : self.samples], self.estimator[:, self.samples :]
-        found = coloured(
-            least_squares.equivalent(A), self.residual[: self.samples], pieces, self.steps
+        found = coloured_covariance_of(
+            least_squares.equivalent_regressors(A),
+            self.residual[: self.samples],
+            pieces,
+            self.steps,
         ).covariance
         return found + rest * self.variances[self.samples :] @ rest.T
 
@@ -109,11 +112,11 @@ def stretch_lengths(use: np.ndarray) -> tuple[int, ...]:
 
 
 def joint_fit(
-    samples: Sequence[Rows],
-    windows: Sequence[Rows],
+    samples: Sequence[RecordEquations],
+    windows: Sequence[RecordEquations],
     names: Sequence[str],
     cutoff: float,
-    known: Sequence[Known] = (),
+    known: Sequence[PriorConstraint] = (),
 ) -> JointFit:
     """Fit both by weighted least squares, corrected for the noise in the regressors.
 

@@ -21,7 +21,7 @@ import xarray as xr
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import SchemaError
 from flightmech.units import G0
-from flighttest.regression.equation_error.model import Model, powers
+from flighttest.regression.equation_error.model import RegressionModel, powers
 
 DEFLECTION = {"column": "delta_e", "wheel": "delta_a", "pedal": "delta_r"}
 COEFFICIENT = {"column": "Ch_e", "wheel": "Ch_a", "pedal": "Ch_r"}
@@ -82,10 +82,10 @@ class ControlLoading:
     gearing: float
     S_hinge: float
     c_hinge: float
-    hinge: Model | str = ""
+    hinge: RegressionModel | str = ""
     constants: tuple[str, ...] = ()
     arm: float = 0.0
-    model: Model = field(init=False)
+    model: RegressionModel = field(init=False)
 
     def __post_init__(self):
         if self.item not in DEFLECTION:
@@ -93,7 +93,9 @@ class ControlLoading:
                 "control loading", [f"item is {self.item!r}; allowed: {', '.join(DEFLECTION)}"]
             )
         model = self.hinge or HINGE[self.item]
-        object.__setattr__(self, "model", Model.parse(model) if isinstance(model, str) else model)
+        object.__setattr__(
+            self, "model", RegressionModel.parse(model) if isinstance(model, str) else model
+        )
         object.__setattr__(self, "constants", tuple(self.constants) or DEFAULT[self.item])
         problems = [
             f"{name} is {getattr(self, name)!r}; it must not be 0"
@@ -167,7 +169,9 @@ class ControlLoading:
             rest = (
                 "*".join(f"{name}**{k}" if k != 1 else name for name, k in factors.items()) or "1"
             )
-            found.append((power, Model(self.model.coefficient, [rest]).design(data)[:, 0]))
+            found.append(
+                (power, RegressionModel(self.model.coefficient, [rest]).design(data)[:, 0])
+            )
         return found
 
 

@@ -85,7 +85,7 @@ _REACH = 3.1 * _WIDTH  # periods of the cut-off beyond which 0.1 % of a step is 
 _JUMP, _CLEAR = 0.2, 8.0  # step between two samples: of the range of the force, of its noise
 
 
-def signals(loading: ControlLoading, data: xr.Dataset, cutoff: float | None) -> xr.Dataset:
+def control_signals(loading: ControlLoading, data: xr.Dataset, cutoff: float | None) -> xr.Dataset:
     """Return a record with travel, rate and acceleration, its channels low-passed.
 
     Parameters
@@ -124,18 +124,20 @@ def signals(loading: ControlLoading, data: xr.Dataset, cutoff: float | None) -> 
     for name, x in raw.items():
         quick = name in (item, f"F_{item}", loading.deflection)
         own = AIR_CUTOFF if cutoff is None and not quick else cutoff
-        found[name] = x if own is None or name == "wow" else smoothed(x, step, own)[0]
+        found[name] = x if own is None or name == "wow" else smooth_derivatives(x, step, own)[0]
     if "alpha" in loading.model.variables and loading.item == "wheel":
         found["alpha"] = loading.arm * found["p"] / found["V"]
     found |= {"travel": found[item], "on_ground": found.get("wow", np.zeros_like(time))}
     band = EVENT_CUTOFF if cutoff is None else cutoff
-    _, found["rate"], found["acceleration"] = smoothed(raw[item], step, band)
+    _, found["rate"], found["acceleration"] = smooth_derivatives(raw[item], step, band)
     _, found["aft_rate"], found["aft_acceleration"] = (
-        x / loading.gearing for x in smoothed(raw[loading.deflection], step, band)
+        x / loading.gearing for x in smooth_derivatives(raw[loading.deflection], step, band)
     )
     for side, of in (("side", "travel"), ("direction", "rate"), ("aft_direction", "aft_rate")):
         found[side] = (
-            np.sign(found[of]) if cutoff is None else smoothed(np.sign(found[of]), step, cutoff)[0]
+            np.sign(found[of])
+            if cutoff is None
+            else smooth_derivatives(np.sign(found[of]), step, cutoff)[0]
         )
     return xr.Dataset({name: ("time", x) for name, x in found.items()}, {"time": time})
 
@@ -154,7 +156,7 @@ def free_motion(loading: ControlLoading, data: xr.Dataset) -> list[xr.Dataset]:
     A window starts `REST` before the motion and ends a little after it: where dry friction holds a control for seconds, creep and
     the last digit of the pick-up would be fitted in place of the motion.
     """
-    moved = signals(loading, data, EVENT_CUTOFF)
+    moved = control_signals(loading, data, EVENT_CUTOFF)
     time = moved["time"].values
     step = float(np.median(np.diff(time)))
     rate = np.abs(moved["rate"].values)
@@ -174,7 +176,7 @@ def free_motion(loading: ControlLoading, data: xr.Dataset) -> list[xr.Dataset]:
     return [data.isel(time=slice(a, b)) for a, b in whole]
 
 
-def sliding(
+def is_sliding(
     loading: ControlLoading, data: xr.Dataset, moved: xr.Dataset, cutoff: float
 ) -> np.ndarray:
     """Return where the control slides and is off its neutral, (time,) of bool.
@@ -186,7 +188,7 @@ def sliding(
     raw = data[loading.item].values
     rate = np.abs(moved["rate"].values)
     reach = int(np.ceil(_REACH / cutoff / step))
-    use = ~_next_to(jumps(data[f"F_{loading.item}"].values))
+    use = ~_next_to(has_force_jump(data[f"F_{loading.item}"].values))
     use &= rate > max(
         _SLOW * derivative_noise(raw, step, cutoff)[0], LEAST_RATE * float(rate.max())
     )
@@ -197,7 +199,7 @@ def sliding(
     return scipy.ndimage.binary_erosion(use, np.ones(2 * reach + 1))
 
 
-def design(
+def force_regressors(
     loading: ControlLoading, moved: xr.Dataset, aft: Mapping[str, float] | None = None
 ) -> np.ndarray:
     """Return the regressors of the force at the hand, (time, names of `ControlLoading`).
@@ -236,7 +238,7 @@ def channels(loading: ControlLoading) -> list[str]:
     return list(dict.fromkeys(names))
 
 
-def smoothed(
+def smooth_derivatives(
     x: np.ndarray, step: float, cutoff: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return a signal behind a Gaussian low-pass, its first and its second derivative.
@@ -284,15 +286,19 @@ def derivative_noise(x: np.ndarray, step: float, cutoff: float) -> tuple[float, 
     slow signal with white noise.
     """
     omega, weights = _weights(len(x) - 1, step, cutoff)
-    first, second = (noise(x) * float(np.sqrt(np.mean((omega**k * weights) ** 2))) for k in (1, 2))
+    first, second = (
+        estimate_white_noise(x) * float(np.sqrt(np.mean((omega**k * weights) ** 2))) for k in (1, 2)
+    )
     return first, second
 
 
-def jumps(force: np.ndarray) -> np.ndarray:
+def has_force_jump(force: np.ndarray) -> np.ndarray:
     """Return whether the force jumps between a sample and the next, (samples - 1,): when in between
     the hand let go is not known.
     """
-    return np.abs(np.diff(force)) > max(_JUMP * float(np.ptp(force)), _CLEAR * noise(force))
+    return np.abs(np.diff(force)) > max(
+        _JUMP * float(np.ptp(force)), _CLEAR * estimate_white_noise(force)
+    )
 
 
 def _crossing(x: np.ndarray) -> np.ndarray:
@@ -305,7 +311,7 @@ def _next_to(between: np.ndarray) -> np.ndarray:
     return np.append(between, False) | np.append(False, between)
 
 
-def noise(x: np.ndarray) -> float:
+def estimate_white_noise(x: np.ndarray) -> float:
     """Return the standard deviation of white noise on a signal that is mostly slow, by its fourth
     differences.
     """

@@ -14,9 +14,14 @@ from flightmech.errors import IdentificationError, UnknownName
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.time_domain import SAMPLES_PER_TERM
 from flighttest.regression.uncertainty import collinearity
-from flighttest.submodels.control_loading.joint_fit import JointFit, Known, Rows, joint_fit
+from flighttest.submodels.control_loading.joint_fit import (
+    JointFit,
+    PriorConstraint,
+    RecordEquations,
+    joint_fit,
+)
 from flighttest.submodels.control_loading.loading import ControlLoading
-from flighttest.submodels.control_loading.windows import Stretch, force_rows
+from flighttest.submodels.control_loading.windows import PreparedRecord, force_rows
 
 # correlation inside every manoeuvre from which on only the differences between manoeuvres separate
 # two terms
@@ -52,8 +57,8 @@ class SlidingFit:
 
 def sliding_fit(
     loading: ControlLoading,
-    driven: Sequence[Stretch],
-    free: Sequence[Stretch],
+    driven: Sequence[PreparedRecord],
+    free: Sequence[PreparedRecord],
     cutoff: float,
     aft: Mapping[str, float] | None = None,
     known: Mapping[str, tuple[float, float]] | None = None,
@@ -98,7 +103,7 @@ def sliding_fit(
             f"{loading.item}: {count} samples in which the control slides; at least {need} are needed"
         )
     held = [
-        Known(np.array([float(n == name) for n in loading.names]), *pair)
+        PriorConstraint(np.array([float(n == name) for n in loading.names]), *pair)
         for name, pair in (known or {}).items()
         if name in loading.names
     ]
@@ -277,7 +282,7 @@ class CableFit:
     p: np.ndarray
     slopes: np.ndarray
 
-    def residual(self, stretches: Sequence[Stretch], known: np.ndarray) -> np.ndarray:
+    def residual(self, stretches: Sequence[PreparedRecord], known: np.ndarray) -> np.ndarray:
         """Return the residual of the stretch in records, samples before windows, with hinge moments
         `known`, (terms,).
         """
@@ -288,8 +293,8 @@ class CableFit:
 
 def cable_fit(
     slid: SlidingFit,
-    driven: Sequence[Stretch],
-    free: Sequence[Stretch],
+    driven: Sequence[PreparedRecord],
+    free: Sequence[PreparedRecord],
     cutoff: float,
     drawn: tuple[float, float, float] | None = None,
 ) -> CableFit:
@@ -352,21 +357,27 @@ def cable_fit(
     )
 
 
-def _known_inertia(names: Sequence[str], inertia: float, stiffness: float, error: float) -> Known:
+def _known_inertia(
+    names: Sequence[str], inertia: float, stiffness: float, error: float
+) -> PriorConstraint:
     """J g^2 / K of the stretch is that of the drawings times 1 / K of the stretch."""
     row = np.zeros(len(names))
     row[names.index("acceleration")], row[names.index("hinge moment")] = 1.0, -inertia
-    return Known(row, 0.0, error * inertia / stiffness)
+    return PriorConstraint(row, 0.0, error * inertia / stiffness)
 
 
-def _terms(loading: ControlLoading, one: Stretch) -> np.ndarray:
+def _terms(loading: ControlLoading, one: PreparedRecord) -> np.ndarray:
     """Force at the hand by every term of the hinge moment, (time, terms)."""
     return loading.load(one.moved)[:, None] * loading.model.design(one.moved)
 
 
 def _rows(
-    loading: ControlLoading, one: Stretch, known: np.ndarray, p: np.ndarray, moves: np.ndarray
-) -> Rows:
+    loading: ControlLoading,
+    one: PreparedRecord,
+    known: np.ndarray,
+    p: np.ndarray,
+    moves: np.ndarray,
+) -> RecordEquations:
     """Equations at the surface's end.
 
     Its motion is that of a mean of both travels whose noise does not correlate with that of their

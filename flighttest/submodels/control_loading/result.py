@@ -13,14 +13,14 @@ import xarray as xr
 
 from flightmech import terms as _terms
 from flightmech.aircraft.aircraft import Aircraft
-from flightmech.aircraft.controls import Circuit, Control
+from flightmech.aircraft.controls import Circuit, ControlGeometry
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.units import G0
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.model import powers
 from flighttest.submodels.control_loading.loading import ControlLoading
 from flighttest.submodels.control_loading.regression import SlidingFit
-from flighttest.submodels.control_loading.simulation import Flown, fly_windows
+from flighttest.submodels.control_loading.simulation import SimulatedWindow, fly_windows
 
 _UNITS = {  # of a travel in m, of one in rad
     "offset": ("N", "N m"), "bob_weight": ("kg", "kg m"), "stiffness": ("N/m", "N m"), "nose_spring": ("N/m", "N m"),
@@ -165,7 +165,7 @@ class IdentifiedLoading:
         )
         return replace(self, estimates=found)
 
-    def fly(self, free: Sequence[xr.Dataset]) -> list[Flown]:
+    def fly(self, free: Sequence[xr.Dataset]) -> list[SimulatedWindow]:
         """Return the free motion of records, simulated with what was identified, see `fly_windows`."""
         return fly_windows(
             self.loading,
@@ -238,7 +238,7 @@ class IdentifiedLoading:
             )
         controls = {
             **known.controls,
-            one.deflection: Control(one.S_hinge, one.c_hinge, one.gearing),
+            one.deflection: ControlGeometry(one.S_hinge, one.c_hinge, one.gearing),
         }
         circuits = {**known.circuits, item: self.circuit(known.circuits[item])}
         values = ", ".join(
@@ -321,7 +321,7 @@ def hinge_terms(found: IdentifiedLoading) -> dict[str, xr.Dataset]:
         if len(regressors) > 2:
             leaves[f"{coefficient}/{_contribution(term)}"] = _tabulated(found, term, value, stderr)
             continue
-        leaf = _terms.make(
+        leaf = _terms.make_term(
             value,
             regressors=regressors,
             stderr=stderr,
@@ -372,7 +372,7 @@ def _tabulated(found: IdentifiedLoading, term: str, value: float, stderr: float)
         )
     x = np.linspace(-0.5, 0.5, 41)
     shape = x ** (factors[name] - 1)
-    return _terms.make(
+    return _terms.make_term(
         value * shape,
         {name: x},
         [name],

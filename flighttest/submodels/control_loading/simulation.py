@@ -21,7 +21,7 @@ import xarray as xr
 from flightmech.errors import IdentificationError
 from flightmech.units import G0
 from flighttest.submodels.control_loading.loading import ControlLoading
-from flighttest.submodels.control_loading.motion import REST, free_motion, signals
+from flighttest.submodels.control_loading.motion import REST, control_signals, free_motion
 
 LONGEST_STEP = 1e-3  # s
 PHASE = 0.25  # of the cable mode in a sub-step [rad]: its frequency is right within PHASE^2 / 24
@@ -39,7 +39,7 @@ def sub_steps(constants: Mapping[str, np.ndarray], gearing: float, step: float) 
     return int(np.ceil(step / longest - 1e-9))
 
 
-def follow(
+def simulate_linkages(
     constants: Mapping[str, np.ndarray],
     gearing: float,
     start: tuple[np.ndarray, np.ndarray],
@@ -181,7 +181,7 @@ _CABLE = ("inertia", "cable_stiffness", "cable_damping", "hinge_friction", "hing
 
 
 @dataclass(frozen=True)
-class Flown:
+class SimulatedWindow:
     """One window of free motion.
 
     Attributes
@@ -207,7 +207,7 @@ class Flown:
 
 def fly_windows(
     loading: ControlLoading, estimates: Mapping[str, float], free: Sequence[xr.Dataset]
-) -> list[Flown]:
+) -> list[SimulatedWindow]:
     """Return every window of free motion of the records, simulated with the recorded forces and
     air.
 
@@ -233,7 +233,7 @@ def fly_windows(
     ]
 
 
-def _flown(loading: ControlLoading, p: Mapping[str, float], window: xr.Dataset) -> Flown:
+def _flown(loading: ControlLoading, p: Mapping[str, float], window: xr.Dataset) -> SimulatedWindow:
     wrong = [
         f"{name} is {p[name]:.3g}"
         for name in ("mass", "inertia", "cable_stiffness")
@@ -243,7 +243,7 @@ def _flown(loading: ControlLoading, p: Mapping[str, float], window: xr.Dataset) 
         raise IdentificationError(
             f"{loading.item}: {', '.join(wrong)}; join it with the drawings by `with_prior`, or take order 2"
         )
-    moved = signals(loading, window, None)
+    moved = control_signals(loading, window, None)
     time, g = moved["time"].values, loading.gearing
     step = float(np.median(np.diff(time)))
     load = loading.load(moved) / -g  # qbar S_hinge c_hinge
@@ -271,5 +271,5 @@ def _flown(loading: ControlLoading, p: Mapping[str, float], window: xr.Dataset) 
     }
     constants |= {"stiffness": np.array([spring]), "rigging": np.array([rigging])}
     start = np.array([s[:rest].mean()]), np.array([(delta[:rest].mean() - rigging) / g])
-    S, D = follow(constants, g, start, force[:, None], moment, step)
-    return Flown(time, np.column_stack([s, S[:, 0]]), np.column_stack([delta, D[:, 0]]))
+    S, D = simulate_linkages(constants, g, start, force[:, None], moment, step)
+    return SimulatedWindow(time, np.column_stack([s, S[:, 0]]), np.column_stack([delta, D[:, 0]]))

@@ -10,19 +10,19 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
-from flighttest.submodels.control_loading.joint_fit import Rows, stretch_lengths
+from flighttest.submodels.control_loading.joint_fit import RecordEquations, stretch_lengths
 from flighttest.submodels.control_loading.loading import ControlLoading
 from flighttest.submodels.control_loading.motion import (
     LEAST_RATE,
     NEUTRAL,
+    control_signals,
     derivative_noise,
-    design,
-    jumps,
-    noise,
+    estimate_white_noise,
+    force_regressors,
+    has_force_jump,
+    is_sliding,
     pick_up_noise,
-    signals,
-    sliding,
-    smoothed,
+    smooth_derivatives,
 )
 
 EVENTS = 10.0  # Hz: low-pass of the rate whose sign bounds the windows
@@ -35,7 +35,7 @@ _MOVING = 3.0  # standard errors of that rate; at the ends of a window phi is sm
 
 
 @dataclass(frozen=True)
-class Window:
+class ModulatingWindow:
     """One window of a record and its function, scaled so that white noise of the record has the
     same size in every window.
 
@@ -56,14 +56,16 @@ class Window:
         return self.phi[order] @ x[self.part]
 
 
-def modulated(x: np.ndarray, windows: list[Window], order: int = 0) -> np.ndarray:
+def modulate(x: np.ndarray, windows: list[ModulatingWindow], order: int = 0) -> np.ndarray:
     """Return the derivative of a signal, (time,) or (time, columns), in every window, (windows,) or
     (windows, columns).
     """
     return np.array([window.of(x, order) for window in windows]).reshape(len(windows), *x.shape[1:])
 
 
-def windows_of(loading: ControlLoading, data: xr.Dataset, moved: xr.Dataset) -> list[Window]:
+def windows_of(
+    loading: ControlLoading, data: xr.Dataset, moved: xr.Dataset
+) -> list[ModulatingWindow]:
     """Return the windows of a record in which the control slides one way, on one side of neutral,
     without a step of the force.
 
@@ -82,7 +84,7 @@ def windows_of(loading: ControlLoading, data: xr.Dataset, moved: xr.Dataset) -> 
         _MOVING * derivative_noise(s, step, EVENTS)[0], LEAST_RATE * float(np.abs(rate).max())
     )
     breaks = (
-        jumps(data[f"F_{loading.item}"].values)
+        has_force_jump(data[f"F_{loading.item}"].values)
         | _changes(rate)
         | _changes(moved["aft_rate"].values)
     )
@@ -98,22 +100,24 @@ def windows_of(loading: ControlLoading, data: xr.Dataset, moved: xr.Dataset) -> 
 
 
 def modulation_noise(
-    loading: ControlLoading, data: xr.Dataset, windows: list[Window], order: int
+    loading: ControlLoading, data: xr.Dataset, windows: list[ModulatingWindow], order: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the variances of that derivative of the travel and of the surface's end, (windows,)."""
     total = np.array([float(window.phi[order] @ window.phi[order]) for window in windows])
-    return noise(data[loading.item].values) ** 2 * total, (
-        noise(data[loading.deflection].values) / loading.gearing
+    return estimate_white_noise(data[loading.item].values) ** 2 * total, (
+        estimate_white_noise(data[loading.deflection].values) / loading.gearing
     ) ** 2 * total
 
 
-def free_signals(loading: ControlLoading, data: xr.Dataset) -> tuple[xr.Dataset, list[Window]]:
+def free_signals(
+    loading: ControlLoading, data: xr.Dataset
+) -> tuple[xr.Dataset, list[ModulatingWindow]]:
     """Return the signals of a record without low-pass, and its windows."""
-    moved = signals(loading, data, None)
+    moved = control_signals(loading, data, None)
     return moved, windows_of(loading, data, moved)
 
 
-def _windows(first: int, count: int, step: float) -> list[Window]:
+def _windows(first: int, count: int, step: float) -> list[ModulatingWindow]:
     """Windows with half overlap over so many samples."""
     if count < SHORTEST:
         return []
@@ -121,7 +125,7 @@ def _windows(first: int, count: int, step: float) -> list[Window]:
     number = int(np.ceil(2.0 * (count - size) / size)) + 1
     starts = np.linspace(0, count - size, number).round().astype(int)
     return [
-        Window(slice(first + at, first + at + size), phi)
+        ModulatingWindow(slice(first + at, first + at + size), phi)
         for at in starts
         for phi in _functions(size, step)[: 2 if size >= _OF_CHANGE else 1]
     ]
@@ -150,7 +154,7 @@ _DERIVATIVES = ("travel", "rate", "acceleration")
 
 
 @dataclass(frozen=True)
-class Stretch:
+class PreparedRecord:
     """One record and what of it is used.
 
     Attributes
@@ -169,7 +173,7 @@ class Stretch:
     """
 
     moved: xr.Dataset
-    used: np.ndarray | list[Window]
+    used: np.ndarray | list[ModulatingWindow]
     white: np.ndarray
     noise: np.ndarray
     step: float
@@ -177,8 +181,12 @@ class Stretch:
     def rows(self, x: np.ndarray, order: int = 0) -> np.ndarray:
         """Return the derivative of a signal, (time,) or (time, columns), in the rows."""
         if isinstance(self.used, list):
-            return modulated(x, self.used, order)
-        return x[self.used] if order == 0 else smoothed(x, self.step, np.inf)[order][self.used]
+            return modulate(x, self.used, order)
+        return (
+            x[self.used]
+            if order == 0
+            else smooth_derivatives(x, self.step, np.inf)[order][self.used]
+        )
 
     def motion(self, loading: ControlLoading, order: int, share: float) -> np.ndarray:
         """Return rate (1) or acceleration (2) of the mean of both ends of the cable, (rows,);
@@ -194,34 +202,34 @@ class Stretch:
                 self.moved[f"aft_{_DERIVATIVES[order]}"].values,
             )
             return ((1.0 - share) * own + share * far)[self.used]
-        return modulated((1.0 - share) * own + share * far, self.used, order)
+        return modulate((1.0 - share) * own + share * far, self.used, order)
 
     def motion_noise(self, order: int, share: float) -> np.ndarray:
         """Return the variance of the noise in `motion`, (rows,)."""
         own, far = self.noise[order - 1]
         return (1.0 - share) ** 2 * own + share**2 * far
 
-    def equations(self, X: np.ndarray, z: np.ndarray, noise_of_X: np.ndarray) -> Rows:
+    def equations(self, X: np.ndarray, z: np.ndarray, noise_of_X: np.ndarray) -> RecordEquations:
         """Return regressors and response as the rows of a fit."""
         lengths = () if isinstance(self.used, list) else stretch_lengths(self.used)
-        return Rows(X, z, noise_of_X, lengths, self.step)
+        return RecordEquations(X, z, noise_of_X, lengths, self.step)
 
 
 def driven_stretches(
     loading: ControlLoading, driven: Sequence[xr.Dataset], cutoff: float
-) -> list[Stretch]:
+) -> list[PreparedRecord]:
     """Return driven manoeuvres behind a low-pass [Hz]; without those in which the control never
     slides.
     """
     found = []
     for one in driven:
-        moved = signals(loading, one, cutoff)
-        use = sliding(loading, one, moved, cutoff)
+        moved = control_signals(loading, one, cutoff)
+        use = is_sliding(loading, one, moved, cutoff)
         if use.any():
             own, far = (np.array(x) ** 2 for x in pick_up_noise(loading, one, cutoff))
             both = np.stack([own, far], axis=1)[:, :, None]
             found.append(
-                Stretch(
+                PreparedRecord(
                     moved,
                     use,
                     _white(loading, one),
@@ -232,20 +240,22 @@ def driven_stretches(
     return found
 
 
-def free_stretches(loading: ControlLoading, free: Sequence[xr.Dataset]) -> list[Stretch]:
+def free_stretches(loading: ControlLoading, free: Sequence[xr.Dataset]) -> list[PreparedRecord]:
     """Return pulses and releases; without those that have no window."""
     found = []
     for one in free:
         moved, windows = free_signals(loading, one)
         if windows:
             both = np.array([modulation_noise(loading, one, windows, order) for order in (1, 2)])
-            found.append(Stretch(moved, windows, _white(loading, one), both, _step(moved)))
+            found.append(PreparedRecord(moved, windows, _white(loading, one), both, _step(moved)))
     return found
 
 
-def force_rows(loading: ControlLoading, one: Stretch, aft: Mapping[str, float]) -> Rows:
+def force_rows(
+    loading: ControlLoading, one: PreparedRecord, aft: Mapping[str, float]
+) -> RecordEquations:
     """Return the equations of the force at the hand; `aft` as in `sliding_fit`."""
-    X = one.rows(design(loading, one.moved, aft))
+    X = one.rows(force_regressors(loading, one.moved, aft))
     variance = np.zeros(X.shape)
     for order, name in ((1, "damping"), (2, "mass")):
         if name in loading.constants:
@@ -258,8 +268,8 @@ def force_rows(loading: ControlLoading, one: Stretch, aft: Mapping[str, float]) 
 
 
 def with_error(
-    loading: ControlLoading, one: Stretch, channel: str, kind: int, size: float
-) -> Stretch:
+    loading: ControlLoading, one: PreparedRecord, channel: str, kind: int, size: float
+) -> PreparedRecord:
     """Return a record one of whose channels has a bias (kind 0) [unit of the channel] or a scale
     error (1).
     """
@@ -278,15 +288,15 @@ def with_error(
         moved["travel"] = moved[channel]
     if loading.item == "wheel" and channel in ("p", "V"):
         moved["alpha"] = loading.arm * moved["p"] / moved["V"]
-    return Stretch(moved, one.used, one.white, one.noise, one.step)
+    return PreparedRecord(moved, one.used, one.white, one.noise, one.step)
 
 
 def _white(loading: ControlLoading, data: xr.Dataset) -> np.ndarray:
     return (
         np.array(
             [
-                noise(data[loading.item].values),
-                noise(data[loading.deflection].values / loading.gearing),
+                estimate_white_noise(data[loading.item].values),
+                estimate_white_noise(data[loading.deflection].values / loading.gearing),
             ]
         )
         ** 2

@@ -15,14 +15,14 @@ import xarray as xr
 
 import flightmech
 from flightmech.air import atmosphere
-from flightmech.aircraft.engine import CONSTANTS, Deck
+from flightmech.aircraft.engine import CONSTANTS, EngineDeck
 from flightmech.errors import IdentificationError
 from flightmech.simulation.batch import fly_batch
 from flightmech.simulation.kernel import STATE
-from flightmech.simulation.run import constant_inputs, prepared, read_inputs
-from flightmech.terms import make
+from flightmech.simulation.run import constant_inputs, initialise_run, read_inputs
+from flightmech.terms import make_term
 from flighttest.maximum_likelihood.residual_covariance import coloured_covariance
-from flighttest.maximum_likelihood.result import OutputError, noise_of, tabulated
+from flighttest.maximum_likelihood.result import OutputError, estimates_dataset, noise_of
 from flighttest.maximum_likelihood.search import Likelihood, Unknown, lay_out, search
 from flighttest.maximum_likelihood.time_domain import Runs, uniform_step
 
@@ -36,10 +36,16 @@ _SLOWEST = 1.0  # airspeed of an aeroplane at rest [m s-1]
 Expand = Callable[[np.ndarray], Mapping[str, float]]
 
 
-def compiled(deck: Deck) -> flightmech.SimModel:
+def compile_engine(deck: EngineDeck) -> flightmech.SimModel:
     """Return the kernel's model of one engine."""
     at = (0.0, 0.0, 0.0)
-    carrier = Deck({"n2_command": make(1.0), "n2_up_time": make(1.0), "thrust": make(HEAVY * _G)})
+    carrier = EngineDeck(
+        {
+            "n2_command": make_term(1.0),
+            "n2_up_time": make_term(1.0),
+            "thrust": make_term(HEAVY * _G),
+        }
+    )
     engines = (
         flightmech.aircraft.Engine(at, deck=deck),
         flightmech.aircraft.Engine(at, (0.0, 0.0, -1.0), deck=carrier),
@@ -47,10 +53,10 @@ def compiled(deck: Deck) -> flightmech.SimModel:
     craft = flightmech.Aircraft(
         "engine", 1.0, 1.0, 1.0, HEAVY, HEAVY, HEAVY, HEAVY, engines=engines
     )
-    return flightmech.compile(craft, xr.DataTree.from_dict({"/CD/basic": make(0.0)}))
+    return flightmech.compile(craft, xr.DataTree.from_dict({"/CD/basic": make_term(0.0)}))
 
 
-class Condition(NamedTuple):
+class EngineCondition(NamedTuple):
     """Flight condition of a record: parameters, and the wind that makes its Mach number.
 
     Attributes
@@ -65,7 +71,7 @@ class Condition(NamedTuple):
     wind: np.ndarray
 
 
-def condition(record: xr.Dataset) -> Condition:
+def condition(record: xr.Dataset) -> EngineCondition:
     """Return the condition of a record: its Mach number, the straight line through its height, the
     mean offset of its temperature.
 
@@ -94,7 +100,7 @@ def condition(record: xr.Dataset) -> Condition:
     )
     along = np.sqrt(V**2 - climb**2)
     fixed = {"mode.earth": 0.0, "mode.engine": 0.0, "env.delta_T": offset}
-    return Condition(
+    return EngineCondition(
         fixed | {"init.V": V[0], "init.h": start, "init.alpha": -float(np.arcsin(climb / V[0]))},
         along[0] - along,
     )
@@ -106,8 +112,8 @@ def simulation_inputs(record: xr.Dataset, wind: np.ndarray) -> xr.Dataset:
     return found.assign(wind_n=("time", wind))
 
 
-def fitted(
-    deck: Deck,
+def fit_engine(
+    deck: EngineDeck,
     records: Sequence[xr.Dataset],
     unknowns: Mapping[str, Unknown],
     expand: Expand,
@@ -137,14 +143,16 @@ def fitted(
         Unknowns whose differences are taken over an internal step at least: a delay before a rate
         limit moves the response by whole stages of the integration.
     """
-    sim = compiled(deck)
+    sim = compile_engine(deck)
     remembered = _Remembered(expand)
     least = np.array([step if name in coarse else 0.0 for name in unknowns])
-    runs = [_Run(sim, record, remembered, list(outputs), step, least) for record in records]
+    runs = [
+        _SimulatedEngine(sim, record, remembered, list(outputs), step, least) for record in records
+    ]
     layout = lay_out(unknowns, [{} for _ in runs])
     found = search(Likelihood(runs, layout, np.zeros(len(runs), int)), iterations)
     covariance, colours = coloured_covariance(found, layout.columns, [run.interval for run in runs])
-    estimates = tabulated(
+    estimates = estimates_dataset(
         found, layout, covariance, {"method": "output error on the engine of the kernel"}
     )
     names = [f"engine1.{name}" for name in outputs]
@@ -183,7 +191,7 @@ class _Remembered:
         return self.found
 
 
-class _Run:
+class _SimulatedEngine:
     """One record as the engine flies it."""
 
     def __init__(
@@ -242,7 +250,7 @@ OUTPUTS = ("n1", "n2", "fuel_flow", "itt", "thrust")
 _PLACED = ("vx", "vy", "vz", "q0", "q1", "q2", "q3", "p", "q", "r", "z")
 
 
-def fly_deck(deck: Deck, record: xr.Dataset) -> xr.Dataset:
+def fly_deck(deck: EngineDeck, record: xr.Dataset) -> xr.Dataset:
     """Return what a deck makes of the lever of a record.
 
     Unlike in the search, Mach number and height are those of every sample.
@@ -268,7 +276,7 @@ def fly_deck(deck: Deck, record: xr.Dataset) -> xr.Dataset:
         raise IdentificationError(
             f"the record has {' '.join(map(str, record.data_vars))}; the lever, throttle, is needed"
         )
-    model = compiled(deck)
+    model = compile_engine(deck)
     held, _ = condition(record)
     time = record["time"].values.astype(float)
     mach, h = (
@@ -286,7 +294,7 @@ def fly_deck(deck: Deck, record: xr.Dataset) -> xr.Dataset:
     places = [row.name for row in model.entries(STATE)]
     fixed = [places.index(f"state.{name}") for name in _PLACED]
     columns = [model.outputs.index(f"engine1.{name}") for name in OUTPUTS]
-    simulation = prepared(
+    simulation = initialise_run(
         model,
         held | {"init.V": max(V[0], 1.0), "init.h": h[0], "init.alpha": 0.0},
         levers[0],

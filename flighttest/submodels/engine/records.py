@@ -10,7 +10,7 @@ import xarray as xr
 
 from flightmech.air import atmosphere
 from flightmech.errors import IdentificationError, UnknownName
-from flighttest.submodels.engine.schedule import SAME, resting
+from flighttest.submodels.engine.schedule import SAME, find_lever_rest
 
 CHANNELS = (
     "throttle",
@@ -193,10 +193,10 @@ def power_changes(
         )
     time = record["time"].values
     step = float(np.median(np.diff(time)))
-    still = resting(record, SETTLED, SAME)
+    still = find_lever_rest(record, SETTLED, SAME)
     for name in ("n1", "n2"):
         if name in record:
-            still &= resting(record.assign(throttle=record[name]), SETTLED, STEADY)
+            still &= find_lever_rest(record.assign(throttle=record[name]), SETTLED, STEADY)
     margin = round(WINDOW_MARGIN / step)
     found = []
     for begin, end in _moving(still, 2 * margin):

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from flightmech.aircraft.engine import CONSTANTS, Deck, write_tables
+from flightmech.aircraft.engine import CONSTANTS, EngineDeck, write_tables
 from flightmech.errors import IdentificationError
 from flightmech.support.atomic_write import written_atomically
 from flighttest.submodels.engine.bench import fly_deck
@@ -51,7 +51,7 @@ class EngineFit:
     steady: Mapping[str, SteadyTable] = field(default_factory=dict)
     records: tuple[str, ...] = ()
 
-    def deck(self, pla: tuple[float, float] = (0.0, 1.0)) -> Deck:
+    def deck(self, pla: tuple[float, float] = (0.0, 1.0)) -> EngineDeck:
         """Return the deck: identified tables and constants in the place of the a-priori ones.
 
         Parameters
@@ -89,7 +89,7 @@ class EngineFit:
                 "light_speed": _LOWER * self.start.light_speed,
                 "sustain_speed": 0.5 * _LOWER * self.start.light_speed,
             }
-        return Deck(tables, pla_idle=pla[0], pla_full=pla[1], **constants)
+        return EngineDeck(tables, pla_idle=pla[0], pla_full=pla[1], **constants)
 
     def _constants(self) -> dict[str, tuple[float, float]]:
         found = {

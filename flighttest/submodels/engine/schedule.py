@@ -25,7 +25,7 @@ EDGE = 0.005  # by which tables reach beyond the speeds at rest: an engine that 
 WIDE = 0.15  # half the time over which a rate is taken [s]
 
 
-def quiet(record: xr.Dataset) -> xr.Dataset:
+def remove_lever_noise(record: xr.Dataset) -> xr.Dataset:
     """Return a record with the noise of the lever taken off: a running median, which leaves ramps
     as they are.
 
@@ -52,7 +52,7 @@ def quiet(record: xr.Dataset) -> xr.Dataset:
     return record.assign(throttle=("time", throttle))
 
 
-def resting(record: xr.Dataset, still: float = STILL, same: float = SAME) -> np.ndarray:
+def find_lever_rest(record: xr.Dataset, still: float = STILL, same: float = SAME) -> np.ndarray:
     """Return where the lever has rested for a while; records count as begun at rest.
 
     Parameters
@@ -78,7 +78,9 @@ def resting(record: xr.Dataset, still: float = STILL, same: float = SAME) -> np.
 
 def positions(records: Sequence[xr.Dataset]) -> np.ndarray:
     """Return the positions at which the lever rested, rising."""
-    found = np.sort(np.concatenate([one["throttle"].values[resting(one)] for one in records]))
+    found = np.sort(
+        np.concatenate([one["throttle"].values[find_lever_rest(one)] for one in records])
+    )
     if not len(found):
         raise IdentificationError(
             f"the lever never rests for {STILL:g} s; add records at settled power"
@@ -107,12 +109,16 @@ def speeds(records: Sequence[xr.Dataset]) -> np.ndarray:
 def settled_speeds(records: Sequence[xr.Dataset], name: str) -> np.ndarray:
     """Return a speed at all samples at which the lever has rested; empty when there are none."""
     return np.concatenate(
-        [one[name].values[resting(one)] for one in records if name in one and "throttle" in one]
+        [
+            one[name].values[find_lever_rest(one)]
+            for one in records
+            if name in one and "throttle" in one
+        ]
         or [np.empty(0)]
     )
 
 
-def covering(points: np.ndarray, settled: np.ndarray) -> np.ndarray:
+def cover_settled_range(points: np.ndarray, settled: np.ndarray) -> np.ndarray:
     """Return breakpoints over a speed, the outer ones moved outwards where the engine would leave
     them at rest.
 
@@ -143,7 +149,7 @@ def reading_error(records: Sequence[xr.Dataset], at: np.ndarray) -> np.ndarray:
     parts = [
         (one["throttle"].values[still], one["throttle"].values[1:] - one["throttle"].values[:-1])
         for one in records
-        if (still := resting(one)).any()
+        if (still := find_lever_rest(one)).any()
     ]
     noise = (
         np.sqrt(0.5) * 1.4826 * np.median(np.abs(np.concatenate([change for _, change in parts])))
@@ -160,7 +166,7 @@ def first_schedule(
     """Return the settled speed ``name`` over the throttle or the other spool, a start for the
     search.
     """
-    rest = [resting(one) for one in records]
+    rest = [find_lever_rest(one) for one in records]
     x = np.concatenate([one[over].values[still] for one, still in zip(records, rest)])
     y = np.concatenate([one[name].values[still] for one, still in zip(records, rest)])
     edges = np.append(at[0] - 1.0, np.append(0.5 * (at[1:] + at[:-1]), at[-1] + 1.0))

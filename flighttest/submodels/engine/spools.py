@@ -23,24 +23,24 @@ import numpy as np
 import xarray as xr
 from scipy.interpolate import PchipInterpolator
 
-from flightmech.aircraft.engine import Deck
+from flightmech.aircraft.engine import EngineDeck
 from flightmech.errors import IdentificationError
-from flightmech.terms import make
+from flightmech.terms import make_term
 from flighttest.maximum_likelihood.result import OutputError
 from flighttest.maximum_likelihood.search import Unknown
 from flighttest.submodels.engine import bench
 from flighttest.submodels.engine.schedule import (
-    covering,
+    cover_settled_range,
     first_rates,
     first_schedule,
     nodes,
-    quiet,
     reading_error,
     reading_noise,
+    remove_lever_noise,
     settled_speeds,
     speeds,
 )
-from flighttest.submodels.engine.tables import FINE, Curve, Surface
+from flighttest.submodels.engine.tables import FINE, EngineCurve, EngineTable2D
 
 QUICKEST, SLOWEST = 0.02, 30.0  # time constants that are searched [s]
 LEAST_RATE, MOST_RATE = 1e-3, 10.0  # limits that are searched [1/s]
@@ -90,7 +90,7 @@ class SpoolFit:
         of them, ``n2_model``, ``n1_model``.
     """
 
-    tables: dict[str, Curve]
+    tables: dict[str, EngineCurve]
     constants: dict[str, tuple[float, float]]
     core: OutputError
     fan: OutputError | None
@@ -103,7 +103,7 @@ class SpoolFit:
         found = {name: curve.leaf for name, curve in self.tables.items()}
         if "n1_up_time" in self.constants:
             value, stderr = self.constants["n1_up_time"]
-            found["n1_up_time"] = make(value, stderr=stderr, source="flight")
+            found["n1_up_time"] = make_term(value, stderr=stderr, source="flight")
         return found
 
     def report(self) -> str:
@@ -198,9 +198,9 @@ def identify_spools(
     noisy = reading_error(
         records, lever := np.array(throttle if throttle is not None else nodes(records), float)
     )
-    records = [quiet(record) for record in records]
+    records = [remove_lever_noise(record) for record in records]
     given = np.array(n2 if n2 is not None else speeds(records), float)
-    speed = covering(given, settled_speeds(records, "n2"))
+    speed = cover_settled_range(given, settled_speeds(records, "n2"))
     core = _Spool("n2", lever, speed, over or {}, limits)
     found = core.search(records)
     tables, constants, changes = core.result(found, noisy)
@@ -280,14 +280,14 @@ class _Spool:
         speed: np.ndarray,
         over: Mapping[str, Sequence[float]],
         spacing: float,
-    ) -> Iterator[tuple[str, Surface]]:
-        yield f"{self.name}_command", Surface("throttle", lever, over, spacing)
+    ) -> Iterator[tuple[str, EngineTable2D]]:
+        yield f"{self.name}_command", EngineTable2D("throttle", lever, over, spacing)
         if not self.limits:
-            yield f"{self.name}_up_time", Surface("n2", speed, over, spacing)
+            yield f"{self.name}_up_time", EngineTable2D("n2", speed, over, spacing)
             return
-        yield f"{self.name}_up_time", Surface("n2", speed[[0, -1]], spacing=spacing)
+        yield f"{self.name}_up_time", EngineTable2D("n2", speed[[0, -1]], spacing=spacing)
         for way in ("up", "down"):
-            yield f"{self.name}_{way}_limit", Surface("n2", speed, over, spacing)
+            yield f"{self.name}_{way}_limit", EngineTable2D("n2", speed, over, spacing)
 
     def tables(self, theta: np.ndarray) -> dict[str, np.ndarray]:
         """Nodes of the tables from the unknowns."""
@@ -377,14 +377,16 @@ class _Spool:
         iterations: int = bench.ITERATIONS,
     ) -> OutputError:
         leaves = {
-            table: make(v, self.axes(table), outside="hold")
+            table: make_term(v, self.axes(table), outside="hold")
             for table, v in self.tables(start).items()
         }
         if list(self.axes(f"{self.name}_command")) == ["throttle"]:
             leaves[f"{self.name}_command"].attrs["outside"] = "linear"
-        deck = Deck({**self.given, **leaves, "thrust": make(0.0)}, lever_delay=self.delay or 0.0)
+        deck = EngineDeck(
+            {**self.given, **leaves, "thrust": make_term(0.0)}, lever_delay=self.delay or 0.0
+        )
         coarse = ["lever_delay"] if self.limits else []
-        return bench.fitted(
+        return bench.fit_engine(
             deck,
             records,
             self._unknowns(start, step),
@@ -418,7 +420,7 @@ class _Spool:
         steep = PchipInterpolator(self.lever, theta[places]).derivative()(self.lever)
         C[places, places] += (steep * noisy) ** 2
         tables = {
-            table: Curve.of(self.axes(table), partial(self._table, table), theta, C)
+            table: EngineCurve.of(self.axes(table), partial(self._table, table), theta, C)
             for table in self.tables(theta)
         }
         return tables, constants, self._changes(found)
@@ -454,10 +456,12 @@ class _Spool:
             yield f"{self.name}: the residual, {much}; look for {what}"
 
 
-def _fan(tables: dict[str, Curve], delay: float, records: Sequence[xr.Dataset], knots: np.ndarray):
+def _fan(
+    tables: dict[str, EngineCurve], delay: float, records: Sequence[xr.Dataset], knots: np.ndarray
+):
     """n1 over n2, and its lag, with the core as it was found."""
     start = np.append(first_schedule(records, "n1", knots, over="n2"), 0.2)
-    surface = Surface("n2", knots)
+    surface = EngineTable2D("n2", knots)
 
     def curve(theta: np.ndarray) -> np.ndarray:
         return surface.nodes(theta[:-1])
@@ -469,19 +473,21 @@ def _fan(tables: dict[str, Curve], delay: float, records: Sequence[xr.Dataset], 
 
     leaves = {name: one.leaf for name, one in tables.items()}
     leaves |= {
-        "n1_command": make(curve(start), surface.axes, outside="linear"),
-        "n1_up_time": make(0.2),
-        "thrust": make(0.0),
+        "n1_command": make_term(curve(start), surface.axes, outside="linear"),
+        "n1_up_time": make_term(0.2),
+        "thrust": make_term(0.0),
     }
     unknowns = {f"n1_command at n2 {x:.4g}": Unknown(v, 0.3) for x, v in zip(knots, start)}
     unknowns["n1_up_time"] = Unknown(0.2, low=QUICKEST, high=SLOWEST)
-    found = bench.fitted(Deck(leaves, lever_delay=delay), records, unknowns, parameters, ["n1"])
+    found = bench.fit_engine(
+        EngineDeck(leaves, lever_delay=delay), records, unknowns, parameters, ["n1"]
+    )
     theta, C = (
         found.estimates["estimate"].values,
         np.nan_to_num(found.estimates["covariance"].values),
     )
     return (
-        Curve.of(surface.axes, curve, theta, C),
+        EngineCurve.of(surface.axes, curve, theta, C),
         (float(theta[-1]), float(np.sqrt(C[-1, -1]))),
         found,
     )

@@ -17,13 +17,13 @@ import numpy as np
 import xarray as xr
 from scipy.interpolate import PchipInterpolator
 
-from flightmech.aircraft.engine import Deck
+from flightmech.aircraft.engine import EngineDeck
 from flightmech.errors import IdentificationError
-from flightmech.terms import make
+from flightmech.terms import make_term
 from flighttest.maximum_likelihood.result import OutputError
 from flighttest.maximum_likelihood.search import Unknown
 from flighttest.submodels.engine import bench
-from flighttest.submodels.engine.tables import FINE, Curve, fine
+from flighttest.submodels.engine.tables import FINE, EngineCurve, refine_knots
 
 SPACING = 0.08  # of the knots over n2 between light-off and idle
 WINDY = 0.05  # Mach number from which on windmilling is looked for
@@ -47,7 +47,7 @@ class StartFit:
         The searches over n2, and over fuel flow and temperature (None without them).
     """
 
-    tables: dict[str, Curve]
+    tables: dict[str, EngineCurve]
     constants: dict[str, tuple[float, float]]
     light_speed: float
     speeds: OutputError
@@ -67,10 +67,10 @@ class StartFit:
             )
         if "corrected_n2_windmill" in self.constants:
             value, stderr = self.constants["corrected_n2_windmill"]
-            found["corrected_n2_windmill"] = make(value, stderr=stderr, source="flight")
+            found["corrected_n2_windmill"] = make_term(value, stderr=stderr, source="flight")
         found.setdefault(
             "n2_command",
-            make(self.constants["idle"][0], stderr=self.constants["idle"][1], source="flight"),
+            make_term(self.constants["idle"][0], stderr=self.constants["idle"][1], source="flight"),
         )
         return found
 
@@ -128,7 +128,7 @@ def identify_start(records: Sequence[xr.Dataset]) -> StartFit:
         raise IdentificationError("no light-off: cutoff never opens with the starter on")
     idle = float(np.median(np.concatenate([_idling(one) for one in records])))
     knots = np.linspace(min(lit), idle, max(round((idle - min(lit)) / SPACING), 1) + 1)
-    at = fine(knots)
+    at = refine_knots(knots)
     flying = any("mach" in one and float(one["mach"].max()) > WINDY for one in records)
     unknowns = {
         "starter_speed": Unknown(min(lit), 0.2, 0.0, 1.0),
@@ -157,31 +157,31 @@ def identify_start(records: Sequence[xr.Dataset]) -> StartFit:
 
     light = max(min(lit) - 0.02, 0.01)
     tables = {
-        "n2_command": make(idle),
-        "n2_up_time": make(np.full(len(at), 4.0), {"n2": at}),
-        "thrust": make(0.0),
+        "n2_command": make_term(idle),
+        "n2_up_time": make_term(np.full(len(at), 4.0), {"n2": at}),
+        "thrust": make_term(0.0),
     }
     if flying:
-        tables["corrected_n2_windmill"] = make(0.05)
+        tables["corrected_n2_windmill"] = make_term(0.05)
     lights: dict[str, Any] = {"light_speed": light, "sustain_speed": 0.5 * light}
-    found = bench.fitted(Deck(tables, **lights), records, unknowns, parameters, ["n2"])
+    found = bench.fit_engine(EngineDeck(tables, **lights), records, unknowns, parameters, ["n2"])
     theta, C = (
         found.estimates["estimate"].values,
         np.nan_to_num(found.estimates["covariance"].values),
     )
     sigma = np.sqrt(np.diag(C))
     constants = {name: (float(theta[k]), float(sigma[k])) for k, name in enumerate(single)}
-    curves = {"n2_up_time": Curve.of({"n2": at}, times, theta, C)}
+    curves = {"n2_up_time": EngineCurve.of({"n2": at}, times, theta, C)}
     whole = {
         **tables,
         "n2_up_time": curves["n2_up_time"].leaf,
-        "n2_command": make(constants["n2_command"][0]),
+        "n2_command": make_term(constants["n2_command"][0]),
     }
     if flying:
-        whole["corrected_n2_windmill"] = make(constants["corrected_n2_windmill"][0])
+        whole["corrected_n2_windmill"] = make_term(constants["corrected_n2_windmill"][0])
     constants["idle"] = constants.pop("n2_command")
     lights |= {name: constants[name][0] for name in ("starter_speed", *_TIMES)}
-    deck = Deck(whole, **lights)
+    deck = EngineDeck(whole, **lights)
     flows, more, lag = _flows(deck, records, knots)
     return StartFit(curves | more, constants | lag, min(lit), found, flows)
 
@@ -194,15 +194,17 @@ def _before(low: xr.Dataset, high: xr.Dataset) -> xr.Dataset:
     names = [name for name in ("value", "stderr") if name in low and name in high]
     joined = xr.concat([part[names], high[names]], "n2")
     stderr = joined["stderr"].values if "stderr" in joined else None
-    return make(joined["value"].values, {"n2": joined["n2"].values}, stderr=stderr, source="flight")
+    return make_term(
+        joined["value"].values, {"n2": joined["n2"].values}, stderr=stderr, source="flight"
+    )
 
 
-def _flows(deck: Deck, records: Sequence[xr.Dataset], knots: np.ndarray):
+def _flows(deck: EngineDeck, records: Sequence[xr.Dataset], knots: np.ndarray):
     """Fuel flow and turbine temperature over n2, with the speeds as they were found."""
     outputs = [name for name in ("fuel_flow", "itt") if all(name in one for one in records)]
     if not outputs:
         return None, {}, {}
-    at, count = fine(knots), len(knots)
+    at, count = refine_knots(knots), len(knots)
     first = {name: _levels(records, name, knots) for name in outputs}
     size = {name: float(np.max(np.abs(first[name]))) for name in outputs}
     unknowns = {
@@ -222,19 +224,21 @@ def _flows(deck: Deck, records: Sequence[xr.Dataset], knots: np.ndarray):
         lag = {bench.parameter("itt_time"): float(theta[-1])} if lagged else {}
         return {key: value for part in nodes for key, value in part.items()} | lag
 
-    own = {name: make(np.interp(at, knots, first[name]), {"n2": at}) for name in outputs}
+    own = {name: make_term(np.interp(at, knots, first[name]), {"n2": at}) for name in outputs}
     constants: dict[str, Any] = {
         name: getattr(deck, name)
         for name in ("starter_speed", *_TIMES, "light_speed", "sustain_speed")
     }
-    found = bench.fitted(
-        Deck({**deck.tables, **own}, **constants), records, unknowns, parameters, outputs
+    found = bench.fit_engine(
+        EngineDeck({**deck.tables, **own}, **constants), records, unknowns, parameters, outputs
     )
     theta, C = (
         found.estimates["estimate"].values,
         np.nan_to_num(found.estimates["covariance"].values),
     )
-    curves = {name: Curve.of({"n2": at}, curve(k), theta, C) for k, name in enumerate(outputs)}
+    curves = {
+        name: EngineCurve.of({"n2": at}, curve(k), theta, C) for k, name in enumerate(outputs)
+    }
     return (
         found,
         curves,

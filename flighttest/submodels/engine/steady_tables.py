@@ -26,8 +26,12 @@ import xarray as xr
 
 from flightmech.aircraft.engine import OWN, TARGETS
 from flightmech.errors import IdentificationError, UnknownName
-from flightmech.terms import SOURCES, basis, make
-from flighttest.submodels.engine.schedule import covering, resting, settled_speeds
+from flightmech.terms import SOURCES, basis, make_term
+from flighttest.submodels.engine.schedule import (
+    cover_settled_range,
+    find_lever_rest,
+    settled_speeds,
+)
 from flighttest.submodels.engine.steady_points import ratios
 
 AXES = (*OWN, "mach", "h")
@@ -128,7 +132,7 @@ def steady_table(
         if axis not in AXES:
             raise UnknownName(axis, AXES, "axis of an engine table")
     grid = {
-        name: covering(np.asarray(points, float), _settled(flights, name))
+        name: cover_settled_range(np.asarray(points, float), _settled(flights, name))
         for name, points in axes.items()
     }
     blocks = [_samples(one, target, grid) for one in flights]
@@ -147,7 +151,7 @@ def steady_table(
     stderr = np.sqrt(np.diag(C) + (scale * value) ** 2)
     shape = [len(points) for points in grid.values()]
     seen = np.sqrt(np.diag(C)) < LEFT * spread * sigma
-    leaf = make(
+    leaf = make_term(
         value.reshape(shape),
         grid,
         stderr=stderr.reshape(shape),
@@ -215,10 +219,10 @@ def _samples(
         slack = EDGE * (points[-1] - points[0])
         used &= (at[name] >= points[0] - slack) & (at[name] <= points[-1] + slack)
     if timed and target.endswith(("_command", "_driven")):
-        used &= resting(one, SETTLED)
+        used &= find_lever_rest(one, SETTLED)
     if not used.any():
         return np.empty((0, 0)), np.empty(0), 0.0
-    leaf = make(np.zeros([len(points) for points in grid.values()]), grid)
+    leaf = make_term(np.zeros([len(points) for points in grid.values()]), grid)
     B = basis(leaf, {name: at[name][used] for name in grid}, outside="clamp").toarray()
     return B, value[used], float(np.median(np.diff(one["time"].values))) if timed else 0.0
 

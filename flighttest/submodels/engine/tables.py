@@ -20,7 +20,7 @@ from flightmech.names import lookup
 from flightmech.support.input_files import load
 from flightmech.support.toml_models import Strict, file_schema, validate
 from flightmech.support.toml_quantities import quantity_schema
-from flightmech.terms import basis, make
+from flightmech.terms import basis, make_term
 from flightmech.units import quantity
 
 
@@ -135,7 +135,7 @@ FINE = 0.01  # distance of the nodes, in throttle and in speed
 _STEP = 1e-6  # of a difference
 
 
-class Surface:
+class EngineTable2D:
     """Table over the lever or a speed x, and over the flight condition c, d ...
 
         y = p(x) + sum_c [ (1 - s) a_c + s b_c ],      s = (x - x_low) / (x_high - x_low)
@@ -178,7 +178,7 @@ class Surface:
         short = [name for name, points in self.over.items() if len(points) < 2]
         if short:
             raise IdentificationError(f"one breakpoint over {' '.join(short)}; give at least two")
-        self.axes = {axis: fine(knots, spacing), **self.over}
+        self.axes = {axis: refine_knots(knots, spacing), **self.over}
         self.size = int(np.prod([len(points) for points in self.axes.values()]))
         self.count = len(knots) + 2 * sum(len(points) - 1 for points in self.over.values())
 
@@ -217,7 +217,7 @@ class Surface:
 
 
 @dataclass(frozen=True)
-class Curve:
+class EngineCurve:
     """An identified table.
 
     Attributes
@@ -238,7 +238,7 @@ class Curve:
         nodes: Callable[[np.ndarray], np.ndarray],
         theta: np.ndarray,
         C: np.ndarray,
-    ) -> Curve:
+    ) -> EngineCurve:
         """Return the table from unknowns with their covariance.
 
         Parameters
@@ -260,7 +260,8 @@ class Curve:
         stderr = np.sqrt(np.maximum(np.diag(covariance), 0.0)).reshape(value.shape)
         outside = "linear" if list(axes) == ["throttle"] else "hold"
         return cls(
-            make(value, dict(axes), stderr=stderr, source="flight", outside=outside), covariance
+            make_term(value, dict(axes), stderr=stderr, source="flight", outside=outside),
+            covariance,
         )
 
     def lines(self, name: str, rows: int = 12) -> list[str]:
@@ -314,7 +315,7 @@ class Curve:
         return float(w @ self.leaf["value"].values.ravel()), float(np.sqrt(w @ self.covariance @ w))
 
 
-def fine(knots: np.ndarray, spacing: float = FINE) -> np.ndarray:
+def refine_knots(knots: np.ndarray, spacing: float = FINE) -> np.ndarray:
     """Return nodes at and evenly between the knots, at most `spacing` apart."""
     if len(knots) < 2:
         raise IdentificationError(

@@ -9,23 +9,27 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import IdentificationError, UnknownName
-from flighttest.regression.equation_error.model import Model, regressors
-from flighttest.regression.equation_error.samples import Samples, stack
+from flighttest.regression.equation_error.model import RegressionModel, regressors
+from flighttest.regression.equation_error.samples import RegressionSamples, stack
 from flighttest.regression.separable.fit import SeparableFit, regress_separable
-from flighttest.submodels.ground_effect.result import CoefficientOverGround, GroundEffect, chosen
+from flighttest.submodels.ground_effect.result import (
+    CoefficientOverGround,
+    GroundEffect,
+    form_by_evidence,
+)
 from flighttest.submodels.ground_effect.structure import (
     EXPONENTS,
     HEIGHT,
     HeightTable,
     breakpoints,
-    compared,
     criterion,
     exponent,
     ground_terms,
     height_table,
     independent_samples,
     model_over_ground,
-    raised,
+    rank_forms,
+    times_height_power,
     with_heights,
 )
 
@@ -33,7 +37,7 @@ AT_REST = ("delta_t", "delta_ta", "delta_tr", "gear", "speedbrake", "delta_f")
 
 
 def identify_ground_effect(
-    models: Sequence[Model],
+    models: Sequence[RegressionModel],
     data: Sequence[xr.Dataset],
     ground: Mapping[str, Sequence[str]] | None = None,
     database: xr.DataTree | None = None,
@@ -105,7 +109,7 @@ def identify_ground_effect(
     found = {}
     for model in models:
         terms = (
-            tuple(Model(model.coefficient, ground[model.coefficient]).terms)
+            tuple(RegressionModel(model.coefficient, ground[model.coefficient]).terms)
             if ground and model.coefficient in ground
             else None
         )
@@ -119,7 +123,7 @@ class _Coefficient:
 
     def __init__(
         self,
-        model: Model,
+        model: RegressionModel,
         ground: Sequence[str],
         records,
         database,
@@ -148,7 +152,7 @@ class _Coefficient:
         table = self.table(samples, left, forms["none"][0], n)
         if table is not None:
             forms["table"] = table.residual, table.parameters
-        evidence = compared(forms, n)
+        evidence = rank_forms(forms, n)
         heights = float(h.min()), float(breakpoints(h)[-1])
         return CoefficientOverGround(
             self.model,
@@ -158,7 +162,7 @@ class _Coefficient:
             common,
             self.references(),
             table,
-            chosen(evidence),
+            form_by_evidence(evidence),
             heights,
             evidence,
         )
@@ -184,7 +188,7 @@ class _Coefficient:
             unseen = [term for term in left if reasons[term]]
             if not unseen:
                 return fit, left, deleted
-            least = min(unseen, key=lambda term: float(e["t"].sel(term=raised(term))))
+            least = min(unseen, key=lambda term: float(e["t"].sel(term=times_height_power(term))))
             deleted[least] = reasons[least]
             left = tuple(term for term in left if term != least)
             starts = {exponent(term): fit.value(exponent(term))[0] for term in left}
@@ -194,9 +198,9 @@ class _Coefficient:
     def wanted(self) -> list[str]:
         """Variables that every form needs, so that all have the same samples."""
         terms = [*dict.fromkeys([*self.model.terms, *self.ground])]
-        return [*Model(self.model.coefficient, terms).variables, HEIGHT]
+        return [*RegressionModel(self.model.coefficient, terms).variables, HEIGHT]
 
-    def free_terms(self, samples: Samples) -> np.ndarray:
+    def free_terms(self, samples: RegressionSamples) -> np.ndarray:
         """Regressors of the free-air terms that are estimated along, (samples, terms)."""
         return (
             np.zeros((samples.data.sizes["sample"], 0))
@@ -205,7 +209,7 @@ class _Coefficient:
         )
 
     def closed_forms(
-        self, samples: Samples, fit: SeparableFit | None, common
+        self, samples: RegressionSamples, fit: SeparableFit | None, common
     ) -> dict[str, tuple[np.ndarray, int | None]]:
         """Residual and number of parameters of each form but the table."""
         name, X = self.model.coefficient, self.free_terms(samples)
@@ -230,7 +234,7 @@ class _Coefficient:
         return found
 
     def table(
-        self, samples: Samples, left: Sequence[str], rest: np.ndarray, n: float
+        self, samples: RegressionSamples, left: Sequence[str], rest: np.ndarray, n: float
     ) -> HeightTable | None:
         """Tables over the height of the terms identified, and of others that lower the criterion;
         None where there are none.
@@ -279,10 +283,10 @@ def _rest(X: np.ndarray, z: np.ndarray) -> np.ndarray:
 def _why(fit: SeparableFit, term: str) -> str:
     """Why a ground term is not identified; an empty text when it is."""
     e = fit.estimates
-    for name in (raised(term), exponent(term)):
+    for name in (times_height_power(term), exponent(term)):
         if text := str(e["why"].sel(term=name).values):
             return text
-    value, stderr = fit.value(raised(term))
+    value, stderr = fit.value(times_height_power(term))
     return (
         ""
         if abs(value) > 2.0 * stderr

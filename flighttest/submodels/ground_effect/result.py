@@ -13,16 +13,16 @@ import xarray as xr
 from flightmech import terms as _terms
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.names import attrs
-from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.separable.fit import SeparableFit
 from flighttest.submodels.ground_effect.structure import (
     BANK,
     HEIGHT,
     HeightTable,
-    best,
     exponent,
-    raised,
-    spelled,
+    select_form,
+    separable_spelling,
+    times_height_power,
 )
 
 ORDER = ("none", "database", "k h^s, one s", "k h^s", "table")
@@ -71,7 +71,7 @@ class CoefficientOverGround:
         Index form; ``parameters``, ``rms``, ``BIC``.
     """
 
-    model: Model
+    model: RegressionModel
     ground: tuple[str, ...]
     not_identified: Mapping[str, str]
     fit: SeparableFit | None
@@ -165,11 +165,11 @@ class CoefficientOverGround:
 
     def _factor(self, fit: SeparableFit, term: str, common: bool) -> tuple[str, float]:
         """k as an expression of the estimates, and the free-air coefficient."""
-        own = f"[{raised(term, 's' if common else None)}]"
+        own = f"[{times_height_power(term, 's' if common else None)}]"
         if term in self.references:
             return f"{own}/({self.references[term]!r})", self.references[term]
         if term in self.model.terms:
-            return f"{own}/[{spelled(term)}]", fit.value(spelled(term))[0]
+            return f"{own}/[{separable_spelling(term)}]", fit.value(separable_spelling(term))[0]
         return own, float("nan")
 
 
@@ -224,11 +224,11 @@ class GroundEffect:
         return "\n".join(lines)
 
 
-def chosen(evidence: pd.DataFrame) -> str:
+def form_by_evidence(evidence: pd.DataFrame) -> str:
     """Return the form that the evidence chooses; of near equals the simplest, and the closed form
     before the table.
     """
-    return best(evidence, ORDER)
+    return select_form(evidence, ORDER)
 
 
 def _printed(name: str, one: CoefficientOverGround, heights: Sequence[float]) -> list[str]:
@@ -360,7 +360,7 @@ def ground_terms_of(
     found: dict[str, xr.Dataset] = {}
     for term in one.table.terms if one.form == "table" and one.table is not None else one.ground:
         parts = (
-            {"ground": _terms.make(1.0, regressors=("CL", "phi"))}
+            {"ground": _terms.make_term(1.0, regressors=("CL", "phi"))}
             if term == BANK
             else dict(_parts(term, free))
         )

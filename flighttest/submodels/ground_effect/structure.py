@@ -21,12 +21,12 @@ import xarray as xr
 
 from flightmech.errors import IdentificationError
 from flightmech.support.arrays import rms
-from flighttest.regression.equation_error.model import Model
-from flighttest.regression.equation_error.samples import Samples
+from flighttest.regression.equation_error.model import RegressionModel
+from flighttest.regression.equation_error.samples import RegressionSamples
 from flighttest.regression.expressions import parse
 from flighttest.regression.separable_model import SeparableModel, ShapeParameter
 from flighttest.regression.uncertainty import collinearity
-from flighttest.regression.uncertainty.coloured_residuals import coloured
+from flighttest.regression.uncertainty.coloured_residuals import coloured_covariance_of
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ def height_table(
     ground: np.ndarray,
     h: np.ndarray,
     z: np.ndarray,
-    samples: Samples,
+    samples: RegressionSamples,
     heights: np.ndarray,
 ) -> HeightTable:
     """Return the ground terms as tables over the height, by least squares.
@@ -99,7 +99,7 @@ def height_table(
     collinearity.demand_rank(whole, names)
     theta = np.linalg.lstsq(whole, z, rcond=None)[0]
     v = z - whole @ theta
-    C = coloured(whole, v, *samples.pieces()).covariance
+    C = coloured_covariance_of(whole, v, *samples.pieces()).covariance
     shape = (ground.shape[1], len(heights) - 1)
     value, stderr = (np.zeros((shape[0], shape[1] + 1)) for _ in range(2))
     value[:, :-1] = theta[X.shape[1] :].reshape(shape)
@@ -140,14 +140,14 @@ def breakpoints(
     return np.array(found)
 
 
-def independent_samples(v: np.ndarray, samples: Samples) -> float:
+def independent_samples(v: np.ndarray, samples: RegressionSamples) -> float:
     """Return how many independent samples would have a mean as good as that of the residual."""
     pieces, steps = samples.pieces()
-    C = coloured(np.ones((len(v), 1)), v, pieces, steps).covariance
+    C = coloured_covariance_of(np.ones((len(v), 1)), v, pieces, steps).covariance
     return float(min(np.var(v) / C[0, 0], len(v)))
 
 
-def compared(residuals: dict[str, tuple[np.ndarray, int | None]], n: float) -> pd.DataFrame:
+def rank_forms(residuals: dict[str, tuple[np.ndarray, int | None]], n: float) -> pd.DataFrame:
     """Return the forms with the criterion of each, the best first.
 
     Parameters
@@ -186,7 +186,7 @@ def criterion(v: np.ndarray, parameters: int, n: float) -> float:
     return n * float(np.log(np.mean(v**2))) + parameters * float(np.log(n))
 
 
-def best(table: pd.DataFrame, order: Sequence[str]) -> str:
+def select_form(table: pd.DataFrame, order: Sequence[str]) -> str:
     """Return the form with the least criterion; of forms within two of it the one that stands first
     in `order`.
     """
@@ -201,7 +201,7 @@ BANK = "CL*phi"  # the regressor of [LR743] eq. (14)
 _LONGITUDINAL = ("CL", "CD", "Cm", "CX", "CZ")
 
 
-def ground_terms(model: Model) -> tuple[str, ...]:
+def ground_terms(model: RegressionModel) -> tuple[str, ...]:
     """Return the terms that the ground may change: of CL, CD and Cm all, (13); of Cl the bank
     angle, (14).
 
@@ -226,18 +226,18 @@ def exponent(term: str) -> str:
     return "s_" + ("0" if term == "1" else re.sub(r"\W+", "_", term.replace("**", "")).strip("_"))
 
 
-def raised(term: str, name: str | None = None) -> str:
+def times_height_power(term: str, name: str | None = None) -> str:
     """Return a term times h^s, in the spelling of a separable model."""
     return str(parse(f"{'' if term == '1' else term + '*'}{HEIGHT}^{name or exponent(term)}"))
 
 
-def spelled(term: str) -> str:
+def separable_spelling(term: str) -> str:
     """Return a term of a `Model` in the spelling of a separable model."""
     return str(parse(term))
 
 
 def model_over_ground(
-    model: Model,
+    model: RegressionModel,
     ground: Sequence[str],
     held: bool = False,
     common: bool = False,
@@ -262,7 +262,7 @@ def model_over_ground(
         First values of exponents by name, where the search need not begin anew.
     """
     name = "s" if common else None
-    terms = [*(() if held else model.terms), *(raised(term, name) for term in ground)]
+    terms = [*(() if held else model.terms), *(times_height_power(term, name) for term in ground)]
     names = dict.fromkeys(name or exponent(term) for term in ground)
     return SeparableModel(
         model.coefficient,

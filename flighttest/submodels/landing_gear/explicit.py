@@ -23,7 +23,7 @@ import xarray as xr
 
 from flightmech.aircraft.aircraft import Aircraft
 from flighttest.maximum_likelihood.residual_covariance import coloured_covariance
-from flighttest.maximum_likelihood.result import OutputError, noise_of, tabulated
+from flighttest.maximum_likelihood.result import OutputError, estimates_dataset, noise_of
 from flighttest.maximum_likelihood.search import Likelihood, Unknown, lay_out, search
 from flighttest.submodels.landing_gear.reconstructed_loads import (
     WheelGroup,
@@ -48,7 +48,7 @@ _ITERATIONS = 40
 _ROUNDS = 6  # of the share of brake and side force in the friction
 
 
-def brush(load, tangent, C, mu, brake) -> np.ndarray:
+def brush_side_force(load, tangent, C, mu, brake) -> np.ndarray:
     """Return the side force of a rolling tyre to the left, for a wheel that moves to its right.
 
     Parameters
@@ -232,7 +232,7 @@ def tyre_forces(
     """Return the force of the ground forward and to the right, in the axes of the wheel. [N]"""
     brake, share, cornering, bend = (at.get(group.parameter(name), 0.0) for name in TYRE)
     braking = at[ROLLING] * N + pedal * (brake + share * N)
-    return -braking, -brush(
+    return -braking, -brush_side_force(
         N, tangent, cornering * N / (1.0 + bend * (N / LOAD) ** 2), at[FRICTION], braking
     )
 
@@ -257,7 +257,9 @@ def explicit_fit(runs: Sequence[GroundRun], unknowns: Mapping[str, Unknown]) -> 
     found = search(Likelihood(runs, layout, np.arange(len(runs))), _ITERATIONS)
     covariance, colours = coloured_covariance(found, layout.columns, [run.interval for run in runs])
     outputs = [str(name) for name in runs[0].data["output"].values]
-    estimates = tabulated(found, layout, covariance, {"method": "reconstructed wheel loads"})
+    estimates = estimates_dataset(
+        found, layout, covariance, {"method": "reconstructed wheel loads"}
+    )
     rest = tuple(
         xr.Dataset(
             {name: ("time", v[:, k]) for k, name in enumerate(outputs)},

@@ -14,10 +14,10 @@ import xarray as xr
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.aircraft.landing_gear import Contact
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
-from flightmech.terms import make
+from flightmech.terms import make_term
 from flightmech.units import G0
 from flighttest.maximum_likelihood.result import OutputError
-from flighttest.reconstruction.smoother import Path
+from flighttest.reconstruction.smoother import FlightPath
 from flighttest.regression.separable.fit import regress_separable
 from flighttest.regression.separable_model import SeparableModel
 from flighttest.submodels.landing_gear.explicit import FRICTION, LOAD, ROLLING
@@ -189,7 +189,7 @@ class IdentifiedGear:
         square = at.get(group.parameter("stiffness_square"), 0.0)
         if group.parameter("stiffness_square") in self.constants:
             s = np.linspace(0.0, 1.5 * self._greatest("compression", group), _TABLE)
-            found["strut"] = make(square * s**2, {"compression": s}, outside="linear")
+            found["strut"] = make_term(square * s**2, {"compression": s}, outside="linear")
         elif "stiffness" in found:
             found["strut"] = None
         return replace(contact, **found)
@@ -362,7 +362,7 @@ _FORCES = (
 
 
 def identify_landing_gear(
-    records: Sequence[Path | GroundRecord | xr.Dataset],
+    records: Sequence[FlightPath | GroundRecord | xr.Dataset],
     aircraft: Aircraft,
     database: xr.DataTree | None = None,
     errors: Mapping[str, float] | None = None,

@@ -23,7 +23,7 @@ from flightmech.axes import rotation
 from flightmech.simulation.batch import fly_batch
 from flightmech.simulation.run import read_inputs
 from flighttest.maximum_likelihood.residual_covariance import coloured_covariance
-from flighttest.maximum_likelihood.result import OutputError, noise_of, tabulated
+from flighttest.maximum_likelihood.result import OutputError, estimates_dataset, noise_of
 from flighttest.maximum_likelihood.search import Likelihood, Unknown, lay_out, search
 from flighttest.maximum_likelihood.time_domain import Runs
 from flighttest.submodels.landing_gear.explicit import FRICTION, LOAD, MOVING
@@ -267,7 +267,7 @@ def fly_gear(
     covariance, colours = coloured_covariance(
         found, layout.columns, [piece.interval for piece in pieces]
     )
-    estimates = tabulated(
+    estimates = estimates_dataset(
         found, layout, covariance, {"method": "output error on the gear of the kernel"}
     )
     rest = tuple(

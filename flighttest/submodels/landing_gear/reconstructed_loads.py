@@ -20,10 +20,10 @@ from flightmech.aircraft.aircraft import Aircraft
 from flightmech.aircraft.landing_gear import Contact
 from flightmech.axes import rotation, to_body
 from flightmech.errors import IdentificationError, UnknownName
-from flighttest.reconstruction.dynamics.force_coefficients import external_load, smoothed
-from flighttest.reconstruction.smoother import Path
+from flighttest.reconstruction.dynamics.force_coefficients import external_load, smooth_states
+from flighttest.reconstruction.smoother import FlightPath
 from flighttest.records.signals.differentiation import derivative
-from flighttest.submodels.control_loading.motion import noise
+from flighttest.submodels.control_loading.motion import estimate_white_noise
 
 _SAME = 1e-3  # two positions that differ by less are mirror images [m]
 
@@ -90,7 +90,7 @@ def wheel_groups(aircraft: Aircraft) -> tuple[WheelGroup, ...]:
 
 
 @dataclass(frozen=True)
-class Places:
+class ContactPoints:
     """Points where wheels touch the runway, and their motion over it.
 
     Attributes
@@ -137,7 +137,7 @@ def column(states: xr.Dataset, name: str, default: float | None = None) -> np.nd
     return np.broadcast_to(np.asarray(states[name].values, float), (states.sizes["time"],))
 
 
-def places(states: xr.Dataset, aircraft: Aircraft, steering: np.ndarray) -> Places:
+def places(states: xr.Dataset, aircraft: Aircraft, steering: np.ndarray) -> ContactPoints:
     """Return where the wheels stand, with leg along body z as the kernel has it
     (docs/landing-gear.md).
 
@@ -177,7 +177,7 @@ def places(states: xr.Dataset, aircraft: Aircraft, steering: np.ndarray) -> Plac
             np.einsum("ti,ti->t", speed[:, k], axis) for axis in (ahead, aside)
         )
     height = np.einsum("twi,ti->tw", arm, down).mean(axis=1)
-    return Places(down, forward, right, arm, height, along, across, rate)
+    return ContactPoints(down, forward, right, arm, height, along, across, rate)
 
 
 def _arm(wheel: Contact, down: np.ndarray, cg: np.ndarray, compression: np.ndarray) -> np.ndarray:
@@ -232,13 +232,13 @@ class GroundRecord(NamedTuple):
     biases: xr.Dataset | None = None
 
 
-def states_of(path: Path | GroundRecord | xr.Dataset) -> xr.Dataset:
+def states_of(path: FlightPath | GroundRecord | xr.Dataset) -> xr.Dataset:
     """Return the states of a record."""
     return path if isinstance(path, xr.Dataset) else path.states
 
 
 def wheel_loads(
-    path: Path | GroundRecord | xr.Dataset,
+    path: FlightPath | GroundRecord | xr.Dataset,
     aircraft: Aircraft,
     database: xr.DataTree | None = None,
     wind: tuple[float, float] = (0.0, 0.0),
@@ -283,7 +283,7 @@ def wheel_loads(
         The aircraft has no wheels, or none touches the ground.
     """
     states = states_of(path)
-    data = smoothed(states, cutoff)
+    data = smooth_states(states, cutoff)
     angle = column(data, "gear.steering" if "gear.steering" in data else "delta_nw", 0.0)
     at = places(data, aircraft, angle)
     wheels = wheels_of(aircraft)
@@ -340,7 +340,7 @@ def wheel_loads(
 
 
 def _changes(
-    data, aircraft: Aircraft, database, wind, at: Places
+    data, aircraft: Aircraft, database, wind, at: ContactPoints
 ) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Force and moment of the ground, by source, for one unit of its error."""
     zero = np.zeros_like(at.down)
@@ -425,7 +425,9 @@ def air_load(
     return F, M - np.cross(cg, F)
 
 
-def ground_forces(F: np.ndarray, M: np.ndarray, at: Places, touching: np.ndarray) -> np.ndarray:
+def ground_forces(
+    F: np.ndarray, M: np.ndarray, at: ContactPoints, touching: np.ndarray
+) -> np.ndarray:
     """Return loads and in-plane components (time, wheel + 3) of a force and a moment of the ground
     about the c.g.
     """
@@ -463,7 +465,7 @@ def _derivatives(compression: np.ndarray, step: float) -> np.ndarray:
 
 
 def _contradicting(
-    at: Places, compression: np.ndarray, touching: np.ndarray, step: float
+    at: ContactPoints, compression: np.ndarray, touching: np.ndarray, step: float
 ) -> np.ndarray:
     """Samples in which the airframe does not move as its legs do: accelerations that were not
     there.
@@ -482,7 +484,7 @@ def _rates(
     # white noise behind the low-pass and a derivative: its power over frequency, from 0 to the
     # cut-off
     for k, wheel in enumerate(wheels_of(aircraft)):
-        white = noise(column(states, f"gear.{wheel.name}.compression"))
+        white = estimate_white_noise(column(states, f"gear.{wheel.name}.compression"))
         loud = white * 2.0 * np.pi * cutoff * np.sqrt(2.0 * cutoff * step / 3.0)
         width = max(1, round(0.5 / step))
         power = np.convolve(rate[:, k] ** 2, np.ones(2 * width + 1), mode="same") / (2 * width + 1)

@@ -12,7 +12,7 @@ import xarray as xr
 from flightmech.aircraft.aircraft import Aircraft
 from flighttest.maximum_likelihood.result import OutputError
 from flighttest.maximum_likelihood.search import Unknown
-from flighttest.regression.uncertainty.coloured_residuals import coloured
+from flighttest.regression.uncertainty.coloured_residuals import coloured_covariance_of
 from flighttest.submodels.landing_gear.explicit import (
     FRICTION,
     LOAD,
@@ -88,7 +88,9 @@ def _t(columns, names: list[str], pieces, steps) -> float:
     size = np.linalg.norm(X, axis=0)
     p, *_ = np.linalg.lstsq(X / size, columns["load"], rcond=None)
     v = columns["load"] - X / size @ p
-    t = float(p[-1] / np.sqrt(coloured(X / size, v, pieces, steps).covariance[-1, -1]))
+    t = float(
+        p[-1] / np.sqrt(coloured_covariance_of(X / size, v, pieces, steps).covariance[-1, -1])
+    )
     return t if names[-1] in ("damping", "orifice") else abs(t)
 
 

@@ -27,20 +27,20 @@ from pom.cases.case import PRIMARY, PomCase, read_case
 from pom.cases.drafting.event_detection import (
     HELD_STILL,
     WHOLE_RUNS,
-    Manoeuvre,
     Movement,
     Recorded,
+    RecordedManoeuvre,
     demand_fitting,
     find_events,
-    fitting,
     input_channels,
+    matching_manoeuvres,
     movement,
     on_ground,
 )
 from pom.cases.reference_states import path_states
 from pom.tolerances import rows as table
 from pom.tolerances.criteria import Criterion
-from pom.tolerances.rows import unclaimed
+from pom.tolerances.rows import missing_claims
 
 
 @dataclass(frozen=True)
@@ -327,10 +327,10 @@ def _span(tree: xr.DataTree) -> tuple[float, float]:
     return max(float(clock[0]) for clock in clocks), min(float(clock[-1]) for clock in clocks)
 
 
-def _listed(tree: xr.DataTree) -> list[Manoeuvre]:
+def _listed(tree: xr.DataTree) -> list[RecordedManoeuvre]:
     rows = flighttest.manoeuvres(tree)
     return [
-        Manoeuvre(
+        RecordedManoeuvre(
             float(row["start"]),
             float(row["end"]),
             str(row.get("control", "")),
@@ -347,11 +347,11 @@ def draft_case(
     test, title = rows[0]["test_id"], rows[0]["title"]
     remarks: list[str] = []
     snapshot = all(
-        row["measure"] == "steady" for row in rows if not unclaimed(row["condition"], ())
+        row["measure"] == "steady" for row in rows if not missing_claims(row["condition"], ())
     )
     search, limits = _search(test, recorded, window, remarks, snapshot)
     moved = movement(recorded, input_channels(test), search)
-    applied = [row for row in rows if not unclaimed(row["condition"], ())]
+    applied = [row for row in rows if not missing_claims(row["condition"], ())]
     wanted = _wanted(applied)
     found = find_events(wanted, test, recorded, search, limits)
     start, stop = _window(applied, found, moved, limits, recorded.span)
@@ -408,7 +408,7 @@ def _search(
     inside_record = [
         each for each in recorded.manoeuvres if low <= each.start < each.end <= high + LEAD
     ]
-    found = fitting(test, inside_record)
+    found = matching_manoeuvres(test, inside_record)
     if not found:
         return (low, high), (low, high)
     start, end = max(low, found[0].start - 0.5 * LEAD), min(high, found[0].end)
@@ -499,7 +499,7 @@ def _closed(rows: Sequence[table.Row], found: dict[str, float], window: Stretch)
 
 def _bound(bound: str, found: dict[str, float]) -> float | None:
     try:
-        return table.bound(bound, found, np.nan) if bound else None
+        return table.bound_time(bound, found, np.nan) if bound else None
     except UnknownName:
         return None
 

@@ -48,7 +48,7 @@ INPUTS = {
 _ENGINE = re.compile(r"^engine\d+\.(\w+)$")
 
 
-class Manoeuvre(NamedTuple):
+class RecordedManoeuvre(NamedTuple):
     """A manoeuvre as a record lists it: start and end [s], the control that moves, the word for it."""
 
     start: float
@@ -75,7 +75,7 @@ class Recorded:
 
     channels: dict[str, tuple[np.ndarray, np.ndarray]]
     span: tuple[float, float]
-    manoeuvres: list[Manoeuvre] = field(default_factory=list)
+    manoeuvres: list[RecordedManoeuvre] = field(default_factory=list)
     latitude: float | None = None
 
     def within(self, name: str, window: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
@@ -472,7 +472,7 @@ CONTROL_WORDS = {
 _ELEVATOR_INPUTS = ("2.b.4", "2.c.9", "2.c.10")
 
 
-def fitting(test: str, listed: Sequence[Manoeuvre]) -> list[Manoeuvre]:
+def matching_manoeuvres(test: str, listed: Sequence[RecordedManoeuvre]) -> list[RecordedManoeuvre]:
     """Return the manoeuvres that fit a row, in the order of the record; those of the likeliest
     control alone.
     """
@@ -489,7 +489,7 @@ def fitting(test: str, listed: Sequence[Manoeuvre]) -> list[Manoeuvre]:
     )  # the part in which the elevator moves holds the events
 
 
-def demand_fitting(record: str, test: str, listed: Sequence[Manoeuvre]) -> None:
+def demand_fitting(record: str, test: str, listed: Sequence[RecordedManoeuvre]) -> None:
     """Check that a record that lists manoeuvres lists one that fits a row.
 
     Raises
@@ -498,7 +498,7 @@ def demand_fitting(record: str, test: str, listed: Sequence[Manoeuvre]) -> None:
         None fits; with all that the record lists.
     """
     known = _of(test, WORDS) is not None or plain_id(test) in (*INPUTS, *_ELEVATOR_INPUTS)
-    if not listed or not known or fitting(test, listed):
+    if not listed or not known or matching_manoeuvres(test, listed):
         return
     shown = ", ".join(
         f"{each.word}{f' ({each.control})' if each.control else ''} {each.start:g} ... {each.end:g} s"
@@ -513,7 +513,7 @@ def demand_fitting(record: str, test: str, listed: Sequence[Manoeuvre]) -> None:
     )
 
 
-def _moving(name: str, listed: Sequence[Manoeuvre]) -> list[Manoeuvre]:
+def _moving(name: str, listed: Sequence[RecordedManoeuvre]) -> list[RecordedManoeuvre]:
     return [
         each for each in listed if each.control and {name, CONTROL_WORDS.get(name)} & {each.control}
     ]

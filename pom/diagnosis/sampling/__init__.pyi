@@ -1,6 +1,6 @@
 """Public names of `pom.diagnosis.sampling`."""
 
 from .draws import DrawnModels as DrawnModels
-from .draws import Instruments as Instruments
+from .draws import InstrumentErrors as InstrumentErrors
+from .sampled_replay import replay_draws as replay_draws
 from .sampled_replay import replay_sampled as replay_sampled
-from .sampled_replay import sampled as sampled

@@ -31,7 +31,7 @@ from flighttest.reconstruction.dynamics.kinematics import rotation
 from flighttest.records.sensors.instruments import pick_up_errors
 from pom.archive.origins import sha256
 from pom.cases.case_file import WIND
-from pom.cases.job import TRIM_GROUND, Job
+from pom.cases.job import TRIM_GROUND, ReplayJob
 from pom.cases.reference_states import ERROR
 from pom.judging.beyond_the_bands import flown_model
 
@@ -65,7 +65,7 @@ def noise_of(y: np.ndarray) -> float:
 
 
 @dataclass(frozen=True)
-class Instruments:
+class InstrumentErrors:
     """What one standard error of each independent error changes: truth less record.
 
     Attributes
@@ -91,12 +91,12 @@ class Instruments:
     @classmethod
     def of(
         cls,
-        job: Job,
+        job: ReplayJob,
         states: xr.Dataset,
         aircraft: Aircraft | None,
         errors: Mapping[str, float] | None = None,
         compared: Collection[str] | None = None,
-    ) -> Instruments:
+    ) -> InstrumentErrors:
         """Return the errors of a case.
 
         Parameters
@@ -180,7 +180,7 @@ class Instruments:
             name: (list(shifts), np.stack(list(shifts.values()))) for name, shifts in moved.items()
         }
 
-    def job(self, job: Job, draw: np.ndarray) -> Job:
+    def job(self, job: ReplayJob, draw: np.ndarray) -> ReplayJob:
         """Return the drive of an aeroplane whose record is `job`, with one draw (error,) of the
         errors.
         """

@@ -25,33 +25,33 @@ from flightmech.errors import SchemaError, UnknownName
 from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.kernel import PARAMETER
 from pom.cases.case import PomCase
-from pom.cases.job import Job
-from pom.diagnosis.sampling.draws import INERTIA, DrawnModels, Instruments
+from pom.cases.job import ReplayJob
+from pom.diagnosis.sampling.draws import INERTIA, DrawnModels, InstrumentErrors
 from pom.diagnosis.sampling.shares import contributions, regressors, shares
 from pom.fmu.run_cache import FileState
 from pom.fmu.simulate import Models
-from pom.judging.signals import Match, find, signals_of
+from pom.judging.signals import Comparison, find, signals_of
 from pom.judging.verdict import bands, judge_all
-from pom.replaying.batch import flown, replay_all
+from pom.replaying.batch import paths_of_cases, replay_all
 from pom.replaying.caches import KeptStates
 from pom.replaying.kernel_replay import fly_once
-from pom.replaying.replay_case import Plan, plan_of, shown_channels, unwrapped_near
-from pom.replaying.trim import OBSERVED, beyond_limits, solved, trim_limits
+from pom.replaying.replay_case import ReplayPlan, plan_of, shown_channels, unwrapped_near
+from pom.replaying.trim import OBSERVED, beyond_limits, solve_trim_surfaces, trim_limits
 from pom.result import PomResult, group_verdicts, status_of
-from pom.samples import QUANTILES, Samples
-from pom.tolerances.bands import Invalid, NotJudged, Outcome, difference
+from pom.samples import QUANTILES, SampledReplay
+from pom.tolerances.bands import Invalid, Judgement, NotJudged, difference
 from pom.tolerances.channels import WRAPPED, output_of, sources
 
 Traces = dict[str, np.ndarray]
 
 
-def sampled(
-    plan: Plan,
+def replay_draws(
+    plan: ReplayPlan,
     models: DrawnModels,
     aircraft: Aircraft | None = None,
     errors: Mapping[str, float] | None = None,
     jobs: int = 1,
-) -> Samples:
+) -> SampledReplay:
     """Fly a case by every draw of the aeroplane and judge the model against each as `pom.replay`
     judges it against the flight.
 
@@ -83,8 +83,8 @@ def sampled(
         for channel in shown_channels(plan.case, plan.states)
         for source in (channel, *sources(channel))
     }
-    bench = Bench.of(
-        plan, models.model, Instruments.of(plan.job, plan.states, aircraft, errors, compared)
+    bench = SampledBench.of(
+        plan, models.model, InstrumentErrors.of(plan.job, plan.states, aircraft, errors, compared)
     )
     bench.own  # noqa: B018 - once, before the threads
     sizes = bench.instruments.draws(models.count, models.seed)
@@ -107,7 +107,7 @@ def sampled(
         models.database, models.nodes, plan.states, plan.case.drive.level != "recorded"
     )
     found = regressors(changes, dict(zip(bench.instruments.names, sizes.T, strict=True)))
-    return Samples(
+    return SampledReplay(
         seed=models.seed,
         database=models.source,
         status=tuple(run.status for run in runs),
@@ -120,7 +120,7 @@ def sampled(
     )
 
 
-class Run:
+class SampledRun:
     """One model, flown and judged.
 
     Attributes
@@ -141,7 +141,7 @@ class Run:
         self,
         outputs: Traces,
         difference: Traces,
-        outcomes: Mapping[str, Outcome],
+        outcomes: Mapping[str, Judgement],
         status: str,
         groups: Mapping[str, str],
     ):
@@ -176,18 +176,18 @@ class Run:
         )
 
 
-class Bench:
+class SampledBench:
     """A case on which models are judged: against its flight, and against those that draws of the
     aeroplane would have given.
     """
 
     def __init__(
         self,
-        plan: Plan,
+        plan: ReplayPlan,
         model: SimModel,
         channels: list[str],
         flight: Traces,
-        instruments: Instruments,
+        instruments: InstrumentErrors,
     ):
         self.plan, self.model, self.channels, self.flight, self.instruments = (
             plan,
@@ -212,7 +212,7 @@ class Bench:
         }
 
     @classmethod
-    def of(cls, plan: Plan, model: SimModel, instruments: Instruments) -> Bench:
+    def of(cls, plan: ReplayPlan, model: SimModel, instruments: InstrumentErrors) -> SampledBench:
         """Return the bench of a case; any model of the same aircraft and terms can be flown on it."""
         count = plan.job.time.size
         flight = {
@@ -240,12 +240,12 @@ class Bench:
         """Outputs of the model itself, and why it did not come to the end."""
         return self.flown(self.model, self.plan.job)
 
-    def flown(self, model: SimModel, job: Job) -> tuple[Traces, str]:
+    def flown(self, model: SimModel, job: ReplayJob) -> tuple[Traces, str]:
         """Return the outputs of a model, and why it did not come to the end."""
         found, failure = fly_once(model, job, self.channels)
         return _as_applied(found, job), failure
 
-    def run(self, model: SimModel, draw: np.ndarray) -> Run:
+    def run(self, model: SimModel, draw: np.ndarray) -> SampledRun:
         """Return a model, flown with the drive of one draw (error,) of the instruments and judged
         against the flight.
         """
@@ -253,7 +253,7 @@ class Bench:
         trim = {name: values for name, values in outputs.items() if name.startswith("trim.")}
         return self._judged(self.plan.case, self.flight, outputs, outputs, trim, failure)
 
-    def matched(self, model: SimModel, draw: np.ndarray, random: np.random.Generator) -> Run:
+    def matched(self, model: SimModel, draw: np.ndarray, random: np.random.Generator) -> SampledRun:
         """Return the model itself, judged against the record of a draw: an aeroplane `model` and
         errors (error,) of the instruments.
         """
@@ -275,7 +275,7 @@ class Bench:
         shown: Traces,
         trim: Traces,
         failure: str,
-    ) -> Run:
+    ) -> SampledRun:
         """Return a model judged against a flight; a failed run and a trim beyond what the case
         demands carry no judgement.
         """
@@ -304,7 +304,7 @@ class Bench:
             if c in model and c in flight
         }
         kept = {name: shown[name] for name in self.tolerance if name in shown}
-        run = Run(
+        run = SampledRun(
             kept, off, outcomes, status_of(group_verdicts(case, verdicts), exceeded), self.groups
         )
         run.failure = refused
@@ -326,13 +326,13 @@ class Bench:
         """
         case, time = self.plan.case, self.plan.job.time
         events = dict(case.events)
-        match = Match.of(case, time, self.flight, outputs)
+        match = Comparison.of(case, time, self.flight, outputs)
         for event in events:
             with contextlib.suppress(NotJudged, Invalid):
                 events[event] = find(match, event).model
         return replace(case, events=events)
 
-    def deciding(self, run: Run) -> list[str]:
+    def deciding(self, run: SampledRun) -> list[str]:
         """Return the criterion of every group that is the best of its alternatives in a run."""
         best: dict[str, str] = {}
         for name, group in self.groups.items():
@@ -342,11 +342,11 @@ class Bench:
                 best[group] = name
         return list(best.values())
 
-    def decides(self, run: Run) -> str:
+    def decides(self, run: SampledRun) -> str:
         """Return the criterion whose ratio decides a run; empty when none is judged."""
         return max(self.deciding(run), key=run.ratio, default="")
 
-    def signed(self, criterion: str, runs: list[Run]) -> np.ndarray:
+    def signed(self, criterion: str, runs: list[SampledRun]) -> np.ndarray:
         """Return the signed ratio of a criterion over the draws.
 
         Of a time history at the instant where its mean square over the draws is largest: the
@@ -368,7 +368,7 @@ class Bench:
         )
         return ratio[:, int(np.argmax(square))]
 
-    def fan(self, runs: list[Run]) -> xr.Dataset:
+    def fan(self, runs: list[SampledRun]) -> xr.Dataset:
         """Return the quantiles of the channels with a band."""
         found = {}
         for name in map(str, self.tolerance):
@@ -388,13 +388,13 @@ class Bench:
         return xr.Dataset(found, coords={"quantile": list(QUANTILES), "time": self.plan.job.time})
 
 
-def with_inertia(job: Job, model: SimModel) -> Job:
+def with_inertia(job: ReplayJob, model: SimModel) -> ReplayJob:
     """Return a job that states the moments of inertia which it leaves to the model."""
     stated = {row.name: row.value for row in model.entries(PARAMETER) if row.name in INERTIA}
     return replace(job, parameters={**stated, **job.parameters})
 
 
-def _as_applied(outputs: Traces, job: Job) -> Traces:
+def _as_applied(outputs: Traces, job: ReplayJob) -> Traces:
     """Return outputs with what the math pilot moves at its true position."""
     moved = [loop.control for loop in job.pilot if f"applied.{loop.control}" in outputs]
     return {**outputs, **{name: outputs[f"applied.{name}"] for name in moved}}
@@ -456,7 +456,7 @@ def replay_sampled(
             runs[name], database, count, seed
         )  # what they refuse is reported before the flights
     kept = Path(resume).resolve() if resume is not None else None
-    states = flown(cases, paths or {}, KeptStates(kept, biases), jobs)
+    states = paths_of_cases(cases, paths or {}, KeptStates(kept, biases), jobs)
     given: dict[str, Any] = {case.record: path for case, path in zip(cases, states, strict=True)}
     results = replay_all(
         cases, runs, given, names=names, jobs=jobs, resume=resume, timeout=timeout, **options
@@ -482,7 +482,7 @@ def samples_of_case(
     databases: Mapping[str, str | Path | xr.DataTree],
     draw: Mapping[str, Any],
     jobs: int,
-) -> dict[str, Samples]:
+) -> dict[str, SampledReplay]:
     """Return the samples of one case by model; a model whose trim surfaces cannot be solved has
     none.
 
@@ -497,16 +497,16 @@ def samples_of_case(
         Models(runs, draw.get("names")).of(case),
         _aircraft(case.aircraft) if case.aircraft else None,
     )
-    samples: dict[str, Samples] = {}
+    samples: dict[str, SampledReplay] = {}
     for name, database in databases.items():
         plan = plan_of(case, path)
-        job, _, failure = solved(
+        job, _, failure = solve_trim_surfaces(
             plan.job, plan.case.drive.trim_surfaces, models[name], draw.get("timeout", 60.0)
         )
         if not failure:
             drawn = drawn_models(runs[name], database, draw["count"], draw["seed"])
-            samples[name] = sampled(
-                Plan(plan.case, plan.states, job), drawn, aircraft, draw.get("errors"), jobs
+            samples[name] = replay_draws(
+                ReplayPlan(plan.case, plan.states, job), drawn, aircraft, draw.get("errors"), jobs
             )
     return samples
 

@@ -20,7 +20,7 @@ import pandas as pd
 import xarray as xr
 
 import aerodb
-from aerodb.comparison.conditions import completed, flat
+from aerodb.comparison.conditions import fill_missing_devices, select_covered_samples
 from aerodb.store.schema import HINGE
 from flightmech import terms as _terms
 
@@ -64,8 +64,8 @@ def flown_conditions(
 ) -> dict[str, np.ndarray]:
     """Return the variables of terms along a flight at about 200 of its samples. [SI]"""
     every = max(1, states.sizes["time"] // _SAMPLES)
-    whole, _ = completed(_with_rates(states, db).isel(time=slice(None, None, every)), db)
-    return flat(whole, leaves.values())[0]
+    whole, _ = fill_missing_devices(_with_rates(states, db).isel(time=slice(None, None, every)), db)
+    return select_covered_samples(whole, leaves.values())[0]
 
 
 def _with_rates(states: xr.Dataset, db: xr.DataTree) -> xr.Dataset:

@@ -22,11 +22,11 @@ from flightmech.errors import SchemaError
 from flightmech.names import lookup
 from flightmech.simulation.node_values import with_table_values
 from flightmech.units import from_si
-from pom.diagnosis.sampling.draws import Instruments
-from pom.diagnosis.sampling.sampled_replay import Bench, Run
+from pom.diagnosis.sampling.draws import InstrumentErrors
+from pom.diagnosis.sampling.sampled_replay import SampledBench, SampledRun
 from pom.diagnosis.tuning.demands import Directions, demand_cases, demand_evidence, least_distance
 from pom.diagnosis.tuning.tuning_log import Tuning
-from pom.replaying.replay_case import Plan
+from pom.replaying.replay_case import ReplayPlan
 
 BOUND = 2.0  # standard errors of a node, without a rationale for its term
 MARGIN = 0.98  # of the tolerance
@@ -40,7 +40,7 @@ _JUDGEMENT = _terms.SOURCES.index("judgement")
 
 
 def tune(
-    plans: Sequence[Plan],
+    plans: Sequence[ReplayPlan],
     database: xr.DataTree,
     aircraft: Aircraft,
     wanted: Sequence[str] | None = None,
@@ -105,11 +105,11 @@ def tune(
     return Tuning(tuned, moves, rows, float(np.linalg.norm(z)), bound, refusal)
 
 
-def _pass(runs: Mapping[str, Run]) -> bool:
+def _pass(runs: Mapping[str, SampledRun]) -> bool:
     return all(run.status == "pass" for run in runs.values())
 
 
-def _wanted(before: Mapping[str, Run], wanted: Sequence[str] | None) -> list[str]:
+def _wanted(before: Mapping[str, SampledRun], wanted: Sequence[str] | None) -> list[str]:
     """Return the cases that must pass: those named, else those that fail."""
     if wanted is None:
         return [name for name, run in before.items() if run.status in ("fail", "limits_exceeded")]
@@ -132,7 +132,7 @@ class _Tuner:
     """Cases, model and evidence; `demanded` are the cases that must pass."""
 
     def __init__(self, benches, database, evidence, directions, sim, rationale, jobs):
-        self.benches: dict[str, Bench] = benches
+        self.benches: dict[str, SampledBench] = benches
         self.demanded: list[str] = []
         self.database: xr.DataTree = database
         self.evidence: dict[str, xr.Dataset] = {
@@ -150,8 +150,8 @@ class _Tuner:
         demand_cases([plan.case for plan in plans], wanted)
         demand_evidence(database, found, rationale)
         sim = flightmech.compile(aircraft, database)
-        none = Instruments((), {}, {}, {})
-        benches = {plan.case.name: Bench.of(plan, sim, none) for plan in plans}
+        none = InstrumentErrors((), {}, {}, {})
+        benches = {plan.case.name: SampledBench.of(plan, sim, none) for plan in plans}
         hinges = any(plan.case.drive.level != "recorded" for plan in plans)
         directions = Directions.along(found, [plan.states for plan in plans], hinges)
         if not directions.of:
@@ -168,14 +168,14 @@ class _Tuner:
             for name, leaf in self.evidence.items()
         }
 
-    def fly(self, z: np.ndarray | None, names: Iterable[str]) -> dict[str, Run]:
+    def fly(self, z: np.ndarray | None, names: Iterable[str]) -> dict[str, SampledRun]:
         """Return the runs of cases; of the model itself without z."""
         sim = self.sim if z is None else with_table_values(self.sim, self.nodes(z))
         return {name: self.benches[name].run(sim, np.zeros(0)) for name in names}
 
     def reached(
-        self, before: Mapping[str, Run], bound: float
-    ) -> tuple[np.ndarray, dict[str, Run], bool]:
+        self, before: Mapping[str, SampledRun], bound: float
+    ) -> tuple[np.ndarray, dict[str, SampledRun], bool]:
         """Return the amounts, the runs of all cases with them, and whether the demanded cases pass.
 
         Cases that pass with the model as it is, and no longer with the amounts, are demanded too.
@@ -205,7 +205,9 @@ class _Tuner:
             z = step
         return z, _pass(self.fly(z, self.demanded))
 
-    def step(self, z: np.ndarray, runs: Mapping[str, Run], bound: float) -> np.ndarray | None:
+    def step(
+        self, z: np.ndarray, runs: Mapping[str, SampledRun], bound: float
+    ) -> np.ndarray | None:
         """Return the shortest amounts inside all limits linearised about z; None when there are
         none.
         """
@@ -232,7 +234,7 @@ class _Tuner:
         return None
 
     def limited(
-        self, runs: Mapping[str, Run], chosen: Mapping[str, Run] | None = None
+        self, runs: Mapping[str, SampledRun], chosen: Mapping[str, SampledRun] | None = None
     ) -> np.ndarray:
         """Return the signed ratios that must be inside tolerances and limits of the trim.
 
@@ -356,7 +358,10 @@ class _Tuner:
         return {name: part / total if total > 0.0 else 0.0 for name, part in parts.items()}
 
     def rows(
-        self, wanted: Sequence[str], before: Mapping[str, Run], after: Mapping[str, Run]
+        self,
+        wanted: Sequence[str],
+        before: Mapping[str, SampledRun],
+        after: Mapping[str, SampledRun],
     ) -> pd.DataFrame:
         """Return what became of every case."""
         found = {

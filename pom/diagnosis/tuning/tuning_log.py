@@ -16,7 +16,7 @@ import pandas as pd
 import xarray as xr
 
 from flightmech.errors import SchemaError
-from flightmech.support.console import plain
+from flightmech.support.console import to_json_types
 from pom.result import status_text
 
 KIND = "log of aeromatch pom tune, 1"
@@ -84,7 +84,7 @@ class Tuning:
             ``name`` and ``sha256`` of the files it rests on: `BASES`, ``case NAME`` and ``record of
             NAME``.
         """
-        return plain(
+        return to_json_types(
             {
                 "kind": KIND,
                 "refusal": self.refusal,

@@ -5,7 +5,7 @@ Of the rest of the package it imports the math pilot only, so that the child sta
 
 from __future__ import annotations
 
-from pom.fmu.worker.model import Model
+from pom.fmu.worker.model import UnpackedFmu
 from pom.fmu.worker.run import replay
 
-__all__ = ["Model", "replay"]
+__all__ = ["UnpackedFmu", "replay"]

@@ -15,7 +15,7 @@ from contextlib import suppress
 
 import numpy as np
 
-from pom.fmu.worker import Model, replay
+from pom.fmu.worker import UnpackedFmu, replay
 from pom.fmu.worker.messages import columns_of, reply_bytes
 
 
@@ -30,7 +30,7 @@ def main(path: str, folder: str, parent: str, memory: str, written: str, unpacke
     _limit("RLIMIT_AS", int(memory))
     _limit("RLIMIT_CORE", 1)
     try:
-        model, fault = Model(path, folder, int(unpacked)), ""
+        model, fault = UnpackedFmu(path, folder, int(unpacked)), ""
     except Exception as error:
         model, fault = None, f"loading failed: {error}"
     _limit("RLIMIT_FSIZE", int(written))

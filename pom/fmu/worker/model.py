@@ -95,7 +95,7 @@ def read_description(path: str | Path) -> Any:
     return found
 
 
-class Model:
+class UnpackedFmu:
     """An unpacked FMU.
 
     Parameters

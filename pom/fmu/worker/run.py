@@ -18,11 +18,11 @@ import numpy as np
 
 from pom.cases.pilot import Pilot
 from pom.fmu.worker.messages import Course, Ports, course_of
-from pom.fmu.worker.model import Model
-from pom.fmu.worker.stepping import CoSimulation, Exchange, Record
+from pom.fmu.worker.model import UnpackedFmu
+from pom.fmu.worker.stepping import ArrayRun, CoSimulation, Exchange
 
 
-def replay(model: Model, job: dict[str, Any]) -> dict[str, Any]:
+def replay(model: UnpackedFmu, job: dict[str, Any]) -> dict[str, Any]:
     """Fly a job; names, units and signs are those of the FMU.
 
     Parameters
@@ -50,10 +50,10 @@ def replay(model: Model, job: dict[str, Any]) -> dict[str, Any]:
     return _step_by_step(model, job)
 
 
-def _in_one_step(model: Model, job: dict[str, Any]) -> dict[str, Any]:
+def _in_one_step(model: UnpackedFmu, job: dict[str, Any]) -> dict[str, Any]:
     nothing = np.full((len(job["time"]), len(job["outputs"])), np.nan)
     try:
-        record = Record(model, job)
+        record = ArrayRun(model, job)
     except Exception as error:
         return _reply(nothing, _text("instantiation", error, model))
     place = "initialisation"
@@ -70,7 +70,7 @@ def _in_one_step(model: Model, job: dict[str, Any]) -> dict[str, Any]:
     return _reply(found, "")
 
 
-def _step_by_step(model: Model, job: dict[str, Any]) -> dict[str, Any]:
+def _step_by_step(model: UnpackedFmu, job: dict[str, Any]) -> dict[str, Any]:
     time = np.asarray(job["time"], float)
     variables = [model.variables[name] for name in job["inputs"]]
     course = course_of(time, list(job["inputs"].values()), variables)
@@ -187,16 +187,16 @@ class _ControlLaw:
         self.flown.close()
 
 
-_LAWS: dict[str, Model] = {}
+_LAWS: dict[str, UnpackedFmu] = {}
 
 
-def _unpacked(law: dict[str, Any], folder: str, most: int) -> Model:
+def _unpacked(law: dict[str, Any], folder: str, most: int) -> UnpackedFmu:
     """Return the FMU of a control law, unpacked once per process next to the model."""
     key = f"{law['sha256']} {law['fmu']}"
     if key not in _LAWS:
         place = Path(folder) / f"law{len(_LAWS)}"
         place.mkdir()
-        _LAWS[key] = Model(law["fmu"], str(place), most)
+        _LAWS[key] = UnpackedFmu(law["fmu"], str(place), most)
     return _LAWS[key]
 
 
@@ -207,6 +207,6 @@ def _reply(
     return {"outputs": outputs, "moved": moved, "error": error}
 
 
-def _text(place: str, error: Exception, model: Model) -> str:
+def _text(place: str, error: Exception, model: UnpackedFmu) -> str:
     messages = f"; the FMU reports: {' | '.join(model.messages)}" if model.messages else ""
     return f"{place} failed: {str(error) or type(error).__name__}{messages}"

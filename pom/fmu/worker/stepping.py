@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from pom.fmu.worker.messages import Course, Ports
-from pom.fmu.worker.model import Model
+from pom.fmu.worker.model import UnpackedFmu
 
 
 class CoSimulation:
@@ -25,7 +25,7 @@ class CoSimulation:
     course : Course
     """
 
-    def __init__(self, model: Model, inputs: Sequence[Any], course: Course):
+    def __init__(self, model: UnpackedFmu, inputs: Sequence[Any], course: Course):
         self.model, self.course = model, course
         self.instance = model.open()
         self.inputs = Ports(self.instance, model.version, inputs)
@@ -114,7 +114,7 @@ class Exchange:
     short input cannot be stepped over.
     """
 
-    def __init__(self, model: Model, inputs: Sequence[Any], course: Course):
+    def __init__(self, model: UnpackedFmu, inputs: Sequence[Any], course: Course):
         self.model, self.course = model, course
         self.instance = model.open()
         self.inputs = Ports(self.instance, model.version, inputs)
@@ -264,10 +264,10 @@ class Exchange:
         self.instance.freeInstance()
 
 
-class Record:
+class ArrayRun:
     """One replay in one step."""
 
-    def __init__(self, model: Model, job: dict):
+    def __init__(self, model: UnpackedFmu, job: dict):
         self.model, self.slave, self.job = model, model.open(), job
         time = np.asarray(job["time"], float)
         time = np.ascontiguousarray(time - time[0])

@@ -12,19 +12,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pom.judging.signals import WHO, Match, event_time
+from pom.judging.signals import WHO, Comparison, event_time
 from pom.tolerances.bands import (
     NAN,
     ROUNDING,
     Invalid,
-    Outcome,
+    Judgement,
     RowRemark,
-    applied,
+    applied_tolerance,
     demand_finite,
     half_width,
     inside_window,
+    judge_number,
     ratios,
-    scalar,
 )
 from pom.tolerances.criteria import Criterion
 
@@ -58,7 +58,7 @@ class Branch:
         return float(min(self.time[-1], other.time[-1]) - max(self.time[0], other.time[0]))
 
 
-def curve(criterion: Criterion, match: Match) -> Outcome:
+def judge_curve(criterion: Criterion, match: Comparison) -> Judgement:
     """Judge y over x of a slow sweep: at every flight sample, the model at equal x on the same
     branch.
 
@@ -68,7 +68,7 @@ def curve(criterion: Criterion, match: Match) -> Outcome:
     return _compare(criterion, *_branches(criterion, match, mask))
 
 
-def force_increment(criterion: Criterion, match: Match) -> Outcome:
+def force_increment(criterion: Criterion, match: Comparison) -> Judgement:
     """Judge the force of a moderate or rapid sweep above that of the slow one, at equal position
     and direction.
 
@@ -84,7 +84,7 @@ def force_increment(criterion: Criterion, match: Match) -> Outcome:
 
 
 def _branches(
-    criterion: Criterion, match: Match, mask: np.ndarray
+    criterion: Criterion, match: Comparison, mask: np.ndarray
 ) -> tuple[list[Branch], list[Branch]]:
     """Return the branches of flight and model, without the samples next to a turn."""
     time, *xs = match.over(mask, criterion.abscissa)
@@ -153,7 +153,7 @@ def _above(rapid: list[Branch], static: list[Branch]) -> list[Branch]:
     return found
 
 
-def _compare(criterion: Criterion, flight: list[Branch], model: list[Branch]) -> Outcome:
+def _compare(criterion: Criterion, flight: list[Branch], model: list[Branch]) -> Judgement:
     times, widths, errors, values = [], [], [], []
     for branch in flight:
         partner = max(model, key=branch.together, default=None)
@@ -178,7 +178,7 @@ def _compare(criterion: Criterion, flight: list[Branch], model: list[Branch]) ->
     time, width, error, value = (np.concatenate(parts) for parts in (times, widths, errors, values))
     ratio = ratios(error, width)
     out, worst = ratio > 1.0 + ROUNDING, int(np.argmax(ratio))
-    return Outcome(
+    return Judgement(
         verdict="fail" if out.any() else "pass",
         width=float(width.min()),
         worst=float(error[worst]),
@@ -187,7 +187,7 @@ def _compare(criterion: Criterion, flight: list[Branch], model: list[Branch]) ->
         first_exit=float(time[out].min()) if out.any() else NAN,
         inside=float(1.0 - out.mean()),
         remarks=(_branch_remark(len(times), criterion.abscissa),),
-        applied=applied(criterion, width, value),
+        applied=applied_tolerance(criterion, width, value),
         rms=float(np.sqrt(np.mean(np.square(ratio)))),
     )
 
@@ -197,7 +197,7 @@ def _branch_remark(count: int, abscissa: str) -> RowRemark:
     return RowRemark("method", text, abscissa, {"branches": float(count)}, "1")
 
 
-def breakout(criterion: Criterion, match: Match) -> Outcome:
+def judge_breakout(criterion: Criterion, match: Comparison) -> Judgement:
     """Judge the force at the first movement from the position at the start, in both directions
     where the sweep has both.
     """
@@ -216,7 +216,7 @@ def breakout(criterion: Criterion, match: Match) -> Outcome:
         remark = RowRemark(
             "values", text, criterion.channel, {"flight": flight, "model": model}, "N"
         )
-        judged.append(scalar(criterion, flight, model, float(time[0]), (remark,)))
+        judged.append(judge_number(criterion, flight, model, float(time[0]), (remark,)))
     if not judged:
         raise Invalid(f"the flight does not move {criterion.abscissa}")
     worst = max(judged, key=lambda outcome: outcome.worst_ratio)
@@ -234,7 +234,7 @@ def _first_force(x: np.ndarray, force: np.ndarray, direction: int, least: float)
     return float(np.interp(least, away[k - 1 : k + 1], force[k - 1 : k + 1]))
 
 
-def dead_band(criterion: Criterion, match: Match) -> Outcome:
+def dead_band(criterion: Criterion, match: Comparison) -> Judgement:
     """Judge the dead band of the nose-wheel steering: how far the wheel lags between the two
     branches at pedals neutral.
     """
@@ -251,7 +251,7 @@ def dead_band(criterion: Criterion, match: Match) -> Outcome:
                 f"{who} does not bring {criterion.abscissa} through neutral in both directions"
             )
         bands.append(abs(angles[-1] - angles[1]))
-    return scalar(criterion, bands[0], bands[1], criterion.window[0])
+    return judge_number(criterion, bands[0], bands[1], criterion.window[0])
 
 
 RESIDUAL = 0.05  # of Ad: the residual band; smaller overshoots are not significant
@@ -411,7 +411,7 @@ def _middle(t: np.ndarray, y: np.ndarray, a: int, b: int) -> float:
     return 0.5 * float(zeros[0] + zeros[-1])
 
 
-def _motions(criterion: Criterion, match: Match) -> tuple[FreeMotion, FreeMotion]:
+def _motions(criterion: Criterion, match: Comparison) -> tuple[FreeMotion, FreeMotion]:
     flight, model = (
         free_motion(criterion, match.time, signals[criterion.channel], who)
         for who, signals in zip(WHO, (match.flight, match.model), strict=True)
@@ -419,17 +419,17 @@ def _motions(criterion: Criterion, match: Match) -> tuple[FreeMotion, FreeMotion
     return flight, model
 
 
-def first_zero_crossing(criterion: Criterion, match: Match) -> Outcome:
+def first_zero_crossing(criterion: Criterion, match: Comparison) -> Judgement:
     """Judge P0, the time from 0.9 Ad to the first crossing of neutral."""
     flight, model = _motions(criterion, match)
     if flight.p0 is None:
         raise Invalid("the flight does not cross neutral")
     if model.p0 is None:
         return _lacking(criterion, flight.p0, "the model does not cross neutral")
-    return scalar(criterion, flight.p0, model.p0, criterion.window[0])
+    return judge_number(criterion, flight.p0, model.p0, criterion.window[0])
 
 
-def time_90_to_10(criterion: Criterion, match: Match) -> Outcome:
+def time_90_to_10(criterion: Criterion, match: Comparison) -> Judgement:
     """Judge the time from 0.9 Ad to 0.1 Ad of an overdamped control."""
     times = []
     for who, motion in zip(WHO, _motions(criterion, match), strict=True):
@@ -437,10 +437,10 @@ def time_90_to_10(criterion: Criterion, match: Match) -> Outcome:
         if ends[0] is None or ends[1] is None:
             raise Invalid(f"{who} does not come from 0.9 to 0.1 of its first displacement")
         times.append(ends[1] - ends[0])
-    return scalar(criterion, times[0], times[1], criterion.window[0])
+    return judge_number(criterion, times[0], times[1], criterion.window[0])
 
 
-def period_n(criterion: Criterion, match: Match) -> Outcome:
+def period_n(criterion: Criterion, match: Comparison) -> Judgement:
     """Judge every full cycle alone against the same cycle in flight; the n-th has n + 1 times the
     printed percentage.
 
@@ -457,11 +457,13 @@ def period_n(criterion: Criterion, match: Match) -> Outcome:
         else:
             text = f"P{n}: {ours:.3f} s in flight, {theirs:.3f} s in the model"
             remark = RowRemark("values", text, f"P{n}", {"flight": ours, "model": theirs}, "s")
-            judged.append(scalar(criterion, ours, theirs, criterion.window[0], (remark,), cycle=n))
+            judged.append(
+                judge_number(criterion, ours, theirs, criterion.window[0], (remark,), cycle=n)
+            )
     return _worst(judged, "the flight has no full cycle beyond 5 % of its first displacement")
 
 
-def overshoot_n(criterion: Criterion, match: Match) -> Outcome:
+def overshoot_n(criterion: Criterion, match: Comparison) -> Judgement:
     """Judge the size of every significant overshoot of the flight.
 
     The percentage is of the first overshoot where the row states so (FAA), else of each overshoot;
@@ -478,16 +480,16 @@ def overshoot_n(criterion: Criterion, match: Match) -> Outcome:
         shares = {"flight": ours / abs(flight.Ad), "model": theirs / abs(model.Ad)}
         text = f"A{n}: {shares['flight']:.3f} of Ad in flight, {shares['model']:.3f} in the model"
         remark = RowRemark("values", text, f"A{n}", shares, "1")
-        judged.append(scalar(criterion, ours, theirs, criterion.window[0], (remark,), base))
+        judged.append(judge_number(criterion, ours, theirs, criterion.window[0], (remark,), base))
     return _worst(judged, "the flight has no such overshoot beyond 5 % of its first displacement")
 
 
-def overshoot_count(criterion: Criterion, match: Match) -> Outcome:
+def overshoot_count(criterion: Criterion, match: Comparison) -> Judgement:
     """Judge the number of significant overshoots; the first one of the flight has to be there
     whatever the width.
     """
     flight, model = _motions(criterion, match)
-    outcome = scalar(
+    outcome = judge_number(
         criterion, float(flight.overshoots.size), float(model.overshoots.size), criterion.window[0]
     )
     if flight.overshoots.size and not model.overshoots.size:
@@ -499,9 +501,9 @@ def overshoot_count(criterion: Criterion, match: Match) -> Outcome:
     return outcome
 
 
-def _lacking(criterion: Criterion, flight: float, text: str, cycle: int = 0) -> Outcome:
+def _lacking(criterion: Criterion, flight: float, text: str, cycle: int = 0) -> Judgement:
     width = float(half_width(criterion, flight, cycle)[0])
-    return Outcome(
+    return Judgement(
         "fail",
         width=width,
         at=criterion.window[0],
@@ -510,7 +512,7 @@ def _lacking(criterion: Criterion, flight: float, text: str, cycle: int = 0) -> 
     )
 
 
-def _worst(judged: list[Outcome], nothing: str) -> Outcome:
+def _worst(judged: list[Judgement], nothing: str) -> Judgement:
     """Return the outcome that decides: one without a number, else the largest ratio; with the
     remarks of all.
     """

@@ -26,16 +26,16 @@ from scipy.optimize import leastsq
 
 from flightmech.support.arrays import rms
 from flightmech.units import DEGREE
-from pom.judging.signals import Match, trace_of
+from pom.judging.signals import Comparison, trace_of
 from pom.result import PomResult
 from pom.tolerances.bands import (
     Invalid,
-    Outcome,
+    Judgement,
     RowRemark,
     demand_finite,
     half_width,
     inside_window,
-    scalar,
+    judge_number,
 )
 from pom.tolerances.channels import WRAPPED, plain_id
 from pom.tolerances.criteria import Criterion
@@ -59,7 +59,7 @@ _RATIOS = (-0.1, 0.0, 0.1, 0.3, 0.7)  # sigma / wd of the search
 
 
 @dataclass(frozen=True)
-class Mode:
+class DampedSine:
     """A damped sine: y = offset + slope t + amplitude exp(-sigma t) cos(wd t + phase), t from the
     first sample.
     """
@@ -94,7 +94,7 @@ class Mode:
         return self.duration / self.period
 
 
-def fit_mode(time, y) -> Mode:
+def fit_mode(time, y) -> DampedSine:
     """Fit one damped sine with a linear trend to a free response.
 
     Parameters
@@ -125,7 +125,7 @@ def fit_mode(time, y) -> Mode:
     sigma, wd = _settled(t, y, start, 1e-12)
     found = _project(t, y, sigma, wd)
     (b, c, A, B), rest = found.theta, found.rest
-    mode = Mode(sigma, wd, math.hypot(A, B), math.atan2(-B, A), b, c, rms(rest), float(t[-1]))
+    mode = DampedSine(sigma, wd, math.hypot(A, B), math.atan2(-B, A), b, c, rms(rest), float(t[-1]))
     if mode.cycles < 0.5:
         raise Invalid(
             f"no oscillation: the fit finds {mode.cycles:.2f} of a cycle in {mode.duration:.1f} s"
@@ -247,7 +247,7 @@ def _grid(times: bytes) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return ratio * wd, wd, np.linalg.qr(X)[0].transpose(2, 0, 1).reshape(4 * len(wd), len(t))
 
 
-def modal(criterion: Criterion, match: Match) -> Outcome:
+def judge_mode(criterion: Criterion, match: Comparison) -> Judgement:
     """Judge period, time to half or damping ratio of the free response.
 
     A model that does not oscillate where the flight does, or with less than a tenth of its
@@ -267,7 +267,7 @@ def modal(criterion: Criterion, match: Match) -> Outcome:
     try:
         s = _excited(_fit("the model", t, model), f)
     except Invalid as error:
-        return Outcome(
+        return Judgement(
             "fail",
             at=float(t[0]),
             remarks=(_values(criterion.measure, f), RowRemark("no_mode", str(error))),
@@ -280,7 +280,7 @@ def modal(criterion: Criterion, match: Match) -> Outcome:
         *_window_remarks(criterion, value, t, flight),
         *_banked(criterion, match),
     )
-    outcome = scalar(criterion, value, getattr(s, criterion.measure), float(t[0]), remarks)
+    outcome = judge_number(criterion, value, getattr(s, criterion.measure), float(t[0]), remarks)
     if criterion.measure != "period" and f.sigma * s.sigma < 0.0:
         return replace(
             outcome, verdict="fail", remarks=(*remarks, RowRemark("stability", "stability differs"))
@@ -288,7 +288,7 @@ def modal(criterion: Criterion, match: Match) -> Outcome:
     return outcome
 
 
-def _banked(criterion: Criterion, match: Match) -> tuple[RowRemark, ...]:
+def _banked(criterion: Criterion, match: Comparison) -> tuple[RowRemark, ...]:
     """Return a remark on a phugoid that a model flies in a turn; none where it does not, or its
     bank is not known.
     """
@@ -343,7 +343,7 @@ def _window_remarks(
 
 
 @lru_cache(maxsize=64)
-def _shortened(times: bytes, samples: bytes) -> tuple[tuple[float, float, Mode], ...]:
+def _shortened(times: bytes, samples: bytes) -> tuple[tuple[float, float, DampedSine], ...]:
     """Return the modes of a flight in windows whose start or end is moved inwards by a third of the
     period.
     """
@@ -362,7 +362,7 @@ def _shortened(times: bytes, samples: bytes) -> tuple[tuple[float, float, Mode],
     return tuple(found)
 
 
-def _excited(model: Mode, flight: Mode) -> Mode:
+def _excited(model: DampedSine, flight: DampedSine) -> DampedSine:
     """Return the mode of a model that moves enough to be compared."""
     share = model.amplitude / flight.amplitude
     if share < LEAST_AMPLITUDE:
@@ -370,7 +370,7 @@ def _excited(model: Mode, flight: Mode) -> Mode:
     return model
 
 
-def _values(measure: str, flight: Mode, model: Mode | None = None) -> RowRemark:
+def _values(measure: str, flight: DampedSine, model: DampedSine | None = None) -> RowRemark:
     """Return what a mode measures in flight and, where it has one, in the model."""
     modes = {"flight": flight} if model is None else {"flight": flight, "model": model}
     text = ", ".join(f"{who} {_text(measure, mode)}" for who, mode in modes.items())
@@ -378,7 +378,7 @@ def _values(measure: str, flight: Mode, model: Mode | None = None) -> RowRemark:
     return RowRemark("values", text, measure, values, "1" if measure == "damping_ratio" else "s")
 
 
-def _text(measure: str, mode: Mode) -> str:
+def _text(measure: str, mode: DampedSine) -> str:
     if measure == "damping_ratio":
         return f"zeta {mode.damping_ratio:.4f}"
     value = getattr(mode, measure)
@@ -386,7 +386,7 @@ def _text(measure: str, mode: Mode) -> str:
 
 
 @lru_cache(maxsize=256)
-def _remembered(time: bytes, y: bytes) -> Mode | str:
+def _remembered(time: bytes, y: bytes) -> DampedSine | str:
     """Fit once what period, damping and time to half need, and what every model of a case is
     compared with; or why there is no mode.
     """
@@ -396,7 +396,7 @@ def _remembered(time: bytes, y: bytes) -> Mode | str:
         return str(error)
 
 
-def _fit(who: str, time: np.ndarray, y: np.ndarray) -> Mode:
+def _fit(who: str, time: np.ndarray, y: np.ndarray) -> DampedSine:
     found = _remembered(time.tobytes(), y.tobytes())
     if isinstance(found, str):
         raise Invalid(f"{who}: {found}")
@@ -413,7 +413,7 @@ def _smooth(
     return (time, np.unwrap(flight), np.unwrap(model)) if channel in WRAPPED else found
 
 
-def peak_lag(criterion: Criterion, match: Match) -> Outcome:
+def peak_lag(criterion: Criterion, match: Comparison) -> Judgement:
     """Judge the time from a bank peak to the nearest sideslip peak, from the phases of the fitted
     mode.
     """
@@ -424,7 +424,7 @@ def peak_lag(criterion: Criterion, match: Match) -> Outcome:
     try:
         own = _lag(_excited(_fit("the model", t, model_slip), mode), t, model_bank)
     except Invalid as error:
-        return Outcome(
+        return Judgement(
             "fail",
             at=float(t[0]),
             remarks=(
@@ -439,7 +439,7 @@ def peak_lag(criterion: Criterion, match: Match) -> Outcome:
     text = f"flight {lag:.2f} s, model {own:.2f} s"
     if half_width(criterion, lag)[0] <= 0.0:
         raise Invalid(f"the tolerance is zero wide; {text}")
-    return scalar(
+    return judge_number(
         criterion,
         lag,
         own,
@@ -448,7 +448,7 @@ def peak_lag(criterion: Criterion, match: Match) -> Outcome:
     )
 
 
-def _lag(sideslip: Mode, time: np.ndarray, bank: np.ndarray) -> float:
+def _lag(sideslip: DampedSine, time: np.ndarray, bank: np.ndarray) -> float:
     """Return (phase of bank - phase of sideslip) / wd, within half a period. [s]"""
     _, _, A, B = _project(time - time[0], bank, sideslip.sigma, sideslip.wd).theta
     angle = math.remainder(math.atan2(-B, A) - sideslip.phase, 2.0 * math.pi)

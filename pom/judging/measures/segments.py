@@ -9,18 +9,18 @@ import numpy as np
 from flightmech.names import lookup
 from flightmech.units import FOOT, KNOT
 from pom.judging.measures.control_forces import dead_band
-from pom.judging.signals import WHO, Match, crossing, event_time, find, level_at
+from pom.judging.signals import WHO, Comparison, crossing, event_time, find, level_at
 from pom.tolerances.bands import (
     Invalid,
+    Judgement,
     NotJudged,
-    Outcome,
     RowRemark,
     demand_finite,
     half_width,
     inside_window,
-    scalar,
+    judge_number,
 )
-from pom.tolerances.channels import plain_id, written
+from pom.tolerances.channels import display_value, plain_id
 from pom.tolerances.criteria import LEVELS, Criterion
 
 SHARE = {"1.b.1": 0.8, "1.e.1": 0.8, "1.e.2": 0.8}
@@ -31,7 +31,7 @@ LEAST_OF_RUN = {"h": 5000.0 * FOOT, "V_cas": 50.0 * KNOT}
 
 
 @dataclass(frozen=True)
-class Span:
+class TimedRun:
     """Start and end of the run in both records, and the remark on it. [s]"""
 
     flight: tuple[float, float]
@@ -51,7 +51,7 @@ class Gate:
     flight: float
 
 
-def elapsed(criterion: Criterion, match: Match) -> Outcome:
+def judge_elapsed(criterion: Criterion, match: Comparison) -> Judgement:
     """Judge time, distance or fuel between two events.
 
     The model's run ends where its own signal passes the level of the event (speed at rotation,
@@ -61,7 +61,7 @@ def elapsed(criterion: Criterion, match: Match) -> Outcome:
     """
     if criterion.parameter == "flare_time_tf":
         flare, touchdown = find(match, "flare"), find(match, "touchdown")
-        span = Span(
+        span = TimedRun(
             (flare.flight, touchdown.flight), (flare.model, touchdown.model), touchdown.remarks
         )
     else:
@@ -74,10 +74,10 @@ def elapsed(criterion: Criterion, match: Match) -> Outcome:
     amounts = [
         _amount(criterion, match, i, ends) for i, ends in enumerate((span.flight, span.model))
     ]
-    return scalar(criterion, amounts[0], amounts[1], span.flight[1], span.remarks)
+    return judge_number(criterion, amounts[0], amounts[1], span.flight[1], span.remarks)
 
 
-def _start(criterion: Criterion, match: Match) -> tuple[float, float]:
+def _start(criterion: Criterion, match: Comparison) -> tuple[float, float]:
     """Return when the run starts in flight and model; a segment without events where both have the
     same height or speed. [s]
     """
@@ -91,12 +91,12 @@ def _start(criterion: Criterion, match: Match) -> tuple[float, float]:
     reached = crossing(match.time, match.model[channel], float(level), 1 if end > level else -1)
     if reached is None:
         raise Invalid(
-            f"the model does not pass {written(channel, float(level))}, where the segment starts"
+            f"the model does not pass {display_value(channel, float(level))}, where the segment starts"
         )
     return start, reached
 
 
-def _gate(criterion: Criterion, match: Match, start: float) -> Gate:
+def _gate(criterion: Criterion, match: Comparison, start: float) -> Gate:
     """Return the end of the run as the flight has it; where its record stops early, what the flight
     has come to.
     """
@@ -127,7 +127,7 @@ def _gate(criterion: Criterion, match: Match, start: float) -> Gate:
     return Gate(channel, float(match.flight[channel][-1]), direction, float(end))
 
 
-def _progress_gate(criterion: Criterion, match: Match) -> Gate:
+def _progress_gate(criterion: Criterion, match: Comparison) -> Gate:
     """Return the end of a segment that no event bounds: a change of height or speed."""
     channel = criterion.abscissa
     if not channel:
@@ -138,15 +138,15 @@ def _progress_gate(criterion: Criterion, match: Match) -> Gate:
     covered = float(y[-1] - y[0])
     if abs(covered) < least and not match.case.shortened:
         raise Invalid(
-            f"the segment covers {written(channel, abs(covered))}; the table requires {written(channel, least)}: "
+            f"the segment covers {display_value(channel, abs(covered))}; the table requires {display_value(channel, least)}: "
             "widen the window, or give the reason in case.shortened"
         )
     return Gate(channel, float(y[-1]), 1 if covered > 0.0 else -1, criterion.window[1])
 
 
 def _span(
-    criterion: Criterion, match: Match, start: tuple[float, float], gate: Gate
-) -> Span | None:
+    criterion: Criterion, match: Comparison, start: tuple[float, float], gate: Gate
+) -> TimedRun | None:
     """Return the run up to the gate, or up to what the model has reached; None when it never comes
     near enough.
     """
@@ -154,10 +154,10 @@ def _span(
     demand_finite("the model", match.time, signal)
     reached = crossing(match.time, signal, gate.level, gate.direction, start[1])
     if reached is not None:
-        return Span(
+        return TimedRun(
             (start[0], gate.flight),
             (start[1], reached),
-            (_span_remark(gate, gate.level, f"to {written(gate.channel, gate.level)}"),),
+            (_span_remark(gate, gate.level, f"to {display_value(gate.channel, gate.level)}"),),
         )
     level = gate.direction * float(np.max(gate.direction * signal))
     there = crossing(match.time, match.flight[gate.channel], level, gate.direction, start[0])
@@ -166,8 +166,8 @@ def _span(
         return None
     own = crossing(match.time, signal, level, gate.direction, start[1])
     share = 100.0 * (there - start[0]) / (gate.flight - start[0])
-    text = f"the model reaches {written(gate.channel, level)}; both are compared up to there, {share:.0f} % of the run"
-    return Span(
+    text = f"the model reaches {display_value(gate.channel, level)}; both are compared up to there, {share:.0f} % of the run"
+    return TimedRun(
         (start[0], there),
         (start[1], match.time[-1] if own is None else own),
         (_span_remark(gate, level, text),),
@@ -178,21 +178,25 @@ def _span_remark(gate: Gate, level: float, text: str) -> RowRemark:
     return RowRemark("span", text, gate.channel, {"level": level}, lookup(gate.channel).units)
 
 
-def _never(criterion: Criterion, match: Match, start: tuple[float, float], gate: Gate) -> Outcome:
+def _never(
+    criterion: Criterion, match: Comparison, start: tuple[float, float], gate: Gate
+) -> Judgement:
     """Judge a model that does not come to the end: a failure when it is late by more than the
     tolerance, else too short a record.
     """
     flight = _amount(criterion, match, 0, (start[0], gate.flight))
     so_far = _amount(criterion, match, 1, (start[1], float(match.time[-1])))
     width = half_width(criterion, flight)
-    text = f"the model does not come to {written(gate.channel, gate.level)} in the record"
+    text = f"the model does not come to {display_value(gate.channel, gate.level)} in the record"
     if so_far - flight <= width[0]:
         raise Invalid(f"{text}; widen the window")
     remark = _span_remark(gate, gate.level, f"{text}; its value is what it has used so far")
-    return scalar(criterion, flight, so_far, float(match.time[-1]), (remark,))
+    return judge_number(criterion, flight, so_far, float(match.time[-1]), (remark,))
 
 
-def _amount(criterion: Criterion, match: Match, which: int, ends: tuple[float, float]) -> float:
+def _amount(
+    criterion: Criterion, match: Comparison, which: int, ends: tuple[float, float]
+) -> float:
     """Return what a run takes between its ends. [SI]"""
     signals, time = (match.flight, match.model)[which], match.time
     if criterion.channel == "time":
@@ -211,7 +215,7 @@ LEAST = {"1.c.1": 1000.0, "1.c.2": 1000.0, "1.c.4": 1000.0, "1.d.4": 1000.0, "1.
 """Height that the segment of a test has to cover. [ft]"""
 
 
-def segment_mean(criterion: Criterion, match: Match) -> Outcome:
+def segment_mean(criterion: Criterion, match: Comparison) -> Judgement:
     """Judge the mean speed of a climb or descent, or its mean rate: height change over time.
 
     A rate of descent counts positive downwards, as the table prints it.
@@ -224,10 +228,10 @@ def segment_mean(criterion: Criterion, match: Match) -> Outcome:
         time, flight, model = match.both(criterion, "h")
         sign = -1.0 if criterion.parameter == "descent_rate" else 1.0
         values = [sign * float(y[-1] - y[0]) / float(time[-1] - time[0]) for y in (flight, model)]
-    return scalar(criterion, values[0], values[1], float(time[-1]), remarks)
+    return judge_number(criterion, values[0], values[1], float(time[-1]), remarks)
 
 
-def demand_height(criterion: Criterion, match: Match) -> tuple[RowRemark, ...]:
+def demand_height(criterion: Criterion, match: Comparison) -> tuple[RowRemark, ...]:
     """Return a remark on the height that the flight covers; less than the table requires is invalid
     without a reason in the case.
     """
@@ -245,7 +249,7 @@ def demand_height(criterion: Criterion, match: Match) -> tuple[RowRemark, ...]:
     return (RowRemark("span", text, "h", {"covered": covered, "required": required}, "ft"),)
 
 
-def floor(criterion: Criterion, match: Match) -> Outcome:
+def certified_gradient(criterion: Criterion, match: Comparison) -> Judgement:
     """Judge the gradient of the model's climb against the certified one, below which it fails even
     inside its band.
 
@@ -257,7 +261,7 @@ def floor(criterion: Criterion, match: Match) -> Outcome:
         raise NotJudged(f"give the certified {criterion.parameter} in [certified]")
     gradients = [_gradient(criterion, match, which) for which in range(2)]
     short = gradients[1] < certified
-    return Outcome(
+    return Judgement(
         verdict="fail" if short else "pass",
         worst=gradients[1] - certified,
         worst_ratio=certified / gradients[1] if gradients[1] > 0.0 else float("inf"),
@@ -278,7 +282,7 @@ def floor(criterion: Criterion, match: Match) -> Outcome:
     )
 
 
-def _gradient(criterion: Criterion, match: Match, which: int) -> float:
+def _gradient(criterion: Criterion, match: Comparison, which: int) -> float:
     time, *height = match.both(criterion, "h")
     _, *speed = match.both(criterion, "V")
     h, V = height[which], speed[which]
@@ -289,15 +293,15 @@ def _gradient(criterion: Criterion, match: Match, which: int) -> float:
 LEAST_TURN = np.radians(90.0)  # ours: less does not determine a radius
 
 
-def number(criterion: Criterion, match: Match) -> Outcome:
+def judge_turning_number(criterion: Criterion, match: Comparison) -> Judgement:
     """Judge a number that a whole manoeuvre gives."""
     if criterion.parameter == "nosewheel_deadband":
         return dead_band(criterion, match)
     values = _RADIUS_OR_RATE[criterion.parameter](criterion, match)
-    return scalar(criterion, values[0], values[1], criterion.window[0])
+    return judge_number(criterion, values[0], values[1], criterion.window[0])
 
 
-def _radii(criterion: Criterion, match: Match) -> list[float]:
+def _radii(criterion: Criterion, match: Comparison) -> list[float]:
     """Return the radii of the paths of the c.g.: distance over the ground per change of heading.
     [m]
     """
@@ -315,7 +319,7 @@ def _radii(criterion: Criterion, match: Match) -> list[float]:
     return radii
 
 
-def _rates(criterion: Criterion, match: Match) -> list[float]:
+def _rates(criterion: Criterion, match: Comparison) -> list[float]:
     """Return the mean rates of a trim surface between 10 and 90 % of its travel. [rad s-1]"""
     time, *surfaces = match.both(criterion, criterion.abscissa)
     rates = []

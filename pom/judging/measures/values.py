@@ -12,18 +12,18 @@ import numpy as np
 
 from flightmech.names import lookup
 from flightmech.units import DEGREE, from_si
-from pom.judging.signals import WHO, Instant, Match, crossing, event_time, find
+from pom.judging.signals import WHO, Comparison, Instant, crossing, event_time, find
 from pom.tolerances.bands import (
     Invalid,
+    Judgement,
     NotJudged,
-    Outcome,
     RowRemark,
     demand_finite,
     difference,
     half_width,
     inside_window,
-    scalar,
-    trace,
+    judge_number,
+    judge_trace,
 )
 from pom.tolerances.criteria import OF_PARAMETER, Criterion
 
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 LEVEL = 1.0  # [s] over which the end level is averaged; ours
 
 
-def response(criterion: Criterion, match: Match) -> Outcome:
+def judge_engine_response(criterion: Criterion, match: Comparison) -> Judgement:
     """Judge Ti or Tt, counted from the first movement of the lever.
 
     Ti is the time to 10 % of the change, each record between its own levels.  Tt is the time to 90
@@ -65,7 +65,7 @@ def response(criterion: Criterion, match: Match) -> Outcome:
         values={"flight": times[0], "model": times[1]},
         unit="s",
     )
-    return scalar(
+    return judge_number(
         criterion, times[0], times[1], float(time[0]), (values, RowRemark("method", level))
     )
 
@@ -82,24 +82,24 @@ def _time_to(who: str, time: np.ndarray, y: np.ndarray, level: float) -> float:
     return reached - float(time[0])
 
 
-def event_value(criterion: Criterion, match: Match) -> Outcome:
+def event_value(criterion: Criterion, match: Comparison) -> Judgement:
     """Judge the value at an event: stall warning, buffet, stall, touchdown, flare, minimum control
     speed.
     """
     found = find(match, OF_PARAMETER[criterion.parameter], criterion.channel)
     flight, model = _values(criterion, match, found)
-    return scalar(
+    return judge_number(
         criterion, flight, model, found.flight, found.remarks and (*found.remarks, _times(found))
     )
 
 
-def setup(criterion: Criterion, match: Match) -> Outcome:
+def check_setup(criterion: Criterion, match: Comparison) -> Judgement:
     """Check a precondition, e.g. the engine failure speed: outside it the test is not valid, which
     is not a failure.
     """
     found = find(match, OF_PARAMETER[criterion.parameter], criterion.channel)
     flight, model = _values(criterion, match, found)
-    outcome = scalar(
+    outcome = judge_number(
         criterion,
         flight,
         model,
@@ -114,7 +114,7 @@ def setup(criterion: Criterion, match: Match) -> Outcome:
     return replace(outcome, verdict="invalid", remarks=(remark,))
 
 
-def _values(criterion: Criterion, match: Match, found: Instant) -> tuple[float, float]:
+def _values(criterion: Criterion, match: Comparison, found: Instant) -> tuple[float, float]:
     """Return the values of flight and model, each at its own instant. [SI]"""
     values = []
     for who, signals, time in zip(
@@ -145,7 +145,7 @@ STEADY = 1.0 / 3.0  # of the tolerance; the rule gives no number for "steady", t
 SLOW_PART = 0.1  # of the speed range: the low-speed end of a record; ours
 
 
-def steady(criterion: Criterion, match: Match) -> Outcome:
+def judge_steady_state(criterion: Criterion, match: Comparison) -> Judgement:
     """Judge a snapshot: means over the capture window, after a check that both records stand still.
 
     Notes
@@ -157,10 +157,10 @@ def steady(criterion: Criterion, match: Match) -> Outcome:
     flight, model = (level[0] for level in levels)
     remark = _demand_steady(float(half_width(criterion, flight)[0]), *levels)
     turned = flight + float(difference(criterion.channel, np.array([flight]), np.array([model]))[0])
-    return scalar(criterion, flight, turned, capture, (remark,))
+    return judge_number(criterion, flight, turned, capture, (remark,))
 
 
-def change(criterion: Criterion, match: Match) -> Outcome:
+def judge_change(criterion: Criterion, match: Comparison) -> Judgement:
     """Judge the change of a level between the event ``trim`` and ``capture``, e.g. elevator per
     load factor or speed.
     """
@@ -173,11 +173,11 @@ def change(criterion: Criterion, match: Match) -> Outcome:
     width = float(half_width(criterion, changes[0])[0])
     for pair in (before, after):
         remark = _demand_steady(width, *pair)
-    return scalar(criterion, changes[0], changes[1], capture, (remark,))
+    return judge_number(criterion, changes[0], changes[1], capture, (remark,))
 
 
 def _levels(
-    match: Match, channel: str, capture: float
+    match: Comparison, channel: str, capture: float
 ) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
     """Return (mean, drift, spread) of flight and model around an instant. [SI]"""
     mask = inside_window(match.time, (capture - BEFORE, capture + AFTER))
@@ -211,11 +211,11 @@ def _demand_steady(width: float, *levels: tuple[float, float, float]) -> RowRema
     )
 
 
-def end_value(criterion: Criterion, match: Match) -> Outcome:
+def end_value(criterion: Criterion, match: Comparison) -> Judgement:
     """Judge the value at the end of the window, e.g. the bank angle 20 s after release."""
     time, flight, model = match.both(criterion)
     error = difference(criterion.channel, flight, model)
-    return scalar(
+    return judge_number(
         criterion,
         float(flight[-1]),
         float(flight[-1] + error[-1]),
@@ -224,7 +224,7 @@ def end_value(criterion: Criterion, match: Match) -> Outcome:
     )
 
 
-def low_speed_end(criterion: Criterion, match: Match) -> Outcome:
+def low_speed_end(criterion: Criterion, match: Comparison) -> Judgement:
     """Judge the last part of a deceleration: from where the flight is within a tenth of its speed
     range of the lowest speed.
     """
@@ -238,7 +238,7 @@ def low_speed_end(criterion: Criterion, match: Match) -> Outcome:
         mask &= match.time > match.time[fast][-1]
     if mask.sum() < 2:
         raise Invalid("the record does not end at its lowest speed")
-    outcome = trace(criterion, *match.over(mask, criterion.channel))
+    outcome = judge_trace(criterion, *match.over(mask, criterion.channel))
     start = float(match.time[mask][0])
     remark = RowRemark(
         "method", f"low-speed end, from {start:.1f} s on", values={"start": start}, unit="s"
@@ -257,7 +257,7 @@ RESOLVED = {
 }  # least dead band by unit: what is read off a recorded attitude or rate
 
 
-def trend(criterion: Criterion, match: Match) -> Outcome:
+def judge_trend(criterion: Criterion, match: Comparison) -> Judgement:
     """Compare direction, order of events, shape and size of a change.
 
     Four criteria are stated: the largest departure from the start has the same sign; highest and
@@ -302,7 +302,7 @@ def trend(criterion: Criterion, match: Match) -> Outcome:
         RowRemark("tick", ticked),
     )
     applied = "correct trend, no number"
-    return Outcome(
+    return Judgement(
         verdict,
         at=float(time[0]),
         remarks=remarks,

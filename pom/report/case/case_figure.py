@@ -14,17 +14,17 @@ from flightmech.support.figures import (
     Frame,
     area,
     axes,
-    clipped,
+    clip_to_frame,
     curve,
     line,
     rect,
-    spaced,
     svg,
     text,
+    text_pieces,
 )
-from pom.report.case.panels import Panel, description
-from pom.report.presentation.quantities import SYMBOLS, fixed
-from pom.report.presentation.traces import LANE, beyond, exit_ticks, fan
+from pom.report.case.panels import CasePanel, description
+from pom.report.presentation.quantities import SYMBOLS, fixed_decimals
+from pom.report.presentation.traces import LANE, beyond_scale_mark, exit_ticks, quantile_areas
 
 LEFT, RIGHT, HEAD, FOOT = 54.0, 12.0, 17.0, 30.0
 # a page's worth of panels: A4 less margins and caption at `WIDTH` units across 180 mm
@@ -36,7 +36,7 @@ RESIDUAL = 1.6
 def figures(
     key: str,
     time: np.ndarray,
-    panels: Sequence[Panel],
+    panels: Sequence[CasePanel],
     styles: Mapping[str, str],
     events: Mapping[str, float] | None = None,
 ) -> list[str]:
@@ -62,14 +62,14 @@ def figures(
     return [_figure(f"{key}-{i}", time, page, styles, events or {}) for i, page in enumerate(pages)]
 
 
-def _height(panel: Panel) -> float:
+def _height(panel: CasePanel) -> float:
     main = MAIN if panel.kind == "judged" else SMALL
     return HEAD + main + (STRIP + GAP if panel.half is not None else 0.0) + GAP
 
 
-def _pages(panels: Sequence[Panel]) -> list[list[Panel]]:
+def _pages(panels: Sequence[CasePanel]) -> list[list[CasePanel]]:
     """Fill pages; a part that overfills one page by little is pressed onto it by `_figure`."""
-    pages: list[list[Panel]] = []
+    pages: list[list[CasePanel]] = []
     room = 0.0
     for panel in panels:
         need = _height(panel)
@@ -84,7 +84,7 @@ def _pages(panels: Sequence[Panel]) -> list[list[Panel]]:
 def _figure(
     name: str,
     time: np.ndarray,
-    panels: Sequence[Panel],
+    panels: Sequence[CasePanel],
     styles: Mapping[str, str],
     events: Mapping[str, float],
 ) -> str:
@@ -109,7 +109,7 @@ def _figure(
     return svg(top + FOOT, "".join(parts), " ".join(description(p) + "." for p in panels))
 
 
-def _legend(panels: Sequence[Panel], styles: Mapping[str, str]) -> str:
+def _legend(panels: Sequence[CasePanel], styles: Mapping[str, str]) -> str:
     runs = [run for run in styles if run != "applied" and any(run in p.traces for p in panels)]
     parts, x = [], LEFT
     for run in runs:
@@ -144,16 +144,16 @@ def _events(time: np.ndarray, bottom: float, events: Mapping[str, float]) -> str
 
 
 def _panel(
-    name, time, panel: Panel, styles, top: float, scale: float, last: bool
+    name, time, panel: CasePanel, styles, top: float, scale: float, last: bool
 ) -> tuple[str, float]:
     height = (MAIN if panel.kind == "judged" else SMALL) * scale
     x = (float(time[0]), float(time[-1]))
     frame = Frame(LEFT, top + HEAD, WIDTH - LEFT - RIGHT, height, x, panel.scale)
     parts = [_head(panel, top + 12), axes(frame, x_labels=last and panel.half is None)]
-    parts.append(clipped(frame, name, _inside(frame, time, panel, styles)))
+    parts.append(clip_to_frame(frame, name, _inside(frame, time, panel, styles)))
     clear = replace(frame, height=frame.height - LANE * sum(map(bool, panel.exits.values())))
     parts += [
-        beyond(clear, time, values, styles[run])
+        beyond_scale_mark(clear, time, values, styles[run])
         for run, values in panel.traces.items()
         if run != "flight"
     ]
@@ -168,7 +168,7 @@ def _panel(
     return "".join(parts), bottom + GAP
 
 
-def _head(panel: Panel, y: float) -> str:
+def _head(panel: CasePanel, y: float) -> str:
     shown = panel.label
     pieces = (
         []
@@ -181,17 +181,18 @@ def _head(panel: Panel, y: float) -> str:
     )
     unit = f", {shown.unit}" if shown.unit else ""
     pieces.append((f"{shown.words or shown.name}{unit}", "title"))
-    body = spaced(LEFT, y, pieces)
+    body = text_pieces(LEFT, y, pieces)
     rows = [row for row in panel.rows if row["measure"] == "trace"]
     words = [
-        f"{row['run']} {SYMBOLS[row['verdict']]} {fixed(row['worst_ratio'], 2)}" for row in rows
+        f"{row['run']} {SYMBOLS[row['verdict']]} {fixed_decimals(row['worst_ratio'], 2)}"
+        for row in rows
     ]
     return body + (
         text(WIDTH - RIGHT, y, "\N{EM SPACE}".join(words), "caption", "end") if words else ""
     )
 
 
-def _inside(frame: Frame, time, panel: Panel, styles) -> str:
+def _inside(frame: Frame, time, panel: CasePanel, styles) -> str:
     parts = []
     flight = panel.traces.get("flight")
     if panel.half is not None and flight is not None:
@@ -200,7 +201,9 @@ def _inside(frame: Frame, time, panel: Panel, styles) -> str:
         for run, values in panel.traces.items():
             if panel.exits.get(run):
                 parts.append(_exceedance(frame, time, values, low, high))
-    parts += [fan(frame, time, quantiles, styles[run]) for run, quantiles in panel.fans.items()]
+    parts += [
+        quantile_areas(frame, time, quantiles, styles[run]) for run, quantiles in panel.fans.items()
+    ]
     if panel.window:
         parts += [
             line(float(frame.px(t)), frame.top, float(frame.px(t)), frame.bottom, "window")
@@ -223,7 +226,7 @@ def _exceedance(frame: Frame, time, values, low, high) -> str:
 
 
 def _residual(
-    frame: Frame, name: str, time, panel: Panel, half: np.ndarray, styles, last: bool
+    frame: Frame, name: str, time, panel: CasePanel, half: np.ndarray, styles, last: bool
 ) -> str:
     flight = panel.traces["flight"]
     unit_band = np.where(np.isfinite(half), 1.0, np.nan)
@@ -237,5 +240,5 @@ def _residual(
             with np.errstate(invalid="ignore", divide="ignore"):
                 ratio = np.where(half > 0, (values - flight) / half, np.nan)
             body += curve(frame, time, ratio, f"trace {styles[run]}")
-            parts.append(beyond(frame, time, ratio, styles[run], with_value=False))
-    return "".join(parts) + clipped(frame, name, body)
+            parts.append(beyond_scale_mark(frame, time, ratio, styles[run], with_value=False))
+    return "".join(parts) + clip_to_frame(frame, name, body)

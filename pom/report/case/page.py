@@ -17,17 +17,20 @@ from pom.report.case import remarks as modal
 from pom.report.case import remarks as probability
 from pom.report.case import start_and_inputs as initial_conditions
 from pom.report.case.case_figure import figures
-from pom.report.case.panels import Cross, Panel, crosses, description, panels
-from pom.report.case.start_and_inputs import driving
-from pom.report.models.diagnosis import cause
-from pom.report.presentation.quantities import Label, fixed
-from pom.report.presentation.traces import TIME_STEP, Pack, page_templates, parcel, step_of
+from pom.report.case.panels import CasePanel, Cross, crosses, description, panels
+from pom.report.case.start_and_inputs import describe_driving
+from pom.report.models.diagnosis import cause_section
+from pom.report.presentation.quantities import QuantityLabel, fixed_decimals
+from pom.report.presentation.traces import TIME_STEP, Pack, pack_page, page_templates, step_of
 from pom.report.presentation.verdict_text import MODAL, Verdict, reason, verdict_table, words
 from pom.result import PASSED, PomResult, exceeds, is_on_faulty_record, notices, results_name
 
 
 def data(
-    result: PomResult, panels: Sequence[Panel], crosses: Sequence[Cross], styles: Mapping[str, str]
+    result: PomResult,
+    panels: Sequence[CasePanel],
+    crosses: Sequence[Cross],
+    styles: Mapping[str, str],
 ) -> tuple[dict[str, Any], bytes]:
     """Return the description of the plots, and the traces it points into."""
     pack = Pack.empty()
@@ -66,7 +69,7 @@ def _rows(result: PomResult) -> list[dict[str, Any]]:
     ]
 
 
-def _quantity(shown: Label) -> dict[str, str]:
+def _quantity(shown: QuantityLabel) -> dict[str, str]:
     symbol = ("", "") if shown.is_word else (shown.base, shown.sub)
     return {
         "channel": shown.name,
@@ -77,7 +80,7 @@ def _quantity(shown: Label) -> dict[str, str]:
     }
 
 
-def _panel(panel: Panel, pack: Pack, rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+def _panel(panel: CasePanel, pack: Pack, rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     step = step_of(panel.half, panel.limits)
     return {
         **_quantity(panel.label),
@@ -183,14 +186,14 @@ def case_page(
         "hashes": digests(result, provenance),
         "source": remarks.data_source(result),
         "calibration": initial_conditions.calibration(result),
-        "conditions": initial_conditions.conditions(result.conditions, result.trim.index),
-        "drive": driving(result),
+        "conditions": initial_conditions.condition_rows(result.conditions, result.trim.index),
+        "drive": describe_driving(result),
         "trim": initial_conditions.trim(result),
         "drift": initial_conditions.drift(result),
         "verdicts": verdict_table(result),
         "modes": modal.mode_table(result, modes, styles),
         "probability": probability.probability_table(result),
-        "cause": cause(result, diagnosis),
+        "cause": cause_section(result, diagnosis),
         "notes": remarks.notes(result),
         "rationales": remarks.rationales(result),
         "ticks": remarks.ticks(result),
@@ -230,12 +233,12 @@ def outcomes(result: PomResult, styles: Mapping[str, str]) -> list[dict[str, Any
                 "status": status,
                 "verdict": Verdict.of(status),
                 "ratio": ratio,
-                "ratio_text": fixed(ratio, 2),
+                "ratio_text": fixed_decimals(ratio, 2),
                 "criterion": words(worst.get("criterion", "")),
                 "why": "" if math.isfinite(ratio) else reason(worst.get("remarks", ())),
                 "notices": notices(result, run),
                 "at": at,
-                "at_text": fixed(at, 2),
+                "at_text": fixed_decimals(at, 2),
             }
         )
     return rows
@@ -288,7 +291,7 @@ MOST_WITH_FIGURES = 30
 
 
 @dataclass(frozen=True)
-class Heading:
+class CommonHeading:
     """What the pages of all cases share.
 
     Attributes
@@ -343,7 +346,7 @@ def packed_page(
     position: int,
     key: str,
     result: PomResult,
-    heading: Heading,
+    heading: CommonHeading,
     diagnosis: pd.DataFrame | None,
     modes: pd.DataFrame,
 ) -> PackedPage:
@@ -373,4 +376,4 @@ def packed_page(
     whole, brief = (
         page_templates().get_template(name).render(context) for name in ("case.html", "brief.html")
     )
-    return PackedPage(key, outcome, brief, parcel({**page["head"], "page": whole}, page["body"]))
+    return PackedPage(key, outcome, brief, pack_page({**page["head"], "page": whole}, page["body"]))

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from flightmech.support.figures import stretches
-from pom.judging.signals import Signals, signals_of, traces_of
-from pom.report.presentation.quantities import Label, fixed, label
+from pom.judging.signals import RunSignals, signals_of, traces_of
+from pom.report.presentation.quantities import QuantityLabel, fixed_decimals, label
 from pom.report.presentation.traces import STEPS_PER_HEIGHT, step_of
 from pom.result import PomResult
 from pom.tolerances.bands import NotJudged, half_width, inside_window
@@ -26,8 +26,8 @@ class Cross:
     """
 
     criteria: tuple[str, ...]
-    abscissa: Label
-    ordinate: Label
+    abscissa: QuantityLabel
+    ordinate: QuantityLabel
     x: dict[str, np.ndarray]
     y: dict[str, np.ndarray]
     half: np.ndarray
@@ -68,13 +68,13 @@ def crosses(result: PomResult) -> list[Cross]:
     return list(found.values())
 
 
-def _signals(result: PomResult, run: str, time: np.ndarray) -> Signals:
+def _signals(result: PomResult, run: str, time: np.ndarray) -> RunSignals:
     """Return what a run holds of the channels of a result."""
     return signals_of(result.case, traces_of(result.signals, run), time)
 
 
 def _cross(
-    result: PomResult, criterion: Criterion, runs: Mapping[str, Signals], inside: np.ndarray
+    result: PomResult, criterion: Criterion, runs: Mapping[str, RunSignals], inside: np.ndarray
 ) -> Cross:
     names = tuple(
         c.name
@@ -107,7 +107,7 @@ STILL = 0.5
 
 
 @dataclass(frozen=True)
-class Panel:
+class CasePanel:
     """One strip of a case's plot.
 
     Attributes
@@ -134,7 +134,7 @@ class Panel:
     """
 
     kind: str
-    label: Label
+    label: QuantityLabel
     traces: dict[str, np.ndarray]
     half: np.ndarray | None
     window: tuple[float, float] | None
@@ -150,7 +150,7 @@ class Panel:
         return self.label.name
 
 
-def panels(result: PomResult) -> list[Panel]:
+def panels(result: PomResult) -> list[CasePanel]:
     """Return the panels of a case: judged channels, then the inputs that move, then what proves the
     condition.
     """
@@ -203,7 +203,7 @@ def _split_inputs(result: PomResult) -> tuple[list[str], list[str]]:
 
 def _compared(
     result: PomResult, name: str, kind: str, rows: Sequence[Mapping[Hashable, Any]]
-) -> Panel:
+) -> CasePanel:
     shown = label(name)
     time = result.signals["time"].values
     traces = dict(
@@ -233,7 +233,7 @@ def _compared(
         for run, found in result.samples.items()
         if name in found.fan
     }
-    return Panel(
+    return CasePanel(
         kind,
         shown,
         traces,
@@ -267,7 +267,7 @@ def _window(rows: Sequence[Mapping[Hashable, Any]]) -> tuple[float, float] | Non
     return (float(judged[0]["window_start"]), float(judged[0]["window_stop"])) if judged else None
 
 
-def _input(result: PomResult, name: str) -> Panel:
+def _input(result: PomResult, name: str) -> CasePanel:
     shown = label(name)
     values = np.interp(
         result.signals["time"].values,
@@ -276,7 +276,7 @@ def _input(result: PomResult, name: str) -> Panel:
     )
     traces = {"applied": values}
     scale = limits(traces, None, shown.least_span)
-    return Panel("input", shown, traces, None, None, {}, [], scale, scale)
+    return CasePanel("input", shown, traces, None, None, {}, [], scale, scale)
 
 
 def outside(model: np.ndarray, flight: np.ndarray, half: np.ndarray) -> np.ndarray:
@@ -323,7 +323,7 @@ def _extent(values: Sequence[np.ndarray]) -> tuple[float, float]:
     return (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 0.0)
 
 
-def description(panel: Panel) -> str:
+def description(panel: CasePanel) -> str:
     """Return the alternative text of a panel, made from its verdicts."""
     name = panel.label.words or panel.channel
     head = f"{name} against time" + (f", {panel.label.unit}" if panel.label.unit else "")
@@ -335,8 +335,8 @@ def description(panel: Panel) -> str:
             state = {"pass": "within tolerance throughout", "fail": "outside tolerance"}[
                 row["verdict"]
             ]
-            at = f" at {fixed(row['at'], 1)} s" if np.isfinite(row["at"]) else ""
+            at = f" at {fixed_decimals(row['at'], 1)} s" if np.isfinite(row["at"]) else ""
             parts.append(
-                f"{row['run']}: {row['criterion'].replace('_', ' ')} {state}, {fixed(row['worst_ratio'], 2)} of the tolerance{at}"
+                f"{row['run']}: {row['criterion'].replace('_', ' ')} {state}, {fixed_decimals(row['worst_ratio'], 2)} of the tolerance{at}"
             )
     return f"{head}. " + "; ".join(parts) if parts else head

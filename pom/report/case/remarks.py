@@ -15,16 +15,16 @@ from pom.replaying.run_remarks import drift, pilot_activity
 from pom.replaying.trim import FOUND, LEFT, SHOWN_UNITS, limits_of
 from pom.report.presentation.quantities import (
     MISSING,
-    fixed,
+    fixed_decimals,
     has_ends,
     label,
-    measured,
+    measured_text,
     number,
-    short,
+    short_number,
 )
 from pom.report.presentation.verdict_text import MARKS, MODAL, remark_text, words
 from pom.result import PomResult, records
-from pom.samples import Samples
+from pom.samples import SampledReplay
 from pom.tolerances.rows import rows
 
 
@@ -43,7 +43,7 @@ def mode_table(
         blocks.append(
             {
                 "label": shown,
-                "window": f"{fixed(start, 2)} … {fixed(stop, 2)}",
+                "window": f"{fixed_decimals(start, 2)} … {fixed_decimals(stop, 2)}",
                 "lags": any(row["lag"] == row["lag"] for row in fits),
                 "rows": [_row(row, shown, styles) for row in fits],
             }
@@ -56,15 +56,15 @@ def _row(row: dict[Any, Any], shown, styles: dict[str, str]) -> dict[str, Any]:
     return {
         "run": row["run"],
         "style": styles[row["run"]],
-        "period": fixed(row["period"], 2),
+        "period": fixed_decimals(row["period"], 2),
         "t_half": MISSING
         if half != half
-        else f"{fixed(abs(half), 2)}{' to double' if half < 0 else ''}",
-        "damping": fixed(row["damping_ratio"], 4),
-        "cycles": fixed(row["cycles"], 1),
+        else f"{fixed_decimals(abs(half), 2)}{' to double' if half < 0 else ''}",
+        "damping": fixed_decimals(row["damping_ratio"], 4),
+        "cycles": fixed_decimals(row["cycles"], 1),
         "amplitude": number(float(shown.width(row["amplitude"])), 3),
         "residual": number(float(shown.width(row["residual_rms"])), 2),
-        "lag": fixed(row["lag"], 2),
+        "lag": fixed_decimals(row["lag"], 2),
         "note": row["note"],
     }
 
@@ -78,7 +78,7 @@ def probability_table(result: PomResult) -> list[dict[str, Any]]:
     return [_block(run, samples) for run, samples in result.samples.items()]
 
 
-def _block(run: str, samples: Samples) -> dict[str, Any]:
+def _block(run: str, samples: SampledReplay) -> dict[str, Any]:
     return {
         "run": run,
         "draws": samples.count,
@@ -89,7 +89,7 @@ def _block(run: str, samples: Samples) -> dict[str, Any]:
         "rows": [
             {
                 "criterion": words(name),
-                "probability": fixed(samples.passing(name), 3),
+                "probability": fixed_decimals(samples.passing(name), 3),
                 "ratio": spread(samples, name),
                 "sources": sources(samples, name),
             }
@@ -98,18 +98,18 @@ def _block(run: str, samples: Samples) -> dict[str, Any]:
     }
 
 
-def probability(samples: Samples) -> str:
+def probability(samples: SampledReplay) -> str:
     """Return the probability of a pass with its standard error from the number of draws."""
-    return f"{fixed(samples.probability, 3)} ± {fixed(samples.stderr, 3)}"
+    return f"{fixed_decimals(samples.probability, 3)} ± {fixed_decimals(samples.stderr, 3)}"
 
 
-def spread(samples: Samples, criterion: str = "") -> str:
+def spread(samples: SampledReplay, criterion: str = "") -> str:
     """Return the median of the ratio and its quantiles 5 and 95 %."""
     low, middle, high = samples.spread(criterion)
-    return f"{fixed(middle, 2)} ({fixed(low, 2)} … {fixed(high, 2)})"
+    return f"{fixed_decimals(middle, 2)} ({fixed_decimals(low, 2)} … {fixed_decimals(high, 2)})"
 
 
-def sources(samples: Samples, criterion: str, most: int = SOURCES) -> str:
+def sources(samples: SampledReplay, criterion: str, most: int = SOURCES) -> str:
     """Return the terms and instruments whose errors make most of the spread, with their shares."""
     return ", ".join(
         f"{source} {100.0 * share:.0f} %" for source, share in samples.dominant(criterion, most)
@@ -191,7 +191,7 @@ def share(fraction: float) -> str:
     >>> share(0.2)
     '20 %'
     """
-    return f"{short(100.0 * fraction)} %"
+    return f"{short_number(100.0 * fraction)} %"
 
 
 def _of_rows(result: PomResult) -> list[str]:
@@ -222,8 +222,8 @@ def _given(value: float, name: str) -> str:
     """Return a value as somebody set it, without trailing zeros."""
     shown = label(name)
     if has_ends(name):
-        return measured(value, name)
-    return f"{short(float(shown.shown(value)))}\N{NO-BREAK SPACE}{shown.unit}".rstrip(
+        return measured_text(value, name)
+    return f"{short_number(float(shown.shown(value)))}\N{NO-BREAK SPACE}{shown.unit}".rstrip(
         "\N{NO-BREAK SPACE}"
     )
 
@@ -259,7 +259,7 @@ def data_source(result: PomResult) -> list[tuple[str, str]]:
     rate = (len(time) - 1) / (time[-1] - time[0])
     return [
         *((words(key), text) for key, text in result.case.source.items()),
-        ("samples", f"{len(time)} at {short(rate, 3)} per second"),
+        ("samples", f"{len(time)} at {short_number(rate, 3)} per second"),
     ]
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from pom.cases.case import PRIMARY
-from pom.cases.pilot import Loop
+from pom.cases.pilot import PilotLoop
 from pom.cases.reference_states import CALIBRATION
 from pom.judging.beyond_the_bands import SLOWEST
 from pom.replaying import run_remarks
@@ -22,16 +22,16 @@ from pom.report.case.panels import split_inputs
 from pom.report.presentation.quantities import (
     MINUS,
     MISSING,
-    Label,
-    fixed,
+    QuantityLabel,
+    fixed_decimals,
     has_ends,
     label,
-    measured,
+    measured_text,
     number,
     percent,
-    plainly,
+    plain_measured_text,
     pretty_unit,
-    short,
+    short_number,
 )
 from pom.result import PomResult, records
 
@@ -68,13 +68,13 @@ _LONG = 20.0  # [s] from which small errors of force add up
 _CALM = 0.05  # [m/s] a vertical wind below this is not printed
 
 
-def conditions(
+def condition_rows(
     found: Mapping[str, float], printed: Collection[str]
-) -> list[tuple[str, list[tuple[Label, str]]]]:
+) -> list[tuple[str, list[tuple[QuantityLabel, str]]]]:
     """Return the conditions by part of the table; the flight state stands in the table of the trim,
     which has `printed` it.
     """
-    parts: dict[str, list[tuple[Label, str]]] = {
+    parts: dict[str, list[tuple[QuantityLabel, str]]] = {
         "Configuration": [],
         "Atmosphere": [],
         "Flight": [],
@@ -89,7 +89,7 @@ def conditions(
             else "Flight"
         )
         if not stem.startswith("wind_") and (part != "Flight" or stem not in printed):
-            parts[part].append((label(name), measured(value, name)))
+            parts[part].append((label(name), measured_text(value, name)))
     if {"wind_n", "wind_e"} <= set(found):
         parts["Atmosphere"].append(
             (_WIND, wind(found["wind_n"], found["wind_e"], found.get("wind_d", 0.0)))
@@ -99,11 +99,11 @@ def conditions(
     return [(part, rows) for part, rows in parts.items() if rows]
 
 
-def _place_among(names: Sequence[str]) -> Callable[[tuple[Label, str]], int]:
+def _place_among(names: Sequence[str]) -> Callable[[tuple[QuantityLabel, str]], int]:
     return lambda row: names.index(row[0].name.rpartition(".")[2])
 
 
-_WIND = Label("wind", "W", "", "wind", "", "", 1.0, 0.0)
+_WIND = QuantityLabel("wind", "W", "", "wind", "", "", 1.0, 0.0)
 
 
 def wind(north: float, east: float, down: float = 0.0) -> str:
@@ -124,11 +124,11 @@ def wind(north: float, east: float, down: float = 0.0) -> str:
         return "calm"
     bearing = round(math.degrees(math.atan2(-east, -north))) % 360 or 360
     rising = (
-        f", {'down' if down > 0 else 'up'} {measured(abs(down), 'wind_d')}"
+        f", {'down' if down > 0 else 'up'} {measured_text(abs(down), 'wind_d')}"
         if abs(down) >= _CALM
         else ""
     )
-    return f"from {bearing:03d}° true at {fixed(knots, 1)} kt{rising}"
+    return f"from {bearing:03d}° true at {fixed_decimals(knots, 1)} kt{rising}"
 
 
 def trim(result: PomResult) -> dict[str, Any]:
@@ -166,7 +166,9 @@ def trim(result: PomResult) -> dict[str, Any]:
             if found or left
             else [_difference(v, shown) for v in shown.width(held[1:] - held[0])]
         )
-        shown_limit = f"± {short(float(shown.width(limit)), 3)}" if math.isfinite(limit) else ""
+        shown_limit = (
+            f"± {short_number(float(shown.width(limit)), 3)}" if math.isfinite(limit) else ""
+        )
         parts[part].append(
             {
                 "label": shown,
@@ -185,11 +187,11 @@ def trim(result: PomResult) -> dict[str, Any]:
 _FOUND, _LEFT = "Biases found by the trim", "Accelerations left after the trim"
 
 
-def _value(value: float, shown: Label) -> str:
-    return MISSING if np.isnan(value) else plainly(float(value), shown.unit)
+def _value(value: float, shown: QuantityLabel) -> str:
+    return MISSING if np.isnan(value) else plain_measured_text(float(value), shown.unit)
 
 
-def _difference(value: float, shown: Label) -> str:
+def _difference(value: float, shown: QuantityLabel) -> str:
     text = _value(value, shown)
     return text if text == MISSING or text.startswith(MINUS) or not text.strip("0.") else f"+{text}"
 
@@ -207,7 +209,7 @@ def calibration(result: PomResult) -> list[tuple[str, str]]:
         scale = math.degrees(1.0) if unit != given else 1.0
         estimate, stderr = scale * row["estimate"], scale * row["stderr"]
         decimals = max(0, 1 - math.floor(math.log10(stderr))) if stderr > 0.0 else 4
-        value = f"{fixed(estimate, decimals)} ± {fixed(stderr, decimals)} {pretty_unit(unit)}"
+        value = f"{fixed_decimals(estimate, decimals)} ± {fixed_decimals(stderr, decimals)} {pretty_unit(unit)}"
         rows.append((_constant(str(row["parameter"])), value.strip()))
     return rows
 
@@ -237,7 +239,7 @@ def _constant(parameter: str) -> str:
     return f"{kind} of {quantity}" if kind else quantity
 
 
-def drift(result: PomResult) -> list[tuple[Label, str, str, str]]:
+def drift(result: PomResult) -> list[tuple[QuantityLabel, str, str, str]]:
     """Return how fast speed, height and heading of every model leave those of the flight in a long
     run: channel, run, rate, spread.
     """
@@ -282,7 +284,7 @@ _SOURCES = {
 }
 
 
-def driving(result: PomResult) -> dict[str, Any]:
+def describe_driving(result: PomResult) -> dict[str, Any]:
     """Return how the models were driven: in words, input by input, loop by loop."""
     drive = result.case.drive
     how = [
@@ -337,12 +339,12 @@ def _steady(result: PomResult, name: str) -> str:
     mean, stray = float(values.mean()), float(np.abs(values - values.mean()).max())
     shown = label(name)
     if stray < 1e-9 * max(1.0, abs(mean)) or has_ends(name):
-        return measured(mean, name)
-    value = f"{plainly(float(shown.shown(mean)), shown.unit)} ±\N{NO-BREAK SPACE}{short(float(shown.width(stray)), 2)}"
+        return measured_text(mean, name)
+    value = f"{plain_measured_text(float(shown.shown(mean)), shown.unit)} ±\N{NO-BREAK SPACE}{short_number(float(shown.width(stray)), 2)}"
     return f"{value} {shown.unit}".strip()
 
 
-def _loop(loop: Loop) -> dict[str, Any]:
+def _loop(loop: PilotLoop) -> dict[str, Any]:
     """Return one loop of the math pilot."""
     control, channel = label(loop.control), label(loop.channel)
     return {
@@ -354,7 +356,7 @@ def _loop(loop: Loop) -> dict[str, Any]:
     }
 
 
-def _gain(value: float, control: Label, channel: Label, per: str) -> str:
+def _gain(value: float, control: QuantityLabel, channel: QuantityLabel, per: str) -> str:
     """Return a gain in display units of control and channel."""
     return f"{number(value * control.factor / channel.factor)} {control.unit or '1'} per {channel.unit or '1'}{per}"
 
@@ -372,7 +374,7 @@ def _activity(result: PomResult) -> list[dict[str, Any]]:
                 "run": row["run"],
                 "control": control,
                 "rms": f"{rms} {control.unit}".strip(),
-                "largest": f"{largest} {control.unit} at {fixed(row['at'], 1)} s",
+                "largest": f"{largest} {control.unit} at {fixed_decimals(row['at'], 1)} s",
                 "at_limit": percent(row["at_limit"]),
                 "held": row["held"],
             }

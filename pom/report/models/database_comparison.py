@@ -23,21 +23,21 @@ from flightmech.support.figures import (
     Frame,
     area,
     axes,
-    clipped,
+    clip_to_frame,
     curve,
     dots,
     line,
-    spaced,
     svg,
     text,
+    text_pieces,
     ticks,
 )
 from pom.report.presentation.quantities import (
     MISSING,
-    fixed,
+    fixed_decimals,
     label,
     number,
-    short,
+    short_number,
     symbol,
     term_words,
 )
@@ -62,7 +62,7 @@ def page(found: Mapping[str, Any]) -> dict[str, Any]:
     return {**found, "terms": drawn}
 
 
-def compared(
+def compare_for_report(
     databases: Mapping[str, xr.DataTree],
     support: Mapping[str, pd.DataFrame],
     styles: Mapping[str, str],
@@ -126,7 +126,7 @@ def _changed(
             {
                 **item,
                 "change": number(row["max_difference"], 2),
-                "errors": fixed(errors, 1) if np.isfinite(errors) else MISSING,
+                "errors": fixed_decimals(errors, 1) if np.isfinite(errors) else MISSING,
                 "where": row["location"],
                 "note": row["note"],
                 "flown": item["facts"].get(last, {}).get("flown", ""),
@@ -250,7 +250,7 @@ def _figure(term: str, quantity: str, holders, shared, support, styles) -> Pictu
             axes(frame, x_labels=not strip, x_most=5),
         ]
         parts += [
-            clipped(frame, name, "".join(_trace(frame, c, styles) for c in curves[i])),
+            clip_to_frame(frame, name, "".join(_trace(frame, c, styles) for c in curves[i])),
             _support(frame, support, x_axis, at, tables),
         ]
         if strip:
@@ -259,7 +259,9 @@ def _figure(term: str, quantity: str, holders, shared, support, styles) -> Pictu
             )
             parts += [axes(frame, x_labels=True, x_most=5, y_ticks=ticks(*frame.y, 3))]
             parts += [
-                clipped(frame, f"{name}-d", "".join(_trace(frame, c, styles) for c in changes[i]))
+                clip_to_frame(
+                    frame, f"{name}-d", "".join(_trace(frame, c, styles) for c in changes[i])
+                )
             ]
         parts.append(_abscissa(frame, x_axis))
     return Picture(
@@ -393,7 +395,7 @@ def _trace(frame: Frame, c, styles) -> str:
 
 def _slice_head(frame: Frame, name: str, at: Mapping[str, float]) -> str:
     where = ", ".join(
-        f"{_plain(a)} = {short(float(label(a).shown(v)), 3)} {label(a).unit}".strip()
+        f"{_plain(a)} = {short_number(float(label(a).shown(v)), 3)} {label(a).unit}".strip()
         for a, v in at.items()
     )
     return text(frame.left, frame.top - 6, f"{name} at {where}" if where else name, "title")
@@ -406,7 +408,7 @@ def _abscissa(frame: Frame, x_axis: str) -> str:
         *([(shown.sub, "sub")] if shown.sub else []),
         (f", {shown.unit}" if shown.unit else "", "caption"),
     ]
-    return spaced(frame.left + frame.width / 2, frame.bottom + 25, pieces, "middle")
+    return text_pieces(frame.left + frame.width / 2, frame.bottom + 25, pieces, "middle")
 
 
 def _plain(axis: str) -> str:

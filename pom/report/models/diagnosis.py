@@ -17,9 +17,9 @@ from flightmech.support import figures as svg_chart
 from flightmech.support.figures import Frame
 from pom.diagnosis.swap_runs import MATCHED, OTHERS, criteria_of, waterfall
 from pom.diagnosis.tuning.tuning_log import BASES, MOVES, NUMBERS, ROWS, headline, moves_of, rows_of
-from pom.report.presentation.quantities import MISSING, fixed, term_words
+from pom.report.presentation.quantities import MISSING, fixed_decimals, term_words
 from pom.report.presentation.verdict_text import Verdict, words
-from pom.report.submodels.section import Grid
+from pom.report.submodels.section import SectionTable
 from pom.result import PomResult, status_text
 
 MOST_PANELS = 4  # criteria next to the total
@@ -76,9 +76,7 @@ def alternative(table: pd.DataFrame) -> str:
             f"{_bar_name(step['term'])} {_share(step['explained'], step['stderr'])}"
             for step in large
         ]
-        way = (
-            f"{fixed(steps['start'].iloc[0], 2)} to {fixed(steps['stop'].iloc[-1], 2)} half widths"
-        )
+        way = f"{fixed_decimals(steps['start'].iloc[0], 2)} to {fixed_decimals(steps['stop'].iloc[-1], 2)} half widths"
         sentences.append(
             f"{name.replace('_', ' ') or 'all criteria'}, from {way}: {', '.join(parts) or 'no share of half a percent'}"
         )
@@ -123,7 +121,7 @@ def _panel(
 ) -> str:
     """Return one column: title, scale and bars; `place` is left edge, width and lower edge."""
     first, last = steps["start"].iloc[0], steps["stop"].iloc[-1]
-    bars = [_Bar(0.0, first, "run-1-area", fixed(first, 2))]
+    bars = [_Bar(0.0, first, "run-1-area", fixed_decimals(first, 2))]
     for step in steps.to_dict("records"):
         start, stop, stderr = step["start"], step["stop"], step["stderr"]
         css = "exit" if stop > start else "run-2-area" if step["term"] in needed else "band"
@@ -136,7 +134,7 @@ def _panel(
                 stderr * abs(first - last),
             )
         )
-    bars.append(_Bar(0.0, last, "run-3-area", fixed(last, 2)))
+    bars.append(_Bar(0.0, last, "run-3-area", fixed_decimals(last, 2)))
     left, width, bottom = place
     ends = [
         end
@@ -245,8 +243,8 @@ def _bar_name(term: str) -> str:
 
 
 def _share(explained: float, stderr: float) -> str:
-    error = f" ± {fixed(100.0 * stderr, 0)}" if stderr > 0.0 else ""
-    return f"{fixed(100.0 * explained, 0)}{error} %" if math.isfinite(explained) else ""
+    error = f" ± {fixed_decimals(100.0 * stderr, 0)}" if stderr > 0.0 else ""
+    return f"{fixed_decimals(100.0 * explained, 0)}{error} %" if math.isfinite(explained) else ""
 
 
 def _two_lines(words: str, most: int) -> list[str]:
@@ -278,8 +276,8 @@ def _of(run: str, log: Mapping[str, Any], results: Sequence[PomResult]) -> dict[
     moves, rest = moves_of(log)
     flown = {result.case.name: _flown(result, run) for result in results if run in result.runs}
     rows = tuple((*cells, flown.get(cells[1], MISSING)) for cells in rows_of(log))
-    grids = [Grid("What moved", MOVES, tuple(moves))] if moves else []
-    grids.append(Grid("What it did to every case", (*ROWS, FLOWN), rows))
+    grids = [SectionTable("What moved", MOVES, tuple(moves))] if moves else []
+    grids.append(SectionTable("What it did to every case", (*ROWS, FLOWN), rows))
     files = ", ".join(
         f"{role} {file['name']} ({file['sha256'][:16]})"
         for role, file in log["files"].items()
@@ -298,7 +296,7 @@ def _of(run: str, log: Mapping[str, Any], results: Sequence[PomResult]) -> dict[
 def _flown(result: PomResult, run: str) -> str:
     worst = result.worst(run)
     return (
-        f"{fixed(worst['worst_ratio'], 2)} {status_text(result.status(run))}"
+        f"{fixed_decimals(worst['worst_ratio'], 2)} {status_text(result.status(run))}"
         if worst is not None
         else status_text(result.status(run))
     )
@@ -322,7 +320,7 @@ _MOST = {"single": 8, "group": 4, "pair": 3, "without": 5}  # rows shown
 _LOW, _HIGH = -0.2, 1.2
 
 
-def cause(result: PomResult, table: pd.DataFrame | None) -> dict[str, Any] | None:
+def cause_section(result: PomResult, table: pd.DataFrame | None) -> dict[str, Any] | None:
     """Return everything the template needs to show the cause, or nothing without a diagnosis."""
     if table is None or table.empty:
         return None
@@ -357,7 +355,7 @@ def cause(result: PomResult, table: pd.DataFrame | None) -> dict[str, Any] | Non
         "criteria": criteria,
         "stages": stages,
         "idle": _idle(table),
-        "story": story(table),
+        "story": cause_sentences(table),
         "figure": Markup(cause_figure(table)),
         "linked": [
             row["term"] for row in by_stage["single"] if str(row["term"]).startswith("C")
@@ -381,7 +379,9 @@ def _idle(table: pd.DataFrame) -> str:
 
 
 def _bounded(share: float) -> str:
-    return f"{fixed(100.0 * share, 2)} %" if share == 0.0 or share >= 5e-5 else "below 0.01 %"
+    return (
+        f"{fixed_decimals(100.0 * share, 2)} %" if share == 0.0 or share >= 5e-5 else "below 0.01 %"
+    )
 
 
 def _rows(table: pd.DataFrame, stage: str) -> list[dict[Hashable, Any]]:
@@ -389,7 +389,7 @@ def _rows(table: pd.DataFrame, stage: str) -> list[dict[Hashable, Any]]:
     return sorted(rows, key=lambda row: -abs(row["interaction"])) if stage == "pair" else rows
 
 
-def story(table: pd.DataFrame) -> str:
+def cause_sentences(table: pd.DataFrame) -> str:
     """Return the cause in a few sentences."""
     by = {stage: _rows(table, stage) for stage in _TITLES}
     if not by["prior"]:
@@ -465,8 +465,8 @@ def _called(term: str) -> str:
 
 
 def _percent(share: float, stderr: float = 0.0) -> str:
-    error = f" ± {fixed(100.0 * stderr, 0)}" if stderr > 0.0 else ""
-    return f"{fixed(100.0 * share, 0)}{error} %" if math.isfinite(share) else MISSING
+    error = f" ± {fixed_decimals(100.0 * stderr, 0)}" if stderr > 0.0 else ""
+    return f"{fixed_decimals(100.0 * share, 0)}{error} %" if math.isfinite(share) else MISSING
 
 
 def _row(
@@ -477,7 +477,7 @@ def _row(
     for c in criteria:
         cells += [
             _percent(row[f"{c['name']} explained"], row[f"{c['name']} stderr"]),
-            "" if is_share else fixed(row[f"{c['name']} ratio"], 2),
+            "" if is_share else fixed_decimals(row[f"{c['name']} ratio"], 2),
         ]
     return {
         "term": term,

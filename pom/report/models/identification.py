@@ -16,17 +16,17 @@ from flightmech.support.figures import (
     WIDTH,
     Frame,
     axes,
-    clipped,
+    clip_to_frame,
     curve,
     dots,
     limits,
     line,
-    spaced,
     svg,
     text,
+    text_pieces,
     ticks,
 )
-from pom.report.presentation.quantities import MISSING, fixed, label, number, symbol
+from pom.report.presentation.quantities import MISSING, fixed_decimals, label, number, symbol
 from pom.report.presentation.traces import Pack, step_of
 from pom.report.submodels.section import Picture
 
@@ -62,7 +62,7 @@ def fit_picture(index: int, fit: flighttest.Fit) -> Picture:
     lower = Frame(_LEFT, upper.bottom + 6.0, wide, _LOW, upper.x, limits(rest, 0.06))
     starts = along[1:][np.diff(fit.data["manoeuvre"].values) != 0]
     parts = [
-        spaced(
+        text_pieces(
             _LEFT,
             _TOP - 5.0,
             [
@@ -80,14 +80,14 @@ def fit_picture(index: int, fit: flighttest.Fit) -> Picture:
             for frame in (upper, lower)
             for at in starts
         ),
-        clipped(
+        clip_to_frame(
             upper,
             f"fit-{index}",
             curve(upper, time, measured, "trace run-0")
             + curve(upper, time, measured - rest, "trace run-3"),
         ),
         axes(lower, x_labels=True, x_most=8, y_ticks=ticks(*lower.y, 3)),
-        clipped(lower, f"fit-{index}-e", curve(lower, time, rest, "trace run-0")),
+        clip_to_frame(lower, f"fit-{index}-e", curve(lower, time, rest, "trace run-0")),
         text(
             _LEFT + wide / 2,
             lower.bottom + 24.0,
@@ -117,7 +117,7 @@ def fit_picture(index: int, fit: flighttest.Fit) -> Picture:
         line(frame.left, float(frame.py(at)), frame.right, float(frame.py(at)), "window")
         for at in (-bound, bound)
     ]
-    parts += [clipped(frame, f"fit-{index}-r", curve(frame, lag, correlation, "trace run-0"))]
+    parts += [clip_to_frame(frame, f"fit-{index}-r", curve(frame, lag, correlation, "trace run-0"))]
     parts += [
         text(frame.left + frame.width / 2, frame.bottom + 24.0, "lag, s", "caption", "middle")
     ]
@@ -177,7 +177,7 @@ def chapter(
         what the script of the page draws, and the traces it points into.
     """
     pack = Pack.empty()
-    heads, rows = [_traces(fit, pack) for fit in fits], described(fits)
+    heads, rows = [_traces(fit, pack) for fit in fits], describe_fits(fits)
     for row, fit in zip(rows, fits, strict=True):
         row["drawing"] = (
             fit_picture(row["index"], fit) if on_paper and "time" in fit.data else None
@@ -202,7 +202,7 @@ def page(found: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any], byte
     return context, {"fits": found["heads"]}, found["body"]
 
 
-def described(fits: Sequence[flighttest.Fit]) -> list[dict[str, Any]]:
+def describe_fits(fits: Sequence[flighttest.Fit]) -> list[dict[str, Any]]:
     """Return what page and paper state of every fit: model, figures of merit, estimates, correlated
     estimates, remarks.
     """
@@ -226,10 +226,10 @@ def _fit(index: int, fit: flighttest.Fit) -> dict[str, Any]:
         "domain": str(found.attrs.get("domain", "time")),
         "samples": found.attrs.get("samples", fit.data.sizes["sample"]),
         "manoeuvres": found.attrs.get("manoeuvres", 1),
-        "R2": fixed(found.attrs.get("R2"), 4),
+        "R2": fixed_decimals(found.attrs.get("R2"), 4),
         "rms": number(found.attrs.get("residual_rms"), 3),
         **_agreement(fit),
-        "vif": fixed(largest_vif, 1),
+        "vif": fixed_decimals(largest_vif, 1),
         "remarks": [str(remark) for remark in fit.remarks],
         "terms": [_term(fit, i, name) for i, name in enumerate(names)],
         "correlated": _correlated(fit, names),
@@ -245,8 +245,8 @@ def _agreement(fit: flighttest.Fit) -> dict[str, str]:
     try:
         shares = theil_shares(measured, predicted)
         return {
-            "theil": fixed(theil(measured, predicted), 3),
-            "shares": " / ".join(fixed(100.0 * share, 0) for share in shares),
+            "theil": fixed_decimals(theil(measured, predicted), 3),
+            "shares": " / ".join(fixed_decimals(100.0 * share, 0) for share in shares),
         }
     except IdentificationError:
         return {"theil": MISSING, "shares": MISSING}
@@ -264,9 +264,9 @@ def _term(fit: flighttest.Fit, index: int, name: str) -> dict[str, Any]:
         "estimate": number(estimate, 4),
         "stderr": number(stderr, 2),
         "systematic": number(of("stderr_systematic"), 2),
-        "ratio": fixed(abs(estimate) / stderr if stderr > 0.0 else math.nan, 1),
-        "vif": fixed(of("vif"), 1),
-        "contribution": f"{fixed(100.0 * of('contribution'), 0)} %"
+        "ratio": fixed_decimals(abs(estimate) / stderr if stderr > 0.0 else math.nan, 1),
+        "vif": fixed_decimals(of("vif"), 1),
+        "contribution": f"{fixed_decimals(100.0 * of('contribution'), 0)} %"
         if math.isfinite(of("contribution"))
         else MISSING,
         "bar": _error_bar(estimate, stderr),
@@ -297,7 +297,7 @@ def _correlated(fit: flighttest.Fit, names: Sequence[str]) -> list[str]:
     pairs = [
         (a, b) for a in range(len(names)) for b in range(a) if abs(table[a, b]) >= LEAST_CORRELATION
     ]
-    return [f"{names[b]} with {names[a]}: {fixed(table[a, b], 3)}" for a, b in pairs]
+    return [f"{names[b]} with {names[a]}: {fixed_decimals(table[a, b], 3)}" for a, b in pairs]
 
 
 def _traces(fit: flighttest.Fit, pack: Pack) -> dict[str, Any]:
@@ -357,13 +357,13 @@ def sample_map(
         for cell, (low, high) in zip(cells, (frame.x, frame.y), strict=True)
     ]
     body = axes(frame, x_labels=True) + dots(frame, centres[0], centres[1], "test-point")
-    body += spaced(
+    body += text_pieces(
         frame.left + frame.width / 2, frame.bottom + 28, [("M", "symbol")], "middle"
-    ) + spaced(8, 20, [("α", "symbol"), (", deg", "caption")])
+    ) + text_pieces(8, 20, [("α", "symbol"), (", deg", "caption")])
     words, bottom = f"Angle of attack and Mach number of {len(x)} samples", frame.bottom + 36
     for i, (name, one) in enumerate((level_lines or {}).items()):
         css, column, down = f"run-{i % _LINES}", i % 2, bottom + 4 + 14 * (i // 2)
-        body += clipped(
+        body += clip_to_frame(
             frame,
             f"level-{i}",
             curve(

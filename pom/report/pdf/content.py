@@ -19,22 +19,22 @@ from pom.report.case import remarks as modal
 from pom.report.case import remarks as probability
 from pom.report.case import start_and_inputs as initial_conditions
 from pom.report.case.page import digests, line_styles, outcomes
-from pom.report.case.panels import Panel, crosses, panels
-from pom.report.case.start_and_inputs import driving
-from pom.report.models.diagnosis import story
+from pom.report.case.panels import CasePanel, crosses, panels
+from pom.report.case.start_and_inputs import describe_driving
+from pom.report.models.diagnosis import cause_sentences
 from pom.report.pdf.drawings import (
     LEAST,
     MOST_PANELS,
     Drawing,
-    arranged,
+    arrange_panels,
     cross_drawing,
     drawing,
     legend,
     waterfall,
 )
-from pom.report.presentation.quantities import Label
+from pom.report.presentation.quantities import QuantityLabel
 from pom.report.presentation.verdict_text import Verdict, verdict_table, words
-from pom.report.submodels.section import Grid, Section
+from pom.report.submodels.section import Section, SectionTable
 from pom.result import PomResult, results_name
 from pom.tolerances.rows import rows as tolerance_rows
 
@@ -117,7 +117,7 @@ def case(
     """Return what the pages of one case show in addition to the drawings."""
     case, styles = result.case, line_styles(result.runs)
     shown_rows, table = (
-        initial_conditions.conditions(result.conditions, result.trim.index),
+        initial_conditions.condition_rows(result.conditions, result.trim.index),
         verdict_table(result),
     )
     return {
@@ -160,7 +160,7 @@ def case(
         "values": table["values"],
         "modes": [_mode(block) for block in modal.mode_table(result, modes, styles)],
         "probability": probability.probability_table(result),
-        "story": story(diagnosis) if diagnosis is not None and len(diagnosis) else "",
+        "story": cause_sentences(diagnosis) if diagnosis is not None and len(diagnosis) else "",
         "notes": remarks.notes(result),
         "rationales": remarks.rationales(result),
         "ticks": remarks.ticks(result),
@@ -188,7 +188,7 @@ _GLANCE = (
 )
 
 
-def quantity(shown: Label) -> dict[str, Any]:
+def quantity(shown: QuantityLabel) -> dict[str, Any]:
     """Return a quantity as the templates write it: symbol with subscript, words, unit."""
     word = shown.is_word
     return {
@@ -200,7 +200,7 @@ def quantity(shown: Label) -> dict[str, Any]:
     }
 
 
-def _name(shown: Label) -> str:
+def _name(shown: QuantityLabel) -> str:
     return shown.words or shown.name
 
 
@@ -266,7 +266,7 @@ def tuning(one: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def table_of(grid: Grid | None) -> dict[str, Any] | None:
+def table_of(grid: SectionTable | None) -> dict[str, Any] | None:
     """Return a table of the chapter on submodels."""
     return {"caption": grid.caption, "head": grid.head, "rows": grid.rows} if grid else None
 
@@ -330,7 +330,7 @@ def _documents(results: Sequence[PomResult]) -> list[str]:
 
 
 def _drive(result: PomResult) -> dict[str, Any]:
-    found = driving(result)
+    found = describe_driving(result)
     return {
         "how": found["how"],
         "inputs": [(quantity(shown), *rest) for shown, *rest in found["inputs"]],
@@ -398,7 +398,7 @@ def case_on_paper(
     return page | _drawings(folder, position, result, diagnosis, _room(page, paper), _COLUMN[paper])
 
 
-def saved(folder: Path, name: str, drawn: Drawing) -> dict[str, Any]:
+def save_drawing(folder: Path, name: str, drawn: Drawing) -> dict[str, Any]:
     """Write a drawing and return its entry in the data."""
     (folder / name).write_text(drawn.svg, encoding="utf-8")
     return {"file": name, "height": drawn.height, "alt": drawn.words}
@@ -446,7 +446,7 @@ def _drawings(
     styles = {**line_styles(result.runs), "applied": "run-0"}
     pages: list[list[Any]] = []
 
-    def draw(part: Sequence[Panel], height: float) -> None:
+    def draw(part: Sequence[CasePanel], height: float) -> None:
         place = f"c{position}-{len(pages)}"
         drawn = [
             drawing(
@@ -461,14 +461,16 @@ def _drawings(
             )
             for i, panel in enumerate(part)
         ]
-        pages.append([saved(folder, f"{place}-{i}.svg", item) for i, item in enumerate(drawn)])
+        pages.append(
+            [save_drawing(folder, f"{place}-{i}.svg", item) for i, item in enumerate(drawn)]
+        )
 
     first = [panel for panel in shown if panel.kind != "shown"]
     rest = [panel for panel in shown if panel.kind == "shown"]
     if room < LEAST_ROOM:  # the tables fill the page
         pages.append([])
     while first:
-        count, height = arranged(first, room if not pages else column - HEADED)
+        count, height = arrange_panels(first, room if not pages else column - HEADED)
         draw(first[: max(count, 1)], height or LEAST)
         first = first[max(count, 1) :]
     for start in range(0, len(rest), MOST_PANELS):
@@ -482,7 +484,9 @@ def _drawings(
     code = legend({run: style for run, style in styles.items() if run != "applied"})
     return {
         "pages": pages,
-        "crosses": [saved(folder, f"c{position}-x{i}.svg", item) for i, item in enumerate(curves)],
-        "legend": saved(folder, f"c{position}-legend.svg", code),
-        "waterfall": saved(folder, f"c{position}-cause.svg", fall) if fall else None,
+        "crosses": [
+            save_drawing(folder, f"c{position}-x{i}.svg", item) for i, item in enumerate(curves)
+        ],
+        "legend": save_drawing(folder, f"c{position}-legend.svg", code),
+        "waterfall": save_drawing(folder, f"c{position}-cause.svg", fall) if fall else None,
     }

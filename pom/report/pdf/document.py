@@ -15,11 +15,11 @@ from pathlib import Path
 from typing import Any
 
 from flightmech.errors import SchemaError
-from flightmech.support.console import plain
+from flightmech.support.console import to_json_types
 from pom.report.chapters import Chapters
 from pom.report.models.diagnosis import NOTE
 from pom.report.pdf import content
-from pom.report.pdf.content import saved
+from pom.report.pdf.content import save_drawing
 from pom.report.pdf.drawings import Drawing, svg
 from pom.report.submodels.section import Picture, Section
 from pom.result import PomResult
@@ -91,7 +91,7 @@ def pdf_pages(
         "needed": content.table_of(chapters.needed),
         "paper": {"a4": "a4", "letter": "us-letter"}[paper],
     }
-    text = _CONTROL.sub("?", json.dumps(plain(data), ensure_ascii=False))
+    text = _CONTROL.sub("?", json.dumps(to_json_types(data), ensure_ascii=False))
     (folder / "data.json").write_text(text, encoding="utf-8", errors="replace")
     (folder / "report.typ").write_bytes((_HERE / "report.typ").read_bytes())
     return _set(folder, _date(provenance.get("date", "")))
@@ -178,7 +178,7 @@ def _pictures(folder: Path, position: int, section: Section) -> list[dict[str, A
 
 
 def _on_paper(folder: Path, name: str, picture: Picture) -> dict[str, Any]:
-    return saved(
+    return save_drawing(
         folder, name, Drawing(svg(picture.height, picture.body), picture.height, picture.words)
     )
 

@@ -21,20 +21,25 @@ from flightmech.support.figures import (
     Frame,
     area,
     axes,
-    clipped,
+    clip_to_frame,
     curve,
     line,
     rect,
-    spaced,
     text,
+    text_pieces,
     tick_text,
     ticks,
 )
 from pom.diagnosis.swap_runs import OTHERS
 from pom.diagnosis.swap_runs import waterfall as steps_of
-from pom.report.case.panels import Cross, Panel, description, limits
-from pom.report.presentation.quantities import Label, fixed, pretty_unit, term_words
-from pom.report.presentation.traces import LANE, beyond, exit_ticks, fan
+from pom.report.case.panels import CasePanel, Cross, description, limits
+from pom.report.presentation.quantities import (
+    QuantityLabel,
+    fixed_decimals,
+    pretty_unit,
+    term_words,
+)
+from pom.report.presentation.traces import LANE, beyond_scale_mark, exit_ticks, quantile_areas
 from pom.report.presentation.verdict_text import WORDS, words
 
 FAMILY = "Source Sans Pro"
@@ -116,7 +121,7 @@ class Drawing:
     words: str
 
 
-def arranged(panels: Sequence[Panel], room: float) -> tuple[int, float]:
+def arrange_panels(panels: Sequence[CasePanel], room: float) -> tuple[int, float]:
     """Return how many of the panels go on a page with `room` units of height, and the height of an
     input panel there.
     """
@@ -136,7 +141,7 @@ def arranged(panels: Sequence[Panel], room: float) -> tuple[int, float]:
 def drawing(
     name: str,
     time: np.ndarray,
-    panel: Panel,
+    panel: CasePanel,
     styles: Mapping[str, str],
     events: Mapping[str, float],
     height: float,
@@ -166,7 +171,7 @@ def drawing(
     frame = Frame(LEFT, HEAD, WIDTH - LEFT - RIGHT, main, x, panel.limits)
     parts = [_head(panel), axes(frame, x_labels=last and panel.half is None, x_most=10)]
     parts += [
-        clipped(frame, name, _inside(frame, time, panel, styles)),
+        clip_to_frame(frame, name, _inside(frame, time, panel, styles)),
         _marks(frame, time, events, first),
     ]
     clear = Frame(
@@ -178,7 +183,7 @@ def drawing(
         panel.limits,
     )
     parts += [
-        beyond(clear, time, values, styles[run])
+        beyond_scale_mark(clear, time, values, styles[run])
         for run, values in whole.traces.items()
         if run != "flight"
     ]
@@ -204,7 +209,7 @@ def drawing(
     return Drawing(svg(full, "".join(parts)), full, description(panel))
 
 
-def _scaled(panel: Panel) -> Panel:
+def _scaled(panel: CasePanel) -> CasePanel:
     """Return a judged panel on the scale of its window, where the rest would squeeze it; of the
     rest what leaves the scale is left out.
     """
@@ -235,7 +240,7 @@ def svg(height: float, body: str) -> str:
     return f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH:.0f} {height:.1f}">{defs()}{body}</svg>'
 
 
-def _head(panel: Panel) -> str:
+def _head(panel: CasePanel) -> str:
     shown = panel.label
     pieces = (
         []
@@ -249,7 +254,7 @@ def _head(panel: Panel) -> str:
     pieces.append(
         (f"{shown.words or shown.name}{f', {shown.unit}' if shown.unit else ''}", "title")
     )
-    body = spaced(LEFT, HEAD - 4.0, pieces)
+    body = text_pieces(LEFT, HEAD - 4.0, pieces)
     traced = sorted(
         (row for row in panel.rows if row["measure"] == "trace"),
         key=lambda row: float(np.nan_to_num(row["worst_ratio"])),
@@ -263,11 +268,11 @@ def _head(panel: Panel) -> str:
             (f"{gap}{row['run']} ", "caption"),
             (WORDS[verdict], "title" if verdict == "fail" else "caption"),
         ]
-        words.append((f" {fixed(row['worst_ratio'], 2)}", "caption"))
-    return body + (spaced(WIDTH - RIGHT, HEAD - 4.0, words, "end") if words else "")
+        words.append((f" {fixed_decimals(row['worst_ratio'], 2)}", "caption"))
+    return body + (text_pieces(WIDTH - RIGHT, HEAD - 4.0, words, "end") if words else "")
 
 
-def _inside(frame: Frame, time: np.ndarray, panel: Panel, styles: Mapping[str, str]) -> str:
+def _inside(frame: Frame, time: np.ndarray, panel: CasePanel, styles: Mapping[str, str]) -> str:
     parts, flight = [], panel.traces.get("flight")
     if panel.half is not None and flight is not None:
         low, high = flight - panel.half, flight + panel.half
@@ -277,7 +282,9 @@ def _inside(frame: Frame, time: np.ndarray, panel: Panel, styles: Mapping[str, s
             for run, values in panel.traces.items()
             if panel.exits.get(run)
         ]
-    parts += [fan(frame, time, quantiles, styles[run]) for run, quantiles in panel.fans.items()]
+    parts += [
+        quantile_areas(frame, time, quantiles, styles[run]) for run, quantiles in panel.fans.items()
+    ]
     parts.append(_scalars(frame, time, panel))
     if panel.window:
         parts += [
@@ -328,7 +335,7 @@ def _marks(frame: Frame, time: np.ndarray, events: Mapping[str, float], named: b
     return "".join(parts)
 
 
-def _scalars(frame: Frame, time: np.ndarray, panel: Panel) -> str:
+def _scalars(frame: Frame, time: np.ndarray, panel: CasePanel) -> str:
     """Return a bar of tolerance about the flight value of what is judged at one instant."""
     parts = []
     for at, half in {
@@ -347,7 +354,7 @@ def _residual(
     frame: Frame,
     name: str,
     time: np.ndarray,
-    panel: Panel,
+    panel: CasePanel,
     half: np.ndarray,
     styles: Mapping[str, str],
     last: bool,
@@ -362,7 +369,7 @@ def _residual(
             with np.errstate(invalid="ignore", divide="ignore"):
                 ratio = np.where(half > 0, (values - flight) / half, np.nan)
             body += curve(frame, time, ratio, f"trace {styles[run]}")
-    return "".join(parts) + clipped(frame, name, body)
+    return "".join(parts) + clip_to_frame(frame, name, body)
 
 
 def legend(styles: Mapping[str, str]) -> Drawing:
@@ -427,16 +434,16 @@ def cross_drawing(
     )
     body += _path(frame, flight_x, flight_y, "hair")
     parts = [
-        spaced(LEFT, HEAD - 4.0, _title(cross.ordinate)),
+        text_pieces(LEFT, HEAD - 4.0, _title(cross.ordinate)),
         axes(frame, x_labels=True, x_most=10),
-        clipped(frame, name, body),
+        clip_to_frame(frame, name, body),
     ]
     parts.append(
         text(
             LEFT + frame.width / 2, frame.bottom + 24.0, _words(cross.abscissa), "caption", "middle"
         )
     )
-    judged = [f"{row['run']}: {words(row['criterion'])} {row['verdict'].replace('_', ' ')}, {fixed(row['worst_ratio'], 2)} of the tolerance"
+    judged = [f"{row['run']}: {words(row['criterion'])} {row['verdict'].replace('_', ' ')}, {fixed_decimals(row['worst_ratio'], 2)} of the tolerance"
             for row in rows if row["criterion"] in cross.criteria]  # fmt: skip
     return Drawing(
         svg(frame.bottom + CROSS_PLOT_FOOT, "".join(parts)),
@@ -469,7 +476,7 @@ def _path(frame: Frame, x: np.ndarray, y: np.ndarray, css: str, end: str = "") -
     )
 
 
-def _title(shown: Label) -> list[tuple[str, str]]:
+def _title(shown: QuantityLabel) -> list[tuple[str, str]]:
     pieces = (
         []
         if shown.is_word
@@ -482,7 +489,7 @@ def _title(shown: Label) -> list[tuple[str, str]]:
     return [*pieces, (_words(shown), "title")]
 
 
-def _words(shown: Label) -> str:
+def _words(shown: QuantityLabel) -> str:
     return f"{shown.words or shown.name}{f', {shown.unit}' if shown.unit else ''}"
 
 
@@ -548,11 +555,11 @@ def waterfall(table: pd.DataFrame) -> Drawing | None:
             text(WATERFALL_LEFT - 8, y + 11.5, _fit(name), "", "end"),
             rect(a, y + 2.5, max(b - a, 1.0), ROW - 5.0, css),
         ]
-        parts.append(text(b + 5, y + 11.5, share or fixed(stop, 2), "tick"))
+        parts.append(text(b + 5, y + 11.5, share or fixed_decimals(stop, 2), "tick"))
         if i + 1 < len(bars):
             parts.append(line(at(stop), y + ROW - 2.5, at(stop), y + ROW + 2.5, "joint"))
     steps_in_words = "; ".join(
-        f"{name}: {share or fixed(stop, 2)}" for name, _, stop, _, share in bars
+        f"{name}: {share or fixed_decimals(stop, 2)}" for name, _, stop, _, share in bars
     )
     alternative = f"Shares of the terms in the total mismatch, in half widths. {steps_in_words}."
     return Drawing(svg(bottom + 3.0, "".join(parts)), bottom + 3.0, alternative)
@@ -571,8 +578,10 @@ def _share(explained: float, stderr: float) -> str:
     """
     if not math.isfinite(explained):
         return ""
-    tail = f" ± {fixed(100.0 * stderr, 0)}" if math.isfinite(stderr) and stderr > 0.0 else ""
-    return f"explains {fixed(100.0 * explained, 0)}{tail} %"
+    tail = (
+        f" ± {fixed_decimals(100.0 * stderr, 0)}" if math.isfinite(stderr) and stderr > 0.0 else ""
+    )
+    return f"explains {fixed_decimals(100.0 * explained, 0)}{tail} %"
 
 
 def _fit(name: str, most: int = 72) -> str:

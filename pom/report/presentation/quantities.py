@@ -165,7 +165,7 @@ _LEAST_SPAN = {
 
 
 @dataclass(frozen=True)
-class Label:
+class QuantityLabel:
     """A quantity as shown.
 
     ``base`` and ``sub`` make the symbol, ``words`` the name on a page, ``meaning`` the definition,
@@ -242,7 +242,7 @@ def symbol(name: str) -> tuple[str, str]:
 
 
 @cache
-def label(name: str) -> Label:
+def label(name: str) -> QuantityLabel:
     """Return how the quantity `name` is shown; a name outside the vocabulary keeps its own text and
     SI value.
 
@@ -250,7 +250,7 @@ def label(name: str) -> Label:
     """
     *prefixes, stem = name.split(".")
     if prefixes and prefixes[0] == "term":
-        return Label(name, name, "", "scale of the term", "", "", 1.0, 0.0)
+        return QuantityLabel(name, name, "", "scale of the term", "", "", 1.0, 0.0)
     if prefixes[:1] == ["trim"] and stem.endswith("_dot"):
         prefixes = ["left"]
     notes = [
@@ -262,7 +262,7 @@ def label(name: str) -> Label:
         row = lookup(stem)
     except UnknownName:
         if stem not in _EXTRA:
-            return Label(name, name, "", "", "", "", 1.0, 0.0)
+            return QuantityLabel(name, name, "", "", "", "", 1.0, 0.0)
         words, si_unit, display = _EXTRA[stem]
         sign = ""
     else:
@@ -273,7 +273,7 @@ def label(name: str) -> Label:
     ).strip()
     factor, offset = _conversion(display)
     unit = "g" if stem in _IN_G else pretty_unit(display if display != "1" else si_unit)
-    return Label(
+    return QuantityLabel(
         name,
         base,
         sub,
@@ -318,7 +318,7 @@ def number(value, digits: int = 3) -> str:
     return text.replace("-", MINUS)
 
 
-def fixed(value, decimals: int) -> str:
+def fixed_decimals(value, decimals: int) -> str:
     """Return a number with `decimals` decimals; NaN becomes a dash, minus zero loses its sign."""
     if value is None or not math.isfinite(float(value)):
         return MISSING
@@ -341,7 +341,7 @@ def percent(share) -> str:
     return f"{math.floor(float(share) * 1000.0) / 10.0:.1f} %"
 
 
-def short(value: float, digits: int = 4) -> str:
+def short_number(value: float, digits: int = 4) -> str:
     """Return a number without trailing zeros, for values that are set rather than measured.
 
     Examples
@@ -353,7 +353,7 @@ def short(value: float, digits: int = 4) -> str:
     return text.rstrip("0").rstrip(".") if "." in text and "e" not in text else text
 
 
-def measured(si: float, name: str) -> str:
+def measured_text(si: float, name: str) -> str:
     """Return a value with its display unit, e.g. for a table of conditions; an undercarriage is up,
     down or on its way.
     """
@@ -361,7 +361,7 @@ def measured(si: float, name: str) -> str:
     stem = name.rpartition(".")[2]
     if stem in _ENDS and (end := round(si)) in (0, 1) and abs(si - end) < AT_END:
         return _ENDS[stem][end]
-    return f"{plainly(float(shown.shown(si)), shown.unit)}\N{NO-BREAK SPACE}{shown.unit}".rstrip(
+    return f"{plain_measured_text(float(shown.shown(si)), shown.unit)}\N{NO-BREAK SPACE}{shown.unit}".rstrip(
         "\N{NO-BREAK SPACE}"
     )
 
@@ -373,11 +373,11 @@ def has_ends(name: str) -> bool:
     return name.rpartition(".")[2] in _ENDS
 
 
-def plainly(value: float, unit: str) -> str:
+def plain_measured_text(value: float, unit: str) -> str:
     """Return a measured value with the decimals that its display unit deserves, trailing zeros
     kept.
     """
-    return fixed(value, _DECIMALS[unit]) if unit in _DECIMALS else number(value)
+    return fixed_decimals(value, _DECIMALS[unit]) if unit in _DECIMALS else number(value)
 
 
 _COEFFICIENTS = {

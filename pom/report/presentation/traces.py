@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from jinja2 import Environment, FunctionLoader
 
-from flightmech.support.console import plain
+from flightmech.support.console import to_json_types
 from flightmech.support.figures import Frame, area, arrow, environment, line, text
 from pom.report.presentation.quantities import number
 
@@ -65,7 +65,7 @@ def exit_ticks(
     return "".join(parts)
 
 
-def fan(frame: Frame, time: np.ndarray, quantiles: np.ndarray, css: str) -> str:
+def quantile_areas(frame: Frame, time: np.ndarray, quantiles: np.ndarray, css: str) -> str:
     """Return nested areas between the quantiles (quantile, time) of the draws of a run: the
     outermost pair, the next pair inside it.
     """
@@ -73,7 +73,7 @@ def fan(frame: Frame, time: np.ndarray, quantiles: np.ndarray, css: str) -> str:
     return "".join(area(frame, time, low, high, f"fan {css}-area") for low, high in pairs)
 
 
-def beyond(
+def beyond_scale_mark(
     frame: Frame, time: np.ndarray, values: np.ndarray, css: str, with_value: bool = True
 ) -> str:
     """Return an arrow, and the extreme value, where a trace leaves the scale of `frame`."""
@@ -128,12 +128,16 @@ class Pack:
         return entry
 
 
-def parcel(head: Mapping[str, Any], body: bytes = b"") -> str:
+def pack_page(head: Mapping[str, Any], body: bytes = b"") -> str:
     """Return a page as base64 of gzip; the header holds neither time nor system, so equal input
     gives equal text.
     """
     text = json.dumps(
-        plain(head), sort_keys=True, ensure_ascii=False, separators=(",", ":"), allow_nan=False
+        to_json_types(head),
+        sort_keys=True,
+        ensure_ascii=False,
+        separators=(",", ":"),
+        allow_nan=False,
     )
     squeeze = zlib.compressobj(6, zlib.DEFLATED, 31, 9, zlib.Z_FILTERED)
     return base64.b64encode(
@@ -141,7 +145,7 @@ def parcel(head: Mapping[str, Any], body: bytes = b"") -> str:
     ).decode("ascii")
 
 
-def opened(text: str) -> tuple[dict[str, Any], bytes]:
+def unpack_page(text: str) -> tuple[dict[str, Any], bytes]:
     """Return head and body of a `parcel`."""
     head, _, body = zlib.decompress(base64.b64decode(text), 31).partition(b"\0")
     return json.loads(head), body

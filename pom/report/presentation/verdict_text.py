@@ -13,7 +13,7 @@ from pom.report.presentation.quantities import (
     MINUS,
     MISSING,
     SYMBOLS,
-    fixed,
+    fixed_decimals,
     label,
     number,
     percent,
@@ -132,7 +132,7 @@ def verdict_table(result: PomResult) -> dict[str, Any]:
                 "measure": _MEASURES.get(first["measure"], words(first["measure"])),
                 "printed": first["tolerance_text"],
                 "applied": first["applied_text"] or _applied(result, first),
-                "window": f"{fixed(first['window_start'], 2)} … {fixed(first['window_stop'], 2)}",
+                "window": f"{fixed_decimals(first['window_start'], 2)} … {fixed_decimals(first['window_stop'], 2)}",
                 "mark": MARKS.get(first["provenance"], ""),
                 "rows": [_verdict_row(row) for row in rows],
                 "left_out": "" if name in applying else reason(rows[0]["remarks"]),
@@ -159,11 +159,11 @@ def _verdict_row(row: Mapping[Hashable, Any]) -> dict[str, Any]:
         "model": _sized(row["model_value"], row),
         "worst": _sized(row["worst"], row, with_unit=True),
         "at": at,
-        "at_text": fixed(at, 2),
-        "ratio": fixed(row["worst_ratio"], 2),
+        "at_text": fixed_decimals(at, 2),
+        "ratio": fixed_decimals(row["worst_ratio"], 2),
         "inside": percent(row["inside"]),
         "exit": float(row["first_exit"]),
-        "exit_text": fixed(row["first_exit"], 2),
+        "exit_text": fixed_decimals(row["first_exit"], 2),
         "verdict": Verdict.of(row["verdict"]),
     }
 
@@ -174,7 +174,7 @@ def _sized(value: float, row: Mapping[Hashable, Any], with_unit: bool = False) -
         return MISSING
     resolved = math.isfinite(row["width"]) and row["width"] > 0.0
     text = (
-        fixed(value, max(0, math.ceil(2.0 - math.log10(row["width"]))))
+        fixed_decimals(value, max(0, math.ceil(2.0 - math.log10(row["width"]))))
         if resolved
         else number(value)
     )

@@ -14,7 +14,7 @@ from flightmech.support.figures import (
     Frame,
     area,
     axes,
-    clipped,
+    clip_to_frame,
     curve,
     dots,
     limits,
@@ -28,7 +28,7 @@ COLUMNS = 2
 
 
 @dataclass(frozen=True)
-class Grid:
+class SectionTable:
     """A table.
 
     Attributes
@@ -72,7 +72,7 @@ class Section:
 
     name: str
     techniques: tuple[tuple[str, str, str], ...]
-    grids: tuple[Grid, ...] = ()
+    grids: tuple[SectionTable, ...] = ()
     pictures: tuple[Picture, ...] = ()
     remarks: tuple[str, ...] = ()
 
@@ -81,7 +81,7 @@ OUTPUT_ERROR, EQUATION_ERROR = "type 1, output error", "type 2, equation error"
 
 
 @dataclass(frozen=True)
-class Curve:
+class SectionLine:
     """A line of a panel: abscissas, ordinates, class of its line code, one standard error where it
     has one.
     """
@@ -99,7 +99,7 @@ class PanelOf:
 
     title: str
     abscissa: str
-    curves: tuple[Curve, ...]
+    curves: tuple[SectionLine, ...]
 
 
 def estimate(value: float, stderr: float) -> tuple[str, str]:
@@ -139,12 +139,14 @@ def picture(
             limits(np.concatenate([y for c in panel.curves for y in _edges(c)]), 0.06),
         )
         parts += [text(left, top - 6, panel.title, "title"), axes(frame, x_labels=True, x_most=5)]
-        parts += [clipped(frame, f"{name}-{i}", "".join(_drawn(frame, c) for c in panel.curves))]
+        parts += [
+            clip_to_frame(frame, f"{name}-{i}", "".join(_drawn(frame, c) for c in panel.curves))
+        ]
         parts += [text(left + width / 2, frame.bottom + 26, panel.abscissa, "caption", "middle")]
     return Picture("".join(parts), TOP + rows * (HEIGHT + FOOT + 16.0) - 12.0, words)
 
 
-def _drawn(frame: Frame, c: Curve) -> str:
+def _drawn(frame: Frame, c: SectionLine) -> str:
     body = (
         area(frame, c.x, c.y - c.stderr, c.y + c.stderr, f"error {c.css}-area")
         if c.stderr is not None
@@ -157,5 +159,5 @@ def _drawn(frame: Frame, c: Curve) -> str:
     )
 
 
-def _edges(c: Curve) -> tuple[np.ndarray, ...]:
+def _edges(c: SectionLine) -> tuple[np.ndarray, ...]:
     return (c.y,) if c.stderr is None else (c.y - c.stderr, c.y + c.stderr)

@@ -13,22 +13,27 @@ import xarray as xr
 
 from flightmech.errors import SchemaError
 from flightmech.support.figures import svg
-from flighttest.submodels.control_loading.motion import CUTOFF, design, signals, sliding
+from flighttest.submodels.control_loading.motion import (
+    CUTOFF,
+    control_signals,
+    force_regressors,
+    is_sliding,
+)
 from flighttest.submodels.control_loading.result import IdentifiedLoading
-from flighttest.submodels.control_loading.simulation import Flown
+from flighttest.submodels.control_loading.simulation import SimulatedWindow
 from flighttest.submodels.engine.result import EngineFit
 from flighttest.submodels.ground_effect.result import GroundEffect
 from flighttest.submodels.landing_gear.identification import IdentifiedGear
 from pom.diagnosis.term_swaps import by_submodel, corrected_terms, reasons
-from pom.report.presentation.quantities import MISSING, fixed, number
+from pom.report.presentation.quantities import MISSING, fixed_decimals, number
 from pom.report.submodels.section import (
     EQUATION_ERROR,
     OUTPUT_ERROR,
-    Curve,
-    Grid,
     PanelOf,
     Picture,
     Section,
+    SectionLine,
+    SectionTable,
     estimate,
     picture,
 )
@@ -47,7 +52,7 @@ LABELS = {
 def control_loading(
     name: str,
     found: IdentifiedLoading,
-    flown: Sequence[Flown] = (),
+    flown: Sequence[SimulatedWindow] = (),
     driven: Sequence[xr.Dataset] = (),
 ) -> Section:
     """Return the section of one control; `flown` its simulated free motion, `driven` the records of
@@ -59,7 +64,7 @@ def control_loading(
         (
             "force at the hand",
             EQUATION_ERROR,
-            f"rms {number(sliding['residual_rms'], 3)} {unit}, R² {fixed(sliding['R2'], 4)}",
+            f"rms {number(sliding['residual_rms'], 3)} {unit}, R² {fixed_decimals(sliding['R2'], 4)}",
         )
     ]
     if found.cable is not None:
@@ -76,7 +81,7 @@ def control_loading(
             (
                 "free motion, simulated",
                 "check, not fitted",
-                f"rms {fixed(100 * min(rms), 0)} to {fixed(100 * max(rms), 0)} % of the travel",
+                f"rms {fixed_decimals(100 * min(rms), 0)} to {fixed_decimals(100 * max(rms), 0)} % of the travel",
             )
         )
     names = [str(term) for term in found.estimates["term"].values]
@@ -91,12 +96,12 @@ def control_loading(
     hinge = tuple((n, *estimate(*found.value(n))) for n in names if ":" in n)
     head = ("", "estimate", "standard error")
     grids = (
-        Grid(
+        SectionTable(
             f"Constants of a circuit of order {found.order}, SI",
             ("constant", *head[1:]),
             constants + totals,
         ),
-        Grid(f"Hinge moment {loading.model}, per radian", ("term", *head[1:]), hinge),
+        SectionTable(f"Hinge moment {loading.model}, per radian", ("term", *head[1:]), hinge),
     )
     remarks = tuple(
         f"{a} and {b} go together in every manoeuvre; only differences between manoeuvres separate them"
@@ -123,22 +128,22 @@ def _force_loops(
     theta = found.slid.estimates["estimate"].values
     (title, factor), unit = LABELS[loading.item], "N m" if loading.item == "wheel" else "N"
     for one in driven:
-        moved = signals(loading, one, CUTOFF)
-        used = sliding(loading, one, moved, CUTOFF)
+        moved = control_signals(loading, one, CUTOFF)
+        used = is_sliding(loading, one, moved, CUTOFF)
         if used.any():
             rows = (
                 factor * moved["travel"].values,
                 moved[f"F_{loading.item}"].values,
-                design(loading, moved) @ theta,
+                force_regressors(loading, moved) @ theta,
             )
             loops.append((float(moved["qbar"].values[used].mean()), np.array(rows)[:, used]))
     chosen = _of_speeds(loops)
     panels = [
         PanelOf(
-            f"force, {unit}; dynamic pressure {fixed(max(qbar, 0.0) / 1e3, 1)} kPa",
+            f"force, {unit}; dynamic pressure {fixed_decimals(max(qbar, 0.0) / 1e3, 1)} kPa",
             title,
             tuple(
-                Curve(rows[0], force, css, marks=True)
+                SectionLine(rows[0], force, css, marks=True)
                 for force, css in zip(rows[1:], ("run-0", "run-3"), strict=True)
             ),
         )
@@ -170,7 +175,7 @@ def _of_speeds(loops: Sequence[tuple[float, np.ndarray]]) -> list[tuple[float, n
     return [(qbar, rows[:, :: max(1, rows.shape[1] // CONTROL_POINTS)]) for qbar, rows in chosen]
 
 
-def _free_motion(name: str, item: str, flown: Sequence[Flown]) -> tuple[Picture, ...]:
+def _free_motion(name: str, item: str, flown: Sequence[SimulatedWindow]) -> tuple[Picture, ...]:
     if not flown:
         return ()
     title, factor = LABELS[item]
@@ -178,7 +183,8 @@ def _free_motion(name: str, item: str, flown: Sequence[Flown]) -> tuple[Picture,
     for one in sorted(flown, key=lambda one: -np.ptp(one.travel[:, 0]))[:MOST]:
         time = one.time - one.time[0]
         curves = tuple(
-            Curve(time, factor * one.travel[:, k], css) for k, css in enumerate(("run-0", "run-3"))
+            SectionLine(time, factor * one.travel[:, k], css)
+            for k, css in enumerate(("run-0", "run-3"))
         )
         panels.append(PanelOf(title, "time, s", curves))
     words = f"Free motion of the {item}, recorded and simulated with the identified constants, {len(panels)} of {len(flown)} windows"
@@ -202,7 +208,7 @@ ENGINE_SHOWN = {
 def engine(name: str, found: EngineFit) -> Section:
     """Return the section of an identified engine."""
     measures: list[tuple[str, str, str]] = []
-    grids: list[Grid] = []
+    grids: list[SectionTable] = []
     pictures: list[Picture] = []
     remarks: list[str] = []
     constants: dict[str, tuple[float, float]] = {}
@@ -221,7 +227,7 @@ def engine(name: str, found: EngineFit) -> Section:
     if found.static is not None:
         static = found.static
         rms = [
-            f"{title} {fixed(100 * float(np.sqrt(np.mean(v**2))), 2)} % of the thrust, {len(v)} points"
+            f"{title} {fixed_decimals(100 * float(np.sqrt(np.mean(v**2))), 2)} % of the thrust, {len(v)} points"
             for title, v in static.residuals.items()
         ]
         measures.append(("static thrust", EQUATION_ERROR, "; ".join(rms)))
@@ -231,7 +237,7 @@ def engine(name: str, found: EngineFit) -> Section:
             for x, f, e, known in factors
         )
         grids.append(
-            Grid(
+            SectionTable(
                 "Corrected over a-priori thrust",
                 ("corrected speed", "factor", "standard error", "source"),
                 cells,
@@ -248,7 +254,9 @@ def engine(name: str, found: EngineFit) -> Section:
             pictures += _deck(name, found.prior[title], table.leaf)
     if constants:
         rows = tuple((key.replace("_", " "), *estimate(*pair)) for key, pair in constants.items())
-        grids.insert(0, Grid("Constants, SI", ("constant", "estimate", "standard error"), rows))
+        grids.insert(
+            0, SectionTable("Constants, SI", ("constant", "estimate", "standard error"), rows)
+        )
     return Section(
         name, tuple(measures), tuple(grids), (*pictures, *_tables(name, tables)), tuple(remarks)
     )
@@ -282,9 +290,9 @@ def _responses(name: str, responses: Sequence[xr.Dataset]) -> list[Picture]:
     for one in chosen:
         time = one["time"].values - one["time"].values[0]
         speeds = [speed for speed in ("n2", "n1") if speed in one]
-        curves = [Curve(time, one["throttle"].values, "run-1")]
+        curves = [SectionLine(time, one["throttle"].values, "run-1")]
         curves += [
-            Curve(time, one[f"{speed}{what}"].values, css)
+            SectionLine(time, one[f"{speed}{what}"].values, css)
             for speed in speeds
             for what, css in (("", "run-0"), ("_model", "run-3"))
         ]
@@ -305,7 +313,7 @@ def _deck(name: str, prior: xr.Dataset, leaf: xr.Dataset) -> list[Picture]:
     panels = []
     for title, one in (("a priori", prior), ("from flight", leaf)):
         curves = tuple(
-            Curve(one[axis].values, _at(one["value"], axis, mach) / 1e3, css)
+            SectionLine(one[axis].values, _at(one["value"], axis, mach) / 1e3, css)
             for mach, css in zip(chosen, CODES, strict=False)
         )
         panels.append(PanelOf(f"Corrected net thrust {title}, kN", axis.replace("_", " "), curves))
@@ -348,7 +356,7 @@ def _tables(name: str, tables: Mapping[str, Any]) -> list[Picture]:
         ]
         codes = ("run-3",) if not others else CODES
         curves = tuple(
-            Curve(one[axis].values, one["value"].values, css, one["stderr"].values)
+            SectionLine(one[axis].values, one["value"].values, css, one["stderr"].values)
             for one, css in zip(lines, codes, strict=False)
         )
         panels.append(PanelOf(ENGINE_SHOWN.get(title, title.replace("_", " ")), axis, curves))
@@ -380,7 +388,7 @@ def landing_gear(name: str, found: IdentifiedGear) -> Section:
     rows = tuple(
         (key, *estimate(one.value, one.stderr), one.source) for key, one in found.constants.items()
     )
-    grid = Grid(
+    grid = SectionTable(
         "Constants, SI; mirror images share theirs",
         ("constant", "estimate", "standard error", "source"),
         rows,
@@ -414,7 +422,7 @@ def _loads(name: str, found: IdentifiedGear) -> tuple[Picture, ...]:
             PanelOf(
                 f"{wheel}, load in kN",
                 "compression, cm",
-                (Curve(100.0 * s[some], load[some] / 1e3, "run-3", marks=True),),
+                (SectionLine(100.0 * s[some], load[some] / 1e3, "run-3", marks=True),),
             )
         )
     words = f"Reconstructed load over compression of {', '.join(panel.title.partition(',')[0] for panel in panels)}"
@@ -445,7 +453,7 @@ def ground_effect(name: str, found: GroundEffect) -> Section:
     )
 
 
-def _table_2(found: GroundEffect, held: str) -> Grid:
+def _table_2(found: GroundEffect, held: str) -> SectionTable:
     rows = []
     for coefficient, one in found.coefficients.items():
         at = [one.heights[0] * m for m in HEIGHTS]
@@ -477,10 +485,10 @@ def _table_2(found: GroundEffect, held: str) -> Grid:
         "correlation",
         *("K(h)",) * len(HEIGHTS),
     )
-    return Grid(caption, head, tuple(rows))
+    return SectionTable(caption, head, tuple(rows))
 
 
-def _evidence(found: GroundEffect) -> tuple[Grid, ...]:
+def _evidence(found: GroundEffect) -> tuple[SectionTable, ...]:
     rows = tuple(
         (
             f"{coefficient}: {form}{', taken' if form == one.form else ''}",
@@ -492,7 +500,7 @@ def _evidence(found: GroundEffect) -> tuple[Grid, ...]:
         for form, row in one.evidence.iterrows()
     )
     return (
-        Grid(
+        SectionTable(
             "Forms compared on the same samples: the simplest within 2 of the least criterion is taken",
             ("form", "parameters", "rms", "BIC"),
             rows,
@@ -506,10 +514,10 @@ def _factors(name: str, found: GroundEffect):
         for term in one.ground:
             h = np.geomspace(one.heights[0], SHOWN * one.heights[0], POINTS)
             K = one.factor(term, h)
-            curves = [Curve(h, K["K"].values, "run-3", K["stderr"].values)]
+            curves = [SectionLine(h, K["K"].values, "run-3", K["stderr"].values)]
             if one.form == "table" and one.table is not None and term in one.table.terms:
                 nodes, value, stderr = one.tabled(term)
-                curves.append(Curve(nodes, value, "run-2", stderr))
+                curves.append(SectionLine(nodes, value, "run-2", stderr))
             panels.append(
                 PanelOf(
                     f"K of {coefficient}: {term}",
@@ -578,9 +586,9 @@ def _section(
     return landing_gear(name, result) if isinstance(result, IdentifiedGear) else None
 
 
-def needed(
+def needed_submodels(
     diagnoses: Mapping[str, pd.DataFrame], databases: Mapping[str, xr.DataTree]
-) -> Grid | None:
+) -> SectionTable | None:
     """Return which submodels, and what of them, the corrected model takes; None without a
     diagnosis.
     """
@@ -593,7 +601,7 @@ def needed(
         for submodel, names in taken.items()
         for k, name in enumerate(names)
     )
-    return Grid(
+    return SectionTable(
         "What the corrected model takes from the final one, by submodel",
         ("submodel", "term or part", "why"),
         rows,

@@ -17,7 +17,7 @@ def files(small, tmp_path):
     """Return the files of the small database and of one with other flaps and pitch damping."""
     flap = aerodb.terms(small)["CL/flap"]
     other = aerodb.replace_terms(small, {"CL/flap": flap.assign(value=flap["value"] * 1.5)})
-    other = aerodb.replace_terms(other, {"Cm/qhat": terms.make(-50.0, regressors=["qhat"])})
+    other = aerodb.replace_terms(other, {"Cm/qhat": terms.make_term(-50.0, regressors=["qhat"])})
     aerodb.save(small, tmp_path / "prior.nc")
     aerodb.save(other, tmp_path / "final.nc")
     return str(tmp_path / "prior.nc"), str(tmp_path / "final.nc")

@@ -11,7 +11,7 @@ from click.testing import CliRunner
 import aerodb
 from aerodb.cli.group import db
 from aerodb.edit.ground_effect import in_ground_effect
-from aerodb.exchange.recognition import recognized
+from aerodb.exchange.recognition import recognise_format
 from flightmech import terms
 from flightmech.errors import ParseError
 from flightmech.units import DEGREE
@@ -42,7 +42,9 @@ def test_export_and_import_recognise_the_format(small, file, tmp_path, fmt, name
 
 
 def test_a_formula_over_the_height_is_exported_as_a_table(small, tmp_path):
-    closed = in_ground_effect(terms.make(0.8, regressors=["alpha"], stderr=0.01), 0.6, -1.45, 2.0)
+    closed = in_ground_effect(
+        terms.make_term(0.8, regressors=["alpha"], stderr=0.01), 0.6, -1.45, 2.0
+    )
     aerodb.save(aerodb.replace_terms(small, {"CL/ground": closed}), tmp_path / "ground.nc")
     done = run(
         "export",
@@ -124,7 +126,7 @@ def test_options_that_do_not_fit_are_reported(file, tmp_path, arguments, message
 )
 def test_the_content_decides_the_format(tmp_path, content, fmt):
     (tmp_path / "x").write_bytes(content)
-    assert recognized(tmp_path / "x") == fmt
+    assert recognise_format(tmp_path / "x") == fmt
 
 
 @pytest.mark.parametrize(
@@ -139,9 +141,9 @@ def test_the_content_decides_the_format(tmp_path, content, fmt):
 def test_what_is_unknown_is_shown(tmp_path, content, found):
     (tmp_path / "x").write_bytes(content)
     with pytest.raises(ParseError, match=f"found {found}.*expected a database"):
-        recognized(tmp_path / "x")
+        recognise_format(tmp_path / "x")
     with pytest.raises(ParseError, match=r"a folder without index\.csv"):
-        recognized(tmp_path)
+        recognise_format(tmp_path)
 
 
 @pytest.mark.parametrize(

@@ -96,8 +96,8 @@ def test_what_the_overview_of_number_1_holds():
     """A change of what `facts` gives, other than for other terms, requires a new number: files
     carry what older rules gave.
     """
-    power = terms.Power("h_agl", -2.0, 0.5)
-    leaf = terms.make(
+    power = terms.PowerFactor("h_agl", -2.0, 0.5)
+    leaf = terms.make_term(
         [[1.0, 2.0], [3.0, 5.0]],
         {"mach": [0.1, 0.2], "alpha": [0.0, 0.1]},
         ["qhat"],
@@ -118,8 +118,8 @@ def test_what_the_overview_of_number_1_holds():
         "stderr": [0.5, 0.5],
     }
     assert overview.OVERVIEW == "1"
-    assert overview.facts({"CL/qhat": leaf}) == [{**row, "source": {"flight": 1.0}}]
-    assert overview.facts({"CL/qhat": terms.make(2.0)}) == [
+    assert overview.describe_terms({"CL/qhat": leaf}) == [{**row, "source": {"flight": 1.0}}]
+    assert overview.describe_terms({"CL/qhat": terms.make_term(2.0)}) == [
         {
             "term": "CL/qhat",
             "axes": [],

@@ -3,7 +3,7 @@ import pytest
 import xarray as xr
 
 import aerodb
-from aerodb.comparison.conditions import completed
+from aerodb.comparison.conditions import fill_missing_devices
 from flightmech import terms
 from flightmech.errors import ParseError, UnknownName
 
@@ -24,9 +24,9 @@ def states():
 @pytest.fixture
 def equipped(small):
     more = {
-        "CL/gear": terms.make(-0.02, regressors=["gear"]),
-        "CL/load_factor": terms.make(0.01, regressors=["dnz"]),
-        "CL/ground": terms.make([0.1, 0.0], {"h_agl": [1.0, 20.0]}),
+        "CL/gear": terms.make_term(-0.02, regressors=["gear"]),
+        "CL/load_factor": terms.make_term(0.01, regressors=["dnz"]),
+        "CL/ground": terms.make_term([0.1, 0.0], {"h_agl": [1.0, 20.0]}),
     }
     return aerodb.replace_terms(small, more)
 
@@ -92,6 +92,6 @@ def test_lift_that_multiplies_a_moment_comes_from_the_terms(states, small, tmp_p
     assert frame.loc["Cl/ground", "value_a"] == pytest.approx(
         float(-0.078 * 3.0**-1.09 * 0.1 * lift[0])
     )
-    given, messages = completed(low.assign(CL=1.0), roll)
+    given, messages = fill_missing_devices(low.assign(CL=1.0), roll)
     assert messages == []
     assert float(given["CL"]) == 1.0

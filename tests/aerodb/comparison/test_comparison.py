@@ -17,7 +17,7 @@ def changed(small, name, **leaf):
         "stderr": old["stderr"].values,
         **leaf,
     }
-    return aerodb.replace_terms(small, {name: terms.make(**arguments)})
+    return aerodb.replace_terms(small, {name: terms.make_term(**arguments)})
 
 
 def test_equal_databases_differ_nowhere(small):
@@ -53,7 +53,7 @@ def test_nodes_of_both_are_looked_at(small):
 
 
 def test_terms_of_one_side_count_against_zero(small):
-    more = aerodb.replace_terms(small, {"CL/gear": terms.make(-0.02, regressors=["gear"])})
+    more = aerodb.replace_terms(small, {"CL/gear": terms.make_term(-0.02, regressors=["gear"])})
     assert aerodb.compare(small, more).loc["CL/gear", ["found_in", "max_difference"]].tolist() == [
         "b",
         -0.02,
@@ -67,7 +67,7 @@ def test_terms_of_one_side_count_against_zero(small):
 def test_factor_tables_and_new_axes_are_compared_as_a_whole(small):
     factor = xr.DataArray([0.0, 1.0], {"gear": [0.0, 1.0]}, "gear")
     geared = aerodb.replace_terms(
-        small, {"CL/gear": terms.make([0.1, 0.2], {"mach": [0.2, 0.4]}, K1=factor)}
+        small, {"CL/gear": terms.make_term([0.1, 0.2], {"mach": [0.2, 0.4]}, K1=factor)}
     )
     row = aerodb.compare(small, geared).loc["CL/gear"]
     assert row["max_difference"] == pytest.approx(0.2)
@@ -75,7 +75,9 @@ def test_factor_tables_and_new_axes_are_compared_as_a_whole(small):
 
 
 def test_other_regressors_are_stated_and_not_compared(small):
-    other = aerodb.replace_terms(small, {"CL/qhat": terms.make(1.0, regressors=["alphadothat"])})
+    other = aerodb.replace_terms(
+        small, {"CL/qhat": terms.make_term(1.0, regressors=["alphadothat"])}
+    )
     row = aerodb.compare(small, other).loc["CL/qhat"]
     assert np.isnan(row["max_difference"])
     assert row["note"] == "regressors differ: qhat in a, alphadothat in b"
@@ -169,7 +171,9 @@ def test_shares_of_the_difference_along_a_record(small):
 
 
 def test_terms_with_other_regressors_meet_along_a_record(small):
-    other = aerodb.replace_terms(small, {"Cm/qhat": terms.make(-10.0, regressors=["alphadothat"])})
+    other = aerodb.replace_terms(
+        small, {"Cm/qhat": terms.make_term(-10.0, regressors=["alphadothat"])}
+    )
     given = {"qhat": 0.01, "alphadothat": 0.02, "mach": 0.3, "alpha": 0.0, "delta_f": 0.0}
     assert aerodb.compare(small, other, given).loc["Cm/qhat", "max_difference"] == pytest.approx(
         -0.2 + 0.17

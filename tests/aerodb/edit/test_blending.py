@@ -16,14 +16,14 @@ MACH = [0.2, 0.4]
 def flown(root):
     """Return new knowledge of two terms of the small database, on breakpoints of its own."""
     leaves = {
-        "CL/qhat": terms.make(
+        "CL/qhat": terms.make_term(
             [9.0, 9.0], {"mach": [0.3, 0.5]}, ["qhat"], stderr=[1.0, 1.5], source="flight"
         ),
-        "CL/flap": terms.make(
+        "CL/flap": terms.make_term(
             [0.0, 0.25], {"delta_f": np.radians([0, 20])}, stderr=[0.0, 0.03], source="flight"
         ),
     }
-    return aerodb.database(leaves, **{**root, "title": "flown"})
+    return aerodb.make_database(leaves, **{**root, "title": "flown"})
 
 
 def test_node_by_node(small, flown):
@@ -99,13 +99,13 @@ def test_all_nodes_of_a_table_together(small):
     prior.
     """
     alpha = np.radians([0.0, 8.0])
-    other = terms.make(
+    other = terms.make_term(
         0.25 + np.outer([5.0, 5.4], alpha),
         {"mach": MACH, "alpha": alpha},
         stderr=0.02,
         source="flight",
     )
-    other = aerodb.database({"CL/basic": other}, **small.attrs)
+    other = aerodb.make_database({"CL/basic": other}, **small.attrs)
     new = aerodb.terms(aerodb.edit.blend(small, other, rule="correlated"))["CL/basic"]
     old = aerodb.terms(small)["CL/basic"]
     P = prior_covariance(old)
@@ -129,8 +129,8 @@ def test_all_nodes_of_a_table_together(small):
 
 
 def test_a_number_is_one_observation_of_the_mean_of_a_table(small):
-    one = aerodb.database(
-        {"CL/qhat": terms.make(9.0, regressors=["qhat"], stderr=1.0, source="flight")},
+    one = aerodb.make_database(
+        {"CL/qhat": terms.make_term(9.0, regressors=["qhat"], stderr=1.0, source="flight")},
         **small.attrs,
     )
     new = aerodb.terms(aerodb.edit.blend(small, one, rule="correlated"))["CL/qhat"]
@@ -149,8 +149,8 @@ def test_a_number_is_one_observation_of_the_mean_of_a_table(small):
 
 @pytest.mark.parametrize("rule", ["inverse_variance", "correlated"])
 def test_tables_that_do_not_meet_stand_side_by_side(small, rule):
-    far = terms.make([9.0, 9.5], {"mach": [0.6, 0.7]}, ["qhat"], stderr=1.0, source="flight")
-    far = aerodb.database({"CL/qhat": far}, **small.attrs)
+    far = terms.make_term([9.0, 9.5], {"mach": [0.6, 0.7]}, ["qhat"], stderr=1.0, source="flight")
+    far = aerodb.make_database({"CL/qhat": far}, **small.attrs)
     new = aerodb.terms(aerodb.edit.blend(small, far, rule=rule))["CL/qhat"]
     np.testing.assert_array_equal(new["value"], [8.0, 8.4, 9.0, 9.5])
     np.testing.assert_allclose(new["stderr"], [2.0, 2.1, 1.0, 1.0], rtol=1e-12)
@@ -169,22 +169,22 @@ def test_exact_nodes_stay_with_the_correlated_rule(small, flown):
 
 
 def test_factors_are_brought_together(small, flown):
-    K1 = terms.make([0.0, 1.0], {"gear": [0.0, 1.0]})["value"]
+    K1 = terms.make_term([0.0, 1.0], {"gear": [0.0, 1.0]})["value"]
     ours = aerodb.replace_terms(
         small,
         {
-            "CL/gear": terms.make(
+            "CL/gear": terms.make_term(
                 [-0.02, -0.03], {"mach": MACH}, K1=K1, stderr=0.01, source="datcom"
             )
         },
     )
-    one = terms.make(-0.03, K1=K1, stderr=0.01, source="flight")
+    one = terms.make_term(-0.03, K1=K1, stderr=0.01, source="flight")
     new = aerodb.terms(
         aerodb.edit.blend(ours, aerodb.replace_terms(flown, {"CL/gear": one}), "CL/gear")
     )["CL/gear"]
     np.testing.assert_allclose(new["value"], [-0.025, -0.03])
     assert new["K1"].equals(K1.to_dataset(name="K1")["K1"])
-    other = terms.make([0.0, -0.03], {"gear": [0.0, 1.0]}, stderr=[0.0, 0.01], source="flight")
+    other = terms.make_term([0.0, -0.03], {"gear": [0.0, 1.0]}, stderr=[0.0, 0.01], source="flight")
     new = aerodb.terms(
         aerodb.edit.blend(ours, aerodb.replace_terms(flown, {"CL/gear": other}), "CL/gear")
     )["CL/gear"]
@@ -222,7 +222,10 @@ def test_factors_are_brought_together(small, flown):
 def test_what_does_not_belong_together_is_refused(small, flown, names, rule, change, error, text):
     with pytest.raises(error, match=text):
         aerodb.edit.blend(
-            small, aerodb.database(aerodb.terms(flown), **{**flown.attrs, **change}), names, rule
+            small,
+            aerodb.make_database(aerodb.terms(flown), **{**flown.attrs, **change}),
+            names,
+            rule,
         )
 
 
@@ -240,7 +243,8 @@ def test_all_faults_at_once(small, flown):
     ]
     with pytest.raises(SchemaError, match="no term in common"):
         aerodb.edit.blend(
-            small, aerodb.database({"CD/gear": terms.make(0.1, stderr=0.1)}, **small.attrs)
+            small,
+            aerodb.make_database({"CD/gear": terms.make_term(0.1, stderr=0.1)}, **small.attrs),
         )
 
 

@@ -52,7 +52,7 @@ def drawn(rng, force_axes="stability", zeros=True, most=3):
     for coefficient in FORCE_AXES[force_axes]:
         for cause in rng.choice(list(CAUSES), rng.integers(1, 4), replace=False):
             leaves[f"{coefficient}/{cause}"] = leaf(rng, CAUSES[cause], zeros, most)
-    return aerodb.database(
+    return aerodb.make_database(
         leaves, **ROOT, force_axes=force_axes, history="drawn", absent="CL/power"
     )
 
@@ -67,7 +67,7 @@ def leaf(rng, regressors, zeros, most):
         x = breakpoints(rng, factor)
         K1 = xr.DataArray(rng.normal(size=len(x)), {factor: x}, factor)
     sd = rng.uniform(0.01, 0.3, shape) * (rng.random(shape) > 0.2 if zeros else 1.0)
-    new = terms.make(
+    new = terms.make_term(
         rng.normal(size=shape),
         points,
         regressors,
@@ -118,8 +118,8 @@ def sound(before, after, copy):
     """What every edit owes: a sound tree, one more line, the way back, and the old tree as it was."""
     assert aerodb.check(after) == []
     assert after.attrs["history"].splitlines()[:-1] == before.attrs["history"].splitlines()
-    assert aerodb.store.previous(after).identical(before)
-    assert list(aerodb.terms(aerodb.store.previous(after))) == list(aerodb.terms(before))
+    assert aerodb.store.undo_edits(after).identical(before)
+    assert list(aerodb.terms(aerodb.store.undo_edits(after))) == list(aerodb.terms(before))
     assert before.identical(copy)
 
 
@@ -132,7 +132,7 @@ def any_edit(rng, db, name):
         "shift": lambda: aerodb.edit.shift(db, name, *table(rng, leaf), stderr=0.1, note="a\nnote"),
         "delete": lambda: aerodb.delete_terms(db, [name]),
         "replace": lambda: aerodb.replace_terms(
-            db, {name: terms.make(0.5), "CL/new_one": terms.make(1.0)}
+            db, {name: terms.make_term(0.5), "CL/new_one": terms.make_term(1.0)}
         ),
     }
     if own:
@@ -159,13 +159,13 @@ def test_an_edit_leaves_all_else_alone_and_can_be_taken_back(seed):
         sound(before, after, copy)
         unchanged_apart_from(before, after, [name, "CL/new_one"])
         states.append(after)
-    assert aerodb.store.previous(states[-1], steps=3).identical(first)
-    assert aerodb.store.previous(states[-1], edit=2).identical(states[1])
+    assert aerodb.store.undo_edits(states[-1], steps=3).identical(first)
+    assert aerodb.store.undo_edits(states[-1], edit=2).identical(states[1])
     rows = aerodb.store.history(states[-1])
     assert list(rows["edit"]) == [None, 1, 2, 3]
     for k, row in enumerate(rows.iloc[1:].itertuples()):
-        assert aerodb.store.previous(states[-1], edit=row.edit).identical(states[k])
-    released = aerodb.store.forget(states[-1])
+        assert aerodb.store.undo_edits(states[-1], edit=row.edit).identical(states[k])
+    released = aerodb.store.drop_undo_history(states[-1])
     assert "previous" not in released.children
     assert released.attrs == states[-1].attrs
 
@@ -198,7 +198,7 @@ def test_a_factor_table_multiplies_the_nodes(seed):
     old = aerodb.terms(db)[name]
     numbers, points = table(rng, old)
     new = aerodb.edit.scale(db, name, numbers, points)
-    leaf, factor = aerodb.terms(new)[name], terms.make(numbers, points)
+    leaf, factor = aerodb.terms(new)[name], terms.make_term(numbers, points)
     nodes = (
         dict(zip(axes_of(leaf), np.meshgrid(*axes_of(leaf).values(), indexing="ij")))
         if axes_of(leaf)
@@ -242,7 +242,7 @@ def test_an_amount_adds_everywhere(seed):
     numbers, points = table(rng, old)
     new = aerodb.edit.shift(db, name, numbers, points, stderr=0.2)
     more = terms.evaluate(
-        terms.make(numbers, points, terms.regressors(old), K1=old.get("K1")), at, "clamp"
+        terms.make_term(numbers, points, terms.regressors(old), K1=old.get("K1")), at, "clamp"
     )
     np.testing.assert_allclose(
         value(new, name, at), value(db, name, at) + more, rtol=1e-9, atol=1e-12
@@ -388,7 +388,7 @@ def test_moments_about_another_point_are_those_of_the_cross_product(seed, force_
     for name, leaf in aerodb.terms(back).items():
         xr.testing.assert_identical(leaf, aerodb.terms(db)[name])
     back = aerodb.transform.move_reference(
-        aerodb.store.forget(new), [-3.0, 0.0, 0.2], tolerance=tolerance
+        aerodb.store.drop_undo_history(new), [-3.0, 0.0, 0.2], tolerance=tolerance
     )
     np.testing.assert_allclose(moments(back, at), moments(db, at), rtol=0, atol=1e-12)
 
@@ -437,7 +437,7 @@ def test_edited_files_come_back_whole(tmp_path_factory, seed):
     aerodb.save(new, path)
     again = aerodb.open(path)
     assert again.identical(new)
-    assert aerodb.store.previous(again, 2).identical(db)
+    assert aerodb.store.undo_edits(again, 2).identical(db)
     assert aerodb.store.history(again).equals(aerodb.store.history(new))
 
 

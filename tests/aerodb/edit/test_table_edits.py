@@ -17,8 +17,8 @@ def leaf(db, name):
 @pytest.fixture
 def geared(small):
     """Return a database whose undercarriage has a factor table and nodes of two sources."""
-    K1 = terms.make([0.0, 1.0], {"gear": [0.0, 1.0]})["value"]
-    gear = terms.make(
+    K1 = terms.make_term([0.0, 1.0], {"gear": [0.0, 1.0]})["value"]
+    gear = terms.make_term(
         [-0.02, -0.03, -0.05],
         {"alpha": [0.0, 0.1, 0.2]},
         K1=K1,
@@ -283,13 +283,13 @@ def test_an_axis_of_a_factor_is_named_as_such(geared):
 
 def test_a_table_without_a_slope_is_not_extended_linearly(small):
     single = aerodb.replace_terms(
-        small, {"CL/gear": terms.make([0.1], {"mach": [0.2]}, stderr=0.05)}
+        small, {"CL/gear": terms.make_term([0.1], {"mach": [0.2]}, stderr=0.05)}
     )
     with pytest.raises(SchemaError, match="mach has one breakpoint and no slope"):
         aerodb.edit.extend(single, "CL/gear", "mach", [0.4], "linear")
     with pytest.raises(SchemaError, match="the term has no standard errors; leave stderr= out"):
         aerodb.edit.extend(
-            aerodb.replace_terms(small, {"CL/gear": terms.make([0.1], {"mach": [0.2]})}),
+            aerodb.replace_terms(small, {"CL/gear": terms.make_term([0.1], {"mach": [0.2]})}),
             "CL/gear",
             "mach",
             [0.4],
@@ -321,7 +321,7 @@ def test_one_node_is_set(small):
     assert new.attrs["history"].endswith(
         f"\nset_nodes: CL/basic at mach 0.4, alpha 8 deg to 1.25 +- 0.02, was {was:g} (run 7)"
     )
-    assert aerodb.store.previous(new).identical(small)
+    assert aerodb.store.undo_edits(new).identical(small)
 
 
 def test_a_row_of_nodes_is_set_and_keeps_its_standard_errors(small):

@@ -8,7 +8,7 @@ from flightmech.errors import SchemaError, UnknownName
 
 
 def test_a_new_term_is_added_and_leaves_the_absent_list(small):
-    gear = terms.make(-0.02, regressors=["gear"], source="flight")
+    gear = terms.make_term(-0.02, regressors=["gear"], source="flight")
     new = aerodb.replace_terms(small, {"CL/gear": gear}, note="run 09")
     assert new.attrs["absent"] == "CY/rhat"
     assert new.attrs["history"].splitlines() == ["by hand", "replace_terms: added CL/gear (run 09)"]
@@ -18,7 +18,7 @@ def test_a_new_term_is_added_and_leaves_the_absent_list(small):
 
 def test_the_old_tree_stays_as_it_was(small):
     before = small.copy(deep=True)
-    other = terms.make([9.0, 9.0], {"mach": [0.2, 0.4]}, ["qhat"], source="flight")
+    other = terms.make_term([9.0, 9.0], {"mach": [0.2, 0.4]}, ["qhat"], source="flight")
     new = aerodb.replace_terms(small, {"CL/qhat": other})
     xr.testing.assert_identical(small, before)
     assert float(new["CL/qhat"]["value"][0]) == 9.0
@@ -27,7 +27,7 @@ def test_the_old_tree_stays_as_it_was(small):
 
 def test_a_faulty_term_is_refused_with_all_faults(small):
     with pytest.raises(SchemaError) as caught:
-        aerodb.replace_terms(small, {"CL/gear": xr.Dataset(), "Cq/basic": terms.make(1.0)})
+        aerodb.replace_terms(small, {"CL/gear": xr.Dataset(), "Cq/basic": terms.make_term(1.0)})
     assert any(
         text.startswith("CL/gear: has no variable 'value'") for text in caught.value.problems
     )
@@ -45,7 +45,7 @@ def test_deleting_writes_the_absent_list(small):
 
 def test_swapping_a_term_there_and_back_restores_the_numbers(small):
     old = aerodb.terms(small)["CL/basic"]
-    new = aerodb.replace_terms(small, {"CL/basic": terms.make(0.5)})
+    new = aerodb.replace_terms(small, {"CL/basic": terms.make_term(0.5)})
     back = aerodb.replace_terms(new, {"CL/basic": old})
     conditions = {
         "mach": np.array([0.2, 0.3]),

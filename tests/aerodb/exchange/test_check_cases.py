@@ -152,5 +152,7 @@ def test_cases_of_another_source_hold_by_their_own_tolerance(small):
 
 
 def test_a_database_without_variables_has_cases_too(root):
-    db = aerodb.store.with_checks(aerodb.database({"CD/basic": terms.make(0.02)}, **root), count=3)
+    db = aerodb.store.with_checks(
+        aerodb.make_database({"CD/basic": terms.make_term(0.02)}, **root), count=3
+    )
     assert db["checks"]["CD"].values.tolist() == [0.02] * 3

@@ -185,7 +185,7 @@ def test_folders_that_are_none_of_ours(small, tmp_path):
 
 
 def test_a_folder_of_ours_is_replaced_and_one_with_a_foreign_file_is_not(small, folder):
-    fewer = aerodb.database({"CL/basic": terms.make(1.0)}, **small.attrs)
+    fewer = aerodb.make_database({"CL/basic": terms.make_term(1.0)}, **small.attrs)
     aerodb.exchange.export_csv(fewer, folder)
     assert sorted(os.listdir(folder)) == ["001_CL_basic.csv", "index.csv"]
     (folder / "thesis.txt").write_text("years of work")
@@ -236,7 +236,7 @@ def export_killed_at_each_call(folder):
         "title": "killed",
     }
     old, new = (
-        aerodb.database({f"CL/t{i}": terms.make(float(i)) for i in range(n)}, **root)
+        aerodb.make_database({f"CL/t{i}": terms.make_term(float(i)) for i in range(n)}, **root)
         for n in (2, 4)
     )
     target = folder / "terms"

@@ -12,7 +12,12 @@ from hypothesis import strategies as st
 import aerodb
 from aerodb.exchange.daveml.document.reading import read
 from aerodb.exchange.daveml.export_checks import BEYOND
-from aerodb.exchange.daveml.vocabulary import codes, packed, runs, unpacked
+from aerodb.exchange.daveml.vocabulary import (
+    pack_attributes,
+    source_codes,
+    source_runs,
+    unpack_attributes,
+)
 from aerodb.exchange.xml_reader import parse
 from flightmech import terms
 from flightmech.errors import SchemaError
@@ -79,7 +84,7 @@ def rich(root):
     random = np.random.default_rng(4)
     alpha, mach = np.radians([-8.0, 0.0, 8.0, 16.0]), np.array([0.2, 0.4])
     table = random.normal(size=(2, 4)) / 3.0
-    sources = terms.make(
+    sources = terms.make_term(
         table,
         {"mach": mach, "alpha": alpha},
         stderr=abs(table) / 7.0,
@@ -89,31 +94,31 @@ def rich(root):
     sources["source"].values[1, 2:] = (1, 2)
     leaves = {
         "CL/basic": sources,
-        "CL/qhat": terms.make(table / 9.0, {"mach": mach, "alpha": alpha}, ["qhat"], outside="linear", comment="two\nlines: of\n\n text"),
-        "CL/gear": terms.make(0.1, regressors=["gear"]),
-        "CL/ground": terms.make(table, {"mach": mach, "alpha": alpha}, K1=factor([1.0, 0.5, 0.0], h_agl=[0.0, 5.0, 20.0])),
-        "CL/square": terms.make(0.3, regressors=["beta", "alpha"], stderr=0.07, source="judgement"),
-        "CD/flap": terms.make(
+        "CL/qhat": terms.make_term(table / 9.0, {"mach": mach, "alpha": alpha}, ["qhat"], outside="linear", comment="two\nlines: of\n\n text"),
+        "CL/gear": terms.make_term(0.1, regressors=["gear"]),
+        "CL/ground": terms.make_term(table, {"mach": mach, "alpha": alpha}, K1=factor([1.0, 0.5, 0.0], h_agl=[0.0, 5.0, 20.0])),
+        "CL/square": terms.make_term(0.3, regressors=["beta", "alpha"], stderr=0.07, source="judgement"),
+        "CD/flap": terms.make_term(
             [0.0, 1.0 / 3.0], {"delta_f": [0.0, 0.7]}, ["alpha", "alpha"],
             K1=factor([0.1, 0.7], mach=[0.1, 0.9]), K2=factor([[1.0, 2.0], [3.0, 5.0]], gear=[0.0, 1.0], speedbrake=[0.0, 1.0]),
         ),
-        "CD/speedbrake": terms.make(0.04, K1=factor([0.0, 1.0], speedbrake=[0.0, 1.0]), stderr=0.01),
-        "CD/held": terms.make(0.04, K1=factor([0.0, 1.0], speedbrake=[0.0, 1.0])),
-        "Cl/phat": terms.make(-0.4, regressors=["phat"]),
-        "Cl/rhat": terms.make([0.1, 0.2], {"mach": mach}, ["rhat"]),
-        "Cm/alphadothat": terms.make(-7.0, regressors=["alphadothat"]),
-        "Cm/single": terms.make([[0.3, 0.4]], {"delta_e": [0.1], "mach": mach}, outside="linear"),
-        "Cn/betadothat": terms.make(0.02, regressors=["betadothat"]),
-        "Cn/load": terms.make([0.1, -0.1], {"h": [0.0, 10000.0]}, ["dnz"]),
-        "Ch_e/alpha": terms.make(-0.2, regressors=["alpha"]),
-        "CL/jet": terms.make([1e-6, 2e-6], {"engine1.throttle": [0.0, 1.0]}, ["engine2.thrust"]),
+        "CD/speedbrake": terms.make_term(0.04, K1=factor([0.0, 1.0], speedbrake=[0.0, 1.0]), stderr=0.01),
+        "CD/held": terms.make_term(0.04, K1=factor([0.0, 1.0], speedbrake=[0.0, 1.0])),
+        "Cl/phat": terms.make_term(-0.4, regressors=["phat"]),
+        "Cl/rhat": terms.make_term([0.1, 0.2], {"mach": mach}, ["rhat"]),
+        "Cm/alphadothat": terms.make_term(-7.0, regressors=["alphadothat"]),
+        "Cm/single": terms.make_term([[0.3, 0.4]], {"delta_e": [0.1], "mach": mach}, outside="linear"),
+        "Cn/betadothat": terms.make_term(0.02, regressors=["betadothat"]),
+        "Cn/load": terms.make_term([0.1, -0.1], {"h": [0.0, 10000.0]}, ["dnz"]),
+        "Ch_e/alpha": terms.make_term(-0.2, regressors=["alpha"]),
+        "CL/jet": terms.make_term([1e-6, 2e-6], {"engine1.throttle": [0.0, 1.0]}, ["engine2.thrust"]),
     }  # fmt: skip
     root |= {
         "references": "First, 1993; Second",
         "history": 'built 2024-05-06\nedited: <x> & "y"',
         "comment": "é ∂\n| a line",
     }
-    return aerodb.database(leaves, **root, edits=3)
+    return aerodb.make_database(leaves, **root, edits=3)
 
 
 def elements(element):
@@ -346,24 +351,26 @@ def test_what_cannot_be_written_leaves_no_file(rich, tmp_path):
 def test_a_term_over_a_coefficient_is_refused(root, tmp_path):
     """The file would have the coefficient as an output and as an input of the same name."""
     leaves = {
-        "CL/basic": terms.make(0.4),
-        "CD/polar": terms.make([0.02, 0.05], {"CL": [0.0, 1.0]}),
-        "Cm/drag": terms.make(0.1, regressors=["CD"]),
+        "CL/basic": terms.make_term(0.4),
+        "CD/polar": terms.make_term([0.02, 0.05], {"CL": [0.0, 1.0]}),
+        "Cm/drag": terms.make_term(0.1, regressors=["CD"]),
     }
     with pytest.raises(
         SchemaError,
         match=r"CD/polar: CL is an output of the file and no input(.|\n)*Cm/drag: CD is an output",
     ):
-        aerodb.exchange.export_daveml(aerodb.store.database(leaves, **root), tmp_path / "polar.dml")
+        aerodb.exchange.export_daveml(
+            aerodb.store.make_database(leaves, **root), tmp_path / "polar.dml"
+        )
 
 
 def test_body_axes_and_contributions_with_like_names(root, tmp_path):
     root["force_axes"] = "body"
     leaves = {
-        f"CX/{name}": terms.make([0.1, 0.2], {"alpha": [0.0, 1.0]})
+        f"CX/{name}": terms.make_term([0.1, 0.2], {"alpha": [0.0, 1.0]})
         for name in ("basic", "basic__value", "basic__K1")
     }
-    db = aerodb.database(leaves, **root)
+    db = aerodb.make_database(leaves, **root)
     aerodb.exchange.export_daveml(db, tmp_path / "db.dml")
     back = aerodb.exchange.import_daveml(tmp_path / "db.dml")
     assert back.attrs["force_axes"] == "body"
@@ -374,7 +381,7 @@ def test_body_axes_and_contributions_with_like_names(root, tmp_path):
 def test_characters_that_xml_does_not_allow_are_replaced(root, tmp_path):
     root["title"] = 'bell \x07 & "quote" <tag> ]]>'
     aerodb.exchange.export_daveml(
-        aerodb.database({"CL/basic": terms.make(0.1)}, **root), tmp_path / "db.dml"
+        aerodb.make_database({"CL/basic": terms.make_term(0.1)}, **root), tmp_path / "db.dml"
     )
     assert (
         aerodb.exchange.import_daveml(tmp_path / "db.dml").attrs["title"]
@@ -389,11 +396,11 @@ def test_characters_that_xml_does_not_allow_are_replaced(root, tmp_path):
     )
 )
 def test_descriptions_come_back(attributes):
-    assert unpacked(packed(attributes)) == attributes
+    assert unpack_attributes(pack_attributes(attributes)) == attributes
 
 
 @given(st.lists(st.integers(0, 2), min_size=1, max_size=30))
 def test_sources_come_back(flags):
     array = np.array(flags, np.uint8)
-    assert codes(runs(array), array.shape).tolist() == flags
-    assert codes(runs(array), (len(flags) + 1,)) is None
+    assert source_codes(source_runs(array), array.shape).tolist() == flags
+    assert source_codes(source_runs(array), (len(flags) + 1,)) is None

@@ -10,7 +10,7 @@ import xarray as xr
 import aerodb
 import flightmech
 from aerodb.exchange.daveml.document.reading import read
-from aerodb.exchange.daveml.vocabulary import turned
+from aerodb.exchange.daveml.vocabulary import has_opposite_sign
 from flightmech.errors import AeromatchWarning, SchemaError, UnknownName
 from flightmech.simulation.kernel import INPUT
 from flightmech.units import DEGREE, FOOT
@@ -434,10 +434,10 @@ def test_signs_of_the_file_are_turned_into_the_canonical_ones(tmp_path):
     )  # EL is positive trailing edge up
     assert gap < ROUNDING
     assert float(aerodb.terms(db)["CL/elevator"]["value"]) == pytest.approx(-0.5 / DEGREE)
-    assert turned("+TEU", "TED")
-    assert turned("right wing down", "right TED, left roll")
-    assert not turned("left roll", "right TED, left roll")
-    assert not turned("", "TED")
+    assert has_opposite_sign("+TEU", "TED")
+    assert has_opposite_sign("right wing down", "right TED, left roll")
+    assert not has_opposite_sign("left roll", "right TED, left roll")
+    assert not has_opposite_sign("", "TED")
 
 
 def body_flap(tmp_path):

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from aerodb.exchange.daveml.document.reading import read
-from aerodb.exchange.daveml.document.tables import Axis, Gridded
+from aerodb.exchange.daveml.document.tables import FunctionAxis, Gridded
 from aerodb.exchange.daveml.document.units import code_of, same_units, unit_of_code
 from flightmech.errors import (
     AeromatchWarning,
@@ -293,7 +293,7 @@ def test_floor_and_ceiling_are_meant_as_the_words_state(tmp_path, rule, expected
 
 def test_cubic_splines_are_natural_where_held_and_follow_the_end_slope_where_open():
     points, values = np.array([0.0, 1.0, 2.0, 4.0]), np.array([1.0, 3.0, 2.0, 0.0])
-    held, both = Axis(points, "cubicSpline"), Axis(points, "cubicSpline", "both")
+    held, both = FunctionAxis(points, "cubicSpline"), FunctionAxis(points, "cubicSpline", "both")
     table, step = Gridded(values), 1e-4
     x = np.array([0.0, 1.0, 2.0, 4.0])
     for axis in (held, both):
@@ -308,7 +308,7 @@ def test_cubic_splines_are_natural_where_held_and_follow_the_end_slope_where_ope
         np.add.outer(x**2, x)
     )  # a spline along one axis, straight lines along the other
     assert polynomial.look_up(
-        [held, Axis(points)], [np.array([1.0]), np.array([3.0])]
+        [held, FunctionAxis(points)], [np.array([1.0]), np.array([3.0])]
     ) == pytest.approx([4.0])
 
 

@@ -11,7 +11,7 @@ import pytest
 
 import aerodb
 from flightmech.errors import ParseError, SchemaError, UnknownName
-from flightmech.terms import make
+from flightmech.terms import make_term
 from flightmech.units import DEGREE, FOOT, INCH
 
 HERE = Path(__file__).parent
@@ -394,12 +394,12 @@ def test_the_square_of_the_lift_is_a_polar(tmp_path):
 
 
 def test_a_polar_is_written_as_the_square_of_the_lift(tmp_path):
-    polar = {"CD/polar": make(0.05, regressors=["CL", "CL"])}
+    polar = {"CD/polar": make_term(0.05, regressors=["CL", "CL"])}
     db = aerodb.replace_terms(writing.synthetic("wind"), polar)
     aerodb.exchange.export_jsbsim(db, tmp_path / "polar.xml", writing.craft())
     back = aerodb.exchange.import_jsbsim(tmp_path / "polar.xml")
     assert aerodb.terms(back)["CD/polar"].equals(polar["CD/polar"])
-    table = aerodb.replace_terms(db, {"CD/polar": make([0.02, 0.05], {"CL": [0.0, 1.0]})})
+    table = aerodb.replace_terms(db, {"CD/polar": make_term([0.02, 0.05], {"CL": [0.0, 1.0]})})
     with pytest.raises(SchemaError, match="CL is nothing that JSBSim knows"):
         aerodb.exchange.export_jsbsim(table, tmp_path / "table.xml", writing.craft())
 

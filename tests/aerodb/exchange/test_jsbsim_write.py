@@ -94,14 +94,14 @@ def synthetic(force_axes, seed=0):
 
     def leaf(*axes, regressors=(), scale=1.0, factors=(), **more):
         K = {
-            f"K{i}": terms.make(1.0 + 0.3 * rng.standard_normal(len(AXES[a])), {a: AXES[a]})[
+            f"K{i}": terms.make_term(1.0 + 0.3 * rng.standard_normal(len(AXES[a])), {a: AXES[a]})[
                 "value"
             ]
             for i, a in enumerate(factors, 1)
         }
         grid = {a: AXES[a] for a in axes}
         value = scale * rng.standard_normal([len(points) for points in grid.values()])
-        return terms.make(value, grid, regressors, **K, **more)
+        return terms.make_term(value, grid, regressors, **K, **more)
 
     names = FORCE_AXES[force_axes]
     found = {f"{c}/basic": leaf("mach", "alpha", stderr=0.1, source="datcom") for c in names}
@@ -124,9 +124,9 @@ def synthetic(force_axes, seed=0):
         "h_agl", "delta_f", "alpha", "delta_r", regressors=["rhat"], factors=("x_cg",)
     )
     found["Cm/constant"] = leaf()
-    found["Cm/one_mach"] = terms.make([[0.1, 0.3]], {"mach": [0.4], "alpha": [0.0, 0.2]})
+    found["Cm/one_mach"] = terms.make_term([[0.1, 0.3]], {"mach": [0.4], "alpha": [0.0, 0.2]})
     found["Ch_e/basic"] = leaf("alpha", "delta_e")
-    return aerodb.database(
+    return aerodb.make_database(
         found,
         title="synthetic",
         aircraft="test",
@@ -139,7 +139,7 @@ def synthetic(force_axes, seed=0):
 
 
 def craft(**changes):
-    thrust = terms.make(
+    thrust = terms.make_term(
         [[300.0, 250.0], [2500.0, 2000.0]], {"throttle": [0.0, 1.0], "mach": [0.0, 0.6]}
     )
     engines = (
@@ -239,7 +239,7 @@ def test_lines_beyond_the_table(tmp_path):
     """A term with outside = linear, its tables continued to all angles of the states."""
     db = synthetic("stability")
     table = {"alpha": [0.0, 0.1, 0.2], "mach": [0.3, 0.6]}
-    line = terms.make([[0.0, 0.1], [0.5, 0.7], [0.8, 1.5]], table, outside="linear")
+    line = terms.make_term([[0.0, 0.1], [0.5, 0.7], [0.8, 1.5]], table, outside="linear")
     db = aerodb.replace_terms(db, {"CL/line": line})
     with pytest.raises(
         SchemaError,
@@ -311,8 +311,8 @@ def test_what_cannot_be_written_is_named(tmp_path):
     db = aerodb.replace_terms(
         db,
         {
-            "CL/late": terms.make([0.0, 1.0], {"time": [0.0, 1.0]}),
-            "Cm/fan": terms.make(1.0, regressors=["n1"]),
+            "CL/late": terms.make_term([0.0, 1.0], {"time": [0.0, 1.0]}),
+            "Cm/fan": terms.make_term(1.0, regressors=["n1"]),
         },
     )
     with pytest.raises(SchemaError) as caught:
@@ -375,7 +375,7 @@ def test_the_file_states_what_it_holds(tmp_path):
 
 def test_a_tab_without_limits_is_a_position_that_is_set_directly(tmp_path):
     db = aerodb.replace_terms(
-        synthetic("stability"), {"Cm/tab": terms.make(-0.1, regressors=["delta_t"])}
+        synthetic("stability"), {"Cm/tab": terms.make_term(-0.1, regressors=["delta_t"])}
     )
     limits = {name: pair for name, pair in craft().limits.items() if name != "delta_t"}
     aerodb.exchange.export_jsbsim(db, tmp_path / "test.xml", craft(limits=limits))

@@ -31,27 +31,29 @@ def build_up(small, root):
         dims=("h_agl", "delta_f"),
     )
     leaves = {
-        "CL/flap": terms.make(
+        "CL/flap": terms.make_term(
             rng.normal(size=(3, 3, 4)),
             {"delta_f": flap, "mach": mach, "alpha": alpha},
             stderr=0.1,
             source="datcom",
         ),
-        "CL/elevator": terms.make(
+        "CL/elevator": terms.make_term(
             rng.normal(size=(3, 4)),
             {"mach": mach, "alpha": alpha},
             ["delta_e"],
             stderr=0.2,
             source="flight",
         ),
-        "CL/ground": terms.make(rng.normal(size=4), {"alpha": alpha}, K1=height, outside="linear"),
-        "Cm/qhat": terms.make(rng.normal(size=3), {"mach": mach}, ["qhat"], K1=x_cg),
-        "CD/basic": terms.make(0.02, comment="one number"),
-        "CD/flap_slope": terms.make(
+        "CL/ground": terms.make_term(
+            rng.normal(size=4), {"alpha": alpha}, K1=height, outside="linear"
+        ),
+        "Cm/qhat": terms.make_term(rng.normal(size=3), {"mach": mach}, ["qhat"], K1=x_cg),
+        "CD/basic": terms.make_term(0.02, comment="one number"),
+        "CD/flap_slope": terms.make_term(
             [0.0, 0.1, 0.4], {"delta_f": flap}, ["alpha", "alpha"], source="judgement"
         ),
     }
-    return aerodb.database(leaves, **root)
+    return aerodb.make_database(leaves, **root)
 
 
 def test_the_first_index_belongs_to_the_first_axis(small, tmp_path):

@@ -227,7 +227,7 @@ def test_matplotlib_is_needed_only_when_a_figure_is_drawn():
 def test_labels_at_the_ends_of_curves_are_whole(small, databases):
     """No text leaves the sheet: a label cut at its edge reads as another number, 0.15 as 0.1."""
     mach = [0.15, 0.2125, 0.25]
-    leaf = terms.make(
+    leaf = terms.make_term(
         np.outer([0.2, 0.21, 0.3], [-1.0, 0.0, 1.0]),
         {"mach": mach, "alpha": np.radians([-8.0, 0.0, 8.0])},
         stderr=0.05,

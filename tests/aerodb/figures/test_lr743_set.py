@@ -15,8 +15,8 @@ import flightmech
 from aerodb.cli.group import db as group
 from aerodb.figures.lr743_set import build_up
 from aerodb.figures.lr743_set import envelope as trimmed
-from aerodb.figures.lr743_set.chart import Chart, Line, NotDrawn, Panel, Points
-from aerodb.figures.lr743_set.combinations import combined
+from aerodb.figures.lr743_set.chart import Chart, ChartLine, ChartPanel, FlightPoints, NotDrawn
+from aerodb.figures.lr743_set.combinations import combine_coefficients
 from aerodb.figures.lr743_set.flown import configuration, heights
 from aerodb.figures.lr743_set.sheet import draw
 from aerodb.update.correlation import covariance_between
@@ -35,16 +35,18 @@ def rich(small):
     """The small database with an elevator that alpha and flaps change, rates, drag and moments."""
     elevator = 0.5 + 0.1 * np.outer(FLAP, np.ones(4)) + np.outer(np.ones(3), 0.2 * ALPHA)
     more = {
-        "CL/elevator": terms.make(
+        "CL/elevator": terms.make_term(
             elevator, {"delta_f": FLAP, "alpha": ALPHA}, ["delta_e"], stderr=0.03, source="datcom"
         ),
-        "CL/alphadothat": terms.make(2.0, regressors=["alphadothat"], stderr=0.6, source="datcom"),
-        "CD/basic": terms.make(0.02, stderr=0.002, source="datcom"),
-        "CD/induced": terms.make(
+        "CL/alphadothat": terms.make_term(
+            2.0, regressors=["alphadothat"], stderr=0.6, source="datcom"
+        ),
+        "CD/basic": terms.make_term(0.02, stderr=0.002, source="datcom"),
+        "CD/induced": terms.make_term(
             0.05 * (0.2 + 5.0 * ALPHA) ** 2, {"alpha": ALPHA}, stderr=0.001, source="datcom"
         ),
-        "Cm/basic": terms.make(-0.5 * ALPHA, {"alpha": ALPHA}, source="datcom"),
-        "Cm/elevator": terms.make(-1.2, regressors=["delta_e"], source="datcom"),
+        "Cm/basic": terms.make_term(-0.5 * ALPHA, {"alpha": ALPHA}, source="datcom"),
+        "Cm/elevator": terms.make_term(-1.2, regressors=["delta_e"], source="datcom"),
     }
     return aerodb.replace_terms(small, more)
 
@@ -218,7 +220,7 @@ def test_a_difference_has_the_standard_error_of_correlated_nodes(rich):
     correlated.
     """
     leaf = aerodb.terms(rich)["CL/basic"]
-    value, stderr = combined(
+    value, stderr = combine_coefficients(
         rich, "CL", (1.0, {"alpha": ALPHA[2], "mach": 0.2}), (-1.0, {"alpha": 0.0, "mach": 0.2})
     )
     np.testing.assert_allclose(value, 5.0 * 8.0 * DEGREE)
@@ -230,9 +232,9 @@ def test_a_difference_has_the_standard_error_of_correlated_nodes(rich):
 def test_a_coefficient_in_a_term_is_that_of_the_conditions(rich):
     """A parabolic polar as a term over CL: drag follows the lift of each condition."""
     db = aerodb.replace_terms(
-        rich, {"CD/of_lift": terms.make(np.array([0.0, 0.3]), {"CL": [0.0, 1.0]})}
+        rich, {"CD/of_lift": terms.make_term(np.array([0.0, 0.3]), {"CL": [0.0, 1.0]})}
     )
-    value, _ = combined(
+    value, _ = combine_coefficients(
         db, "CD", (1.0, {"alpha": ALPHA[2], "mach": 0.2}), (-1.0, {"alpha": ALPHA[1], "mach": 0.2})
     )
     lift = 5.0 * ALPHA[2]
@@ -285,17 +287,17 @@ def published(root):
     """Flap 40 deg of LR-743 table 2: y = k y_inf h^s."""
 
     def power(s):
-        return terms.Power("h_agl", s, 1.0)
+        return terms.PowerFactor("h_agl", s, 1.0)
 
     found = {
-        "CL/basic": terms.make(0.827 + 4.87 * ALPHA, {"alpha": ALPHA}),
-        "CL/ground": terms.make(0.599 * 0.827, power=power(-1.45)),
-        "CL/ground_alpha": terms.make(0.506 * 4.87, regressors=["alpha"], power=power(-1.75)),
-        "Cl/ground": terms.make(-0.078, regressors=["CL", "phi"], power=power(-1.09)),
-        "CD/basic": terms.make(0.1),
-        "Cm/basic": terms.make(-0.5 * ALPHA, {"alpha": ALPHA}),
+        "CL/basic": terms.make_term(0.827 + 4.87 * ALPHA, {"alpha": ALPHA}),
+        "CL/ground": terms.make_term(0.599 * 0.827, power=power(-1.45)),
+        "CL/ground_alpha": terms.make_term(0.506 * 4.87, regressors=["alpha"], power=power(-1.75)),
+        "Cl/ground": terms.make_term(-0.078, regressors=["CL", "phi"], power=power(-1.09)),
+        "CD/basic": terms.make_term(0.1),
+        "Cm/basic": terms.make_term(-0.5 * ALPHA, {"alpha": ALPHA}),
     }
-    return aerodb.database(found, **{**root, "b": 14.35, "absent": ""})
+    return aerodb.make_database(found, **{**root, "b": 14.35, "absent": ""})
 
 
 def test_figures_16_and_17_have_the_numbers_of_table_2(published, monkeypatch):
@@ -400,7 +402,7 @@ def test_one_g_lines_have_the_mass_and_the_configuration_that_was_flown(rich, ai
     at = line.interp(mach=0.3)
     air, alpha, delta_e = atmosphere(1545.0), float(at["alpha"]), float(at["delta_e"])
     place = {"alpha": alpha, "delta_e": delta_e, "mach": 0.3}
-    lift, drag = (combined(rich, name, (1.0, place))[0] for name in ("CL", "CD"))
+    lift, drag = (combine_coefficients(rich, name, (1.0, place))[0] for name in ("CL", "CD"))
     carried = (
         0.5 * float(air.rho) * (0.3 * float(air.a_sound)) ** 2 * aircraft.S * np.hypot(lift, drag)
     )  # power off: the glide
@@ -419,11 +421,11 @@ def test_partial_residuals_find_the_term_that_made_the_samples():
     """
     rng, time = np.random.default_rng(5), np.arange(0.0, 12.0, 0.1)
     true = {"CY/beta": -0.9, "CY/beta_flap": -0.4, "CY/basic": 0.003}
-    db = aerodb.database(
+    db = aerodb.make_database(
         {
-            "CY/beta": terms.make([true["CY/beta"]] * 2, {"alpha": np.array([-0.1, 0.3])}, ["beta"]),
-            "CY/beta_flap": terms.make(0.0, regressors=["beta", "delta_f"]),
-            "CY/basic": terms.make(true["CY/basic"]),
+            "CY/beta": terms.make_term([true["CY/beta"]] * 2, {"alpha": np.array([-0.1, 0.3])}, ["beta"]),
+            "CY/beta_flap": terms.make_term(0.0, regressors=["beta", "delta_f"]),
+            "CY/basic": terms.make_term(true["CY/basic"]),
         },
         title="x", aircraft="x", force_axes="stability", S=16.9, cbar=1.67, b=10.3, x_ref=0.0, y_ref=0.0, z_ref=0.0,
     )  # fmt: skip
@@ -451,7 +453,7 @@ def test_partial_residuals_find_the_term_that_made_the_samples():
         rows.append(
             {"record": f"run_{k}", "label": "doublet rudder", "CL": 0.5, "mass": 2000.0, **own}
         )
-    flown = aerodb.figures.Flown(
+    flown = aerodb.figures.FlightData(
         "x", pd.concat(parts, ignore_index=True), pd.DataFrame(rows), *[pd.DataFrame()] * 3
     )
     found = aerodb.figures.partial_residuals(db, flown, "CY/beta_flap")
@@ -469,7 +471,9 @@ def test_partial_residuals_find_the_term_that_made_the_samples():
     whole = aerodb.figures.partial_residuals(db, flown, "CY/basic")
     assert len(whole) == 4  # a constant is excited by every sample
     assert whole["estimate"].iloc[0] == pytest.approx(true["CY/basic"], abs=4e-4)
-    lacking = aerodb.figures.Flown("x", flown.samples.drop(columns="beta"), *[flown.manoeuvres] * 4)
+    lacking = aerodb.figures.FlightData(
+        "x", flown.samples.drop(columns="beta"), *[flown.manoeuvres] * 4
+    )
     assert aerodb.figures.partial_residuals(db, lacking, "CY/basic").empty
 
 
@@ -518,13 +522,15 @@ def test_names_of_configurations_and_heights(flown):
 
 def test_a_sheet_draws_the_chart():
     x = np.array([0.0, 1.0, 2.0])
-    line = Line("$M$ = 0.3", x, x**2, np.full(3, 0.1), 0)
-    other = Line("$M$ = 0.5", x, 2.0 * x, np.zeros(3), 1)
-    estimate = Points(
+    line = ChartLine("$M$ = 0.3", x, x**2, np.full(3, 0.1), 0)
+    other = ChartLine("$M$ = 0.5", x, 2.0 * x, np.zeros(3), 1)
+    estimate = FlightPoints(
         "local estimate", np.array([1.0]), np.array([1.5]), np.array([0.2]), "estimate", 1
     )
-    trace, sample = (Points(kind, x, x / 2.0, np.zeros(3), kind) for kind in ("trace", "sample"))
-    panel = Panel("a", [line, other], points=[estimate, trace, sample], by="$M$")
+    trace, sample = (
+        FlightPoints(kind, x, x / 2.0, np.zeros(3), kind) for kind in ("trace", "sample")
+    )
+    panel = ChartPanel("a", [line, other], points=[estimate, trace, sample], by="$M$")
     chart = Chart("x", "Fig. 99", "title", "line", "x [1]", "y [1]", [panel])
     figure = draw(chart, "T-37", ["Data: here."])
     (axes,) = figure.axes

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from aerodb.prior.effect_to_terms import completed, leaves
+from aerodb.prior.effect_to_terms import fill_unprinted_cells, terms_of_effect
 from aerodb.prior.prior_errors import PriorErrors
 from aerodb.store.effects import Effect
 
@@ -20,7 +20,9 @@ def table(rows, mach=(0.2, 0.4, 0.6)):
 
 
 def test_cells_beyond_the_print_are_held_for_their_mach_number_only():
-    whole, printed, notes = completed(table([[1, 2, 3, nan], [1, 2, nan, nan], [1, 2, 4, nan]]))
+    whole, printed, notes = fill_unprinted_cells(
+        table([[1, 2, 3, nan], [1, 2, nan, nan], [1, 2, 4, nan]])
+    )
     np.testing.assert_array_equal(whole, [[1, 2, 3], [1, 2, 2], [1, 2, 4]])
     np.testing.assert_array_equal(printed, [[1, 1, 1], [1, 1, 0], [1, 1, 1]])
     assert notes == [
@@ -30,13 +32,13 @@ def test_cells_beyond_the_print_are_held_for_their_mach_number_only():
 
 
 def test_a_gap_is_bridged():
-    whole, printed, _ = completed(table([[1, nan, 3, 4], [1, 5, 3, 4], [1, 5, 3, 4]]))
+    whole, printed, _ = fill_unprinted_cells(table([[1, nan, 3, 4], [1, 5, 3, 4], [1, 5, 3, 4]]))
     np.testing.assert_allclose(whole, [[1, 2, 3, 4], [1, 5, 3, 4], [1, 5, 3, 4]])
     np.testing.assert_array_equal(printed[:, 1], [False, True, True])
 
 
 def test_a_transonic_row_is_cut_off():
-    whole, _, notes = completed(
+    whole, _, notes = fill_unprinted_cells(
         table([[1, 2, 3, 4], [1, 2, 3, 4], [5, nan, nan, nan]], mach=(0.2, 0.4, 0.9))
     )
     np.testing.assert_array_equal(whole["mach"], [0.2, 0.4])
@@ -44,7 +46,7 @@ def test_a_transonic_row_is_cut_off():
 
 
 def test_nothing_printed_makes_no_term():
-    assert leaves(Effect("basic", {"Cm": table([[nan] * 4] * 3)}), PRIOR, {}) == {}
+    assert terms_of_effect(Effect("basic", {"Cm": table([[nan] * 4] * 3)}), PRIOR, {}) == {}
 
 
 def test_mach_range_is_covered_and_every_node_states_where_it_comes_from():
@@ -53,7 +55,7 @@ def test_mach_range_is_covered_and_every_node_states_where_it_comes_from():
         {"Cm": table([[1, 2, 3, 4], [1, 2, 3, 4], [1, 2, 3, nan]])},
         references="x.out, lines 1-9",
     )
-    leaf = leaves(effect, PRIOR, {"mach": (0.0, 0.8)})["Cm/basic"]
+    leaf = terms_of_effect(effect, PRIOR, {"mach": (0.0, 0.8)})["Cm/basic"]
     np.testing.assert_array_equal(leaf["mach"], [0.0, 0.2, 0.4, 0.6, 0.8])
     np.testing.assert_array_equal(leaf["value"].sel(mach=0.0), leaf["value"].sel(mach=0.2))
     np.testing.assert_array_equal(leaf["value"].sel(mach=0.8), [1, 2, 3, 3])
@@ -71,13 +73,15 @@ def test_mach_range_is_covered_and_every_node_states_where_it_comes_from():
 
 def test_a_node_that_is_zero_by_definition_has_no_error():
     value = xr.DataArray([0.0, 0.2, 0.3], {"delta_f": [0.0, 0.3, 0.6]}, "delta_f")
-    leaf = leaves(Effect("flap", {"CL": value}, zeros={"delta_f": [0.0]}), PRIOR, {})["CL/flap"]
+    leaf = terms_of_effect(Effect("flap", {"CL": value}, zeros={"delta_f": [0.0]}), PRIOR, {})[
+        "CL/flap"
+    ]
     np.testing.assert_allclose(leaf["stderr"], [0.0, np.hypot(0.04, 0.02), np.hypot(0.06, 0.02)])
 
 
 def test_alpha_range_is_covered_with_doubled_error():
     effect = Effect("basic", {"Cm": table([[1, 2, 3, nan]] * 3)})
-    leaf = leaves(effect, PRIOR, {"alpha": (-4 * DEG, 12 * DEG)})["Cm/basic"]
+    leaf = terms_of_effect(effect, PRIOR, {"alpha": (-4 * DEG, 12 * DEG)})["Cm/basic"]
     np.testing.assert_allclose(leaf["alpha"] / DEG, [-4, 0, 4, 8, 12])
     np.testing.assert_array_equal(leaf["value"].sel(mach=0.2), [1, 1, 2, 3, 3])
     np.testing.assert_array_equal(leaf["source"].sel(mach=0.2), [2, 0, 0, 0, 2])

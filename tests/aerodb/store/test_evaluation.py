@@ -3,7 +3,7 @@ import pytest
 
 import aerodb
 from flightmech.errors import OutOfRange, SchemaError, UnknownName
-from flightmech.terms import make
+from flightmech.terms import make_term
 
 
 def test_contributions_by_hand(small):
@@ -46,12 +46,12 @@ def test_missing_conditions_and_unknown_coefficients_are_named(small):
 def polar(root, force_axes="stability"):
     """Drag as a table over lift and a square of it, and a moment that depends on the drag."""
     axial, normal = ("CX", "CZ") if force_axes == "body" else ("CD", "CL")
-    return aerodb.store.database(
+    return aerodb.store.make_database(
         {
-            f"{normal}/basic": make([0.1, 0.9], {"alpha": [0.0, 0.2]}),
-            f"{axial}/polar": make([0.02, 0.05], {normal: [0.0, 1.0]}),
-            f"{axial}/induced": make(0.1, regressors=[normal, normal]),
-            "Cm/drag": make(2.0, regressors=["CD"]),
+            f"{normal}/basic": make_term([0.1, 0.9], {"alpha": [0.0, 0.2]}),
+            f"{axial}/polar": make_term([0.02, 0.05], {normal: [0.0, 1.0]}),
+            f"{axial}/induced": make_term(0.1, regressors=[normal, normal]),
+            "Cm/drag": make_term(2.0, regressors=["CD"]),
         },
         **root | {"force_axes": force_axes},
     )
@@ -77,15 +77,15 @@ def test_drag_of_a_database_in_body_axes(root):
 
 def test_a_loop_among_coefficients_is_refused_with_its_path(root):
     leaves = {
-        "CL/flow": make(0.1, regressors=["Cm"]),
-        "CD/polar": make(0.1, regressors=["CL", "CL"]),
-        "Cm/drag": make(1.0, regressors=["CD"]),
+        "CL/flow": make_term(0.1, regressors=["Cm"]),
+        "CD/polar": make_term(0.1, regressors=["CL", "CL"]),
+        "Cm/drag": make_term(1.0, regressors=["CD"]),
     }
     with pytest.raises(
         SchemaError,
         match=r"CL -> CD -> Cm -> CL \(terms CD/polar, Cm/drag, CL/flow\): a coefficient cannot depend on itself",
     ):
-        aerodb.store.database(leaves, **root)
+        aerodb.store.make_database(leaves, **root)
 
 
 def test_a_polar_keeps_through_a_file_and_its_check_cases(root, tmp_path):

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 
 import aerodb
 from aerodb.store import overview
-from aerodb.store.files import look
+from aerodb.store.files import read_overview
 from aerodb.store.overview import SHOWN, STATED
-from aerodb.store.seal import unbroken
+from aerodb.store.seal import read_sealed
 from flightmech import terms
 from flightmech.errors import SchemaError
 
@@ -46,10 +46,12 @@ def leaves(draw):
     more = {"history": draw(TEXT)} if draw(st.booleans()) else {}
     power = draw(
         st.none()
-        | st.builds(terms.Power, st.just("h_agl"), st.floats(-10.0, 10.0), st.floats(1e-3, 1e3))
+        | st.builds(
+            terms.PowerFactor, st.just("h_agl"), st.floats(-10.0, 10.0), st.floats(1e-3, 1e3)
+        )
     )
     facts = {"outside": outside, "comment": draw(TEXT), **more}
-    leaf = terms.make(
+    leaf = terms.make_term(
         values, points, regressors, stderr=stderr, source=source, K1=K1, power=power, **facts
     )
     if draw(st.booleans()):
@@ -81,7 +83,7 @@ def databases(draw):
         "force_axes": "stability",
         "comment": draw(TEXT),
     }
-    return aerodb.database({name: draw(leaves()) for name in names}, **attributes, **place)
+    return aerodb.make_database({name: draw(leaves()) for name in names}, **attributes, **place)
 
 
 @pytest.mark.slow
@@ -118,7 +120,7 @@ def test_a_look_at_a_file_shows_what_the_whole_tree_holds(tmp_path, db):
         path,
     )
     whole = aerodb.open(path)
-    attributes, leaves = look(path, SHOWN)
+    attributes, leaves = read_overview(path, SHOWN)
     assert attributes == whole.attrs
     assert list(leaves) == list(aerodb.terms(whole))
     for name, leaf in aerodb.terms(whole).items():
@@ -127,8 +129,8 @@ def test_a_look_at_a_file_shows_what_the_whole_tree_holds(tmp_path, db):
         for key, variable in leaf.variables.items():
             assert leaves[name][str(key)].dims == variable.dims
             np.testing.assert_array_equal(leaves[name][str(key)].values, variable.values)
-    assert overview.text_of(*look(path, SHOWN, STATED)) == aerodb.summary(whole)
-    assert unbroken(path).overview(overview.OVERVIEW) == [whole.attrs, overview.describe(whole)]
+    assert overview.text_of(*read_overview(path, SHOWN, STATED)) == aerodb.summary(whole)
+    assert read_sealed(path).overview(overview.OVERVIEW) == [whole.attrs, overview.describe(whole)]
 
 
 @pytest.mark.slow
@@ -148,7 +150,7 @@ def test_check_cases_and_previous_states_travel_with_the_file(tmp_path, db, coun
     back = aerodb.open(tmp_path / "any.nc")
     xr.testing.assert_identical(back, edited)
     assert {"checks", "previous"} <= set(back.children)
-    xr.testing.assert_identical(aerodb.store.previous(back), aerodb.store.previous(edited))
+    xr.testing.assert_identical(aerodb.store.undo_edits(back), aerodb.store.undo_edits(edited))
 
 
 def test_the_same_database_gives_the_same_bytes(small, tmp_path):

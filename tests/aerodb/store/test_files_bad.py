@@ -36,15 +36,15 @@ def saved(tmp_path_factory):
         "y_ref": 0.0,
         "z_ref": 0.0,
     }
-    basic = terms.make(
+    basic = terms.make_term(
         [[1.0, 2.0], [3.0, 4.0]],
         {"mach": [0.1, 0.2], "alpha": [0.0, 0.1]},
         stderr=0.1,
         source="datcom",
         history="one\ntwo",
     )
-    db = aerodb.database(
-        {"CL/basic": basic, "Cm/qhat": terms.make(-3.0, regressors=["qhat"])},
+    db = aerodb.make_database(
+        {"CL/basic": basic, "Cm/qhat": terms.make_term(-3.0, regressors=["qhat"])},
         force_axes="stability",
         **root,
     )
@@ -112,7 +112,7 @@ def test_a_file_that_goes_on_behind_its_end_is_a_clear_error(saved, more):
 def test_any_layout_of_hdf5_is_read(small, tmp_path, monkeypatch, layout):
     """Other programs write older and newer ones than this package, and no seal."""
     monkeypatch.setattr(netcdf, "_FORMAT", layout)
-    (tmp_path / "other.nc").write_bytes(netcdf.image(small))
+    (tmp_path / "other.nc").write_bytes(netcdf.encode_tree(small))
     xr.testing.assert_identical(aerodb.open(tmp_path / "other.nc"), small)
 
 

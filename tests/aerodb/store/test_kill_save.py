@@ -31,8 +31,11 @@ pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork and 
 
 def make_pair():
     """Return two databases that differ in every number."""
-    small = aerodb.database(
-        {"CL/basic": terms.make([0.1, 0.9], {"alpha": [0.0, 0.2]}), "Cm/qhat": terms.make(-17.0)},
+    small = aerodb.make_database(
+        {
+            "CL/basic": terms.make_term([0.1, 0.9], {"alpha": [0.0, 0.2]}),
+            "Cm/qhat": terms.make_term(-17.0),
+        },
         title="one",
         **ROOT,
     )
@@ -40,13 +43,13 @@ def make_pair():
         name: leaf.assign(value=leaf["value"] * 2.0 + 1.0)
         for name, leaf in aerodb.terms(small).items()
     }
-    big = terms.make(
+    big = terms.make_term(
         [[float(i + j) for i in range(60)] for j in range(60)],
         {"mach": range(60), "alpha": range(60)},
         history="y" * 20_000,
     )
     changed["CD/basic"] = big
-    return small, aerodb.database(changed, **{**small.attrs, "title": "another"})
+    return small, aerodb.make_database(changed, **{**small.attrs, "title": "another"})
 
 
 @pytest.fixture

@@ -40,10 +40,12 @@ def test_a_coefficient_of_other_axes_is_refused(root):
         SchemaError,
         match="unknown coefficient 'CZ'; with these force_axes allowed: CL, CD, CY, Cl, Cm, Cn",
     ):
-        aerodb.database({"CZ/basic": terms.make(0.1)}, **root)
+        aerodb.make_database({"CZ/basic": terms.make_term(0.1)}, **root)
     assert (
         aerodb.check(
-            aerodb.database({"CZ/basic": terms.make(0.1)}, **{**root, "force_axes": "body"})
+            aerodb.make_database(
+                {"CZ/basic": terms.make_term(0.1)}, **{**root, "force_axes": "body"}
+            )
         )
         == []
     )
@@ -63,15 +65,15 @@ def test_what_edits_replaced_is_no_term(small, small_terms):
 
 
 def test_hinge_moments_go_with_any_force_axes(small_terms, root):
-    hinge = terms.make(-0.3, regressors=["delta_e"])
+    hinge = terms.make_term(-0.3, regressors=["delta_e"])
     for axes, name in (("stability", "CL/basic"), ("wind", "CL/basic"), ("body", "CZ/basic")):
-        db = aerodb.database(
+        db = aerodb.make_database(
             {name: small_terms["CL/basic"], "Ch_e/delta": hinge, "Ch_r/beta": hinge},
             **{**root, "force_axes": axes},
         )
         assert aerodb.check(db) == []
     with pytest.raises(SchemaError, match="unknown coefficient 'Ch_x'"):
-        aerodb.database({"Ch_x/delta": hinge}, **root)
+        aerodb.make_database({"Ch_x/delta": hinge}, **root)
 
 
 def test_an_empty_tree_is_no_database(root):

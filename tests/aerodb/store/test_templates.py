@@ -86,9 +86,9 @@ def test_the_empty_slot_of_every_term_is_a_sound_leaf():
 
 
 def test_the_kernel_knows_the_variables_of_the_build_up():
-    from flightmech.simulation.kernel import VARIABLE, known
+    from flightmech.simulation.kernel import VARIABLE, computable_names
 
-    flown = {name.pattern for name in known(VARIABLE) if not name.group}
+    flown = {name.pattern for name in computable_names(VARIABLE) if not name.group}
     assert not [
         name
         for name, slot in lr743().items()

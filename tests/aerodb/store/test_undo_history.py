@@ -64,7 +64,13 @@ def test_the_history_in_a_file_is_that_of_its_tree(small, tmp_path, sealed):
         aerodb.store.with_checks(scaled, 2), {"CL/gear": aerodb.terms(small)["CL/flap"]}
     )
     for number, db in enumerate(
-        (small, scaled, new, aerodb.delete_terms(new, ["CL/qhat"]), aerodb.store.forget(new))
+        (
+            small,
+            scaled,
+            new,
+            aerodb.delete_terms(new, ["CL/qhat"]),
+            aerodb.store.drop_undo_history(new),
+        )
     ):
         path = tmp_path / f"{number}.nc"
         aerodb.save(db, path)
@@ -90,7 +96,7 @@ def test_a_group_that_no_edit_wrote_is_named_in_a_file_too(small, tmp_path):
 
 def test_deleting_is_taken_back_in_the_old_order(small):
     new = aerodb.delete_terms(small, ["CL/qhat"])
-    back = aerodb.store.previous(new)
+    back = aerodb.store.undo_edits(new)
     assert list(aerodb.terms(back)) == list(aerodb.terms(small))
     assert back.identical(small)
     assert back.attrs == small.attrs
@@ -101,27 +107,27 @@ def test_attributes_that_were_not_there_go_again(small):
     del bare.attrs["history"], bare.attrs["absent"]
     new = aerodb.delete_terms(bare, ["CL/qhat"])
     assert new.attrs["absent"] == "CL/qhat"
-    assert aerodb.store.previous(new).attrs == bare.attrs
+    assert aerodb.store.undo_edits(new).attrs == bare.attrs
     assert aerodb.store.history(new)["edit"].to_list() == [1]
     assert aerodb.store.history(bare).empty
 
 
 def test_numbers_go_on_after_forgetting(small):
-    released = aerodb.store.forget(
+    released = aerodb.store.drop_undo_history(
         aerodb.edit.scale(aerodb.edit.scale(small, "CL/flap", 2.0), "CL/flap", 2.0)
     )
     assert released.attrs["history"].count("scale") == 2
     with pytest.raises(OutOfRange, match="1 edits cannot be undone; the undo history holds 0"):
-        aerodb.store.previous(released)
+        aerodb.store.undo_edits(released)
     new = aerodb.edit.scale(released, "CL/flap", 0.25)
     assert list(aerodb.store.history(new)["edit"]) == [None, None, None, 3]
-    assert aerodb.store.previous(new, edit=3).identical(released)
+    assert aerodb.store.undo_edits(new, edit=3).identical(released)
     with pytest.raises(
         UnknownName, match=r"unknown edit '1'; allowed: 3; aerodb\.store\.history lists"
     ):
-        aerodb.store.previous(new, edit=1)
+        aerodb.store.undo_edits(new, edit=1)
     with pytest.raises(OutOfRange, match="0 edits cannot"):
-        aerodb.store.previous(new, steps=0)
+        aerodb.store.undo_edits(new, steps=0)
 
 
 def test_check_cases_of_the_old_numbers_are_set_aside(checked):
@@ -130,15 +136,15 @@ def test_check_cases_of_the_old_numbers_are_set_aside(checked):
     assert first.attrs["history"].endswith("scale: CL/flap by 2; check cases set aside")
     assert aerodb.store.history(first).loc[2, "terms"] == "CL/flap"
     second = aerodb.edit.scale(first, "CL/flap", 2.0)
-    assert aerodb.store.previous(second, 2).identical(checked)
-    assert aerodb.store.previous(second).identical(first)
-    assert "checks" in aerodb.store.forget(checked).children
+    assert aerodb.store.undo_edits(second, 2).identical(checked)
+    assert aerodb.store.undo_edits(second).identical(first)
+    assert "checks" in aerodb.store.drop_undo_history(checked).children
 
 
 def test_an_edit_that_changes_nothing_keeps_the_check_cases(checked):
     same = aerodb.transform.move_reference(checked, [-3.0, 0.0, 0.0])
     assert same["checks/one"].to_dataset().identical(checked["checks/one"].to_dataset())
-    assert aerodb.store.previous(same).identical(checked)
+    assert aerodb.store.undo_edits(same).identical(checked)
 
 
 @pytest.mark.parametrize("name", ["e001", "before", "e-01"])
@@ -149,7 +155,7 @@ def test_a_group_that_no_edit_wrote_is_named(small, name):
     )
     for ask in (
         aerodb.store.history,
-        aerodb.store.previous,
+        aerodb.store.undo_edits,
         lambda db: aerodb.edit.scale(db, "CL/flap", 2.0),
     ):
         with pytest.raises(
@@ -157,7 +163,7 @@ def test_a_group_that_no_edit_wrote_is_named(small, name):
             match=rf"/previous/{name} is not the undo entry of an edit; aerodb\.store\.forget drops",
         ):
             ask(foreign)
-    assert aerodb.store.forget(foreign).identical(small)
+    assert aerodb.store.drop_undo_history(foreign).identical(small)
 
 
 def test_files_keep_the_states_and_the_simulation_does_not_see_them(small, tmp_path):
@@ -171,9 +177,9 @@ def test_files_keep_the_states_and_the_simulation_does_not_see_them(small, tmp_p
     aerodb.save(new, tmp_path / "new.nc")
     again = aerodb.open(tmp_path / "new.nc")
     assert again.identical(new)
-    assert aerodb.store.previous(again, 3).identical(small)
+    assert aerodb.store.undo_edits(again, 3).identical(small)
     plain = aerodb.delete_terms(plain, ["CL/qhat"])
     assert (
         flightmech.compile(aircraft, again).terms
-        == flightmech.compile(aircraft, aerodb.store.forget(plain)).terms
+        == flightmech.compile(aircraft, aerodb.store.drop_undo_history(plain)).terms
     )

@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from aerodb.store.effects import Effect, rates_to_body, rereference, rolled_to_body, transferred
+from aerodb.store.effects import (
+    Effect,
+    rates_to_body,
+    rereference,
+    rotate_rolling_to_body,
+    transfer_moments,
+)
 
 ALPHA = xr.DataArray(np.radians([-5.0, 0.0, 10.0, 20.0]), dims="alpha").pipe(
     lambda a: a.assign_coords(alpha=a)
@@ -38,7 +44,7 @@ def test_moments_of_a_fin_turn_to_constant_arms():
     s, c = np.sin(ALPHA), np.cos(ALPHA)
     x_s, z_s = x * c + z * s, -x * s + z * c
     effect = Effect("beta", {"CY": table(CY), "Cl": -z_s * CY / b, "Cn": x_s * CY / b}, "beta")
-    turned = rolled_to_body(effect, ALPHA)
+    turned = rotate_rolling_to_body(effect, ALPHA)
     np.testing.assert_allclose(turned.tables["Cl"], -z * CY / b, atol=1e-15)
     np.testing.assert_allclose(turned.tables["Cn"], x * CY / b, atol=1e-15)
 
@@ -61,8 +67,8 @@ def test_moment_transfer_is_a_cross_product(d):
         table(0.2, 0.05, -0.1, -0.4),
     )
     side = Effect("beta", {"CY": table(-0.4), "Cl": table(-0.07), "Cn": table(0.05)}, "beta")
-    lift = transferred(Effect("basic", {"CL": CL, "CD": CD, "Cm": Cm}), d, cbar, b, ALPHA)
-    fin = transferred(side, d, cbar, b, ALPHA)
+    lift = transfer_moments(Effect("basic", {"CL": CL, "CD": CD, "Cm": Cm}), d, cbar, b, ALPHA)
+    fin = transfer_moments(side, d, cbar, b, ALPHA)
     for i, alpha in enumerate(ALPHA.values):
         # forces along stability axes -CD, -CL turned to body axes by the rotation matrix about y
         R = np.array(
@@ -101,9 +107,11 @@ def test_tables_keep_their_own_alphas():
     other = xr.DataArray(
         [0.1, 0.2], {"alpha": [0.01, 0.11]}, "alpha"
     )  # not among those of the basic tables
-    moved = transferred(Effect("ground", {"CL": other}), (0.5, 0.0, 0.0), 1.0, 10.0, ALPHA)
+    moved = transfer_moments(Effect("ground", {"CL": other}), (0.5, 0.0, 0.0), 1.0, 10.0, ALPHA)
     np.testing.assert_allclose(moved.tables["Cm"], 0.5 * other * np.cos(other["alpha"]))
     flat = xr.DataArray([0.0, -0.05], {"delta_a": [0.0, 0.3]}, "delta_a")
-    turned = rolled_to_body(Effect("aileron", {"Cl": flat}), ALPHA)  # no yawing moment printed
+    turned = rotate_rolling_to_body(
+        Effect("aileron", {"Cl": flat}), ALPHA
+    )  # no yawing moment printed
     np.testing.assert_allclose(turned.tables["Cl"].sel(delta_a=0.3), -0.05 * np.cos(ALPHA))
     assert set(turned.tables) == {"Cl"}

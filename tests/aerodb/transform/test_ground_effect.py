@@ -18,7 +18,7 @@ from aerodb.store import templates
 from flightmech import terms
 from flightmech.errors import SchemaError
 from flightmech.simulation.kernel import Simulation
-from flightmech.terms import Power
+from flightmech.terms import PowerFactor
 
 # LR-743 table 2, 40 deg of flap, heights in m: y_inf, k, s
 CL_0, CL_ALPHA = (0.827, 0.599, -1.45), (4.87, 0.506, -1.75)
@@ -36,13 +36,13 @@ PUBLISHED = (
 
 def leaves() -> dict[str, xr.Dataset]:
     return {
-        "CL/basic": terms.make(CL_0[0], stderr=0.02, source="flight"),
-        "CL/alpha": terms.make(CL_ALPHA[0], regressors=["alpha"], stderr=0.1, source="flight"),
+        "CL/basic": terms.make_term(CL_0[0], stderr=0.02, source="flight"),
+        "CL/alpha": terms.make_term(CL_ALPHA[0], regressors=["alpha"], stderr=0.1, source="flight"),
         "CL/ground": in_ground_effect(
-            terms.make(CL_0[0], stderr=0.02, source="flight"), *CL_0[1:], FLOOR
+            terms.make_term(CL_0[0], stderr=0.02, source="flight"), *CL_0[1:], FLOOR
         ),
         "CL/ground_alpha": in_ground_effect(
-            terms.make(CL_ALPHA[0], regressors=["alpha"], stderr=0.1), *CL_ALPHA[1:], FLOOR
+            terms.make_term(CL_ALPHA[0], regressors=["alpha"], stderr=0.1), *CL_ALPHA[1:], FLOOR
         ),
         "Cl/ground": bank_in_ground_effect(*ROLL, FLOOR),
     }
@@ -60,7 +60,7 @@ def ground() -> xr.DataTree:
         "y_ref": 0.0,
         "z_ref": 0.0,
     }
-    return aerodb.database(leaves(), **facts, force_axes="stability")
+    return aerodb.make_database(leaves(), **facts, force_axes="stability")
 
 
 def test_table_2_as_published():
@@ -136,7 +136,7 @@ def test_the_simulation_computes_the_same():
 
 def test_height_table_is_the_formula():
     closed = in_ground_effect(
-        terms.make([0.1, 0.8], {"delta_f": [0.0, 0.7]}, stderr=0.01), 0.6, -1.45, 2.0
+        terms.make_term([0.1, 0.8], {"delta_f": [0.0, 0.7]}, stderr=0.01), 0.6, -1.45, 2.0
     )
     table = with_height_table(closed, top=60.0, tolerance=1e-3)
     assert terms.power(table) is None
@@ -158,21 +158,23 @@ def test_height_table_is_the_formula():
 @pytest.mark.parametrize(
     ("make", "text"),
     [
-        (lambda: in_ground_effect(terms.make(0.8), np.nan, -1.0, 2.0), "k is nan"),
+        (lambda: in_ground_effect(terms.make_term(0.8), np.nan, -1.0, 2.0), "k is nan"),
         (
             lambda: in_ground_effect(leaves()["CL/ground"], 0.5, -1.0, 2.0),
             "has a power factor already",
         ),
         (
-            lambda: in_ground_effect(terms.make([0.1, 0.0], {"h_agl": [0.0, 9.0]}), 0.5, -1.0, 2.0),
+            lambda: in_ground_effect(
+                terms.make_term([0.1, 0.0], {"h_agl": [0.0, 9.0]}), 0.5, -1.0, 2.0
+            ),
             "depends on a height",
         ),
         (
-            lambda: in_ground_effect(terms.make(0.8), 0.5, -1.0, 0.0),
+            lambda: in_ground_effect(terms.make_term(0.8), 0.5, -1.0, 0.0),
             "floor is 0; it must be positive",
         ),
         (lambda: bank_in_ground_effect(-0.078, np.inf, 2.0), "exponent is inf"),
-        (lambda: with_height_table(terms.make(0.8), 30.0), "has no power factor"),
+        (lambda: with_height_table(terms.make_term(0.8), 30.0), "has no power factor"),
         (lambda: with_height_table(leaves()["CL/ground"], 1.0), "give more than the floor of 1.7"),
         (
             lambda: with_height_table(leaves()["CL/ground"], 30.0, 0.0),
@@ -187,8 +189,8 @@ def test_what_makes_no_ground_effect_is_refused(make, text):
 
 
 def test_scheme_takes_a_power_for_the_height():
-    leaf = templates.make("CL/ground", value=0.5, power=Power("h_agl", -1.45, 2.0))
-    assert terms.power(leaf) == Power("h_agl", -1.45, 2.0)
+    leaf = templates.make("CL/ground", value=0.5, power=PowerFactor("h_agl", -1.45, 2.0))
+    assert terms.power(leaf) == PowerFactor("h_agl", -1.45, 2.0)
     with pytest.raises(SchemaError, match="or a power of it"):
         templates.make("CL/ground", value=0.5)
 
@@ -198,7 +200,7 @@ def test_scheme_takes_a_power_for_the_height():
 
 
 def same_power(db: xr.DataTree) -> None:
-    assert terms.power(aerodb.terms(db)["CL/ground"]) == Power("h_agl", -1.45, FLOOR)
+    assert terms.power(aerodb.terms(db)["CL/ground"]) == PowerFactor("h_agl", -1.45, FLOOR)
     assert terms.regressors(aerodb.terms(db)["Cl/ground"]) == ("CL", "phi")
 
 
@@ -283,7 +285,7 @@ def test_edits_keep_the_power(ground):
     same_power(aerodb.edit.scale(ground, "CL/ground", 1.1))
     flapped = {
         "CL/ground": in_ground_effect(
-            terms.make([0.3, 0.8], {"delta_f": [0.0, 0.5]}, stderr=0.02), 0.6, -1.45, FLOOR
+            terms.make_term([0.3, 0.8], {"delta_f": [0.0, 0.5]}, stderr=0.02), 0.6, -1.45, FLOOR
         )
     }
     longer = aerodb.edit.extend(
@@ -298,7 +300,7 @@ def test_edits_keep_the_power(ground):
 def test_moving_the_reference_along_keeps_the_power_and_down_refuses_it(ground):
     moved = aerodb.transform.move_reference(ground, (0.3, 0.0, 0.0))
     same_power(moved)
-    assert terms.power(aerodb.terms(moved)["Cm/ground"]) == Power("h_agl", -1.45, FLOOR)
+    assert terms.power(aerodb.terms(moved)["Cm/ground"]) == PowerFactor("h_agl", -1.45, FLOOR)
     with pytest.raises(
         SchemaError,
         match=r"CL/ground: the factor max\(h_agl, 1.7\)\^-1.45 cannot be counted from a point",
@@ -325,7 +327,7 @@ def test_similar_aircraft_has_the_effect_at_the_same_height_in_spans(ground):
 def test_summary_and_figures_state_the_power(ground):
     assert "max(h_agl, 1.7)^-1.45" in aerodb.summary(ground)
     flapped = in_ground_effect(
-        terms.make([0.3, 0.8], {"delta_f": [0.0, 0.7]}, stderr=0.02), 0.6, -1.45, 2.0
+        terms.make_term([0.3, 0.8], {"delta_f": [0.0, 0.7]}, stderr=0.02), 0.6, -1.45, 2.0
     )
     figure = aerodb.figures.plot_term(
         aerodb.replace_terms(ground, {"CL/ground": flapped}), "CL/ground"

@@ -10,7 +10,7 @@ import xarray as xr
 
 import aerodb
 import flightmech
-from aerodb.store.effects import Effect, transferred
+from aerodb.store.effects import Effect, transfer_moments
 from flightmech import axes, terms
 from flightmech.aircraft.engine import Engine
 from flightmech.errors import SchemaError
@@ -36,51 +36,55 @@ def trainer():
     """Return a database whose forces depend on alpha, on controls, rates, flaps, gear and height."""
     over = {"mach": MACH, "alpha": ALPHA}
     ground = [[0.1, 0.2], [0.0, 0.0]]
-    K1 = terms.make([0.0, 0.4, 1.0], {"gear": [0.0, 0.5, 1.0]})["value"]
+    K1 = terms.make_term([0.0, 0.4, 1.0], {"gear": [0.0, 0.5, 1.0]})["value"]
     leaves = {
-        "CL/basic": terms.make(
+        "CL/basic": terms.make_term(
             np.outer([1.0, 1.1], 0.2 + 5 * ALPHA - 9 * ALPHA**3), over, stderr=0.05, source="datcom"
         ),
-        "CL/flap": terms.make(
+        "CL/flap": terms.make_term(
             [0.0, 0.4], {"delta_f": [0.0, 0.6]}, stderr=[0.0, 0.08], source="flight"
         ),
-        "CL/elevator": terms.make(
+        "CL/elevator": terms.make_term(
             [-0.15, 0.0, 0.1], {"delta_e": [-0.4, 0.0, 0.3]}, stderr=0.01, source="datcom"
         ),
-        "CL/qhat": terms.make([8.0, 8.4], {"mach": MACH}, ["qhat"], stderr=2.0, source="datcom"),
-        "CL/alphadothat": terms.make(3.0, regressors=["alphadothat"], stderr=1.0, source="datcom"),
-        "CL/ground": terms.make(
+        "CL/qhat": terms.make_term(
+            [8.0, 8.4], {"mach": MACH}, ["qhat"], stderr=2.0, source="datcom"
+        ),
+        "CL/alphadothat": terms.make_term(
+            3.0, regressors=["alphadothat"], stderr=1.0, source="datcom"
+        ),
+        "CL/ground": terms.make_term(
             ground, {"h_agl": [1.0, 20.0], "alpha": [0.0, 0.2]}, stderr=0.02, source="datcom"
         ),
-        "CD/basic": terms.make(
+        "CD/basic": terms.make_term(
             0.02 + 1.1 * ALPHA**2, {"alpha": ALPHA}, stderr=0.003, source="datcom"
         ),
-        "CD/gear": terms.make(0.03, K1=K1, stderr=0.01, source="judgement"),
-        "CY/beta": terms.make(
+        "CD/gear": terms.make_term(0.03, K1=K1, stderr=0.01, source="judgement"),
+        "CY/beta": terms.make_term(
             -0.5 + ALPHA, {"alpha": ALPHA}, ["beta"], stderr=0.1, source="datcom"
         ),
-        "CY/rudder": terms.make(
+        "CY/rudder": terms.make_term(
             [-0.06, 0.0, 0.06], {"delta_r": [-0.4, 0.0, 0.4]}, stderr=0.01, source="datcom"
         ),
-        "CY/phat": terms.make(-0.06, regressors=["phat"], stderr=0.05, source="datcom"),
-        "Cl/beta": terms.make(-0.08, regressors=["beta"], stderr=0.02, source="datcom"),
-        "Cl/phat": terms.make(
+        "CY/phat": terms.make_term(-0.06, regressors=["phat"], stderr=0.05, source="datcom"),
+        "Cl/beta": terms.make_term(-0.08, regressors=["beta"], stderr=0.02, source="datcom"),
+        "Cl/phat": terms.make_term(
             -0.46 - 0.1 * ALPHA, {"alpha": ALPHA}, ["phat"], stderr=0.05, source="datcom"
         ),
-        "Cm/basic": terms.make(
+        "Cm/basic": terms.make_term(
             [0.1, -0.05, -0.3], {"alpha": [-0.15, 0.05, 0.36]}, stderr=0.02, source="datcom"
         ),
-        "Cm/elevator": terms.make(
+        "Cm/elevator": terms.make_term(
             np.outer([1, 1.1], [0.4, 0.0, -0.3]),
             {"mach": MACH, "delta_e": [-0.4, 0.0, 0.3]},
             stderr=0.04,
             source="flight",
         ),
-        "Cm/qhat": terms.make(-17.0, regressors=["qhat"], stderr=4.0, source="datcom"),
-        "Cn/beta": terms.make(0.06, regressors=["beta"], stderr=0.01, source="datcom"),
-        "Cn/rudder": terms.make(-0.07, regressors=["delta_r"], stderr=0.01, source="datcom"),
-        "Cn/rhat": terms.make(-0.1, regressors=["rhat"], stderr=0.03, source="datcom"),
-        "Ch_e/delta": terms.make(-0.3, regressors=["delta_e"], stderr=0.05, source="datcom"),
+        "Cm/qhat": terms.make_term(-17.0, regressors=["qhat"], stderr=4.0, source="datcom"),
+        "Cn/beta": terms.make_term(0.06, regressors=["beta"], stderr=0.01, source="datcom"),
+        "Cn/rudder": terms.make_term(-0.07, regressors=["delta_r"], stderr=0.01, source="datcom"),
+        "Cn/rhat": terms.make_term(-0.1, regressors=["rhat"], stderr=0.03, source="datcom"),
+        "Ch_e/delta": terms.make_term(-0.3, regressors=["delta_e"], stderr=0.05, source="datcom"),
     }
     place = dict(zip(("x_ref", "y_ref", "z_ref"), OLD))
     root = {
@@ -90,7 +94,7 @@ def trainer():
         "force_axes": "stability",
         "absent": "Cm/flap CL/gear",
     }
-    return aerodb.database(leaves, **root)
+    return aerodb.make_database(leaves, **root)
 
 
 @pytest.fixture(scope="module")
@@ -103,7 +107,9 @@ def test_every_effect_is_transferred_as_the_builder_does_it(trainer, moved):
     before, after = aerodb.terms(trainer), aerodb.terms(moved)
     alpha = before["CL/basic"]["alpha"].sel(alpha=slice(-0.15, 0.36))
     CL, CD, Cm = (before[f"{c}/basic"]["value"].interp(alpha=alpha) for c in ("CL", "CD", "Cm"))
-    by = transferred(Effect("basic", {"CL": CL, "CD": CD, "Cm": Cm}), OLD - NEW, CBAR, B, alpha)
+    by = transfer_moments(
+        Effect("basic", {"CL": CL, "CD": CD, "Cm": Cm}), OLD - NEW, CBAR, B, alpha
+    )
     xr.testing.assert_allclose(
         after["Cm/basic"]["value"].sel(alpha=alpha),
         by.tables["Cm"].transpose("alpha", "mach"),
@@ -320,7 +326,7 @@ def test_the_whole_database_of_the_t37(t37_db):
     assert np.abs(found - expected)[:, 1].max() < 6 * 1e-3 * 1.94 * np.hypot(0.15, 0.1) / lengths[1]
     np.testing.assert_allclose(found[:, [0, 2]], expected[:, [0, 2]], atol=1e-12)
     assert aerodb.check(new) == []
-    assert aerodb.store.previous(new).identical(t37_db)
+    assert aerodb.store.undo_edits(new).identical(t37_db)
 
 
 @pytest.mark.slow
@@ -329,8 +335,8 @@ def test_moves_do_not_pile_up(trainer, moved):
     further = aerodb.transform.move_reference(moved, [-2.8, 0.0, 0.0])
     for name, leaf in aerodb.terms(directly).items():
         xr.testing.assert_identical(leaf.drop_attrs(), aerodb.terms(further)[name].drop_attrs())
-    assert aerodb.store.previous(further).identical(moved)
-    assert aerodb.store.previous(further, 2).identical(trainer)
+    assert aerodb.store.undo_edits(further).identical(moved)
+    assert aerodb.store.undo_edits(further, 2).identical(trainer)
     back = aerodb.transform.move_reference(further, OLD)
     assert list(aerodb.terms(back)) == list(aerodb.terms(trainer))
     assert back.attrs["absent"] == trainer.attrs["absent"]
@@ -340,12 +346,12 @@ def test_moves_do_not_pile_up(trainer, moved):
 
 def test_body_axes_need_no_breakpoints():
     leaves = {
-        "CZ/basic": terms.make([-0.2, -1.2], {"alpha": [0.0, 0.2]}),
-        "CX/elevator": terms.make(-0.1, regressors=["delta_e"]),
+        "CZ/basic": terms.make_term([-0.2, -1.2], {"alpha": [0.0, 0.2]}),
+        "CX/elevator": terms.make_term(-0.1, regressors=["delta_e"]),
     }
     new = aerodb.terms(
         aerodb.transform.move_reference(
-            aerodb.database(leaves, **ORIGIN, force_axes="body"), [0.3, 0.5, -0.2]
+            aerodb.make_database(leaves, **ORIGIN, force_axes="body"), [0.3, 0.5, -0.2]
         )
     )
     np.testing.assert_array_equal(new["Cm/basic"]["alpha"], [0.0, 0.2])
@@ -359,10 +365,10 @@ def test_body_axes_need_no_breakpoints():
 
 
 def test_an_angle_that_no_table_has_gets_its_full_range():
-    leaves = {"CL/qhat": terms.make(8.0, regressors=["qhat"])}
+    leaves = {"CL/qhat": terms.make_term(8.0, regressors=["qhat"])}
     made = aerodb.terms(
         aerodb.transform.move_reference(
-            aerodb.database(leaves, **ORIGIN, force_axes="stability"), [0.3, 0.0, 0.0]
+            aerodb.make_database(leaves, **ORIGIN, force_axes="stability"), [0.3, 0.0, 0.0]
         )
     )["Cm/qhat"]
     alpha = np.linspace(-1.5, 1.5, 301)
@@ -387,11 +393,14 @@ def test_what_cannot_be_moved_is_refused(trainer, point, options, text):
 
 def test_a_table_with_too_many_axes_is_named():
     axes4 = {"h_agl": [1.0, 9.0], "delta_f": [0.0, 0.5], "mach": [0.1, 0.3], "delta_e": [-0.1, 0.1]}
-    leaves = {"CL/basic": terms.make(1.0), "CL/much": terms.make(np.ones((2, 2, 2, 2)), axes4)}
+    leaves = {
+        "CL/basic": terms.make_term(1.0),
+        "CL/much": terms.make_term(np.ones((2, 2, 2, 2)), axes4),
+    }
     with pytest.raises(
         SchemaError,
         match="Cm of CL/much: would have the axes h_agl delta_f mach delta_e alpha; at most 4 are allowed",
     ):
         aerodb.transform.move_reference(
-            aerodb.database(leaves, **ORIGIN, force_axes="stability"), [0.3, 0.0, 0.0]
+            aerodb.make_database(leaves, **ORIGIN, force_axes="stability"), [0.3, 0.0, 0.0]
         )

@@ -31,15 +31,17 @@ def larger(known):
 
 @pytest.fixture
 def db(small):
-    ground = terms.make(
+    ground = terms.make_term(
         [[0.1, 0.0]], {"alpha": [0.0], "h_agl": [2.0, 20.0]}, stderr=0.0, source="datcom"
     )
     gear = xr.DataArray([1.0, 0.0], coords={"h_agl": [1.0, 10.0]}, dims="h_agl")
     more = {
         "CL/ground": ground,
-        "Cm/ground": terms.make(0.02, K1=gear),
-        "Cm/elevator": terms.make(-1.2, regressors=["delta_e"], stderr=0.1, source="flight"),
-        "CD/basic": terms.make([0.02, 0.05], {"alpha": [0.0, 0.2]}, stderr=0.003, source="flight"),
+        "Cm/ground": terms.make_term(0.02, K1=gear),
+        "Cm/elevator": terms.make_term(-1.2, regressors=["delta_e"], stderr=0.1, source="flight"),
+        "CD/basic": terms.make_term(
+            [0.02, 0.05], {"alpha": [0.0, 0.2]}, stderr=0.003, source="flight"
+        ),
     }
     return aerodb.replace_terms(small, more)
 

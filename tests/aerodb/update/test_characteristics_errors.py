@@ -39,8 +39,8 @@ def database():
     points do not.
     """
     leaves = aerodb.terms(linear_tree())
-    leaves["Cm/qhat"] = terms.make(-14.0, {}, ("qhat",), stderr=1.4)
-    return aerodb.database(leaves, **ROOT)
+    leaves["Cm/qhat"] = terms.make_term(-14.0, {}, ("qhat",), stderr=1.4)
+    return aerodb.make_database(leaves, **ROOT)
 
 
 @pytest.mark.nightly
@@ -53,7 +53,7 @@ def test_standard_errors_are_those_of_the_linear_relation(aircraft, database):
     errors = with_standard_errors(found, aircraft, database, CONDITION, 40, seed=3).table["stderr"]
     value = found.table["value"]
     without = aerodb.replace_terms(
-        database, {"Cm/qhat": terms.make(-12.6, {}, ("qhat",), stderr=1.4)}
+        database, {"Cm/qhat": terms.make_term(-12.6, {}, ("qhat",), stderr=1.4)}
     )
     changed = flightmech.characteristics(aircraft, without, CONDITION).table["value"]
     expected = abs(float(changed["manoeuvre_point_fixed"] - value["manoeuvre_point_fixed"]))

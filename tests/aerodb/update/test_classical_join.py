@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from aerodb.store.schema import database
+from aerodb.store.schema import make_database
 from aerodb.update.classical_join import join_submodels
 from aerodb.update.tabulation import tabulate
 from aerodb.update.ways_compared import compare_ways
 from flightmech import terms
 from flightmech.errors import IdentificationError, UnknownName
-from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
 
 DEG = np.pi / 180
@@ -25,7 +25,7 @@ ROOT = dict(
     z_ref=0.0,
     force_axes="stability",
 )
-LOCAL = Model.parse("CL = 1 + alpha + delta_e")
+LOCAL = RegressionModel.parse("CL = 1 + alpha + delta_e")
 # alpha, Mach, flap
 CLEAN = [(1, 0.2, 0.0), (5, 0.2, 0.0), (9, 0.2, 0.0), (0, 0.4, 0.0), (4, 0.4, 0.0), (2, 0.55, 0.0)]
 # curves of few parameters leave scatter beyond the errors of fits with little noise: chi-squared of
@@ -42,16 +42,16 @@ def prior_leaves():
     )
     basic = 0.2 + 5.0 * alpha + 0.0 * mach[:, None]
     return {
-        "CL/basic": terms.make(
+        "CL/basic": terms.make_term(
             basic,
             {"mach": mach, "alpha": alpha},
             stderr=np.hypot(0.05, 0.4 * np.abs(alpha)) + 0.0 * basic,
             source="datcom",
         ),
-        "CL/flap": terms.make(
+        "CL/flap": terms.make_term(
             0.7 * flap, {"delta_f": flap}, stderr=[0.0, 0.05, 0.08], source="datcom"
         ),
-        "CL/elevator": terms.make(0.5, {}, ("delta_e",), stderr=0.1, source="datcom"),
+        "CL/elevator": terms.make_term(0.5, {}, ("delta_e",), stderr=0.1, source="datcom"),
     }
 
 
@@ -92,7 +92,7 @@ def flown():
 
 @pytest.fixture(scope="module")
 def found(flown):
-    return join_submodels(flown, database(prior_leaves(), **ROOT))
+    return join_submodels(flown, make_database(prior_leaves(), **ROOT))
 
 
 def test_base_and_increment_are_those_of_the_aeroplane_where_it_was_flown(found):
@@ -127,7 +127,7 @@ def test_the_base_rests_on_the_clean_fits_alone(flown, found):
     """Flap fits that are wrong by 0.3 move the flap and leave the base where it was."""
     wrong = truth()
     wrong["CL/flap"] = wrong["CL/flap"].assign(value=wrong["CL/flap"]["value"] + [0.0, 0.15, 0.3])
-    other = join_submodels(flown[:6] + fits(wrong, FLAPS), database(prior_leaves(), **ROOT))
+    other = join_submodels(flown[:6] + fits(wrong, FLAPS), make_database(prior_leaves(), **ROOT))
     for name in ("CL/basic", "CL/elevator"):
         np.testing.assert_allclose(other[name]["value"], found[name]["value"], atol=1e-9)
     moved = (other["CL/flap"]["value"] - found["CL/flap"]["value"]).sel(
@@ -140,7 +140,7 @@ def test_errors_of_the_base_count_among_those_of_the_increment(flown, found):
     """The same lift may be flap or base: with a base of one test point far away the flap is less
     well known.
     """
-    vague = join_submodels(flown[5:], database(prior_leaves(), **ROOT))
+    vague = join_submodels(flown[5:], make_database(prior_leaves(), **ROOT))
     at = dict(delta_f=40 * DEG, method="nearest")
     assert float(vague["CL/flap"]["stderr"].sel(**at)) > 1.5 * float(
         found["CL/flap"]["stderr"].sel(**at)
@@ -159,11 +159,11 @@ def test_beyond_the_flown_range_the_handbook_stands(found):
 
 def test_no_fit_is_refused():
     with pytest.raises(IdentificationError, match="no fit; join_submodels"):
-        join_submodels([], database(prior_leaves(), **ROOT))
+        join_submodels([], make_database(prior_leaves(), **ROOT))
 
 
 def test_ways_are_compared_node_by_node(flown, found):
-    db = database(prior_leaves(), **ROOT)
+    db = make_database(prior_leaves(), **ROOT)
     other = tabulate(flown, db)
     table = compare_ways({"tabulate": other, "join": found}, db)
     row = table.loc[("CL/flap", 2)]
@@ -180,7 +180,7 @@ def test_ways_are_compared_node_by_node(flown, found):
     with pytest.raises(UnknownName, match="CL/flap"):
         compare_ways(
             {"join": found},
-            database(
+            make_database(
                 {
                     "CL/basic": prior_leaves()["CL/basic"],
                     "CL/elevator": prior_leaves()["CL/elevator"],

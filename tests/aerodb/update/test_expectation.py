@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from aerodb.store.schema import database
+from aerodb.store.schema import make_database
 from aerodb.update import tabulation
 from aerodb.update.correlation import SHARES, prior_parts
 from aerodb.update.expectation import Expectation
 from aerodb.update.tabulation import tabulate
 from flightmech import terms
-from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
 
 DEG = np.pi / 180
@@ -32,18 +32,18 @@ def prior():
     alpha, mach = np.arange(-4, 13, 4.0) * DEG, np.array([0.2, 0.4])
     basic = np.repeat(0.2 + 5.0 * alpha[:, None], 2, axis=1)
     leaves = {
-        "CL/basic": terms.make(
+        "CL/basic": terms.make_term(
             basic,
             {"alpha": alpha, "mach": mach},
             stderr=np.full(basic.shape, 0.05),
             source="datcom",
         ),
-        "CL/qhat": terms.make(
+        "CL/qhat": terms.make_term(
             np.full(2, 8.0), {"mach": mach}, ("qhat",), stderr=2.0, source="datcom"
         ),
-        "CL/elevator": terms.make(0.5, {}, ("delta_e",), stderr=0.1, source="datcom"),
+        "CL/elevator": terms.make_term(0.5, {}, ("delta_e",), stderr=0.1, source="datcom"),
     }
-    return database(leaves, **ROOT)
+    return make_database(leaves, **ROOT)
 
 
 def fit(seed, alpha, mach, bias=0.0, shift=0.0):
@@ -72,7 +72,7 @@ def fit(seed, alpha, mach, bias=0.0, shift=0.0):
         data = data.assign(
             {name: (("error", "time"), x[None]) for name, x in shares.items()}
         ).assign_coords(error=["bias.alpha"])
-    return regress(Model.parse("CL = 1 + alpha + qhat + delta_e"), data, f"fit {seed}")
+    return regress(RegressionModel.parse("CL = 1 + alpha + qhat + delta_e"), data, f"fit {seed}")
 
 
 @pytest.mark.parametrize("held", [(), ("CL/elevator",)])

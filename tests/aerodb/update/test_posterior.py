@@ -11,12 +11,12 @@ from scipy.linalg import block_diag
 import aerodb
 from aerodb.edit.ground_effect import in_ground_effect
 from aerodb.edit.table_edits import regrid, scale, shift
-from aerodb.figures.lr743_set.combinations import combined
-from aerodb.store.schema import database
+from aerodb.figures.lr743_set.combinations import combine_coefficients
+from aerodb.store.schema import make_database
 from aerodb.update.correlation import PARTS, prior_covariance, prior_parts
 from aerodb.update.observations import basis_at
-from aerodb.update.posterior import common_errors, covariance, draw, drawn, origin
-from aerodb.update.standard_errors import spread, standard_error
+from aerodb.update.posterior import common_errors, covariance, draw, joint_mark, with_node_values
+from aerodb.update.standard_errors import standard_error, standard_errors
 from aerodb.update.tabulation import tabulate
 from flightmech import terms
 from flightmech.errors import SchemaError, UnknownName
@@ -33,10 +33,10 @@ FLOWN = {"alpha": np.linspace(0, 7, 15) * DEG, "mach": 0.35, "qhat": 0.001, "del
 def flown():
     """Prior, fits, their tabulation, and the database after them; Cm/basic is there without fits."""
     leaves = prior_leaves()
-    leaves["Cm/basic"] = terms.make(
+    leaves["Cm/basic"] = terms.make_term(
         [0.1, -0.1], {"alpha": [0.0, 0.2]}, stderr=[0.02, 0.03], source="datcom"
     )
-    prior = database(leaves, **ROOT)
+    prior = make_database(leaves, **ROOT)
     rng = np.random.default_rng(3)
     fits = local_fits(
         truth_of({name: leaf for name, leaf in leaves.items() if name.startswith("CL/")}, rng), rng
@@ -73,7 +73,10 @@ def test_stored_covariance_is_that_of_the_linear_gaussian_model(flown):
     P = []
     for name, leaf in leaves.items():
         sampled = np.max(
-            [basis_at(terms.bare(leaf), fit.data).max(axis=0).toarray().ravel() for fit in fits],
+            [
+                basis_at(terms.without_multipliers(leaf), fit.data).max(axis=0).toarray().ravel()
+                for fit in fits
+            ],
             axis=0,
         )
         P.append(
@@ -163,7 +166,7 @@ def test_draws_have_the_covariance_and_repeat(flown):
     np.testing.assert_array_equal(
         draw(db, 3, seed=1, names=["Cm"])["Cm/basic"], draw(db, 3, seed=1)["Cm/basic"]
     )
-    one = drawn(db, {name: values[0] for name, values in found.items()})
+    one = with_node_values(db, {name: values[0] for name, values in found.items()})
     np.testing.assert_array_equal(one["CL/basic"]["value"], found["CL/basic"][0])
     np.testing.assert_array_equal(
         db["CL/basic"]["value"], aerodb.terms(flown[3])["CL/basic"]["value"]
@@ -229,17 +232,17 @@ def test_factors_and_shifts_are_followed(flown):
     assert (standard_error(wider, "CL", at) < np.hypot(before, 0.05)).all()
     leaf = aerodb.terms(db)["CL/qhat"]
     ground = in_ground_effect(leaf, 0.5, -1.0, floor=1.0)
-    assert origin(ground) == origin(leaf)
+    assert joint_mark(ground) == joint_mark(leaf)
     np.testing.assert_allclose(
-        spread(terms.basis(terms.bare(ground), {"mach": 0.3}), ground),
+        standard_errors(terms.basis(terms.without_multipliers(ground), {"mach": 0.3}), ground),
         0.5 * leaf["stderr"].sel(mach=0.3),
     )
 
 
 def test_other_breakpoints_fall_back_to_the_a_priori_correlation(flown):
     db = regrid(flown[3], "CL/qhat", {"mach": [0.15, 0.45]})
-    assert origin(aerodb.terms(db)["CL/qhat"]) is None
-    assert origin(aerodb.terms(db)["CL/basic"]) is not None
+    assert joint_mark(aerodb.terms(db)["CL/qhat"]) is None
+    assert joint_mark(aerodb.terms(db)["CL/basic"]) is not None
     assert aerodb.check(db) == []
 
 
@@ -263,7 +266,7 @@ def test_faults_are_reported(flown):
     )
     broken = leaf.assign(prior_error=leaf["prior_error"].drop_attrs())
     with pytest.raises(SchemaError, match="level"):
-        spread(terms.basis(broken, {"mach": 0.3, "qhat": 0.001}), broken)
+        standard_errors(terms.basis(broken, {"mach": 0.3, "qhat": 0.001}), broken)
 
 
 @pytest.mark.slow
@@ -274,7 +277,7 @@ def test_two_standard_errors_cover_the_coefficient():
     88 to 99 % are allowed.
     """
     leaves, z = prior_leaves(), []
-    prior = database(leaves, **ROOT)
+    prior = make_database(leaves, **ROOT)
     for seed in range(100, 130):
         rng = np.random.default_rng(seed)
         truth = truth_of(leaves, rng)
@@ -292,7 +295,7 @@ def test_a_difference_of_conditions_has_the_joint_covariance_of_all_terms(flown)
     """Increments and chords, as the figures of LR-743 show them."""
     _, _, _, db = flown
     after, before = ({**FLOWN, "alpha": FLOWN["alpha"] + step} for step in (2.0 * DEG, 0.0))
-    value, stderr = combined(db, "CL", (0.5, after), (-0.5, before))
+    value, stderr = combine_coefficients(db, "CL", (0.5, after), (-0.5, before))
     B, (_, V) = 0.5 * (basis(db, after) - basis(db, before)), covariance(db, "CL")
     nodes = np.concatenate(
         [
@@ -330,8 +333,8 @@ def test_every_covariance_of_the_demo_is_positive_semidefinite(demo):
     db = aerodb.open(demo[0] / "final.nc")
     leaves = aerodb.terms(db)
     assert "stderr" in leaves["CD/ground_basic"]
-    assert origin(leaves["CD/ground_basic"]) is None
-    assert origin(leaves["CD/basic"])
+    assert joint_mark(leaves["CD/ground_basic"]) is None
+    assert joint_mark(leaves["CD/basic"])
     found = least_eigenvalues(db)
     assert {"CL", "CD", "Cm", "CY", "Cl", "Cn", "Ch_e"} <= set(found)
     assert min(found.values()) > -RELATIVE_ROUNDING

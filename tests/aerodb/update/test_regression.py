@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from aerodb.store.schema import database
+from aerodb.store.schema import make_database
 from aerodb.update import regression
 from aerodb.update.correlation import PARTS, prior_parts
 from aerodb.update.posterior import joint_covariance
@@ -34,8 +34,10 @@ def leaves():
     alpha = np.arange(-4, 13, 2.0) * DEG
     sd = np.hypot(0.05, 0.4 * np.abs(alpha))
     return {
-        "CL/basic": terms.make(0.2 + 5.0 * alpha, {"alpha": alpha}, stderr=sd, source="datcom"),
-        "CL/elevator": terms.make(0.5, {}, ("delta_e",), stderr=0.1, source="datcom"),
+        "CL/basic": terms.make_term(
+            0.2 + 5.0 * alpha, {"alpha": alpha}, stderr=sd, source="datcom"
+        ),
+        "CL/elevator": terms.make_term(0.5, {}, ("delta_e",), stderr=0.1, source="datcom"),
     }
 
 
@@ -71,12 +73,12 @@ def test_the_nodes_are_those_of_the_information_form():
     weights that were learnt.
     """
     prior = {
-        "CL/basic": terms.make(
+        "CL/basic": terms.make_term(
             [0.2, 0.3, 0.5], {"alpha": [0.0, 0.05, 0.1]}, stderr=[0.05, 0.06, 0.07], source="datcom"
         )
     }
     one = flown(prior, 1, 0.5, 5.0).drop_vars("delta_e")
-    found = regress_tables([one], database(prior, **ROOT), white)
+    found = regress_tables([one], make_database(prior, **ROOT), white)
     assert found.compatibility.loc["CL", "count"] == 3
     P = np.einsum(
         "k,kij->ij",
@@ -101,7 +103,7 @@ def test_the_nodes_are_those_of_the_information_form():
 def test_a_known_aeroplane_is_found_where_it_was_flown():
     prior = leaves()
     truth = moved(prior)
-    found = regress_tables([flown(truth, k) for k in (2, 3)], database(prior, **ROOT), white)
+    found = regress_tables([flown(truth, k) for k in (2, 3)], make_database(prior, **ROOT), white)
     z = (found["CL/basic"]["value"] - truth["CL/basic"]["value"]) / found["CL/basic"]["stderr"]
     assert float(np.abs(z).max()) < 3.0
     here = dict(alpha=[0.0, 2 * DEG, 4 * DEG, 6 * DEG], method="nearest")
@@ -136,7 +138,7 @@ def test_an_error_of_a_variable_is_common_to_all_samples():
         flown(prior, k, name=str(k)).assign_coords(error=["bias.alpha"]).assign(errors)
         for k in (2, 3, 4)
     ]
-    found = regress_tables(several, database(prior, **ROOT), white)["CL/basic"]
+    found = regress_tables(several, make_database(prior, **ROOT), white)["CL/basic"]
     at = dict(alpha=[2 * DEG, 4 * DEG], method="nearest")
     np.testing.assert_allclose(
         found["stderr"].sel(**at), 5.0 * wrong, rtol=0.1
@@ -146,8 +148,8 @@ def test_an_error_of_a_variable_is_common_to_all_samples():
 def test_a_held_term_stays_and_its_error_counts():
     prior = leaves()
     several = [flown(prior, k) for k in (2, 3)]
-    held = {**prior, "CL/altitude": terms.make(0.0, {}, stderr=0.02, source="datcom")}
-    found = regress_tables(several, database(held, **ROOT), white, held=["CL/altitude"])
+    held = {**prior, "CL/altitude": terms.make_term(0.0, {}, stderr=0.02, source="datcom")}
+    found = regress_tables(several, make_database(held, **ROOT), white, held=["CL/altitude"])
     assert "CL/altitude" not in found
     assert float(found["CL/basic"]["stderr"].sel(alpha=2 * DEG, method="nearest")) == pytest.approx(
         0.02, rel=0.1
@@ -172,7 +174,9 @@ def test_published_values_count_as_they_do_among_fits():
     one = SimpleNamespace(
         estimates=values, data=data, design=xr.DataArray([[1.0]], dims=("sample", "term"))
     )
-    found = regress_tables([flown(prior, 2, 6.0, 10.0)], database(prior, **ROOT), white, fits=[one])
+    found = regress_tables(
+        [flown(prior, 2, 6.0, 10.0)], make_database(prior, **ROOT), white, fits=[one]
+    )
     lift = 0.5 * float(found["CL/basic"]["value"].sel(alpha=[0.0, 2 * DEG], method="nearest").sum())
     assert lift == pytest.approx(0.30, abs=0.002)  # the tables have 0.287
     assert list(found.points.index) == [("CL", "flight 2"), ("CL", "report")]
@@ -181,7 +185,7 @@ def test_published_values_count_as_they_do_among_fits():
 def test_portions_of_the_samples_give_the_same(monkeypatch):
     prior = leaves()
     several = [flown(moved(prior), 2)]
-    db = database(prior, **ROOT)
+    db = make_database(prior, **ROOT)
     whole = regress_tables(several, db, white)
     monkeypatch.setattr(regression, "_PORTION", 1000)
     parts = regress_tables(several, db, white)
@@ -192,7 +196,7 @@ def test_portions_of_the_samples_give_the_same(monkeypatch):
 
 def test_unusable_input_is_refused():
     prior = leaves()
-    db = database(prior, **ROOT)
+    db = make_database(prior, **ROOT)
     with pytest.raises(IdentificationError, match="no samples"):
         regress_tables([], db, white)
     with pytest.raises(IdentificationError, match=r"flight 2: 5 samples in 5 directions"):
@@ -202,13 +206,15 @@ def test_unusable_input_is_refused():
     with pytest.raises(SchemaError, match="CL/basic has no stderr"):
         regress_tables(
             [flown(prior, 2)],
-            database({**prior, "CL/basic": prior["CL/basic"].drop_vars("stderr")}, **ROOT),
+            make_database({**prior, "CL/basic": prior["CL/basic"].drop_vars("stderr")}, **ROOT),
             white,
         )
     with pytest.raises(UnknownName, match="delta_e"):
         regress_tables(
             [flown(prior, 2).drop_vars("delta_e")],
-            database({"CL/x": terms.make([0.0, 1.0], {"delta_e": [0.0, 0.1]}, stderr=0.1)}, **ROOT),
+            make_database(
+                {"CL/x": terms.make_term([0.0, 1.0], {"delta_e": [0.0, 0.1]}, stderr=0.1)}, **ROOT
+            ),
             white,
         )
 
@@ -225,7 +231,7 @@ def wavy():
 
 def found(shapes=None, truth=None):
     samples = [flown(truth or wavy(), k, 0.0, 8.0) for k in (2, 3)]
-    return regress_tables(samples, database(leaves(), **ROOT), white, shapes=shapes)
+    return regress_tables(samples, make_database(leaves(), **ROOT), white, shapes=shapes)
 
 
 def test_a_shape_that_the_flights_support_changes_nothing():
@@ -294,7 +300,7 @@ def test_a_demand_that_makes_no_sense_is_refused():
     with pytest.raises(UnknownName, match="unknown axis of CL/basic 'mach'"):
         found({"CL/basic": [Shape("rising", "mach")]})
     known = leaves()
-    known["CL/basic"] = terms.make(
+    known["CL/basic"] = terms.make_term(
         -known["CL/basic"]["value"].values,
         {"alpha": known["CL/basic"]["alpha"].values},
         stderr=0.0,
@@ -305,7 +311,7 @@ def test_a_demand_that_makes_no_sense_is_refused():
     ):
         regress_tables(
             [flown(known, 2)],
-            database(known, **ROOT),
+            make_database(known, **ROOT),
             white,
             shapes={"CL/basic": [Shape("rising", "alpha")]},
         )

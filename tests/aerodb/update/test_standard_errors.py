@@ -4,38 +4,40 @@ import xarray as xr
 
 import aerodb
 from aerodb.update.correlation import prior_covariance
-from aerodb.update.standard_errors import spread
+from aerodb.update.standard_errors import standard_errors
 from flightmech import terms
 from flightmech.errors import UnknownName
 
 
 def test_a_node_has_its_own_standard_error():
-    leaf = terms.make(
+    leaf = terms.make_term(
         [1.0, 2.0, 2.5], {"alpha": np.radians([0.0, 8.0, 12.0])}, stderr=[0.1, 0.2, 0.3]
     )
     B = terms.basis(leaf, {"alpha": leaf["alpha"].values})
-    np.testing.assert_allclose(spread(B, leaf), [0.1, 0.2, 0.3], rtol=1e-12)
+    np.testing.assert_allclose(standard_errors(B, leaf), [0.1, 0.2, 0.3], rtol=1e-12)
 
 
 def test_between_nodes_their_correlation_counts():
     """Nodes 8 deg apart with one constant error: correlation 1/2 + 1/2 exp(-(8/5)^2 / 2) = 0.639;
     half way sqrt((1 + 0.639)/2) of it.
     """
-    leaf = terms.make([1.0, 1.0], {"alpha": np.radians([0.0, 8.0])}, stderr=0.1)
+    leaf = terms.make_term([1.0, 1.0], {"alpha": np.radians([0.0, 8.0])}, stderr=0.1)
     correlation = 0.5 + 0.5 * np.exp(-0.5 * (8 / 5) ** 2)
     B = terms.basis(leaf, {"alpha": np.radians([4.0])})
-    np.testing.assert_allclose(spread(B, leaf), 0.1 * np.sqrt(0.5 + 0.5 * correlation), rtol=1e-12)
+    np.testing.assert_allclose(
+        standard_errors(B, leaf), 0.1 * np.sqrt(0.5 + 0.5 * correlation), rtol=1e-12
+    )
 
 
 def test_errors_proportional_to_the_value_cancel_where_the_sign_changes():
     """An effectiveness wrong by a factor has no error at zero deflection."""
-    leaf = terms.make(
+    leaf = terms.make_term(
         [-0.4, -0.2, 0.2, 0.4],
         {"delta_t": np.radians([-20.0, -10.0, 10.0, 20.0])},
         stderr=[0.04, 0.02, 0.02, 0.04],
     )
     assert np.allclose(
-        spread(terms.basis(leaf, {"delta_t": np.array([0.0])}), leaf), 0.0, atol=1e-6
+        standard_errors(terms.basis(leaf, {"delta_t": np.array([0.0])}), leaf), 0.0, atol=1e-6
     )
 
 
@@ -46,7 +48,7 @@ def test_corners_give_what_the_whole_covariance_gives():
         "alpha": np.radians([0.0, 3.0, 8.0]),
         "delta_e": np.radians([-10.0, 0.0, 10.0]),
     }
-    leaf = terms.make(
+    leaf = terms.make_term(
         rng.normal(size=(2, 3, 3)), axes, ["qhat"], stderr=rng.uniform(0.0, 1.0, (2, 3, 3))
     )
     given = {name: rng.uniform(x[0], x[-1], 40) for name, x in axes.items()} | {
@@ -54,13 +56,13 @@ def test_corners_give_what_the_whole_covariance_gives():
     }
     B = terms.basis(leaf, given)
     whole = np.sqrt(np.diag(B.toarray() @ prior_covariance(leaf) @ B.toarray().T))
-    np.testing.assert_allclose(spread(B, leaf), whole, rtol=1e-10)
+    np.testing.assert_allclose(standard_errors(B, leaf), whole, rtol=1e-10)
 
 
 def test_many_samples_go_through_in_parts():
-    leaf = terms.make([1.0, 2.0], {"alpha": [0.0, 0.1]}, stderr=0.1)
+    leaf = terms.make_term([1.0, 2.0], {"alpha": [0.0, 0.1]}, stderr=0.1)
     x = np.linspace(0.0, 0.1, 10_001)
-    found = spread(terms.basis(leaf, {"alpha": x}), leaf)
+    found = standard_errors(terms.basis(leaf, {"alpha": x}), leaf)
     assert found[0] == pytest.approx(0.1)
     assert found[-1] == pytest.approx(0.1)
     assert (found > 0.08).all()
@@ -79,7 +81,8 @@ def test_terms_of_a_coefficient_are_independent(small):
 
 def test_a_table_without_errors_and_factors():
     factor = xr.DataArray([0.0, 1.0], {"gear": [0.0, 1.0]}, "gear")
-    leaf = terms.make(0.3, stderr=0.1, K1=factor)
+    leaf = terms.make_term(0.3, stderr=0.1, K1=factor)
     np.testing.assert_allclose(
-        spread(terms.basis(leaf, {"gear": np.array([0.0, 0.5, 1.0])}), leaf), [0.0, 0.05, 0.1]
+        standard_errors(terms.basis(leaf, {"gear": np.array([0.0, 0.5, 1.0])}), leaf),
+        [0.0, 0.05, 0.1],
     )

@@ -8,12 +8,12 @@ import pytest
 import xarray as xr
 from scipy.signal import lfilter
 
-from aerodb.store.schema import database
+from aerodb.store.schema import make_database
 from aerodb.update.correlation import LEVEL, PARTS, prior_covariance, prior_parts
 from aerodb.update.tabulation import _cost, _mode, tabulate
 from flightmech import terms
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
-from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
 
 DEG = np.pi / 180
@@ -26,7 +26,7 @@ POINTS = [
     (3, 1.0, 0.38),
     (1, 1.0, 0.5),
 ]  # alpha, its amplitude, Mach
-LOCAL = Model.parse("CL = 1 + alpha + alpha**2 + qhat + delta_e")
+LOCAL = RegressionModel.parse("CL = 1 + alpha + alpha**2 + qhat + delta_e")
 ROOT = dict(
     title="test",
     aircraft="test",
@@ -45,11 +45,13 @@ def prior_leaves():
     basic = 0.15 + (5.2 + 0.5 * mach) * alpha[:, None]
     sd = np.hypot(0.05, 0.08 * 5.4 * np.abs(alpha))[:, None] * np.ones_like(basic)
     return {
-        "CL/basic": terms.make(basic, {"alpha": alpha, "mach": mach}, stderr=sd, source="datcom"),
-        "CL/qhat": terms.make(
+        "CL/basic": terms.make_term(
+            basic, {"alpha": alpha, "mach": mach}, stderr=sd, source="datcom"
+        ),
+        "CL/qhat": terms.make_term(
             8.0 + 2 * mach, {"mach": mach}, ("qhat",), stderr=2.0, source="datcom"
         ),
-        "CL/elevator": terms.make(
+        "CL/elevator": terms.make_term(
             np.full(len(alpha), 0.5), {"alpha": alpha}, ("delta_e",), stderr=0.1, source="datcom"
         ),
     }
@@ -99,7 +101,7 @@ def local_fits(truth, rng, **more):
 def study():
     """Twenty truths drawn from the prior, flown and joined: (prior leaves, [(truth, tabulation)])."""
     leaves = prior_leaves()
-    db = database(leaves, **ROOT)
+    db = make_database(leaves, **ROOT)
     found = []
     for seed in range(20):
         rng = np.random.default_rng(seed)
@@ -164,7 +166,7 @@ def test_a_prior_that_was_overconfident_is_inflated_everywhere():
         regress(LOCAL, record(truth, rng, (a, 1.0, m)), f"{a} {m}")
         for a, m in ((2, 0.17), (4, 0.2), (3, 0.25), (5, 0.17))
     ]
-    new = tabulate(fits, database(leaves, **ROOT))
+    new = tabulate(fits, make_database(leaves, **ROOT))
     assert 2.0 < new.report.loc["CL/qhat", "prior_inflation"] <= 5.0
     assert new.report.loc["CL/elevator", "prior_inflation"] < 1.5
     after = new["CL/qhat"]
@@ -202,15 +204,15 @@ def test_the_posterior_is_that_of_the_information_form():
     work.
     """
     leaves = {
-        "CL/basic": terms.make(
+        "CL/basic": terms.make_term(
             [0.2, 0.3, 0.5], {"alpha": [0.0, 0.05, 0.1]}, stderr=[0.05, 0.06, 0.07], source="datcom"
         )
     }
     rng = np.random.default_rng(1)
     fit = regress(
-        Model.parse("CL = 1 + alpha"), record(leaves, rng, (3, 1.0, 0.3), extra={}), "one"
+        RegressionModel.parse("CL = 1 + alpha"), record(leaves, rng, (3, 1.0, 0.3), extra={}), "one"
     )
-    found = tabulate([fit], database(leaves, **ROOT))
+    found = tabulate([fit], make_database(leaves, **ROOT))
     new = found["CL/basic"]
     X, B = (
         fit.design.values,
@@ -242,7 +244,7 @@ def test_held_terms_stay_and_count():
         "CL/elevator": leaves["CL/elevator"].assign(value=leaves["CL/elevator"]["value"] + 0.05),
     }
     fits = local_fits(truth, np.random.default_rng(30))
-    new = tabulate(fits, database(truth, **ROOT), held=["CL/elevator"])
+    new = tabulate(fits, make_database(truth, **ROOT), held=["CL/elevator"])
     assert "CL/elevator" not in new
     assert new.points["rms"].max() < 0.006
 
@@ -250,15 +252,17 @@ def test_held_terms_stay_and_count():
 def test_errors_of_held_terms_count_among_those_of_the_others():
     """A constant that is held with an error of 0.01 leaves as much open in a table of one node."""
     leaves = {
-        "CL/basic": terms.make(0.5, {}, stderr=0.1, source="datcom"),
-        "CL/altitude": terms.make(0.0, {}, stderr=0.01, source="datcom"),
+        "CL/basic": terms.make_term(0.5, {}, stderr=0.1, source="datcom"),
+        "CL/altitude": terms.make_term(0.0, {}, stderr=0.01, source="datcom"),
     }
     fit = regress(
-        Model.parse("CL = 1"), record(leaves, np.random.default_rng(31), (3, 1.0, 0.3)), "one"
+        RegressionModel.parse("CL = 1"),
+        record(leaves, np.random.default_rng(31), (3, 1.0, 0.3)),
+        "one",
     )
     exact = {**leaves, "CL/altitude": leaves["CL/altitude"].drop_vars("stderr")}
     found, known = (
-        tabulate([fit], database(x, **ROOT), held=["CL/altitude"])["CL/basic"]
+        tabulate([fit], make_database(x, **ROOT), held=["CL/altitude"])["CL/basic"]
         for x in (leaves, exact)
     )
     assert float(known["stderr"]) < 0.003
@@ -271,7 +275,7 @@ def test_errors_of_held_terms_count_among_those_of_the_others():
 def test_the_flown_region_grows_with_the_samples_without_a_step():
     """The error at the last node, from no sample beyond the one before it to a sample on it."""
     alpha = np.arange(0.0, 7.0, 2.0) * DEG
-    leaf = terms.make(0.2 + 5.0 * alpha, {"alpha": alpha}, stderr=0.05, source="datcom")
+    leaf = terms.make_term(0.2 + 5.0 * alpha, {"alpha": alpha}, stderr=0.05, source="datcom")
     like = []
     for weight in np.linspace(0.0, 1.0, 2001):
         P = prior_parts(leaf, np.array([1.0, 1.0, 1.0, weight]))[PARTS.index("reach")]
@@ -286,7 +290,7 @@ def test_the_flown_region_grows_with_the_samples_without_a_step():
 
 def test_a_term_that_starts_from_zero_is_brought_in():
     leaves = prior_leaves()
-    zero = terms.make(
+    zero = terms.make_term(
         0.0, {}, ("gear",), stderr=0.1, source="judgement", comment="Not in the prior."
     )
     truth = {**leaves, "CL/gear": zero.assign(value=zero["value"] - 0.06)}
@@ -295,7 +299,7 @@ def test_a_term_that_starts_from_zero_is_brought_in():
         regress(LOCAL, record(truth, rng, POINTS[1], extra={"gear": g}), f"gear {g:.0f}")
         for g in (0.0, 1.0)
     )
-    new = tabulate([clean, down], database({**leaves, "CL/gear": zero}, **ROOT))
+    new = tabulate([clean, down], make_database({**leaves, "CL/gear": zero}, **ROOT))
     leaf = new["CL/gear"]
     assert abs(float(leaf["value"]) + 0.06) < 3 * float(leaf["stderr"])
     assert float(leaf["stderr"]) < 0.01
@@ -313,7 +317,7 @@ def test_a_test_point_that_contradicts_the_others_is_suspected_and_outvoted():
     data = [record(leaves, rng, point) for point in points]
     data[3]["CL"] = data[3]["CL"] + 0.2  # a wrong trim mass, say
     new = tabulate(
-        [regress(LOCAL, d, f"point {i}") for i, d in enumerate(data)], database(leaves, **ROOT)
+        [regress(LOCAL, d, f"point {i}") for i, d in enumerate(data)], make_database(leaves, **ROOT)
     )
     assert new.points["suspect"].tolist() == [False, False, False, True, False, False, False]
     at = dict(alpha=2 * DEG, mach=0.3, method="nearest")
@@ -336,7 +340,7 @@ def test_errors_common_to_all_fits_do_not_average_out():
         )
         for d in data
     ]
-    db = database(leaves, **ROOT)
+    db = make_database(leaves, **ROOT)
     free, common = (
         tabulate([regress(LOCAL, d) for d in parts], db)["CL/basic"] for parts in (data, wrong)
     )
@@ -367,7 +371,8 @@ def test_an_estimate_with_a_large_common_error_does_not_bend_the_tables():
         CL=data["CL"] - lag, CL_error=(("error", "time"), lag.values[None])
     )
     new = tabulate(
-        [regress(Model.parse("CL = 1 + alpha + qhat + delta_e"), data)], database(leaves, **ROOT)
+        [regress(RegressionModel.parse("CL = 1 + alpha + qhat + delta_e"), data)],
+        make_database(leaves, **ROOT),
     )["CL/basic"]
     flown = dict(alpha=[0.0, 2 * DEG, 4 * DEG], mach=0.3)
     error = (new["value"] - truth["CL/basic"]["value"]).sel(flown, method="nearest")
@@ -378,7 +383,7 @@ def test_an_estimate_with_a_large_common_error_does_not_bend_the_tables():
 
 def test_a_constant_error_has_its_two_parts():
     alpha = np.arange(-8, 21, 2.0) * DEG
-    leaf = terms.make(np.zeros(15), {"alpha": alpha}, stderr=0.1, source="datcom")
+    leaf = terms.make_term(np.zeros(15), {"alpha": alpha}, stderr=0.1, source="datcom")
     P = prior_covariance(leaf)
     np.testing.assert_allclose(np.diag(P), 0.01, rtol=1e-12)
     assert P[0, -1] == pytest.approx(0.01 * LEVEL, rel=1e-3)  # 28 degrees apart
@@ -389,7 +394,7 @@ def test_a_constant_error_has_its_two_parts():
 def test_an_error_of_effectiveness_turns_with_the_deflection():
     delta = np.array([-20.0, -10.0, 0.0, 10.0]) * DEG
     P = prior_covariance(
-        terms.make(
+        terms.make_term(
             0.5 * delta, {"delta_e": delta}, stderr=0.2 * 0.5 * np.abs(delta), source="datcom"
         ),
         level=1.0,
@@ -401,7 +406,9 @@ def test_slope_and_offset_errors_are_distinguished_by_the_standard_errors():
     alpha = np.arange(-8, 21, 2.0) * DEG
     value = 0.1 + 5.0 * alpha
     P = prior_covariance(
-        terms.make(value, {"alpha": alpha}, stderr=np.hypot(0.05, 0.08 * value), source="datcom"),
+        terms.make_term(
+            value, {"alpha": alpha}, stderr=np.hypot(0.05, 0.08 * value), source="datcom"
+        ),
         level=1.0,
     )
     np.testing.assert_allclose(P, 0.05**2 + 0.08**2 * np.outer(value, value), rtol=1e-9)
@@ -416,7 +423,7 @@ def test_nodes_with_no_error_are_facts():
     leaves["CL/elevator"] = leaves["CL/elevator"].assign(stderr=leaves["CL/elevator"]["stderr"] * 0)
     new = tabulate(
         local_fits(drawn(prior_leaves(), np.random.default_rng(34)), np.random.default_rng(34)),
-        database(leaves, **ROOT),
+        make_database(leaves, **ROOT),
     )
     np.testing.assert_array_equal(new["CL/elevator"]["value"], leaves["CL/elevator"]["value"])
 
@@ -428,16 +435,19 @@ def test_unusable_input_is_refused_with_all_reasons():
     with pytest.raises(
         SchemaError, match=r"(?s)prior: 3 problems.*CL/basic has no stderr.*CL/qhat has no stderr"
     ):
-        tabulate([fit], database(bare, **ROOT))
+        tabulate([fit], make_database(bare, **ROOT))
     with pytest.raises(SchemaError, match="fits are of stability axes"):
-        tabulate([fit], database(leaves, **{**ROOT, "force_axes": "wind"}))
+        tabulate([fit], make_database(leaves, **{**ROOT, "force_axes": "wind"}))
     with pytest.raises(UnknownName, match="unknown held term 'CL/tab'"):
-        tabulate([fit], database(leaves, **ROOT), held=["CL/tab"])
+        tabulate([fit], make_database(leaves, **ROOT), held=["CL/tab"])
     with pytest.raises(IdentificationError, match="no fit"):
-        tabulate([], database(leaves, **ROOT))
-    hot = {**leaves, "CL/n1": terms.make(0.0, {}, ("engine1.n1",), stderr=1.0, source="datcom")}
+        tabulate([], make_database(leaves, **ROOT))
+    hot = {
+        **leaves,
+        "CL/n1": terms.make_term(0.0, {}, ("engine1.n1",), stderr=1.0, source="datcom"),
+    }
     with pytest.raises(UnknownName, match=r"unknown variable 'engine1.n1'"):
-        tabulate([fit], database(hot, **ROOT))
+        tabulate([fit], make_database(hot, **ROOT))
 
 
 def test_a_few_nodes_with_large_errors_do_not_decide_the_kind_of_the_others():
@@ -448,7 +458,7 @@ def test_a_few_nodes_with_large_errors_do_not_decide_the_kind_of_the_others():
     sd = np.hypot(0.02, 0.2 * value)
     sd[-2:] *= 2.0
     P = prior_covariance(
-        terms.make(value, {"alpha": np.arange(-8, 21, 2.0) * DEG}, stderr=sd, source="datcom")
+        terms.make_term(value, {"alpha": np.arange(-8, 21, 2.0) * DEG}, stderr=sd, source="datcom")
     )
     np.testing.assert_allclose(np.diag(P), sd**2, rtol=1e-12)
     zero = int(
@@ -496,8 +506,8 @@ def kinked():
     """
     alpha = np.arange(-8, 17, 2.0) * DEG
     value = 0.1 + 5.0 * alpha
-    leaf = terms.make(value, {"alpha": alpha}, stderr=np.full(13, 0.1), source="datcom")
-    db = database({"CL/basic": leaf}, **ROOT)
+    leaf = terms.make_term(value, {"alpha": alpha}, stderr=np.full(13, 0.1), source="datcom")
+    db = make_database({"CL/basic": leaf}, **ROOT)
     z, flown = [], []
     for seed in range(200):
         rng = np.random.default_rng(seed)
@@ -568,7 +578,7 @@ def test_the_weights_are_the_mode_whatever_the_start():
 def test_tables_do_not_change_by_more_than_what_rounding_changes_in_the_fits():
     leaves = prior_leaves()
     fits = local_fits(drawn(leaves, np.random.default_rng(51)), np.random.default_rng(51))
-    db = database(leaves, **ROOT)
+    db = make_database(leaves, **ROOT)
     first = tabulate(fits, db)
     for fit in fits:
         fit.estimates["estimate"] *= 1.0 + 1e-12
@@ -585,7 +595,7 @@ def test_source_flight_needs_samples_of_the_node_itself():
     leaves = prior_leaves()
     new = tabulate(
         [regress(LOCAL, record(leaves, np.random.default_rng(52), (5.0, 0.4, 0.3)))],
-        database(leaves, **ROOT),
+        make_database(leaves, **ROOT),
     )["CL/basic"]
     source = new["source"].sel(mach=0.3, method="nearest")
     flown = [
@@ -603,10 +613,12 @@ def test_a_drag_polar_over_the_measured_lift():
     3.4.
     """
     rng, true = np.random.default_rng(2), {"basic": 0.024, "induced": 0.05}
-    prior = database(
+    prior = make_database(
         {
-            "CD/basic": terms.make(0.03, stderr=0.01, source="datcom"),
-            "CD/induced": terms.make(0.04, regressors=["CL", "CL"], stderr=0.02, source="datcom"),
+            "CD/basic": terms.make_term(0.03, stderr=0.01, source="datcom"),
+            "CD/induced": terms.make_term(
+                0.04, regressors=["CL", "CL"], stderr=0.02, source="datcom"
+            ),
         },
         **ROOT,
     )
@@ -616,7 +628,7 @@ def test_a_drag_polar_over_the_measured_lift():
         CD = true["basic"] + true["induced"] * CL**2 + 2e-4 * rng.normal(size=len(t))
         fits.append(
             regress(
-                Model("CD", ["1", "CL^2"]),
+                RegressionModel("CD", ["1", "CL^2"]),
                 xr.Dataset({"CL": ("time", CL), "CD": ("time", CD)}, {"time": t}),
                 name,
             )
@@ -630,10 +642,10 @@ def test_a_drag_polar_over_the_measured_lift():
 
 def test_tables_that_flight_has_updated_once_can_be_updated_again():
     rng = np.random.default_rng(3)
-    truth, prior = drawn(prior_leaves(), rng), database(prior_leaves(), **ROOT)
+    truth, prior = drawn(prior_leaves(), rng), make_database(prior_leaves(), **ROOT)
     fits = local_fits(truth, rng)
     first = tabulate(fits[:4], prior)
-    again = tabulate(fits[4:], database({**prior_leaves(), **first.terms}, **ROOT))
+    again = tabulate(fits[4:], make_database({**prior_leaves(), **first.terms}, **ROOT))
     assert (again.points["rms"] <= again.points["rms_prior"]).all()
     for leaf in again.terms.values():
         assert (

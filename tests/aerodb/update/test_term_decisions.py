@@ -8,9 +8,9 @@ from click.testing import CliRunner
 
 import aerodb
 from aerodb.cli.group import db as group
-from aerodb.store.schema import database
+from aerodb.store.schema import make_database
 from aerodb.update.tabulation import tabulate
-from aerodb.update.term_decisions import decided, decisions
+from aerodb.update.term_decisions import add_decisions, decisions
 from flightmech import terms
 from tests.aerodb.update.test_tabulation import ROOT, drawn, local_fits, prior_leaves
 
@@ -23,9 +23,11 @@ def found():
     leaves = prior_leaves()
     rng = np.random.default_rng(3)
     truth = drawn(leaves, rng)
-    leaves["CL/gear"] = terms.make(0.0, {}, ("gear",), stderr=0.05, source="judgement")
-    leaves["CL/speedbrake"] = terms.make(-0.1, {}, ("speedbrake",), stderr=0.05, source="datcom")
-    prior = database(leaves, **ROOT)
+    leaves["CL/gear"] = terms.make_term(0.0, {}, ("gear",), stderr=0.05, source="judgement")
+    leaves["CL/speedbrake"] = terms.make_term(
+        -0.1, {}, ("speedbrake",), stderr=0.05, source="datcom"
+    )
+    prior = make_database(leaves, **ROOT)
     tabulation = tabulate(local_fits(truth, rng), prior)
     return tabulation, aerodb.replace_terms(prior, tabulation)
 
@@ -56,7 +58,9 @@ def test_terms_without_flights_are_kept_or_deleted(found):
     ],
 )  # fmt: skip
 def test_bounds_of_the_standard_error(ratio, value, source, expected):
-    before = {"CL/q": terms.make([value, value], {"alpha": [0.0, 0.1]}, stderr=0.1, source=source)}
+    before = {
+        "CL/q": terms.make_term([value, value], {"alpha": [0.0, 0.1]}, stderr=0.1, source=source)
+    }
     factor = np.zeros((1, 2))
     after = {
         name: leaf.assign_coords(component=[0.0], kind=[0.0, 1.0]).assign(
@@ -66,7 +70,7 @@ def test_bounds_of_the_standard_error(ratio, value, source, expected):
         )
         for name, leaf in before.items()
     }
-    made = decided(before, after, {"CL/q": np.array([True, False])})["CL/q"]
+    made = add_decisions(before, after, {"CL/q": np.array([True, False])})["CL/q"]
     assert made.attrs["decision"] == expected
     if source == "judgement" and expected == "replace":
         assert "zero within 0.0 standard errors: it may be left out" in made.attrs["reason"]
@@ -77,7 +81,7 @@ def test_terms_that_flights_determine_only_together_are_named(found):
     leaves = prior_leaves()
     leaves["CL/alphadothat"] = leaves["CL/qhat"].copy()
     rng = np.random.default_rng(4)
-    made = tabulate(local_fits(drawn(prior_leaves(), rng), rng), database(leaves, **ROOT))
+    made = tabulate(local_fits(drawn(prior_leaves(), rng), rng), make_database(leaves, **ROOT))
     assert (
         "with CL/alphadothat: the flights determine them together"
         in made.report.loc["CL/qhat", "reason"]

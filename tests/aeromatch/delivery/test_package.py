@@ -17,7 +17,7 @@ from aerodb.exchange.jsbsim.write import export_jsbsim
 from aeromatch.cli.delivery import package
 from aeromatch.delivery import flown_checks
 from aeromatch.delivery.jsbsim_flight import BANDS, PART, fly_by_jsbsim
-from aeromatch.delivery.verification import unpacked, verify_package
+from aeromatch.delivery.verification import unpack_package, verify_package
 from flightmech.errors import ParseError, SchemaError, SimulationError
 
 T37 = Path(__file__).parents[3] / "data" / "t37"
@@ -51,7 +51,7 @@ def model():
 def checks(model, tmp_path_factory):
     db, aircraft = model
     with_rudder = aerodb.replace_terms(
-        db, {"Cn/rudder": flightmech.terms.make(-0.08, regressors=["delta_r"])}
+        db, {"Cn/rudder": flightmech.terms.make_term(-0.08, regressors=["delta_r"])}
     )
     folder = tmp_path_factory.mktemp("checks")
     return (
@@ -76,7 +76,7 @@ def test_flown_checks_are_flown_again_from_their_file_alone(checks, tmp_path):
             flown_checks.fly_by_kernel(sim, case, facts),
             flown_checks.fly_by_fmu(fmu, case, facts),
         ):
-            ratio, worst = flown_checks.compared(case, found, tolerance)
+            ratio, worst = flown_checks.compare_outputs(case, found, tolerance)
             assert ratio < 0.01, worst
         moved = np.ptp(case[file.stem.removeprefix("cruise_")].values)
         assert moved == pytest.approx(2.0 * flown_checks.SIZE)
@@ -88,10 +88,10 @@ def test_flown_checks_are_flown_again_from_their_file_alone(checks, tmp_path):
 def test_another_aeroplane_does_not_agree(checks):
     files, db, aircraft = checks
     changed = aerodb.replace_terms(
-        db, {"Cn/rudder": flightmech.terms.make(-0.0801, regressors=["delta_r"])}
+        db, {"Cn/rudder": flightmech.terms.make_term(-0.0801, regressors=["delta_r"])}
     )
     case, facts, tolerance = flown_checks.read_flown_check(files[2])
-    ratio, _ = flown_checks.compared(
+    ratio, _ = flown_checks.compare_outputs(
         case,
         flown_checks.fly_by_kernel(flightmech.compile(aircraft, changed), case, facts),
         tolerance,
@@ -111,7 +111,7 @@ def test_jsbsim_flies_the_check_cases_and_finds_another_aeroplane(checks, tmp_pa
     allowed = {name: PART * band for name, band in BANDS.items()}
     for check in files:
         case, facts, _ = flown_checks.read_flown_check(check)
-        ratio, worst = flown_checks.compared(case, fly_by_jsbsim(file, case, facts), allowed)
+        ratio, worst = flown_checks.compare_outputs(case, fly_by_jsbsim(file, case, facts), allowed)
         assert ratio < 0.7, (
             check.name,
             worst,
@@ -119,7 +119,7 @@ def test_jsbsim_flies_the_check_cases_and_finds_another_aeroplane(checks, tmp_pa
     file.write_text(
         file.read_text().replace("metrics/cbarw-ft", "metrics/bw-ft")
     )  # moments by another length
-    ratio, worst = flown_checks.compared(case, fly_by_jsbsim(file, case, facts), allowed)
+    ratio, worst = flown_checks.compare_outputs(case, fly_by_jsbsim(file, case, facts), allowed)
     assert ratio > 1.0
     file.write_text("<fdm_config/>")
     with pytest.raises(SimulationError, match="no mass_balance; it is none that aeromatch exports"):
@@ -221,7 +221,7 @@ def test_a_package_is_made_twice_verified_harmed_and_compared(matched, tmp_path)
     lines[-1] = lines[-1].replace(lines[-1].split(",")[9], "99.0")
     file.write_text("\n".join(lines) + "\n")
     (tmp_path / "folder" / "more.txt").write_text("x")
-    with unpacked(tmp_path / "folder") as folder:
+    with unpack_package(tmp_path / "folder") as folder:
         bad = [item for item in verify_package(folder) if not item.good]
     assert {(item.kind, item.name.split("/")[-1].split(" ")[0]) for item in bad} >= {
         ("hash", file.name),

@@ -11,7 +11,7 @@ import pytest
 
 from aeromatch.planning.match_plan import MatchOptions, make_plan
 from aeromatch.project.project import read_project
-from aeromatch.project.sections import Engine, Flown, GroundEffect
+from aeromatch.project.sections import EngineSection, GroundEffectSection, RecordSelection
 from flightmech.errors import SchemaError
 from flightmech.support.kept_stages.stages import Stages
 from flightmech.support.kept_stages.store import StageStore
@@ -256,18 +256,19 @@ def test_submodels_whose_records_lack_their_channels(tmp_path):
         "t37_61_taxi_turns_slow",
         "t37_41_controls_on_ground",
     )
-    whole = Flown(records=(flight,), window=((1.0, 5.0),))
-    engine = Engine(
-        flown=(Flown(records=(ground,), window=((0.0, 2.0), (900.0, 901.0))),), engines=(1, 3)
+    whole = RecordSelection(records=(flight,), window=((1.0, 5.0),))
+    engine = EngineSection(
+        flown=(RecordSelection(records=(ground,), window=((0.0, 2.0), (900.0, 901.0))),),
+        engines=(1, 3),
     )
     wheel = project.controls["wheel"].model_copy(
         update={
-            "driven": (Flown(records=(column,), manoeuvres=("force_rudder",)),),
+            "driven": (RecordSelection(records=(column,), manoeuvres=("force_rudder",)),),
             "arm": 0.0,
             "free": (),
         }
     )
-    effect = GroundEffect(
+    effect = GroundEffectSection(
         flown=(whole,), models=("CL = 1 + alpha", "CL = 1 + alpha + delta_t"), ground=("Cm = 1",)
     )
     gear = project.gear.model_copy(update={"flown": (whole,)})

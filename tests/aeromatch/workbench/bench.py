@@ -127,10 +127,10 @@ def served(project: Path, work: Path, port: int = 0):
     """Yield a workbench that is served in a thread."""
     import uvicorn
 
-    from aeromatch.workbench.opened import Opened
+    from aeromatch.workbench.opened import OpenProject
     from aeromatch.workbench.server import Workbench
 
-    bench = Workbench(Opened(project, work), port)
+    bench = Workbench(OpenProject(project, work), port)
     bench.socket.listen(64)
     server = uvicorn.Server(uvicorn.Config(bench.app(), log_level="warning"))
     thread = threading.Thread(target=server.run, kwargs={"sockets": [bench.socket]}, daemon=True)

@@ -56,14 +56,14 @@ def database(damping: list[float], stderr: list[float], source: str) -> xr.DataT
         np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7]),
     )
     lift = 0.2 + 5.0 * alpha * (1.0 + mach[:, None])
-    basic = terms.make(
+    basic = terms.make_term(
         lift, {"mach": mach, "alpha": alpha}, stderr=np.full(lift.shape, 0.02), source="datcom"
     )
-    qhat = terms.make(
+    qhat = terms.make_term(
         damping, {"alpha": np.array([0.0, 4.0, 8.0]) * DEG}, ["qhat"], stderr=stderr, source=source
     )
-    flap = terms.make([0.0, 0.3], {"delta_f": np.array([0.0, 40.0]) * DEG}, source="datcom")
-    return aerodb.database({"CL/basic": basic, "CL/flap": flap, "Cm/qhat": qhat}, **ROOT)
+    flap = terms.make_term([0.0, 0.3], {"delta_f": np.array([0.0, 40.0]) * DEG}, source="datcom")
+    return aerodb.make_database({"CL/basic": basic, "CL/flap": flap, "Cm/qhat": qhat}, **ROOT)
 
 
 def flown() -> xr.DataTree:

@@ -15,13 +15,13 @@ from databases_bench import DATCOM, DEG, EDITED, FINAL, flown, project_with_data
 
 import aerodb
 from aeromatch.workbench import databases
-from aeromatch.workbench.opened import Opened
+from aeromatch.workbench.opened import OpenProject
 from flightmech.errors import SchemaError, UnknownName
 
 
 @pytest.fixture
 def opened(tmp_path):
-    return Opened(*project_with_databases(tmp_path))
+    return OpenProject(*project_with_databases(tmp_path))
 
 
 def term(opened, name, *files):

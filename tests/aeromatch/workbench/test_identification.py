@@ -24,7 +24,7 @@ from aeromatch.project.project import read_project
 from aeromatch.workbench import coefficients
 from aeromatch.workbench import identification as page
 from aeromatch.workbench.actions import demand_allowed, make_folders
-from aeromatch.workbench.opened import Opened
+from aeromatch.workbench.opened import OpenProject
 from aeromatch.workbench.processes import Jobs
 from aeromatch.workflow.submodels import spans_of
 from flightmech.errors import IdentificationError, OutOfRange, ParseError, SchemaError, UnknownName
@@ -44,7 +44,7 @@ def opened(tmp_path_factory):
     where a match leaves them.
     """
     folder = tmp_path_factory.mktemp("opened")
-    return Opened(
+    return OpenProject(
         reconstructed_project(folder / "t37", folder / "work", [FIRST, SECOND]), folder / "work"
     )
 
@@ -133,9 +133,9 @@ def test_the_fit_is_that_of_the_command_line(opened, tmp_path, more):
 @pytest.mark.slow
 def test_the_prior_is_what_the_tables_say(opened):
     shown = page.fit(opened, {}, wanted(opened, prior=PRIOR))
-    paths = page._parts(opened, page.Wanted(**wanted(opened)))
+    paths = page._parts(opened, page.FitRequest(**wanted(opened)))
     prior = prior_of(
-        flighttest.regress(flighttest.Model.parse(MODEL), paths),
+        flighttest.regress(flighttest.RegressionModel.parse(MODEL), paths),
         aerodb.open(opened.work / "match" / "datcom.nc"),
     )
     given = {
@@ -157,14 +157,14 @@ def test_the_prior_is_what_the_tables_say(opened):
 def test_partial_regression_has_the_estimate_as_its_slope(opened):
     """To rounding, with and without weights; the residual of the line is the residual of the fit."""
     for more in ({}, {"weights": "robust"}, {"intercepts": "separate", "weights": "manoeuvre"}):
-        found = page._fit(opened, page.Wanted(**wanted(opened, **more)))
+        found = page._fit(opened, page.FitRequest(**wanted(opened, **more)))
         for term, estimate in zip(
             found.estimates["term"].values, found.estimates["estimate"].values, strict=True
         ):
             x, y = page.partial_residuals(found, str(term))
             assert x @ y / (x @ x) == pytest.approx(estimate, rel=1e-9)
     in_band = wanted(opened, band=[0.1, 2.0])
-    found = page._fit(opened, page.Wanted(**in_band))
+    found = page._fit(opened, page.FitRequest(**in_band))
     assert found.estimates.attrs["domain"] == "frequency"
     for term in ("alpha", "qhat", "delta_e"):
         slope = page.partial(opened, {}, {"fit": in_band, "term": term})["slope"]
@@ -176,7 +176,7 @@ def test_partial_regression_has_the_estimate_as_its_slope(opened):
         row["term"]: row["estimate"] for row in page.fit(opened, {}, wanted(opened))["terms"]
     }
     assert shown["slope"] == pytest.approx(estimates["qhat"], rel=1e-9)
-    found = page._fit(opened, page.Wanted(**wanted(opened)))
+    found = page._fit(opened, page.FitRequest(**wanted(opened)))
     x, y = page.partial_residuals(found, "qhat")
     np.testing.assert_allclose(y - estimates["qhat"] * x, found.residual, atol=1e-12)
     with pytest.raises(UnknownName):
@@ -187,7 +187,7 @@ def test_the_spectrum_holds_the_variance(opened):
     """The density of a tone and of white noise in place of the residual: power at the tone, level
     of the noise.
     """
-    found = page._fit(opened, page.Wanted(**wanted(opened)))
+    found = page._fit(opened, page.FitRequest(**wanted(opened)))
     shown = page.spectrum(found)
     assert (shown["segments"], shown["left_out"]) == (2, 0)
     assert shown["frequency"][0] == pytest.approx(1.0 / 9.9)  # of the shorter window
@@ -215,7 +215,7 @@ def test_the_spectrum_holds_the_variance(opened):
 
 def test_samples_of_the_windows_one_after_another(opened):
     body = wanted(opened)
-    found = page._fit(opened, page.Wanted(**body))
+    found = page._fit(opened, page.FitRequest(**body))
     shown = page.samples(opened, {}, {"fit": body, "points": 4000})
     fitted = np.asarray(shown["fitted"])
     there = np.isfinite(fitted)
@@ -257,12 +257,12 @@ def test_entries_mean_the_same_windows(opened):
     """What is written into the project is read back as the windows of the page."""
     file = opened.file
     for names, count in ((PITCH, 1), (PITCH[:1], 1)):
-        body = page.Wanted(
+        body = page.FitRequest(
             **{**wanted(opened), "windows": windows(opened, FIRST, SECOND, names=names)}
         )
         assert len(page.entries(opened, body, "tried")) == count
     own = {"record": SECOND, "start": 10.0, "end": 20.0}
-    body = page.Wanted(**{**wanted(opened), "windows": [*windows(opened, FIRST), own]})
+    body = page.FitRequest(**{**wanted(opened), "windows": [*windows(opened, FIRST), own]})
     texts = page.entries(opened, body, "tried")
     before = file.read_text()
     known = len(opened.project.fits)
@@ -296,33 +296,37 @@ def test_coefficients_stay_for_a_later_server_and_make_room_for_what_is_used(ope
     """Another server reads them from the working folder, bit by bit the same; another low-pass or
     error is another file; old ones go.
     """
-    body = page.Wanted(**wanted(opened))
+    body = page.FitRequest(**wanted(opened))
     first = page._parts(opened, body)
     monkeypatch.setattr(flighttest, "coefficients", lambda *a, **b: pytest.fail("made again"))
-    again = page._parts(Opened(opened.file, opened.work), body)
+    again = page._parts(OpenProject(opened.file, opened.work), body)
     monkeypatch.undo()
     for one, other in zip(first, again, strict=True):
         xr.testing.assert_identical(one, other)
-    monkeypatch.setattr(coefficients, "program", lambda: "another one of the same version")
-    assert not coefficients._target(Opened(opened.file, opened.work), FIRST, 4.0).exists()
+    monkeypatch.setattr(
+        coefficients, "reconstruction_digest", lambda: "another one of the same version"
+    )
+    assert not coefficients._target(OpenProject(opened.file, opened.work), FIRST, 4.0).exists()
     monkeypatch.undo()
-    assert coefficients._target(Opened(opened.file, opened.work), FIRST, 4.0).exists()
+    assert coefficients._target(OpenProject(opened.file, opened.work), FIRST, 4.0).exists()
     whole = flighttest.coefficients(
         opened.path(FIRST), opened.aircraft, dict(opened.project.errors), 4.0
     )
     xr.testing.assert_identical(
-        again[0], flighttest.between(whole, body.windows[0].start, body.windows[0].end)
+        again[0], flighttest.select_time(whole, body.windows[0].start, body.windows[0].end)
     )
     folder = opened.work / coefficients.FOLDER
     known = set(folder.glob(f"{FIRST}_*.nc"))
-    page._parts(opened, page.Wanted(**wanted(opened, cutoff=3.0)))
+    page._parts(opened, page.FitRequest(**wanted(opened, cutoff=3.0)))
     (new,) = set(folder.glob(f"{FIRST}_*.nc")) - known
     monkeypatch.setattr(coefficients, "MOST_BYTES", 2 * new.stat().st_size)
-    page._parts(opened, page.Wanted(**wanted(opened, cutoff=3.5)))
+    page._parts(opened, page.FitRequest(**wanted(opened, cutoff=3.5)))
     left = {file.name for file in folder.glob("*.nc")}
     assert len(left) == 2
     assert new.name in left
-    page._parts(Opened(opened.file, opened.work), body)  # formed once more, since its file is gone
+    page._parts(
+        OpenProject(opened.file, opened.work), body
+    )  # formed once more, since its file is gone
 
 
 @pytest.mark.slow
@@ -370,7 +374,7 @@ def test_a_server_forms_coefficients_in_a_process_that_can_be_cancelled(opened, 
                 kept.load(),
                 flighttest.coefficients(path, opened.aircraft, dict(opened.project.errors), 2.7),
             )
-    here = page.fit(Opened(opened.file, opened.work), {}, body)
+    here = page.fit(OpenProject(opened.file, opened.work), {}, body)
     assert [row["estimate"] for row in shown["terms"]] == [row["estimate"] for row in here["terms"]]
 
 

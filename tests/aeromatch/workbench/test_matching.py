@@ -16,7 +16,7 @@ from bench import CASE, one_case_project
 import aerodb
 import pom
 from aeromatch.workbench import matching
-from aeromatch.workbench.opened import Opened
+from aeromatch.workbench.opened import OpenProject
 from aeromatch.workflow.steps import a_priori
 from flightmech.aircraft.writing import write_aircraft
 from flightmech.errors import AeromatchWarning, UnknownName
@@ -34,7 +34,7 @@ def opened(tmp_path_factory):
     stability, as a match and as a trial.
     """
     folder = tmp_path_factory.mktemp("opened")
-    opened = Opened(one_case_project(folder / "t37"), folder / "work")
+    opened = OpenProject(one_case_project(folder / "t37"), folder / "work")
     match, aircraft = opened.work / "match", opened.aircraft
     for place in (match, opened.work / "databases"):
         place.mkdir(parents=True)
@@ -58,7 +58,7 @@ def opened(tmp_path_factory):
 
 
 def test_a_project_that_has_not_been_matched(tmp_path):
-    opened = Opened(one_case_project(tmp_path / "t37"), tmp_path / "work")
+    opened = OpenProject(one_case_project(tmp_path / "t37"), tmp_path / "work")
     found = matching.match(opened, {}, None)
     assert found["project"] == "{project}/aeromatch.toml"
     assert [found[key] for key in ("reports", "models", "databases", "runs", "cases")] == [[]] * 5

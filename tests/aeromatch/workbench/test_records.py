@@ -15,7 +15,7 @@ from bench import RECORD, small_project
 import aerodb
 import flighttest
 from aeromatch.workbench import records
-from aeromatch.workbench.opened import FACTOR, Levels, Opened, traces
+from aeromatch.workbench.opened import FACTOR, Levels, OpenProject, traces
 from aeromatch.workflow.steps import a_priori
 from flightmech.aircraft.writing import write_aircraft
 from flightmech.errors import AeromatchWarning, SchemaError
@@ -25,7 +25,7 @@ from flightmech.steady_flight.trim_point import trimmed_at
 @pytest.fixture(scope="module")
 def opened(tmp_path_factory):
     folder = tmp_path_factory.mktemp("opened")
-    return Opened(small_project(folder / "t37"), folder / "work")
+    return OpenProject(small_project(folder / "t37"), folder / "work")
 
 
 def unpack(found):

@@ -17,7 +17,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from bench import PATIENCE, RECORD, T37, served, small_project
 
 from aeromatch.workbench import actions
-from aeromatch.workbench.actions import ActionError, Places
+from aeromatch.workbench.actions import ActionError, PlaceholderFolders
 from flightmech.errors import ParseError
 from flighttest.records.manoeuvre_table import read_manoeuvres
 
@@ -173,9 +173,9 @@ def test_actions_change_files_are_logged_and_replayed(client, tmp_path):
         "flight",
     ]  # what failed changed nothing
 
-    places = Places(project, client.bench.opened.work)
+    places = PlaceholderFolders(project, client.bench.opened.work)
     assert actions.to_do(entries, places) == []
-    other = Places(small_project(tmp_path / "t37").parent, tmp_path / "work")
+    other = PlaceholderFolders(small_project(tmp_path / "t37").parent, tmp_path / "work")
     assert actions.to_do(entries, other) == entries
     assert actions.carry_out(entries, other, lambda text: nullcontext()) == []
     for name in ("manoeuvres.csv", "aeromatch.toml"):

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import datcom_io
-from datcom_io.arrays.conditions import arrange
+from datcom_io.arrays.conditions import order_conditions
 
 CORPUS = Path(__file__).parents[3] / ".." / "shared" / "data" / "datcom"
 FILES = sorted(CORPUS.glob("*/*.out"))
@@ -18,7 +18,7 @@ PLACED = ("static", "dynamic", "high-lift", "auxiliary")
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.name)
 def test_pages_stand_at_the_conditions_of_the_cards(path):
     for case in datcom_io.read(path):
-        conditions, spots = arrange(case)
+        conditions, spots = order_conditions(case)
         schedule = case.deck.conditions()
         if conditions and schedule:
             assert len(conditions) == len(schedule)
@@ -41,7 +41,9 @@ def test_pages_stand_at_the_conditions_of_the_cards(path):
 
 def test_two_dimensions_of_conditions_stepped_three_ways():
     cases = datcom_io.read(CORPUS / "loop_modes" / "loop_modes.out")
-    orders = [[(round(at.mach, 3), round(at.h, 2)) for at in arrange(case)[0]] for case in cases]
+    orders = [
+        [(round(at.mach, 3), round(at.h, 2)) for at in order_conditions(case)[0]] for case in cases
+    ]
     assert [len(order) for order in orders] == [3, 6, 6]
     machs, heights = (
         [list(dict.fromkeys(pair[k] for pair in order)) for order in orders] for k in range(2)
@@ -63,7 +65,7 @@ def test_a_condition_that_comes_twice_is_two_with_all_of_its_pages():
     starts = [k for k, line in enumerate(lines) if line.startswith("1") and "AUTOMATED" in line]
     static = [k for k in starts if "ANGLE OF ATTACK" in lines[k + 1]]
     case = datcom_io.read([*lines[: static[1]], *lines[static[0] :]])[0]
-    conditions, spots = arrange(case)
+    conditions, spots = order_conditions(case)
     assert [at.mach for at in conditions][:2] == [0.15, 0.15]
     assert len(conditions) == 6
     kinds = [

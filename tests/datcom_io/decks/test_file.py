@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import datcom_io
-from datcom_io.decks.cards import Assignment, Card, Namelist
+from datcom_io.decks.cards import Card, Namelist, NamelistAssignment
 from datcom_io.decks.deck import make_deck
 from datcom_io.decks.deck_file import deck_text
 from datcom_io.decks.namelists import VARIABLES, value_text
@@ -153,7 +153,7 @@ def test_gaps_and_long_lists_are_written_between_values_only():
 
 def test_what_no_card_can_hold_is_refused(tmp_path):
     items = [
-        Namelist(1, "body", (Assignment(1, "X Y", 1, (float("nan"),)),)),
+        Namelist(1, "body", (NamelistAssignment(1, "X Y", 1, (float("nan"),)),)),
         Card(2, "CASEID", "A\nB"),
         Card(3, "CASEID", "C" * 75),
     ]
@@ -192,7 +192,7 @@ def assignments(draw, name):
             st.booleans() if size < 0 else _NUMBERS, min_size=1, max_size=abs(size) - start + 1
         )
     )
-    return Assignment(0, variable, start, tuple(values))
+    return NamelistAssignment(0, variable, start, tuple(values))
 
 
 @st.composite

@@ -10,7 +10,7 @@ import pytest
 import datcom_io
 from datcom_io.arrays.frames import write_cells
 from datcom_io.cells import OK, SUSPECT, read_cell
-from datcom_io.printout.tables import Table
+from datcom_io.printout.tables import PrintedTable
 from flightmech.errors import ParseError
 
 DATA = Path(__file__).parents[3] / "data" / "t37" / "datcom"
@@ -128,7 +128,7 @@ def slow_cells(item):
     """Yield line, column, text, value and flag of every cell of a table or a group of values, one
     by one.
     """
-    if isinstance(item, Table):
+    if isinstance(item, PrintedTable):
         for i, (row, line) in enumerate(zip(item.rows, item.lines)):
             for k, column in enumerate(item.columns):
                 part = row[column.first - 1 : column.last]
@@ -152,7 +152,11 @@ def test_cells_are_those_read_one_by_one(t37, name):
     wanted = [cell for item in printed for cell in slow_cells(item)]
     cells = listing.cells()
     headings = cells["line"].isin(
-        [item.across_line for item in printed if isinstance(item, Table) and item.across_line]
+        [
+            item.across_line
+            for item in printed
+            if isinstance(item, PrintedTable) and item.across_line
+        ]
     )
     assert not any(item.given is not None for page in listing.pages for item in page.printed)
     found = cells[~headings]

@@ -7,7 +7,7 @@ import pytest
 
 from flightmech.aircraft.aircraft import inertia, read_aircraft
 from flightmech.errors import ParseError, SchemaError
-from flightmech.terms import evaluate, make
+from flightmech.terms import evaluate, make_term
 
 GOOD = """
 name = "trainer"
@@ -52,7 +52,7 @@ def write(tmp_path):
 
 
 def test_a_good_file(write, tmp_path):
-    leaf = make([100.0, 2000.0], {"throttle": [0.0, 1.0]})
+    leaf = make_term([100.0, 2000.0], {"throttle": [0.0, 1.0]})
     leaf.to_netcdf(tmp_path / "engine.nc", engine="h5netcdf")
     aircraft = read_aircraft(write(GOOD))
     assert pytest.approx(182.0 * 0.3048**2) == aircraft.S

@@ -12,12 +12,12 @@ import pytest
 import xarray as xr
 
 import flightmech
-from flightmech.aircraft.engine import TARGETS, Deck, leaf_of, open_tables, write_tables
+from flightmech.aircraft.engine import TARGETS, EngineDeck, leaf_of, open_tables, write_tables
 from flightmech.aircraft.fuel import Fuel, Tank, tank_tables
 from flightmech.errors import SchemaError
 from flightmech.simulation import catalogue
-from flightmech.simulation.kernel import INPUT, PARAMETER, TARGET, known
-from flightmech.terms import evaluate, make
+from flightmech.simulation.kernel import INPUT, PARAMETER, TARGET, computable_names
+from flightmech.terms import evaluate, make_term
 
 FILE = """
 name = "deck"
@@ -115,7 +115,7 @@ def test_ram_drag_acts_at_the_engine_without_an_inlet(file):
 def test_targets_are_those_of_the_kernel():
     own = {
         row.pattern.removeprefix("engine*.")
-        for row in known(TARGET)
+        for row in computable_names(TARGET)
         if row.group in ("engine", "spool")
     }
     assert own == set(TARGETS)
@@ -142,7 +142,7 @@ def test_written_and_read_again(file, tmp_path):
         tables=tank_tables([Tank((1.0, 2.0, 3.0), 150.0), Tank((-1.0, 0.0, 0.0), 100.0, order=2)]),
     )
     two = replace(aircraft, engines=aircraft.engines * 2, fuel=tanks)
-    db = xr.DataTree.from_dict({"/CD/basic": make(0.0)})
+    db = xr.DataTree.from_dict({"/CD/basic": make_term(0.0)})
     for craft in (aircraft, two):
         again = flightmech.read_aircraft(flightmech.write_aircraft(craft, tmp_path / "again.toml"))
         assert flightmech.compile(again, db).block == flightmech.compile(craft, db).block
@@ -220,7 +220,7 @@ def test_fuel_beyond_the_tanks_is_refused(file):
 def test_an_axis_the_stage_does_not_know_is_refused(file):
     aircraft = flightmech.read_aircraft(file('regressors = ["qbar"]', 'regressors = ["dnz"]'))
     with pytest.raises(SchemaError, match="engine1/windmill_thrust"):
-        flightmech.compile(aircraft, xr.DataTree.from_dict({"/CD/basic": make(0.0)}))
+        flightmech.compile(aircraft, xr.DataTree.from_dict({"/CD/basic": make_term(0.0)}))
 
 
 def test_every_engine_has_a_deck_or_none(file):
@@ -230,15 +230,15 @@ def test_every_engine_has_a_deck_or_none(file):
     with pytest.raises(
         SchemaError, match="engine 2 has no deck and others have one; give every engine one or none"
     ):
-        flightmech.compile(aircraft, xr.DataTree.from_dict({"/CD/basic": make(0.0)}))
+        flightmech.compile(aircraft, xr.DataTree.from_dict({"/CD/basic": make_term(0.0)}))
 
 
 def test_deck_and_thrust_in_one_engine_are_refused(file):
     deck = flightmech.read_aircraft(file()).engines[0].deck
     with pytest.raises(SchemaError, match="thrust and deck are both given"):
-        flightmech.aircraft.Engine((0.0, 0.0, 0.0), thrust=make(1.0), deck=deck)
+        flightmech.aircraft.Engine((0.0, 0.0, 0.0), thrust=make_term(1.0), deck=deck)
     with pytest.raises(SchemaError, match="unknown table of an engine deck 'thrst'"):
-        Deck({**deck.tables, "thrst": make(1.0)})
+        EngineDeck({**deck.tables, "thrst": make_term(1.0)})
 
 
 def test_tables_of_tanks_are_exact_between_the_levels():
@@ -258,7 +258,7 @@ def test_tables_of_tanks_are_exact_between_the_levels():
 
 def test_unknown_table_of_the_fuel_is_refused():
     with pytest.raises(SchemaError, match="moment is no table of the fuel; allowed: moment_x"):
-        Fuel(100.0, tables={"moment": make(1.0)})
+        Fuel(100.0, tables={"moment": make_term(1.0)})
 
 
 def test_a_number_is_a_table_without_axes():

@@ -11,7 +11,7 @@ import pytest
 
 import flightmech
 from flightmech.errors import SchemaError
-from flightmech.terms import make
+from flightmech.terms import make_term
 
 DATA = Path(__file__).parents[3] / "data" / "t37"
 
@@ -103,7 +103,9 @@ def test_simple_engines_lend_thrust_and_lag():
         flightmech.Aircraft(
             **fields,
             engines=(
-                flightmech.aircraft.Engine((0.0, 0.0, 0.0), thrust=make(thrust), time_constant=lag),
+                flightmech.aircraft.Engine(
+                    (0.0, 0.0, 0.0), thrust=make_term(thrust), time_constant=lag
+                ),
             ),
         )
         for thrust, lag in ((1000.0, 1.0), (2000.0, 0.5))

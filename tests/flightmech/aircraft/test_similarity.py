@@ -12,17 +12,17 @@ import xarray as xr
 
 import flightmech
 from flightmech.aircraft.aircraft import Aircraft
-from flightmech.aircraft.controls import Control
+from flightmech.aircraft.controls import ControlGeometry
 from flightmech.aircraft.engine import Engine
 from flightmech.errors import SchemaError, UnknownName
-from flightmech.terms import make
+from flightmech.terms import make_term
 
 RATIO = 1.7
 
 
 @pytest.fixture(scope="module")
 def known() -> Aircraft:
-    thrust = make(
+    thrust = make_term(
         [[100.0, 80.0], [5000.0, 4000.0]],
         {"throttle": [0.0, 1.0], "mach": [0.0, 0.6]},
         stderr=50.0,
@@ -48,7 +48,10 @@ def known() -> Aircraft:
             "imu": {"position": [0.9, 0.2, 0.3], "noise": {"q": 1e-3}},
             "gps": {"delay": [0.1, 0.01]},
         },
-        controls={"delta_e": Control(1.6, 0.34, -1.1), "delta_a": Control(1.2, 0.25, -0.4)},
+        controls={
+            "delta_e": ControlGeometry(1.6, 0.34, -1.1),
+            "delta_a": ControlGeometry(1.2, 0.25, -0.4),
+        },
     )
 
 

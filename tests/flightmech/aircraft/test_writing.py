@@ -10,20 +10,20 @@ import xarray as xr
 
 import flightmech
 from flightmech.aircraft.aircraft import Aircraft
-from flightmech.aircraft.controls import Control
+from flightmech.aircraft.controls import ControlGeometry
 from flightmech.aircraft.engine import Engine
-from flightmech.terms import make
+from flightmech.terms import make_term
 
 
 def craft() -> Aircraft:
-    left = make(
+    left = make_term(
         [[100.0, 80.0], [5000.0, 4000.0]],
         {"throttle": [0.0, 1.0], "mach": [0.0, 0.6]},
         stderr=50.0,
         source="flight",
         comment='say "x"',
     )
-    right = make([90.0, 4900.0], {"throttle": [0.0, 1.0]})
+    right = make_term([90.0, 4900.0], {"throttle": [0.0, 1.0]})
     return Aircraft(
         'Trainer "A" \\ β',
         17.0,
@@ -53,7 +53,10 @@ def craft() -> Aircraft:
             },
             "gps": {},
         },
-        controls={"delta_e": Control(1.6, 0.34, -1.1), "delta_r": Control(0.9, 0.4)},
+        controls={
+            "delta_e": ControlGeometry(1.6, 0.34, -1.1),
+            "delta_r": ControlGeometry(0.9, 0.4),
+        },
         earth_outputs=True,
         history="first\nsecond",
     )
@@ -93,7 +96,7 @@ def test_engines_with_one_table_share_a_file(tmp_path):
 def test_the_t37_with_deck_gear_fuel_and_circuits(tmp_path):
     known = flightmech.read_aircraft(Path(__file__).parents[3] / "data" / "t37" / "aircraft.toml")
     gear = known.gear
-    strut = make([0.0, 20e3, 60e3], {"compression": [0.0, 0.1, 0.2]}, outside="linear")
+    strut = make_term([0.0, 20e3, 60e3], {"compression": [0.0, 0.1, 0.2]}, outside="linear")
     contacts = (
         dataclasses.replace(gear.contacts[0], strut=strut, orifice=900.0),
         *gear.contacts[1:],

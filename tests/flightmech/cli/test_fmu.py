@@ -13,9 +13,9 @@ from click.testing import CliRunner
 from flightmech.cli import fmu
 from flightmech.errors import ParseError, SchemaError
 from flightmech.simulation.compiler import compile_files
-from flightmech.support.hdf5_seal import sealed
-from flightmech.support.netcdf_trees import image
-from flightmech.terms import make
+from flightmech.support.hdf5_seal import add_seal
+from flightmech.support.netcdf_trees import encode_tree
+from flightmech.terms import make_term
 
 AIRCRAFT = """
 name = "Trainer"
@@ -34,7 +34,10 @@ thrust = { throttle = [0.0, 1.0], value = [200.0, 9000.0] }
 
 def tree() -> xr.DataTree:
     return xr.DataTree.from_dict(
-        {"/CL/basic": make([-0.8, 0.2, 1.4], {"alpha": [-0.2, 0.0, 0.3]}), "/CD/basic": make(0.03)}
+        {
+            "/CL/basic": make_term([-0.8, 0.2, 1.4], {"alpha": [-0.2, 0.0, 0.3]}),
+            "/CD/basic": make_term(0.03),
+        }
     )
 
 
@@ -65,8 +68,8 @@ def test_command_line_writes_and_shows(files, tmp_path, version):
 def test_a_sealed_database_with_a_changed_byte_is_refused(files, tmp_path, verb):
     """In a table, as half or twice a number, which nothing else shows."""
     aircraft, database = files
-    content = image(tree())
-    whole = bytearray(sealed(content, "database", None))
+    content = encode_tree(tree())
+    whole = bytearray(add_seal(content, "database", None))
     whole[content.index(np.float64(1.4).tobytes()) + 6] ^= 0x10
     (tmp_path / "trainer.nc").write_bytes(whole)
     (tmp_path / "inputs.csv").write_text("time,delta_e [deg]\n0,0\n1,0\n")
@@ -83,7 +86,7 @@ def test_a_sealed_database_with_a_changed_byte_is_refused(files, tmp_path, verb)
 @pytest.mark.slow
 def test_a_damaged_database_without_a_seal_is_an_error_of_ours_or_a_model(files):
     aircraft, database = files
-    content = image(tree())
+    content = encode_tree(tree())
     rng, refused = np.random.default_rng(4), 0
     for place, bit in zip(rng.integers(0, len(content), 60), rng.integers(0, 8, 60), strict=True):
         damaged = bytearray(content)

@@ -10,7 +10,7 @@ from click.testing import CliRunner
 import flightmech
 from flightmech.cli import fmu
 from flightmech.errors import ParseError, UnitError, UnknownName
-from flightmech.terms import make
+from flightmech.terms import make_term
 
 
 @pytest.fixture(scope="module")
@@ -20,9 +20,9 @@ def files(tmp_path_factory):
         name="glider", S=16.0, cbar=1.5, b=10.0, mass=900.0, Ixx=2000.0, Iyy=2500.0, Izz=4000.0
     )
     leaves = {
-        "CL/basic": make([-0.8, 1.6], {"alpha": [-0.2, 0.3]}),
-        "Cm/elevator": make(-1.2, regressors=["delta_e"]),
-        "Cm/qhat": make(-14.0, regressors=["qhat"]),
+        "CL/basic": make_term([-0.8, 1.6], {"alpha": [-0.2, 0.3]}),
+        "Cm/elevator": make_term(-1.2, regressors=["delta_e"]),
+        "Cm/qhat": make_term(-14.0, regressors=["qhat"]),
     }
     tree = xr.DataTree.from_dict({f"/{name}": leaf for name, leaf in leaves.items()})
     tree.to_netcdf(folder / "db.nc", engine="h5netcdf")

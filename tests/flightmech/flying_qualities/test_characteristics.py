@@ -10,22 +10,22 @@ import xarray as xr
 from scipy.optimize import brentq
 
 import flightmech
-from flightmech.aircraft.controls import Control
-from flightmech.aircraft.engine import Deck, Engine
+from flightmech.aircraft.controls import ControlGeometry
+from flightmech.aircraft.engine import Engine, EngineDeck
 from flightmech.errors import SchemaError, SimulationError, UnknownName
 from flightmech.simulation import catalogue, submodels
 from flightmech.simulation.kernel import VARIABLE
 from flightmech.steady_flight.trim_point import trimmed_at
-from flightmech.terms import make
+from flightmech.terms import make_term
 from flightmech.units import G0
 
 V, H = 90.0, 1500.0
 CONDITION = {"V": V, "h": H}
 HINGE = {"": 0.01, "alpha": -0.15, "delta_e": -0.45, "qhat": -2.0}
 CONTROLS = {
-    "delta_e": Control(1.6, 0.34, -1.1),
-    "delta_a": Control(1.2, 0.25, -0.4),
-    "delta_r": Control(0.9, 0.4, -2.0),
+    "delta_e": ControlGeometry(1.6, 0.34, -1.1),
+    "delta_a": ControlGeometry(1.2, 0.25, -0.4),
+    "delta_r": ControlGeometry(0.9, 0.4, -2.0),
 }
 LATERAL_HINGE = {"Ch_a": {"delta_a": -0.3, "alpha": 0.0}, "Ch_r": {"delta_r": -0.4, "beta": 0.1}}
 
@@ -313,7 +313,7 @@ def symmetric_jet(plain_aircraft, plain_tree, **engine):
     """Symmetric polar CD = 0.02 + 0.05 CL^2, twin engines 2 m apart."""
     engines = tuple(Engine((0.0, y, 0.0), **engine) for y in (-1.0, 1.0))
     alpha = np.radians([-10.0, 0.0, 10.0, 14.0, 18.0])
-    lift = make([-0.9, 0.0, 0.9, 1.26, 1.1], {"alpha": alpha})
+    lift = make_term([-0.9, 0.0, 0.9, 1.26, 1.1], {"alpha": alpha})
     slope = 0.9 / np.radians(10.0)
     db = plain_tree(
         CL={"": lift, "alpha": 0.0}, CD={"": 0.02, "alpha alpha": 0.05 * slope**2}, Cm={"": 0.0}
@@ -329,7 +329,9 @@ def jet(plain_aircraft, plain_tree):
     return symmetric_jet(
         plain_aircraft,
         plain_tree,
-        thrust=make([[0.0, 0.0], [5000.0, 0.0]], {"throttle": [0.0, 1.0], "h": [0.0, 12000.0]}),
+        thrust=make_term(
+            [[0.0, 0.0], [5000.0, 0.0]], {"throttle": [0.0, 1.0], "h": [0.0, 12000.0]}
+        ),
     )
 
 
@@ -338,14 +340,14 @@ def decked(plain_aircraft, plain_tree):
     """Corrected thrust over corrected N2, which the lever commands, and a fuel flow in proportion:
     2e-5 kg/s per N.
     """
-    speeds, time = {"corrected_n2": [0.5, 1.0]}, make(0.5)
+    speeds, time = {"corrected_n2": [0.5, 1.0]}, make_term(0.5)
     tables = {
-        "corrected_n2_command": make([0.5, 1.0], {"throttle": [0.0, 1.0]}),
+        "corrected_n2_command": make_term([0.5, 1.0], {"throttle": [0.0, 1.0]}),
         "n2_up_time": time,
-        "corrected_thrust": make([0.0, 6000.0], speeds),
-        "corrected_fuel_flow": make([0.0, 0.12], speeds),
+        "corrected_thrust": make_term([0.0, 6000.0], speeds),
+        "corrected_fuel_flow": make_term([0.0, 0.12], speeds),
     }
-    return symmetric_jet(plain_aircraft, plain_tree, deck=Deck(tables))
+    return symmetric_jet(plain_aircraft, plain_tree, deck=EngineDeck(tables))
 
 
 @pytest.mark.slow
@@ -440,7 +442,7 @@ def test_minimum_control_speed(plain_aircraft, plain_tree):
     """Balance of sideslip, ailerons and rudder at 5 degrees of bank, solved here by linear algebra
     at the speed found.
     """
-    thrust = make([0.0, 9000.0], {"throttle": [0.0, 1.0]})
+    thrust = make_term([0.0, 9000.0], {"throttle": [0.0, 1.0]})
     engines = tuple(Engine((0.0, y, 0.0), thrust=thrust) for y in (-1.5, 1.5))
     db = plain_tree(Cn={"delta_r": -0.06})
     craft = plain_aircraft(engines=engines)
@@ -482,7 +484,9 @@ def test_what_is_absent_states_why(plain_aircraft, plain_tree):
     assert "no [control.delta_e]" in reason(half, "stick_force_per_g")
     assert np.isfinite(value(half, "neutral_point_free"))
     loose = flightmech.characteristics(
-        plain_aircraft(controls={"delta_e": Control(1.6, 0.34)}), plain_tree(Ch_e=HINGE), CONDITION
+        plain_aircraft(controls={"delta_e": ControlGeometry(1.6, 0.34)}),
+        plain_tree(Ch_e=HINGE),
+        CONDITION,
     )
     assert "gives no gearing in [control.delta_e]" in reason(loose, "stick_force_per_g")
 
@@ -585,8 +589,8 @@ def test_force_axes_of_the_database_do_not_matter(axes, plain_aircraft, plain_tr
             for node in tree.leaves
             if node.path[1:3] not in ("CL", "CD")
         }
-        leaves["/CX/basic"] = make(CL * np.sin(alpha) - CD * np.cos(alpha), {"alpha": alpha})
-        leaves["/CZ/basic"] = make(-CL * np.cos(alpha) - CD * np.sin(alpha), {"alpha": alpha})
+        leaves["/CX/basic"] = make_term(CL * np.sin(alpha) - CD * np.cos(alpha), {"alpha": alpha})
+        leaves["/CZ/basic"] = make_term(-CL * np.cos(alpha) - CD * np.sin(alpha), {"alpha": alpha})
         tree = xr.DataTree.from_dict(leaves)
         tree.attrs["force_axes"] = "body"
     other = flightmech.characteristics(plain_aircraft(), tree, CONDITION)

@@ -7,7 +7,7 @@ import struct
 import pytest
 
 from flightmech.errors import SchemaError
-from flightmech.fmu_export.fmu_file import binaries, compiled
+from flightmech.fmu_export.fmu_file import binaries, find_libraries
 
 ALL = {
     "x86_64-linux": b"A",
@@ -58,4 +58,4 @@ def test_linux_on_arm_alone_needs_fmi3():
 
 def test_no_library_states_how_to_get_one(tmp_path):
     with pytest.raises(SchemaError, match=r"no compiled kernel .* run 'python hatch_build.py'"):
-        compiled(tmp_path)
+        find_libraries(tmp_path)

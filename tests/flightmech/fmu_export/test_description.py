@@ -10,18 +10,18 @@ import pytest
 from fmpy import read_model_description
 
 from flightmech.errors import SchemaError
-from flightmech.fmu_export.description import Description, Variable, identifier
+from flightmech.fmu_export.description import Description, FmuVariable, identifier
 from flightmech.fmu_export.model_description import base_units, xml
 
 VARIABLES = (
-    Variable("delta_e", "input", 1000, "rad", "deg", "elevator deflection", 0.0, -0.3, 0.2),
-    Variable("V", "output", 10000, "m s-1", "kt", "true airspeed"),
-    Variable("temperature", "output", 10001, "K", "degC", "ambient temperature"),
-    Variable(
+    FmuVariable("delta_e", "input", 1000, "rad", "deg", "elevator deflection", 0.0, -0.3, 0.2),
+    FmuVariable("V", "output", 10000, "m s-1", "kt", "true airspeed"),
+    FmuVariable("temperature", "output", 10001, "K", "degC", "ambient temperature"),
+    FmuVariable(
         "init.V", "parameter", 100000, "m s-1", "kt", "true airspeed at the start", 80.0, fixed=True
     ),
-    Variable("mode.trim", "parameter", 100001, "1", "1", "trim at the start", 1.0, fixed=True),
-    Variable(
+    FmuVariable("mode.trim", "parameter", 100001, "1", "1", "trim at the start", 1.0, fixed=True),
+    FmuVariable(
         "term.CL.gear", "parameter", 100002, "1", "1", "scale <of> the \"term\" & 'more'", 1.0
     ),
 )
@@ -111,6 +111,6 @@ def test_identifier(title, expected):
 
 
 def test_a_name_that_no_importer_takes_is_refused():
-    bad = Variable("term.CL.flap 40", "parameter", 100003, "1", "1", "", 1.0)
+    bad = FmuVariable("term.CL.flap 40", "parameter", 100003, "1", "1", "", 1.0)
     with pytest.raises(SchemaError, match=r"'term.CL.flap 40' is no FMI variable name"):
         Description("x", "x", "0", "aeromatch", 0.01, (*VARIABLES, bad))

@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from xml.etree import ElementTree as ET
 
-from flightmech.fmu_export.description import Description, Variable, describe
-from flightmech.fmu_export.documentation import Axis, html
+from flightmech.fmu_export.description import Description, FmuVariable, describe
+from flightmech.fmu_export.documentation import PageAxis, html
 from flightmech.fmu_export.fmu_file import _documentation
 from flightmech.simulation.kernel import STATE
 
@@ -17,9 +17,9 @@ DESCRIPTION = Description(
     "aeromatch",
     0.01,
     (
-        Variable("delta_e", "input", 1000, "rad", "deg", "elevator deflection", 0.0, -0.5),
-        Variable("V", "output", 10000, "m s-1", "kt", "true airspeed"),
-        Variable(
+        FmuVariable("delta_e", "input", 1000, "rad", "deg", "elevator deflection", 0.0, -0.5),
+        FmuVariable("V", "output", 10000, "m s-1", "kt", "true airspeed"),
+        FmuVariable(
             "init.V",
             "parameter",
             100000,
@@ -29,7 +29,9 @@ DESCRIPTION = Description(
             92.6,
             fixed=True,
         ),
-        Variable("mode.trim", "parameter", 100001, "1", "1", "trim at the start", 1.0, fixed=True),
+        FmuVariable(
+            "mode.trim", "parameter", 100001, "1", "1", "trim at the start", 1.0, fixed=True
+        ),
     ),
 )
 META = {
@@ -45,7 +47,7 @@ META = {
 def tables() -> dict[str, list[list[str]]]:
     """Return the rows of every table under its heading."""
     page = html(
-        DESCRIPTION, ["CL/basic", "Cm/qhat"], [Axis("alpha", "rad", -0.1, 0.25, "held")], META
+        DESCRIPTION, ["CL/basic", "Cm/qhat"], [PageAxis("alpha", "rad", -0.1, 0.25, "held")], META
     )
     body = page[page.index("<body>") : page.index("</html>")].replace(" class=n", "")
     found, heading = {}, ""

@@ -13,7 +13,7 @@ from fmpy.fmi1 import FMICallException
 
 from flightmech.fmu_export.description import NOMINAL
 from flightmech.simulation.kernel import OUTPUT
-from flightmech.simulation.run import prepared
+from flightmech.simulation.run import initialise_run
 
 VERSIONS = ("2.0", "3.0")
 # no feed-through: an output that jumps with an input is recorded on either side of the jump
@@ -184,7 +184,7 @@ def test_what_is_not_among_the_dependencies_has_no_effect(
 ):
     trainer = request.getfixturevalue(name)
     model = fmpy.read_model_description(str((fmus if name == "trainer" else whole)["3.0"]))
-    run = prepared(trainer, {**condition, "mode.earth": earth}, np.zeros(len(trainer.inputs)))
+    run = initialise_run(trainer, {**condition, "mode.earth": earth}, np.zeros(len(trainer.inputs)))
     rows = [row.name for row in trainer.entries(OUTPUT)]
     state, u = run.state, np.zeros(len(trainer.inputs))
     states = [v.name for v in model.modelVariables if v.name.startswith("state.")]

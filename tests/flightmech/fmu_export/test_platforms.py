@@ -19,7 +19,7 @@ from fmpy.validation import validate_fmu
 
 import flightmech
 from flightmech.fmu_export import fmu_file as writer
-from flightmech.fmu_export.fmu_file import compiled
+from flightmech.fmu_export.fmu_file import find_libraries
 
 ROOT = Path(__file__).parents[3]
 ARM_LIBRARIES = "/usr/aarch64-linux-gnu"
@@ -52,7 +52,7 @@ def libraries(tmp_path_factory) -> dict[str, bytes]:
         check=True,
         timeout=30000,
     )
-    return compiled(folder)
+    return find_libraries(folder)
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +79,7 @@ def unpacked(trainer, libraries, tmp_path_factory) -> Path:
     """An FMU with all libraries, unpacked."""
     folder = tmp_path_factory.mktemp("all")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(writer, "compiled", lambda: libraries)
+        patch.setattr(writer, "find_libraries", lambda: libraries)
         flightmech.write_fmu(trainer, folder / "two.fmu", "2.0")
         path = flightmech.write_fmu(trainer, folder / "all.fmu", "3.0")
     assert validate_fmu(str(path)) == []

@@ -18,7 +18,7 @@ from flightmech.fmu_export.documentation import (
     RIGHT,
     TOP,
     WIDTH,
-    Span,
+    AxisSpan,
     axes_of,
     figures,
 )
@@ -86,7 +86,7 @@ def test_a_constant_is_reported(drawn):
 def test_a_model_without_variables_has_its_values():
     aircraft = flightmech.Aircraft("constant", 17.0, 1.7, 10.3, 2300.0, 10800.0, 8100.0, 15100.0)
     sim = flightmech.compile(
-        aircraft, xr.DataTree.from_dict({"/CL/basic": flightmech.terms.make(0.3)})
+        aircraft, xr.DataTree.from_dict({"/CL/basic": flightmech.terms.make_term(0.3)})
     )
     assert list(sim.entries(VARIABLE)) == []
     assert [(figure.term, figure.svg, figure.value) for figure in figures(sim)] == [
@@ -95,9 +95,9 @@ def test_a_model_without_variables_has_its_values():
 
 
 def test_an_axis_is_also_its_own_regressor(plain):
-    from flightmech.terms import make
+    from flightmech.terms import make_term
 
-    sim = plain(CD={"extra": make([1.0, 3.0], {"alpha": [0.0, 0.2]}, ["alpha"])})
+    sim = plain(CD={"extra": make_term([1.0, 3.0], {"alpha": [0.0, 0.2]}, ["alpha"])})
     figure = next(figure for figure in figures(sim) if figure.term == "CD/extra")
     (curve,) = curves(figure.svg)
     # (1 + 10 alpha) alpha, 0 ... 0.6
@@ -110,20 +110,20 @@ def test_an_axis_is_also_its_own_regressor(plain):
 def test_axes_are_read_back_as_the_compiler_wrote_them():
     text = "alpha -11.46 ... 17.19 deg (4), mach 0.1 ... 0.6 (2), gear.nose.compression 0 m (1), V 10 ... 20 m s-1 (3)"
     assert axes_of(text) == [
-        Span("alpha", pytest.approx(-11.46 * DEG), pytest.approx(17.19 * DEG), 4),
-        Span("mach", 0.1, 0.6, 2),
-        Span("gear.nose.compression", 0.0, 0.0, 1),
-        Span("V", 10.0, 20.0, 3),
+        AxisSpan("alpha", pytest.approx(-11.46 * DEG), pytest.approx(17.19 * DEG), 4),
+        AxisSpan("mach", 0.1, 0.6, 2),
+        AxisSpan("gear.nose.compression", 0.0, 0.0, 1),
+        AxisSpan("V", 10.0, 20.0, 3),
     ]
 
 
 def test_the_axis_with_the_most_nodes_runs_as_far_as_anything_changes(plain):
-    from flightmech.terms import make
+    from flightmech.terms import make_term
 
     value = np.array([[1.0, 0.5, 0.1, 0.0, 0.0], [2.0, 1.0, 0.2, 0.0, 0.0]])
     sim = plain(
         CL={
-            "ground": make(
+            "ground": make_term(
                 value, {"delta_f": [0.0, 0.5], "h_agl": [0.0, 4.0, 10.0, 20.0, 30_000.0]}
             )
         }

@@ -13,7 +13,7 @@ import flightmech
 from flightmech.air import atmosphere
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.steady_flight import linear_model as linear
-from flightmech.terms import make
+from flightmech.terms import make_term
 from flightmech.units import G0
 
 V, H = 90.0, 1500.0
@@ -151,7 +151,7 @@ def test_engine_states_and_inputs(trainer):
 
 
 def test_slope_on_a_breakpoint_is_the_mean_and_reported(plain):
-    vee = make([0.02, 0.0, 0.01], {"beta": [-0.1, 0.0, 0.1]})
+    vee = make_term([0.02, 0.0, 0.01], {"beta": [-0.1, 0.0, 0.1]})
     found = flightmech.linearize(plain(Cn={"beta": 0.1, "vee": vee}), LEVEL)
     smooth = flightmech.linearize(plain(), LEVEL)
     assert found.attrs["kinks"] == "beta"
@@ -161,7 +161,7 @@ def test_slope_on_a_breakpoint_is_the_mean_and_reported(plain):
 
 
 def test_a_wide_step_averages_cells(plain):
-    kinked = make([-0.05, 0.0, 0.0], {"alpha": [-0.5, 0.0, 0.5]})
+    kinked = make_term([-0.05, 0.0, 0.0], {"alpha": [-0.5, 0.0, 0.5]})
     sim = plain(Cm={"kinked": kinked})
     alpha = float(flightmech.linearize(sim, LEVEL)["x"].sel(state="alpha"))
     narrow = flightmech.linearize(sim, LEVEL)["A"].sel(state="q", state_="alpha")

@@ -16,7 +16,7 @@ import xarray as xr
 
 import flightmech
 from flightmech.aircraft.engine import Engine
-from flightmech.terms import make
+from flightmech.terms import make_term
 from flightmech.units import FOOT, INCH, POUND, SLUG
 
 jsbsim = pytest.importorskip("jsbsim", reason="jsbsim is not installed: pip install jsbsim")
@@ -71,7 +71,7 @@ def leaf(product: ET.Element) -> xr.Dataset | None:
             value, regressors = -np.asarray(value), [*regressors, "delta_a"]
         elif word not in FACTORS | GROUND:
             regressors.append(REGRESSOR[word])
-    return make(value, axes, regressors)
+    return make_term(value, axes, regressors)
 
 
 @pytest.fixture(scope="module")

@@ -10,28 +10,28 @@ import xarray as xr
 from scipy.linalg import expm
 
 import flightmech
-from flightmech.aircraft.engine import Deck
+from flightmech.aircraft.engine import EngineDeck
 from flightmech.aircraft.fuel import Fuel
 from flightmech.aircraft.landing_gear import Contact, LandingGear, Steering
 from flightmech.errors import UnknownName
 from flightmech.simulation.kernel import STATE
 from flightmech.steady_flight import linear_model as linear
 from flightmech.steady_flight.trim_search import start_of
-from flightmech.terms import make
+from flightmech.terms import make_term
 from flightmech.units import G0
 
 V, H = 90.0, 1500.0
 LEVEL = {"init.V": V, "init.h": H, "mode.engine": 0.0}
 UP, N1_UP = 0.5, 0.4
 DECK = {
-    "n2_command": make([0.5, 1.0], {"throttle": [0.0, 1.0]}),
-    "n2_up_time": make(UP),
-    "n2_down_time": make(UP),
-    "n1_command": make([0.2, 0.9], {"n2": [0.5, 1.0]}),
-    "n1_up_time": make(N1_UP),
-    "n1_down_time": make(N1_UP),
-    "corrected_thrust": make([0.0, 8000.0], {"n1": [0.0, 1.0]}),
-    "fuel_flow": make([0.02, 0.12], {"n2": [0.5, 1.0]}),
+    "n2_command": make_term([0.5, 1.0], {"throttle": [0.0, 1.0]}),
+    "n2_up_time": make_term(UP),
+    "n2_down_time": make_term(UP),
+    "n1_command": make_term([0.2, 0.9], {"n2": [0.5, 1.0]}),
+    "n1_up_time": make_term(N1_UP),
+    "n1_down_time": make_term(N1_UP),
+    "corrected_thrust": make_term([0.0, 8000.0], {"n1": [0.0, 1.0]}),
+    "fuel_flow": make_term([0.02, 0.12], {"n2": [0.5, 1.0]}),
 }
 RUNWAY_STATES = ("V", "alpha", "q", "theta", "h", "beta", "p", "r", "phi", "psi")
 
@@ -39,7 +39,7 @@ RUNWAY_STATES = ("V", "alpha", "q", "theta", "h", "beta", "p", "r", "phi", "psi"
 @pytest.fixture(scope="module")
 def decked(plain, plain_aircraft) -> flightmech.SimModel:
     """The plain jet with one full deck and a tank at the centre of gravity."""
-    engine = flightmech.aircraft.Engine((0.0, 0.0, 0.0), deck=Deck(DECK))
+    engine = flightmech.aircraft.Engine((0.0, 0.0, 0.0), deck=EngineDeck(DECK))
     return plain(plain_aircraft(engines=(engine,), fuel=Fuel(300.0)))
 
 

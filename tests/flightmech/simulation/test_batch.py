@@ -8,7 +8,7 @@ import xarray as xr
 
 import flightmech
 from flightmech.errors import SchemaError, SimulationError, UnknownName
-from flightmech.terms import make
+from flightmech.terms import make_term
 
 
 @pytest.fixture(scope="module")
@@ -18,17 +18,17 @@ def sim() -> flightmech.SimModel:
     )
     alpha = [-0.2, 0.0, 0.2, 0.4]
     leaves = {
-        "CL/basic": make([-0.8, 0.3, 1.3, 1.5], {"alpha": alpha}),
-        "CL/alphadothat": make(1.5, regressors=["alphadothat"]),
-        "CD/basic": make([0.05, 0.02, 0.08, 0.3], {"alpha": alpha}),
-        "CY/beta": make(-0.5, regressors=["beta"]),
-        "Cl/beta": make(-0.08, regressors=["beta"]),
-        "Cl/phat": make(-0.45, regressors=["phat"]),
-        "Cm/basic": make([0.2, 0.03, -0.15, -0.4], {"alpha": alpha}),
-        "Cm/qhat": make(-14.0, regressors=["qhat"]),
-        "Cm/elevator": make(-1.2, regressors=["delta_e"]),
-        "Cn/beta": make(0.1, regressors=["beta"]),
-        "Cn/rhat": make(-0.12, regressors=["rhat"]),
+        "CL/basic": make_term([-0.8, 0.3, 1.3, 1.5], {"alpha": alpha}),
+        "CL/alphadothat": make_term(1.5, regressors=["alphadothat"]),
+        "CD/basic": make_term([0.05, 0.02, 0.08, 0.3], {"alpha": alpha}),
+        "CY/beta": make_term(-0.5, regressors=["beta"]),
+        "Cl/beta": make_term(-0.08, regressors=["beta"]),
+        "Cl/phat": make_term(-0.45, regressors=["phat"]),
+        "Cm/basic": make_term([0.2, 0.03, -0.15, -0.4], {"alpha": alpha}),
+        "Cm/qhat": make_term(-14.0, regressors=["qhat"]),
+        "Cm/elevator": make_term(-1.2, regressors=["delta_e"]),
+        "Cn/beta": make_term(0.1, regressors=["beta"]),
+        "Cn/rhat": make_term(-0.12, regressors=["rhat"]),
     }
     return flightmech.compile(
         craft, xr.DataTree.from_dict({f"/{name}": leaf for name, leaf in leaves.items()})

@@ -20,7 +20,7 @@ def sim():
     words = {"Cl/phat": ["phat"], "Cl/aileron": ["delta_a"]}
     tree = {"/": xr.Dataset(attrs={"S": S, "cbar": CBAR, "b": B, "force_axes": "stability"})}
     tree |= {
-        f"/{name}": terms.make(value, regressors=words.get(name, []))
+        f"/{name}": terms.make_term(value, regressors=words.get(name, []))
         for name, value in leaves.items()
     }
     craft = flightmech.Aircraft("roll", S, CBAR, B, 1000.0, IXX, 2000.0, 3000.0)

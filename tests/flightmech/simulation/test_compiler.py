@@ -19,9 +19,9 @@ from flightmech.simulation.kernel import (
     PARAMETER,
     TERM,
     VARIABLE,
-    known,
+    computable_names,
 )
-from flightmech.terms import make
+from flightmech.terms import make_term
 from flightmech.units import parse
 
 
@@ -44,17 +44,17 @@ def refused(db: xr.DataTree, **changes) -> list[str]:
 
 
 def test_all_problems_at_once():
-    broken = make(1.0)
+    broken = make_term(1.0)
     broken.attrs["regressors"] = "fuel_flow"
     problems = refused(
         tree(
             {"force_axes": "stability", "S": 16.0},
-            CL__a=make([1.0, 2.0], {"V_cas": [50.0, 60.0]}),
+            CL__a=make_term([1.0, 2.0], {"V_cas": [50.0, 60.0]}),
             CL__b=broken,
-            CX__c=make(0.1),
-            Cm__d=make([1.0, 2.0], {"alphadothat": [0.0, 1.0]}),
-            Cn__e=make(1.0, regressors=["dnz", "betadothat"]),
-            Cl__f=make(1.0, regressors=["throttle"]),
+            CX__c=make_term(0.1),
+            Cm__d=make_term([1.0, 2.0], {"alphadothat": [0.0, 1.0]}),
+            Cn__e=make_term(1.0, regressors=["dnz", "betadothat"]),
+            Cl__f=make_term(1.0, regressors=["throttle"]),
         )
     )
     text = "\n".join(problems)
@@ -72,7 +72,7 @@ def test_all_problems_at_once():
 
 
 def test_a_broken_leaf_is_named():
-    leaf = make([1.0, 2.0], {"alpha": [0.0, 1.0]})
+    leaf = make_term([1.0, 2.0], {"alpha": [0.0, 1.0]})
     leaf["value"].values[0] = np.nan
     assert refused(tree(CL__basic=leaf)) == [
         "CL/basic: value holds 1 NaN or infinite nodes of 2; trim or fill the table first"
@@ -82,10 +82,10 @@ def test_a_broken_leaf_is_named():
 def test_a_table_that_would_not_fly_is_an_error():
     problems = refused(
         tree(
-            CL=make(0.2),
-            CD__flap__slotted=make(0.1),
-            CD__flap=make(0.1),
-            checks__flown__once=make(0.0),
+            CL=make_term(0.2),
+            CD__flap__slotted=make_term(0.1),
+            CD__flap=make_term(0.1),
+            checks__flown__once=make_term(0.0),
         )
     )
     assert problems == [
@@ -96,17 +96,17 @@ def test_a_table_that_would_not_fly_is_an_error():
 
 def test_force_axes():
     assert "attribute force_axes is 'earth'; allowed: stability, wind, body" in refused(
-        tree({"force_axes": "earth"}, CL__a=make(1.0))
+        tree({"force_axes": "earth"}, CL__a=make_term(1.0))
     )
     sim = flightmech.compile(
-        aircraft(), tree({"force_axes": "body"}, CX__a=make(-0.02), CZ__a=make(-0.5))
+        aircraft(), tree({"force_axes": "body"}, CX__a=make_term(-0.02), CZ__a=make_term(-0.5))
     )
     assert sim.terms == ("CX/a", "CZ/a")
     assert sim.meta["force_axes"] == "body"
 
 
 def test_moment_reference_must_agree():
-    problems = refused(tree({"x_ref": -3.0}, CL__a=make(1.0)), reference=(-2.5, 0.0, 0.0))
+    problems = refused(tree({"x_ref": -3.0}, CL__a=make_term(1.0)), reference=(-2.5, 0.0, 0.0))
     assert problems == [
         "x_ref is -3 m in the database and -2.5 m in the aircraft; move the moment reference"
     ]
@@ -114,11 +114,11 @@ def test_moment_reference_must_agree():
 
 def test_names_follow_the_vocabulary_and_units_parse():
     engine = flightmech.aircraft.Engine(
-        (0.0, 0.0, 0.0), thrust=make([0.0, 900.0], {"throttle": [0.0, 1.0]})
+        (0.0, 0.0, 0.0), thrust=make_term([0.0, 900.0], {"throttle": [0.0, 1.0]})
     )
     sim = flightmech.compile(
         aircraft(engines=(engine,)),
-        tree(CL__basic=make(0.4), Cm__qhat=make(-9.0, regressors=["qhat"])),
+        tree(CL__basic=make_term(0.4), Cm__qhat=make_term(-9.0, regressors=["qhat"])),
     )
     assert sim.inputs[-2:] == ("engine1.throttle", "engine1.thrust_drive")
     assert sim.outputs[-1] == "engine1.thrust"
@@ -139,7 +139,9 @@ def test_names_follow_the_vocabulary_and_units_parse():
 
 
 def test_flags_and_ranges():
-    sim = flightmech.compile(aircraft(limits={"delta_e": (-0.3, 0.2)}), tree(CL__basic=make(0.4)))
+    sim = flightmech.compile(
+        aircraft(limits={"delta_e": (-0.3, 0.2)}), tree(CL__basic=make_term(0.4))
+    )
     parameters = {row.name: row for row in sim.entries(PARAMETER)}
     assert parameters["mode.trim"].flags == FIXED | INTEGER
     assert parameters["init.h"].flags == FIXED
@@ -151,20 +153,20 @@ def test_flags_and_ranges():
 
 
 def test_engine_leaf_may_not_depend_on_what_it_makes():
-    engine = flightmech.aircraft.Engine((0.0, 0.0, 0.0), thrust=make(1.0, regressors=["dnz"]))
-    assert refused(tree(CL__a=make(1.0)), engines=(engine,)) == [
+    engine = flightmech.aircraft.Engine((0.0, 0.0, 0.0), thrust=make_term(1.0, regressors=["dnz"]))
+    assert refused(tree(CL__a=make_term(1.0)), engines=(engine,)) == [
         "engine1/thrust: regressor: dnz is found only after this table is evaluated; it cannot depend on it"
     ]
 
 
 def test_every_vocabulary_variable_of_the_kernel_is_known():
-    for name in known(VARIABLE):
+    for name in computable_names(VARIABLE):
         assert name.group or lookup(name.pattern)
 
 
 def test_provenance_travels_in_the_block():
     sim = flightmech.compile(
-        aircraft(), tree({"source": "wind tunnel"}, CL__basic=make(0.4, comment="guess"))
+        aircraft(), tree({"source": "wind tunnel"}, CL__basic=make_term(0.4, comment="guess"))
     )
     assert sim.title == "glider"
     assert sim.meta["database"]["source"] == "wind tunnel"
@@ -173,7 +175,7 @@ def test_provenance_travels_in_the_block():
 
 def test_a_tree_and_its_file_compile_to_the_same_block(tmp_path):
     written = tree(
-        {"S": 15, "revision": 3, "flights": 12.5, "source": "wind tunnel"}, CL__basic=make(0.4)
+        {"S": 15, "revision": 3, "flights": 12.5, "source": "wind tunnel"}, CL__basic=make_term(0.4)
     )
     written.to_netcdf(tmp_path / "db.nc", engine="h5netcdf")
     read = xr.open_datatree(tmp_path / "db.nc", engine="h5netcdf")
@@ -191,13 +193,13 @@ def test_a_tree_and_its_file_compile_to_the_same_block(tmp_path):
 def test_range_and_sources_of_each_term_travel_in_the_block():
     flap = xr.DataArray([0.5, 1.0], {"delta_f": np.radians([0.0, 40.0])}, ("delta_f",))
     alpha = np.radians([-8.0, 0.0, 20.0])
-    leaf = make(
+    leaf = make_term(
         np.ones((3, 2)), {"alpha": alpha, "mach": [0.1, 0.6]}, ["qhat"], K1=flap, source="datcom"
     )
     leaf["source"][1:, 0] = 1
-    slice_ = make([0.3], {"h": [1524.0]}, source="judgement")
+    slice_ = make_term([0.3], {"h": [1524.0]}, source="judgement")
     terms = flightmech.compile(
-        aircraft(), tree(Cm__qhat=leaf, CL__slice=slice_, CD__constant=make(0.02))
+        aircraft(), tree(Cm__qhat=leaf, CL__slice=slice_, CD__constant=make_term(0.02))
     ).meta["terms"]
     assert terms["Cm/qhat"] == {
         "axes": "delta_f 0 ... 40 deg (2), alpha -8 ... 20 deg (3), mach 0.1 ... 0.6 (2)",
@@ -215,7 +217,11 @@ def test_no_table_runs_over_what_the_simulation_solves_for(table, axis):
     only.
     """
     over = xr.DataArray([0.0, 1.0], {axis: [0.0, 1.0]}, (axis,))
-    leaf = make([0.0, 1.0], {axis: [0.0, 1.0]}) if table == "value" else make(1.0, **{table: over})
+    leaf = (
+        make_term([0.0, 1.0], {axis: [0.0, 1.0]})
+        if table == "value"
+        else make_term(1.0, **{table: over})
+    )
     assert refused(tree(Cm__a=leaf)) == [
         f"Cm/a: {axis} cannot be an axis, the simulation solves for it; make it a regressor"
     ]
@@ -226,11 +232,11 @@ def test_no_table_runs_over_what_the_simulation_solves_for(table, axis):
 )
 def test_a_term_holds_one_of_what_the_simulation_solves_for(pair):
     text = "only one of alphadothat, betadothat, dnz can be solved for in a term"
-    assert refused(tree(Cm__a=make(1.0, regressors=pair))) == [
+    assert refused(tree(Cm__a=make_term(1.0, regressors=pair))) == [
         f"Cm/a: regressors {' '.join(pair)}: {text}"
     ]
 
 
 def test_what_the_simulation_solves_for_may_be_scaled_by_anything_else():
-    leaf = make([1.0, 2.0], {"mach": [0.1, 0.6]}, ["alphadothat", "alpha"])
+    leaf = make_term([1.0, 2.0], {"mach": [0.1, 0.6]}, ["alphadothat", "alpha"])
     assert flightmech.compile(aircraft(), tree(Cm__a=leaf)).terms == ("Cm/a",)

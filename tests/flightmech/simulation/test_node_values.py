@@ -9,7 +9,7 @@ import xarray as xr
 import flightmech
 from flightmech.errors import SchemaError
 from flightmech.simulation.node_values import table_values, with_table_values
-from flightmech.terms import make
+from flightmech.terms import make_term
 
 CRAFT = flightmech.Aircraft(
     name="glider", S=16.0, cbar=1.5, b=10.0, mass=900.0, Ixx=2000.0, Iyy=2500.0, Izz=4000.0
@@ -20,12 +20,12 @@ WIDE = np.array([[-0.8, 0.3, 1.3, 1.5], [-0.9, 0.2, 1.2, 1.6]])
 
 def compiled(scale=1.0):
     leaves = {
-        "CL/basic": make(scale * WIDE, {"mach": MACH, "alpha": ALPHA}),
-        "CD/basic": make(
+        "CL/basic": make_term(scale * WIDE, {"mach": MACH, "alpha": ALPHA}),
+        "CD/basic": make_term(
             0.1 * WIDE**2, {"mach": MACH, "alpha": ALPHA}
         ),  # side by side with the lift: the same axes
-        "Cm/elevator": make(-1.2 * scale, regressors=["delta_e"]),
-        "Cm/basic": make(scale * np.array([0.2, 0.03, -0.15, -0.4]), {"alpha": ALPHA}),
+        "Cm/elevator": make_term(-1.2 * scale, regressors=["delta_e"]),
+        "Cm/basic": make_term(scale * np.array([0.2, 0.03, -0.15, -0.4]), {"alpha": ALPHA}),
     }
     return flightmech.compile(
         CRAFT, xr.DataTree.from_dict({f"/{name}": leaf for name, leaf in leaves.items()})

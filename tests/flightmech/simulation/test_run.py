@@ -11,7 +11,7 @@ import xarray as xr
 import flightmech
 from flightmech.errors import SchemaError, SimulationError, UnknownName
 from flightmech.simulation.kernel import Stepping
-from flightmech.simulation.run import constant_inputs, prepared
+from flightmech.simulation.run import constant_inputs, initialise_run
 
 TRIMMED = {"init.V": 90.0, "init.h": 3000.0, "mode.trim": 2.0}
 
@@ -139,7 +139,7 @@ def test_trim_dataset(trainer):
 def test_steps_through_arrays_in_place_are_those_of_single_calls(trainer):
     values = TRIMMED
     u = constant_inputs(trainer, values)
-    one, other = prepared(trainer, values, u), prepared(trainer, values, u)
+    one, other = initialise_run(trainer, values, u), initialise_run(trainer, values, u)
     run = Stepping(other)
     for k in range(20):
         ends = np.stack([u, u])

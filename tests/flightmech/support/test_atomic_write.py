@@ -243,7 +243,7 @@ def test_the_folder_of_an_interrupted_exchange_is_the_complete_new_one(tmp_path,
         killed_at(step, lambda: filled(target, "new")) and not target.exists()
         for step in range(1, 20)
     )
-    assert atomic_write.exchangeable(target) == target
+    assert atomic_write.resolve_folder(target) == target
     assert (target / "a.txt").read_text() == "new"
 
 

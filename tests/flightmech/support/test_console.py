@@ -13,10 +13,10 @@ from flightmech.support.console import (
     NewFile,
     _plain_lines,
     _rich_lines,
-    plain,
+    print_remark,
     progress,
-    remark,
     table,
+    to_json_types,
 )
 
 
@@ -36,7 +36,7 @@ def test_a_long_line_is_not_broken_for_a_program(capsys):
 
 
 def test_plain_makes_null_of_what_json_lacks():
-    assert plain({"a": math.nan, "b": (1, math.inf), "c": None}) == {
+    assert to_json_types({"a": math.nan, "b": (1, math.inf), "c": None}) == {
         "a": None,
         "b": [1, None],
         "c": None,
@@ -86,7 +86,7 @@ def test_progress_of_work_that_prints_has_a_line_of_its_own(capsys, monkeypatch)
 
 def test_control_characters_of_a_name_are_printed_as_codes(capsys):
     table(["name"], [["q\x1b[31m\u202ex"]], title="a\x9bb\x07")
-    remark("r\x08")
+    print_remark("r\x08")
     printed = capsys.readouterr()
     assert printed.out == "a\\x9bb\\x07\nname\nq\\x1b[31m\\u202ex\n"
     assert printed.err == "r\\x08\n"

@@ -11,7 +11,7 @@ import scipy.io
 import aerodb
 import datcom_io
 import flighttest
-from aerodb.exchange.recognition import recognized
+from aerodb.exchange.recognition import recognise_format
 from flightmech.errors import ParseError, SchemaError
 from flightmech.support import input_files as texts
 from flightmech.support import input_files as toml_text
@@ -96,7 +96,7 @@ READERS = [
     datcom_io.exchange.read_matlab,
     aerodb.open,
     aerodb.exchange.import_matlab,
-    recognized,
+    recognise_format,
     flighttest.read,
     flighttest.readers.read_names,
     read_manoeuvres,

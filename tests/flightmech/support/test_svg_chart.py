@@ -11,7 +11,7 @@ from flightmech.support import figures as svg_chart
 def test_lines_keep_their_shape_with_few_points():
     x = np.linspace(0, 600, 3001)
     y = 80 + 50 * np.sin(x / 40) + np.where(np.abs(x - 300) < 0.3, 30, 0)
-    keep = svg_chart.essential(x, y, 0.15)
+    keep = svg_chart.simplify_line(x, y, 0.15)
     assert len(keep) < 300
     assert np.abs(np.interp(x, x[keep], y[keep]) - y).max() <= 0.15
 
@@ -37,13 +37,13 @@ def test_the_points_kept_are_those_of_the_pieces_one_by_one(slack):
             np.zeros(count),
         ):
             kept = [0, *divided(x, y, slack, 0, count - 1), count - 1]
-            assert svg_chart.essential(x, y, slack).tolist() == kept
-    assert svg_chart.essential(np.zeros(1), np.zeros(1)).tolist() == [0]
+            assert svg_chart.simplify_line(x, y, slack).tolist() == kept
+    assert svg_chart.simplify_line(np.zeros(1), np.zeros(1)).tolist() == [0]
 
 
 def test_several_points_at_one_place_end_the_search():
     """The interpolation sees one of them: the others stay wrong, whether they are kept or not."""
-    keep = svg_chart.essential(
+    keep = svg_chart.simplify_line(
         np.array([0.0, 1.0, 1.0, 1.0, 2.0]), np.array([0.0, 5.0, 0.0, 5.0, 0.0]), 0.1
     ).tolist()
     assert keep[0] == 0
@@ -80,11 +80,11 @@ def test_limits_hold_all_finite_values_and_are_never_equal():
 def test_thinning_keeps_the_ends_of_every_part_and_the_gaps():
     y = np.random.default_rng(1).normal(size=10_000)
     y[2000:3000] = np.nan
-    kept = svg_chart.thinned(y, 100)
+    kept = svg_chart.thin_to_extremes(y, 100)
     assert len(kept) <= 200
     assert {int(np.nanargmin(y)), int(np.nanargmax(y))} <= set(kept.tolist())
     assert np.isnan(y[kept]).sum() == 10  # one for every part of 100 samples
-    np.testing.assert_array_equal(svg_chart.thinned(y[:200], 100), np.arange(200))
+    np.testing.assert_array_equal(svg_chart.thin_to_extremes(y[:200], 100), np.arange(200))
 
 
 def test_texts_are_escaped():

@@ -8,7 +8,7 @@ import xarray as xr
 from scipy.signal import lfilter, lsim
 
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
-from flighttest.remarks import barred
+from flighttest.remarks import is_forbidden
 from flighttest.submodels.aircraft_properties.eigenmotion import fit_motion
 
 SIGMA, OMEGA = 0.2, 2.0
@@ -147,7 +147,7 @@ def test_a_motion_that_is_alone_is_the_same_in_other_windows():
     for seed in range(5):
         found = fit_motion(free(0.05, seed), ["r", "p"])
         assert len(found.moved) == 6
-        assert not barred(found.remarks)
+        assert not is_forbidden(found.remarks)
 
 
 def test_windows_of_a_driven_motion_hold_its_input():
@@ -157,7 +157,7 @@ def test_windows_of_a_driven_motion_hold_its_input():
         0.5,
         1.0,
     }  # the control begins to move at 1 s
-    assert not barred(found.remarks)
+    assert not is_forbidden(found.remarks)
 
 
 def coloured(seed, tau, duration=12.0, step=0.1):
@@ -178,7 +178,7 @@ def test_a_quiet_stretch_gives_no_figure(tau):
     passed = 0
     for seed in range(40):
         try:
-            passed += not barred(fit_motion(coloured(seed, tau), ["r"]).remarks)
+            passed += not is_forbidden(fit_motion(coloured(seed, tau), ["r"]).remarks)
         except IdentificationError:
             continue
     assert passed <= 3
@@ -198,7 +198,7 @@ def test_a_slow_curve_is_no_oscillation():
             found = fit_motion(xr.Dataset({"V": ("time", drift)}, {"time": t}), ["V"])
         except IdentificationError:
             continue
-        passed += not barred(found.remarks)
+        passed += not is_forbidden(found.remarks)
         shares.append(found.share)
     assert passed <= 2
     assert max(shares) > 0.99
@@ -208,12 +208,12 @@ def test_a_slow_curve_is_no_oscillation():
 @pytest.mark.slow
 def test_an_excited_motion_carries_no_error():
     for seed in range(10):
-        assert not barred(fit_motion(free(0.05, seed), ["r", "p"]).remarks)
+        assert not is_forbidden(fit_motion(free(0.05, seed), ["r", "p"]).remarks)
     found = fit_motion(free(0.05), ["r", "p"])
     assert found.F_probability < 1e-6
     assert "amplitudes: F(4, " in found.report()
     for kind in ("oscillation", "aperiodic"):
-        assert not barred(
+        assert not is_forbidden(
             fit_motion(driven(kind), ["rate"], kind, ["control"], trend=False).remarks
         )
 

@@ -6,14 +6,14 @@ import xarray as xr
 from scipy.signal import lfilter
 
 from flightmech.errors import IdentificationError, UnknownName
-from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.submodels.aircraft_properties.inertia import inertia_from_flight
 
 TRUE = {"Ixx": 11000.0, "Iyy": 8000.0, "Izz": 15000.0, "Ixz": 900.0}
 MODELS = {
     m.coefficient: m
     for m in map(
-        Model.parse,
+        RegressionModel.parse,
         (
             "Cl = 1 + beta + phat + rhat + delta_a",
             "Cm = 1 + alpha + qhat + delta_e",

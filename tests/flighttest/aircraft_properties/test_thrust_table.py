@@ -5,10 +5,10 @@ from scipy.signal import lfilter
 
 import flighttest
 from flightmech.errors import IdentificationError, UnknownName
-from flightmech.terms import evaluate, make
+from flightmech.terms import evaluate, make_term
 
 AXES = {"throttle": [0.0, 0.5, 1.0], "mach": [0.0, 0.4]}
-TABLE = make([[300.0, 150.0], [1500.0, 1000.0], [4500.0, 3800.0]], AXES)
+TABLE = make_term([[300.0, 150.0], [1500.0, 1000.0], [4500.0, 3800.0]], AXES)
 TAU = 1.4
 
 

@@ -19,7 +19,7 @@ from flightmech.errors import (
     SchemaError,
     UnknownName,
 )
-from flightmech.terms import make
+from flightmech.terms import make_term
 from flighttest.cli.group import flight
 
 TRUTH = {"term.Cm.basic": 1.1, "term.Cm.qhat": 0.8, "term.Cm.elevator": 1.15, "term.CL.basic": 1.05}
@@ -95,11 +95,11 @@ def model(tmp_path_factory):
     )
     alpha = [-0.2, 0.0, 0.2, 0.4]
     leaves = {
-        "/CL/basic": make([-0.8, 0.3, 1.3, 1.5], {"alpha": alpha}),
-        "/CD/basic": make([0.05, 0.02, 0.08, 0.3], {"alpha": alpha}),
-        "/Cm/basic": make([0.2, 0.03, -0.15, -0.4], {"alpha": alpha}),
-        "/Cm/qhat": make(-14.0, regressors=["qhat"]),
-        "/Cm/elevator": make(-1.2, regressors=["delta_e"]),
+        "/CL/basic": make_term([-0.8, 0.3, 1.3, 1.5], {"alpha": alpha}),
+        "/CD/basic": make_term([0.05, 0.02, 0.08, 0.3], {"alpha": alpha}),
+        "/Cm/basic": make_term([0.2, 0.03, -0.15, -0.4], {"alpha": alpha}),
+        "/Cm/qhat": make_term(-14.0, regressors=["qhat"]),
+        "/Cm/elevator": make_term(-1.2, regressors=["delta_e"]),
     }
     about = {
         "title": "glider",

@@ -172,7 +172,7 @@ def test_in_frequency_with_a_ridge_and_with_the_prior_of_a_database(files, tmp_p
         )["ridge"]
         == 0.1
     )
-    leaf = terms.make(np.array(-0.4), {}, ["beta"], stderr=np.array(0.1), source="datcom")
+    leaf = terms.make_term(np.array(-0.4), {}, ["beta"], stderr=np.array(0.1), source="datcom")
     xr.DataTree.from_dict({"/": xr.Dataset(attrs=REFERENCE), "/CY/beta": leaf}).to_netcdf(
         tmp_path / "prior.nc", engine="h5netcdf"
     )
@@ -290,10 +290,10 @@ def test_fits_join_the_tables_of_a_database(files):
     """A prior of -0.4 and 0.1 with errors of 0.2; the record was made with -0.5 and 0.2."""
     base, folder = files
     leaves = {
-        "CY/beta": terms.make(-0.4, {}, ["beta"], stderr=0.2, source="datcom"),
-        "CY/rudder": terms.make(0.1, {}, ["delta_r"], stderr=0.2, source="judgement"),
+        "CY/beta": terms.make_term(-0.4, {}, ["beta"], stderr=0.2, source="datcom"),
+        "CY/rudder": terms.make_term(0.1, {}, ["delta_r"], stderr=0.2, source="judgement"),
     }
-    aerodb.save(aerodb.database(leaves, **REFERENCE), folder / "prior.nc")
+    aerodb.save(aerodb.make_database(leaves, **REFERENCE), folder / "prior.nc")
     run(*base, "--model", "CY = 1 + beta + delta_r", "-o", str(folder / "fit.nc"))
     words = [str(folder / "fit.nc"), "--database", str(folder / "prior.nc")]
     done = CliRunner().invoke(
@@ -340,8 +340,8 @@ def test_fits_join_the_tables_of_a_database(files):
 @pytest.mark.filterwarnings("ignore:incompatible fits")  # without the control they are
 def test_a_rudder_without_a_table_stops_or_is_a_warning(files):
     base, folder = files
-    alone = {"CY/beta": terms.make(-0.5, {}, ["beta"], stderr=0.2, source="datcom")}
-    aerodb.save(aerodb.database(alone, **REFERENCE), folder / "clean.nc")
+    alone = {"CY/beta": terms.make_term(-0.5, {}, ["beta"], stderr=0.2, source="datcom")}
+    aerodb.save(aerodb.make_database(alone, **REFERENCE), folder / "clean.nc")
     run(*base, "--model", "CY = 1 + beta + delta_r", "-o", str(folder / "fit.nc"))
     words = [
         str(folder / "fit.nc"),

@@ -4,9 +4,9 @@ import xarray as xr
 
 from flightmech.errors import IdentificationError, UnknownName
 from flighttest.regression.combining.data_partition import bins, fit_bins
-from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.model import RegressionModel
 
-MODEL = Model.parse("CL = 1 + alpha + delta_e")
+MODEL = RegressionModel.parse("CL = 1 + alpha + delta_e")
 EDGES = {"alpha": np.radians([0.0, 5.0, 10.0, 15.0, 25.0])}
 
 
@@ -64,4 +64,4 @@ def test_bad_edges_and_hopeless_bins_are_refused():
         IdentificationError,
         match=r"no bin gave a fit\n  - bin 0: CL = 1 \+ mach: mach does not move",
     ):
-        fit_bins(Model.parse("CL = 1 + mach"), bending(), {"alpha": [0.0, 0.5]})
+        fit_bins(RegressionModel.parse("CL = 1 + mach"), bending(), {"alpha": [0.0, 0.5]})

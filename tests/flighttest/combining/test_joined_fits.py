@@ -6,7 +6,7 @@ from flightmech.errors import IdentificationError
 from flighttest.regression.combining.joined_fits import join_fits
 from flighttest.regression.combining.pooling import pool
 from flighttest.regression.equation_error.frequency_domain import regress_frequency
-from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
 
 
@@ -69,7 +69,7 @@ def test_terms_of_some_fits_and_fits_of_both_domains():
     runs = [
         regress(LIFT, data[0]),
         regress_frequency(LIFT, data[1], (0.1, 1.0)),
-        regress(Model.parse("CL = 1 + alpha"), data[2]),
+        regress(RegressionModel.parse("CL = 1 + alpha"), data[2]),
     ]
     joined = join_fits(runs, "inverse_sigma")
     assert joined.estimates["count"].sel(term="qhat") == 2

@@ -34,14 +34,14 @@ def leaves(bend=1.0):
     """Pitching moment that bends with alpha, and changes with Mach number."""
     basic = 0.05 - 0.5 * ALPHA[:, None] - bend * ALPHA[:, None] ** 2 * np.array([1.0, 1.2])
     return {
-        "Cm/basic": terms.make(
+        "Cm/basic": terms.make_term(
             basic, {"alpha": ALPHA, "mach": [0.2, 0.4]}, stderr=0.05, source="datcom"
         ),
-        "Cm/qhat": terms.make(
+        "Cm/qhat": terms.make_term(
             [-14.0, -15.0], {"mach": [0.2, 0.4]}, ["qhat"], stderr=3.0, source="datcom"
         ),
-        "Cm/alphadothat": terms.make(-6.0, {}, ["alphadothat"], stderr=2.0, source="datcom"),
-        "Cm/elevator": terms.make(
+        "Cm/alphadothat": terms.make_term(-6.0, {}, ["alphadothat"], stderr=2.0, source="datcom"),
+        "Cm/elevator": terms.make_term(
             np.full(len(ALPHA), -1.4), {"alpha": ALPHA}, ["delta_e"], stderr=0.3, source="datcom"
         ),
     }
@@ -75,7 +75,7 @@ def test_one_condition_is_a_tangent_of_the_tables():
 
 
 def test_an_expansion_about_a_point_has_the_value_of_the_tables_there():
-    model = flighttest.Model("Cm", ["1", "alpha"], {"alpha": 0.1})
+    model = flighttest.RegressionModel("Cm", ["1", "alpha"], {"alpha": 0.1})
     found = expected(
         flighttest.combining.published_fit(
             model, {"1": 0.0, "alpha": -0.6}, {"1": 0.01, "alpha": 0.1}, AT
@@ -100,7 +100,7 @@ def test_a_range_is_the_least_squares_line_through_the_tables():
     # 33 points along a range: ends weigh more than in an integral
     np.testing.assert_allclose([found["alpha"], found["1"]], line, rtol=0.02)
     curved = "Cm = 1 + alpha + alpha**2 + ramp(alpha, 8 deg) + delta_e + alpha*delta_e"
-    model = flighttest.Model.parse(curved)
+    model = flighttest.RegressionModel.parse(curved)
     ones = dict.fromkeys(model.terms, 1.0)
     found = expected(
         flighttest.combining.published_fit(
@@ -156,8 +156,8 @@ def flown(tables, seed):
 
 def test_tables_learn_the_same_from_the_published_numbers_as_from_the_samples():
     """The tables bend, the model is straight: only the range shows what its slope is a slope of."""
-    prior, truth = aerodb.database(leaves(0.0), **ROOT), leaves(1.0)
-    fit = flighttest.regress(flighttest.Model.parse(LOCAL), flown(truth, 1), "samples")
+    prior, truth = aerodb.make_database(leaves(0.0), **ROOT), leaves(1.0)
+    fit = flighttest.regress(flighttest.RegressionModel.parse(LOCAL), flown(truth, 1), "samples")
     e = fit.estimates
     values, stderr = (
         {t: float(e[key].sel(term=t)) for t in VALUES} for key in ("estimate", "stderr")
@@ -195,7 +195,7 @@ def test_two_standard_errors_cover_the_tables_after_published_models():
         seen = expected(fit, truth)
         values = {t: seen[t] + STDERR[t] * rng.normal() for t in VALUES}
         fit = flighttest.combining.published_fit(LOCAL, values, STDERR, AT | {"alpha": (0.0, 0.15)})
-        new = aerodb.tabulate([fit], aerodb.database(prior, **ROOT))
+        new = aerodb.tabulate([fit], aerodb.make_database(prior, **ROOT))
         inside += [
             np.mean(np.abs(new[k]["value"] - truth[k]["value"]) < 2 * new[k]["stderr"]) for k in new
         ]
@@ -204,7 +204,7 @@ def test_two_standard_errors_cover_the_tables_after_published_models():
 
 def test_published_and_flown_fits_are_joined():
     truth = leaves(0.0)
-    fit = flighttest.regress(flighttest.Model.parse(LOCAL), flown(truth, 2), "flight")
+    fit = flighttest.regress(flighttest.RegressionModel.parse(LOCAL), flown(truth, 2), "flight")
     printed = flighttest.combining.published_fit(LOCAL, VALUES, STDERR, AT, name="paper")
     joined = flighttest.combining.join_fits([fit, printed])
     for term in ("qhat", "delta_e"):
@@ -285,6 +285,6 @@ def test_bad_publications_are_refused_with_every_problem():
         LOCAL, VALUES, STDERR, {key: x for key, x in AT.items() if key != "mach"}
     )
     with pytest.raises(UnknownName, match="mach"):
-        aerodb.tabulate([fit], aerodb.database(leaves(), **ROOT))
+        aerodb.tabulate([fit], aerodb.make_database(leaves(), **ROOT))
     with pytest.raises(IdentificationError, match="published values have no residuals"):
         flighttest.equation_error.bootstrap(fit)

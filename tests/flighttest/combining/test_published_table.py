@@ -8,7 +8,7 @@ import xarray as xr
 from click.testing import CliRunner
 
 import aerodb
-from aerodb.store.schema import database
+from aerodb.store.schema import make_database
 from flightmech import terms
 from flightmech.errors import ParseError, SchemaError
 from flighttest.cli.group import flight
@@ -47,9 +47,9 @@ def test_rows_become_the_fits_of_their_values(file):
     cm, cl = read_published(file)
     values = {"1": 0.03, "alpha": -0.0098 / DEG, "qhat": -17.6, "delta_e": -1.16}
     stderr = {"1": 0.01, "alpha": 0.001 / DEG, "qhat": 1.8, "delta_e": 0.12}
-    from flighttest.regression.equation_error.model import Model
+    from flighttest.regression.equation_error.model import RegressionModel
 
-    model = Model("Cm", list(values), {"alpha": 5 * DEG})
+    model = RegressionModel("Cm", list(values), {"alpha": 5 * DEG})
     at = {"mach": 0.27, "alpha": (2 * DEG, 8 * DEG), "delta_e": (-3 * DEG, 1 * DEG), "qhat": 0.0}
     expected = published_fit(model, values, stderr, at, name="paper 1")
     assert cm.name == "paper 1"
@@ -130,13 +130,13 @@ def test_thirty_six_points_of_which_one_is_wrong_reduce_the_error_of_the_tables(
     """
     alpha, mach = np.arange(-4, 13, 2.0) * DEG, np.array([0.15, 0.3, 0.45, 0.6])
     known = 0.15 + (5.2 + 0.5 * mach) * alpha[:, None]
-    prior = terms.make(
+    prior = terms.make_term(
         known,
         {"alpha": alpha, "mach": mach},
         stderr=np.hypot(0.05, 0.1 * np.abs(known)),
         source="datcom",
     )
-    db = database({"CL/basic": prior}, **ROOT)
+    db = make_database({"CL/basic": prior}, **ROOT)
     ratios, suspects = [], []
     for seed in range(8):
         rng = np.random.default_rng(seed)
@@ -166,12 +166,12 @@ def test_thirty_six_points_of_which_one_is_wrong_reduce_the_error_of_the_tables(
 def test_verb_takes_them_with_fits(file, tmp_path):
     alpha = np.array([0.0, 0.1, 0.2])
     leaves = {
-        "Cm/basic": terms.make(-0.4 * alpha, {"alpha": alpha}, stderr=0.05, source="datcom"),
-        "Cm/qhat": terms.make(-12.0, {}, ("qhat",), stderr=4.0, source="datcom"),
-        "Cm/elevator": terms.make(-1.0, {}, ("delta_e",), stderr=0.3, source="datcom"),
-        "CL/basic": terms.make(5.0 * alpha, {"alpha": alpha}, stderr=0.1, source="datcom"),
+        "Cm/basic": terms.make_term(-0.4 * alpha, {"alpha": alpha}, stderr=0.05, source="datcom"),
+        "Cm/qhat": terms.make_term(-12.0, {}, ("qhat",), stderr=4.0, source="datcom"),
+        "Cm/elevator": terms.make_term(-1.0, {}, ("delta_e",), stderr=0.3, source="datcom"),
+        "CL/basic": terms.make_term(5.0 * alpha, {"alpha": alpha}, stderr=0.1, source="datcom"),
     }
-    aerodb.save(database(leaves, **ROOT), tmp_path / "prior.nc")
+    aerodb.save(make_database(leaves, **ROOT), tmp_path / "prior.nc")
     args = [
         "tabulate",
         str(file),

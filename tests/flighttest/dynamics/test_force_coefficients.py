@@ -7,13 +7,13 @@ import xarray as xr
 from flightmech.errors import IdentificationError, OutOfRange, ParseError, UnknownName
 from flightmech.units import G0
 from flighttest.reconstruction.dynamics.force_coefficients import (
-    between,
     coefficients,
     reduced_rates,
-    smoothed,
+    select_time,
+    smooth_states,
 )
 from flighttest.reconstruction.dynamics.saved_paths import open_states
-from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
 
 STATES = (
@@ -310,12 +310,12 @@ def test_missing_states_and_unknown_errors_are_named():
 
 def test_a_window_lies_inside_the_data():
     d = states()
-    assert between(d, 0.2, 0.4).sizes["time"] == 10
-    assert between(d, 0.0, 1.2).sizes["time"] == 60
+    assert select_time(d, 0.2, 0.4).sizes["time"] == 10
+    assert select_time(d, 0.0, 1.2).sizes["time"] == 60
     with pytest.raises(
         OutOfRange, match=r"window 0.5 ... 9 s is not inside the data, 0 ... 1.18 s"
     ):
-        between(d, 0.5, 9.0)
+        select_time(d, 0.5, 9.0)
 
 
 def test_states_are_read_from_their_group(tmp_path):
@@ -354,7 +354,7 @@ def test_smoothing_all_states_alike_removes_the_bias_that_noise_brings():
         p_dot=("time", p_dot + 0.1 * rng.normal(size=6000)),
         delta_a=("time", aileron + 0.004 * rng.normal(size=6000)),
     )
-    model = Model.parse("Cl = 1 + phat + delta_a")
+    model = RegressionModel.parse("Cl = 1 + phat + delta_a")
     raw, smooth = (
         regress(model, coefficients(noisy, plane(), cutoff=f))
         .estimates["estimate"]
@@ -370,14 +370,16 @@ def test_smoothing_respects_gaps_and_switches():
     d["wow_nose"] = "time", np.r_[np.zeros(100), np.ones(100)]
     first, second = d.isel(time=slice(0, 100)), d.isel(time=slice(100, 200))
     second = second.assign_coords(time=second.time + 50)
-    both = smoothed(xr.concat([first, second], "time"), 5.0)
+    both = smooth_states(xr.concat([first, second], "time"), 5.0)
     np.testing.assert_allclose(
-        both["q"], np.r_[smoothed(first, 5.0)["q"], smoothed(second, 5.0)["q"]], atol=1e-10
+        both["q"],
+        np.r_[smooth_states(first, 5.0)["q"], smooth_states(second, 5.0)["q"]],
+        atol=1e-10,
     )
     assert float(both["q"].std()) < 0.7 * float(d["q"].std())
     np.testing.assert_array_equal(both["wow_nose"], d["wow_nose"])
     d["q"][90:110] = np.nan  # a dropout ends a stretch, it does not spread
-    holes = smoothed(d, 5.0)["q"].values
+    holes = smooth_states(d, 5.0)["q"].values
     np.testing.assert_array_equal(np.isnan(holes), np.isnan(d["q"].values))
 
 
@@ -393,7 +395,7 @@ def test_thrust_coefficient_is_a_regressor_and_moves_with_its_errors():
     np.testing.assert_allclose(change.sel(error="qbar"), -0.01 * c.CT, rtol=1e-12)
     torque = c.assign(Cl=0.001 - 0.03 * c.CT)
     fit = regress(
-        Model.parse("Cl = 1 + CT"),
+        RegressionModel.parse("Cl = 1 + CT"),
         [torque.drop_vars([name for name in c if str(name).endswith("_error")])],
     )
     np.testing.assert_allclose(fit.estimates["estimate"], [0.001, -0.03], rtol=1e-9)
@@ -407,4 +409,4 @@ def test_a_low_pass_needs_a_frequency(cutoff):
         {"V": ("time", np.full(50, np.nan))}, {"time": time}
     )  # no sample: no filter would report it
     with pytest.raises(OutOfRange, match="it must be more than 0 Hz"):
-        smoothed(states, cutoff)
+        smooth_states(states, cutoff)

@@ -10,13 +10,13 @@ import xarray as xr
 
 import flightmech
 from flightmech.air import atmosphere
-from flightmech.aircraft.engine import Deck, open_tables, write_tables
+from flightmech.aircraft.engine import EngineDeck, open_tables, write_tables
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
-from flightmech.terms import evaluate, make
-from flighttest.submodels.engine.bench import compiled, condition, fly_deck, simulation_inputs
+from flightmech.terms import evaluate, make_term
+from flighttest.submodels.engine.bench import compile_engine, condition, fly_deck, simulation_inputs
 from flighttest.submodels.engine.records import engine_channels, power_changes
 from flighttest.submodels.engine.result import comparison_text, identify_engine
-from flighttest.submodels.engine.schedule import EDGE, covering
+from flighttest.submodels.engine.schedule import EDGE, cover_settled_range
 from flighttest.submodels.engine.spools import identify_spools
 from flighttest.submodels.engine.starting import identify_start
 from flighttest.submodels.engine.steady_points import ratios
@@ -30,7 +30,7 @@ DOWN = np.array([[0.12, 0.10], [0.28, 0.21], [0.36, 0.27]])
 CHOP_AND_SLAM = ((0.0, 0.8), (3.0, 0.8), (3.3, 0.0), (13.0, 0.0), (13.3, 1.0))
 
 
-def limited() -> Deck:
+def limited() -> EngineDeck:
     """An engine whose spools run at limited rates that fall with height; idle rises with Mach
     number and height.
     """
@@ -39,24 +39,30 @@ def limited() -> Deck:
     level[0, 1] += 0.03  # at Mach 0.5
     level[0, :, 1] += 0.02  # at 6 km
     tables = {
-        "n2_command": make(level, {"throttle": [0.0, 1.0], "mach": [0.0, 0.5], "h": AT["h"]}),
-        "n2_up_time": make(0.15),
-        "n2_up_limit": make(UP, AT),
-        "n2_down_limit": make(DOWN, AT),
-        "n1_command": make([0.3, 1.0], {"throttle": [0.0, 1.0]}),
-        "n1_up_time": make(0.15),
-        "n1_up_limit": make(0.8 * UP, AT),
-        "n1_down_limit": make(0.5 * DOWN, AT),
-        "corrected_thrust": make(
+        "n2_command": make_term(level, {"throttle": [0.0, 1.0], "mach": [0.0, 0.5], "h": AT["h"]}),
+        "n2_up_time": make_term(0.15),
+        "n2_up_limit": make_term(UP, AT),
+        "n2_down_limit": make_term(DOWN, AT),
+        "n1_command": make_term([0.3, 1.0], {"throttle": [0.0, 1.0]}),
+        "n1_up_time": make_term(0.15),
+        "n1_up_limit": make_term(0.8 * UP, AT),
+        "n1_down_limit": make_term(0.5 * DOWN, AT),
+        "corrected_thrust": make_term(
             [[200.0, 100.0], [1300.0, 1200.0], [4600.0, 4400.0]],
             {"corrected_n2": [0.55, 0.8, 1.1], "mach": [0.0, 0.5]},
         ),
     }
-    return Deck(tables, lever_delay=0.1)
+    return EngineDeck(tables, lever_delay=0.1)
 
 
 def flown(
-    deck: Deck, profile, mach: float, h: float, seed: int, seconds: float = 24.0, rate: float = 10.0
+    deck: EngineDeck,
+    profile,
+    mach: float,
+    h: float,
+    seed: int,
+    seconds: float = 24.0,
+    rate: float = 10.0,
 ) -> xr.Dataset:
     """A record of the kernel's own engine, with noise."""
     t = np.arange(0.0, seconds, 1.0 / rate)
@@ -71,7 +77,7 @@ def flown(
     held, wind = condition(record)
     names = ("n1", "n2", "thrust")
     found = flightmech.simulate(
-        compiled(deck),
+        compile_engine(deck),
         simulation_inputs(record, wind),
         held,
         outputs=[f"engine1.{name}" for name in names],
@@ -90,12 +96,14 @@ def flown(
 def test_outer_knots_hold_the_speeds_at_rest():
     noisy = 0.5998 + 1e-3 * np.random.default_rng(0).normal(size=400)
     settled = np.append(noisy, 0.95)  # one sample is no rest
-    assert covering(np.array([0.6, 0.8, 1.0]), settled) == pytest.approx(
+    assert cover_settled_range(np.array([0.6, 0.8, 1.0]), settled) == pytest.approx(
         [0.5925, 0.8, 1.0], abs=5e-4
     )
-    assert covering(np.array([0.59, 0.8]), settled) == pytest.approx([0.59, 0.8])
-    assert covering(np.array([0.5, 0.59]), settled)[1] > settled[:-1].mean() + EDGE
-    assert covering(np.array([0.6, 0.8]), np.array([np.nan])) == pytest.approx([0.6, 0.8])
+    assert cover_settled_range(np.array([0.59, 0.8]), settled) == pytest.approx([0.59, 0.8])
+    assert cover_settled_range(np.array([0.5, 0.59]), settled)[1] > settled[:-1].mean() + EDGE
+    assert cover_settled_range(np.array([0.6, 0.8]), np.array([np.nan])) == pytest.approx(
+        [0.6, 0.8]
+    )
 
 
 @pytest.fixture(scope="module")
@@ -136,7 +144,7 @@ def test_condition_of_a_record_is_flown():
     )
     held, wind = condition(record)
     found = flightmech.simulate(
-        compiled(limited()),
+        compile_engine(limited()),
         simulation_inputs(record, wind),
         held,
         outputs=["mach", "h", "temperature"],
@@ -252,7 +260,7 @@ def test_flown_deck_is_the_simulation(flights):
     held, wind = condition(record)
     deck = limited()
     found = flightmech.simulate(
-        compiled(deck),
+        compile_engine(deck),
         simulation_inputs(record, wind),
         held,
         outputs=["engine1.n2", "engine1.thrust"],
@@ -295,7 +303,9 @@ GRID = {
     "mach": [0.05, 0.25, 0.45],
     "h": [0.0, 1500.0, 3800.0, 6000.0],
 }
-PRIOR = make(4000.0 * np.linspace(0.6, 1.1, 4) ** 3, {"corrected_n2": np.linspace(0.6, 1.1, 4)})
+PRIOR = make_term(
+    4000.0 * np.linspace(0.6, 1.1, 4) ** 3, {"corrected_n2": np.linspace(0.6, 1.1, 4)}
+)
 
 
 def test_steady_table_continues_what_was_not_flown():
@@ -394,15 +404,19 @@ def windmilling() -> xr.Dataset:
     )
     record = record.assign(mach=("time", np.full(len(t), 0.4)), h=("time", np.full(len(t), 3000.0)))
     tables = {
-        "n2_command": make(0.5),
-        "n2_up_time": make([5.0, 3.0], {"n2": [0.2, 0.5]}),
-        "thrust": make(0.0),
+        "n2_command": make_term(0.5),
+        "n2_up_time": make_term([5.0, 3.0], {"n2": [0.2, 0.5]}),
+        "thrust": make_term(0.0),
     }
-    tables["corrected_n2_windmill"] = make(0.12)
+    tables["corrected_n2_windmill"] = make_term(0.12)
     held, wind = condition(record)
-    deck = Deck(tables, starter_speed=0.24, starter_time=2.5, n2_rundown=5.0, flame_time=0.3)
+    deck = EngineDeck(tables, starter_speed=0.24, starter_time=2.5, n2_rundown=5.0, flame_time=0.3)
     found = flightmech.simulate(
-        compiled(deck), simulation_inputs(record, wind), held, outputs=["engine1.n2"], step=0.02
+        compile_engine(deck),
+        simulation_inputs(record, wind),
+        held,
+        outputs=["engine1.n2"],
+        step=0.02,
     )
     noise = 5e-4 * np.random.default_rng(3).normal(size=len(t))
     return record.assign(n2=("time", found["engine1.n2"].values + noise))
@@ -469,7 +483,7 @@ def test_command_with_whole_flights(tmp_path):
         "[tables.corrected_thrust]\ncorrected_n2 = [0.8, 0.9, 1.0]\nmach = [0.0, 0.5]\n"
     )
     write_tables(
-        {"n2_command": make(0.9), "n2_up_time": make(1.0), "thrust": make(0.0)},
+        {"n2_command": make_term(0.9), "n2_up_time": make_term(1.0), "thrust": make_term(0.0)},
         tmp_path / "prior.nc",
     )
     args = [

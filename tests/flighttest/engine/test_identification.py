@@ -14,14 +14,14 @@ from scipy.interpolate import PchipInterpolator
 
 import flightmech
 from flightmech.air import atmosphere
-from flightmech.aircraft.engine import Deck, open_tables, write_tables
+from flightmech.aircraft.engine import EngineDeck, open_tables, write_tables
 from flightmech.errors import IdentificationError, UnknownName
-from flightmech.terms import make
+from flightmech.terms import make_term
 from flighttest.cli.submodels import engine
-from flighttest.submodels.engine.bench import as_nodes, compiled, condition, simulation_inputs
+from flighttest.submodels.engine.bench import as_nodes, compile_engine, condition, simulation_inputs
 from flighttest.submodels.engine.records import engine_channels
 from flighttest.submodels.engine.result import identify_engine
-from flighttest.submodels.engine.schedule import nodes, positions, quiet
+from flighttest.submodels.engine.schedule import nodes, positions, remove_lever_noise
 from flighttest.submodels.engine.spools import identify_spools
 from flighttest.submodels.engine.starting import identify_start
 from flighttest.submodels.engine.static_thrust import Polar, correct_deck
@@ -36,7 +36,7 @@ PROFILES = {
     "slam": ((0.0, 0.0), (2.0, 0.0), (2.4, 0.95)),
     "steps": ((0.0, 0.35), (2.0, 0.35), (2.3, 0.6), (10.0, 0.6), (10.3, 0.4)),
 }
-PRIOR = make(
+PRIOR = make_term(
     1e3 * np.outer([0.9, 4.0, 8.0, 10.0, 11.0], [1.0, 0.9, 0.8]),
     {"corrected_n1": [0.3, 0.7, 0.9, 1.0, 1.1], "mach": [0.0, 0.3, 0.6]},
 )
@@ -140,7 +140,7 @@ def test_lever_without_its_noise_keeps_the_ramp(changes):
     clean = np.interp(changes[0]["time"], *np.array(PROFILES["chop"]).T)
     before, after = (
         np.sqrt(np.mean((one["throttle"].values - clean) ** 2))
-        for one in (changes[0], quiet(changes[0]))
+        for one in (changes[0], remove_lever_noise(changes[0]))
     )
     assert after < 0.75 * before
 
@@ -246,8 +246,15 @@ def start_record() -> xr.Dataset:
         {name: ("time", np.asarray(x, float)) for name, x in switches.items()}, {"time": t}
     )
     at = {"n2": [0.2, 0.35, 0.5]}
-    tables = {"n2_command": make(0.5), "n2_up_time": make([5.0, 4.0, 3.0], at), "thrust": make(0.0)}
-    tables |= {"fuel_flow": make([0.03, 0.04, 0.05], at), "itt": make([600.0, 1000.0, 850.0], at)}
+    tables = {
+        "n2_command": make_term(0.5),
+        "n2_up_time": make_term([5.0, 4.0, 3.0], at),
+        "thrust": make_term(0.0),
+    }
+    tables |= {
+        "fuel_flow": make_term([0.03, 0.04, 0.05], at),
+        "itt": make_term([600.0, 1000.0, 850.0], at),
+    }
     constants = {
         "starter_speed": 0.23,
         "starter_time": 3.0,
@@ -258,7 +265,10 @@ def start_record() -> xr.Dataset:
     held, wind = condition(record)
     outputs = [f"engine1.{name}" for name in ("n2", "fuel_flow", "itt")]
     flown = flightmech.simulate(
-        compiled(Deck(tables, **constants)), simulation_inputs(record, wind), held, outputs=outputs
+        compile_engine(EngineDeck(tables, **constants)),
+        simulation_inputs(record, wind),
+        held,
+        outputs=outputs,
     )
     rng = np.random.default_rng(5)
     sizes = {"n2": 5e-4, "fuel_flow": 1e-4, "itt": 3.0}
@@ -333,7 +343,7 @@ def test_deck_file_flies(spools, started, changes, tmp_path, monkeypatch):
     chop = changes[0]
     held, wind = condition(chop)
     flown = flightmech.simulate(
-        compiled(deck),
+        compile_engine(deck),
         simulation_inputs(chop, wind),
         held,
         outputs=["engine1.n2", "engine1.thrust"],
@@ -373,7 +383,7 @@ def test_command(tmp_path):
     table = points(40, 1).to_dataframe()
     table.to_csv(tmp_path / "points.csv", index=False)
     write_tables(
-        {"corrected_thrust": PRIOR, "n2_command": make(0.9), "n2_up_time": make(1.0)},
+        {"corrected_thrust": PRIOR, "n2_command": make_term(0.9), "n2_up_time": make_term(1.0)},
         tmp_path / "prior.nc",
     )
     args = [

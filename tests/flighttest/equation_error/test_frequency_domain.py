@@ -7,7 +7,7 @@ from flightmech.errors import IdentificationError, UnknownName
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.fit import open_fit, save_fit
 from flighttest.regression.equation_error.frequency_domain import regress_frequency
-from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
 from flighttest.regression.model_structure.candidates import monomials
 from flighttest.regression.model_structure.search import select_stepwise
@@ -149,14 +149,14 @@ def test_what_the_band_cannot_determine_is_refused():
         IdentificationError,
         match="no slope; a spectrum without its mean contains no information about a constant",
     ):
-        regress_frequency(Model.parse("CL = 1"), data, BAND)
+        regress_frequency(RegressionModel.parse("CL = 1"), data, BAND)
     with pytest.raises(UnknownName, match="unknown variable 'beta'"):
-        regress_frequency(Model.parse("CL = 1 + beta"), data, BAND)
+        regress_frequency(RegressionModel.parse("CL = 1 + beta"), data, BAND)
     slow = data.assign(mach=0.3 + 0.01 * data["time"])
     with pytest.raises(
         IdentificationError, match="mach is not excited inside the band; leave the term out"
     ):
-        regress_frequency(Model.parse("CL = 1 + alpha + mach"), slow, BAND)
+        regress_frequency(RegressionModel.parse("CL = 1 + alpha + mach"), slow, BAND)
 
 
 def accelerations(seed, noise=1.0):
@@ -183,7 +183,7 @@ def accelerations(seed, noise=1.0):
 
 @pytest.mark.slow
 def test_weights_by_the_spectrum_serve_noise_that_grows_with_frequency():
-    model, true = Model("CL", ["1", "qhat", "alpha"]), np.array([2.0, 0.1])
+    model, true = RegressionModel("CL", ["1", "qhat", "alpha"]), np.array([2.0, 0.1])
     wrong, apart = {"equal": [], "spectrum": []}, []
     for seed in range(40):
         for weights, found in wrong.items():
@@ -201,7 +201,7 @@ def test_weights_by_the_spectrum_serve_noise_that_grows_with_frequency():
 
 
 def test_weights_keep_the_linear_map_and_exact_data_their_parameters():
-    model = Model("CL", ["1", "qhat", "alpha"])
+    model = RegressionModel("CL", ["1", "qhat", "alpha"])
     fit = regress_frequency(model, accelerations(0), (0.7, 25.0), weights="spectrum")
     A = least_squares.estimator(fit.design.values)
     np.testing.assert_allclose(A @ fit.data["CL"].values, fit.estimates["estimate"], rtol=1e-9)

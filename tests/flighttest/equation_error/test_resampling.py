@@ -5,7 +5,7 @@ from flown_lift import LIFT, TRUTH, record
 
 from flightmech.errors import IdentificationError
 from flighttest.regression.equation_error.frequency_domain import regress_frequency
-from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.resampling import bootstrap, monte_carlo
 from flighttest.regression.equation_error.time_domain import regress
 
@@ -24,7 +24,7 @@ def line(seed):
         "CL": ("time", 0.3 + 5.0 * alpha + 0.02 * rng.normal(size=400)),
     }
     return flighttest.regress(
-        flighttest.Model.parse("CL = 1 + alpha"),
+        flighttest.RegressionModel.parse("CL = 1 + alpha"),
         xr.Dataset(columns, coords={"time": 0.02 * np.arange(400)}),
     )
 
@@ -105,7 +105,7 @@ def cluster():
 def test_a_cluster_of_processes_gives_the_same_study_and_the_same_bootstrap(cluster):
     import joblib
 
-    fit = regress(Model.parse("CL = 1 + alpha"), record(np.random.default_rng(3), 15.0))
+    fit = regress(RegressionModel.parse("CL = 1 + alpha"), record(np.random.default_rng(3), 15.0))
     here, boot = monte_carlo(line, LINE, range(24), jobs=1), bootstrap(fit, 40)
     with joblib.parallel_config(backend="dask"):
         there, boot_there = monte_carlo(line, LINE, range(24)), bootstrap(fit, 40, jobs=-1)

@@ -6,11 +6,11 @@ from flown_lift import TRUTH as _TRUTH
 from scipy.linalg import toeplitz
 
 from flightmech.errors import IdentificationError, ParseError, UnknownName
-from flighttest.regression.combining.pooling import mixed, total_covariance
+from flighttest.regression.combining.pooling import mix_with_prior, total_covariance
 from flighttest.regression.equation_error.fit import open_fit, save_fit
-from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
-from flighttest.regression.uncertainty.coloured_residuals import coloured
+from flighttest.regression.uncertainty.coloured_residuals import coloured_covariance_of
 
 TRUTH = np.array(list(_TRUTH.values()))
 
@@ -61,7 +61,7 @@ def test_the_covariance_of_a_lag_window_is_the_double_sum_by_hand():
         r, n = v[piece], piece.stop - piece.start
         R = np.array([(r[: n - k] @ r[k:]) / n * max(0.0, 1 - k / L) for k in range(n)])
         middle = middle + X[piece].T @ toeplitz(R) @ X[piece]
-    found = coloured(X, v, pieces, [STEP, STEP], lag=0.5)
+    found = coloured_covariance_of(X, v, pieces, [STEP, STEP], lag=0.5)
     np.testing.assert_allclose(found.covariance, D @ middle @ D * 120 / 117, rtol=1e-9)
     assert found.offset == 0.0
 
@@ -143,11 +143,11 @@ def test_idle_products_few_samples_and_missing_variables_are_refused():
     with pytest.raises(
         IdentificationError, match=r"gear\*qhat is zero throughout; leave the term out"
     ):
-        regress(Model.parse("CL = 1 + alpha + gear*qhat"), data)
+        regress(RegressionModel.parse("CL = 1 + alpha + gear*qhat"), data)
     with pytest.raises(IdentificationError, match=r"19 samples for 4 terms .* at least 5 per term"):
         regress(LIFT, data.isel(time=slice(0, 19)))
     with pytest.raises(UnknownName, match=r"unknown variable 'beta'.*manoeuvre 0 does not hold it"):
-        regress(Model.parse("CL = 1 + beta"), data)
+        regress(RegressionModel.parse("CL = 1 + beta"), data)
     with pytest.raises(IdentificationError, match="the coefficient is constant"):
         regress(LIFT, data.assign(CL=0.5 + 0 * data["CL"]))
     with pytest.raises(IdentificationError, match="no manoeuvre for CL"):
@@ -160,7 +160,7 @@ def test_collinear_terms_are_described_in_words():
         "time",
         data["qhat"].values + 1e-4 * np.random.default_rng(1).normal(size=1500),
     )
-    fit = regress(Model.parse("CL = 1 + alpha + qhat + alphadothat"), data)
+    fit = regress(RegressionModel.parse("CL = 1 + alpha + qhat + alphadothat"), data)
     text = fit.report()
     assert (
         "regressors qhat and alphadothat are correlated by 1.00" in text
@@ -169,7 +169,7 @@ def test_collinear_terms_are_described_in_words():
     assert "VIF of qhat" in text
     vif = fit.estimates["vif"].sel(term="alphadothat")
     auxiliary = regress(
-        Model.parse("CL = 1 + alpha + qhat"), data.assign(CL=data["alphadothat"] * 100)
+        RegressionModel.parse("CL = 1 + alpha + qhat"), data.assign(CL=data["alphadothat"] * 100)
     )
     assert float(vif) == pytest.approx(
         1 / (1 - auxiliary.estimates.attrs["R2"]), rel=1e-6
@@ -181,7 +181,7 @@ def test_mixed_estimation_is_the_weighted_mean_with_the_coloured_covariance():
     C, theta = fit.estimates["covariance"].values, fit.estimates["estimate"].values
     prior = {"alpha": (4.6, 0.1), "qhat": (6.0, 3.0)}
     P0 = np.diag([0.0, 1 / 0.1**2, 1 / 3.0**2, 0.0])
-    joined = mixed(fit, prior).estimates
+    joined = mix_with_prior(fit, prior).estimates
     expected = np.linalg.inv(np.linalg.inv(C) + P0)
     np.testing.assert_allclose(joined["covariance"], expected, rtol=1e-6)
     np.testing.assert_allclose(
@@ -197,9 +197,9 @@ def test_mixed_estimation_is_the_weighted_mean_with_the_coloured_covariance():
     assert 0 < joined.attrs["probability"] < 1
     assert np.isnan(joined["prior"].sel(term="1"))
     with pytest.raises(UnknownName, match="unknown term 'beta'"):
-        mixed(fit, {"beta": (0.0, 1.0)})
+        mix_with_prior(fit, {"beta": (0.0, 1.0)})
     with pytest.raises(IdentificationError, match="not positive"):
-        mixed(fit, {"alpha": (5.0, 0.0)})
+        mix_with_prior(fit, {"alpha": (5.0, 0.0)})
 
 
 def test_errors_of_regressors_move_the_estimates_as_other_regressors_would():
@@ -263,7 +263,7 @@ def test_a_fit_survives_its_file(tmp_path):
     data = record(np.random.default_rng(11)).assign_coords(error=["qbar"])
     data["CL_error"] = ("error", "time"), 0.01 * data["CL"].values[None]
     fit = regress(
-        Model("CL", LIFT.terms, {"alpha": 0.1}),
+        RegressionModel("CL", LIFT.terms, {"alpha": 0.1}),
         [data, data.assign_coords(time=data.time + 40)],
         "run 1",
     )

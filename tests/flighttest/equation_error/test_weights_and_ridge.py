@@ -5,7 +5,7 @@ from flown_lift import LIFT, TRUTH, coloured_noise, record
 
 from flightmech import terms as terms_of
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
-from flighttest.regression.combining.pooling import mixed, prior_of
+from flighttest.regression.combining.pooling import mix_with_prior, prior_of
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.frequency_domain import regress_frequency
 from flighttest.regression.equation_error.time_domain import regress
@@ -115,7 +115,7 @@ def database(slope=5.0, error=0.08):
     alpha = np.linspace(-0.2, 0.4, 13)
 
     def leaf(value, stderr, axes, regressors=()):
-        return terms_of.make(value, axes, regressors, stderr=stderr, source="datcom")
+        return terms_of.make_term(value, axes, regressors, stderr=stderr, source="datcom")
 
     basic = 0.3 + slope * alpha
     return xr.DataTree.from_dict(
@@ -136,7 +136,7 @@ def test_the_prior_of_a_database_is_what_least_squares_makes_of_its_tables(fitte
     assert float(prior["stderr"].sel(term="qhat")) == pytest.approx(
         2.0, rel=0.03
     )  # and what a wrong lift table would put into it
-    joined = mixed(fit, prior)
+    joined = mix_with_prior(fit, prior)
     assert (joined.estimates["stderr"].values <= fit.estimates["stderr"].values + 1e-12).all()
     assert joined.estimates.attrs["terms_with_prior"] == 4
     assert joined.estimates.attrs["probability"] > 0.01
@@ -150,7 +150,7 @@ def test_a_short_manoeuvre_without_pitch_rate_takes_it_from_the_prior():
     """
     data = record(np.random.default_rng(7), 8.0, 0.03)
     fit = regress(LIFT, data)
-    joined = mixed(fit, prior_of(fit, database()))
+    joined = mix_with_prior(fit, prior_of(fit, database()))
     assert float(fit.estimates["stderr"].sel(term="qhat")) > 2.0
     assert float(joined.estimates["stderr"].sel(term="qhat")) <= 2.0
     assert any(
@@ -160,7 +160,7 @@ def test_a_short_manoeuvre_without_pitch_rate_takes_it_from_the_prior():
 
 def test_a_database_that_flight_contradicts_is_named():
     fit = regress(LIFT, record(np.random.default_rng(8)))
-    joined = mixed(fit, prior_of(fit, database(slope=3.5, error=0.01)))
+    joined = mix_with_prior(fit, prior_of(fit, database(slope=3.5, error=0.01)))
     assert any(
         text.startswith("alpha: flight and prior differ by") for text in map(str, joined.remarks)
     )

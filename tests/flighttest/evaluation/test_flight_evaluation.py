@@ -14,8 +14,17 @@ import flightmech
 from flightmech.errors import IdentificationError, ParseError, SchemaError, UnknownName
 from flighttest.cli.group import flight
 from flighttest.flight_programme.evaluation.figures_of_merit import line_through
-from flighttest.flight_programme.evaluation.flight_evaluation import deck_thrust, evaluate, weigh
-from flighttest.flight_programme.evaluation.plan import Column, Line, Sheet, read_plan
+from flighttest.flight_programme.evaluation.flight_evaluation import (
+    deck_thrust,
+    evaluate,
+    mass_after_burn,
+)
+from flighttest.flight_programme.evaluation.plan import (
+    SheetColumn,
+    StraightLine,
+    TestPointSheet,
+    read_plan,
+)
 
 AIRCRAFT = """
 name = "glider"
@@ -234,7 +243,7 @@ def test_mass_and_centre_of_gravity_by_hand(folder):
     (folder / "plan.toml").write_text(PLAN.replace("[manoeuvres]", LOADING + "\n[manoeuvres]", 1))
     sheet = read_plan(folder / "plan.toml").loading
     aircraft = flightmech.read_aircraft(folder / "aircraft.toml")
-    mass, x_cg_b = weigh(sheet, aircraft, np.array([0.0, 100.0 * 0.45359237]))
+    mass, x_cg_b = mass_after_burn(sheet, aircraft, np.array([0.0, 100.0 * 0.45359237]))
     assert mass == pytest.approx(np.array([2200.0, 2100.0]) * 0.45359237)
     stations = (
         np.array(
@@ -244,12 +253,12 @@ def test_mass_and_centre_of_gravity_by_hand(folder):
     )
     assert x_cg_b == pytest.approx(100 * 0.0254 + 0.25 * 1.5 - stations)
     with pytest.raises(SchemaError, match=r"fuel left is -.* check the unit of the fuel flow"):
-        weigh(sheet, aircraft, np.array([400.0]))
+        mass_after_burn(sheet, aircraft, np.array([400.0]))
 
 
 def test_thrust_of_deck_points(tmp_path):
     from flightmech.air import P_SEA, T_SEA, atmosphere
-    from flighttest.flight_programme.evaluation.plan import Deck
+    from flighttest.flight_programme.evaluation.plan import ThrustPoints
 
     rng = np.random.default_rng(0)
     h, mach, flow = (
@@ -263,7 +272,9 @@ def test_thrust_of_deck_points(tmp_path):
     thrust = delta * (100.0 + 3e4 * corrected - 500.0 * mach)
     columns = {"h": h, "mach": mach, "delta_T": 0.0 * h, "fuel_flow": flow, "thrust": thrust}
     pd.DataFrame(columns).to_csv(tmp_path / "deck.csv", index=False)
-    deck = Deck(file=tmp_path / "deck.csv", **{name: Column(column=name) for name in columns})
+    deck = ThrustPoints(
+        file=tmp_path / "deck.csv", **{name: SheetColumn(column=name) for name in columns}
+    )
     assert deck_thrust(deck, h, mach, np.asarray(air.temperature), flow) == pytest.approx(
         thrust, rel=1e-6
     )
@@ -278,7 +289,7 @@ def test_thrust_of_deck_points(tmp_path):
 
 def test_line_through_points_by_hand():
     points = pd.DataFrame({"alpha_vane": [0.0, 1.0, 2.0, 3.0], "CL": [1.1, 2.9, 5.1, 6.9]})
-    found = line_through(Line(name="lift", y="CL", x="alpha_vane"), points)
+    found = line_through(StraightLine(name="lift", y="CL", x="alpha_vane"), points)
     # x mean 1.5, Sxx 5, Sxy 9.8, residuals +-0.08 and +-0.24: sum of squares 0.072 + ... = 0.128
     # less rounding
     rest = points["CL"] - (1.06 + 1.96 * points["alpha_vane"])
@@ -286,25 +297,27 @@ def test_line_through_points_by_hand():
     assert found.offset[0] == pytest.approx(1.06)
     assert found.root[0] == pytest.approx(-1.06 / 1.96)
     with pytest.raises(IdentificationError, match="3 points; 4 or more are needed"):
-        line_through(Line(name="lift", y="CL", x="alpha_vane"), points[:3])
+        line_through(StraightLine(name="lift", y="CL", x="alpha_vane"), points[:3])
     with pytest.raises(IdentificationError, match="no excitation, alpha_vane is 1 at all points"):
-        line_through(Line(name="lift", y="CL", x="alpha_vane"), points.assign(alpha_vane=1.0))
+        line_through(
+            StraightLine(name="lift", y="CL", x="alpha_vane"), points.assign(alpha_vane=1.0)
+        )
     with pytest.raises(UnknownName, match="unknown mean 'alpha'; near it: alpha_vane"):
-        line_through(Line(name="lift", y="CL", x="alpha"), points)
+        line_through(StraightLine(name="lift", y="CL", x="alpha"), points)
 
 
 def test_faulty_sheets_name_line_and_column(tmp_path):
     file = tmp_path / "sheet.csv"
     file.write_text("a,b\n1,2\n1\n")
     with pytest.raises(ParseError, match="line 3: found 1 cells; expected 2"):
-        Sheet(file)
+        TestPointSheet(file)
     file.write_text("a,b\n1,two\n")
     with pytest.raises(ParseError, match="line 2: found 'two' in column b; expected a number"):
-        Column(column="b").of(Sheet(file), "m")
+        SheetColumn(column="b").of(TestPointSheet(file), "m")
     with pytest.raises(UnknownName, match="unknown column 'c'"):
-        Column(column="c").of(Sheet(file), "m")
+        SheetColumn(column="c").of(TestPointSheet(file), "m")
     with pytest.raises(SchemaError, match="column a: unit 'kg' cannot be converted to 'm'"):
-        Column(column="a", unit="kg").of(Sheet(file), "m")
+        SheetColumn(column="a", unit="kg").of(TestPointSheet(file), "m")
 
 
 @pytest.mark.slow

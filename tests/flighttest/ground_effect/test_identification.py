@@ -16,15 +16,15 @@ from click.testing import CliRunner
 
 import aerodb
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
-from flightmech.terms import make
+from flightmech.terms import make_term
 from flighttest.cli.submodels import ground_effect
-from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.submodels.ground_effect.identification import identify_ground_effect
 from flighttest.submodels.ground_effect.result import replace_ground_effect
-from flighttest.submodels.ground_effect.structure import best, breakpoints, compared
+from flighttest.submodels.ground_effect.structure import breakpoints, rank_forms, select_form
 
 SHARED = Path(__file__).parents[3] / ".." / "shared" / "data" / "identification"
-LIFT = Model.parse("CL = 1 + alpha + qhat")
+LIFT = RegressionModel.parse("CL = 1 + alpha + qhat")
 TRUTH = {"1": (0.8, 0.5, -1.4), "alpha": (5.0, 0.6, -1.6)}
 FACTS = {
     "title": "t",
@@ -78,12 +78,12 @@ def found(records):
 def database() -> xr.DataTree:
     alpha = np.radians([-10.0, 0.0, 10.0, 20.0])
     leaves = {
-        "CL/basic": make(0.8 + 5.0 * alpha, {"alpha": alpha}, stderr=0.02, source="datcom"),
-        "CL/qhat": make(8.0, regressors=["qhat"], stderr=0.5, source="datcom"),
-        "CL/ground": make([0.1, 0.0], {"h_agl": [2.0, 20.0]}, stderr=0.05, source="datcom"),
-        "CL/gear": make(0.0, regressors=["gear"], stderr=0.05),
+        "CL/basic": make_term(0.8 + 5.0 * alpha, {"alpha": alpha}, stderr=0.02, source="datcom"),
+        "CL/qhat": make_term(8.0, regressors=["qhat"], stderr=0.5, source="datcom"),
+        "CL/ground": make_term([0.1, 0.0], {"h_agl": [2.0, 20.0]}, stderr=0.05, source="datcom"),
+        "CL/gear": make_term(0.0, regressors=["gear"], stderr=0.05),
     }
-    return aerodb.database(leaves, **FACTS, force_axes="stability")
+    return aerodb.make_database(leaves, **FACTS, force_axes="stability")
 
 
 def test_k_and_s_are_found_and_the_rest_is_reported_not_to_be(found):
@@ -160,7 +160,7 @@ def test_bank_over_the_ground_gets_equation_14(records, database):
         banked.append(
             one.assign(phi=("time", phi), beta=("time", 0.02 * rng.normal(size=n)), Cl=("time", Cl))
         )
-    found = identify_ground_effect([Model.parse("Cl = 1 + beta")], banked)
+    found = identify_ground_effect([RegressionModel.parse("Cl = 1 + beta")], banked)
     row = found["Cl"].row("CL*phi")
     assert abs(row.k + 0.08) < 3 * row.k_stderr
     assert np.isnan(row.y_inf)
@@ -181,7 +181,7 @@ def test_without_ground_effect_none_is_found(records, database):
         )
         for one in records
     ]
-    found = identify_ground_effect([Model.parse("CL = 1 + alpha")], flat)
+    found = identify_ground_effect([RegressionModel.parse("CL = 1 + alpha")], flat)
     assert found["CL"].form == "none"
     assert set(found.not_identified) == {"CL:1", "CL:alpha"}
     assert set(aerodb.terms(replace_ground_effect(database, found))) == set(aerodb.terms(database))
@@ -198,7 +198,7 @@ def test_a_form_that_no_power_has_becomes_a_table(records, database):
             1.0 + np.interp(h, [0.0, 20.0], [0.3, 0.0])
         ) + noise
         stepped.append(one.assign(CL=("time", CL)))
-    found = identify_ground_effect([Model.parse("CL = 1 + alpha")], stepped)
+    found = identify_ground_effect([RegressionModel.parse("CL = 1 + alpha")], stepped)
     assert found["CL"].form == "table"
     new = replace_ground_effect(database, found)
     added = (
@@ -219,7 +219,7 @@ def test_a_form_that_no_power_has_becomes_a_table(records, database):
 def test_of_near_equals_the_simplest_form_is_taken():
     rng = np.random.default_rng(1)
     v = rng.normal(size=1000)
-    table = compared(
+    table = rank_forms(
         {
             "table": (0.99 * v, 12),
             "k h^s": (0.995 * v, 6),
@@ -229,7 +229,7 @@ def test_of_near_equals_the_simplest_form_is_taken():
         100.0,
     )
     assert table.loc["database", "parameters"] == 6
-    assert best(table, ("none", "database", "k h^s", "table")) == "database"
+    assert select_form(table, ("none", "database", "k h^s", "table")) == "database"
     assert table["BIC"].min() == 0.0
 
 
@@ -293,7 +293,7 @@ def test_simulated_landings_low_passes_and_free_air():
     truth = json.loads((SHARED / "truth" / "ground_effect_truth.json").read_text())[
         "ground_effect"
     ]["CL"]
-    found = identify_ground_effect([Model.parse("CL = 1 + alpha + qhat + delta_e")], data)
+    found = identify_ground_effect([RegressionModel.parse("CL = 1 + alpha + qhat + delta_e")], data)
     h = np.array([2.0, 3.0, 8.5])
     for term, name in (("1", "one"), ("alpha", "alpha")):
         row = found["CL"].row(term)

@@ -14,7 +14,7 @@ from flighttest.cli.group import flight
 from flighttest.flight_programme.input_design.design import design_input, open_timetable
 from flighttest.flight_programme.input_design.input_shapes import unit_step
 from flighttest.flight_programme.input_design.specification import design_of
-from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.special_tests.spin.polynomial_models import polynomial_database, read_polynomials
 
 DATA = Path(__file__).parents[3] / "data" / "cz150"
@@ -150,7 +150,7 @@ def files(tmp_path):
     fitted = {c: (p.model, p.estimates) for c, p in read_polynomials(DATA / "glide.csv").items()}
     model, estimates = fitted["Cm"]
     fitted["Cm"] = (
-        Model("Cm", [t for t in model.terms if t != "qhat**3"]),
+        RegressionModel("Cm", [t for t in model.terms if t != "qhat**3"]),
         np.delete(estimates, model.terms.index("qhat**3")),
     )
     aerodb.save(polynomial_database(fitted, aircraft, title="glide"), tmp_path / "glide.nc")

@@ -26,17 +26,17 @@ from flighttest.flight_programme.input_design.predicted_response import (
     each_within,
     model_inputs,
     predict_response,
-    scaled,
+    scale_signal,
     trimmed_start,
 )
 from flighttest.records.signals.differentiation import derivative_noise
-from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.special_tests.spin.polynomial_models import polynomial_database, read_polynomials
 
 DATA = Path(__file__).parents[3] / "data" / "cz150"
 DEG, V = np.pi / 180.0, 50.0 * 0.3048
 GLIDE = ["alpha", "gamma", "phi", "delta_e", "delta_a", "delta_r"]
-CM = Model("Cm", ["1", "alpha", "qhat", "delta_e", "alpha**2"])
+CM = RegressionModel("Cm", ["1", "alpha", "qhat", "delta_e", "alpha**2"])
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +49,7 @@ def glider(cz150):
     fitted = {c: (p.model, p.estimates) for c, p in read_polynomials(DATA / "glide.csv").items()}
     model, estimates = fitted["Cm"]
     kept = [k for k, term in enumerate(model.terms) if term != "qhat**3"]
-    fitted["Cm"] = Model("Cm", [model.terms[k] for k in kept]), estimates[kept]
+    fitted["Cm"] = RegressionModel("Cm", [model.terms[k] for k in kept]), estimates[kept]
     return flightmech.compile(cz150, polynomial_database(fitted, cz150))
 
 
@@ -145,7 +145,7 @@ def test_axes_alone_may_be_larger_than_together(glider, signal, start):
     together = amplitude_within(glider, signal, start, LIMITS)
     assert set(alone) == {"delta_a", "delta_e", "delta_r"}
     assert max(alone.values()) > together.scale
-    one = scaled(signal, {"delta_e": alone["delta_e"], "delta_a": 0.0, "delta_r": 0.0})
+    one = scale_signal(signal, {"delta_e": alone["delta_e"], "delta_a": 0.0, "delta_r": 0.0})
     assert not broken(predict_response(glider, one, start), LIMITS)
     assert one["power"].sel(axis="delta_e").sum() == pytest.approx(
         float(signal["power"].sel(axis="delta_e").sum()) * alone["delta_e"] ** 2
@@ -199,7 +199,7 @@ def test_expected_errors_are_the_scatter_of_fits(glider, signal, start, cz150, m
 
 
 def test_a_priori_values_are_those_of_the_model(glider, signal, start, cz150):
-    model = Model("Cm", ["1", "alpha", "qhat", "delta_e", "alpha**2", "alpha**3"])
+    model = RegressionModel("Cm", ["1", "alpha", "qhat", "delta_e", "alpha**2", "alpha**3"])
     found = expected_errors(model, predict_response(glider, signal, start, 0.2), cz150).estimates[
         "estimate"
     ]
@@ -213,7 +213,7 @@ def test_a_priori_values_are_those_of_the_model(glider, signal, start, cz150):
 @pytest.mark.slow
 def test_twice_the_input_halves_the_errors(glider, start, cz150):
     step = multistep("delta_e", 1.0 * DEG, 0.4, PATTERNS["3-2-1-1"], free=3.0)
-    model = Model("Cm", ["1", "alpha", "qhat", "delta_e"])
+    model = RegressionModel("Cm", ["1", "alpha", "qhat", "delta_e"])
     small, large = (
         expected_errors(model, predict_response(glider, step, start, scale), cz150)
         for scale in (0.2, 0.4)
@@ -240,7 +240,7 @@ def test_an_input_that_moves_nothing_lateral_is_refused_by_name(glider, start, c
     step = multistep("delta_e", 1.0 * DEG, 0.4)
     response = predict_response(glider, step, start)
     with pytest.raises(IdentificationError, match="with this test input"):
-        expected_errors(Model("Cn", ["1", "delta_r", "delta_a", "beta"]), response, cz150)
+        expected_errors(RegressionModel("Cn", ["1", "delta_r", "delta_a", "beta"]), response, cz150)
     with pytest.raises(UnknownName, match="give its noise"):
         expected_errors(CM, response, cz150, {"CL": 0.01})
 

@@ -16,7 +16,7 @@ import aerodb
 import flightmech
 from flightmech.aircraft.landing_gear import Contact, LandingGear, Steering
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
-from flightmech.terms import make
+from flightmech.terms import make_term
 from flighttest.cli.submodels import gear
 from flighttest.submodels.landing_gear.explicit import GroundRun
 from flighttest.submodels.landing_gear.identification import identify_landing_gear
@@ -72,10 +72,10 @@ FACTS = {
     "force_axes": "stability",
 }
 TERMS = {
-    "CL/basic": make(0.3),
-    "CD/basic": make(0.05),
-    "CY/beta": make(-0.6, regressors=["beta"]),
-    "Cn/beta": make(0.1, regressors=["beta"]),
+    "CL/basic": make_term(0.3),
+    "CD/basic": make_term(0.05),
+    "CY/beta": make_term(-0.6, regressors=["beta"]),
+    "Cn/beta": make_term(0.1, regressors=["beta"]),
 }
 NOISE = {
     "p": 2e-4,

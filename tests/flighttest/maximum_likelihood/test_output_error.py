@@ -9,7 +9,7 @@ import xarray as xr
 import flightmech
 import flighttest
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
-from flightmech.terms import make
+from flightmech.terms import make_term
 from flighttest.maximum_likelihood import time_domain
 from flighttest.maximum_likelihood.search import Unknown
 
@@ -26,11 +26,11 @@ def sim() -> flightmech.SimModel:
     )
     alpha = [-0.2, 0.0, 0.2, 0.4]
     leaves = {
-        "/CL/basic": make([-0.8, 0.3, 1.3, 1.5], {"alpha": alpha}),
-        "/CD/basic": make([0.05, 0.02, 0.08, 0.3], {"alpha": alpha}),
-        "/Cm/basic": make([0.2, 0.03, -0.15, -0.4], {"alpha": alpha}),
-        "/Cm/qhat": make(-14.0, regressors=["qhat"]),
-        "/Cm/elevator": make(-1.2, regressors=["delta_e"]),
+        "/CL/basic": make_term([-0.8, 0.3, 1.3, 1.5], {"alpha": alpha}),
+        "/CD/basic": make_term([0.05, 0.02, 0.08, 0.3], {"alpha": alpha}),
+        "/Cm/basic": make_term([0.2, 0.03, -0.15, -0.4], {"alpha": alpha}),
+        "/Cm/qhat": make_term(-14.0, regressors=["qhat"]),
+        "/Cm/elevator": make_term(-1.2, regressors=["delta_e"]),
     }
     return flightmech.compile(craft, xr.DataTree.from_dict(leaves))
 

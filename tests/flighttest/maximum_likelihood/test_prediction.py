@@ -110,7 +110,7 @@ def test_a_product_can_leave_its_range_while_its_variables_do_not(flown):
     x, y = flown["alpha"].values, flown["delta_e"].values
     apart = flown.isel(time=np.abs(x / np.abs(x).max()) + np.abs(y / np.abs(y).max()) < 0.8)
     fit = flighttest.regress(
-        flighttest.Model.parse("CL = 1 + alpha + delta_e + alpha*delta_e"), apart
+        flighttest.RegressionModel.parse("CL = 1 + alpha + delta_e + alpha*delta_e"), apart
     )
     data = xr.Dataset(
         {
@@ -140,7 +140,7 @@ def test_separate_intercepts_ask_which(flown):
 
 
 def test_a_reference_and_a_frequency_fit_predict_too(flown):
-    shifted = flighttest.Model("CL", LIFT.terms, {"alpha": 0.05})
+    shifted = flighttest.RegressionModel("CL", LIFT.terms, {"alpha": 0.05})
     found = flighttest.regress(shifted, flown).predict(flown)
     np.testing.assert_allclose(
         found["CL"], flighttest.regress(LIFT, flown).predict(flown)["CL"], atol=1e-12

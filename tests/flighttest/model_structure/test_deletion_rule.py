@@ -2,11 +2,11 @@ import numpy as np
 import xarray as xr
 
 from flighttest.regression.combining.pooling import pool_fits
-from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
-from flighttest.regression.model_structure.selection import decide
+from flighttest.regression.model_structure.selection import apply_deletion_rule
 
-MODEL = Model.parse("Cm = 1 + alpha + qhat + alphadothat + delta_e + delta_t")
+MODEL = RegressionModel.parse("Cm = 1 + alpha + qhat + alphadothat + delta_e + delta_t")
 
 
 def record(seed, noise=1e-3, counterpart=0.01):
@@ -39,7 +39,7 @@ def record(seed, noise=1e-3, counterpart=0.01):
 
 def test_each_term_meets_its_fate_and_keeps_its_numbers():
     fits = [regress(MODEL, record(seed), f"record {seed}") for seed in range(6)]
-    fate = decide(
+    fate = apply_deletion_rule(
         fits, {"delta_t": (-0.005, 0.01), "alpha": (-0.8, 0.1)}, regress(MODEL, record(99))
     )
     assert (
@@ -59,13 +59,13 @@ def test_each_term_meets_its_fate_and_keeps_its_numbers():
 
 
 def test_without_a_prior_a_void_term_is_deleted():
-    fate = decide([regress(MODEL, record(seed)) for seed in range(4)])
+    fate = apply_deletion_rule([regress(MODEL, record(seed)) for seed in range(4)])
     assert fate.loc["delta_t", "decision"] == "deleted"
 
 
 def test_a_collinear_term_that_is_determined_all_the_same_stays():
     fits = [regress(MODEL, record(seed, noise=1e-6)) for seed in range(4)]
-    fate = decide(fits)
+    fate = apply_deletion_rule(fits)
     assert fate.loc["alphadothat", "vif"] > 10
     assert fate.loc["alphadothat", "decision"] == "identified"
 

@@ -12,13 +12,13 @@ from model_selection import CANDIDATES, VARIABLES, record  # the benchmark
 
 from flightmech.errors import IdentificationError, ParseError, UnknownName
 from flighttest.regression.model_structure.candidates import (
-    Working,
+    OrthogonalBasis,
     equations,
     monomials,
     spline_terms,
 )
 from flighttest.regression.model_structure.search import select_orthogonal, select_stepwise
-from flighttest.regression.model_structure.selection import tally
+from flighttest.regression.model_structure.selection import count_selections
 
 TRUTH = {
     "1": 0.3, "alpha": 1.0, "delta_e": -0.4, "qhat": 0.3, "alpha**2": -0.8, "beta**2": 0.5, "alpha*mach": 0.4, "alpha**3": -0.6,
@@ -105,7 +105,7 @@ def test_the_numbers_kept_up_to_date_are_those_of_least_squares():
     rng = np.random.default_rng(1)
     X, z = rng.normal(size=(12, 80)), rng.normal(size=80)
     X[5] = X[2] + 1e-3 * X[5]
-    work = Working(X, z)
+    work = OrthogonalBasis(X, z)
     for j in (3, 2, 7):
         work.take(j)
 
@@ -264,12 +264,12 @@ def test_terms_to_keep_idle_candidates_and_refusals():
 
 
 def test_the_common_model_of_several_records():
-    counted = tally(
+    counted = count_selections(
         [select_orthogonal("CL", CANDIDATES, record(seed), gain=1e-3) for seed in range(4)]
     )
     assert set(counted.index[counted["share"] > 0.5]) == set(TRUTH)
     with pytest.raises(IdentificationError, match="selections of nothing"):
-        tally([])
+        count_selections([])
 
 
 @pytest.mark.slow
@@ -285,14 +285,14 @@ def test_without_noise_a_selection_in_frequency_ends(choose, weights, monkeypatc
         0.1 * np.cos(3.0 * time) + 0.03 * np.sin(7.0 * time),
     )
     flown = {"alpha": alpha, "qhat": q, "delta_e": 0.05 * np.sign(np.sin(1.3 * time + 0.1))}
-    candidates, taken, take = monomials(list(flown), 3), [], Working.take
+    candidates, taken, take = monomials(list(flown), 3), [], OrthogonalBasis.take
 
-    def counted(work: Working, j: int) -> None:
+    def counted(work: OrthogonalBasis, j: int) -> None:
         taken.append(j)
         assert len(taken) < 1000, "terms come and go"
         take(work, j)
 
-    monkeypatch.setattr(Working, "take", counted)
+    monkeypatch.setattr(OrthogonalBasis, "take", counted)
     for seed in range(12):
         CL = 0.3 + 5.0 * alpha + 2.0 * q - 0.5 * flown["delta_e"] + 3.0 * alpha**2 * q
         CL += (1e-16 if seed else 0.0) * np.random.default_rng(seed).normal(size=time.size)

@@ -17,7 +17,12 @@ import flighttest
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
 from flighttest.cli.group import flight
 from flighttest.records.files import save_record
-from flighttest.special_tests.motion_capture import motion, poses, read_marker_setup, read_markers
+from flighttest.special_tests.motion_capture import (
+    poses,
+    read_marker_setup,
+    read_markers,
+    smooth_motion,
+)
 
 LINEAR = ("h", "vn", "ve", "vd", "phi", "theta", "psi", "p", "q", "r", "ax", "ay", "az")
 
@@ -56,7 +61,7 @@ def test_positions_and_turns_lie_within_their_errors(pose):
 
 
 def test_rates_and_specific_force_have_their_errors(pose, setup):
-    found = motion(pose, setup.cutoff)
+    found = smooth_motion(pose, setup.cutoff)
     true = cameras.truth(found["time"].values)
     for name in LINEAR:
         scatter = float(np.sqrt(np.mean((found[name].values - true[name]) ** 2)))
@@ -78,7 +83,7 @@ def test_without_noise_only_the_cut_off_is_left(setup):
         {"time": time, "marker": list(markers), "axis": ["n", "e", "d"]},
         ("time", "marker", "axis"),
     )
-    found = motion(poses(exact, markers, noise=1e-4), setup.cutoff)
+    found = smooth_motion(poses(exact, markers, noise=1e-4), setup.cutoff)
     true = cameras.truth(found["time"].values)
     for name, least in (
         ("h", 1e-4),
@@ -95,7 +100,7 @@ def test_a_hole_is_left_open_and_a_short_one_bridged(pose, setup):
     for name in ("r", "q"):
         gap[name][100:103] = np.nan
         gap[name][300:360] = np.nan
-    found, whole = motion(gap, setup.cutoff), motion(pose, setup.cutoff)
+    found, whole = smooth_motion(gap, setup.cutoff), smooth_motion(pose, setup.cutoff)
     lost = np.isnan(found["q"].values)
     assert lost.sum() == 60
     near = np.abs(found["theta"].values - whole["theta"].values)[80:110]
@@ -132,7 +137,7 @@ def test_bad_input_is_refused(pose, setup, folder, tmp_path):
     with pytest.raises(IdentificationError, match="do not lie on a line"):
         poses(P, line)
     with pytest.raises(IdentificationError, match="half the frame rate"):
-        motion(pose, 300.0)
+        smooth_motion(pose, 300.0)
     bad = tmp_path / "bad.toml"
     bad.write_text(cameras.SETUP.replace("north west up", "north east up"), encoding="utf-8")
     with pytest.raises(SchemaError, match="right-handed"):

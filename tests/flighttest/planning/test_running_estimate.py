@@ -13,9 +13,9 @@ from flighttest.flight_programme.planning.recursive_fourier import (
     running_estimate,
 )
 from flighttest.regression.equation_error.frequency_domain import regress_frequency
-from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.model import RegressionModel
 
-MODEL = Model.parse("Cm = 1 + alpha + qhat + delta_e")
+MODEL = RegressionModel.parse("Cm = 1 + alpha + qhat + delta_e")
 TRUTH = {"alpha": -0.6, "qhat": -12.0, "delta_e": -1.2}
 BAND, STEP = (0.1, 2.0), 0.02
 

@@ -7,11 +7,17 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from aerodb.store.schema import database
+from aerodb.store.schema import make_database
 from flightmech import terms
 from flightmech.errors import SchemaError
-from flighttest.flight_programme.planning.plan import Goal, bounds_of, choose, plan_of, time_of
-from flighttest.regression.equation_error.model import Model
+from flighttest.flight_programme.planning.plan import (
+    Goal,
+    bounds_of,
+    plan_of,
+    select_manoeuvres,
+    time_of,
+)
+from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
 
 DEG = np.pi / 180
@@ -39,10 +45,10 @@ MANOEUVRES = {
 @pytest.fixture(scope="module")
 def prior():
     alpha = np.arange(-4, 17, 4.0) * DEG
-    basic = terms.make(
+    basic = terms.make_term(
         0.2 + 5.0 * alpha, {"alpha": alpha}, stderr=np.full(len(alpha), 0.05), source="datcom"
     )
-    return database({"CL/basic": basic}, **ROOT)
+    return make_database({"CL/basic": basic}, **ROOT)
 
 
 def fit(item, seed):
@@ -51,7 +57,7 @@ def fit(item, seed):
     x = (alpha + amplitude * np.sin(3.0 * t)) * DEG
     y = 0.2 + 5.0 * x + noise * np.random.default_rng(seed).normal(size=len(t))
     data = xr.Dataset({"alpha": ("time", x), "CL": ("time", y)}, {"time": t})
-    return regress(Model.parse("CL = 1 + alpha"), data, f"{item[0]}: lift")
+    return regress(RegressionModel.parse("CL = 1 + alpha"), data, f"{item[0]}: lift")
 
 
 class Predicted(SimpleNamespace):
@@ -82,7 +88,7 @@ def want(ratio, low=0.0, high=8.0, term="CL/basic"):
 def test_the_choice_is_the_shortest_of_all(prior, ratio):
     flights = predicted([want(ratio)])
     goal = Goal(flights, prior)
-    chosen = choose(goal)
+    chosen = select_manoeuvres(goal)
     enough = [
         c
         for n in range(6)

@@ -11,8 +11,8 @@ import pytest
 
 import flighttest
 from flightmech.errors import SchemaError
-from flighttest.reconstruction.quality.finding import exchanged, later, map_entry
-from flighttest.records.readers.name_map import Channel, corrected, line_of, units_of
+from flighttest.reconstruction.quality.finding import add_delay_line, exchange_channels, map_entry
+from flighttest.records.readers.name_map import Channel, correct_channel, line_of, units_of
 from flighttest.records.sensors.instruments import IMU as GYROS
 from flighttest.records.sensors.instruments import instruments_of
 
@@ -104,7 +104,7 @@ def test_pasted_line_keeps_what_stands_there(recording):
 
 def test_exchanged_channels_are_two_lines(recording):
     before = {name: channel(recording, name) for name in ("theta", "psi")}
-    pasted(recording[1], exchanged(flighttest.read(*recording), "theta", "psi"))
+    pasted(recording[1], exchange_channels(flighttest.read(*recording), "theta", "psi"))
     np.testing.assert_allclose(channel(recording, "theta"), before["psi"])
     np.testing.assert_allclose(channel(recording, "psi"), before["theta"])
 
@@ -132,7 +132,7 @@ def test_every_pair_of_units_is_corrected_by_a_unit(name):
                 Channel(column="c", unit=unit).convert(x, None, name) for unit in (wrong, right)
             )
             slope, shift = np.polyfit(taken, true, 1)
-            found = corrected(
+            found = correct_channel(
                 Channel(column="c", unit=wrong),
                 name,
                 None,
@@ -153,11 +153,11 @@ def test_constant_channel_is_stated_in_the_map(recording):
 
 def test_lag_and_delay_are_lines_too(recording):
     record = flighttest.read(*recording)
-    assert later(record, "theta", delay=0.12) == (
+    assert add_delay_line(record, "theta", delay=0.12) == (
         'theta = { column = "nose", unit = "deg", offset = "2 deg", delay = 0.12 }   # in [imu] of the name map'
     )
     before = channel(recording, "delta_a_right")
-    pasted(recording[1], later(record, "delta_a_right", lag=-0.1))
+    pasted(recording[1], add_delay_line(record, "delta_a_right", lag=-0.1))
     after = channel(recording, "delta_a_right")
     time = record["controls"]["time"].values
     true = (
@@ -167,7 +167,7 @@ def test_lag_and_delay_are_lines_too(recording):
         after[50:], true[50:], atol=2e-6
     )  # lines between samples: a twelfth of step^2 times curvature
     assert np.abs(after - before).max() > 1e-3
-    assert later(record, "delta_a", lag=-0.1) == ""
+    assert add_delay_line(record, "delta_a", lag=-0.1) == ""
 
 
 def test_instruments_of_the_name_map_go_before_those_of_the_aircraft(recording):

@@ -11,7 +11,7 @@ import flighttest
 from flightmech.errors import UnknownName
 from flighttest.records.readers.bus_words import (
     Arinc429,
-    Label,
+    Arinc429Label,
     Words,
     label_tables,
     label_values,
@@ -29,7 +29,7 @@ def test_word_put_together_by_hand():
     word = 0o203 | 25_000 << 11 | 0b11 << 29
     word |= (1 - bin(word).count("1") % 2) << 31
     assert odd_parity(words(word)).all()
-    altitude = Label(label="203", code="bnr", bits=17, range=131072.0, unit="ft")
+    altitude = Arinc429Label(label="203", code="bnr", bits=17, range=131072.0, unit="ft")
     assert label_values(words(word), altitude).tolist() == [25_000.0]
 
 
@@ -37,13 +37,15 @@ def test_word_put_together_by_hand():
 @pytest.mark.parametrize("share", [0.0, 0.3, -0.3, 0.999, -1.0])
 def test_bnr_there_and_back_within_half_a_count(bits, scale, share):
     word = chapter10.bnr(0o101, bits, scale, share * scale)
-    found = label_values(words(word), Label(label="101", code="bnr", bits=bits, range=scale))
+    found = label_values(
+        words(word), Arinc429Label(label="101", code="bnr", bits=bits, range=scale)
+    )
     assert found[0] == pytest.approx(share * scale, abs=0.5001 * scale / (1 << bits))
 
 
 @pytest.mark.parametrize(("digits", "value"), [(5, 79_999), (4, 1013), (3, -125), (1, 7)])
 def test_bcd_there_and_back(digits, value):
-    label = Label(label="235", code="bcd", digits=digits, resolution=0.1)
+    label = Arinc429Label(label="235", code="bcd", digits=digits, resolution=0.1)
     assert label_values(words(chapter10.bcd(0o235, digits, value)), label)[0] == pytest.approx(
         0.1 * value
     )
@@ -52,7 +54,7 @@ def test_bcd_there_and_back(digits, value):
 def test_bcd_digit_above_nine_is_no_value():
     word = 0o235 | 0xB << 22
     assert np.isnan(
-        label_values(words(word), Label(label="235", code="bcd", digits=2, resolution=1.0))
+        label_values(words(word), Arinc429Label(label="235", code="bcd", digits=2, resolution=1.0))
     ).all()
 
 
@@ -60,12 +62,12 @@ def test_bcd_digit_above_nine_is_no_value():
 def test_bnr_that_is_not_in_normal_operation_is_no_value(ssm):
     word = chapter10.bnr(0o210, 15, 2048.0, 250.0, ssm=ssm)
     assert np.isnan(
-        label_values(words(word), Label(label="210", code="bnr", bits=15, range=2048.0))
+        label_values(words(word), Arinc429Label(label="210", code="bnr", bits=15, range=2048.0))
     ).all()
 
 
 def test_discrete_bit():
-    label = Label(label="350", code="discrete", bit=11)
+    label = Arinc429Label(label="350", code="discrete", bit=11)
     assert label_values(
         words(chapter10.discrete(0o350, 11, True), chapter10.discrete(0o350, 12, True)), label
     ).tolist() == [1.0, 0.0]
@@ -75,7 +77,7 @@ def spec(labels="octal", **parameters):
     return Arinc429(kind="arinc429", labels=labels, channel=1, parameters=parameters)
 
 
-TAS = Label(label="210", code="bnr", bits=15, range=2048.0, unit="kt")
+TAS = Arinc429Label(label="210", code="bnr", bits=15, range=2048.0, unit="kt")
 
 
 def test_labels_sources_and_parity_are_distinguished():

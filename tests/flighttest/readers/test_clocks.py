@@ -3,7 +3,7 @@ import pytest
 
 import flighttest
 from flightmech.errors import SchemaError
-from flighttest.records.readers.clocks import settled
+from flighttest.records.readers.clocks import rising_clock
 from flighttest.records.readers.name_map import Clock
 
 
@@ -18,7 +18,7 @@ def kinds(found):
 )
 def test_counters_that_wrap_are_unrolled(step, scale, period):
     true = period - 20 * step + step * np.arange(60)
-    found = settled(np.mod(true, period), Clock(), scale, "x")
+    found = rising_clock(np.mod(true, period), Clock(), scale, "x")
     np.testing.assert_allclose(found.time, true * scale, rtol=1e-12)
     assert kinds(found) == ["wrap"]
     assert found.flags[0].note == f"period {period * scale:g} s"
@@ -26,7 +26,7 @@ def test_counters_that_wrap_are_unrolled(step, scale, period):
 
 def test_stated_period_of_a_counter():
     true = 990.0 + 0.5 * np.arange(60)
-    found = settled(np.mod(true, 1000.0), Clock(wrap=1000.0), 1.0, "x")
+    found = rising_clock(np.mod(true, 1000.0), Clock(wrap=1000.0), 1.0, "x")
     np.testing.assert_allclose(found.time, true)
 
 
@@ -34,7 +34,7 @@ def test_stray_stamps_are_dropped_and_marked():
     time = 0.02 * np.arange(100)
     raw = time.copy()
     raw[[30, 60, 80]] = [1e6, -5.0, np.nan]
-    found = settled(raw, Clock(), 1.0, "x")
+    found = rising_clock(raw, Clock(), 1.0, "x")
     np.testing.assert_array_equal(found.keep, np.delete(np.arange(100), [30, 60, 80]))
     np.testing.assert_array_equal(found.time, np.delete(time, [30, 60, 80]))
     assert kinds(found) == ["stray"]
@@ -44,8 +44,8 @@ def test_stray_stamps_are_dropped_and_marked():
 def test_clock_set_back_is_refused_unless_the_map_allows_it():
     raw = np.concatenate([10.0 + 0.1 * np.arange(50), 2.0 + 0.1 * np.arange(50)])
     with pytest.raises(SchemaError, match=r"14\.9 s is followed by 2 s .*reset = true"):
-        settled(raw, Clock(), 1.0, "x")
-    found = settled(raw, Clock(reset=True), 1.0, "x")
+        rising_clock(raw, Clock(), 1.0, "x")
+    found = rising_clock(raw, Clock(reset=True), 1.0, "x")
     np.testing.assert_allclose(found.time, 10.0 + 0.1 * np.arange(100))
     assert (kinds(found), found.flags[0].note) == (["reset"], "by 12.9 s")
 
@@ -56,22 +56,22 @@ def test_stamps_too_coarse_for_their_samples():
         SchemaError,
         match=r"490 of 500 stamps repeat.*50 samples to each: the clock is too coarse; give rate",
     ):
-        settled(raw, Clock(), 1.0, "x")
-    found = settled(raw, Clock(rate=50.0), 1.0, "x")
+        rising_clock(raw, Clock(), 1.0, "x")
+    found = rising_clock(raw, Clock(rate=50.0), 1.0, "x")
     np.testing.assert_allclose(found.time, np.arange(500) / 50)
     with pytest.raises(SchemaError, match="drift apart"):
-        settled(raw, Clock(rate=40.0), 1.0, "x")
+        rising_clock(raw, Clock(rate=40.0), 1.0, "x")
 
 
 def test_offset_and_drift():
     true = np.arange(0.0, 1000.0, 0.5)
-    found = settled(700.0 + true * (1 + 40e-6), Clock(drift=40e-6, offset=-700.0), 1.0, "x")
+    found = rising_clock(700.0 + true * (1 + 40e-6), Clock(drift=40e-6, offset=-700.0), 1.0, "x")
     np.testing.assert_allclose(found.time, true, atol=1e-9)
 
 
 def test_gaps_are_marked_on_the_clock_of_the_record():
     raw = np.concatenate([np.arange(10), 20 + np.arange(10)]) * 0.1
-    found = settled(raw, Clock(offset=5.0), 1.0, "x")
+    found = rising_clock(raw, Clock(offset=5.0), 1.0, "x")
     assert [(m.kind, m.start, m.stop) for m in found.flags] == [
         ("gap", pytest.approx(5.9), pytest.approx(7.0))
     ]

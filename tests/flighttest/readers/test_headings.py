@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import flighttest
-from aeromatch.drafting.columns import guess
+from aeromatch.drafting.columns import guess_quantity
 from flightmech.errors import UnitError, UnknownName
 from flightmech.units import known_unit
 from flighttest.records.readers.columns import (
@@ -17,7 +17,7 @@ from flighttest.records.readers.columns import (
     split_headings,
     unit_of_column,
 )
-from flighttest.records.readers.recording import Table
+from flighttest.records.readers.recording import RecordedTable
 
 T = np.arange(0.0, 2.0, 0.02)
 
@@ -74,7 +74,7 @@ def test_units_as_recorders_spell_them(text, unit):
 
 
 def test_columns_are_found_with_and_without_brackets():
-    table = Table(
+    table = RecordedTable(
         {"alpha": T, "rate [counts]": T, "v (a)": T, "v (b)": T, "xyz[0]": T}, {"alpha": "deg"}
     )
     assert column_called("alpha", table) == "alpha"
@@ -151,9 +151,9 @@ def test_a_unit_that_nothing_knows_is_named(tmp_path):
 
 def test_drafted_names_of_headings_with_units():
     assert [
-        guess(text).name for text in ("Roll Rate (deg/s)", "alpha [deg]", "Press Alt (ft)")
+        guess_quantity(text).name for text in ("Roll Rate (deg/s)", "alpha [deg]", "Press Alt (ft)")
     ] == ["p", "alpha_vane", "h_baro"]
-    assert guess("Roll Rate (deg/s)").unit == "deg/s"
+    assert guess_quantity("Roll Rate (deg/s)").unit == "deg/s"
 
 
 ENDS = [  # heading, quantity of the map, its unit, and the unit that is certain without a map
@@ -176,7 +176,7 @@ ENDS = [  # heading, quantity of the map, its unit, and the unit that is certain
 
 @pytest.mark.parametrize(("heading", "name", "unit", "clear"), ENDS)
 def test_a_unit_at_the_end_counts_where_it_fits_the_quantity(heading, name, unit, clear):
-    assert unit_of_column(Table({heading: T}), heading, name) == unit
+    assert unit_of_column(RecordedTable({heading: T}), heading, name) == unit
     assert clear_unit(heading) == clear
 
 
@@ -201,5 +201,5 @@ SENSES = {
 
 @pytest.mark.parametrize("heading", SENSES)
 def test_the_sense_of_a_heading(heading):
-    found = guess(heading)
+    found = guess_quantity(heading)
     assert (found.name, found.sign) == SENSES[heading]

@@ -17,7 +17,12 @@ from flighttest.cli.group import flight
 from flighttest.records.files import contents
 from flighttest.records.readers.formats.csv_words import numbers_of
 from flighttest.records.readers.opening import recognise
-from flighttest.records.readers.recording import WIDEST, Recording, Table, without_short_tables
+from flighttest.records.readers.recording import (
+    WIDEST,
+    RecordedTable,
+    Recording,
+    without_short_tables,
+)
 
 T = np.arange(0.0, 4.0, 0.02)
 NAMES = '[air]\nalpha = { column = "alpha", unit = "deg" }\n'
@@ -135,7 +140,7 @@ def test_the_limit_that_remains_is_stated(tmp_path):
 
 
 def test_a_table_of_one_sample_is_left_out():
-    one, two = Table({"x": T[:1]}, time=T[:1]), Table({"x": T[:2]}, time=T[:2])
+    one, two = RecordedTable({"x": T[:1]}, time=T[:1]), RecordedTable({"x": T[:2]}, time=T[:2])
     recording = without_short_tables(Recording("ulog", {"once": one, "twice": two}))
     assert list(recording.tables) == ["twice"]
     assert [tuple(part)[:2] for part in recording.left_out] == [

@@ -99,7 +99,7 @@ def test_records_share_their_constants(flown, precise):
 def test_steady_flight_hides_vertical_wind_behind_the_vane(flown, precise):
     record = flown(0, motion=0.0)[0]
     names = ["bias.alpha_vane", "wind_d"]
-    sight = flighttest.reconstruction.visible([record], precise, free=names)
+    sight = flighttest.reconstruction.observable_constants([record], precise, free=names)
     words = sight.hidden()
     assert len(words) == 1
     assert all(name in words[0] for name in names)
@@ -115,7 +115,7 @@ def test_steady_flight_hides_vertical_wind_behind_the_vane(flown, precise):
 def test_a_manoeuvre_separates_them(flown, precise):
     record = flown(0, inertial_noise=RIGID)[0]
     assert (
-        flighttest.reconstruction.visible(
+        flighttest.reconstruction.observable_constants(
             [record], precise, free=["bias.alpha_vane", "wind_d"]
         ).hidden()
         == []

@@ -7,7 +7,7 @@ import copy
 import numpy as np
 import pytest
 
-from flighttest.reconstruction.batch.unknowns import path_of, segments, sweep
+from flighttest.reconstruction.batch.unknowns import path_of, path_sensitivities, segments
 from flighttest.reconstruction.problem.assembly import assemble
 from flighttest.reconstruction.problem.trajectory import SCALES
 from flighttest.records.sensors.instruments import instruments
@@ -51,7 +51,7 @@ def test_error_free_inputs_lead_to_the_true_path(flown, aircraft):
 
 def test_sensitivities_are_those_of_the_path(setup):
     problem, starts, c = setup.problem, starts_of(setup), setup.c
-    found = sweep(problem, starts, c, setup.x, np.ones(len(c), bool))
+    found = path_sensitivities(problem, starts, c, setup.x, np.ones(len(c), bool))
     n = problem.states
     names = [problem.constants.names[i] for i in found.columns]
     steps = {**{i: s for i, s in enumerate([1e-4] * 3 + [0.1] * 3 + [1.0] + [1e-3] * 2)}}

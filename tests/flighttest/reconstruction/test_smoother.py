@@ -12,8 +12,8 @@ from flightmech.errors import IdentificationError, OutOfRange, SchemaError
 from flighttest.reconstruction import smoother
 from flighttest.reconstruction.path_quantities import motion, state_errors
 from flighttest.reconstruction.problem.problem import PER_RUN, identifiability
-from flighttest.reconstruction.problem.trajectory import estimate, moved
-from flighttest.reconstruction.smoother import gusty, solve
+from flighttest.reconstruction.problem.trajectory import estimate, step_trajectory
+from flighttest.reconstruction.smoother import has_gusts, solve
 from flighttest.records.signals.delays import lag_weights
 
 ERROR_FREE = {"V": 0.05, "alpha": 0.0012, "beta": 0.0012, "theta": 0.0008, "h": 0.6}  # m/s, rad, m
@@ -181,11 +181,11 @@ def test_step_turns_the_velocity_with_the_heading():
     x, dx = np.zeros((1, 7)), np.zeros((1, 7))
     x[0, 3:6], dx[0, :3] = (80.0, 30.0, 4.0), (0.1, 0.0, 0.3)
     dx[0, 3:5] = -30.0 * 0.3, 80.0 * 0.3  # what a turn of 0.3 rad is to first order
-    after = moved(x, dx)
+    after = step_trajectory(x, dx)
     assert np.hypot(*after[0, 3:5]) == pytest.approx(np.hypot(80.0, 30.0))
     assert np.arctan2(after[0, 4], after[0, 3]) - np.arctan2(30.0, 80.0) == pytest.approx(0.3)
     small = 1e-5 * np.arange(1.0, 8.0)[None]
-    np.testing.assert_allclose(moved(x, small), x + small, atol=1e-7)
+    np.testing.assert_allclose(step_trajectory(x, small), x + small, atol=1e-7)
     assert (
         after[0, 5] == 4.0
     )  # roll and sideways steps leave the climb alone, as they do the height
@@ -369,8 +369,8 @@ def test_gusts_are_distinguished_from_noise_by_what_lasts():
         noise = rng.normal(size=2000)
         keep = np.exp(-0.02 / 1.5)
         gust = lfilter([np.sqrt(1.0 - keep**2)], [1.0, -keep], rng.normal(size=3000))[1000:]
-        assert not any(gusty(size * noise, t, 0.4) for size in (1.0, 1.11, 1.5, 3.0))
-        assert gusty(noise + 0.8 * gust / gust.std(), t, 0.4)
+        assert not any(has_gusts(size * noise, t, 0.4) for size in (1.0, 1.11, 1.5, 3.0))
+        assert has_gusts(noise + 0.8 * gust / gust.std(), t, 0.4)
 
 
 def test_what_has_not_settled_is_named(flown, aircraft, monkeypatch):

@@ -11,8 +11,8 @@ from flightmech.errors import ParseError, SchemaError
 from flighttest.cli.records import mark
 from flighttest.records.manoeuvre_table import (
     edit_manoeuvres,
-    marked,
     read_manoeuvres,
+    with_manoeuvres,
     write_manoeuvres,
 )
 
@@ -92,7 +92,7 @@ def test_what_is_written_is_read_and_marks_a_record(tmp_path):
     record = xr.DataTree.from_dict(
         {"/imu": xr.Dataset({"q": ("time", np.zeros(3))}, {"time": np.arange(3.0)})}
     )
-    pd.testing.assert_frame_equal(flighttest.manoeuvres(marked(record, again)), again)
+    pd.testing.assert_frame_equal(flighttest.manoeuvres(with_manoeuvres(record, again)), again)
     assert len(flighttest.manoeuvres(record)) == 0
 
 

@@ -15,16 +15,16 @@ from flightmech.names import attrs
 from flightmech.units import DEGREE
 from flighttest.cli.group import flight
 from flighttest.records.files import save_record
-from flighttest.records.manoeuvre_table import marked
+from flighttest.records.manoeuvre_table import with_manoeuvres
 from flighttest.records.time_histories import (
-    broken,
+    break_at_gaps,
     chosen_panels,
     record_figure,
     signals_figure,
     states_figure,
 )
 from flighttest.regression.equation_error.fit import save_fit
-from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
 
 pytest.importorskip("matplotlib")
@@ -57,7 +57,9 @@ def record() -> xr.DataTree:
         "/controls": leaf(slow, delta_e=-0.04 + 0.0 * slow),
         "/air_data": leaf(slow, V=80.0 + slow),
     }
-    return marked(xr.DataTree.from_dict({"/": xr.Dataset(attrs={"title": "Run 1"}), **tree}), MARKS)
+    return with_manoeuvres(
+        xr.DataTree.from_dict({"/": xr.Dataset(attrs={"title": "Run 1"}), **tree}), MARKS
+    )
 
 
 def drawn(figure) -> dict[str, np.ndarray]:
@@ -118,7 +120,7 @@ def test_corrected_quantities_stand_for_recorded_ones():
 
 
 def test_no_line_crosses_a_gap():
-    time, values = broken(
+    time, values = break_at_gaps(
         np.array([0.0, 1.0, 2.0, 3.0, 20.0, 21.0]), np.array([1.0, np.nan, 2.0, 3.0, 4.0, 5.0])
     )
     np.testing.assert_array_equal(time, [0.0, 2.0, 3.0, np.nan, 20.0, 21.0])
@@ -217,7 +219,7 @@ def test_the_verb_draws_fits(tmp_path):
         },
         {"time": np.arange(50.0) / 50.0},
     )
-    save_fit(regress(Model.parse("CL = 1 + alpha"), data), tmp_path / "cl.nc")
+    save_fit(regress(RegressionModel.parse("CL = 1 + alpha"), data), tmp_path / "cl.nc")
     assert call(tmp_path / "cl.nc", "-o", tmp_path / "cl.png")["of"] == "fit"
     with pytest.raises(SchemaError, match="--channel goes with a record or a path"):
         call(tmp_path / "cl.nc", "--channel", "CL", "-o", tmp_path / "cl2.png")

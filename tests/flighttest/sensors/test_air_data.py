@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 import flighttest
 from flightmech.errors import OutOfRange, SchemaError
 from flighttest.reconstruction.problem.assembly import assemble
-from flighttest.reconstruction.problem.trajectory import moving, shown
+from flighttest.reconstruction.problem.trajectory import linearise_sensor, states_and_rates
 from flighttest.records.sensors.instruments import instruments
 
 SPAN = 24.0  # s
@@ -126,11 +126,16 @@ def test_derivatives_of_the_air_data_follow_central_differences(speed):
     sensor = next(s for s in problem.sensors if speed in s.names)
     c = np.array([error.get(name, value) for name, value in zip(names, setup.c)])
     c[names.index("delay.pitot")] = 0.047
-    _, _, _, J, columns, Jc = shown(problem, sensor, moving(problem, setup.x, c), c)
+    _, _, _, J, columns, Jc = linearise_sensor(
+        problem, sensor, states_and_rates(problem, setup.x, c), c
+    )
     for j, place in enumerate(columns):
         h = 1e-2 * np.sqrt(problem.constants.covariance[place, place])
         sides = [c + sign * h * np.eye(len(c))[place] for sign in (1.0, -1.0)]
-        ends = [shown(problem, sensor, moving(problem, setup.x, side), side)[0] for side in sides]
+        ends = [
+            linearise_sensor(problem, sensor, states_and_rates(problem, setup.x, side), side)[0]
+            for side in sides
+        ]
         np.testing.assert_allclose(
             Jc[..., j],
             (ends[0] - ends[1]) / (2.0 * h),
@@ -140,7 +145,10 @@ def test_derivatives_of_the_air_data_follow_central_differences(speed):
     for i in range(problem.states):
         h = 1e-4
         sides = [setup.x + sign * h * np.eye(problem.states)[i] for sign in (1.0, -1.0)]
-        ends = [shown(problem, sensor, moving(problem, side, c), c)[0] for side in sides]
+        ends = [
+            linearise_sensor(problem, sensor, states_and_rates(problem, side, c), c)[0]
+            for side in sides
+        ]
         np.testing.assert_allclose(
             J[..., i], (ends[0] - ends[1]) / (2.0 * h), rtol=1e-4, atol=1e-6 * np.abs(J).max()
         )

@@ -7,9 +7,9 @@ import xarray as xr
 import flighttest
 from flightmech.errors import SchemaError
 from flighttest.reconstruction.dynamics.derived_channels import (
+    add_derived_channels,
     airspeed_from_pressures,
     angular_accelerations,
-    complete,
     forces_from_velocity,
     rates_from_attitude,
 )
@@ -116,7 +116,7 @@ def test_airspeed_from_pressures(flight):
 def test_complete_adds_and_replaces_nothing(flight):
     data, _, truth = flight
     lacking = data.drop_vars(["p", "q", "r"])
-    found = complete(lacking, wind_error=6.0)
+    found = add_derived_channels(lacking, wind_error=6.0)
     assert {
         "p",
         "q",
@@ -135,7 +135,7 @@ def test_complete_adds_and_replaces_nothing(flight):
     for name in lacking.data_vars:
         np.testing.assert_array_equal(found[name], lacking[name])
     assert found["p"].attrs["made_from"] == "derivatives of phi theta psi"
-    late = complete(data)
+    late = add_derived_channels(data)
     assert "made_from" not in late["p"].attrs
     assert (
         rms(found["alpha"] - np.interp(data["time"], truth["time"], truth["alpha"]))

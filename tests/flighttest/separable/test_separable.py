@@ -18,10 +18,10 @@ from flightmech.errors import (
     UnitError,
     UnknownName,
 )
-from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.expressions import Pieces, Scope, parse, parse_terms
 from flighttest.regression.separable.fit import regress_separable
-from flighttest.regression.separable.projection import Block, project
+from flighttest.regression.separable.projection import LinearBlock, project
 from flighttest.regression.separable_model import SeparableModel, ShapeParameter
 
 T = np.arange(400) * 0.05
@@ -148,7 +148,9 @@ def test_the_projection_has_its_exact_derivative():
 
     def at(s):
         A, slopes = model.design(data, dict(zip(("s", "g"), s)))
-        return project([Block(z, A, [(("s", "g").index(name), j, v) for name, j, v in slopes])], 2)
+        return project(
+            [LinearBlock(z, A, [(("s", "g").index(name), j, v) for name, j, v in slopes])], 2
+        )
 
     s, step = np.array([-1.2, -0.6]), 1e-6
     numeric = np.array(
@@ -241,7 +243,9 @@ def spool(tau: float, n: int = 1200) -> xr.Dataset:
 
 def test_two_measured_quantities_share_a_time_constant():
     data, tau = spool(0.8), {"tau": (0.05, 5.0)}
-    models = [Model.parse(f"{name} = 1 + lag(throttle, tau)", tau) for name in ("n1", "thrust")]
+    models = [
+        RegressionModel.parse(f"{name} = 1 + lag(throttle, tau)", tau) for name in ("n1", "thrust")
+    ]
     both, one = regress_separable(models, data), regress_separable(models[0], data)
     assert abs(both.value("tau")[0] - 0.8) < 3 * both.value("tau")[1]
     assert both.value("tau")[1] < one.value("tau")[1]
@@ -255,11 +259,11 @@ def test_two_measured_quantities_share_a_time_constant():
 def test_a_prior_counts_by_its_standard_error():
     data = spool(0.8)
     free = regress_separable(
-        Model.parse("n1 = 1 + lag(throttle, tau)", {"tau": (0.05, 5.0)}), data
+        RegressionModel.parse("n1 = 1 + lag(throttle, tau)", {"tau": (0.05, 5.0)}), data
     ).value("tau")
     prior = ShapeParameter(0.05, 5.0, free[0] + free[1], free[1])
     joined = regress_separable(
-        Model.parse("n1 = 1 + lag(throttle, tau)", {"tau": prior}), data
+        RegressionModel.parse("n1 = 1 + lag(throttle, tau)", {"tau": prior}), data
     ).value("tau")
     assert joined[0] == pytest.approx(free[0] + 0.5 * free[1], abs=0.05 * free[1])
     assert joined[1] == pytest.approx(free[1] / np.sqrt(2.0), rel=0.05)
@@ -276,7 +280,7 @@ def test_what_the_data_cannot_see_is_named():
     )
     bounds = {"s_0": (-4.0, -0.1), "s_alpha": (-4.0, -0.1)}
     fit = regress_separable(
-        Model.parse("CL = 1 + alpha + h_agl^s_0 + alpha*h_agl^s_alpha", bounds), data
+        RegressionModel.parse("CL = 1 + alpha + h_agl^s_0 + alpha*h_agl^s_alpha", bounds), data
     )
     e = fit.estimates
     assert e["identified"].sel(term=["1", "alpha", "h_agl^s_0", "s_0"]).all()
@@ -301,7 +305,7 @@ def test_any_quantity_of_the_vocabulary_is_a_target():
         {"alpha": ("time", alpha), "delta_e": ("time", delta_e)}, {"time": np.arange(200) * 0.1}
     )
     data["Ch_e"] = -0.1 * data["alpha"] - 0.4 * data["delta_e"] + 1e-4 * rng.normal(size=200)
-    fit = flighttest.regress(Model.parse("Ch_e = 1 + alpha + delta_e"), data)
+    fit = flighttest.regress(RegressionModel.parse("Ch_e = 1 + alpha + delta_e"), data)
     np.testing.assert_allclose(
         fit.estimates["estimate"].sel(term=["alpha", "delta_e"]), [-0.1, -0.4], atol=5e-4
     )

@@ -18,7 +18,7 @@ from flightmech.errors import (
     SimulationError,
     UnknownName,
 )
-from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.special_tests.spin import polynomial_models as structure
 from flighttest.special_tests.spin.polynomial_models import (
     Polynomial,
@@ -59,7 +59,9 @@ def without_cubed_rate(polynomials):
     kept = [k for k, term in enumerate(model.terms) if term != "qhat**3"]
     return {
         **polynomials,
-        "Cm": Polynomial(Model("Cm", [model.terms[k] for k in kept]), estimates[kept], sigma[kept]),
+        "Cm": Polynomial(
+            RegressionModel("Cm", [model.terms[k] for k in kept]), estimates[kept], sigma[kept]
+        ),
     }
 
 
@@ -164,7 +166,7 @@ def test_structures_have_the_published_terms():
     for shipped, name in ((structure.GLIDE, "glide.csv"), (structure.SPIN, "spin.csv")):
         polynomials = read_polynomials(DATA / name)
         assert {c: p.model.terms for c, p in polynomials.items()} == {
-            c: Model(c, terms).terms for c, terms in shipped.items()
+            c: RegressionModel(c, terms).terms for c, terms in shipped.items()
         }
 
 
@@ -173,7 +175,7 @@ def test_two_components_instead_of_three(cz150):
 
     shorter = two_component(structure.SPIN)
     assert all(len(shorter[c]) == len(structure.SPIN[c]) - 1 for c in shorter)
-    built = structure.models(shorter, nominal_variables(NOMINAL, cz150))
+    built = structure.models_of_structure(shorter, nominal_variables(NOMINAL, cz150))
     assert built["Cm"].reference["rhat_wind"] == pytest.approx(
         wind_axis_rates(*(NOMINAL[name] for name in ("p", "q", "r", "alpha", "beta"))).r_wind
         * cz150.b
@@ -337,8 +339,10 @@ def test_spin_intercepts_against_the_balance_of_forces(cz150):
 
 
 def test_a_product_in_a_database_is_the_polynomial(cz150):
-    model = Model("Cm", ["1", "alpha**3", "delta_e*delta_a", "alpha*beta*phat"], {"delta_e": 0.1})
-    others = {c: (Model(c, ["1"]), np.zeros(1)) for c in ("CX", "CY", "CZ", "Cl", "Cn")}
+    model = RegressionModel(
+        "Cm", ["1", "alpha**3", "delta_e*delta_a", "alpha*beta*phat"], {"delta_e": 0.1}
+    )
+    others = {c: (RegressionModel(c, ["1"]), np.zeros(1)) for c in ("CX", "CY", "CZ", "Cl", "Cn")}
     values = np.array([0.01, -3.0, 0.7, 2.0])
     db = polynomial_database({**others, "Cm": (model, values)}, cz150)
     conditions = {"alpha": 0.2, "beta": -0.1, "phat": 0.3, "delta_e": 0.25, "delta_a": -0.2}
@@ -360,9 +364,11 @@ def test_a_product_in_a_database_is_the_polynomial(cz150):
     ],
 )
 def test_what_the_kernel_has_no_form_for(terms, text, cz150):
-    others = {c: (Model(c, ["1"]), np.zeros(1)) for c in ("CX", "CY", "CZ", "Cl", "Cn")}
+    others = {c: (RegressionModel(c, ["1"]), np.zeros(1)) for c in ("CX", "CY", "CZ", "Cl", "Cn")}
     with pytest.raises(ParseError, match=text):
-        polynomial_database({**others, "Cm": (Model("Cm", terms), np.ones(len(terms)))}, cz150)
+        polynomial_database(
+            {**others, "Cm": (RegressionModel("Cm", terms), np.ones(len(terms)))}, cz150
+        )
 
 
 def test_the_database_of_a_spin_is_sound(cz150):
@@ -373,7 +379,8 @@ def test_the_database_of_a_spin_is_sound(cz150):
 def test_six_coefficients_are_needed(cz150):
     with pytest.raises(SchemaError, match="no model of CZ"):
         polynomial_database(
-            {c: (Model(c, ["1"]), np.zeros(1)) for c in ("CX", "CY", "Cl", "Cm", "Cn")}, cz150
+            {c: (RegressionModel(c, ["1"]), np.zeros(1)) for c in ("CX", "CY", "Cl", "Cm", "Cn")},
+            cz150,
         )
 
 

@@ -2,7 +2,10 @@ import numpy as np
 import pytest
 from scipy.linalg import toeplitz
 
-from flighttest.regression.uncertainty.coloured_residuals import coloured, colours
+from flighttest.regression.uncertainty.coloured_residuals import (
+    coloured_covariance_of,
+    estimate_disturbances,
+)
 
 STEP, SAMPLES = 0.01, 1000
 TIME = STEP * np.arange(SAMPLES)
@@ -30,7 +33,11 @@ def test_motion_faster_than_the_blocks_has_the_noise_of_its_frequency(frequency)
     A = np.linalg.pinv(X)
     expected = np.sqrt(np.diag(A @ toeplitz(np.pad(RISING, (0, SAMPLES - 3))) @ A.T))
     found = [
-        np.sqrt(np.diag(coloured(X, residual(X, seed), [slice(0, SAMPLES)], [STEP]).covariance))
+        np.sqrt(
+            np.diag(
+                coloured_covariance_of(X, residual(X, seed), [slice(0, SAMPLES)], [STEP]).covariance
+            )
+        )
         for seed in range(10)
     ]
     ratio = np.sqrt(np.mean(np.square(found), axis=0)) / expected
@@ -39,14 +46,17 @@ def test_motion_faster_than_the_blocks_has_the_noise_of_its_frequency(frequency)
 
 def test_slow_motion_leaves_the_blocks_as_they_are():
     X = regressors(0.5)
-    assert colours(X, residual(X, 0), [slice(0, SAMPLES)], [STEP])[0].length == 8
+    assert estimate_disturbances(X, residual(X, 0), [slice(0, SAMPLES)], [STEP])[0].length == 8
 
 
 def test_two_clocks_are_shortened_together():
     X, pieces = regressors(8.0), [slice(0, 500), slice(500, 1000)]
-    found = colours(X, residual(X, 1), pieces, [STEP, STEP])
+    found = estimate_disturbances(X, residual(X, 1), pieces, [STEP, STEP])
     assert [colour.length for colour in found] == [1, 1]
-    assert coloured(X, residual(X, 1), pieces, [STEP, STEP]).covariance.shape == (3, 3)
+    assert coloured_covariance_of(X, residual(X, 1), pieces, [STEP, STEP]).covariance.shape == (
+        3,
+        3,
+    )
 
 
 @pytest.mark.parametrize("steps", [(0.01, 0.01), (0.001, 0.001), (0.001, 0.0014), (0.0004, 0.0006)])
@@ -55,6 +65,6 @@ def test_short_blocks_of_unlike_length_have_spectra_of_their_own(steps):
     sample.
     """
     X, pieces = regressors(25.0), [slice(0, 500), slice(500, 1000)]
-    one, other = colours(X, residual(X, 1), pieces, steps)
+    one, other = estimate_disturbances(X, residual(X, 1), pieces, steps)
     assert (one.length, other.length) == (1, 1)
     assert (one.spectrum is other.spectrum) == (steps[0] == steps[1])

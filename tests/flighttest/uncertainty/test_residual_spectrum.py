@@ -8,13 +8,16 @@ from flown_lift import coloured_noise
 from scipy.linalg import toeplitz
 
 from flighttest.regression.uncertainty import residual_spectrum as module
-from flighttest.regression.uncertainty.coloured_residuals import coloured, colours
+from flighttest.regression.uncertainty.coloured_residuals import (
+    coloured_covariance_of,
+    estimate_disturbances,
+)
 from flighttest.regression.uncertainty.residual_spectrum import (
     ROUGHNESS,
     UNKNOWN,
     Disturbance,
-    Hats,
-    Mode,
+    RoofFunctions,
+    SpectrumMaximum,
     residual_spectrum,
 )
 
@@ -111,7 +114,7 @@ def test_the_hidden_variance_is_bounded_by_its_prior():
 def test_no_residual_is_no_disturbance():
     X = np.ones((50, 1))
     assert not residual_spectrum(X, np.zeros(50), [slice(0, 50)]).model.autocovariance(5).any()
-    found = coloured(X, np.zeros(50), [slice(0, 50)], [0.02])
+    found = coloured_covariance_of(X, np.zeros(50), [slice(0, 50)], [0.02])
     assert found.covariance[0, 0] == 0.0
     assert found.offset == 0.0
 
@@ -145,12 +148,12 @@ def test_what_differs_between_stretches_as_a_constant_is_no_slow_disturbance():
     rng = np.random.default_rng(2)
     pieces = [slice(500 * k, 500 * (k + 1)) for k in range(8)]
     v = rng.normal(size=4000) + np.repeat(5.0 * rng.normal(size=8), 500)
-    found = colours(np.ones((4000, 1)), v - v.mean(), pieces, [0.02] * 8)
+    found = estimate_disturbances(np.ones((4000, 1)), v - v.mean(), pieces, [0.02] * 8)
     slow = sum(found[0].model.autocovariance(100)) / found[0].model.autocovariance(1)[0]
     assert slow < 3.0  # white would be one; the offsets would make it near a hundred
-    assert coloured(np.ones((4000, 1)), v - v.mean(), pieces, [0.02] * 8).offset == pytest.approx(
-        5.0, rel=0.6
-    )
+    assert coloured_covariance_of(
+        np.ones((4000, 1)), v - v.mean(), pieces, [0.02] * 8
+    ).offset == pytest.approx(5.0, rel=0.6)
 
 
 @pytest.mark.slow
@@ -180,7 +183,7 @@ def test_sums_over_the_two_knots_next_to_a_frequency_are_those_of_the_hat_functi
     """Against the hat functions written out as a matrix."""
     rng = np.random.default_rng(5)
     knots, x = 7, rng.uniform(0.0, 6.0, 200)
-    hats = Hats(
+    hats = RoofFunctions(
         knots, np.minimum(x.astype(int), knots - 2), 1.0 + np.minimum(x.astype(int), knots - 2) - x
     )
     B = np.maximum(0.0, 1.0 - np.abs(x[:, None] - np.arange(knots)))
@@ -191,7 +194,7 @@ def test_sums_over_the_two_knots_next_to_a_frequency_are_those_of_the_hat_functi
         hats.products(weights), (B * weights[:, None]).T @ B, rtol=0.0, atol=1e-12
     )
     root = rng.normal(size=(knots, knots))
-    mode = Mode(c, root @ root.T, 0.0)
+    mode = SpectrumMaximum(c, root @ root.T, 0.0)
     variance = ((B @ mode.covariance) * B).sum(axis=1)
     mean = np.exp(B @ c + 0.5 / np.sqrt(variance**-2.0 + np.log(UNKNOWN) ** -4.0))
     np.testing.assert_allclose(mode.mean(hats), mean, rtol=1e-11)

@@ -9,14 +9,14 @@ from flown_lift import LIFT, STEP, TRUTH, coloured_noise, record
 from scipy import stats
 
 from flightmech.errors import IdentificationError
-from flighttest.regression.combining.pooling import mixed
+from flighttest.regression.combining.pooling import mix_with_prior
 from flighttest.regression.equation_error.fit import open_fit, save_fit
 from flighttest.regression.equation_error.frequency_domain import regress_frequency
-from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
 from flighttest.regression.model_structure.search import select_orthogonal
-from flighttest.regression.uncertainty.significance import degrees, whiteness
-from flighttest.remarks import Remark, barred
+from flighttest.regression.uncertainty.significance import degrees_of_freedom, whiteness
+from flighttest.remarks import Remark, is_forbidden
 
 
 def noise_only(seed, duration=20.0, tau=0.3):
@@ -44,7 +44,7 @@ def test_noise_is_called_no_excitation(tau):
     fits = [regress(LIFT, noise_only(seed, tau=tau)) for seed in range(60)]
     passed = [fit for fit in fits if "no excitation" not in kinds(fit)]
     assert len(passed) <= 4
-    assert all(barred(fit.remarks) for fit in fits if fit not in passed)
+    assert all(is_forbidden(fit.remarks) for fit in fits if fit not in passed)
     p = np.concatenate([fit.estimates["p_value"].values[1:] for fit in fits])
     assert (
         0.02 < np.mean(p < 0.05) < 0.09
@@ -70,7 +70,7 @@ def test_a_good_record_carries_no_remark_and_its_intervals_cover_the_truth():
     inside = []
     for seed in range(40):
         fit = regress(LIFT, record(np.random.default_rng(seed), 20.0, 0.003))
-        assert not barred(fit.remarks)
+        assert not is_forbidden(fit.remarks)
         truth = np.array(list(TRUTH.values()))
         inside.append(
             (fit.estimates["low"].values < truth) & (truth < fit.estimates["high"].values)
@@ -125,7 +125,7 @@ def test_a_control_of_the_wrong_sign_is_remarked_by_the_convention():
     assert remark.text.startswith("sign against the convention: dCL/ddelta_e is -0.5")
     assert "positive by the definition of delta_e" in remark.text
     assert regress(LIFT, data).remarks == []
-    curved = Model.parse(
+    curved = RegressionModel.parse(
         "CL = 1 + alpha + qhat + delta_e + alpha*delta_e"
     )  # the slope at the mean of the samples counts, not one term
     assert "sign" not in kinds(regress(curved, data))
@@ -134,12 +134,14 @@ def test_a_control_of_the_wrong_sign_is_remarked_by_the_convention():
 
 def test_a_sign_against_the_prior_is_remarked():
     fit = regress(LIFT, record(np.random.default_rng(2), 20.0, 0.002))
-    (remark,) = [one for one in mixed(fit, {"alpha": (-4.0, 0.5)}).remarks if one.kind == "sign"]
+    (remark,) = [
+        one for one in mix_with_prior(fit, {"alpha": (-4.0, 0.5)}).remarks if one.kind == "sign"
+    ]
     assert (remark.term, remark.severity) == ("alpha", "error")
     assert "sign" not in [
-        one.kind for one in mixed(fit, {"alpha": (-4.0, 5.0)}).remarks
+        one.kind for one in mix_with_prior(fit, {"alpha": (-4.0, 5.0)}).remarks
     ]  # a prior that does not know its sign
-    assert "sign" not in [one.kind for one in mixed(fit, {"alpha": (4.0, 0.5)}).remarks]
+    assert "sign" not in [one.kind for one in mix_with_prior(fit, {"alpha": (4.0, 0.5)}).remarks]
 
 
 def test_little_explained_is_remarked():
@@ -232,7 +234,7 @@ def test_gaps_and_few_samples_leave_the_tests_finite():
 
 def test_only_a_constant_has_no_f_test():
     data = record(np.random.default_rng(8), 10.0)
-    fit = regress(Model.parse("CL = 1"), data)
+    fit = regress(RegressionModel.parse("CL = 1"), data)
     assert fit.estimates.attrs["F_terms"] == 0
     assert kinds(fit) == []
     assert "all slopes" not in fit.report()
@@ -263,7 +265,9 @@ def test_degrees_of_freedom_are_those_of_the_frequencies_that_count():
     t = np.arange(2000)
     for m in (1, 10, 40):
         A = sum(np.cos(2 * np.pi * (5 + k) * t / 2000 + rng.uniform(0, 6)) for k in range(m))[None]
-        found = [degrees(A, rng.normal(size=2000), [slice(0, 2000)], 0)[0] for _ in range(200)]
+        found = [
+            degrees_of_freedom(A, rng.normal(size=2000), [slice(0, 2000)], 0)[0] for _ in range(200)
+        ]
         expected = (
             2 * m if m > 1 else 4
         )  # a single ordinate is itself all there is: the moments give 4 for it

@@ -16,7 +16,7 @@ import tunnel
 from flightmech.errors import IdentificationError, SchemaError
 from flighttest.cli.group import flight
 from flighttest.regression.equation_error.fit import open_fit
-from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
 from flighttest.regression.model_structure.candidates import monomials
 from flighttest.regression.model_structure.search import select_stepwise
@@ -65,7 +65,7 @@ def test_an_error_of_the_angle_moves_the_constant_of_the_lift(tmp_path, setup, m
     source states.
     """
     monkeypatch.setattr(tunnel, "NOISE", 0.0)
-    model, fits = Model("CL", list(tunnel.CL)), []
+    model, fits = RegressionModel("CL", list(tunnel.CL)), []
     for name, error in (("right", 0.0), ("wrong", np.radians(0.1))):
         tunnel.record(3, 9.0, error).to_csv(tmp_path / f"{name}.csv", index=False)
         points = balance_coefficients(tmp_path / f"{name}.csv", setup)
@@ -82,10 +82,13 @@ def test_the_true_terms_are_selected_and_lie_within_their_errors(data, setup):
     for name, truth in (("CL", tunnel.CL), ("CD", tunnel.CD)):
         candidates = monomials(["alpha", "beta"], 4)
         chosen = select_stepwise(
-            name, candidates, without_nuisance(data, Model(name, candidates), setup), gain=0.0
+            name,
+            candidates,
+            without_nuisance(data, RegressionModel(name, candidates), setup),
+            gain=0.0,
         )
         assert set(chosen.fit.model.terms) == set(truth)
-        model = Model(name, list(truth))
+        model = RegressionModel(name, list(truth))
         e = regress(model, without_nuisance(data, model, setup)).estimates
         for term, value in truth.items():
             row = e.sel(term=term)
@@ -106,13 +109,17 @@ def test_an_early_choice_is_exchanged_and_a_small_term_found(tmp_path, setup, k,
         points.append(balance_coefficients(tmp_path / "points.csv", setup))
     candidates = monomials(["alpha", "beta"], 4)
     chosen = select_stepwise(
-        "CL", candidates, without_nuisance(points, Model("CL", candidates), setup), band, gain=0.0
+        "CL",
+        candidates,
+        without_nuisance(points, RegressionModel("CL", candidates), setup),
+        band,
+        gain=0.0,
     )
     assert set(chosen.fit.model.terms) == set(tunnel.CL)
 
 
 def test_nuisance_terms_taken_off_equal_those_in_the_fit(data, setup):
-    model = Model("CL", list(tunnel.CL))
+    model = RegressionModel("CL", list(tunnel.CL))
     X = np.concatenate([np.column_stack([model.design(one), one["strut"].values]) for one in data])
     z = np.concatenate([one["CL"].values for one in data])
     joint = np.linalg.lstsq(X, z, rcond=None)[0]
@@ -142,7 +149,7 @@ def test_a_tare_that_only_the_airspeed_shows_is_found(folder, setup, tmp_path):
         still.append(path)
     wanted = setup.model_copy(update={"nuisance": {"CD": ("tare",)}})
     data = [balance_coefficients(path, wanted) for path in still]
-    model = Model("CD", ["1", "alpha", "alpha**2", "alpha**3"])
+    model = RegressionModel("CD", ["1", "alpha", "alpha**2", "alpha**3"])
     with_tare = regress(model, without_nuisance(data, model, wanted)).estimates["stderr_systematic"]
     assert float(with_tare.sel(term="1")) > 0.0
     with pytest.raises(IdentificationError, match="vary airspeed"):
@@ -192,8 +199,10 @@ def test_bad_input_is_refused(tmp_path, folder, setup):
 def test_the_fits_are_drawn_over_both_angles(data, setup, tmp_path):
     from flighttest.special_tests.wind_tunnel.reduction import draw_surfaces
 
-    fits = [regress(Model(name, ["1", "alpha"]), data) for name in ("CL", "CD")]
-    fits.append(regress(Model("CL", ["1", "beta"]), [one.drop_vars("alpha") for one in data]))
+    fits = [regress(RegressionModel(name, ["1", "alpha"]), data) for name in ("CL", "CD")]
+    fits.append(
+        regress(RegressionModel("CL", ["1", "beta"]), [one.drop_vars("alpha") for one in data])
+    )
     draw_surfaces(fits, tmp_path / "tail.svg")
     text = (tmp_path / "tail.svg").read_text(encoding="utf-8")
     assert "<svg" in text[:1000]

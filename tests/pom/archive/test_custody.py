@@ -12,7 +12,7 @@ from pom.archive.archive import Custody
 from pom.archive.origins import sha256
 from pom.cases.case import read_case
 from pom.fmu import process
-from pom.fmu.run_cache import Store
+from pom.fmu.run_cache import RunCache
 from pom.fmu.simulate import Models
 from pom.replaying import batch
 from pom.replaying.replay_case import perform, plan_of
@@ -61,7 +61,7 @@ def test_an_fmu_that_changed_after_it_was_read_flies_for_nothing(
 
     monkeypatch.setattr(process.Child, "run", swap_first)
     case = read_case(write_case(more="trim = false"))
-    result = perform(plan_of(case, lag_states), Models({"toy": own}).of(case), 60.0, Store(kept))
+    result = perform(plan_of(case, lag_states), Models({"toy": own}).of(case), 60.0, RunCache(kept))
     assert result.status("toy") == "invalid"
     assert result.failure == "toy: own.fmu changed after it was read; run the batch again"
     assert not list(kept.rglob("*.npy"))  # what flew is kept under no hash

@@ -11,8 +11,8 @@ import pytest
 import aerodb
 import flightmech
 from flightmech import terms
-from pom.cases.case import driven, read_case
-from pom.cases.pilot import Loop
+from pom.cases.case import driven_quantities, read_case
+from pom.cases.pilot import PilotLoop
 from pom.cases.reference_states import flight_states, recorded_states
 from pom.replaying.kernel_replay import fly
 from pom.replaying.replay_case import plan_of, replay
@@ -36,8 +36,8 @@ def short_period(trainer, tmp_path_factory):
         aircraft, circuits=loose
     )  # friction and preload would leave stick and wheel anywhere in their bands
     hinges = {
-        "Ch_e/alpha": terms.make(-0.1, regressors=["alpha"]),
-        "Ch_e/delta": terms.make(-0.4, regressors=["delta_e"]),
+        "Ch_e/alpha": terms.make_term(-0.1, regressors=["alpha"]),
+        "Ch_e/delta": terms.make_term(-0.4, regressors=["delta_e"]),
     }
     db = trainer.database()
     x, y, z = aircraft.reference
@@ -50,7 +50,7 @@ def short_period(trainer, tmp_path_factory):
         "y_ref": y,
         "z_ref": z,
     }
-    sim = flightmech.compile(aircraft, aerodb.database({**aerodb.terms(db), **hinges}, **root))
+    sim = flightmech.compile(aircraft, aerodb.make_database({**aerodb.terms(db), **hinges}, **root))
     place = tmp_path_factory.mktemp("drives") / "model.fmu"
     flightmech.write_fmu(sim, place)
     states = flight_states(case, recorded_states(case))
@@ -97,7 +97,7 @@ def test_what_drives_is_not_judged_and_what_it_moves_is():
         ("cockpit", {"column", "wheel", "pedal"}),
         ("force", {"F_column", "F_wheel", "F_pedal"}),
     ):
-        found = driven(replace(case, drive=replace(case.drive, surfaces=level)))
+        found = driven_quantities(replace(case, drive=replace(case.drive, surfaces=level)))
         assert names <= found
         assert "delta_e" not in found
         assert "delta_f" in found
@@ -124,8 +124,8 @@ def test_a_math_pilot_holds_the_wings_and_leaves_the_pitch_alone(write_case, tra
     flightmech.write_fmu(sim, tmp_path / "wrong.fmu")
     free = read_case(write_case())
     loops = (
-        Loop("delta_a", "phi", -0.5, np.radians(3.0)),
-        Loop("delta_a", "p", -0.2, np.radians(2.0)),
+        PilotLoop("delta_a", "phi", -0.5, np.radians(3.0)),
+        PilotLoop("delta_a", "p", -0.2, np.radians(2.0)),
     )
     held = replace(free, drive=replace(free.drive, surfaces="pilot", pilot=loops))
     flown = {

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from flightmech.errors import SchemaError
-from pom.cases.case import PomCase, driven, read_case
-from pom.cases.pilot import Loop, Pilot, shortest
+from pom.cases.case import PomCase, driven_quantities, read_case
+from pom.cases.pilot import Pilot, PilotLoop, shortest_error
 from pom.replaying.run_remarks import activity
 
 STEP = 0.01
@@ -30,7 +30,7 @@ def test_a_gain_on_an_integrator_decays_with_its_own_rate():
     their first order.
     """
     pilot, phi = fly(
-        [Loop("delta_a", "phi", gain=-0.5, limit=1.0)],
+        [PilotLoop("delta_a", "phi", gain=-0.5, limit=1.0)],
         {"phi": np.zeros(TIME.size)},
         lambda x, u: -2.0 * u,
         0.2,
@@ -42,10 +42,13 @@ def test_a_gain_on_an_integrator_decays_with_its_own_rate():
 def test_the_integral_takes_out_a_steady_disturbance_and_the_gain_does_not():
     target = {"phi": np.zeros(TIME.size)}
     _, alone = fly(
-        [Loop("delta_a", "phi", gain=-1.0, limit=1.0)], target, lambda x, u: -2.0 * u + 0.1, 0.0
+        [PilotLoop("delta_a", "phi", gain=-1.0, limit=1.0)],
+        target,
+        lambda x, u: -2.0 * u + 0.1,
+        0.0,
     )
     _, both = fly(
-        [Loop("delta_a", "phi", gain=-1.0, integral=-1.0, limit=1.0)],
+        [PilotLoop("delta_a", "phi", gain=-1.0, integral=-1.0, limit=1.0)],
         target,
         lambda x, u: -2.0 * u + 0.1,
         0.0,
@@ -56,7 +59,7 @@ def test_the_integral_takes_out_a_steady_disturbance_and_the_gain_does_not():
 
 def test_loops_on_one_control_add_up():
     pilot = Pilot(
-        [Loop("wheel", "phi", 2.0, 9.0), Loop("wheel", "p", 3.0, 9.0)],
+        [PilotLoop("wheel", "phi", 2.0, 9.0), PilotLoop("wheel", "p", 3.0, 9.0)],
         TIME,
         {"phi": np.ones(TIME.size), "p": np.zeros(TIME.size)},
     )
@@ -72,7 +75,7 @@ def test_at_the_limit_the_integral_stands_still():
     """
     far = np.where(TIME < 5.0, 1.0, 0.0)
     pilot, phi = fly(
-        [Loop("delta_a", "phi", gain=-0.1, integral=-1.0, limit=0.02)],
+        [PilotLoop("delta_a", "phi", gain=-0.1, integral=-1.0, limit=0.02)],
         {"phi": far},
         lambda x, u: -2.0 * u,
         0.0,
@@ -85,16 +88,16 @@ def test_at_the_limit_the_integral_stands_still():
 
 
 def test_the_error_of_a_heading_goes_the_short_way_round():
-    assert shortest("psi", np.radians(359.0)) == pytest.approx(np.radians(-1.0))
-    assert shortest("theta", np.radians(359.0)) == np.radians(359.0)
-    assert np.isnan(shortest("psi", np.nan))
+    assert shortest_error("psi", np.radians(359.0)) == pytest.approx(np.radians(-1.0))
+    assert shortest_error("theta", np.radians(359.0)) == np.radians(359.0)
+    assert np.isnan(shortest_error("psi", np.nan))
 
 
 def test_activity_holds_size_share_at_the_limit_and_what_was_held():
     """Half a degree per degree of 0.3 and then of 0.1 rad, cut at 0.1 rad: at the limit in the
     first two of ten seconds.
     """
-    loops = [Loop("delta_a", "phi", -0.5, 0.1), Loop("delta_a", "p", -1.0, 1.0)]
+    loops = [PilotLoop("delta_a", "phi", -0.5, 0.1), PilotLoop("delta_a", "p", -1.0, 1.0)]
     flown = {"phi": np.where(TIME < 2.0, -0.3, 0.1), "p": np.zeros(TIME.size)}
     moved = {"delta_a": np.where(TIME < 2.0, -0.1, 0.05)}
     moved["delta_a"][-1] = np.nan  # the run ended there
@@ -132,7 +135,7 @@ def test_gains_carry_units_and_the_case_survives_its_dictionary(write_case):
             ("wheel", "p", "0.2 deg s/deg", "5 deg"),
         )
     )
-    assert case.drive.pilot[0] == Loop(
+    assert case.drive.pilot[0] == PilotLoop(
         "wheel", "phi", pytest.approx(0.5), pytest.approx(np.radians(20.0))
     )
     assert case.drive.pilot[1].gain == pytest.approx(0.2)
@@ -143,8 +146,8 @@ def test_gains_carry_units_and_the_case_survives_its_dictionary(write_case):
 def test_what_the_pilot_moves_is_no_longer_driven(write_case):
     """The control becomes the compared quantity (closed-loop practice); the others stay inputs."""
     case = read_case(with_pilot(write_case(), ("delta_a", "phi", "-0.3 deg/deg", "5 deg")))
-    assert "delta_a" not in driven(case)
-    assert {"delta_e", "delta_r", "engine1.thrust"} <= driven(case)
+    assert "delta_a" not in driven_quantities(case)
+    assert {"delta_e", "delta_r", "engine1.thrust"} <= driven_quantities(case)
 
 
 @pytest.mark.parametrize("channel", ["theta", "q", "nz", "az"])

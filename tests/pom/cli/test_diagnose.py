@@ -9,7 +9,7 @@ import xarray as xr
 
 import aerodb
 import flightmech
-from flightmech.terms import make
+from flightmech.terms import make_term
 
 
 @pytest.fixture
@@ -74,7 +74,9 @@ def test_parts_of_the_aircraft_go_into_a_corrected_file(aeromatch, write_case, t
         replace(
             trainer.AIRCRAFT,
             engines=tuple(
-                replace(e, thrust=make([500.0, full], {"throttle": [0.0, 1.0]}), time_constant=0.5)
+                replace(
+                    e, thrust=make_term([500.0, full], {"throttle": [0.0, 1.0]}), time_constant=0.5
+                )
                 for e in trainer.AIRCRAFT.engines
             ),
         )

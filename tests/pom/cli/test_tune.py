@@ -186,7 +186,7 @@ def test_refusal_price_rationale_and_report(aeromatch, files, trainer, tmp_path)
     assert "pom tune for a_case: 1 of 1 nodes moved" in leaf.attrs["history"]
     assert "the horn was changed" in leaf.attrs["history"]
     assert np.array_equal(
-        aerodb.terms(aerodb.store.previous(tuned))["Cm/elevator"]["value"],
+        aerodb.terms(aerodb.store.undo_edits(tuned))["Cm/elevator"]["value"],
         aerodb.terms(model)["Cm/elevator"]["value"],
     )
 

@@ -11,16 +11,16 @@ import aerodb
 import flightmech
 import pom
 from flightmech.errors import SchemaError, UnknownName
-from flightmech.terms import make
+from flightmech.terms import make_term
 from pom.cases.case import read_case
 from pom.cases.job import job_of
-from pom.cases.pilot import Loop
+from pom.cases.pilot import PilotLoop
 from pom.cases.reference_states import flight_states
 from pom.diagnosis import joint_correction
-from pom.diagnosis.swap_runs import Bench
-from pom.diagnosis.term_swaps import differing, swap_terms
+from pom.diagnosis.swap_runs import SwapBench
+from pom.diagnosis.term_swaps import differing_terms, swap_terms
 from pom.replaying.kernel_replay import fly
-from pom.report.models.diagnosis import story
+from pom.report.models.diagnosis import cause_sentences
 
 PULSE = {"delta_e": [(0.0, 0.0), (2.0, 0.0), (2.06, -0.06), (4.0, -0.06), (4.06, 0.0)]}
 
@@ -100,7 +100,7 @@ def test_a_term_that_only_one_database_has_is_swapped_too(case, truth, trainer):
         aerodb.terms(swap_terms(final, prior, ["Cm/alphadothat"])).keys()
         == aerodb.terms(prior).keys()
     )
-    assert differing(prior, final) == ["Cm/alphadothat"]
+    assert differing_terms(prior, final) == ["Cm/alphadothat"]
     table = pom.diagnose(case, prior, final, trainer.AIRCRAFT, truth).set_index("stage")
     assert table.loc["single", "explained"] == pytest.approx(1.0)
     back = pom.diagnose(case, final, prior, trainer.AIRCRAFT, truth).set_index("stage")
@@ -116,7 +116,7 @@ def test_equal_databases_have_no_terms_to_swap(case, truth, trainer):
     assert list(table["stage"]) == ["prior", "final"]
     assert pom.corrected_terms([table]) == []
     spoilt = trainer.scaled(db, Cm_elevator=0.6)
-    missed = story(pom.diagnose(case, spoilt, spoilt, trainer.AIRCRAFT, truth))
+    missed = cause_sentences(pom.diagnose(case, spoilt, spoilt, trainer.AIRCRAFT, truth))
     assert (
         missed
         == "The a-priori model is out of tolerance. Nothing that this case feels differs between the two models."
@@ -176,7 +176,9 @@ def test_an_engine_before_the_flights_is_swapped_like_a_term(write_case, trainer
         replace(
             trainer.AIRCRAFT,
             engines=tuple(
-                replace(e, thrust=make([500.0, full], {"throttle": [0.0, 1.0]}), time_constant=lag)
+                replace(
+                    e, thrust=make_term([500.0, full], {"throttle": [0.0, 1.0]}), time_constant=lag
+                )
                 for e in trainer.AIRCRAFT.engines
             ),
         )
@@ -327,7 +329,7 @@ def test_groups_are_swapped_as_a_whole(write_case, trainer):
     down = [(0.0, 0.0), (2.0, 0.0), (2.06, 1.0), (20.0, 1.0)]
     final = trainer.database()
     prior = trainer.scaled(aerodb.delete_terms(final, ["Cm/gear"]), Cm_qhat=0.8, CL_qhat=0.8)
-    final = aerodb.replace_terms(final, {"CL/gear": make(-0.02, regressors=["gear"])})
+    final = aerodb.replace_terms(final, {"CL/gear": make_term(-0.02, regressors=["gear"])})
     truth = trainer.flight(final, gear=down)
     wanted = {"pitch damping and gear": ["C?/qhat", "*/gear"]}
     table = pom.diagnose(
@@ -362,7 +364,7 @@ def test_the_corrected_database_states_where_its_terms_come_from(case, truth, tr
     table = pom.diagnose(case, prior, final, trainer.AIRCRAFT, truth)
     corrected = pom.corrected_database(prior, final, {"short_period": table}, "final.nc")
     taken = pom.corrected_terms([table])
-    assert set(differing(corrected, prior)) == set(taken)
+    assert set(differing_terms(corrected, prior)) == set(taken)
     assert {"Cm/elevator", "CL/basic"} <= set(taken)
     alone = table[table["stage"] == "single"].set_index("term").loc["CL/basic", "explained"]
     history = aerodb.terms(corrected)["CL/basic"].attrs["history"]
@@ -413,10 +415,10 @@ def test_what_one_case_takes_makes_another_need_more(compensated):
     assert pom.diagnosis.joint_terms(joined) == {"elevator": ["Cm/elevator"]}
     assert set(pom.corrected_terms(joined.values())) == {"Cm/basic", "Cm/elevator"}
     corrected = pom.corrected_database(prior, final, joined)
-    assert differing(prior, corrected) == ["Cm/basic", "Cm/elevator"]
+    assert differing_terms(prior, corrected) == ["Cm/basic", "Cm/elevator"]
     history = aerodb.terms(corrected)["Cm/elevator"].attrs["history"]
     assert "added for elevator, which does not pass with what each case needs alone" in history
-    assert story(joined["elevator"]).endswith(
+    assert cause_sentences(joined["elevator"]).endswith(
         "With the sequences of all cases together the corrected model is out of tolerance here; Cm/elevator, added for this case, "
         "makes it pass."
     )
@@ -427,9 +429,9 @@ def test_all_cases_together_give_the_tables_of_each_alone_joined(compensated, mo
     """Side by side, with the models and flights shared: the same rows, fewer flights."""
     found, cases, prior, final, aircraft, flown = compensated
     flights = []
-    own = Bench._flown
+    own = SwapBench._flown
     monkeypatch.setattr(
-        Bench,
+        SwapBench,
         "_flown",
         lambda bench, parts, choices: flights.extend(choices) or own(bench, parts, choices),
     )
@@ -480,8 +482,8 @@ def test_nothing_is_added_where_the_union_passes(compensated, trainer):
     [
         (),
         (
-            Loop("delta_a", "phi", gain=-1.0, limit=0.1),
-            Loop("delta_e", "theta", gain=-0.5, limit=0.1),
+            PilotLoop("delta_a", "phi", gain=-1.0, limit=0.1),
+            PilotLoop("delta_e", "theta", gain=-0.5, limit=0.1),
         ),
     ],
 )

@@ -8,21 +8,21 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from pom.cases.job import Job
-from pom.cases.pilot import Loop
-from pom.diagnosis.swap_runs import at_samples, thinned
+from pom.cases.job import ReplayJob
+from pom.cases.pilot import PilotLoop
+from pom.diagnosis.swap_runs import at_samples, thin_job
 
 TIME = 100.0 + 0.02 * np.arange(42)
 SCATTER = np.random.default_rng(0).standard_normal(42)
 
 
 def job(**inputs):
-    return Job(TIME, inputs, {"init.V": 100.0}, (), ())
+    return ReplayJob(TIME, inputs, {"init.V": 100.0}, (), ())
 
 
 @pytest.mark.parametrize(("step", "every"), [(0.08, 4), (0.07, 3), (0.04, 2)])
 def test_inputs_keep_their_integral_and_both_ends(step, every):
-    short = thinned(job(delta_e=SCATTER, delta_f=np.full(42, 0.3), delta_a=TIME - 100.0), step)
+    short = thin_job(job(delta_e=SCATTER, delta_f=np.full(42, 0.3), delta_a=TIME - 100.0), step)
     assert_array_equal(short.time, np.unique([*TIME[::every], TIME[-1]]))
     assert short.parameters == {"init.V": 100.0, "mode.step": step}
     assert short.inputs["delta_e"][[0, -1]].tolist() == SCATTER[[0, -1]].tolist()
@@ -33,7 +33,7 @@ def test_inputs_keep_their_integral_and_both_ends(step, every):
     inside = np.where(
         (TIME[2 * every] < TIME) & (TIME[-3 * every] > TIME), SCATTER, 0.0
     )  # away from both ends
-    coarse = thinned(job(delta_e=inside), step)
+    coarse = thin_job(job(delta_e=inside), step)
     assert np.trapezoid(coarse.inputs["delta_e"], coarse.time) == pytest.approx(
         np.trapezoid(inside, TIME), rel=1e-12
     )
@@ -46,12 +46,12 @@ def test_inputs_keep_their_integral_and_both_ends(step, every):
     ("one", "step"),
     [
         (job(delta_e=SCATTER), 0.03),
-        (replace(job(), pilot=(Loop("delta_e", "theta", 1.0, 0.0, 1.0),)), 0.08),
+        (replace(job(), pilot=(PilotLoop("delta_e", "theta", 1.0, 0.0, 1.0),)), 0.08),
         (replace(job(delta_e=SCATTER[:1]), time=TIME[:1]), 0.08),
     ],
 )
 def test_all_samples_stay_within_the_step_with_a_math_pilot_and_of_one(one, step):
-    short = thinned(one, step)
+    short = thin_job(one, step)
     assert short.time is one.time
     assert short.inputs is one.inputs
     assert short.parameters["mode.step"] == step
@@ -76,7 +76,7 @@ def test_a_failed_run_stays_without_numbers():
 
 def test_samples_next_to_a_jump_stay_as_they_are():
     released = np.where(np.arange(42) < 18, 0.5, 0.0)
-    short = thinned(job(brake_left=released, delta_e=1e-3 * SCATTER), 0.08)
+    short = thin_job(job(brake_left=released, delta_e=1e-3 * SCATTER), 0.08)
     kept = np.flatnonzero(np.isin(TIME, short.time))
     assert kept.tolist() == [0, 4, 8, 12, 16, 17, 18, 19, 20, 24, 28, 32, 36, 40, 41]
     assert short.inputs["brake_left"].tolist() == released[kept].tolist()

@@ -9,7 +9,7 @@ import pom
 from flightmech.errors import UnknownName
 from pom.cases.case import read_case
 from pom.diagnosis import diagnosis, screening, swap_runs
-from pom.diagnosis.swap_runs import Bench
+from pom.diagnosis.swap_runs import SwapBench
 from pom.diagnosis.term_swaps import SwapModels
 
 PULSE = {
@@ -39,11 +39,13 @@ def models(trainer):
 
 @pytest.fixture
 def bench(write_case, trainer, models):
-    return Bench.of(read_case(write_case()), models, trainer.flight(trainer.database(), **PULSE))
+    return SwapBench.of(
+        read_case(write_case()), models, trainer.flight(trainer.database(), **PULSE)
+    )
 
 
 def test_no_idle_term_moves_more_than_its_bound(bench):
-    screening.screen(bench)
+    screening.screen_idle_terms(bench)
     assert {"Cm/alphadothat", "Cn/rudder"} <= bench.idle.keys()
     assert not {"Cm/elevator", "Cm/qhat", "CL/basic"} & bench.idle.keys()
     for name, bound in bench.idle.items():
@@ -54,7 +56,7 @@ def test_no_idle_term_moves_more_than_its_bound(bench):
 
 
 def test_the_table_names_every_idle_term_and_what_all_move_together(bench):
-    table = diagnosis.ranked(bench)
+    table = diagnosis.diagnose_bench(bench)
     together, *alone = table.query("stage == 'idle'").to_dict("records")
     assert together["term"] == ""
     assert together["verdict"] == "fail"
@@ -70,10 +72,12 @@ def test_the_table_names_every_idle_term_and_what_all_move_together(bench):
 
 
 def test_the_conclusion_is_that_of_all_swaps(bench, write_case, trainer, models, monkeypatch):
-    fewer = diagnosis.ranked(bench)
-    monkeypatch.setattr(diagnosis, "screen", lambda bench: None)
-    whole = Bench.of(read_case(write_case()), models, trainer.flight(trainer.database(), **PULSE))
-    every = diagnosis.ranked(whole)
+    fewer = diagnosis.diagnose_bench(bench)
+    monkeypatch.setattr(diagnosis, "screen_idle_terms", lambda bench: None)
+    whole = SwapBench.of(
+        read_case(write_case()), models, trainer.flight(trainer.database(), **PULSE)
+    )
+    every = diagnosis.diagnose_bench(whole)
     assert len(bench.known) < len(whole.known)
     assert pom.corrected_terms([fewer]) == pom.corrected_terms([every])
     one, other = (
@@ -93,7 +97,7 @@ def test_without_a_measure_the_check_has_all_flown_that_matter(bench, monkeypatc
     together finds what is missing.
     """
     monkeypatch.setattr(screening, "SAFETY", 0.0)
-    screening.screen(bench)
+    screening.screen_idle_terms(bench)
     assert bench.idle
     assert "Cm/basic" not in bench.idle  # third of its coefficient
     start, together = bench.judged([(), bench.idle], exact=True)
@@ -105,15 +109,15 @@ def test_all_terms_are_flown_where_the_record_lacks_what_a_table_is_over(bench, 
     def lacking(*_):
         raise UnknownName("mach", ["alpha"], "variable")
 
-    monkeypatch.setattr(screening, "completed", lacking)
-    table = diagnosis.ranked(bench)
+    monkeypatch.setattr(screening, "fill_missing_devices", lacking)
+    table = diagnosis.diagnose_bench(bench)
     assert bench.idle == {}
     assert set(table.query("stage == 'single'")["term"]) == set(bench.names)
     assert "idle" not in set(table["stage"])
 
 
 def test_a_choice_takes_the_idle_terms_all_or_none_but_for_the_joint_model(bench):
-    screening.screen(bench)
+    screening.screen_idle_terms(bench)
     first, *rest = bench.idle
     known = len(bench.known)
     assert bench.judged([[first], ["Cm/elevator", *rest]]) == bench.judged(
@@ -128,7 +132,9 @@ def test_steps_are_as_long_as_both_models_agree(bench, write_case, trainer, mode
     assert bench.flown.parameters["mode.step"] in swap_runs.LONG_STEPS
     assert bench.flown.time is bench.job.time  # the pulse begins and ends between two samples
     monkeypatch.setattr(swap_runs, "STEP_ERROR", 0.3)
-    coarse = Bench.of(read_case(write_case()), models, trainer.flight(trainer.database(), **PULSE))
+    coarse = SwapBench.of(
+        read_case(write_case()), models, trainer.flight(trainer.database(), **PULSE)
+    )
     assert coarse.flown.time.size < coarse.job.time.size
     for one, other in zip(
         bench.judged([(), bench.names]), coarse.judged([(), bench.names]), strict=True
@@ -140,7 +146,9 @@ def test_steps_are_as_long_as_both_models_agree(bench, write_case, trainer, mode
             < 0.1
         )
     monkeypatch.setattr(swap_runs, "STEP_ERROR", -1.0)  # no two runs are that near
-    usual = Bench.of(read_case(write_case()), models, trainer.flight(trainer.database(), **PULSE))
+    usual = SwapBench.of(
+        read_case(write_case()), models, trainer.flight(trainer.database(), **PULSE)
+    )
     assert usual.flown is usual.job
     assert "mode.step" not in usual.job.parameters
     for one, other in zip(

@@ -12,7 +12,7 @@ import xarray as xr
 
 import flightmech
 from flightmech.aircraft.controls import MOST
-from flightmech.terms import make
+from flightmech.terms import make_term
 from pom.diagnosis.term_swaps import SwapModels
 
 T37 = Path(__file__).parents[3] / "data" / "t37"
@@ -28,7 +28,9 @@ def pair(trainer):
     ]
     engines = [
         tuple(
-            replace(e, thrust=make([200.0, 2000.0], {"throttle": [0.0, 1.0]}), time_constant=lag)
+            replace(
+                e, thrust=make_term([200.0, 2000.0], {"throttle": [0.0, 1.0]}), time_constant=lag
+            )
             for e in trainer.AIRCRAFT.engines
         )
         for lag in (3.0, 0.5)
@@ -98,7 +100,7 @@ def test_what_is_not_constant_has_a_model_of_its_own(trainer, pair):
     tabled = replace(
         pair[1],
         engines=tuple(
-            replace(e, thrust=make([0.0, 9e3], {"mach": [0.0, 1.0]})) for e in pair[1].engines
+            replace(e, thrust=make_term([0.0, 9e3], {"mach": [0.0, 1.0]})) for e in pair[1].engines
         ),
     )
     models = SwapModels.of(trainer.database(), trainer.database(), (pair[0], tabled))

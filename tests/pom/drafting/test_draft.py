@@ -14,8 +14,8 @@ from flightmech.errors import OutOfRange, SchemaError, UnknownName
 from pom.cases.case import read_case
 from pom.cases.drafting.draft import case_text, draft_case, init_case, recorded_channels
 from pom.cases.drafting.event_detection import (
-    Manoeuvre,
     Recorded,
+    RecordedManoeuvre,
     find_events,
     movement,
     on_ground,
@@ -136,8 +136,8 @@ def test_a_snapshot_takes_the_quiet_stretch():
 
 def test_of_several_manoeuvres_the_first_is_taken_and_the_others_are_reported():
     manoeuvres = [
-        Manoeuvre(9.5, 20.0, "elevator", "pulse"),
-        Manoeuvre(25.0, 35.0, "elevator", "pulse"),
+        RecordedManoeuvre(9.5, 20.0, "elevator", "pulse"),
+        RecordedManoeuvre(25.0, 35.0, "elevator", "pulse"),
     ]
     draft = draft_case(rows.rows_of("2.c.9"), recorded(manoeuvres, delta_e=PULSE))
     assert draft.events["input_end"] == (pytest.approx(12.1, abs=0.04), True)

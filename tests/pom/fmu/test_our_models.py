@@ -11,9 +11,9 @@ import pytest
 import aerodb
 import flightmech
 from flightmech.errors import SchemaError
-from pom.cases.case import Drive, read_case
+from pom.cases.case import CaseInputs, read_case
 from pom.cases.job import job_of
-from pom.cases.pilot import Loop
+from pom.cases.pilot import PilotLoop
 from pom.cases.reference_states import flight_states
 from pom.fmu import worker
 from pom.fmu.simulate import Models
@@ -71,7 +71,7 @@ def test_the_levels_of_replay_agree_within_their_holds(write_case, truth, models
     _, runs = models
     job = job_of(read_case(write_case()), flight_states(read_case(write_case()), truth))
     with tempfile.TemporaryDirectory() as folder:
-        whole = worker.Model(str(runs["3.0"]), f"{folder}/3")
+        whole = worker.UnpackedFmu(str(runs["3.0"]), f"{folder}/3")
         inputs = {name: values for name, values in job.inputs.items() if name in whole.variables}
         parameters = {
             name: value for name, value in job.parameters.items() if name in whole.variables
@@ -86,7 +86,7 @@ def test_the_levels_of_replay_agree_within_their_holds(write_case, truth, models
         record = worker.replay(whole, task)
         whole.takes_records = False
         middle = worker.replay(whole, task)
-        sloped = worker.replay(worker.Model(str(runs["2.0"]), f"{folder}/2"), task)
+        sloped = worker.replay(worker.UnpackedFmu(str(runs["2.0"]), f"{folder}/2"), task)
     assert (record["error"], middle["error"], sloped["error"]) == ("", "", "")
     assert np.ptp(record["outputs"][:, 0]) > 0.02
     np.testing.assert_allclose(sloped["outputs"], record["outputs"], rtol=0.0, atol=1e-11)
@@ -100,7 +100,7 @@ def test_a_record_that_diverges_keeps_what_was_flown(models):
     _, runs = models
     time = 0.02 * np.arange(101)
     with tempfile.TemporaryDirectory() as folder:
-        model = worker.Model(str(runs["3.0"]), folder)
+        model = worker.UnpackedFmu(str(runs["3.0"]), folder)
         task = {
             "time": time,
             "inputs": {},
@@ -156,7 +156,7 @@ def test_the_math_pilot_of_the_child_is_that_of_the_kernel(write_case, truth, mo
     weak = trainer.scaled(trainer.database(), Cm_elevator=0.67)
     case = changed(
         read_case(write_case(case='show = ["theta"]')),
-        drive=Drive("pilot", pilot=(Loop("delta_e", "theta", -0.8, 0.1, -0.3),)),
+        drive=CaseInputs("pilot", pilot=(PilotLoop("delta_e", "theta", -0.8, 0.1, -0.3),)),
     )
     job = job_of(case, flight_states(case, truth))
     sim = flightmech.compile(trainer.AIRCRAFT, weak)

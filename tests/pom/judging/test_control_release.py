@@ -56,8 +56,8 @@ def release(trainer, tmp_path_factory):
     }
     column = replace(aircraft.circuits["column"], **numbers, **free)
     hinges = {
-        "Ch_e/alpha": terms.make(-0.1, regressors=["alpha"]),
-        "Ch_e/delta": terms.make(-0.4, regressors=["delta_e"]),
+        "Ch_e/alpha": terms.make_term(-0.1, regressors=["alpha"]),
+        "Ch_e/delta": terms.make_term(-0.4, regressors=["delta_e"]),
     }
     db = trainer.database()
     x, y, z = aircraft.reference
@@ -70,7 +70,7 @@ def release(trainer, tmp_path_factory):
         "y_ref": y,
         "z_ref": z,
     }
-    tree = aerodb.database({**aerodb.terms(db), **hinges}, **root)
+    tree = aerodb.make_database({**aerodb.terms(db), **hinges}, **root)
 
     def model(mass):
         return flightmech.compile(

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from flightmech.units import POUND_FORCE
-from pom.cases.case import Drive
+from pom.cases.case import CaseInputs
 from pom.judging.measures.control_forces import directions
 from pom.tolerances.bands import text_of
 
 TIME = np.arange(0.0, 100.001, 0.02)
-COCKPIT = Drive("cockpit", "throttle")
+COCKPIT = CaseInputs("cockpit", "throttle")
 
 
 def position(start=5.0, stop=65.0, travel=0.15):
@@ -148,7 +148,7 @@ def test_forces_mean_nothing_when_the_surfaces_are_driven(judged):
         TIME,
         column(x, force(x)),
         column(x, force(x)),
-        drive=Drive("recorded", "throttle"),
+        drive=CaseInputs("recorded", "throttle"),
     )
     assert (
         text_of(got["column_force"]["remarks"])

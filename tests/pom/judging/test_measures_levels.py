@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from flightmech.units import FOOT, KNOT
-from pom.cases.case import Drive
-from pom.cases.pilot import Loop
+from pom.cases.case import CaseInputs
+from pom.cases.pilot import PilotLoop
 from pom.tolerances.bands import text_of
 
 TIME = np.arange(0.0, 60.001, 0.02)
@@ -19,7 +19,7 @@ TRIM = {
     "theta": 3.0 * DEG * FLAT,
     "engine1.thrust": 8000.0 * FLAT,
 }
-RECORDED = Drive("recorded", "thrust", trim=True)
+RECORDED = CaseInputs("recorded", "thrust", trim=True)
 
 
 def test_a_snapshot_compares_means_of_steady_records(judged):
@@ -82,7 +82,7 @@ def test_a_snapshot_judges_the_elevator_that_the_trim_found(judged):
         TIME,
         TRIM,
         model,
-        drive=Drive("recorded", "thrust", trim=False),
+        drive=CaseInputs("recorded", "thrust", trim=False),
         events={"capture": 30.0},
     )
     assert text_of(untrimmed["elevator"]["remarks"]).startswith("delta_e is driven by the record")
@@ -272,7 +272,7 @@ def test_radius_of_a_turn_and_rate_of_a_trim_surface(judged):
         "not_tested",
         True,
     )
-    moved = Drive("pilot", "throttle", pilot=(Loop("delta_t", "q", 1.0, 0.1),))
+    moved = CaseInputs("pilot", "throttle", pilot=(PilotLoop("delta_t", "q", 1.0, 0.1),))
     got = judged("2.a.7", TIME, trim(0.4), trim(0.43), drive=moved)["trim_rate"]
     assert got["flight_value"] == pytest.approx(0.4, rel=1e-6)
     assert (got["verdict"], round(got["worst_ratio"], 6)) == ("pass", 0.75)  # 7.5 % of 10 %

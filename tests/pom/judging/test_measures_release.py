@@ -8,14 +8,14 @@ lies where the derivative vanishes.
 import numpy as np
 import pytest
 
-from pom.cases.case import Drive
+from pom.cases.case import CaseInputs
 from pom.judging.measures.control_forces import free_motion
 from pom.tolerances.bands import Invalid, text_of
 from pom.tolerances.criteria import Band, Criterion
 
 TIME = np.round(np.arange(0.0, 12.0001, 0.01), 9)
 RELEASED = {"control_release": 1.0}
-FORCE = Drive("force", "throttle")
+FORCE = CaseInputs("force", "throttle")
 CCAR = {"standard": "CAAC CCAR-60 App A aeroplane simulator tests", "edition": "2005-09-01"}
 
 
@@ -220,6 +220,6 @@ def test_what_drives_is_not_judged(judged):
         oscillation(),
         oscillation(),
         events=RELEASED,
-        drive=Drive("cockpit", "throttle"),
+        drive=CaseInputs("cockpit", "throttle"),
     )
     assert text_of(got["p0"]["remarks"]).startswith("column is driven by the record")

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from pom.cases.case import PomCase
-from pom.judging.measures.modal import _project, fit_mode
-from pom.judging.measures.modal import modal as judge_mode
+from pom.judging.measures.modal import _project, fit_mode, judge_mode
 from pom.judging.measures.modal import peak_lag as judge_lag
-from pom.judging.signals import Match
+from pom.judging.signals import Comparison
 from pom.tolerances import rows
 from pom.tolerances.bands import Invalid, text_of
 from pom.tolerances.criteria import Band, Criterion, Limit
@@ -26,7 +25,7 @@ def sine(period, zeta, time=TIME, amplitude=5.0, phase=0.4, offset=90.0, slope=0
 
 
 def matched(time, flight, model, id):
-    return Match.of(
+    return Comparison.of(
         PomCase("c", "C", id, rows.STANDARD, rows.EDITION, "c.toml", "r.nc", (0.0, 120.0)),
         time,
         flight,

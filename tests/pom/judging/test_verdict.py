@@ -9,15 +9,15 @@ import pytest
 
 import pom
 from flightmech.units import KNOT
-from pom.cases.case import Drive, PomCase
-from pom.cases.pilot import Loop
+from pom.cases.case import CaseInputs, PomCase
+from pom.cases.pilot import PilotLoop
 from pom.judging.measures import values as trends
-from pom.judging.verdict import bands, judge, judge_all, row, settled, unjudged
+from pom.judging.verdict import bands, judge, judge_all, reason_not_judged, row, settle_case
 from pom.result import group_verdicts, status_of
 from pom.tolerances import rows as table
 from pom.tolerances.bands import text_of
 from pom.tolerances.criteria import Band, Limit
-from pom.tolerances.rows import channels, helpful, needs, override
+from pom.tolerances.rows import helpful_signals, override, required_quantities, required_signals
 
 TIME = np.arange(0.0, 40.0, 0.02)
 FLAT = np.ones_like(TIME)
@@ -43,7 +43,7 @@ def case(id, drive=None, **more):
         "c.toml",
         "r.nc",
         window,
-        drive=drive or Drive(),
+        drive=drive or CaseInputs(),
         criteria=tuple(criteria),
         **more,
     )
@@ -59,32 +59,34 @@ def named(case, name):
 def test_what_drives_a_model_is_not_judged():
     c = case("1.f.1")
     assert (
-        unjudged(c, named(c, "ti"))
+        reason_not_judged(c, named(c, "ti"))
         == "engine1.thrust is driven by the record; what drives a model cannot be judged"
     )
-    assert unjudged(case("1.f.1", Drive(engine="throttle")), named(c, "ti")) == ""
+    assert reason_not_judged(case("1.f.1", CaseInputs(engine="throttle")), named(c, "ti")) == ""
 
 
 def test_forces_are_judged_where_the_cockpit_is_driven():
     """Trap 8."""
     c = case("2.d.2", features=("reversible_controls",))
     force = named(c, "wheel_force")
-    assert unjudged(c, force) == "the surfaces are driven, so pilot forces have no meaning"
-    assert unjudged(case("2.d.2", Drive("cockpit")), force) == ""
-    assert unjudged(case("2.d.2", Drive("force")), force).startswith("F_rim is driven")
+    assert reason_not_judged(c, force) == "the surfaces are driven, so pilot forces have no meaning"
+    assert reason_not_judged(case("2.d.2", CaseInputs("cockpit")), force) == ""
+    assert reason_not_judged(case("2.d.2", CaseInputs("force")), force).startswith(
+        "F_rim is driven"
+    )
     assert not named(case("2.d.2"), "wheel_force").applies  # powered controls: the row is not there
 
 
 def test_what_a_math_pilot_holds_is_not_judged_and_what_he_moves_is():
-    pilot = Drive("pilot", "throttle", pilot=(Loop("delta_a", "phi", 0.5, 0.1),))
+    pilot = CaseInputs("pilot", "throttle", pilot=(PilotLoop("delta_a", "phi", 0.5, 0.1),))
     c = case("2.d.8", pilot)
     assert (
-        unjudged(c, named(c, "bank_angle"))
+        reason_not_judged(c, named(c, "bank_angle"))
         == "phi is held by the math pilot; what a controller holds cannot be judged"
     )
-    assert unjudged(c, named(c, "aileron")) == ""
-    still = case("2.d.8", Drive(trim=False))
-    assert unjudged(still, named(still, "aileron")).startswith("delta_a is driven")
+    assert reason_not_judged(c, named(c, "aileron")) == ""
+    still = case("2.d.8", CaseInputs(trim=False))
+    assert reason_not_judged(still, named(still, "aileron")).startswith("delta_a is driven")
 
 
 def test_a_footprint_has_no_band_and_no_verdict():
@@ -153,7 +155,7 @@ def test_a_channel_that_one_side_lacks_is_not_tested():
 
 
 def test_an_input_of_a_model_is_taken_from_what_it_applies():
-    pilot = Drive("pilot", "throttle", pilot=(Loop("delta_e", "theta", 0.5, 0.1),))
+    pilot = CaseInputs("pilot", "throttle", pilot=(PilotLoop("delta_e", "theta", 0.5, 0.1),))
     c = case("2.f", pilot, events={"capture": 20.0})
     flight = {"delta_e": -0.05 * FLAT}
     got = judge(c, named(c, "elevator"), TIME, flight, {"applied.delta_e": -0.06 * FLAT})
@@ -270,11 +272,11 @@ def test_a_row_that_the_flight_rules_out_does_not_block(judged):
     flight = {"vn": V, "ve": 0.0 * V, "h_agl": np.where(TIME < 1.0, 1.0 - TIME, -0.1), "V_cas": V}
     c = replace(case("1.e.1"), events={"touchdown": 1.0, "full_stop": 13.5})
     c = replace(c, criteria=tuple(replace(x, window=(1.0, 13.5)) for x in c.criteria))
-    done = settled(c, TIME, flight)
+    done = settle_case(c, TIME, flight)
     assert [x.applies for x in done.criteria] == [True, True, False]
     verdicts = {x.name: judge(done, x, TIME, flight, flight).verdict for x in done.criteria}
     assert group_verdicts(done, verdicts) == {"g1": "pass", "g2": "pass"}
-    assert settled(done, TIME, flight) == done
+    assert settle_case(done, TIME, flight) == done
 
 
 def test_spiral_is_judged_at_the_end_and_its_trend_is_advice():
@@ -442,10 +444,13 @@ def test_bands_are_drawn_where_they_count():
 
 def test_what_a_model_has_to_offer():
     c = case("1.b.1")
-    assert channels(named(c, "distance")) == ("vn", "ve", "V_cas")
-    assert needs(named(c, "distance")) == ("distance", "V_cas")
-    assert channels(named(case("2.a.2.a"), "wheel_force")) == ("F_wheel", "wheel")
-    assert helpful(named(case("2.c.8"), "stall_warning_speed")) == ("stall_warning", "alpha")
+    assert required_signals(named(c, "distance")) == ("vn", "ve", "V_cas")
+    assert required_quantities(named(c, "distance")) == ("distance", "V_cas")
+    assert required_signals(named(case("2.a.2.a"), "wheel_force")) == ("F_wheel", "wheel")
+    assert helpful_signals(named(case("2.c.8"), "stall_warning_speed")) == (
+        "stall_warning",
+        "alpha",
+    )
 
 
 # ---- standards and editions are data
@@ -514,7 +519,7 @@ def test_a_case_may_take_a_percentage_of_the_range_in_service():
     c = replace(
         case("1.d.3"),
         ranges={"engine1.n1": 1.04},
-        drive=Drive(engine="throttle"),
+        drive=CaseInputs(engine="throttle"),
         events={"capture": 20.0},
     )
     changed = override(c.criteria, "n1", {"percent": 2.0, "base": "range_max"}, c.window)

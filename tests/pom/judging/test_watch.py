@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pom.cases.case import PomCase
-from pom.judging.beyond_the_bands import BANDS, watch
+from pom.judging.beyond_the_bands import BANDS, watch_channels
 from pom.tolerances import rows as table
 
 TIME = np.arange(0.0, 120.0, 0.05)
@@ -53,12 +53,14 @@ def phugoid(phase=0.0, amplitude=6.0, drift=0.0):
     ],
 )
 def test_a_mode_of_the_right_period_and_damping_is_watched(model, about):
-    assert {remark.quantity for remark in watch(case("2.c.9"), TIME, phugoid(), model)} == about
+    assert {
+        remark.quantity for remark in watch_channels(case("2.c.9"), TIME, phugoid(), model)
+    } == about
 
 
 def test_the_remark_states_channel_size_time_and_band():
     model = phugoid() | {"phi": np.where((TIME > 60.0) & (TIME < 61.0), -5.0 * DEG, 0.0)}
-    (remark,) = watch(case("2.c.9"), TIME, phugoid(), model)
+    (remark,) = watch_channels(case("2.c.9"), TIME, phugoid(), model)
     assert remark.kind == "watch"
     assert (
         remark.text
@@ -69,8 +71,8 @@ def test_the_remark_states_channel_size_time_and_band():
 
 def test_the_band_widens_with_the_motion_of_the_flight():
     flight = {"p": 40.0 * DEG * np.sin(TIME)}
-    assert watch(case("2.c.9"), TIME, flight, {"p": flight["p"] * 0.76}) == ()
-    (remark,) = watch(case("2.c.9"), TIME, flight, {"p": flight["p"] * 0.74})
+    assert watch_channels(case("2.c.9"), TIME, flight, {"p": flight["p"] * 0.76}) == ()
+    (remark,) = watch_channels(case("2.c.9"), TIME, flight, {"p": flight["p"] * 0.74})
     assert remark.values["band"] == pytest.approx(10.0, rel=1e-3)
 
 
@@ -78,7 +80,9 @@ def test_what_a_time_history_judges_is_not_watched_again():
     """2.d.2 judges the roll rate."""
     flight = {"p": 0.0 * TIME, "beta": 0.0 * TIME}
     model = {"p": 20.0 * DEG + 0.0 * TIME, "beta": 3.0 * DEG + 0.0 * TIME}
-    assert [remark.quantity for remark in watch(case("2.d.2"), TIME, flight, model)] == ["beta"]
+    assert [remark.quantity for remark in watch_channels(case("2.d.2"), TIME, flight, model)] == [
+        "beta"
+    ]
 
 
 def test_what_cannot_be_compared_is_not():
@@ -90,6 +94,9 @@ def test_what_cannot_be_compared_is_not():
         "r": np.full(TIME.size, np.nan),
         "q": TIME,
     }
-    assert watch(case("2.c.9"), TIME, flight, model) == ()
-    assert watch(case("2.c.9", reference="footprint"), TIME, phugoid(), phugoid(phase=np.pi)) == ()
+    assert watch_channels(case("2.c.9"), TIME, flight, model) == ()
+    assert (
+        watch_channels(case("2.c.9", reference="footprint"), TIME, phugoid(), phugoid(phase=np.pi))
+        == ()
+    )
     assert set(BANDS) == {"V_cas", "h", "theta", "phi", "psi", "alpha", "beta", "p", "q", "r", "nz"}

@@ -19,7 +19,7 @@ from flightmech.errors import OutOfRange, SchemaError, SimulationError
 from pom.cases.case import read_case
 from pom.fmu import simulate
 from pom.fmu.process import Child
-from pom.fmu.run_cache import Store
+from pom.fmu.run_cache import RunCache
 from pom.replaying import batch
 from pom.replaying import batch as processes
 from pom.replaying import caches as state_cache
@@ -59,13 +59,13 @@ def the_same(found, expected):
 @pytest.fixture
 def flights(monkeypatch):
     """Count flights."""
-    made, hired = [], simulate.hired
+    made, hired = [], simulate.hire_worker
 
     def counted(path):
         made.append(path.name)
         return hired(path)
 
-    monkeypatch.setattr(simulate, "hired", counted)
+    monkeypatch.setattr(simulate, "hire_worker", counted)
     return made
 
 
@@ -215,10 +215,10 @@ def test_a_damaged_file_of_the_store_is_flown_again(cases, paths, toy, tmp_path,
 
 def test_a_store_keeps_doubles_as_they_are(tmp_path):
     values = np.array([[0.1, np.nan, -0.0], [1e-310, np.inf, 3.0]])
-    Store(tmp_path / "kept").write("ab12", values)
-    assert Store(tmp_path / "kept").read("ab12", (2, 3)).tobytes() == values.tobytes()
-    assert Store(tmp_path / "kept").read("ab12", (3, 2)) is None
-    assert Store(tmp_path / "kept").read("cd34", (2, 3)) is None
+    RunCache(tmp_path / "kept").write("ab12", values)
+    assert RunCache(tmp_path / "kept").read("ab12", (2, 3)).tobytes() == values.tobytes()
+    assert RunCache(tmp_path / "kept").read("ab12", (3, 2)) is None
+    assert RunCache(tmp_path / "kept").read("cd34", (2, 3)) is None
     (file,) = tmp_path.rglob("*.npy")
     np.testing.assert_array_equal(np.load(file), values)
     content = file.read_bytes()
@@ -226,7 +226,7 @@ def test_a_store_keeps_doubles_as_they_are(tmp_path):
     file.write_bytes(
         content[:place] + bytes(8) + content[place + 8 :]
     )  # what a disk may leave of a file that was being written
-    assert Store(tmp_path / "kept").read("ab12", (2, 3)) is None
+    assert RunCache(tmp_path / "kept").read("ab12", (2, 3)) is None
 
 
 def test_all_that_does_not_fit_is_reported_before_anything_flies(cases, paths, toy, flights):

@@ -11,11 +11,11 @@ import xarray as xr
 import flightmech
 from flightmech.errors import OutOfRange, SchemaError
 from pom.archive.origins import case_found_from, case_seen_from
-from pom.cases.case import PomCase, driven, read_case
+from pom.cases.case import PomCase, driven_quantities, read_case
 from pom.cases.job import job_of
 from pom.replaying.kernel_replay import fly
 from pom.replaying.replay_case import plan_of, replay
-from pom.report.case.start_and_inputs import driving
+from pom.report.case.start_and_inputs import describe_driving
 
 STEP, TAU = 0.02, 0.5
 LAW = '[control_law]\nfmu = "law.fmu"\nmoves = ["delta_e"]\n'
@@ -58,7 +58,7 @@ def test_model_and_law_are_coupled_with_one_step_of_delay(law, write_case, toy, 
     assert np.abs(result.signals["delta_e"].values[1] - u).max() < 1e-14
     assert np.ptp(u) > 0.02  # it moves
     assert result.signals.attrs["control_law"].startswith("law.fmu, FMI 2.0, sha256 ")
-    assert "delta_e" not in driven(case)
+    assert "delta_e" not in driven_quantities(case)
 
 
 def test_units_names_and_parameters_of_the_law_are_those_of_its_table(
@@ -178,7 +178,7 @@ def test_our_model_with_the_law_flies_as_with_the_same_law_in_python(
     )
     assert np.ptp(run.theta.values) > 0.02  # 1.3 deg
     assert np.abs(result.signals["theta"].values[1] - run.theta.values).max() < 1e-12
-    words = dict(driving(result)["how"])
+    words = dict(describe_driving(result)["how"])
     assert words["controls"].startswith("the control law moves")
     assert "law.fmu, FMI 2.0" in words["feedback"]
     assert words["feedback"].startswith("closed loop")

@@ -9,7 +9,7 @@ import xarray as xr
 import flightmech
 from pom.cases.case import read_case
 from pom.cases.job import job_of
-from pom.cases.pilot import Loop
+from pom.cases.pilot import PilotLoop
 from pom.cases.reference_states import flight_states
 from pom.replaying.kernel_replay import fly, fly_once
 
@@ -59,7 +59,7 @@ def test_a_run_that_fails_has_no_values(sim, job):
 
 def test_one_run_is_the_same_to_the_last_bit(sim, job):
     bank = {"phi": 0.05 * np.sin(job.time)}
-    piloted = replace(job, pilot=(Loop("delta_a", "phi", gain=-2.0, limit=0.2),), targets=bank)
+    piloted = replace(job, pilot=(PilotLoop("delta_a", "phi", gain=-2.0, limit=0.2),), targets=bank)
     failing = replace(
         job,
         inputs={**job.inputs, "delta_e": np.where(job.time > 3.0, np.inf, job.inputs["delta_e"])},
@@ -76,8 +76,8 @@ def test_one_run_is_the_same_to_the_last_bit(sim, job):
 def test_the_math_pilot_flies_in_the_kernel(sim, job):
     bank = 0.05 * np.sin(job.time)
     loops = (
-        Loop("delta_a", "phi", gain=-2.0, limit=0.2),
-        Loop("delta_a", "p", gain=-0.5, limit=0.2),
+        PilotLoop("delta_a", "phi", gain=-2.0, limit=0.2),
+        PilotLoop("delta_a", "p", gain=-0.5, limit=0.2),
     )
     targets = {"phi": bank, "p": 0.05 * np.cos(job.time)}
     free, _ = fly(sim, job, channels=["phi", "q"])
@@ -112,9 +112,9 @@ def test_piloted_runs_side_by_side_are_those_one_by_one(sim, job):
         "psi": np.full(job.time.size, 3.1 + 6.0 * np.pi),
     }
     loops = (
-        Loop("delta_a", "phi", gain=-2.0, limit=0.05, integral=-1.0),
-        Loop("delta_r", "psi", gain=-0.5, limit=0.1),
-        Loop("delta_a", "p", gain=-0.3, limit=0.02),
+        PilotLoop("delta_a", "phi", gain=-2.0, limit=0.05, integral=-1.0),
+        PilotLoop("delta_r", "psi", gain=-0.5, limit=0.1),
+        PilotLoop("delta_a", "p", gain=-0.3, limit=0.02),
     )
     piloted = replace(job, pilot=loops, targets=targets)
     scales = [1.0, 0.8, np.inf, 0.5, 1.2, 0.0, 2.0, 1.1, 0.9, 0.7, 0.6]

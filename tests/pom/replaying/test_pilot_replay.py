@@ -7,8 +7,8 @@ from dataclasses import replace as changed
 import numpy as np
 import pytest
 
-from pom.cases.case import Drive, read_case
-from pom.cases.pilot import Loop
+from pom.cases.case import CaseInputs, read_case
+from pom.cases.pilot import PilotLoop
 from pom.replaying.replay_case import replay
 
 GAIN, STEP, TAU = 0.4, 0.02, 0.5
@@ -24,7 +24,9 @@ def case(write_case):
     )
     return changed(
         case,
-        drive=Drive(surfaces="pilot", trim=False, pilot=(Loop("delta_e", "theta", GAIN, 1.0),)),
+        drive=CaseInputs(
+            surfaces="pilot", trim=False, pilot=(PilotLoop("delta_e", "theta", GAIN, 1.0),)
+        ),
     )
 
 
@@ -60,7 +62,9 @@ def test_signs_and_units_of_the_model_are_turned(case, toy, lag_states, tmp_path
     turned = lag_states.assign(delta_e=-lag_states["delta_e"])
     flipped = changed(
         case,
-        drive=Drive(surfaces="pilot", trim=False, pilot=(Loop("delta_e", "theta", -GAIN, 1.0),)),
+        drive=CaseInputs(
+            surfaces="pilot", trim=False, pilot=(PilotLoop("delta_e", "theta", -GAIN, 1.0),)
+        ),
     )
     plain = replay(case, {"toy": toy()}, lag_states)
     strange = replay(

@@ -7,11 +7,11 @@ import pytest
 
 from flightmech.errors import SchemaError
 from pom.cases.case import read_case
-from pom.cases.job import Job
+from pom.cases.job import ReplayJob
 from pom.replaying import trim as module
 
 TIME = np.arange(0.0, 2.0, 0.02)
-JOB = Job(TIME, {"delta_t": 0.02 + 0.0 * TIME, "delta_tr": 0.0 * TIME}, {}, (), ())
+JOB = ReplayJob(TIME, {"delta_t": 0.02 + 0.0 * TIME, "delta_tr": 0.0 * TIME}, {}, (), ())
 OUTPUTS = ("trim.F_column", "trim.F_pedal")
 
 
@@ -33,7 +33,7 @@ def forces(monkeypatch):
                 for name, value in zip(OUTPUTS, found, strict=True)
             }, ""
 
-        monkeypatch.setattr(module, "fly", fly)
+        monkeypatch.setattr(module, "fly_job", fly)
         return lengths
 
     return answer
@@ -44,7 +44,7 @@ def test_both_forces_are_taken_away(forces):
     lengths = forces(
         lambda t, tr: (30.0 - 900.0 * t - 4000.0 * t**3 + 50.0 * tr, -8.0 + 20.0 * t + 400.0 * tr)
     )
-    job, remarks, failure = module.solved(JOB, ("delta_t", "delta_tr"), model(), 1.0)
+    job, remarks, failure = module.solve_trim_surfaces(JOB, ("delta_t", "delta_tr"), model(), 1.0)
     t, tr = job.inputs["delta_t"], job.inputs["delta_tr"]
     assert failure == ""
     assert np.ptp(t) == np.ptp(tr) == 0.0  # a constant each
@@ -56,16 +56,16 @@ def test_both_forces_are_taken_away(forces):
 
 def test_a_surface_without_effect_stays_as_recorded(forces):
     forces(lambda t, tr: (30.0 - 900.0 * t, 12.0))
-    job, remarks, _ = module.solved(JOB, ("delta_t", "delta_tr"), model(), 1.0)
+    job, remarks, _ = module.solve_trim_surfaces(JOB, ("delta_t", "delta_tr"), model(), 1.0)
     assert job.inputs["delta_t"][0] == pytest.approx(30.0 / 900.0, abs=1e-4)
     assert not job.inputs["delta_tr"].any()
     assert "delta_tr has no effect on trim.F_pedal" in remarks[1].text
 
 
 def test_a_model_that_lacks_the_force_is_refused_in_words():
-    _, _, failure = module.solved(JOB, ("delta_t",), model(outputs=()), 1.0)
+    _, _, failure = module.solve_trim_surfaces(JOB, ("delta_t",), model(outputs=()), 1.0)
     assert "the model has no output trim.F_column" in failure
-    assert module.solved(JOB, (), model(outputs=()), 1.0) == (JOB, (), "")
+    assert module.solve_trim_surfaces(JOB, (), model(outputs=()), 1.0) == (JOB, (), "")
 
 
 def test_only_forces_leave_a_trim_surface_free(write_case):

@@ -8,8 +8,8 @@ import report_fixture as fixture
 
 import pom
 from pom.judging.measures.modal import mode_table
-from pom.report.case.page import Heading, keys, packed_page
-from pom.report.chapters import Chapters, drawn
+from pom.report.case.page import CommonHeading, keys, packed_page
+from pom.report.chapters import Chapters, draw_chapters
 from pom.report.page import html_files
 from pom.report.pdf.content import case_on_paper
 from pom.report.pdf.document import pdf_pages
@@ -35,7 +35,7 @@ def parcels(html):
     """Return head and body of every packed page, by the id of its article."""
     without_script = r"<noscript>(?:(?!</noscript>).)*</noscript>"
     packed = rf'id="([^"]+)"[^>]*>\s*{without_script}\s*<div class="body"></div>\s*<script type="text/plain" class="parcel">([^<]+)'
-    return {name: traces.opened(text) for name, text in re.findall(packed, html, re.S)}
+    return {name: traces.unpack_page(text) for name, text in re.findall(packed, html, re.S)}
 
 
 def texts(html):
@@ -53,14 +53,19 @@ def page(results, fits=(), databases=None, support=None):
 
 def html(results, fits=(), databases=None, support=None):
     """The page and what it loads."""
-    heading = Heading("T-37", "A", len(results), {}, bool(databases))
+    heading = CommonHeading("T-37", "A", len(results), {}, bool(databases))
     named = zip(keys(results), results, strict=True)
     cases = [
         packed_page(i, key, result, heading, None, mode_table(result))
         for i, (key, result) in enumerate(named, 1)
     ]
     return html_files(
-        results, cases, "T-37", "A", {}, drawn(databases or {}, support or {}, fits, {}, (), {}, ())
+        results,
+        cases,
+        "T-37",
+        "A",
+        {},
+        draw_chapters(databases or {}, support or {}, fits, {}, (), {}, ()),
     )
 
 

@@ -22,7 +22,7 @@ def table():
 
 def rows(table):
     """Terms, shares and cells by title of the stage."""
-    found = diagnosis.cause(fixture.short_period_result(), table)
+    found = diagnosis.cause_section(fixture.short_period_result(), table)
     return {stage["title"]: stage for stage in found["stages"]}, found
 
 
@@ -37,7 +37,7 @@ def numbers(svg, css):
 
 
 def test_the_cause_in_words(table):
-    text = diagnosis.story(table)
+    text = diagnosis.cause_sentences(table)
     assert (
         "the lift increment due to gear extension (CL/gear) explains most of the gap, 81 %." in text
     )
@@ -89,7 +89,7 @@ def test_the_terms_that_were_not_flown_alone_are_named(table):
 
 def test_a_cause_that_no_term_explains(table):
     table = table[table["stage"].isin(["prior", "final", "single"])].assign(explained=np.nan)
-    assert diagnosis.story(table).endswith(
+    assert diagnosis.cause_sentences(table).endswith(
         "No single term of the final model brings it nearer to the flight."
     )
     stages, found = rows(table)
@@ -98,7 +98,7 @@ def test_a_cause_that_no_term_explains(table):
         stages["a-priori model with one term taken from the final model"]["rows"][0]["bar"] is None
     )
     table.loc[table["stage"] == "prior", "verdict"] = "pass"
-    assert "no term has to be taken" in diagnosis.story(table)
+    assert "no term has to be taken" in diagnosis.cause_sentences(table)
 
 
 @pytest.mark.parametrize(
@@ -110,7 +110,7 @@ def test_a_cause_that_no_term_explains(table):
 )
 def test_a_model_without_a_verdict_is_not_called_out_of_tolerance(table, verdict, expected):
     table.loc[table["stage"] == "prior", "verdict"] = verdict
-    assert expected in diagnosis.story(table)
+    assert expected in diagnosis.cause_sentences(table)
 
 
 def test_the_bars_of_the_waterfall_follow_each_other(table):

@@ -15,9 +15,9 @@ from click.testing import CliRunner
 import pom
 from flightmech.errors import SchemaError
 from pom.cli.group import pom as group
-from pom.report.chapters import drawn, restored
+from pom.report.chapters import draw_chapters, restore_chapters
 from pom.report.models.identification import sample_map
-from pom.report.submodels.section import Grid, Picture, Section
+from pom.report.submodels.section import Picture, Section, SectionTable
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 sys.path.insert(0, str(Path(__file__).parent))
@@ -106,7 +106,7 @@ def test_the_verb_writes_the_chapters_again(folder, tmp_path):
     )
     for name in ("models", "identification"):
         assert new[name] == old[name]
-    assert restored(pom.read_archive(tmp_path / "letter").chapters).on_paper == BOTH
+    assert restore_chapters(pom.read_archive(tmp_path / "letter").chapters).on_paper == BOTH
     one = ["report", str(folder), "-o", str(tmp_path / "one"), "--chapter", "database"]
     assert CliRunner().invoke(group, one).exit_code == 0
     sizes = [
@@ -145,7 +145,7 @@ def test_what_was_not_kept_is_named(tmp_path):
     pom.write_report(
         archive.results, tmp_path / "more", kept=archive.chapters, **now
     )  # given now, it need not have been kept
-    more = restored(pom.read_archive(tmp_path / "more").chapters)
+    more = restore_chapters(pom.read_archive(tmp_path / "more").chapters)
     assert (more.on_paper, list(more.databases), bool(more.identification)) == (
         ("database",),
         list(fixture.databases()),
@@ -161,17 +161,17 @@ def test_sections_pictures_and_traces_come_back_as_they_were():
     section = Section(
         "gear",
         (("strut", "type 2", "3 %"),),
-        (Grid("constants", ("name", "value"), (("k", "1"),)),),
+        (SectionTable("constants", ("name", "value"), (("k", "1"),)),),
         (Picture("<g/>", 9.0, "x"),),
     )
-    made = drawn(fixture.databases(), {}, fixture.fits(), LINES, [section], {}, BOTH)
-    again = restored(made.kept())
+    made = draw_chapters(fixture.databases(), {}, fixture.fits(), LINES, [section], {}, BOTH)
+    again = restore_chapters(made.kept())
     assert again.submodels[0].pictures == [Picture("<g/>", 9.0, "x")]
     assert again.submodels[0].grids[0].caption == "constants"
     assert again.identification["body"] == made.identification["body"]
     assert again.identification["fits"][0]["drawing"] == made.identification["fits"][0]["drawing"]
     assert list(again.roots) == list(fixture.databases())
-    assert restored(b"").kept() == b""
+    assert restore_chapters(b"").kept() == b""
 
 
 def test_the_map_of_the_flights_has_the_one_g_lines():

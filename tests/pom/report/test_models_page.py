@@ -46,11 +46,11 @@ def test_terms_of_the_same_place_come_in_the_order_of_the_databases(order):
     made = [
         xr.DataTree.from_dict(
             {"/": xr.Dataset(attrs=fixture.databases()["final"].attrs)}
-            | {name: terms.make(value) for name in order}
+            | {name: terms.make_term(value) for name in order}
         )
         for value in (0.1, 0.2)
     ]
-    found = database_comparison.compared(
+    found = database_comparison.compare_for_report(
         dict(zip(("datcom", "final"), made, strict=True)), {}, {"datcom": "run-0", "final": "run-1"}
     )
     assert tuple(item["term"] for item in found["terms"]) == order
@@ -104,10 +104,10 @@ def test_tables_of_unlike_axes_share_a_figure():
 
     alpha, mach = np.radians([0.0, 10.0]), [0.2, 0.6]
     holders = {
-        "wide": terms.make([[1.0, 2.0], [3.0, 4.0]], {"alpha": alpha, "mach": mach}),
-        "narrow": terms.make([[5.0], [7.0]], {"alpha": alpha, "mach": [0.3]}),
-        "flat": terms.make([8.0, 10.0], {"mach": [0.2, 0.4]}, stderr=0.1),
-        "scalar": terms.make(6.0),
+        "wide": terms.make_term([[1.0, 2.0], [3.0, 4.0]], {"alpha": alpha, "mach": mach}),
+        "narrow": terms.make_term([[5.0], [7.0]], {"alpha": alpha, "mach": [0.3]}),
+        "flat": terms.make_term([8.0, 10.0], {"mach": [0.2, 0.4]}, stderr=0.1),
+        "scalar": terms.make_term(6.0),
     }
     tables = {name: leaf["value"] for name, leaf in holders.items()}
     curves = {
@@ -134,9 +134,9 @@ def test_tables_of_unlike_axes_share_a_figure():
 def test_databases_that_hold_the_same_table_share_a_line():
     from flightmech import terms
 
-    leaf = terms.make([1.0, 2.0], {"mach": [0.2, 0.6]})
-    other = terms.make([1.0, 2.5], {"mach": [0.2, 0.6]})
-    narrower = terms.make([1.0, 2.0], {"mach": [0.2, 0.6]}, stderr=0.1)
+    leaf = terms.make_term([1.0, 2.0], {"mach": [0.2, 0.6]})
+    other = terms.make_term([1.0, 2.5], {"mach": [0.2, 0.6]})
+    narrower = terms.make_term([1.0, 2.0], {"mach": [0.2, 0.6]}, stderr=0.1)
     assert database_comparison._shared(
         {"a": leaf, "b": other, "c": leaf.copy(), "d": narrower}
     ) == {

@@ -19,7 +19,7 @@ from flightmech.errors import SchemaError, UnknownName
 from pom.judging.measures.modal import mode_table
 from pom.report.case.page import line_styles
 from pom.report.case.panels import Cross, panels
-from pom.report.models.database_comparison import compared
+from pom.report.models.database_comparison import compare_for_report
 from pom.report.models.identification import chapter
 from pom.report.pdf import content, document
 from pom.report.pdf import content as case_pages
@@ -171,7 +171,7 @@ def test_chapters_of_the_data_report_are_there_when_wanted(tmp_path):
         "CL of short period, 4 terms: measured",
         "CL of short period, 2 terms: measured",
     ]
-    terms = compared(fixture.databases(), {}, line_styles(fixture.databases()))["terms"]
+    terms = compare_for_report(fixture.databases(), {}, line_styles(fixture.databases()))["terms"]
     tables = [figure.words for term in terms for figure in term["figures"]]
     assert tables
     for wanted, there in ((flown, (False, True, True)), (tables, (False, False, True))):
@@ -397,7 +397,7 @@ def test_the_rest_of_a_record_does_not_squeeze_the_window():
 @pytest.mark.parametrize("room", [500.0, 800.0, 1000.0])
 def test_panels_fill_the_room_and_never_more(room):
     shown = panels(fixture.short_period_result())
-    count, height = figure.arranged(shown, room)
+    count, height = figure.arrange_panels(shown, room)
     assert 1 <= count <= 7
     total = sum(drawn(fixture.short_period_result(), i, height)[0].height for i in range(count))
     assert total - (count - 1) * (figure.FOOT - figure.GAP) <= room + 1.0

@@ -102,7 +102,7 @@ def test_a_missing_response_counts_as_outside():
     ],
 )
 def test_values_in_display_units(name, si, text):
-    assert quantities.measured(si, name) == text
+    assert quantities.measured_text(si, name) == text
 
 
 def test_a_difference_of_temperatures_has_no_offset():

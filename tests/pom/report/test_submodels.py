@@ -16,11 +16,11 @@ import xarray as xr
 
 import pom
 from flightmech.errors import SchemaError
-from flightmech.terms import make
-from flighttest.regression.equation_error.model import Model
+from flightmech.terms import make_term
+from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.submodels.control_loading.identification import identify_control_loading
 from flighttest.submodels.control_loading.loading import ControlLoading
-from flighttest.submodels.control_loading.simulation import Flown
+from flighttest.submodels.control_loading.simulation import SimulatedWindow
 from flighttest.submodels.engine.result import identify_engine
 from flighttest.submodels.ground_effect.identification import identify_ground_effect
 from flighttest.submodels.landing_gear.identification import GearConstant
@@ -32,7 +32,7 @@ from pom.report.submodels.sections import (
     _tables,
     context,
     landing_gear,
-    needed,
+    needed_submodels,
     sections,
 )
 
@@ -74,13 +74,13 @@ def swept(qbar):
 def results():
     """One result of each kind."""
     ground = identify_ground_effect(
-        [Model.parse("CL = 1 + alpha")],
+        [RegressionModel.parse("CL = 1 + alpha")],
         [over_ground(h, k) for k, h in enumerate((1.5, 2.0, 3.0, 6.0, 0.0))],
         {"CL": ["1"]},
     )
     loading = ControlLoading("column", -2.0, 1.0, 0.3, "Ch_e = 1 + delta_e", ("offset", "friction"))
     column = identify_control_loading(loading, [swept(q) for q in (1500.0, 6000.0)], order=2)
-    prior = make(
+    prior = make_term(
         np.outer([2e3, 5e3, 9e3], [1.0, 0.9]), {"corrected_n2": [0.6, 0.8, 1.0], "mach": [0.0, 0.4]}
     )
     speeds = np.array([0.62, 0.7, 0.78, 0.86, 0.94, 0.98])
@@ -100,7 +100,7 @@ def results():
 def flown():
     time = np.linspace(0.0, 1.0, 21)
     travel = np.stack([0.02 * np.exp(-time), 0.021 * np.exp(-time)], axis=1)
-    return Flown(time, travel, -2.0 * travel)
+    return SimulatedWindow(time, travel, -2.0 * travel)
 
 
 def test_every_estimate_stands_with_its_standard_error(results):
@@ -131,7 +131,7 @@ def test_every_estimate_stands_with_its_standard_error(results):
 
 def test_the_largest_free_motion_is_drawn():
     """Of many windows those with the largest travel."""
-    small = Flown(flown().time, 0.1 * flown().travel, flown().deflection)
+    small = SimulatedWindow(flown().time, 0.1 * flown().travel, flown().deflection)
     from pom.report.submodels.sections import MOST, _free_motion
 
     (picture,) = _free_motion("column", "column", [small] * 3 + [flown()] * MOST)
@@ -189,12 +189,12 @@ def test_the_response_of_the_spools_is_drawn(results):
 
 
 def test_tables_over_a_flight_condition_have_a_line_for_every_node():
-    limit = make(
+    limit = make_term(
         np.outer([1.0, 2.0, 3.0], [1.0, 0.9]),
         {"n2": [0.6, 0.8, 1.0], "h": [0.0, 6000.0]},
         stderr=0.01,
     )
-    command = make([0.5, 1.0], {"throttle": [0.0, 1.0]}, stderr=0.01)
+    command = make_term([0.5, 1.0], {"throttle": [0.0, 1.0]}, stderr=0.01)
     (picture,) = _tables(
         "engine",
         {"n2_up_limit": SimpleNamespace(leaf=limit), "n2_command": SimpleNamespace(leaf=command)},
@@ -258,9 +258,9 @@ def test_what_is_no_submodel_is_refused(results):
 def test_terms_and_parts_belong_to_submodels():
     database = xr.DataTree.from_dict(
         {
-            "/CL/basic": make(0.3),
-            "/CL/ground": make([0.1, 0.0], {"h_agl": [1.0, 9.0]}),
-            "/Ch_e/alpha": make(-0.1, regressors=["alpha"]),
+            "/CL/basic": make_term(0.3),
+            "/CL/ground": make_term([0.1, 0.0], {"h_agl": [1.0, 9.0]}),
+            "/Ch_e/alpha": make_term(-0.1, regressors=["alpha"]),
         }
     )
     names = ["gear/nose", "Ch_e/alpha", "CL/ground", "CL/basic", "circuit/column", "engine/static"]
@@ -281,14 +281,14 @@ def test_what_the_corrected_model_takes():
         ("sequence", "CL/basic", 0.9),
     ]
     table = pd.DataFrame(rows, columns=["stage", "term", "explained"])
-    database = xr.DataTree.from_dict({"/CL/basic": make(0.3)})
-    grid = needed({"chop": table}, {"final": database})
+    database = xr.DataTree.from_dict({"/CL/basic": make_term(0.3)})
+    grid = needed_submodels({"chop": table}, {"final": database})
     assert [row[:2] for row in grid.rows] == [
         ("aerodynamics", "CL/basic"),
         ("engine", "engine/static"),
     ]
     assert grid.rows[1][2] == "needed by chop (alone 70 % of the gap)"
-    assert needed({}, {"final": database}) is None
+    assert needed_submodels({}, {"final": database}) is None
 
 
 def test_page_and_paper_hold_the_same(results, tmp_path):

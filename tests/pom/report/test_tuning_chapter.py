@@ -10,8 +10,8 @@ import pytest
 
 import pom
 from flightmech.errors import UnknownName
-from pom.archive.results_document import joined
-from pom.archive.verification import unlike_the_log
+from pom.archive.results_document import join_reports
+from pom.archive.verification import differences_from_log
 from pom.report.models.diagnosis import context
 
 sys.path.insert(0, str(Path(__file__).parents[1]))  # for report_fixture
@@ -48,7 +48,7 @@ def test_the_log_is_a_chapter_and_kept(tmp_path):
         "final": log
     }
     assert pom.read_archive(tmp_path / "report").tunings == {"final": log}
-    assert joined([tmp_path / "report"]).tunings == {"final": log}
+    assert join_reports([tmp_path / "report"]).tunings == {"final": log}
     assert not [
         item
         for item in pom.verify(tmp_path / "report")
@@ -66,10 +66,10 @@ def test_the_chapter_on_paper():
 def test_a_model_that_does_otherwise_than_its_log_is_found():
     results = [fixture.roll_result(), fixture.short_period_result()]
     log = fixture.tuning(results)
-    assert list(unlike_the_log(results, "final", log)) == []
+    assert list(differences_from_log(results, "final", log)) == []
     log["rows"][0]["ratio_after"] += 0.01
     log["rows"][1]["after"] = "fail"
-    assert [text.split(":")[0] for text in unlike_the_log(results, "final", log)] == [
+    assert [text.split(":")[0] for text in differences_from_log(results, "final", log)] == [
         result.case.name for result in results
     ]
 

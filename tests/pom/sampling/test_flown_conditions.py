@@ -22,8 +22,8 @@ ROOT |= {"force_axes": "stability", "source": "by hand", "history": "by hand", "
 
 
 def test_thrust_coefficient_is_that_of_all_engines_over_qbar_and_the_wing():
-    power = {"Cm/power": terms.make(0.05, regressors=["CT"])}
-    db = aerodb.database(power, **ROOT)
+    power = {"Cm/power": terms.make_term(0.05, regressors=["CT"])}
+    db = aerodb.make_database(power, **ROOT)
     time = np.arange(3.0)
     thrust = {"engine1.thrust": [800.0] * 3, "engine2.thrust": [800.0, 0.0, -800.0]}
     flight = {

@@ -16,8 +16,8 @@ import pom
 from flightmech.errors import SchemaError
 from pom.archive.archive import Archive, read_archive, write_archive
 from pom.cases.case import read_case
-from pom.diagnosis.sampling.draws import DrawnModels, Instruments
-from pom.diagnosis.sampling.sampled_replay import Bench, sampled, with_inertia
+from pom.diagnosis.sampling.draws import DrawnModels, InstrumentErrors
+from pom.diagnosis.sampling.sampled_replay import SampledBench, replay_draws, with_inertia
 from pom.diagnosis.sampling.shares import regressors, shares
 from pom.judging.signals import traces_of
 from pom.judging.verdict import judge_all
@@ -60,10 +60,12 @@ def plan(write_case, flight):
 def test_the_model_is_judged_against_the_flight_of_a_draw(plan, trainer, tmp_path):
     db = uncertain(trainer.database(), Cm_elevator=0.3, Cm_basic=0.01)
     drawn = models(trainer, db, 2)
-    found = sampled(plan, drawn, errors=NOTHING)
+    found = replay_draws(plan, drawn, errors=NOTHING)
     flown = {"final": flightmech.write_fmu(drawn.model, tmp_path / "final.fmu")}
     for k in range(2):
-        one = aerodb.update.drawn(db, {name: values[k] for name, values in drawn.nodes.items()})
+        one = aerodb.update.with_node_values(
+            db, {name: values[k] for name, values in drawn.nodes.items()}
+        )
         flown[f"{k}"] = flightmech.write_fmu(
             flightmech.compile(trainer.AIRCRAFT, one), tmp_path / f"{k}.fmu"
         )
@@ -85,14 +87,14 @@ def test_errors_that_tables_and_record_share_take_each_other_back(plan, trainer)
     """All coefficients in error by what mass, inertia and thrust are: the same motion."""
     db = trainer.database()
     plan = replace(plan, job=with_inertia(plan.job, flightmech.compile(trainer.AIRCRAFT, db)))
-    instruments = Instruments.of(
+    instruments = InstrumentErrors.of(
         plan.job, plan.states, None, {"mass": 0.02, "inertia": 0.02, "thrust": 0.02}
     )
-    bench = Bench.of(plan, flightmech.compile(trainer.AIRCRAFT, db), instruments)
+    bench = SampledBench.of(plan, flightmech.compile(trainer.AIRCRAFT, db), instruments)
     draw = np.array(
         [float(name in ("mass", "inertia", "thrust1")) for name in bench.instruments.names]
     )
-    heavier = aerodb.update.drawn(
+    heavier = aerodb.update.with_node_values(
         db, {name: 1.02 * leaf["value"].values for name, leaf in aerodb.terms(db).items()}
     )
     model = flightmech.compile(trainer.AIRCRAFT, heavier)
@@ -109,14 +111,14 @@ def test_the_probability_is_that_of_the_error(plan, trainer):
     """
     db = uncertain(trainer.database(), Cm_elevator=1e-12)
     spoilt = {"Cm/elevator": 0.95 * aerodb.terms(db)["Cm/elevator"]["value"].values[None]}
-    (one,) = sampled(
+    (one,) = replay_draws(
         plan,
         DrawnModels(flightmech.compile(trainer.AIRCRAFT, db), db, spoilt, 0, "test"),
         errors=NOTHING,
     ).decides
     c = one / (0.05 * 1.1)
     sigma = 1.0 / (1.3 * c)
-    found = sampled(
+    found = replay_draws(
         plan,
         models(trainer, uncertain(trainer.database(), Cm_elevator=sigma), 200, seed=4),
         errors=NOTHING,
@@ -131,7 +133,7 @@ def test_the_probability_is_that_of_the_error(plan, trainer):
 
 
 def test_the_share_belongs_to_the_term_whose_error_it_is(plan, trainer):
-    found = sampled(
+    found = replay_draws(
         plan,
         models(
             trainer, uncertain(trainer.database(), Cm_elevator=0.05, Cm_qhat=0.3, Cl_phat=0.1), 60
@@ -154,16 +156,16 @@ def test_the_share_belongs_to_the_term_whose_error_it_is(plan, trainer):
 
 def test_draws_depend_on_the_seed_and_not_on_the_threads(plan, trainer):
     db = uncertain(trainer.database(), Cm_elevator=0.05)
-    one, two = (sampled(plan, models(trainer, db, 6), jobs=jobs) for jobs in (1, 2))
+    one, two = (replay_draws(plan, models(trainer, db, 6), jobs=jobs) for jobs in (1, 2))
     assert np.array_equal(one.decides, two.decides)
     assert one.fan.identical(two.fan)
     pd.testing.assert_frame_equal(one.shares, two.shares)
-    other = sampled(plan, models(trainer, db, 6, seed=1))
+    other = replay_draws(plan, models(trainer, db, 6, seed=1))
     assert not np.array_equal(one.decides, other.decides)
 
 
 def test_the_fan_holds_the_model(plan, trainer):
-    found = sampled(plan, models(trainer, uncertain(trainer.database(), Cm_elevator=0.05), 40))
+    found = replay_draws(plan, models(trainer, uncertain(trainer.database(), Cm_elevator=0.05), 40))
     assert list(found.fan["quantile"].values) == [0.05, 0.25, 0.5, 0.75, 0.95]
     for name, quantiles in found.fan.items():
         assert (np.diff(quantiles.values, axis=0) >= 0.0).all()
@@ -179,7 +181,7 @@ def test_instruments_move_start_drive_and_flight_together(plan, trainer):
     states = plan.states.assign({"error.V": (("error", "time"), shift)}).assign_coords(
         error=["bias.V", "wind_n of run"]
     )
-    found = Instruments.of(plan.job, states, trainer.AIRCRAFT, {"mass": 0.01})
+    found = InstrumentErrors.of(plan.job, states, trainer.AIRCRAFT, {"mass": 0.01})
     draw = np.array(
         [
             2.0 if name in ("bias.V", "mass", "thrust1", "bias.delta_e") else 0.0
@@ -222,7 +224,7 @@ def test_an_error_of_the_velocity_through_the_air_is_wind(plan, trainer):
             **{name: np.zeros(time.size) for name in ("wind_n", "wind_e", "wind_d")},
         },
     )
-    found = Instruments.of(job, states, None)
+    found = InstrumentErrors.of(job, states, None)
     draw = np.array([float(name == "static_error") for name in found.names])
     shifted = found.job(job, draw)
     wind = np.stack([shifted.inputs[name] for name in ("wind_n", "wind_e", "wind_d")])
@@ -235,7 +237,7 @@ def test_an_error_of_the_velocity_through_the_air_is_wind(plan, trainer):
         job, parameters={**job.parameters, "mode.trim": 3.0}
     )  # its speed is that over the ground
     assert (
-        Instruments.of(rolling, states, None).job(rolling, draw).parameters["init.V"]
+        InstrumentErrors.of(rolling, states, None).job(rolling, draw).parameters["init.V"]
         == rolling.parameters["init.V"]
     )
 
@@ -245,7 +247,7 @@ def test_noise_of_a_record_is_found_and_put_on_the_draws(plan, trainer):
     noisy = plan.states.assign(
         q=("time", plan.states["q"].values + 2e-3 * rng.standard_normal(plan.job.time.size))
     )
-    found = Instruments.of(plan.job, noisy, None, compared={"q"})
+    found = InstrumentErrors.of(plan.job, noisy, None, compared={"q"})
     assert list(found.noise) == ["q"]
     assert found.noise["q"] == pytest.approx(2e-3, rel=0.15)
     still = np.zeros(plan.job.time.size)

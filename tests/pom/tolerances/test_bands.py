@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pom.cases.case import PomCase
-from pom.judging.signals import Match
+from pom.judging.signals import Comparison
 from pom.tolerances import bands, rows
 from pom.tolerances.bands import (
     Invalid,
@@ -15,7 +15,7 @@ from pom.tolerances.bands import (
     difference,
     half_width,
     inside_window,
-    scalar,
+    judge_number,
     text_of,
 )
 from pom.tolerances.criteria import Band, Criterion, Limit
@@ -33,8 +33,8 @@ def criterion(channel="theta", band=PITCH, window=(0.0, 10.0), measure="trace"):
 
 def trace(criterion, time, flight, model):
     case = PomCase("c", "C", "2.d.6", rows.STANDARD, rows.EDITION, "c.toml", "r.nc", (0.0, 10.0))
-    match = Match.of(case, time, {criterion.channel: flight}, {criterion.channel: model})
-    return bands.trace(criterion, *match.both(criterion))
+    match = Comparison.of(case, time, {criterion.channel: flight}, {criterion.channel: model})
+    return bands.judge_trace(criterion, *match.both(criterion))
 
 
 def both(percent, absolute, unit, rule="greater_of", base="ref_local"):
@@ -175,10 +175,10 @@ def test_units_of_the_table_are_exact():
 def test_scalar_takes_the_percentage_of_the_flight_value():
     band = both(10.0, 0.5, "s", base="ref_scalar")
     assert (
-        scalar(criterion("r", band, measure="period"), 3.0, 3.49).verdict == "pass"
+        judge_number(criterion("r", band, measure="period"), 3.0, 3.49).verdict == "pass"
     )  # 0.5 s governs
     assert (
-        scalar(criterion("r", band, measure="period"), 8.0, 8.81).verdict == "fail"
+        judge_number(criterion("r", band, measure="period"), 8.0, 8.81).verdict == "fail"
     )  # 0.8 s governs
 
 
@@ -189,10 +189,10 @@ def test_a_share_of_the_tolerance_for_engineering_simulator_data():
     whole = criterion("r", both(10.0, 0.5, "s", base="ref_scalar"), measure="period")
     fifth = replace(whole, fraction=0.2)
     assert half_width(fifth, 38.0)[0] == pytest.approx(0.76)
-    got = scalar(fifth, 38.0, 38.8)
+    got = judge_number(fifth, 38.0, 38.8)
     assert (got.verdict, got.worst_ratio) == ("fail", pytest.approx(0.8 / 0.76))
     assert got.applied == "20 % of: 10 % of the flight value or 0.5 s, the greater (38 s): 0.76 s"
-    assert scalar(replace(whole, fraction=0.4), 38.0, 38.8).verdict == "pass"
+    assert judge_number(replace(whole, fraction=0.4), 38.0, 38.8).verdict == "pass"
     assert (
         trace(
             replace(criterion(), fraction=0.4),
@@ -235,7 +235,7 @@ def test_the_tolerance_as_applied_states_base_and_numbers():
         "distance", both(10.0, 200.0, "ft", "lesser_of", "ref_scalar"), measure="elapsed"
     )
     assert (
-        scalar(smaller, 3000.0 * 0.3048, 3000.0 * 0.3048).applied
+        judge_number(smaller, 3000.0 * 0.3048, 3000.0 * 0.3048).applied
         == "10 % of the flight value or 200 ft, the smaller (3000 ft): 200 ft"
     )
 

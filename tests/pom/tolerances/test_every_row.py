@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 
 from flightmech.units import FOOT
-from pom.cases.case import Drive, PomCase
-from pom.cases.pilot import Loop
+from pom.cases.case import CaseInputs, PomCase
+from pom.cases.pilot import PilotLoop
 from pom.judging.verdict import MEASURES, judge
 from pom.tolerances import rows
 from pom.tolerances.bands import text_of
 from pom.tolerances.criteria import PARTS, Criterion
-from pom.tolerances.rows import channels
+from pom.tolerances.rows import required_signals
 
 TIME = np.arange(0.0, 120.001, 0.05)
 SHOWN = {
@@ -52,7 +52,7 @@ def signals(criterion: Criterion) -> dict[str, np.ndarray]:
     """Return a flight in which the quantity of a criterion can be measured."""
     flat = np.ones_like(TIME)
     wave = 1.0 + 0.3 * np.sin(0.2 * TIME)
-    found = dict.fromkeys(channels(criterion), wave)
+    found = dict.fromkeys(required_signals(criterion), wave)
     found |= {
         "V_cas": 80.0 - ramp(0.0, 60.0),
         "vn": 80.0 - ramp(0.0, 79.9),
@@ -169,7 +169,7 @@ def case_of(row) -> tuple[PomCase, Criterion]:
         "input_end": START,
     }
     window = tuple(
-        rows.bound(row[key], times, default)
+        rows.bound_time(row[key], times, default)
         for key, default in (("applies_from", 0.0), ("applies_to", 120.0))
     )
     found = rows.criterion(row, "row", window, features, engine_parameter="engine1.n1")
@@ -180,7 +180,7 @@ def case_of(row) -> tuple[PomCase, Criterion]:
     engine = (
         "n1" if found.channel.endswith(".pla") else "throttle"
     )  # the angle of a lever that drives is not judged
-    drive = Drive(level, engine, pilot=tuple(Loop(name, "q", 1.0, 0.1) for name in tabs))
+    drive = CaseInputs(level, engine, pilot=tuple(PilotLoop(name, "q", 1.0, 0.1) for name in tabs))
     more = {"ranges": {}, "certified": {found.parameter: 0.1}, "conditions": {"wheel_radius": 0.2}}
     case = PomCase(
         "c",

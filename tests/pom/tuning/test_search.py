@@ -74,7 +74,7 @@ def test_the_spoilt_terms_take_the_distance(plan, trainer):
     tuned = found.database
     assert aerodb.store.history(tuned)["text"].iloc[-1].startswith("replace_terms: replaced")
     assert "pom tune for a_case" in aerodb.terms(tuned)["Cm/elevator"].attrs["history"]
-    back = aerodb.store.previous(tuned)
+    back = aerodb.store.undo_edits(tuned)
     assert np.array_equal(
         aerodb.terms(back)["Cm/elevator"]["value"], aerodb.terms(model)["Cm/elevator"]["value"]
     )

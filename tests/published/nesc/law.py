@@ -9,7 +9,7 @@ import operator
 from collections.abc import Callable, Mapping
 from functools import reduce
 
-from aerodb.exchange.daveml.document.mathml import Apply, Choice, Expression, Name, Number
+from aerodb.exchange.daveml.document.mathml import Apply, Choice, Expression, MathNumber, Name
 from aerodb.exchange.daveml.document.model import DaveModel
 
 Values = list[float]
@@ -63,7 +63,7 @@ def function_of(
 
 
 def _closure(expression: Expression, place: Mapping[str, int]) -> Step:
-    if isinstance(expression, Number):
+    if isinstance(expression, MathNumber):
         number = expression.value
         return lambda v: number
     if isinstance(expression, Name):

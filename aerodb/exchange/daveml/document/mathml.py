@@ -19,7 +19,7 @@ from aerodb.exchange.xml_reader import Element
 
 
 @dataclass(frozen=True)
-class Number:
+class MathNumber:
     """A constant."""
 
     value: float
@@ -50,7 +50,7 @@ class Choice:
     otherwise: Expression | None
 
 
-Expression = Number | Name | Apply | Choice
+Expression = MathNumber | Name | Apply | Choice
 
 
 def _chain(relation: Callable) -> Callable:
@@ -163,11 +163,11 @@ def _only(parent: Element, children: list[Element]) -> Element:
 
 def _expression(element: Element) -> Expression:
     if element.tag == "cn":
-        return Number(_constant(element))
+        return MathNumber(_constant(element))
     if element.tag == "ci":
         return Name(element.text)
     if element.tag in CONSTANTS:
-        return Number(CONSTANTS[element.tag])
+        return MathNumber(CONSTANTS[element.tag])
     if element.tag == "piecewise":
         return _piecewise(element)
     if element.tag == "apply":
@@ -253,7 +253,7 @@ def _constant(element: Element) -> float:
 
 def evaluate(expression: Expression, values: Mapping[str, np.ndarray]) -> np.ndarray:
     """Return the value of an expression; `values` holds the variables by varID."""
-    if isinstance(expression, Number):
+    if isinstance(expression, MathNumber):
         return np.asarray(expression.value)
     if isinstance(expression, Name):
         return values[expression.varID]
@@ -286,13 +286,15 @@ def names(expression: Expression) -> Iterator[str]:
             yield from names(expression.otherwise)
 
 
-def written(expression: Expression, indent: str) -> list[str]:
+def write_mathml(expression: Expression, indent: str) -> list[str]:
     """Return an expression of numbers, names and operators as lines of XML."""
-    if isinstance(expression, Number):
+    if isinstance(expression, MathNumber):
         return [f"{indent}<cn>{expression.value!r}</cn>"]
     if isinstance(expression, Name):
         return [f"{indent}<ci>{escape(expression.varID)}</ci>"]
     if not isinstance(expression, Apply):
         raise TypeError(f"{type(expression).__name__} is not written; build it from operators")
-    lines = [line for argument in expression.arguments for line in written(argument, indent + "  ")]
+    lines = [
+        line for argument in expression.arguments for line in write_mathml(argument, indent + "  ")
+    ]
     return [f"{indent}<apply>", f"{indent}  <{expression.operator}/>", *lines, f"{indent}</apply>"]

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from aerodb.exchange.daveml.document import mathml
-from aerodb.exchange.daveml.document.tables import Axis, Gridded, Scattered
-from aerodb.exchange.daveml.document.units import between, same_units
+from aerodb.exchange.daveml.document.tables import FunctionAxis, Gridded, Scattered
+from aerodb.exchange.daveml.document.units import convert_between, same_units
 from flightmech.errors import OutOfRange, SchemaError, UnitError, UnknownName
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ _INTERNAL_TOLERANCE = (
 
 
 @dataclass(frozen=True)
-class Provenance:
+class DaveProvenance:
     """Who made something, when, after which documents and in which modifications; references are
     refIDs and modIDs of the header.
     """
@@ -53,7 +53,7 @@ class Uncertainty:
 
 
 @dataclass(frozen=True)
-class Reference:
+class DaveReference:
     """A document the file refers to."""
 
     refID: str
@@ -82,12 +82,12 @@ class Header:
     date: str = ""
     version: str = ""
     description: str = ""
-    references: tuple[Reference, ...] = ()
+    references: tuple[DaveReference, ...] = ()
     modifications: tuple[Modification, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
-class Variable:
+class DaveVariable:
     """A ``variableDef``; ``low`` and ``high`` limit its value, however it came about."""
 
     varID: str
@@ -105,11 +105,11 @@ class Variable:
     is_output: bool = False
     is_standard: bool = False
     uncertainty: Uncertainty | None = None
-    provenance: Provenance | None = None
+    provenance: DaveProvenance | None = None
 
 
 @dataclass(frozen=True, eq=False)
-class Function:
+class DaveFunction:
     """A table look-up that gives the variable ``output`` from the variables ``inputs``; ``place``
     counts the functions of the file.
     """
@@ -117,13 +117,13 @@ class Function:
     name: str
     inputs: tuple[str, ...]
     output: str
-    axes: tuple[Axis, ...]
+    axes: tuple[FunctionAxis, ...]
     table: Gridded | Scattered
     line: int
     place: int
     description: str = ""
     uncertainty: Uncertainty | None = None
-    provenance: Provenance | None = None
+    provenance: DaveProvenance | None = None
 
 
 @dataclass(frozen=True)
@@ -173,8 +173,8 @@ class DaveModel:
 
     file: str
     header: Header
-    variables: dict[str, Variable]
-    functions: dict[str, Function]
+    variables: dict[str, DaveVariable]
+    functions: dict[str, DaveFunction]
     order: tuple[str, ...]
     shots: tuple[Shot, ...] = ()
     notes: tuple[str, ...] = field(default=())
@@ -207,7 +207,7 @@ class DaveModel:
             if variable.is_output or varID in final
         )
 
-    def find(self, name: str) -> Variable:
+    def find(self, name: str) -> DaveVariable:
         """Return the variable of a varID, or the one of this name.
 
         Raises
@@ -229,7 +229,7 @@ class DaveModel:
             )
         raise UnknownName(name, self.variables, "variable", f"of {self.file}")
 
-    def signal(self, signal: Signal) -> Variable:
+    def signal(self, signal: Signal) -> DaveVariable:
         """Return the variable of a signal; its name counts before a varID that is the same word.
 
         Of several variables with the name the one in the units of the signal is taken, else the one
@@ -249,7 +249,9 @@ class DaveModel:
             return named[0] if named else self.find(signal.key)
         equal = [variable for variable in named if variable.units.strip() == signal.units.strip()]
         alike = [variable for variable in named if same_units(signal.units, variable.units)]
-        convertible = [variable for variable in named if between(signal.units, variable.units)]
+        convertible = [
+            variable for variable in named if convert_between(signal.units, variable.units)
+        ]
         found = equal or alike or convertible
         if len(found) == 1:
             return found[0]
@@ -270,7 +272,7 @@ class DaveModel:
             Its units are those of another quantity.
         """
         variable = self.signal(signal)
-        scale = between(signal.units, variable.units)
+        scale = convert_between(signal.units, variable.units)
         if scale is None:
             raise UnitError(
                 f"given in {signal.units}, the variable is in {variable.units or 'no unit'}: "
@@ -362,7 +364,7 @@ class DaveModel:
             varID for varID, variable in self.variables.items() if variable.calculation is not None
         ]
 
-    def _computed(self, variable: Variable) -> bool:
+    def _computed(self, variable: DaveVariable) -> bool:
         return (
             variable.calculation is not None
             or variable.varID in self.functions
@@ -388,7 +390,7 @@ class DaveModel:
 
     def _raw(
         self,
-        variable: Variable,
+        variable: DaveVariable,
         given: Mapping,
         values: Mapping[str, np.ndarray],
         shape: tuple[int, ...],

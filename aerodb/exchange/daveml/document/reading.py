@@ -11,26 +11,26 @@ import numpy as np
 
 from aerodb.exchange.daveml.document import mathml
 from aerodb.exchange.daveml.document.model import (
+    DaveFunction,
     DaveModel,
-    Function,
+    DaveProvenance,
+    DaveReference,
+    DaveVariable,
     Header,
     Modification,
-    Provenance,
-    Reference,
     Shot,
     Signal,
     Uncertainty,
-    Variable,
 )
 from aerodb.exchange.daveml.document.tables import (
     EXTRAPOLATE,
     INTERPOLATE,
     MAX_AXES,
-    Axis,
+    FunctionAxis,
     Gridded,
     Scattered,
 )
-from aerodb.exchange.daveml.document.units import number, numbers, optional
+from aerodb.exchange.daveml.document.units import number, numbers, optional_number
 from aerodb.exchange.xml_reader import Element, parse
 from flightmech.errors import AeromatchWarning, ParseError, SchemaError
 
@@ -70,7 +70,7 @@ def read(path: str | os.PathLike, checks: str = "raise") -> DaveModel:
     """
     if checks not in ("raise", "ignore"):
         raise ValueError(f"checks is {checks!r}; allowed: raise, ignore")
-    model = _Reader(parse(path, doctype=True)).model()
+    model = _DaveReader(parse(path, doctype=True)).model()
     if checks == "raise":
         require_checks(model)
     return model
@@ -92,7 +92,7 @@ def require_checks(model: DaveModel) -> None:
         )
 
 
-class _Reader:
+class _DaveReader:
     """One reading: the tables by name, the notes that come up."""
 
     def __init__(self, root: Element):
@@ -104,20 +104,20 @@ class _Reader:
         self.tables = _by_id(root.all("griddedTableDef"), "gtID") | _by_id(
             root.all("ungriddedTableDef"), "utID"
         )
-        self.provenances: dict[str, Provenance] = {}
+        self.provenances: dict[str, DaveProvenance] = {}
 
     def model(self) -> DaveModel:
         self._note_dubious()
         header = self._header(self.root.need("fileHeader"))
         for element in self.root.need("fileHeader").all("provenance"):
             self._keep(element)
-        variables: dict[str, Variable] = {}
+        variables: dict[str, DaveVariable] = {}
         for element in self.root.all("variableDef"):
             variable = self._variable(element)
             if variable.varID in variables:
                 raise element.error(f"a second varID {variable.varID!r}", "each varID once")
             variables[variable.varID] = variable
-        functions: dict[str, Function] = {}
+        functions: dict[str, DaveFunction] = {}
         for place, element in enumerate(self.root.all("function")):
             function = self._function(element, place)
             if function.output in functions:
@@ -158,7 +158,7 @@ class _Reader:
             _text(element, "fileVersion"),
             _text(element, "description"),
             tuple(
-                Reference(
+                DaveReference(
                     e.attribute("refID"),
                     *(
                         e.attributes.get(key, "").strip()
@@ -178,20 +178,23 @@ class _Reader:
             ),
         )
 
-    def _variable(self, element: Element) -> Variable:
+    def _variable(self, element: Element) -> DaveVariable:
         varID, calculation = element.attribute("varID"), element.first("calculation")
         is_input = any(element.first(tag) for tag in ("isInput", "isControl", "isDisturbance"))
         if calculation is not None and is_input:
             raise element.error(
                 f"the input {varID} with a calculation", "either an input or a calculation"
             )
-        low, high = optional(element, "minValue", -np.inf), optional(element, "maxValue", np.inf)
+        low, high = (
+            optional_number(element, "minValue", -np.inf),
+            optional_number(element, "maxValue", np.inf),
+        )
         if low > high:
             raise element.error(
                 f"{varID} with minValue {low:g} over maxValue {high:g}", "minValue below maxValue"
             )
         initial = element.attributes.get("initialValue", "").strip()
-        return Variable(
+        return DaveVariable(
             varID,
             element.attribute("name"),
             element.attributes.get("units", "").strip(),
@@ -210,7 +213,7 @@ class _Reader:
             provenance=self._provenance(element),
         )
 
-    def _function(self, element: Element, place: int) -> Function:
+    def _function(self, element: Element, place: int) -> DaveFunction:
         inputs = element.all("independentVarPts") or element.all("independentVarRef")
         if not inputs:
             raise element.error(
@@ -242,7 +245,7 @@ class _Reader:
         names = tuple(e.attribute("varID") for e in inputs)
         text = _text(element, "description")
         name = element.attributes.get("name", "").strip()
-        return Function(
+        return DaveFunction(
             name, names, output, axes, table, element.line, place, text, uncertainty, provenance
         )
 
@@ -271,7 +274,7 @@ class _Reader:
 
     def _contents(
         self, source: Element, inputs: list[Element]
-    ) -> tuple[Gridded | Scattered, tuple[Axis, ...]]:
+    ) -> tuple[Gridded | Scattered, tuple[FunctionAxis, ...]]:
         if source.tag.startswith("ungridded"):
             return _scattered(source, len(inputs)), tuple(
                 self._axis(e, np.zeros(1)) for e in inputs
@@ -298,7 +301,7 @@ class _Reader:
             )
         return self.breakpoints[name]
 
-    def _axis(self, element: Element, points: np.ndarray) -> Axis:
+    def _axis(self, element: Element, points: np.ndarray) -> FunctionAxis:
         interpolate = element.attributes.get("interpolate", "linear").strip()
         extrapolate = element.attributes.get("extrapolate", "neither").strip()
         if interpolate not in INTERPOLATE:
@@ -311,10 +314,13 @@ class _Reader:
         _demand_rising(points, element)
         if interpolate in ("floor", "ceiling") and element.tag == "independentVarRef":
             self._warn_step(element, interpolate)
-        low, high = optional(element, "min", -np.inf), optional(element, "max", np.inf)
+        low, high = (
+            optional_number(element, "min", -np.inf),
+            optional_number(element, "max", np.inf),
+        )
         if low > high:
             raise element.error(f"min {low:g} over max {high:g}", "min below max")
-        return Axis(points, interpolate, extrapolate, low, high)
+        return FunctionAxis(points, interpolate, extrapolate, low, high)
 
     def _warn_step(self, element: Element, interpolate: str) -> None:
         side = "lower" if interpolate == "floor" else "upper"
@@ -328,7 +334,7 @@ class _Reader:
         self.notes.append(f"line {element.line}: {text}")
         warnings.warn(f"{element.file}, {self.notes[-1]}", AeromatchWarning, stacklevel=5)
 
-    def _provenance(self, parent: Element) -> Provenance | None:
+    def _provenance(self, parent: Element) -> DaveProvenance | None:
         reference = parent.first("provenanceRef")
         if reference is not None:
             name = reference.attribute("provID")
@@ -340,8 +346,8 @@ class _Reader:
         element = parent.first("provenance")
         return None if element is None else self._keep(element)
 
-    def _keep(self, element: Element) -> Provenance:
-        found = Provenance(
+    def _keep(self, element: Element) -> DaveProvenance:
+        found = DaveProvenance(
             _authors(element),
             _date(element),
             tuple(
@@ -413,7 +419,7 @@ def _demand_rising(points: np.ndarray, element: Element) -> None:
         )
 
 
-def _gridded(values: np.ndarray, axes: tuple[Axis, ...], element: Element) -> Gridded:
+def _gridded(values: np.ndarray, axes: tuple[FunctionAxis, ...], element: Element) -> Gridded:
     shape = tuple(len(axis.points) for axis in axes)
     if values.size != int(np.prod(shape, dtype=float)):
         raise element.error(
@@ -485,7 +491,7 @@ def _text(element: Element, tag: str) -> str:
 
 
 def _order(
-    file: str, variables: Mapping[str, Variable], functions: Mapping[str, Function]
+    file: str, variables: Mapping[str, DaveVariable], functions: Mapping[str, DaveFunction]
 ) -> tuple[str, ...]:
     """Return the varIDs so that each comes after what it is computed from."""
     needs: dict[str, set[str]] = {varID: set() for varID in variables}
@@ -523,7 +529,7 @@ def _order(
 
 
 def _demand_known(
-    file: str, line: int, names: Iterable[str], variables: Mapping[str, Variable]
+    file: str, line: int, names: Iterable[str], variables: Mapping[str, DaveVariable]
 ) -> None:
     unknown = sorted(set(names) - set(variables))
     if unknown:

@@ -23,7 +23,7 @@ _BLOCK = 8192  # samples looked up at a time: what they need stays small whateve
 
 
 @dataclass(frozen=True, eq=False)
-class Axis:
+class FunctionAxis:
     """One input of a gridded function.
 
     Parameters
@@ -123,7 +123,7 @@ class Gridded:
 
     values: np.ndarray
 
-    def look_up(self, axes: Sequence[Axis], inputs: Sequence[np.ndarray]) -> np.ndarray:
+    def look_up(self, axes: Sequence[FunctionAxis], inputs: Sequence[np.ndarray]) -> np.ndarray:
         """Return the table at inputs (samples,), one per axis."""
         starts = range(0, len(inputs[0]), _BLOCK)
         return np.concatenate(
@@ -136,7 +136,7 @@ class Gridded:
             ]
         )
 
-    def _block(self, axes: Sequence[Axis], inputs: Sequence[np.ndarray]) -> np.ndarray:
+    def _block(self, axes: Sequence[FunctionAxis], inputs: Sequence[np.ndarray]) -> np.ndarray:
         at, share = np.zeros((len(inputs[0]), 1), np.intp), np.ones((len(inputs[0]), 1))
         for axis, x in zip(axes, inputs, strict=True):
             node, weight = axis.weights(x)
@@ -169,7 +169,7 @@ class Scattered:
 
         return LinearNDInterpolator(self.points @ self._shear, self.values)
 
-    def look_up(self, axes: Sequence[Axis], inputs: Sequence[np.ndarray]) -> np.ndarray:
+    def look_up(self, axes: Sequence[FunctionAxis], inputs: Sequence[np.ndarray]) -> np.ndarray:
         """Return the table at inputs (samples,), one per axis; inputs beyond the box of the points
         are held at its side.
 

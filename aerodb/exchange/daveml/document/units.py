@@ -37,7 +37,7 @@ def numbers(text: str, element: Element) -> np.ndarray:
     return found
 
 
-def optional(element: Element, attribute: str, default: float) -> float:
+def optional_number(element: Element, attribute: str, default: float) -> float:
     """Return the number of an attribute, or the default when it is not there."""
     return (
         number(element.attributes[attribute], element)
@@ -125,7 +125,7 @@ def same_units(one: str, other: str) -> bool:
         return False
 
 
-def between(one: str, other: str) -> tuple[float, float] | None:
+def convert_between(one: str, other: str) -> tuple[float, float] | None:
     """Return factor and offset of value [other] = factor * value [one] + offset, or None for units
     of different quantities.
 

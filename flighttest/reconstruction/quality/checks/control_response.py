@@ -17,14 +17,14 @@ import pandas as pd
 import xarray as xr
 
 from flightmech.units import DEGREE
-from flighttest.reconstruction.quality.checks.signals import BAND, Signals, smooth
+from flighttest.reconstruction.quality.checks.signals import BAND, ResampledChannels, smooth
 from flighttest.reconstruction.quality.checks.surface_timing import (
     LONGEST,
     SurfaceTiming,
     regressed,
     surface_timing,
 )
-from flighttest.reconstruction.quality.finding import Finding, later, map_entry, rows
+from flighttest.reconstruction.quality.finding import Finding, add_delay_line, map_entry, rows
 from flighttest.records.signals.differentiation import derivative
 
 SIGNIFICANT = 6.0  # standard errors a coefficient must have before its sign counts
@@ -85,7 +85,7 @@ HANDS = (  # pilot's control, what it moves, sign of the vocabulary, whether it 
 )
 
 
-def answers(signals: Signals) -> pd.DataFrame:
+def control_responses(signals: ResampledChannels) -> pd.DataFrame:
     """Return how the aeroplane answers each surface.
 
     Parameters
@@ -140,7 +140,7 @@ def answers(signals: Signals) -> pd.DataFrame:
     )
 
 
-def _answer(equation: Equation, signals: Signals) -> tuple[tuple, float] | None:
+def _answer(equation: Equation, signals: ResampledChannels) -> tuple[tuple, float] | None:
     """Return a row of `answers`, and how clearly the surface is displaced in time; None where a
     channel or its movement is missing.
     """
@@ -212,7 +212,7 @@ def _is_displaced(timing: SurfaceTiming, movement: float) -> bool:
     )
 
 
-def hands(signals: Signals) -> pd.DataFrame:
+def pilot_to_surface(signals: ResampledChannels) -> pd.DataFrame:
     """Return how each surface follows the pilot's control: ``control surface expected correlation
     delay position``.
 
@@ -259,7 +259,7 @@ def _followed(
 def answer_findings(
     table: pd.DataFrame,
     followed: pd.DataFrame,
-    signals: Signals,
+    signals: ResampledChannels,
     record: xr.DataTree,
     late: Collection[str] = (),
 ) -> list[Finding]:
@@ -362,7 +362,7 @@ def _timing(row, record: xr.DataTree, slope: float) -> list[Finding]:
     line = (
         ""
         if row.bound
-        else later(record, name, **{"lag" if early else "delay": -row.lead}, slope=slope)
+        else add_delay_line(record, name, **{"lag" if early else "delay": -row.lead}, slope=slope)
     )
     remedy = (
         f"{line}, if it is {cause}"
@@ -411,7 +411,7 @@ def _hand(row, record: xr.DataTree) -> list[Finding]:
     return []
 
 
-def _side_force(signals: Signals) -> list[Finding]:
+def _side_force(signals: ResampledChannels) -> list[Finding]:
     """Side force opposes sideslip, whatever the aeroplane."""
     if not {"ay_imu", "beta_vane"} <= set(signals.values):
         return []
@@ -443,15 +443,15 @@ def _side_force(signals: Signals) -> list[Finding]:
     ]
 
 
-def _slow(signals: Signals, name: str) -> np.ndarray:
+def _slow(signals: ResampledChannels, name: str) -> np.ndarray:
     return smooth(signals[name], signals.step, BAND)
 
 
-def _fast(x: np.ndarray, signals: Signals) -> np.ndarray:
+def _fast(x: np.ndarray, signals: ResampledChannels) -> np.ndarray:
     return x - smooth(x, signals.step, _TRIM)
 
 
-def _pressure(signals: Signals, mask: np.ndarray) -> np.ndarray:
+def _pressure(signals: ResampledChannels, mask: np.ndarray) -> np.ndarray:
     """Dynamic pressure over its mean, from the speed; one where no speed is recorded."""
     speed = next((name for name in ("V", "V_cas") if name in signals), None)
     if speed is None:
@@ -473,7 +473,7 @@ _CONTROLS = {"elevator": "delta_e", "aileron": "delta_a", "rudder": "delta_r"}
 _INPUTS = ("delta_e", "delta_a", "delta_r", "delta_s", "delta_d", "throttle")
 
 
-def excitation(signals: Signals) -> pd.DataFrame:
+def excitation(signals: ResampledChannels) -> pd.DataFrame:
     """Return what moved about each axis.
 
     Returns
@@ -509,7 +509,7 @@ def excitation(signals: Signals) -> pd.DataFrame:
     )
 
 
-def correlations(signals: Signals) -> pd.DataFrame:
+def correlations(signals: ResampledChannels) -> pd.DataFrame:
     """Return the correlation of the inputs that move, without trim; the throttles count as one."""
     columns, mask = _inputs(signals)
     if len(columns) < 2:
@@ -520,7 +520,11 @@ def correlations(signals: Signals) -> pd.DataFrame:
 
 
 def excitation_findings(
-    table: pd.DataFrame, matrix: pd.DataFrame, signals: Signals, flown: pd.DataFrame, purpose: str
+    table: pd.DataFrame,
+    matrix: pd.DataFrame,
+    signals: ResampledChannels,
+    flown: pd.DataFrame,
+    purpose: str,
 ) -> list[Finding]:
     """Return what was not excited, manoeuvres whose control did not move, and inputs that moved
     together.
@@ -566,7 +570,7 @@ def _unexcited(table: pd.DataFrame, purpose: str) -> list[Finding]:
     ]
 
 
-def _unflown(row, signals: Signals) -> list[Finding]:
+def _unflown(row, signals: ResampledChannels) -> list[Finding]:
     """A manoeuvre whose control does not move was not flown there."""
     found = []
     for word in str(row.control).split():
@@ -618,7 +622,7 @@ def _collinear(matrix: pd.DataFrame) -> list[Finding]:
     return found
 
 
-def _inputs(signals: Signals) -> tuple[dict[str, np.ndarray], np.ndarray]:
+def _inputs(signals: ResampledChannels) -> tuple[dict[str, np.ndarray], np.ndarray]:
     """Return the inputs that move, and where they all are whole."""
     levers = [name for name in signals.values if name.endswith(".throttle")]
     names = [name for name in _INPUTS if name in signals]
@@ -634,7 +638,7 @@ def _inputs(signals: Signals) -> tuple[dict[str, np.ndarray], np.ndarray]:
     }, mask
 
 
-def _quick(signals: Signals, name: str) -> np.ndarray:
+def _quick(signals: ResampledChannels, name: str) -> np.ndarray:
     x = smooth(signals[name], signals.step, BAND)
     slow = smooth(x, signals.step, _TRIM_BAND)
     return x - (slow if slow is not x else x.mean())

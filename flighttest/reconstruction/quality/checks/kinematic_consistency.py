@@ -13,12 +13,18 @@ import xarray as xr
 from flightmech.errors import IdentificationError
 from flighttest.reconstruction.quality.checks.mistake_search import (
     Explanation,
-    plausible,
+    plausible_range,
     units_mistaken,
 )
-from flighttest.reconstruction.quality.checks.relations import RELATIONS, Comparison, compare_all
-from flighttest.reconstruction.quality.checks.signals import Signals
-from flighttest.reconstruction.quality.finding import Finding, exchanged, later, map_entry, rows
+from flighttest.reconstruction.quality.checks.relations import RELATIONS, RelationCheck, compare_all
+from flighttest.reconstruction.quality.checks.signals import ResampledChannels
+from flighttest.reconstruction.quality.finding import (
+    Finding,
+    add_delay_line,
+    exchange_channels,
+    map_entry,
+    rows,
+)
 from flighttest.records.sensors.instruments import Instruments
 from flighttest.records.signals.delays import Delay, time_delay
 
@@ -42,7 +48,7 @@ _VANES = ("alpha_vane", "beta_vane")
 _SLOW_CHANNELS = ("vn", "V", "h_gps", "h_baro", "q_c")
 
 
-def lags(signals: Signals, placed: Iterable[str] = ()) -> pd.DataFrame:
+def lags(signals: ResampledChannels, placed: Iterable[str] = ()) -> pd.DataFrame:
     """Return the delays that the record can determine.
 
     Parameters
@@ -102,7 +108,7 @@ def lag_findings(
             text = (
                 f"{row.channel} is {measured} (standard error {1e3 * row.stderr:.1f} ms); {allowed}"
             )
-            remedy = f"{later(record, row.channel, delay=row.delay)}, and the same delay for the other channels of that instrument"
+            remedy = f"{add_delay_line(record, row.channel, delay=row.delay)}, and the same delay for the other channels of that instrument"
         evidence = {
             "delay": row.delay,
             "stderr": None if row.bound else row.stderr,
@@ -185,7 +191,7 @@ _COLUMNS = (
 _UPWASH = (0.8, 1.35)  # slopes of a vane that are no warning
 
 
-def kinematic_table(signals: Signals) -> pd.DataFrame:
+def kinematic_table(signals: ResampledChannels) -> pd.DataFrame:
     """Return how every relation holds.
 
     Parameters
@@ -216,8 +222,8 @@ def kinematic_table(signals: Signals) -> pd.DataFrame:
 
 def kinematic_findings(
     explanations: list[Explanation],
-    comparisons: dict[str, Comparison],
-    signals: Signals,
+    comparisons: dict[str, RelationCheck],
+    signals: ResampledChannels,
     record: xr.DataTree,
 ) -> list[Finding]:
     """Return the mistakes found, the relations that none of them resolves, and channels outside
@@ -302,14 +308,14 @@ def _mistake(explanation: Explanation, record: xr.DataTree) -> Finding:
     changes = dict(zip(explanation.resolves, zip(explanation.before, explanation.after)))
     evidence = {"resolves": changes, "instead": [other.mistake for other in explanation.instead]}
     if repair.kind == "axis":
-        remedy = exchanged(record, *repair.channels)
+        remedy = exchange_channels(record, *repair.channels)
     else:
         remedy = map_entry(record, repair.channels[0], repair.slope, repair.shift)
     return Finding("error", repair.kind, repair.channels, text, remedy, evidence=evidence)
 
 
-def _outside(name: str, signals: Signals, record: xr.DataTree) -> list[Finding]:
-    limits = plausible(name)
+def _outside(name: str, signals: ResampledChannels, record: xr.DataTree) -> list[Finding]:
+    limits = plausible_range(name)
     good = signals.good[name] & signals.flying
     if limits is None or not good.any():
         return []
@@ -335,7 +341,7 @@ def _outside(name: str, signals: Signals, record: xr.DataTree) -> list[Finding]:
     ]
 
 
-def _slope(c: Comparison, step: float) -> tuple[float, float]:
+def _slope(c: RelationCheck, step: float) -> tuple[float, float]:
     """Return the slope and its standard error, from the scatter of what blocks of the record add to
     it.
     """

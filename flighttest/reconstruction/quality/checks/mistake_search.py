@@ -18,11 +18,11 @@ from flightmech.names import lookup
 from flightmech.units import DEGREE, FOOT, G0, KNOT, POUND_FORCE
 from flighttest.reconstruction.quality.checks.relations import (
     RELATIONS,
-    Comparison,
     Relation,
+    RelationCheck,
     compare_all,
 )
-from flighttest.reconstruction.quality.checks.signals import Signals
+from flighttest.reconstruction.quality.checks.signals import ResampledChannels
 
 GAIN = 0.25  # disagreement that a mistake must explain, summed over relations
 NEAR = 0.1  # mistakes that explain almost as much are compared more closely, without tolerances
@@ -57,7 +57,7 @@ class Repair:
     slope: float = 1.0
     shift: float = 0.0
 
-    def apply(self, signals: Signals) -> Signals:
+    def apply(self, signals: ResampledChannels) -> ResampledChannels:
         """Return the signals with the mistake undone."""
         if len(self.channels) == 2:
             one, other = self.channels
@@ -77,7 +77,9 @@ class Explanation:
     instead: tuple[Repair, ...]
 
 
-def explain(signals: Signals) -> tuple[list[Explanation], Signals, dict[str, Comparison]]:
+def find_mistakes(
+    signals: ResampledChannels,
+) -> tuple[list[Explanation], ResampledChannels, dict[str, RelationCheck]]:
     """Return the mistakes found, the signals without them, and what all relations give then.
 
     Parameters
@@ -104,7 +106,7 @@ def explain(signals: Signals) -> tuple[list[Explanation], Signals, dict[str, Com
     return found, signals, compare_all(signals)
 
 
-def burden(signals: Signals) -> float:
+def burden(signals: ResampledChannels) -> float:
     """Return the disagreement of all relations that do not hold, and what lies outside the
     plausible ranges.
     """
@@ -112,7 +114,7 @@ def burden(signals: Signals) -> float:
     return sum(state[name] for name in _broken(state))
 
 
-def plausible(name: str) -> tuple[float, float] | None:
+def plausible_range(name: str) -> tuple[float, float] | None:
     """Return the range that a channel keeps to in any aeroplane, SI; None where there is none."""
     return _RANGES.get(name) or (_SURFACE if name.startswith("delta_") else None)
 
@@ -136,7 +138,7 @@ _RANGES: dict[str, tuple[float, float]] = {
 }  # fmt: skip
 
 
-def _costs(signals: Signals) -> dict[str, float]:
+def _costs(signals: ResampledChannels) -> dict[str, float]:
     """Return the disagreement of every relation, and what lies outside the plausible ranges as
     ``range.<channel>``.
     """
@@ -150,13 +152,13 @@ def _costs(signals: Signals) -> dict[str, float]:
     return found
 
 
-def _cost(comparison: Comparison) -> float:
+def _cost(comparison: RelationCheck) -> float:
     """Disagreement beyond the limit counts; what is below it is noise."""
     return comparison.disagreement if not comparison.consistent else 0.5 * comparison.disagreement
 
 
-def _range_cost(signals: Signals, name: str) -> dict[str, float]:
-    limits = plausible(name)
+def _range_cost(signals: ResampledChannels, name: str) -> dict[str, float]:
+    limits = plausible_range(name)
     good = signals.good[name] & signals.flying
     if limits is None or not good.any():
         return {}
@@ -170,7 +172,7 @@ def _broken(state: dict[str, float]) -> list[str]:
     return [name for name, cost in state.items() if cost > limits.get(name, 0.0)]
 
 
-def _best(signals: Signals, state: dict[str, float]) -> Explanation | None:
+def _best(signals: ResampledChannels, state: dict[str, float]) -> Explanation | None:
     suspects = {name for relation in _broken(state) for name in _members(relation, signals)}
     tried = [(repair, _change(signals, state, repair)) for repair in _repairs(signals, suspects)]
     gains = [
@@ -190,7 +192,7 @@ def _best(signals: Signals, state: dict[str, float]) -> Explanation | None:
     return Explanation(repair, tuple(corrected), before, after, ties)
 
 
-def _left(repairs: list[Repair], signals: Signals) -> list[float]:
+def _left(repairs: list[Repair], signals: ResampledChannels) -> list[float]:
     """Return the log of what each repair leaves of disagreement, without tolerances, over the
     relations that any of them touches.
     """
@@ -206,7 +208,7 @@ def _left(repairs: list[Repair], signals: Signals) -> list[float]:
 
 
 def _change(
-    signals: Signals, state: dict[str, float], repair: Repair
+    signals: ResampledChannels, state: dict[str, float], repair: Repair
 ) -> dict[str, tuple[float, float]]:
     """Return the costs before and after a repair, of all that reads its channels."""
     repaired = repair.apply(signals)
@@ -223,7 +225,7 @@ def _change(
     return found
 
 
-def _cost_after(repair: Repair, comparison: Comparison | None, before: float) -> float:
+def _cost_after(repair: Repair, comparison: RelationCheck | None, before: float) -> float:
     """Return the cost after a repair; a unit that only makes a wandering channel small while the
     other side rests explains nothing.
     """
@@ -233,7 +235,7 @@ def _cost_after(repair: Repair, comparison: Comparison | None, before: float) ->
     return after if repair.kind != "unit" or after > before or comparison.has_signal else before
 
 
-def _members(relation: str, signals: Signals) -> tuple[str, ...]:
+def _members(relation: str, signals: ResampledChannels) -> tuple[str, ...]:
     if relation.startswith("range."):
         return (relation.removeprefix("range."),)
     return _BY_NAME[relation].channels(signals)
@@ -259,7 +261,7 @@ _UNITS: dict[str, tuple[tuple[str, str, float], ...]] = {
 }
 
 
-def _repairs(signals: Signals, suspects: set[str]) -> Iterator[Repair]:
+def _repairs(signals: ResampledChannels, suspects: set[str]) -> Iterator[Repair]:
     for name in sorted(suspects):
         yield from _of_one(name)
     for one, other in _SWAPS:

@@ -19,7 +19,7 @@ from flightmech.air import GAMMA, R_AIR, calibrated_airspeed, mach_number
 from flightmech.support.arrays import rms
 from flightmech.units import G0
 from flighttest.reconstruction.quality.checks.formed_channels import in_words, sources
-from flighttest.reconstruction.quality.checks.signals import Signals, smooth
+from flighttest.reconstruction.quality.checks.signals import ResampledChannels, smooth
 from flighttest.records.sensors.measurements import pressure
 from flighttest.records.signals.differentiation import derivative
 
@@ -60,7 +60,7 @@ class Relation:
     name: str
     title: str
     needs: tuple[str, ...]
-    sides: Callable[[Signals], tuple[np.ndarray, np.ndarray]]
+    sides: Callable[[ResampledChannels], tuple[np.ndarray, np.ndarray]]
     units: str
     cutoff: float
     tolerance: float
@@ -69,17 +69,17 @@ class Relation:
     optional: tuple[str, ...] = ()
     formed: tuple[str, ...] = ("V",)
 
-    def channels(self, signals: Signals) -> tuple[str, ...]:
+    def channels(self, signals: ResampledChannels) -> tuple[str, ...]:
         """Return the recorded channels it rests on."""
         rests_on = [name for need in self.needs for name in self._sources(need, signals)]
         others = [name for name in self.optional if name in signals]
         return tuple(dict.fromkeys([*rests_on, *others]))
 
-    def missing(self, signals: Signals) -> tuple[str, ...]:
+    def missing(self, signals: ResampledChannels) -> tuple[str, ...]:
         """Return those of `needs` that are neither recorded nor formed from others."""
         return tuple(need for need in self.needs if not self._sources(need, signals))
 
-    def compare(self, signals: Signals) -> Comparison | None:
+    def compare(self, signals: ResampledChannels) -> RelationCheck | None:
         """Return both sides and how far they disagree; None where a channel or enough of the flight
         is missing.
         """
@@ -98,11 +98,11 @@ class Relation:
             size, 4.0 * self.tolerance
         )
         raw = rms(y - x) / max(size, _TINY)
-        return Comparison(
+        return RelationCheck(
             self, signals.time, first, second, mask, apart, raw, size > 4.0 * self.tolerance
         )
 
-    def mask(self, signals: Signals) -> np.ndarray:
+    def mask(self, signals: ResampledChannels) -> np.ndarray:
         """Return the samples that count: whole channels in flight, without what the ends of the
         filter may spoil.
         """
@@ -116,14 +116,14 @@ class Relation:
         """Time in flight below which it proves nothing. [s]"""
         return max(_SHORTEST, _PERIODS / self.cutoff)
 
-    def _sources(self, need: str, signals: Signals) -> tuple[str, ...]:
+    def _sources(self, need: str, signals: ResampledChannels) -> tuple[str, ...]:
         if need in signals:
             return (need,)
         return sources(need, signals.values) if need in self.formed else ()
 
 
 @dataclass(frozen=True)
-class Comparison:
+class RelationCheck:
     """Both sides of a relation for a record.
 
     `disagreement` is rms(difference beyond the tolerance)/(rms + rms): 0 equal, 0.7 unrelated, 1
@@ -179,13 +179,13 @@ class Comparison:
         return float((y * x).mean() / max(rms(y) * rms(x), _TINY))
 
 
-def compare_all(signals: Signals) -> dict[str, Comparison]:
+def compare_all(signals: ResampledChannels) -> dict[str, RelationCheck]:
     """Return every relation that the record can speak to."""
     found = ((relation.name, relation.compare(signals)) for relation in RELATIONS)
     return {name: comparison for name, comparison in found if comparison is not None}
 
 
-def not_checked(signals: Signals) -> pd.DataFrame:
+def not_checked(signals: ResampledChannels) -> pd.DataFrame:
     """Return the relations that a record cannot speak to, with the reason.
 
     Returns
@@ -214,15 +214,15 @@ def _finite(x: np.ndarray) -> np.ndarray:
     return np.nan_to_num(x, nan=0.0, posinf=0.0, neginf=0.0)
 
 
-def _rate(s: Signals, name: str) -> np.ndarray:
+def _rate(s: ResampledChannels, name: str) -> np.ndarray:
     return derivative(s[name], s.step, window=5, order=4 if s.step < 0.15 else 2)
 
 
-def _angles(s: Signals) -> tuple[np.ndarray, ...]:
+def _angles(s: ResampledChannels) -> tuple[np.ndarray, ...]:
     return np.sin(s["phi"]), np.cos(s["phi"]), np.sin(s["theta"]), np.cos(s["theta"])
 
 
-def _alpha(s: Signals) -> np.ndarray:
+def _alpha(s: ResampledChannels) -> np.ndarray:
     """Angle of attack: the vane, else what attitude and climb give in wings-level flight, else
     zero.
     """
@@ -235,7 +235,7 @@ def _alpha(s: Signals) -> np.ndarray:
     )
 
 
-def _path_alpha(s: Signals) -> np.ndarray:
+def _path_alpha(s: ResampledChannels) -> np.ndarray:
     """Angle of attack without sideslip from sin(gamma) = cos(alpha) sin(theta) - sin(alpha)
     cos(phi) cos(theta).
     """
@@ -245,24 +245,24 @@ def _path_alpha(s: Signals) -> np.ndarray:
     return np.arctan2(st, cf * ct) - np.arcsin(np.clip(sine / size, -1.0, 1.0))
 
 
-def _bank_rate(s: Signals):
+def _bank_rate(s: ResampledChannels):
     sf, cf, st, ct = _angles(s)
     return _rate(s, "phi"), s["p"] + (s["q"] * sf + s["r"] * cf) * st / np.where(
         np.abs(ct) < 0.1, 0.1, ct
     )
 
 
-def _pitch_rate(s: Signals):
+def _pitch_rate(s: ResampledChannels):
     sf, cf, _, _ = _angles(s)
     return _rate(s, "theta"), s["q"] * cf - s["r"] * sf
 
 
-def _heading_rate(s: Signals):
+def _heading_rate(s: ResampledChannels):
     sf, cf, _, ct = _angles(s)
     return _rate(s, "psi"), (s["q"] * sf + s["r"] * cf) / np.where(np.abs(ct) < 0.1, 0.1, ct)
 
 
-def _inertial(s: Signals) -> np.ndarray:
+def _inertial(s: ResampledChannels) -> np.ndarray:
     """Acceleration of the ground velocity less gravity, body axes."""
     sf, cf, st, ct = _angles(s)
     sp, cp = np.sin(s["psi"]), np.cos(s["psi"])
@@ -276,13 +276,13 @@ def _force(axis: int, channel: str):
     return lambda s: (s[channel], _inertial(s)[axis])
 
 
-def _vertical(s: Signals):
+def _vertical(s: ResampledChannels):
     sf, cf, st, ct = _angles(s)
     up = st * s["ax_imu"] - ct * (sf * s["ay_imu"] + cf * s["az_imu"])
     return derivative(_rate(s, "h_baro"), s.step, window=5, order=2), up - G0
 
 
-def _along(s: Signals):
+def _along(s: ResampledChannels):
     _, cf, st, ct = _angles(s)
     alpha = _alpha(s)
     return _rate(s, "V"), (s["ax_imu"] - G0 * st) * np.cos(alpha) + (
@@ -290,19 +290,19 @@ def _along(s: Signals):
     ) * np.sin(alpha)
 
 
-def _turn(s: Signals):
+def _turn(s: ResampledChannels):
     sf, _, _, ct = _angles(s)
     alpha = _alpha(s)
     side = s.values.get("ay_imu", np.zeros_like(alpha))
     return s["V"] * (s["r"] * np.cos(alpha) - s["p"] * np.sin(alpha)), G0 * ct * sf + side
 
 
-def _pull(s: Signals):
+def _pull(s: ResampledChannels):
     _, cf, _, ct = _angles(s)
     return s["q"] * s["V"], -(s["az_imu"] + G0 * ct * cf)
 
 
-def _heave(s: Signals):
+def _heave(s: ResampledChannels):
     _, cf, _, ct = _angles(s)
     V = s["V"]
     return derivative(V * np.sin(s["alpha_vane"]), s.step, window=5, order=2), s["q"] * V * np.cos(
@@ -310,22 +310,22 @@ def _heave(s: Signals):
     ) + s["az_imu"] + G0 * ct * cf
 
 
-def _vane(s: Signals):
+def _vane(s: ResampledChannels):
     return s["alpha_vane"], _path_alpha(s)
 
 
-def _slip(s: Signals):
+def _slip(s: ResampledChannels):
     sf, _, _, ct = _angles(s)
     alpha = _alpha(s)
     drift = s["V"] * (s["p"] * np.sin(alpha) - s["r"] * np.cos(alpha)) + G0 * ct * sf + s["ay_imu"]
     return derivative(s["V"] * np.sin(s["beta_vane"]), s.step, window=5, order=2), drift
 
 
-def _mach(s: Signals) -> np.ndarray:
+def _mach(s: ResampledChannels) -> np.ndarray:
     return mach_number(np.clip(s["q_c"], 0.0, 1e6), np.clip(s["p_static"], 1e2, 1e9))
 
 
-def _sound(s: Signals) -> np.ndarray:
+def _sound(s: ResampledChannels) -> np.ndarray:
     return np.sqrt(GAMMA * R_AIR * np.clip(s["temperature"], 1.0, 1e5))
 
 

@@ -12,8 +12,8 @@ import xarray as xr
 
 from flightmech.names import lookup
 from flightmech.units import DEGREE, KNOT
-from flighttest.reconstruction.quality.checks.relations import Comparison
-from flighttest.reconstruction.quality.checks.signals import Signals
+from flighttest.reconstruction.quality.checks.relations import RelationCheck
+from flighttest.reconstruction.quality.checks.signals import ResampledChannels
 from flighttest.reconstruction.quality.finding import Finding, rows
 from flighttest.records.sensors.instruments import Instruments
 from flighttest.records.signals.conditioning import GAP, is_control
@@ -47,7 +47,10 @@ _BIN = 5.0  # m/s
 
 
 def remarks(
-    signals: Signals, table: pd.DataFrame, comparisons: dict[str, Comparison], recorded: Signals
+    signals: ResampledChannels,
+    table: pd.DataFrame,
+    comparisons: dict[str, RelationCheck],
+    recorded: ResampledChannels,
 ) -> list[Finding]:
     """Return notes on a record.
 
@@ -70,7 +73,7 @@ def remarks(
     )
 
 
-def _absent(signals: Signals) -> list[Finding]:
+def _absent(signals: ResampledChannels) -> list[Finding]:
     missing = [(names, why) for names, why in _ABSENT if not any(name in signals for name in names)]
     if not missing:
         return []
@@ -106,7 +109,7 @@ def _coarse(table: pd.DataFrame) -> list[Finding]:
     return found
 
 
-def _off_centre(signals: Signals) -> list[Finding]:
+def _off_centre(signals: ResampledChannels) -> list[Finding]:
     """Mean of aileron and rudder in straight, level flight."""
     if not {"phi", "p", "r"} <= set(signals.values):
         return []
@@ -127,7 +130,9 @@ def _off_centre(signals: Signals) -> list[Finding]:
     return found
 
 
-def _minimum_speed(signals: Signals, comparisons: dict[str, Comparison]) -> list[Finding]:
+def _minimum_speed(
+    signals: ResampledChannels, comparisons: dict[str, RelationCheck]
+) -> list[Finding]:
     """Speed below which the alpha vane does not follow attitude and climb, on the ground included."""
     if "vane" not in comparisons:
         return []

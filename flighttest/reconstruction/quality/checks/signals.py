@@ -32,7 +32,7 @@ _CLOCKS = ("p", "q", "r", "theta", "phi", "V", "h_baro")
 
 
 @dataclass(frozen=True)
-class Signals:
+class ResampledChannels:
     """Channels on one uniform clock.
 
     Attributes
@@ -69,7 +69,7 @@ class Signals:
         """Return the samples in flight at which all of `names` are whole."""
         return np.logical_and.reduce([self.flying, *(self.good[name] for name in names)])
 
-    def with_values(self, changed: dict[str, np.ndarray]) -> Signals:
+    def with_values(self, changed: dict[str, np.ndarray]) -> ResampledChannels:
         """Return the same signals with some channels replaced."""
         kept = {
             name: x
@@ -78,12 +78,12 @@ class Signals:
         }
         return replace(self, values={**self.values, **changed}, formed=kept)
 
-    def without(self, names: Collection[str]) -> Signals:
+    def without(self, names: Collection[str]) -> ResampledChannels:
         """Return the signals as if some channels had not been recorded."""
         values = {name: x for name, x in self.values.items() if name not in names}
         return replace(self, values=values, formed={})
 
-    def completed(self, names: Collection[str]) -> Signals:
+    def completed(self, names: Collection[str]) -> ResampledChannels:
         """Return the signals with those of `names` that are not recorded formed from channels that
         are, where that is possible.
         """
@@ -101,7 +101,7 @@ class Signals:
         return replace(self, values={**self.values, **values}, good={**self.good, **whole})
 
 
-def signals_of(record: xr.DataTree, flags: pd.DataFrame) -> Signals:
+def signals_of(record: xr.DataTree, flags: pd.DataFrame) -> ResampledChannels:
     """Return the channels of a record on one clock.
 
     Parameters
@@ -142,10 +142,10 @@ def signals_of(record: xr.DataTree, flags: pd.DataFrame) -> Signals:
             time,
             spans,
         )
-    return Signals(time, values, good, _flying(values, good, step), step)
+    return ResampledChannels(time, values, good, _flying(values, good, step), step)
 
 
-def at_cg(signals: Signals, positions: Mapping[str, np.ndarray]) -> Signals:
+def at_cg(signals: ResampledChannels, positions: Mapping[str, np.ndarray]) -> ResampledChannels:
     """Return the signals with accelerometers and vanes moved to the c.g., where the aircraft file
     gives their places.
 

@@ -13,7 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from flighttest.regression.uncertainty.coloured_residuals import coloured
+from flighttest.regression.uncertainty.coloured_residuals import coloured_covariance_of
 
 LONGEST = 1.0  # s, either way, that a surface is looked for
 _STEP = 0.025  # s
@@ -174,7 +174,9 @@ def regressed(
     breaks = np.flatnonzero(np.diff(np.flatnonzero(mask)) > 1) + 1
     bounds = [0, *breaks.tolist(), len(y)]
     pieces = [slice(a, b) for a, b in pairwise(bounds)]
-    covariance = coloured(scaled, residual, pieces, [step] * len(pieces), lag=_MEMORY).covariance
+    covariance = coloured_covariance_of(
+        scaled, residual, pieces, [step] * len(pieces), lag=_MEMORY
+    ).covariance
     return (
         float(theta[-1] / size[-1]),
         float(np.sqrt(covariance[-1, -1]) / size[-1]),

@@ -20,14 +20,14 @@ import xarray as xr
 from flightmech.air import GAMMA, R_AIR
 from flightmech.aircraft.aircraft import inertia
 from flightmech.axes import lift_drag
-from flightmech.build_up import used
+from flightmech.build_up import used_coefficients
 from flightmech.errors import AeromatchError
 from flightmech.units import DEGREE, FOOT, G0, POUND, SLUG
 from flighttest.reconstruction.quality.checks.control_response import SIGNIFICANT
-from flighttest.reconstruction.quality.checks.signals import Signals, smooth
+from flighttest.reconstruction.quality.checks.signals import ResampledChannels, smooth
 from flighttest.reconstruction.quality.finding import Finding, map_entry
 from flighttest.records.signals.differentiation import derivative
-from flighttest.regression.uncertainty.coloured_residuals import coloured
+from flighttest.regression.uncertainty.coloured_residuals import coloured_covariance_of
 
 if TYPE_CHECKING:
     from flightmech.aircraft.aircraft import Aircraft
@@ -234,7 +234,7 @@ _COUPLING_CHANNELS = ("p", "q", "r", "alpha_vane", "delta_e")
 _LATERAL = ("beta_vane", "delta_a", "delta_r")
 
 
-def product_findings(signals: Signals, aircraft: Aircraft) -> tuple[list[Finding], str]:
+def product_findings(signals: ResampledChannels, aircraft: Aircraft) -> tuple[list[Finding], str]:
     """Return whether Ixz of the aircraft file has the wrong sign, and why it was not checked.
 
     Parameters
@@ -280,7 +280,9 @@ def product_findings(signals: Signals, aircraft: Aircraft) -> tuple[list[Finding
     ], ""
 
 
-def _coupling(signals: Signals, aircraft: Aircraft) -> tuple[float, float, float, float] | None:
+def _coupling(
+    signals: ResampledChannels, aircraft: Aircraft
+) -> tuple[float, float, float, float] | None:
     """Return Ixz and the coefficient of p r, each with its standard error."""
     signals = signals.completed(("V",))
     lateral = [name for name in _LATERAL if name in signals and np.ptp(signals[name]) > 0.0]
@@ -333,7 +335,7 @@ def _last_two(
     theta = np.linalg.lstsq(scaled, y, rcond=None)[0]
     edges = [0, *(np.flatnonzero(np.diff(np.flatnonzero(mask)) > 1) + 1).tolist(), len(y)]
     pieces = [slice(a, b) for a, b in pairwise(edges)]
-    covariance = coloured(
+    covariance = coloured_covariance_of(
         scaled, y - scaled @ theta, pieces, [step] * len(pieces), lag=_MEMORY
     ).covariance
     (known, product), (known_stderr, stderr) = (
@@ -368,7 +370,10 @@ _LIFT_AREA = FOOT**2
 
 
 def weight_findings(
-    signals: Signals, aircraft: Aircraft, record: xr.DataTree, database: xr.DataTree | None = None
+    signals: ResampledChannels,
+    aircraft: Aircraft,
+    record: xr.DataTree,
+    database: xr.DataTree | None = None,
 ) -> tuple[list[Finding], str]:
     """Return whether mass and area are those of the aeroplane that flew.
 
@@ -404,7 +409,7 @@ def weight_findings(
 
 
 def _lift(
-    signals: Signals, aircraft: Aircraft, database: xr.DataTree | None
+    signals: ResampledChannels, aircraft: Aircraft, database: xr.DataTree | None
 ) -> tuple[float | None, float | None, str]:
     """Return the slope and the level of the lift of the record over those expected; None with the
     reason where it shows none.
@@ -460,7 +465,7 @@ def _level(lift: np.ndarray, prior: np.ndarray) -> float | None:
 
 
 def _prior_lift(
-    full: Signals,
+    full: ResampledChannels,
     mask: np.ndarray,
     mach: np.ndarray,
     aircraft: Aircraft,
@@ -485,7 +490,7 @@ def _prior_lift(
         name
         for term, leaf in terms(database).items()
         if term.split("/")[0] in parts
-        for name in used(leaf)
+        for name in used_coefficients(leaf)
     }
     still = {
         name: 0.0

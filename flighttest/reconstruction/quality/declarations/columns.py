@@ -21,10 +21,15 @@ from flightmech.air import pressure_altitude
 from flightmech.errors import UnitError
 from flightmech.names import lookup
 from flightmech.units import known_unit, parse, to_si
-from flighttest.reconstruction.quality.checks.mistake_search import GAIN, Repair, burden, explain
+from flighttest.reconstruction.quality.checks.mistake_search import (
+    GAIN,
+    Repair,
+    burden,
+    find_mistakes,
+)
 from flighttest.reconstruction.quality.checks.relations import compare_all
-from flighttest.reconstruction.quality.checks.signals import Signals
-from flighttest.reconstruction.quality.finding import Finding, map_entry, mapped
+from flighttest.reconstruction.quality.checks.signals import ResampledChannels
+from flighttest.reconstruction.quality.finding import Finding, map_entry, map_entry_of
 from flighttest.records.readers.name_map import Channel, line_of
 
 _SIDES = re.compile(r"^engine\d+\.|^gear\.\w+\.|_(left|right|nose)$")
@@ -54,7 +59,9 @@ _HEIGHT = 30.0  # m by which two pressure heights of one aeroplane may differ
 _SCATTER = 15.0  # m
 
 
-def column_findings(record: xr.DataTree, signals: Signals) -> tuple[list[Finding], tuple[str, ...]]:
+def column_findings(
+    record: xr.DataTree, signals: ResampledChannels
+) -> tuple[list[Finding], tuple[str, ...]]:
     """Return the columns that stand for two channels, and the channels that kinematics show to be
     wrong for that reason.
 
@@ -109,7 +116,7 @@ def column_findings(record: xr.DataTree, signals: Signals) -> tuple[list[Finding
 
 
 def heading_findings(
-    record: xr.DataTree, signals: Signals, mistaken: Collection[str] = ()
+    record: xr.DataTree, signals: ResampledChannels, mistaken: Collection[str] = ()
 ) -> list[Finding]:
     """Return units, scales and columns of the name map that contradict what the file calls them.
 
@@ -135,7 +142,7 @@ def heading_findings(
         > 1
     )
     for name, about in _mapped_channels(record):
-        _, channel, file_unit = mapped(record, name)
+        _, channel, file_unit = map_entry_of(record, name)
         if channel is None:
             continue
         found += _unit(record, known, name, channel, file_unit or "")
@@ -167,7 +174,7 @@ def with_headings(findings: list[Finding]) -> list[Finding]:
     return found
 
 
-def pressure_height_findings(signals: Signals) -> list[Finding]:
+def pressure_height_findings(signals: ResampledChannels) -> list[Finding]:
     """Return whether the recorded pressure height is not that of the static pressure: a satellite
     height, or another altimeter setting.
     """
@@ -209,7 +216,7 @@ def _mapped_channels(record: xr.DataTree) -> Iterator[tuple[str, dict]]:
                 yield str(name), x.attrs
 
 
-def _shared(record: xr.DataTree, signals: Signals) -> Iterator[tuple[str, str, str]]:
+def _shared(record: xr.DataTree, signals: ResampledChannels) -> Iterator[tuple[str, str, str]]:
     """Yield pairs of channels that come from one column, or from columns with the same samples."""
     users: dict[str, list[str]] = defaultdict(list)
     for name, about in _mapped_channels(record):
@@ -241,7 +248,7 @@ def _own_column(record: xr.DataTree, name: str) -> str:
     """Return the line of the name map with the one column that is called after a channel and that
     the map leaves out; empty without one.
     """
-    leaf, channel, _ = mapped(record, name)
+    leaf, channel, _ = map_entry_of(record, name)
     if channel is None or name not in _WORDS:
         return ""
     table = record[leaf][name].attrs["column"].rpartition("/")[0]
@@ -263,19 +270,19 @@ def _equal(x: np.ndarray, y: np.ndarray) -> bool:
     return float(np.ptp(x)) > 0.0 and bool(np.array_equal(x, y))
 
 
-def _at_fault(signals: Signals, one: str, other: str) -> tuple[str, ...]:
+def _at_fault(signals: ResampledChannels, one: str, other: str) -> tuple[str, ...]:
     """Return the channel of a pair that breaks kinematics when the other one does not, both where
     it may be either.
     """
     if not {one, other} <= set(signals.values):
         return ()
-    explanations, _, comparisons = explain(signals)
+    explanations, _, comparisons = find_mistakes(signals)
     elsewhere = not any(
         {one, other} & set(explanation.repair.channels) for explanation in explanations
     )
     if elsewhere and all(c.consistent for c in comparisons.values()):
         return ()
-    explanations, _, _ = explain(signals.without((one, other)))
+    explanations, _, _ = find_mistakes(signals.without((one, other)))
     for explanation in explanations:  # mistakes of other channels must not count
         signals = explanation.repair.apply(signals)
     rest = burden(signals.without((one, other)))
@@ -304,7 +311,7 @@ def _worse(one: str, of_one: float, other: str, of_other: float) -> tuple[str, .
 
 
 def _unit(
-    record: xr.DataTree, signals: Signals, name: str, channel: Channel, file_unit: str
+    record: xr.DataTree, signals: ResampledChannels, name: str, channel: Channel, file_unit: str
 ) -> list[Finding]:
     calibrated = (
         channel.polynomial is not None
@@ -342,7 +349,7 @@ def _unit(
 
 
 def _twice_converted(
-    record: xr.DataTree, signals: Signals, name: str, channel: Channel, file_unit: str
+    record: xr.DataTree, signals: ResampledChannels, name: str, channel: Channel, file_unit: str
 ) -> list[Finding]:
     """Return whether the scale of a channel is the factor of its unit, which is applied as well."""
     unit = channel.unit or file_unit
@@ -354,14 +361,14 @@ def _twice_converted(
     if min(abs(channel.scale / factor - 1.0), abs(channel.scale * factor - 1.0)) > _CONVERTED:
         return []
     text = f"the scale {channel.scale:g} of {name} is the factor of its unit {unit}, by which the column is converted as well"
-    leaf, _, _ = mapped(record, name)
+    leaf, _, _ = map_entry_of(record, name)
     remedy = f"if that is once too often: {line_of(name, channel.changed(scale=1.0))}   # in [{leaf}] of the name map"
     return _weighed(
         signals, Repair("unit", (name,), text, 1.0 / channel.scale), "stated_unit", remedy
     )
 
 
-def _weighed(signals: Signals, repair: Repair, kind: str, remedy: str) -> list[Finding]:
+def _weighed(signals: ResampledChannels, repair: Repair, kind: str, remedy: str) -> list[Finding]:
     """Return a contradiction: a warning, or a note where the motion shows that the name map is
     right.
     """

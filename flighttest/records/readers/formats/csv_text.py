@@ -27,7 +27,7 @@ from flightmech.support.input_files import (
     MOST_COLUMNS,
     WESTERN,
     csv_rows,
-    decoded,
+    decode_text,
     marked_encoding,
     read_bytes,
 )
@@ -40,7 +40,13 @@ from flighttest.records.readers.formats.csv_words import (
     seconds_of,
 )
 from flighttest.records.readers.name_map import NameMap
-from flighttest.records.readers.recording import LeftOut, Recording, Table, clock_name, guarded
+from flighttest.records.readers.recording import (
+    LeftOut,
+    RecordedTable,
+    Recording,
+    clock_name,
+    decoding_errors,
+)
 
 _DIGIT = re.compile(r"^[-+]?\.?\d")
 _DECIMAL_COMMA = re.compile(r"^[-+]?\d*,\d+([eE][-+]?\d+)?$")
@@ -108,7 +114,11 @@ def read(path: Path, names: NameMap) -> Recording:
         if start:
             facts["start"] = start
     return Recording(
-        "csv", {TABLE: Table(columns, units, stamps)}, facts, notes, left_out=tuple(left_out)
+        "csv",
+        {TABLE: RecordedTable(columns, units, stamps)},
+        facts,
+        notes,
+        left_out=tuple(left_out),
     )
 
 
@@ -145,12 +155,12 @@ def _text(path: Path) -> tuple[bytes, tuple[str, ...]]:
     if raw[:2] == b"\x1f\x8b":
         import gzip
 
-        with guarded(path, "a whole .gz file"):
+        with decoding_errors(path, "a whole .gz file"):
             raw = gzip.decompress(raw)
     notes: tuple[str, ...] = ()
     if not raw.isascii() or b"\0" in raw:
         encoding, skip = marked_encoding(raw)
-        recoded = decoded(raw, path, _EXPECTED, WESTERN).encode()
+        recoded = decode_text(raw, path, _EXPECTED, WESTERN).encode()
         if recoded != raw[skip:]:
             notes = (
                 f"text in {encoding.upper()}"

@@ -23,10 +23,10 @@ from flighttest.records.readers.name_map import NameMap
 from flighttest.records.readers.recording import (
     ARDUPLANE,
     LeftOut,
+    RecordedTable,
     Recording,
-    Table,
     changes,
-    first,
+    first_present,
 )
 
 _HEAD = 3  # bytes: 0xa3 0x95 and the number of the message
@@ -52,7 +52,7 @@ _UNITS = {
 
 
 @dataclass
-class Message:
+class DataFlashMessage:
     """One kind of message: its layout, and what FMTU states about it."""
 
     name: str
@@ -79,7 +79,7 @@ def read(path: Path, names: NameMap) -> Recording:
         notes.append(f"{lost} bytes of the log fit no message and were skipped")
     rows = {kind: _rows(raw, at[raw[at + 2] == kind], message) for kind, message in found.items()}
     _describe(found, rows)
-    tables: dict[str, Table] = {}
+    tables: dict[str, RecordedTable] = {}
     left_out: list[LeftOut] = []
     for kind, message in found.items():
         tables.update(_tables(message, rows[kind]))
@@ -104,20 +104,20 @@ def _vehicle(named: dict[str, np.ndarray]) -> str:
     ...; empty when it does not.
     """
     texts = (
-        named["MSG"]["Message"]
-        if "Message" in (named.get("MSG", np.zeros(0)).dtype.names or ())
+        named["MSG"]["DataFlashMessage"]
+        if "DataFlashMessage" in (named.get("MSG", np.zeros(0)).dtype.names or ())
         else ()
     )
     words = (text.decode("ascii", "replace").partition(" ")[0] for text in texts)
     return next((word for word in words if word in _VEHICLES), "")
 
 
-def _modes(tables: dict[str, Table], vehicle: str) -> tuple[tuple[float, str], ...]:
+def _modes(tables: dict[str, RecordedTable], vehicle: str) -> tuple[tuple[float, str], ...]:
     """Return the flight modes of the message MODE; numbers of other vehicles than aeroplanes have
     no names here.
     """
     mode = tables.get("MODE")
-    column = None if mode is None else first(("ModeNum", "Mode"), mode.columns)
+    column = None if mode is None else first_present(("ModeNum", "Mode"), mode.columns)
     if mode is None or mode.time is None or column is None:
         return ()
     return changes(
@@ -125,11 +125,13 @@ def _modes(tables: dict[str, Table], vehicle: str) -> tuple[tuple[float, str], .
     )
 
 
-def _messages(raw: np.ndarray, path: Path) -> tuple[dict[int, Message], np.ndarray, list[str]]:
+def _messages(
+    raw: np.ndarray, path: Path
+) -> tuple[dict[int, DataFlashMessage], np.ndarray, list[str]]:
     """Return the kinds of messages, and the length of each by its number."""
     starts = _headers(raw, _FMT)
     starts = starts[starts + _FMT_LENGTH <= len(raw)]
-    found: dict[int, Message] = {}
+    found: dict[int, DataFlashMessage] = {}
     lengths = np.zeros(256, np.int64)
     lengths[_FMT] = _FMT_LENGTH
     notes: list[str] = []
@@ -166,7 +168,7 @@ def _messages(raw: np.ndarray, path: Path) -> tuple[dict[int, Message], np.ndarr
             continue
         lengths[kind] = length
         factors = {column: _TYPES[char][1] for column, char in zip(fields, form, strict=True)}
-        found[kind] = Message(text, length, dtype, factors)
+        found[kind] = DataFlashMessage(text, length, dtype, factors)
     if not found:
         raise ParseError(
             str(path),
@@ -223,7 +225,7 @@ def _lost(at: np.ndarray, raw: np.ndarray, lengths: np.ndarray) -> int:
     return int(len(raw) - lengths[raw[at + 2]].sum()) if len(at) else len(raw)
 
 
-def _rows(raw: np.ndarray, at: np.ndarray, message: Message) -> np.ndarray:
+def _rows(raw: np.ndarray, at: np.ndarray, message: DataFlashMessage) -> np.ndarray:
     """Return all messages of one kind as a structured array."""
     if not len(at):
         return np.zeros(0, message.dtype)
@@ -231,7 +233,7 @@ def _rows(raw: np.ndarray, at: np.ndarray, message: Message) -> np.ndarray:
     return np.ascontiguousarray(body).view(message.dtype).ravel()
 
 
-def _describe(found: dict[int, Message], rows: dict[int, np.ndarray]) -> None:
+def _describe(found: dict[int, DataFlashMessage], rows: dict[int, np.ndarray]) -> None:
     """Enter units, multipliers and the instance column that FMTU, UNIT and MULT state."""
     named = {message.name: rows[kind] for kind, message in found.items()}
     if not {"FMTU", "UNIT", "MULT"} <= set(named):
@@ -273,12 +275,12 @@ def _describe(found: dict[int, Message], rows: dict[int, np.ndarray]) -> None:
                 message.factors[column] = factors[factor]
 
 
-def _tables(message: Message, rows: np.ndarray) -> dict[str, Table]:
+def _tables(message: DataFlashMessage, rows: np.ndarray) -> dict[str, RecordedTable]:
     fields = message.dtype.names or ()
     clock = "TimeUS" if "TimeUS" in fields else "TimeMS" if "TimeMS" in fields else None
     if clock is None or not len(rows):
         return {}
-    found: dict[str, Table] = {}
+    found: dict[str, RecordedTable] = {}
     numbers = np.asarray(rows[message.instance]) if message.instance in fields else None
     for number in np.unique(numbers) if numbers is not None else (None,):
         part = rows if number is None else rows[numbers == number]
@@ -290,13 +292,13 @@ def _tables(message: Message, rows: np.ndarray) -> dict[str, Table]:
                 columns[name] = part[name].astype(float) * message.factors[name]
         label = message.name if number in (None, 0) else f"{message.name}.{number}"
         stamps = part[clock].astype(float) * (1e-6 if clock == "TimeUS" else 1e-3)
-        found[label] = Table(
+        found[label] = RecordedTable(
             columns, {name: unit for name, unit in message.units.items() if name in columns}, stamps
         )
     return found
 
 
-def _left_out(message: Message, samples: int) -> list[LeftOut]:
+def _left_out(message: DataFlashMessage, samples: int) -> list[LeftOut]:
     """Return the columns of a message that are no numbers, or the whole of one without a clock."""
     fields = message.dtype.names or ()
     if message.name in _DESCRIBING or not samples:

@@ -17,7 +17,7 @@ from flightmech.errors import ParseError
 from flightmech.support.hdf5_seal import demand_self_contained
 from flighttest.records.readers.formats.nested import Array, Group, as_one_array, tables
 from flighttest.records.readers.name_map import NameMap
-from flighttest.records.readers.recording import Recording, guarded
+from flighttest.records.readers.recording import Recording, decoding_errors
 
 _SINCE = re.compile(r"^(seconds|second|sec|secs|s|milliseconds|ms|minutes|min|hours|h) since (.+)$")
 _DEPTH = 20
@@ -32,7 +32,7 @@ def read(path: Path, names: NameMap) -> Recording:
         The file is damaged, or holds no numbers over a clock.
     """
     demand_self_contained(path)
-    with guarded(path, "a whole HDF5, netCDF-4 or MATLAB v7.3 file"):
+    with decoding_errors(path, "a whole HDF5, netCDF-4 or MATLAB v7.3 file"):
         file = h5py.File(path, "r")
         facts = {
             str(key): _plain(value) for key, value in file.attrs.items() if not key.startswith("_")
@@ -154,7 +154,7 @@ def _no_numbers(item: h5py.h5d.DatasetID) -> str | None:
 
 def _values(item: h5py.h5d.DatasetID, path: str) -> np.ndarray:
     """Return the values of a dataset with the packing of the CF conventions undone."""
-    with guarded(path, "a whole HDF5, netCDF-4 or MATLAB v7.3 file"):
+    with decoding_errors(path, "a whole HDF5, netCDF-4 or MATLAB v7.3 file"):
         raw = _read(item)
         scale, offset = (
             float(np.ravel(_attribute(item, key, default))[0])

@@ -16,7 +16,7 @@ from flightmech.errors import ParseError
 from flightmech.support.mat_files import load_mat
 from flighttest.records.readers.formats.nested import Array, Group, as_one_array, tables
 from flighttest.records.readers.name_map import NameMap
-from flighttest.records.readers.recording import Recording, guarded, not_spread
+from flighttest.records.readers.recording import Recording, decoding_errors, not_spread
 
 _EXPECTED = "a whole MATLAB file, v5 to v7"
 
@@ -30,7 +30,7 @@ def read(path: Path, names: NameMap) -> Recording:
     ParseError
         The file is damaged, or holds no numbers.
     """
-    with guarded(path, _EXPECTED):
+    with decoding_errors(path, _EXPECTED):
         content = load_mat(
             path.read_bytes(),
             path,

@@ -21,7 +21,13 @@ import numpy as np
 from flightmech.errors import ParseError
 from flighttest.records.readers.bus_words import Arinc429
 from flighttest.records.readers.name_map import NameMap
-from flighttest.records.readers.recording import Columns, LeftOut, Recording, Table, needs
+from flighttest.records.readers.recording import (
+    Columns,
+    LeftOut,
+    RecordedTable,
+    Recording,
+    missing_package,
+)
 
 _EXPECTED = "a whole MDF file"
 _REMEDY = "map a channel of numbers in a group with a time master"
@@ -41,7 +47,7 @@ def read(path: Path, names: NameMap) -> Recording:
         asammdf is not installed.
     """
     if importlib.util.find_spec("asammdf") is None:
-        raise needs("asammdf", "flight", path)
+        raise missing_package("asammdf", "flight", path)
     command = [
         sys.executable,
         "-m",
@@ -89,7 +95,7 @@ def _wanted(names: NameMap) -> list[str]:
     return sorted({column.rpartition("/")[2] for column in columns})
 
 
-def _received(stream: IO[bytes], path: Path) -> tuple[dict[str, Any], dict[str, Table]]:
+def _received(stream: IO[bytes], path: Path) -> tuple[dict[str, Any], dict[str, RecordedTable]]:
     """Return the head and the tables that the decoder sends: a line of JSON, then the arrays as
     they are.
     """
@@ -103,7 +109,7 @@ def _received(stream: IO[bytes], path: Path) -> tuple[dict[str, Any], dict[str, 
         columns = Columns(
             {name: partial(_column, name, arrays, str(path)) for name in group["channels"]}
         )
-        tables[group["name"]] = Table(columns, group["units"], time)
+        tables[group["name"]] = RecordedTable(columns, group["units"], time)
     return head, tables
 
 

@@ -21,9 +21,9 @@ from flighttest.records.readers.recording import (
     CLOCK_NAMES,
     Columns,
     LeftOut,
-    Table,
+    RecordedTable,
+    columns_of_array,
     not_spread,
-    spread,
 )
 
 ROOT = "data"
@@ -63,11 +63,11 @@ class Group:
     left_out: dict[str, str] = field(default_factory=dict)
 
 
-def tables(root: Group, names: NameMap) -> tuple[dict[str, Table], list[LeftOut]]:
+def tables(root: Group, names: NameMap) -> tuple[dict[str, RecordedTable], list[LeftOut]]:
     """Return the tables of nested arrays, those of the root called ``data``, and the arrays that
     are left out.
     """
-    found: dict[str, Table] = {}
+    found: dict[str, RecordedTable] = {}
     left_out = _no_arrays(root, "")
     left = _collect(root, "", names, (found, left_out))
     if left:
@@ -97,7 +97,7 @@ def as_one_array(group: Group, texts: dict[str, str]) -> Array | None:
 
 
 def _collect(
-    group: Group, place: str, names: NameMap, found: tuple[dict[str, Table], list[LeftOut]]
+    group: Group, place: str, names: NameMap, found: tuple[dict[str, RecordedTable], list[LeftOut]]
 ) -> dict[str, Array]:
     """Add the tables of a group, and what they leave out, to `found` and return its arrays when it
     has no clock.
@@ -128,7 +128,7 @@ def _clock_name(arrays: Mapping[str, Array], place: str, names: NameMap) -> str 
 
 def _table(
     arrays: Mapping[str, Array], place: str, names: NameMap, flags: str, left_out: list[LeftOut]
-) -> Table:
+) -> RecordedTable:
     clock = _clock_name(arrays, place, names)
     longest = Counter(max(array.shape) for array in arrays.values() if array.size > 1)
     length = arrays[clock].size if clock else longest.most_common(1)[0][0] if longest else 1
@@ -136,7 +136,7 @@ def _table(
     units: dict[str, str] = {}
     errors: dict[str, float] = {}
     for name, array in arrays.items():
-        columns = spread(name, array.shape, length)
+        columns = columns_of_array(name, array.shape, length)
         if not columns:
             left_out.append(LeftOut(f"{place}/{name}", not_spread(array.shape, length), _REMEDY))
         load = (
@@ -148,7 +148,7 @@ def _table(
                 units[column] = array.unit
             if array.stderr is not None:
                 errors[column] = array.stderr
-    return Table(Columns(loaders), units, flags=flags, errors=errors)
+    return RecordedTable(Columns(loaders), units, flags=flags, errors=errors)
 
 
 def _taken(load: Callable[[], Any], take: Callable[[Any], np.ndarray]) -> np.ndarray:

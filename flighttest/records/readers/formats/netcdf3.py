@@ -9,7 +9,7 @@ import numpy as np
 from flightmech.errors import ParseError
 from flighttest.records.readers.formats.nested import Array, Group, tables
 from flighttest.records.readers.name_map import NameMap
-from flighttest.records.readers.recording import Recording, guarded
+from flighttest.records.readers.recording import Recording, decoding_errors
 
 
 def read(path: Path, names: NameMap) -> Recording:
@@ -24,7 +24,7 @@ def read(path: Path, names: NameMap) -> Recording:
 
     root = Group()
     with (
-        guarded(path, "a whole netCDF file"),
+        decoding_errors(path, "a whole netCDF file"),
         netcdf_file(str(path), "r", mmap=False, maskandscale=True) as file,
     ):
         for name, variable in file.variables.items():

@@ -20,7 +20,13 @@ import numpy as np
 from flightmech.errors import ParseError
 from flighttest.records.readers.bus_words import Arinc429
 from flighttest.records.readers.name_map import NameMap
-from flighttest.records.readers.recording import PX4, Recording, Table, changes, guarded
+from flighttest.records.readers.recording import (
+    PX4,
+    RecordedTable,
+    Recording,
+    changes,
+    decoding_errors,
+)
 
 _MICRO = 1e-6
 _STATUS = "vehicle_status"
@@ -37,7 +43,7 @@ def read(path: Path, names: NameMap) -> Recording:
     from pyulog import ULog
 
     with (
-        guarded(path, "a whole ULog file"),
+        decoding_errors(path, "a whole ULog file"),
         contextlib.redirect_stdout(io.StringIO()),
     ):  # pyulog prints what it meets
         wanted = _topics(names)
@@ -106,7 +112,7 @@ def _topics(names: NameMap) -> list[str] | None:
     return sorted(topics) or None
 
 
-def _table(data: Mapping[str, np.ndarray]) -> Table:
+def _table(data: Mapping[str, np.ndarray]) -> RecordedTable:
     columns = {
         name: values
         for name, values in data.items()
@@ -124,7 +130,7 @@ def _table(data: Mapping[str, np.ndarray]) -> Table:
         units = {"roll": "rad", "pitch": "rad", "yaw": "rad"}
     if "timestamp_sample" in columns:
         units["timestamp_sample"] = "us"
-    return Table(columns, units, data["timestamp"].astype(float) * _MICRO)
+    return RecordedTable(columns, units, data["timestamp"].astype(float) * _MICRO)
 
 
 def euler(w, x, y, z) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

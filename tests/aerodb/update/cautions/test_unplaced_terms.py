@@ -9,8 +9,8 @@ import pytest
 import xarray as xr
 
 import aerodb
-from aerodb.store.schema import database
-from aerodb.store.undo_history import history, previous
+from aerodb.store.schema import make_database
+from aerodb.store.undo_history import history, undo_edits
 from aerodb.update.cautions.notices import incompatible_fits, notices_of
 from aerodb.update.cautions.unplaced_terms import SIGNIFICANT, carried_share, unplaced_terms
 from aerodb.update.classical_join import join_submodels
@@ -45,7 +45,7 @@ SLOPES = {"1": 0.25, "alpha": 5.2, "qhat": 7.0, "delta_e": 0.45}
 
 
 def leaf(value, axes=None, regressors=(), stderr=0.1, **more):
-    return terms.make(value, axes or {}, regressors, stderr=stderr, source="datcom", **more)
+    return terms.make_term(value, axes or {}, regressors, stderr=stderr, source="datcom", **more)
 
 
 def clean():
@@ -92,7 +92,7 @@ def fit(
 
 
 def unplaced(leaves, *fits, held=()):
-    return unplaced_terms(fits or [fit()], database(leaves, **ROOT), held)
+    return unplaced_terms(fits or [fit()], make_database(leaves, **ROOT), held)
 
 
 WAYS = {
@@ -111,7 +111,7 @@ WAYS = {
 
 
 def placed():
-    return database({**clean(), "CL/elevator": leaf(0.5, {}, ["delta_e"])}, **ROOT)
+    return make_database({**clean(), "CL/elevator": leaf(0.5, {}, ["delta_e"])}, **ROOT)
 
 
 def samples_of(fits):
@@ -128,7 +128,7 @@ def test_an_elevator_without_a_table_stops_every_way(way):
     """Term, estimate, t value and both remedies are in the text; with "warn" the same is a warning
     and stands in the history.
     """
-    db = database(clean(), **ROOT)
+    db = make_database(clean(), **ROOT)
     with pytest.raises(
         SchemaError,
         match=r"(?s)CL: delta_e of 'multisine'.*estimate 0\.4\d+ \+- .*t \d+.*listing for elevator.*\[terms\.",
@@ -141,8 +141,8 @@ def test_an_elevator_without_a_table_stops_every_way(way):
     after = aerodb.replace_terms(db, found)
     assert any("delta_e of 'multisine'" in line for line in notices_of(after.attrs))
     assert [text for text in history(after)["text"] if text.startswith("warning: ")]
-    assert "notices" not in previous(after).attrs
-    assert previous(after).attrs.get("history", "") == db.attrs.get("history", "")
+    assert "notices" not in undo_edits(after).attrs
+    assert undo_edits(after).attrs.get("history", "") == db.attrs.get("history", "")
 
 
 @pytest.mark.parametrize("way", ["tabulate", "join", "direct"])
@@ -166,7 +166,7 @@ def test_the_errors_of_the_instruments_count_in_the_t_value():
     with pytest.warns(
         AeromatchWarning, match="incompatible"
     ):  # chi-squared of the declared covariance alone
-        assert len(tabulate([fit(systematic=0.2)], database(clean(), **ROOT)).unplaced) == 1
+        assert len(tabulate([fit(systematic=0.2)], make_database(clean(), **ROOT)).unplaced) == 1
 
 
 BEYOND = np.array([0.0, 20.0, 40.0]) * DEG

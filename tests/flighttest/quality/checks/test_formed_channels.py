@@ -12,7 +12,7 @@ import flighttest
 from flightmech.air import atmosphere, true_airspeed
 from flighttest.reconstruction.quality.checks.formed_channels import formed, sources
 from flighttest.reconstruction.quality.checks.relations import RELATIONS, not_checked
-from flighttest.reconstruction.quality.checks.signals import Signals
+from flighttest.reconstruction.quality.checks.signals import ResampledChannels
 from flighttest.reconstruction.quality.page import page
 
 C182 = Path(__file__).parents[4] / "data" / "c182"
@@ -121,7 +121,7 @@ def test_formed_speed_follows_its_sources():
     values = {"V_cas": 80.0 + np.sin(time), "h_baro": 1000.0 + time, "q": np.sin(time)}
     good = {name: np.ones(len(time), bool) for name in values}
     good["h_baro"][:10] = False
-    signals = Signals(time, values, good, np.ones(len(time), bool), 0.05)
+    signals = ResampledChannels(time, values, good, np.ones(len(time), bool), 0.05)
     before = signals.completed(("V",))
     assert not before.good["V"][:10].any()
     assert (

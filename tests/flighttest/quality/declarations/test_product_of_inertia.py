@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from flighttest.reconstruction.quality.checks.signals import Signals
+from flighttest.reconstruction.quality.checks.signals import ResampledChannels
 from flighttest.reconstruction.quality.declarations.aircraft import product_findings
 
 
@@ -52,7 +52,7 @@ def rolling(amplitude, Ixz=1500.0, noise=5e-4, seed=0):
     values = dict(zip(("p", "q", "r", "alpha_vane", "beta_vane"), seen[::5].T))
     values |= {"delta_a": delta_a[::5], "delta_r": delta_r[::5], "delta_e": delta_e[::5]}
     whole = np.ones(len(time[::5]), bool)
-    return Signals(time[::5], values, {name: whole for name in values}, whole, 5 * step)
+    return ResampledChannels(time[::5], values, {name: whole for name in values}, whole, 5 * step)
 
 
 @pytest.mark.parametrize("Ixz", [1500.0, -1500.0])

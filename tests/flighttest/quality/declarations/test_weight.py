@@ -12,7 +12,7 @@ import flightmech
 import flighttest
 from flightmech import terms
 from flightmech.units import POUND
-from flighttest.reconstruction.quality.checks.signals import Signals, signals_of
+from flighttest.reconstruction.quality.checks.signals import ResampledChannels, signals_of
 from flighttest.reconstruction.quality.declarations.aircraft import weight_findings
 
 C182 = Path(__file__).parents[4] / "data" / "c182"
@@ -34,7 +34,7 @@ def signals(record):
     return signals_of(record, NOTHING)
 
 
-def scaled(signals, factor) -> Signals:
+def scaled(signals, factor) -> ResampledChannels:
     return signals.with_values({"mass": factor * signals["mass"]})
 
 
@@ -77,7 +77,7 @@ def test_level_of_a_database_in_steady_flight(signals, record, aircraft):
     """Without motion of the angle of attack the lift of a prior still shows a mass of 2.2 times."""
     alpha = np.radians([-8.0, 0.0, 8.0, 16.0])
     middle = float(np.median(signals["alpha_vane"]))
-    CL = terms.make(
+    CL = terms.make_term(
         0.4 + 5.0 * (alpha - middle),
         {"alpha": alpha},
         stderr=0.05,
@@ -92,7 +92,7 @@ def test_level_of_a_database_in_steady_flight(signals, record, aircraft):
         "b": aircraft.b,
     }
     reference = {"x_ref": 0.0, "y_ref": 0.0, "z_ref": 0.0, "force_axes": "stability"}
-    database = aerodb.database({"CL/basic": CL}, **attributes, **reference)
+    database = aerodb.make_database({"CL/basic": CL}, **attributes, **reference)
     still = signals.with_values({"alpha_vane": np.full_like(signals.time, middle)})
     assert weight_findings(still, aircraft, record, database) == ([], "")
     (finding,), _ = weight_findings(scaled(still, 1.0 / POUND), aircraft, record, database)

@@ -13,7 +13,7 @@ import numpy as np
 
 from flightmech.errors import UnknownName
 from flighttest.records.readers.bus_words import Mil1553, Words
-from flighttest.records.readers.formats.chapter10.counts import engineering, joined
+from flighttest.records.readers.formats.chapter10.counts import join_words, to_engineering_value
 from flighttest.records.readers.formats.chapter10.packets import (
     ARINC429_F0,
     MIL1553_F1,
@@ -21,7 +21,7 @@ from flighttest.records.readers.formats.chapter10.packets import (
     Index,
     Packet,
 )
-from flighttest.records.readers.recording import Table
+from flighttest.records.readers.recording import RecordedTable
 
 _ERRORS = (
     0x1000 | 0x0400 | 0x0200 | 0x0038
@@ -58,7 +58,7 @@ def arinc_words(file: Index, channel: int, first_tick: int, name: str, notes: li
 
 def mil1553_tables(
     file: Index, spec: Mil1553, first_tick: int, name: str, notes: list[str]
-) -> dict[str, Table]:
+) -> dict[str, RecordedTable]:
     """Return the table of one message: its parameters at the times of the messages.
 
     Messages that the recorder flags as faulty are left out, and so are transfers from terminal to
@@ -110,8 +110,8 @@ def mil1553_tables(
         )
     data = np.array(rows)
     columns = {
-        parameter: engineering(
-            joined([data[:, i - 1] for i in word.words], 16),
+        parameter: to_engineering_value(
+            join_words([data[:, i - 1] for i in word.words], 16),
             16 * len(word.words),
             word.code,
             word.lsb,
@@ -121,7 +121,7 @@ def mil1553_tables(
         for parameter, word in spec.parameters.items()
     }
     return {
-        name: Table(
+        name: RecordedTable(
             columns,
             {parameter: word.unit for parameter, word in spec.parameters.items()},
             np.array(times),

@@ -7,7 +7,7 @@ import numpy as np
 from flightmech.errors import SchemaError
 
 
-def joined(words: list[np.ndarray], width: int) -> np.ndarray:
+def join_words(words: list[np.ndarray], width: int) -> np.ndarray:
     """Return words (most significant first, `width` bits each) as one unsigned number of up to 64
     bits.
     """
@@ -17,7 +17,7 @@ def joined(words: list[np.ndarray], width: int) -> np.ndarray:
     return value
 
 
-def engineering(
+def to_engineering_value(
     count: np.ndarray,
     width: int,
     code: str,

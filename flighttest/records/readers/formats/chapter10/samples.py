@@ -17,7 +17,7 @@ import numpy as np
 
 from flightmech.errors import ParseError, UnknownName
 from flighttest.records.readers.bus_words import Analog, Pcm, PcmWord
-from flighttest.records.readers.formats.chapter10.counts import engineering, joined
+from flighttest.records.readers.formats.chapter10.counts import join_words, to_engineering_value
 from flighttest.records.readers.formats.chapter10.packets import (
     ANALOG_F1,
     PCM_F1,
@@ -25,12 +25,12 @@ from flighttest.records.readers.formats.chapter10.packets import (
     Index,
     Packet,
 )
-from flighttest.records.readers.recording import Table
+from flighttest.records.readers.recording import RecordedTable
 
 
 def pcm_tables(
     file: Index, spec: Pcm, first_tick: int, name: str, notes: list[str], path: str
-) -> dict[str, Table]:
+) -> dict[str, RecordedTable]:
     """Return the parameters in every frame as the table `name`, repeated and subframe words as
     tables of their own.
 
@@ -49,7 +49,7 @@ def pcm_tables(
     time = (np.concatenate(ticks) - first_tick) * TICK
     words = np.concatenate(frames)
     period = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
-    tables: dict[str, Table] = {}
+    tables: dict[str, RecordedTable] = {}
     every = {
         key: word
         for key, word in spec.parameters.items()
@@ -59,14 +59,14 @@ def pcm_tables(
         columns = {
             key: _value(words, word, word.words, spec.word_bits) for key, word in every.items()
         }
-        tables[name] = Table(columns, {key: word.unit for key, word in every.items()}, time)
+        tables[name] = RecordedTable(columns, {key: word.unit for key, word in every.items()}, time)
     for key, word in spec.parameters.items():
         if word.repeated:
             values = np.stack(
                 [_value(words, word, (at,), spec.word_bits) for at in word.words], axis=1
             ).ravel()
             shifts = (np.array(word.words) - 1) / spec.frame_words * period
-            tables[f"{name}.{key}"] = Table(
+            tables[f"{name}.{key}"] = RecordedTable(
                 {"value": values}, {"value": word.unit}, (time[:, None] + shifts).ravel()
             )
         elif word.frame is not None and spec.counter is not None and word.frames is not None:
@@ -74,7 +74,7 @@ def pcm_tables(
                 words[:, spec.counter.word - 1].astype(np.int64) - spec.counter.first
             ) % word.frames
             mine = number == word.frame
-            tables[f"{name}.{key}"] = Table(
+            tables[f"{name}.{key}"] = RecordedTable(
                 {"value": _value(words[mine], word, word.words, spec.word_bits)},
                 {"value": word.unit},
                 time[mine],
@@ -83,8 +83,8 @@ def pcm_tables(
 
 
 def _value(words: np.ndarray, word: PcmWord, at: tuple[int, ...], width: int) -> np.ndarray:
-    count = joined([words[:, i - 1] for i in at], width)
-    return engineering(count, width * len(at), word.code, word.lsb, word.offset, word.bits)
+    count = join_words([words[:, i - 1] for i in at], width)
+    return to_engineering_value(count, width * len(at), word.code, word.lsb, word.offset, word.bits)
 
 
 def _frames(
@@ -147,7 +147,7 @@ def _unpacked(data: np.ndarray, spec: Pcm, slot: int, grain: int) -> np.ndarray:
 
 def analog_tables(
     file: Index, spec: Analog, first_tick: int, name: str, notes: list[str], path: str
-) -> dict[str, Table]:
+) -> dict[str, RecordedTable]:
     """Return the subchannels requested as the table `name`.
 
     Raises
@@ -180,13 +180,17 @@ def analog_tables(
             )
     samples = np.concatenate(parts)
     columns = {
-        key: engineering(
+        key: to_engineering_value(
             samples[:, numbers.index(part.subchannel)], width, part.code, part.lsb, part.offset
         )
         for key, part in spec.parameters.items()
     }
     time = _sample_times(np.array(ticks) * TICK, np.array([len(part) for part in parts]))
-    return {name: Table(columns, {key: part.unit for key, part in spec.parameters.items()}, time)}
+    return {
+        name: RecordedTable(
+            columns, {key: part.unit for key, part in spec.parameters.items()}, time
+        )
+    }
 
 
 def _analog_samples(

@@ -24,7 +24,7 @@ from flighttest.records.readers.formats.chapter10.packets import (
 from flighttest.records.readers.formats.chapter10.samples import analog_tables, pcm_tables
 from flighttest.records.readers.formats.chapter10.time_packets import start_of_record
 from flighttest.records.readers.name_map import NameMap
-from flighttest.records.readers.recording import Recording, Table
+from flighttest.records.readers.recording import RecordedTable, Recording
 
 
 def read(path: Path, names: NameMap) -> Recording:
@@ -54,7 +54,7 @@ def read(path: Path, names: NameMap) -> Recording:
     data = [packet.rtc for packet in file.packets if packet.kind not in (SETUP, 0x00, 0x02, 0x03)]
     first_tick = min(data, default=0)
     notes = list(file.notes)
-    tables: dict[str, Table] = {}
+    tables: dict[str, RecordedTable] = {}
     for name, spec in names.decode.items():
         if isinstance(spec, Arinc429) and spec.channel is not None:
             words = arinc_words(file, spec.channel, first_tick, name, notes)
