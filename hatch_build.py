@@ -68,7 +68,8 @@ def native() -> str:
     name = f"{machine}-{platform.system().lower()}"
     if name not in TARGETS:
         raise SystemExit(
-            f"no kernel target for {platform.machine()} {platform.system()}; known: {', '.join(TARGETS)}"
+            f"no kernel target for {platform.machine()} {platform.system()}; known: "
+            f"{', '.join(TARGETS)}"
         )
     return name
 

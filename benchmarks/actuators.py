@@ -62,11 +62,13 @@ def main(campaigns: int) -> None:
                         (value - true[name]) / found.spectral.stderr[name]
                     )
         print(
-            f"{kind}: {campaigns} campaigns, limits found {limits}, {(time.process_time() - begun) / campaigns:.1f} s CPU each"
+            f"{kind}: {campaigns} campaigns, limits found {limits}, "
+            f"{(time.process_time() - begun) / campaigns:.1f} s CPU each"
         )
         for name, z in apart.items():
             print(
-                f"  {name:22s} {np.mean(np.abs(z) < 2.0):6.1%} within two, mean {np.mean(z):+5.2f}, scatter {np.std(z):4.2f}, of {len(z)}"
+                f"  {name:22s} {np.mean(np.abs(z) < 2.0):6.1%} within two, mean "
+                f"{np.mean(z):+5.2f}, scatter {np.std(z):4.2f}, of {len(z)}"
             )
         main_only = np.concatenate([z for name, z in apart.items() if "frequency" not in name])
         print(f"  all of the output error: {np.mean(np.abs(main_only) < 2.0):.1%}")

@@ -110,7 +110,8 @@ def main(demo: Path | None = None) -> None:
     print(f"one thread       {one * 1e3:6.0f} ms   {RUNS * SECONDS / one:.0f} times real time")
     print(f"{cores} threads        {many * 1e3:6.0f} ms   {one / many:.2f} times one thread")
     print(
-        f"loop of simulate {single * 1e3:6.0f} ms   {single / one:.2f} times the batch on one thread"
+        f"loop of simulate {single * 1e3:6.0f} ms   {single / one:.2f} times the batch on "
+        f"one thread"
     )
 
 

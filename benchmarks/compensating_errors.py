@@ -75,20 +75,24 @@ def main() -> None:
             if k == 0:
                 seen = "; ".join(notices(result, "model")) or "no notice"
                 print(
-                    f"{plan.case.id:8s}{plan.case.name:28s} unscaled: {result.status('model')}; {seen}",
+                    f"{plan.case.id:8s}{plan.case.name:28s} unscaled: "
+                    f"{result.status('model')}; {seen}",
                     flush=True,
                 )
     wrong = (passes & far)[:, 1:]
     print(f"{given.pairs} pairs x {len(given.cases)} cases: {passes[:, 1:].sum()} cases pass,")
     print(
-        f"    {wrong.sum()} of them with a term beyond {FAR:g} standard errors, {(wrong & silent[:, 1:]).sum()} of those without a notice"
+        f"    {wrong.sum()} of them with a term beyond {FAR:g} standard errors, "
+        f"{(wrong & silent[:, 1:]).sum()} of those without a notice"
     )
     every = passes[:, 1:].all(axis=0)
     print(
-        f"{every.sum()} pairs pass all cases; {(every & far[:, 1:].any(axis=0)).sum()} of them have a term beyond {FAR:g} standard errors,"
+        f"{every.sum()} pairs pass all cases; {(every & far[:, 1:].any(axis=0)).sum()} of "
+        f"them have a term beyond {FAR:g} standard errors,"
     )
     print(
-        f"    {(every & (far & silent)[:, 1:].any(axis=0)).sum()} with a case that uses the term and carries no notice"
+        f"    {(every & (far & silent)[:, 1:].any(axis=0)).sum()} with a case that uses the "
+        f"term and carries no notice"
     )
 
 

@@ -232,7 +232,8 @@ def main(model: Path, records: Path) -> None:
                 5.0 * POUND_FORCE, 0.1 * abs(float(middle.trim.loc[f"F_{item}", "flight"]))
             )
             print(
-                f"{name:20} {lacks:+14.1f} N ({abs(lacks) / allowed:4.2f}) {beyond:14.1f} N  {verdicts(result)}"
+                f"{name:20} {lacks:+14.1f} N ({abs(lacks) / allowed:4.2f}) {beyond:14.1f} N  "
+                f"{verdicts(result)}"
             )
         print("\nOn the ground, driven by the measured travel behind a low-pass of 2 Hz")
         states = paths[GROUND].states

@@ -152,8 +152,10 @@ def evaluation() -> None:
             best(lambda x=x: with_xarray(db, x), 2),
         )
         print(
-            f"  {word:15s} ours {1e3 * own:6.0f} ms   SciPy {1e3 * scipy_time:6.0f} ms, ratio {scipy_time / own:.1f}   "
-            f"xarray {1e3 * xarray_time:6.0f} ms, ratio {xarray_time / own:.1f}   largest difference {max(differences):.0e}"
+            f"  {word:15s} ours {1e3 * own:6.0f} ms   SciPy {1e3 * scipy_time:6.0f} ms, "
+            f"ratio {scipy_time / own:.1f}   "
+            f"xarray {1e3 * xarray_time:6.0f} ms, ratio {xarray_time / own:.1f}   largest "
+            f"difference {max(differences):.0e}"
         )
 
 
@@ -199,7 +201,8 @@ def work_on_a_file(folder: Path) -> None:
         "scale all terms": (lambda: aerodb.edit.scale(db, list(aerodb.terms(db)), 1.1), None),
     }
     print(
-        f"120 tables of 6 x 20 x 5 nodes, with standard errors and sources: {path.stat().st_size / 1e6:.2f} MB"
+        f"120 tables of 6 x 20 x 5 nodes, with standard errors and sources: "
+        f"{path.stat().st_size / 1e6:.2f} MB"
     )
     for what, (ours, theirs) in rows.items():
         own = best(ours, 3)
@@ -235,7 +238,8 @@ def exports(folder: Path) -> None:
         back = best(lambda read=read, path=path: read(path), 2)
         size = sum(file.stat().st_size for file in (path.iterdir() if path.is_dir() else [path]))
         print(
-            f"  {name:18s} {1e3 * there:6.0f} ms out   {1e3 * back:6.0f} ms in   {size / 1e6:.2f} MB"
+            f"  {name:18s} {1e3 * there:6.0f} ms out   {1e3 * back:6.0f} ms in   "
+            f"{size / 1e6:.2f} MB"
         )
 
 

@@ -207,7 +207,8 @@ def show(title: str, ours: Mapping[str, tuple[float, float]], theirs: Mapping[st
     """Print a table."""
     print(f"\n{title}\n")
     print(
-        "| derivative | database | standard error | compared with | difference in standard errors |\n|---|---|---|---|---|"
+        "| derivative | database | standard error | compared with | difference in standard "
+        "errors |\n|---|---|---|---|---|"
     )
     for name, value in theirs.items():
         own, error = ours[name]

@@ -73,7 +73,8 @@ def main() -> None:
     timed(spent, swap_runs, "fly")
     timed(spent, swap_runs, "judge_all")
     print(
-        f"{'case':28} {'flights':>8} {'total':>8} {'flying':>8} {'judging':>8}   [s]   one by one over together"
+        f"{'case':28} {'flights':>8} {'total':>8} {'flying':>8} {'judging':>8}   [s]   one "
+        f"by one over together"
     )
     for case in cases:
         states = flight_states(case)
@@ -84,7 +85,8 @@ def main() -> None:
         total = time.process_time() - start
         flights, flying, judging = len(bench._known), spent["fly"], spent["judge_all"]
         print(
-            f"{case.name:28} {flights:8} {total:8.2f} {flying:8.2f} {judging:8.2f} {ratio_alone(bench):20.2f}"
+            f"{case.name:28} {flights:8} {total:8.2f} {flying:8.2f} {judging:8.2f} "
+            f"{ratio_alone(bench):20.2f}"
         )
 
 

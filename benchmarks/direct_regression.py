@@ -114,10 +114,12 @@ def main() -> None:
     theirs = time.perf_counter() - start
     nodes = sum(leaf["value"].size for leaf in leaves.values())
     print(
-        f"{size * given.manoeuvres} samples, {nodes} nodes, {int(found.compatibility['count'].sum())} directions"
+        f"{size * given.manoeuvres} samples, {nodes} nodes, "
+        f"{int(found.compatibility['count'].sum())} directions"
     )
     print(
-        f"regress_tables {ours:.1f} s, peak {peak / 1024:.0f} MB ({before / 1024:.0f} MB before); LSQR {theirs:.1f} s"
+        f"regress_tables {ours:.1f} s, peak {peak / 1024:.0f} MB ({before / 1024:.0f} MB "
+        f"before); LSQR {theirs:.1f} s"
     )
     for name, leaf in found.items():
         flown = leaf["source"].values == terms.SOURCES.index("flight")
@@ -125,7 +127,8 @@ def main() -> None:
         inside = 100 * np.mean(np.abs(error / leaf["stderr"].values[flown]) < 2)
         rms = np.sqrt(np.mean(error**2))
         print(
-            f"{name}: {flown.sum()} nodes from flight, {inside:.0f} % within two standard errors, rms error {rms:.2g}"
+            f"{name}: {flown.sum()} nodes from flight, {inside:.0f} % within two standard "
+            f"errors, rms error {rms:.2g}"
         )
 
 

@@ -192,7 +192,8 @@ def main(demo: Path | None = None, repeats: int = 20) -> None:
     print(f"JSBSim T37, one frame       {1e6 * peer:6.2f} us")
     for whole in t37:
         print(
-            f"kernel RK4 step, T-37 complete {1e6 * whole:6.2f} us   (JSBSim's frame is {peer / whole:.1f} times as long)"
+            f"kernel RK4 step, T-37 complete {1e6 * whole:6.2f} us   (JSBSim's frame is "
+            f"{peer / whole:.1f} times as long)"
         )
     print(
         f"ratio                       {peer / step:6.1f}    per derivative {4.0 * peer / step:.0f}"
@@ -201,7 +202,10 @@ def main(demo: Path | None = None, repeats: int = 20) -> None:
     for name, model in zip(names, models, strict=False):
         for spread in (0.2, 1e-6):
             alone, four, eight, peer = side_by_side(model, spread, fdm, repeats)
-            lanes = f"{1e6 * four:.2f} in four lanes ({alone / four:.1f}), {1e6 * eight:.2f} in up to eight ({alone / eight:.1f})"
+            lanes = (
+                f"{1e6 * four:.2f} in four lanes ({alone / four:.1f}), {1e6 * eight:.2f} in "
+                f"up to eight ({alone / eight:.1f})"
+            )
             print(
                 f"{name}, runs {spread:g} apart: step of a run {1e6 * alone:.2f} us alone, {lanes}"
             )

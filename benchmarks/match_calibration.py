@@ -171,7 +171,8 @@ def main() -> None:
             flown = programme(given.programmes, seed, project, aircraft, False, 1)
             if any(path.errors is None for path in flown["paths"].values()):
                 raise SystemExit(
-                    f"seed {seed}: paths without the errors of their states; delete its paths.pickle and reconstruct it again"
+                    f"seed {seed}: paths without the errors of their states; delete its "
+                    f"paths.pickle and reconstruct it again"
                 )
             paths = proving(here, given.programmes, seed, flown["paths"], project, aircraft)
             kept.write_text(
@@ -197,7 +198,8 @@ def main() -> None:
     for share in SHARES:
         own, frequencies, table = scores(found, share)
         print(
-            f"within {100 * share:.0f} % of the tolerance: Brier score {own:.4f}, of the frequencies {frequencies:.4f}"
+            f"within {100 * share:.0f} % of the tolerance: Brier score {own:.4f}, of the "
+            f"frequencies {frequencies:.4f}"
         )
         for count, stated, came in table:
             print(f"    {count:4d} rows, probability {stated:.2f}, came true {came:.2f}")

@@ -54,8 +54,10 @@ def main() -> None:
         )
         errors = sum(len(check.errors) for check in checks.values())
         print(
-            f"{project.title}: {len(names)} records, {len(plan.problems)} problems, {errors} errors of records; "
-            f"reading {reading:.2f} s, plan {planning / reading:.1f} times that, checks of the records {checking / reading:.1f} times"
+            f"{project.title}: {len(names)} records, {len(plan.problems)} problems, {errors} "
+            f"errors of records; "
+            f"reading {reading:.2f} s, plan {planning / reading:.1f} times that, checks of "
+            f"the records {checking / reading:.1f} times"
         )
 
 

@@ -131,7 +131,8 @@ def report(
     wall, processor = times[0] / whole[0], times[1] / whole[1]
     verdict = "within" if processor <= LIMITS[name] else "beyond"
     print(
-        f"  {name:<10} {times[0]:6.2f} s {100 * wall:6.1f} %   processor {times[1]:6.2f} s {100 * processor:6.1f} %  "
+        f"  {name:<10} {times[0]:6.2f} s {100 * wall:6.1f} %   processor {times[1]:6.2f} s "
+        f"{100 * processor:6.1f} %  "
         f"({verdict} {100 * LIMITS[name]:.0f} %)  {'same bytes' if same else 'OTHER BYTES'}",
         flush=True,
     )
@@ -177,7 +178,8 @@ def kills(place: Place, count: int) -> None:
         repeated += sum(before.get(file, inode) != inode for file, inode in inodes.items())
         before |= inodes
         print(
-            f"  kill {killed}: after {moment:5.1f} s, {len(made)} results kept, {repeated} computed twice",
+            f"  kill {killed}: after {moment:5.1f} s, {len(made)} results kept, {repeated} "
+            f"computed twice",
             flush=True,
         )
         if process.returncode == 0:  # it came to its end: from nothing again

@@ -220,11 +220,13 @@ def main() -> None:
     }
     ours = times["ours, forward choice"]
     print(
-        f"{len(CANDIDATES)} candidates, {data.sizes['time']} samples; the truth has {len(TRUTH)} terms, stop at a rise of R2 of {STOP}"
+        f"{len(CANDIDATES)} candidates, {data.sizes['time']} samples; the truth has "
+        f"{len(TRUTH)} terms, stop at a rise of R2 of {STOP}"
     )
     for name, (_, size) in ways.items():
         print(
-            f"{name:46s} {1e3 * times[name]:7.1f} ms  {size:3d} terms  ratio {times[name] / ours:5.1f}"
+            f"{name:46s} {1e3 * times[name]:7.1f} ms  {size:3d} terms  ratio "
+            f"{times[name] / ours:5.1f}"
         )
     assert forward(data) == greedy(data), "not the same choice"
     for choose in (select_orthogonal, select_stepwise):

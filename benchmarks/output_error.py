@@ -139,15 +139,18 @@ def speed() -> None:
     runs = ((n + 1) * (1 + unknowns_) + unknowns_) * len(records)
     frames = runs * records[0].sizes["time"]
     print(
-        f"{len(truth)} parameters, {len(records)} manoeuvres of 20 s at 50 Hz, {len(OUTPUTS)} outputs: {spent:.2f} s of CPU"
+        f"{len(truth)} parameters, {len(records)} manoeuvres of 20 s at 50 Hz, "
+        f"{len(OUTPUTS)} outputs: {spent:.2f} s of CPU"
     )
     print(f"{n} iterations, {runs} runs, {1e9 * spent / frames:.0f} ns of CPU per simulated sample")
     print(
-        f"errors in standard errors: rms {np.sqrt(np.mean(z**2)):.2f}, largest {np.abs(z).max():.2f}"
+        f"errors in standard errors: rms {np.sqrt(np.mean(z**2)):.2f}, largest "
+        f"{np.abs(z).max():.2f}"
     )
     if peer:
         print(
-            f"JSBSim T37 needs {cost * frames:.1f} s of CPU for as many frames: {cost * frames / spent:.1f} times as long"
+            f"JSBSim T37 needs {cost * frames:.1f} s of CPU for as many frames: "
+            f"{cost * frames / spent:.1f} times as long"
         )
 
 
@@ -237,7 +240,8 @@ def linear() -> None:
     )
     e = fit.estimates
     print(
-        f"3 states, {len(YAW)} parameters, 4 outputs, {record.sizes['time']} samples: {1e3 * spent:.0f} ms of CPU"
+        f"3 states, {len(YAW)} parameters, 4 outputs, {record.sizes['time']} samples: "
+        f"{1e3 * spent:.0f} ms of CPU"
     )
     print(f"{e.attrs['iterations']} iterations, standard errors of coloured residuals")
     if found:
@@ -247,7 +251,8 @@ def linear() -> None:
             f"{found[-1].n_evaluations} runs, the noise given, white standard errors: {cost:.2f} s"
         )
         print(
-            f"aeroid, {work}, {cost / spent:.0f} times as long; estimates within {apart.max():.3f} standard errors of ours"
+            f"aeroid, {work}, {cost / spent:.0f} times as long; estimates within "
+            f"{apart.max():.3f} standard errors of ours"
         )
 
 

@@ -303,7 +303,8 @@ def main() -> None:
         own = split(flight.s, r["X"], r["N"], V)
         other = split(flight.s, flight.s + G0 * r["gamma"], V * flight.s * r["gamma"], V)
         print(
-            f"\n{year}: {own.period:.2f} s, zeta {own.zeta:.4f}, V {V:.1f} +- {flight.amplitude:.1f} m/s"
+            f"\n{year}: {own.period:.2f} s, zeta {own.zeta:.4f}, V {V:.1f} +- "
+            f"{flight.amplitude:.1f} m/s"
         )
         for what, parts in (("accelerometers", own), ("speed and height", other)):
             print(f"  {what:20s} along {parts.along:+.4f}  normal {parts.normal:+.4f}")
@@ -311,7 +312,8 @@ def main() -> None:
             print(f"  {name} over V {r[name].real:+.1f} {r[name].imag:+.1f}i N s/m")
         for name in ("alpha", "delta_e"):
             print(
-                f"  {name} {abs(r[name]) * flight.amplitude / DEGREE:.4f} deg, over V {r[name].real:+.2e} {r[name].imag:+.2e}i rad s/m"
+                f"  {name} {abs(r[name]) * flight.amplitude / DEGREE:.4f} deg, over V "
+                f"{r[name].real:+.2e} {r[name].imag:+.2e}i rad s/m"
             )
         print(f"  drag {flight.drag[0]:.0f} N, by the polar {flight.drag[1]:.0f} N")
     with tempfile.TemporaryDirectory() as name:
@@ -321,7 +323,8 @@ def main() -> None:
             for model, db in found.items():
                 one, still = mode(db, flight), mode(db, flight, Change(thrust=0.0, elevator=0.0))
                 print(
-                    f"  {model:20s} {one.zeta:8.4f} {one.period:7.1f} {one.along:+8.4f} {one.normal:+8.4f} | {still.zeta:.4f}"
+                    f"  {model:20s} {one.zeta:8.4f} {one.period:7.1f} {one.along:+8.4f} "
+                    f"{one.normal:+8.4f} | {still.zeta:.4f}"
                 )
             model = f"output error {year}"
             base = {name: mode(found[name], flight) for name in ("regression 2018", model)}

@@ -274,7 +274,10 @@ def project_of(folder: Path, plan: ProgrammePlan) -> Path:
         if c == landing and name in pitch
         for mark in marks_of(plan, c, name)
     ]
-    free = f'[[ground_effect.flown]]\nrecords = ["t37_{run["number"]:02d}_{run["title"]}"]\nmanoeuvres = {json.dumps(marks)}\n\n'
+    free = (
+        f"[[ground_effect.flown]]\nrecords = "
+        f'["t37_{run["number"]:02d}_{run["title"]}"]\nmanoeuvres = {json.dumps(marks)}\n\n'
+    )
     at = max(k for k, part in enumerate(kept) if part.startswith("[[ground_effect.flown]]")) + 1
     first = next(k for k, part in enumerate(kept) if part.startswith("[[fit]]"))
     kept = [*kept[:first], fits_of(plan), "\n", *kept[first:at], free, *kept[at:]]
@@ -399,7 +402,8 @@ def shares(title: str, table: pd.DataFrame, by_term: bool = False) -> None:
         r = part["achieved/expected"]
         ratios = " ".join(f"{r.quantile(q):.2f}" for q in (0.05, 0.5, 0.95))
         print(
-            f"{title}: {name:20s} {len(part):5d} nodes, within 20 %: {within(r):5.1f} %, achieved/expected {ratios}"
+            f"{title}: {name:20s} {len(part):5d} nodes, within 20 %: {within(r):5.1f} %, "
+            f"achieved/expected {ratios}"
         )
 
 
@@ -465,7 +469,10 @@ def main() -> None:
     print(plan.report(), flush=True)
     new = sum(record(folder / "planned", run, errors) for run in runs_of(plan))
     share = (new + kept) / (shipped + kept)
-    text = f"flown: {new + kept:.0f} s with gear, speed brake and ground effect, shipped {shipped + kept:.0f} s: {100 * share:.1f} %"
+    text = (
+        f"flown: {new + kept:.0f} s with gear, speed brake and ground effect, shipped "
+        f"{shipped + kept:.0f} s: {100 * share:.1f} %"
+    )
     print(text, flush=True)
     project = performed(project_of(folder, plan), folder / "out", given.jobs)
     fits, (_, start), final = (

@@ -200,20 +200,25 @@ def speed() -> None:
     apart = np.abs(found["estimate"].values - theta[7:]) / found["stderr"].values
     print(f"60 s at 100 Hz, {len(FREE)} constants and the start, CPU time")
     print(
-        f"central differences over Runge-Kutta, NumPy, fit alone: {theirs:.2f} s, {count} iterations"
+        f"central differences over Runge-Kutta, NumPy, fit alone: {theirs:.2f} s, {count} "
+        f"iterations"
     )
     print(
-        f"ours, fit alone with the noise of the channels: {alone:.2f} s, {batch.iterations} iterations; ratio {theirs / alone:.1f}"
+        f"ours, fit alone with the noise of the channels: {alone:.2f} s, {batch.iterations} "
+        f"iterations; ratio {theirs / alone:.1f}"
     )
     print(
-        f"ours, from the record, with noise, standard errors, states and report tables: {ours:.2f} s; ratio {theirs / ours:.1f}"
+        f"ours, from the record, with noise, standard errors, states and report tables: "
+        f"{ours:.2f} s; ratio {theirs / ours:.1f}"
     )
     print(
-        f"ours, smoother, all constants, with states, their errors and report tables: {smooth:.2f} s; ratio {theirs / smooth:.1f}"
+        f"ours, smoother, all constants, with states, their errors and report tables: "
+        f"{smooth:.2f} s; ratio {theirs / smooth:.1f}"
     )
     print(f"published figure, compiled, 21 unknowns: {PUBLISHED} s; ratio {PUBLISHED / ours:.1f}")
     print(
-        f"largest difference of an estimate: {apart.max():.2f} standard errors (the peer leaves the pressures out)"
+        f"largest difference of an estimate: {apart.max():.2f} standard errors (the peer "
+        f"leaves the pressures out)"
     )
 
 
@@ -242,7 +247,8 @@ def coverage(seeds: int, level: float, method: str) -> None:
     mean = np.abs(np.mean(z, axis=0)) * np.sqrt(seeds)
     each = inside.mean(axis=0)
     print(
-        f"{method}, inertial noise x {level:g}, {seeds} flights, {len(names)} constants: {inside.mean():.1%} within two standard errors"
+        f"{method}, inertial noise x {level:g}, {seeds} flights, {len(names)} constants: "
+        f"{inside.mean():.1%} within two standard errors"
     )
     bounds = (
         f"; Cramer-Rao bounds alone {(np.abs(np.array(white)) < 2.0).mean():.1%}" if white else ""
@@ -250,7 +256,8 @@ def coverage(seeds: int, level: float, method: str) -> None:
     print(f"  by constant {each.min():.1%} to {each.max():.1%}{bounds}")
     worst = names[int(mean.argmax())]
     print(
-        f"  mean deviation over its standard error: rms {np.sqrt(np.mean(mean**2)):.2f}, largest {mean.max():.2f} ({worst})"
+        f"  mean deviation over its standard error: rms {np.sqrt(np.mean(mean**2)):.2f}, "
+        f"largest {mean.max():.2f} ({worst})"
     )
 
 

@@ -193,7 +193,8 @@ def show(name: str, study: flighttest.equation_error.MonteCarlo) -> None:
     worst = float(np.abs(e["bias"] / e["bias_stderr"]).max())
     each = " ".join(f"{100 * float(share):.0f}" for share in e["coverage"])
     print(
-        f"{name:52s} {100 * study.coverage:5.1f} %  ({each})  white {100 * white:3.0f} %  largest bias {worst:.1f} se",
+        f"{name:52s} {100 * study.coverage:5.1f} %  ({each})  white {100 * white:3.0f} %  "
+        f"largest bias {worst:.1f} se",
         flush=True,
     )
 

@@ -177,7 +177,8 @@ def first_plot(page: Path, tries: int) -> list[float]:
             tab.goto(f"{page.as_uri()}#case-case_007", wait_until="commit")
             tab.wait_for_selector(".panel canvas")
             tab.evaluate(
-                "() => new Promise(drawn => requestAnimationFrame(() => requestAnimationFrame(drawn)))"
+                "() => new Promise(drawn => requestAnimationFrame(() => "
+                "requestAnimationFrame(drawn)))"
             )
             times.append(time.perf_counter() - begin)
             tab.close()

@@ -103,7 +103,8 @@ def main() -> None:
         rows.append(
             [
                 "verified in",
-                f"{time.perf_counter() - begin:.1f} s, {sum(x.state != 'same' for x in findings)} of {len(findings)} differ",
+                f"{time.perf_counter() - begin:.1f} s, "
+                f"{sum(x.state != 'same' for x in findings)} of {len(findings)} differ",
             ]
         )
     table(["", ""], rows)

@@ -196,7 +196,8 @@ class Recovery:
             f"{name.replace('_', ' '):>12}" for name in narrow
         )
         lines = [
-            f"{self.runs} runs; {self.inside} of {len(self.table)} terms within two sigma of the published value",
+            f"{self.runs} runs; {self.inside} of {len(self.table)} terms within two sigma of "
+            f"the published value",
             f"{'':3}{'term':<17}{heads}{'VIF':>7}",
         ]
         for (coefficient, term), row in zip(

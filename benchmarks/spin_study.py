@@ -263,13 +263,16 @@ def statistics(aircraft: flightmech.Aircraft, runs: int, jobs: int) -> None:
         largest = every["term"].values[np.argsort(-np.abs(error) / sigma)[:4]]
         print(f"\n{condition.name}: {len(found)} campaigns of {size} runs")
         print(
-            f"terms within two published sigma, of {len(flown)}: {min(recovery.inside for recovery, _ in found)} at least"
+            f"terms within two published sigma, of {len(flown)}: "
+            f"{min(recovery.inside for recovery, _ in found)} at least"
         )
         print(
-            f"mean error of the medians, in published sigma: {np.max(np.abs(error) / sigma):.2f} at most ({', '.join(largest)})"
+            f"mean error of the medians, in published sigma: "
+            f"{np.max(np.abs(error) / sigma):.2f} at most ({', '.join(largest)})"
         )
         print(
-            f"mean error of the medians over its own standard error: rms {np.sqrt(np.mean(z**2)):.2f}, median {np.median(np.abs(z)):.2f}"
+            f"mean error of the medians over its own standard error: rms "
+            f"{np.sqrt(np.mean(z**2)):.2f}, median {np.median(np.abs(z)):.2f}"
         )
         slopes = np.array([not term.endswith("/1") for term in every["term"].values])
         for kind, chosen in (("slopes", slopes), ("constants", ~slopes)):
@@ -277,7 +280,8 @@ def statistics(aircraft: flightmech.Aircraft, runs: int, jobs: int) -> None:
                 z = every[which].values[chosen]
                 share, rms = 100.0 * np.mean(np.abs(z) <= 2.0), np.sqrt(np.mean(z**2))
                 print(
-                    f"single runs, {kind}, {which} error: {share:.1f} % within two standard errors, rms {rms:.2f}"
+                    f"single runs, {kind}, {which} error: {share:.1f} % within two standard "
+                    f"errors, rms {rms:.2f}"
                 )
         inside = (np.abs(every["total"]) <= 2.0).mean("run")[slopes]
         lowest = inside.sortby(inside)[:5]

@@ -372,7 +372,10 @@ def line(nodes: pd.DataFrame) -> str:
         f"{100 * float((part['error'].abs() < 2 * part['stderr']).mean()):.1f}"
         for _, part in nodes.groupby("flight")
     ]
-    return f"within 2: others {inside[0]}, flight {inside[-1]}; error {np.sqrt(((nodes['error'] / nodes['stderr_before']) ** 2).mean()):.3f}"
+    return (
+        f"within 2: others {inside[0]}, flight {inside[-1]}; error "
+        f"{np.sqrt(((nodes['error'] / nodes['stderr_before']) ** 2).mean()):.3f}"
+    )
 
 
 if __name__ == "__main__":

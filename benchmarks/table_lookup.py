@@ -58,10 +58,12 @@ def main() -> None:
         )
         own, bundled, scipy_ns = (1e9 / len(x) * t for t in (ours, many / 16, theirs))
         print(
-            f"{word:15s} kernel {own:6.1f} ns   per table of a bundle of 16 {bundled:5.1f} ns   SciPy {scipy_ns:6.1f} ns"
+            f"{word:15s} kernel {own:6.1f} ns   per table of a bundle of 16 {bundled:5.1f} "
+            f"ns   SciPy {scipy_ns:6.1f} ns"
         )
         print(
-            f"{'':15s} ratio {theirs / ours:.1f}, in the bundle {theirs / many * 16:.0f}   (largest difference {difference:.1e})"
+            f"{'':15s} ratio {theirs / ours:.1f}, in the bundle {theirs / many * 16:.0f}   "
+            f"(largest difference {difference:.1e})"
         )
 
 

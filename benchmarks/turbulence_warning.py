@@ -184,7 +184,8 @@ def flown(kind: Kind, seed: int) -> tuple[OutputError, dict[str, float]]:
 def main(records: int) -> None:
     warnings.simplefilter("ignore", AeromatchWarning)
     print(
-        f"{records} records each{'':24s}{'warned':>8s}{'off by 3 s.e.':>15s}{'coupling':>10s}{'effect':>9s}"
+        f"{records} records "
+        f"each{'':24s}{'warned':>8s}{'off by 3 s.e.':>15s}{'coupling':>10s}{'effect':>9s}"
     )
     for what, kinds, fit in (
         ("short period", LINEAR, short_period),

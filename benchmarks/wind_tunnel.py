@@ -72,7 +72,8 @@ def main(campaigns: int) -> None:
         print(f"{name}, {domain}: true structure in {count} of {campaigns} campaigns")
     for (name, domain, term), z in apart.items():
         print(
-            f"  {name} {term:16s} {domain:10s} {np.mean(np.abs(z) < 2.0):6.1%} within two, mean {np.mean(z):+.2f}, scatter {np.std(z):.2f}"
+            f"  {name} {term:16s} {domain:10s} {np.mean(np.abs(z) < 2.0):6.1%} within two, "
+            f"mean {np.mean(z):+.2f}, scatter {np.std(z):.2f}"
         )
 
 

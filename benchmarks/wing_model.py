@@ -132,7 +132,8 @@ def main() -> None:
         R2 = np.mean([run[key]["R2"] for run in runs])
         inside = 100.0 * np.mean(np.abs(z) < 2.0, axis=0)
         print(
-            f"{key:14s} R2 {R2:.2f}, true terms in {whole}, exactly in {exact} of {len(runs)}; within two standard errors"
+            f"{key:14s} R2 {R2:.2f}, true terms in {whole}, exactly in {exact} of "
+            f"{len(runs)}; within two standard errors"
         )
         print(
             "    ",
@@ -150,7 +151,8 @@ def main() -> None:
         )
         noise, wrong = (np.array([run[key][what] for run in runs]) for what in ("noise", "wrong"))
         print(
-            f"     all {100.0 * np.mean(np.abs(z) < 2.0):.1f} %, of the noise alone {100.0 * np.mean(np.abs(noise) < 2.0):.1f} %"
+            f"     all {100.0 * np.mean(np.abs(z) < 2.0):.1f} %, of the noise alone "
+            f"{100.0 * np.mean(np.abs(noise) < 2.0):.1f} %"
         )
         print("     rms errors", ", ".join(f"{x:.2g}" for x in np.sqrt((wrong**2).mean(axis=0))))
 

@@ -122,7 +122,8 @@ def main() -> None:
             page.get_by_role("heading", name=f"{MINUTES} min").wait_for()
             page.wait_for_selector(".u-over")
             print(
-                f"recording opened, drawn: {time.perf_counter() - start:.2f} s ({page.locator('.u-over').count()} panels)"
+                f"recording opened, drawn: {time.perf_counter() - start:.2f} s "
+                f"({page.locator('.u-over').count()} panels)"
             )
             print(
                 "pan, 7 panels: {median:.1f} ms a frame, 95 % below {slowest:.1f} ms".format(
@@ -131,11 +132,13 @@ def main() -> None:
             )
             start = time.perf_counter()
             page.evaluate(
-                "for (const box of document.querySelectorAll('details input')) if (!box.checked) box.click()"
+                "for (const box of document.querySelectorAll('details input')) if "
+                "(!box.checked) box.click()"
             )
             page.locator(".u-over").nth(CHANNELS - 1).wait_for(state="attached")
             print(
-                f"all {page.locator('.u-over').count()} channels: {time.perf_counter() - start:.2f} s"
+                f"all {page.locator('.u-over').count()} channels: "
+                f"{time.perf_counter() - start:.2f} s"
             )
             print(
                 "pan, all panels: {median:.1f} ms a frame, 95 % below {slowest:.1f} ms".format(

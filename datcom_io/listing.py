@@ -36,7 +36,10 @@ class Case(PrintedCase):
         """Return number, name and the kinds of tables of the case as text."""
         tables = dict.fromkeys(table.name for page in self.pages for table in page.tables)
         names = f"{', '.join(list(tables)[:_MOST_NAMED]) or 'none'}{', ...' if len(tables) > _MOST_NAMED else ''}"
-        return f"<Case {self.ordinal} {shortened(self.name)!r}: pages {len(self.pages)}, messages {len(self.messages)}; tables: {names}>"
+        return (
+            f"<Case {self.ordinal} {shortened(self.name)!r}: pages {len(self.pages)}, "
+            f"messages {len(self.messages)}; tables: {names}>"
+        )
 
     def block(self, name: str) -> pd.DataFrame:
         """Return all tables of a kind as one table of printed numbers.
@@ -207,7 +210,8 @@ class Listing:
             raise SchemaError(
                 self.file,
                 [
-                    f"several cases have {key!r} in their name: {cases}; give the number, or more of the name"
+                    f"several cases have {key!r} in their name: {cases}; give the number, or "
+                    f"more of the name"
                 ],
             )
         raise UnknownName(
@@ -223,8 +227,14 @@ class Listing:
         """
         names = [shortened(case.name) for case in self.cases[:_MOST_NAMED]]
         more = f", and {len(self.cases) - len(names)} more" if len(self.cases) > len(names) else ""
-        counts = f"runs {self.runs}, lines {self.line_count}, not understood {len(self.unread)}, messages {len(self.messages)}"
-        return f"<Listing {shortened(self.file)!r}: {counts}; cases {len(self.cases)}: {', '.join(map(repr, names))}{more}>"
+        counts = (
+            f"runs {self.runs}, lines {self.line_count}, not understood {len(self.unread)}, "
+            f"messages {len(self.messages)}"
+        )
+        return (
+            f"<Listing {shortened(self.file)!r}: {counts}; cases {len(self.cases)}: "
+            f"{', '.join(map(repr, names))}{more}>"
+        )
 
     def _repr_html_(self) -> str:
         """Return the cases as a table for a notebook."""

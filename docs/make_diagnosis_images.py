@@ -39,7 +39,8 @@ def waterfalls(report: Path, folder: Path) -> list[Path]:
             page.wait_for_timeout(1000)
             if not figure.count():
                 raise SystemExit(
-                    f"{report}: no waterfall for the case {case}; make the report by `aeromatch demo`"
+                    f"{report}: no waterfall for the case {case}; make the report by "
+                    f"`aeromatch demo`"
                 )
             figure.screenshot(path=folder / name)
             written.append(folder / name)

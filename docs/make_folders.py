@@ -110,8 +110,8 @@ def _table(package: str, known: dict[str, Path], graph: dict[str, set[str]]) -> 
         ending = "/" if known[whole].name == "__init__.py" else ".py"
         rows.append(f"| `{place}{ending}` | {count} | {_holds(known[whole])} | {before} |\n")
     return (
-        f"\n## {package}\n\n| folder | modules | holds | imports from |\n| --- | ---: | --- | --- |\n"
-        + "".join(rows)
+        f"\n## {package}\n\n| folder | modules | holds | imports from |\n| --- | ---: | --- "
+        f"| --- |\n" + "".join(rows)
     )
 
 

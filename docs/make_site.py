@@ -62,7 +62,8 @@ def python_pages() -> dict[str, str]:
             pages[page] = namespace_page(name, stub, own, top=name == package)
             listed.append(f"| [`{name}`]({name}.md) | {summary(stub.parent)} |")
     pages["reference/python.md"] = (
-        "# Python interface\n\nOne page per namespace; the packages themselves repeat the names that are needed first.\n\n"
+        "# Python interface\n\nOne page per namespace; the packages themselves repeat the "
+        "names that are needed first.\n\n"
         "| namespace | holds |\n| --- | --- |\n" + "\n".join(listed) + "\n"
     )
     return pages

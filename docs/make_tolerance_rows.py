@@ -71,7 +71,10 @@ def page() -> str:
             row["judged"],
             row["reason"],
         )
-        text += f"| {' | '.join(cell.replace('_', ' ') if i in (4,) else cell for i, cell in enumerate(cells))} |\n"
+        text += (
+            f"| {' | '.join(cell.replace('_', ' ') if i in (4,) else cell for i, cell in enumerate(cells))} "
+            f"|\n"
+        )
     return text + TAIL
 
 

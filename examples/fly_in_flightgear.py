@@ -277,8 +277,10 @@ def newest(controls: socket.socket) -> dict | None:
         return None
     if len(message) != length_of(CONTROLS) or message[:4] != struct.pack(">I", 27):
         raise SystemExit(
-            f"a message of {len(message)} bytes, version {int.from_bytes(message[:4], 'big')} came; allowed are the native controls of "
-            f"FlightGear, {length_of(CONTROLS)} bytes, version 27: start it with --native-ctrls=socket,out,60,HOST,PORT,udp"
+            f"a message of {len(message)} bytes, version "
+            f"{int.from_bytes(message[:4], 'big')} came; allowed are the native controls of "
+            f"FlightGear, {length_of(CONTROLS)} bytes, version 27: start it with "
+            f"--native-ctrls=socket,out,60,HOST,PORT,udp"
         )
     return unpacked(CONTROLS, message)
 
@@ -390,7 +392,8 @@ def main() -> None:
         controls.bind(("", given.controls))
         controls.setblocking(False)
         print(
-            f"flying; controls from port {given.controls}, aeroplane to {given.host}:{given.port}; Ctrl-C ends it"
+            f"flying; controls from port {given.controls}, aeroplane to "
+            f"{given.host}:{given.port}; Ctrl-C ends it"
         )
         try:
             fly(sim, aircraft.limits, start, controls, (given.host, given.port))

@@ -78,7 +78,8 @@ def evaluation_levels(
     """
     known = coefficient_inputs(force_axes)
     problems = [
-        f"{name}: depends on {word}, which a model with force_axes {force_axes} does not have; allowed: {', '.join(known)}"
+        f"{name}: depends on {word}, which a model with force_axes {force_axes} does not "
+        f"have; allowed: {', '.join(known)}"
         for name, leaf in leaves.items()
         for word in sorted(used_coefficients(leaf) - set(known))
     ]
@@ -91,7 +92,8 @@ def evaluation_levels(
     if loop:
         terms = ", ".join(dict.fromkeys(graph[after][before] for before, after in pairwise(loop)))
         problems.append(
-            f"{' -> '.join(loop)} (terms {terms}): a coefficient cannot depend on itself; take one of these terms out"
+            f"{' -> '.join(loop)} (terms {terms}): a coefficient cannot depend on itself; "
+            f"take one of these terms out"
         )
     if problems:
         return own, problems

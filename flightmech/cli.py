@@ -67,7 +67,8 @@ class NameValue(click.ParamType):
     "fixed",
     multiple=True,
     type=NameValue(),
-    help="Fixed quantity as NAME=VALUE, such as V='175 kt', h='5000 ft', phi='30 deg' or engine1.failed=1; may be repeated.",
+    help="Fixed quantity as NAME=VALUE, such as V='175 kt', h='5000 ft', phi='30 deg' or "
+    "engine1.failed=1; may be repeated.",
 )
 @click.option(
     "--free",
@@ -275,7 +276,8 @@ def simulate(
         print_json(summary)
         return
     click.echo(
-        f"{summary['samples']} samples of {summary['outputs']} outputs; tables left: {summary['out_of_range'] or 'none'}"
+        f"{summary['samples']} samples of {summary['outputs']} outputs; tables left: "
+        f"{summary['out_of_range'] or 'none'}"
     )
     click.echo(f"written: {output}")
 
@@ -383,7 +385,9 @@ def write(aircraft: str, database: str, output: str, version: str, as_json: bool
         print_json({"file": str(path), "fmi": version, "bytes": path.stat().st_size, **counts})
     else:
         click.echo(
-            f"FMI {version}, {', '.join(f'{count} {what}' for what, count in counts.items())}, {path.stat().st_size} bytes"
+            f"FMI {version}, "
+            f"{', '.join(f'{count} {what}' for what, count in counts.items())}, "
+            f"{path.stat().st_size} bytes"
         )
         click.echo(f"written: {path}")
 
@@ -414,7 +418,8 @@ def show(path: str, as_json: bool) -> None:
     )
     if not found["runs_here"]:
         print_remark(
-            f"no library for this platform, {found['platform']}; the FMU runs on {', '.join(found['platforms']) or 'none'}"
+            f"no library for this platform, {found['platform']}; the FMU runs on "
+            f"{', '.join(found['platforms']) or 'none'}"
         )
     for finding in found["findings"]:
         print_remark(f"finding: {finding}")

@@ -128,9 +128,11 @@ _ROWS = [
     ("i_h", "rad", "leading edge up", "horizontal-stabilizer incidence", "", "deg"),
     ("trim_rate", "rad s-1", "as the trim surface", "rate of the pitch-trim surface", "", "deg/s"),
     ("trim_indicator", "1", "nose up", "pitch-trim indicator in the cockpit", "", "1"),
-    ("delta_s", "1", "left up, left roll", "spoiler height, left minus right, fraction of the local chord", "", "1"),
+    ("delta_s", "1", "left up, left roll", "spoiler height, left minus right, fraction of the "
+        "local chord", "", "1"),
     ("delta_sp", "rad", "left up, left roll", "roll-spoiler deflection, left minus right", "", "deg"),
-    ("delta_d", "rad", "right TED, left roll", "differential stabilizer deflection, (right - left)/2", "", "deg"),
+    ("delta_d", "rad", "right TED, left roll", "differential stabilizer deflection, (right - "
+        "left)/2", "", "deg"),
     ("delta_nw", "rad", "right", "nose-wheel steering command", "", "deg"),
     ("gear.steering", "rad", "right", "steering angle of the nose wheel", "", "deg"),
     ("gear", "1", "out", "undercarriage extension, 0 in, 1 out", "", "1"),
@@ -146,7 +148,8 @@ _ROWS = [
     ("F_pedal", "N", "right foot", "pilot force on the pedals", "", "lbf"),
     ("wheel_radius", "m", "", "radius at which the pilot holds the control wheel", "", "cm"),
     ("F_rim", "N", "right", "pilot force at the rim of the wheel, torque over radius", "", "lbf"),
-    ("deflection", "rad", "as its source has it", "deflection of a further control, device.body_flap.deflection", "", "deg"),
+    ("deflection", "rad", "as its source has it", "deflection of a further control, "
+        "device.body_flap.deflection", "", "deg"),
     ("setting", "1", "as its source has it", "setting of a further control, device.spike.setting", "", "1"),
     ("tiller", "rad", "right", "nose-wheel tiller travel", "", "deg"),
     ("F_tiller", "N", "right", "pilot force on the tiller", "", "lbf"),
@@ -193,9 +196,12 @@ _ROWS = [
     ("Cl", "1", "RWD", "rolling-moment coefficient, body axes, span b", "aeroBodyMomentCoefficient_Roll", "1"),
     ("Cm", "1", "ANU", "pitching-moment coefficient, body axes, mean chord cbar", "aeroBodyMomentCoefficient_Pitch", "1"),
     ("Cn", "1", "ANR", "yawing-moment coefficient, body axes, span b", "aeroBodyMomentCoefficient_Yaw", "1"),
-    ("Ch_e", "1", "TED", "hinge-moment coefficient of the elevator, on qbar and S_hinge c_hinge of the control", "", "1"),
-    ("Ch_a", "1", "as delta_a", "hinge-moment coefficient of the aileron, on qbar and S_hinge c_hinge of the control", "", "1"),
-    ("Ch_r", "1", "TEL", "hinge-moment coefficient of the rudder, on qbar and S_hinge c_hinge of the control", "", "1"),
+    ("Ch_e", "1", "TED", "hinge-moment coefficient of the elevator, on qbar and S_hinge c_hinge "
+        "of the control", "", "1"),
+    ("Ch_a", "1", "as delta_a", "hinge-moment coefficient of the aileron, on qbar and S_hinge "
+        "c_hinge of the control", "", "1"),
+    ("Ch_r", "1", "TEL", "hinge-moment coefficient of the rudder, on qbar and S_hinge c_hinge of "
+        "the control", "", "1"),
     ("CT", "1", "FWD", "thrust coefficient: net thrust of all engines over qbar S", "", "1"),
     # reduced rates
     ("phat", "1", "RWD", "reduced roll rate, p b/(2 V)", "", "1"),

@@ -225,7 +225,8 @@ def check(leaf: xr.Dataset) -> list[str]:
             problems.append(f"{name} holds {table.dtype}; numbers are needed")
         elif bad := int((~np.isfinite(table.values.astype(float))).sum()):
             problems.append(
-                f"{name} holds {bad} NaN or infinite nodes of {table.size}; trim or fill the table first"
+                f"{name} holds {bad} NaN or infinite nodes of {table.size}; trim or fill the "
+                f"table first"
             )
     for name in ("stderr", "source"):
         if name in leaf:
@@ -244,7 +245,8 @@ def check(leaf: xr.Dataset) -> list[str]:
     for key, item in leaf.attrs.items():
         if isinstance(item, bool) or not isinstance(item, str | _NUMBER):
             problems.append(
-                f"attribute {key} is a {type(item).__name__}; only text and numbers survive in a file"
+                f"attribute {key} is a {type(item).__name__}; only text and numbers survive "
+                f"in a file"
             )
     return problems
 
@@ -277,7 +279,8 @@ def _check_posterior(leaf: xr.Dataset) -> list[str]:
     missing = [name for name in (*POSTERIOR, "stderr") if name not in leaf]
     if missing:
         return [
-            f"has {held[0]} and no {', '.join(missing)}; the covariance of the nodes needs all of {', '.join(POSTERIOR)}"
+            f"has {held[0]} and no {', '.join(missing)}; the covariance of the nodes needs "
+            f"all of {', '.join(POSTERIOR)}"
         ]
     problems = []
     dims = leaf["value"].dims
@@ -290,11 +293,13 @@ def _check_posterior(leaf: xr.Dataset) -> list[str]:
             problems.append(f"{name} holds NaN, infinite values or no numbers")
     if leaf.sizes.get("kind", 2) != 2:
         problems.append(
-            f"prior_error has {leaf.sizes['kind']} parts; there are 2, the proportional and the constant one"
+            f"prior_error has {leaf.sizes['kind']} parts; there are 2, the proportional and "
+            f"the constant one"
         )
     if not isinstance(leaf["posterior_factor"].attrs.get("origin"), str):
         problems.append(
-            "posterior_factor has no attribute origin; it names the tables with which this one is jointly distributed"
+            "posterior_factor has no attribute origin; it names the tables with which this "
+            "one is jointly distributed"
         )
     return problems
 
@@ -306,7 +311,8 @@ def _check_power(attributes: Mapping[Any, Any]) -> list[str]:
     if not variable:
         return (
             [
-                f"attribute {' and '.join(parts)} without power: name the variable in the attribute power"
+                f"attribute {' and '.join(parts)} without power: name the variable in the "
+                f"attribute power"
             ]
             if parts
             else []
@@ -315,15 +321,18 @@ def _check_power(attributes: Mapping[Any, Any]) -> list[str]:
     for key in ("exponent", "floor"):
         if not isinstance(parts.get(key), _NUMBER) or not math.isfinite(parts[key]):
             problems.append(
-                f"power {variable}: attribute {key} is {parts.get(key)!r}; a finite number is needed"
+                f"power {variable}: attribute {key} is {parts.get(key)!r}; a finite number "
+                f"is needed"
             )
         elif key == "exponent" and abs(parts[key]) > MAX_EXPONENT:
             problems.append(
-                f"power {variable}: attribute exponent is {parts[key]:g}; allowed: {-MAX_EXPONENT} to {MAX_EXPONENT}"
+                f"power {variable}: attribute exponent is {parts[key]:g}; allowed: "
+                f"{-MAX_EXPONENT} to {MAX_EXPONENT}"
             )
         elif key == "floor" and parts[key] <= 0:
             problems.append(
-                f"power {variable}: attribute floor is {parts[key]:g}; it must be positive, so that the power is finite"
+                f"power {variable}: attribute floor is {parts[key]:g}; it must be positive, "
+                f"so that the power is finite"
             )
     return problems
 
@@ -361,7 +370,8 @@ def _check_units(axis: str, given: Any) -> list[str]:
     except UnitError:
         pass
     return [
-        f"axis {axis} is given in {str(given)!r}, a term holds {needed!r}: convert the breakpoints and set their attribute units"
+        f"axis {axis} is given in {str(given)!r}, a term holds {needed!r}: convert the "
+        f"breakpoints and set their attribute units"
     ]
 
 

@@ -221,7 +221,10 @@ def parse(unit: str) -> tuple[tuple[int, int, int, int], float, float]:
             name, power = (match.group(1), int(match.group(2) or 1)) if match else ("", 0)
             if name not in _BASE:
                 near = _near(word)
-                known = f"known are {', '.join(sorted(_BASE))} and products, powers and quotients of them"
+                known = (
+                    f"known are {', '.join(sorted(_BASE))} and products, powers and "
+                    f"quotients of them"
+                )
                 raise UnitError(
                     f"unknown unit {unit!r}; " + (f"near it: {near}" if near else known)
                 )
@@ -300,13 +303,15 @@ def quantity(text: str | float | int, expected: str) -> float:
     """
     if isinstance(text, bool):
         raise UnitError(
-            f"found {text!r}; expected a number in {expected} or a text with a unit such as '1.5 {expected}'"
+            f"found {text!r}; expected a number in {expected} or a text with a unit such as "
+            f"'1.5 {expected}'"
         )
     if isinstance(text, int | float):
         return float(text)
     match = _QUANTITY.match(text) if isinstance(text, str) else None
     if not match or not match.group(2):
         raise UnitError(
-            f"found {text!r}; expected a number and a unit such as '1.5 {expected}', or a bare number in {expected}"
+            f"found {text!r}; expected a number and a unit such as '1.5 {expected}', or a "
+            f"bare number in {expected}"
         )
     return float(to_si(float(match.group(1)), match.group(2), expected))

@@ -209,7 +209,8 @@ def test_folders_are_small():
     for folder in {file.parent for file in modules().values()}:
         count = sum(file.name != "__init__.py" for file in folder.glob("*.py"))
         assert count <= MOST_MODULES, (
-            f"{folder.relative_to(ROOT)} holds {count} modules; make a folder for one of its subjects"
+            f"{folder.relative_to(ROOT)} holds {count} modules; make a folder for one of its "
+            f"subjects"
         )
         assert (folder / "__init__.py").is_file(), f"{folder.relative_to(ROOT)} has no __init__.py"
 
@@ -235,7 +236,8 @@ def test_every_kind_of_import_is_seen(tmp_path):
     file.write_text(
         "from typing import TYPE_CHECKING\n"
         "if TYPE_CHECKING:\n    from . import rows\n"
-        "def f():\n    from .case import read_case\n    import aeromatch.cli\n    from ...kernel import x\n    return read_case\n"
+        "def f():\n    from .case import read_case\n    import aeromatch.cli\n    from "
+        "...kernel import x\n    return read_case\n"
     )
     known = modules(tmp_path)
     assert imported(file, known, tmp_path) == {"pom.rows", "pom.case", "aeromatch.cli", "..."}

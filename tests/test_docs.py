@@ -43,7 +43,8 @@ PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").r
 LANGUAGES = {"console", "sh", "text", "python", "toml", "csv", "matlab", "json", "xml"}
 # commands that are not run here: a part of the command, and why
 NOT_RUN = {
-    "./run demo": "makes an environment over the network; tests/aeromatch/test_demo.py runs the demo itself",
+    "./run demo": "makes an environment over the network; tests/aeromatch/test_demo.py runs the "
+    "demo itself",
     "./run test": "this suite",
     ".ci/run": "runs this suite",
     ".ci/nightly": "runs the rest of this suite",
@@ -52,15 +53,19 @@ NOT_RUN = {
     "benchmarks/": "minutes of measurement; no step of any work",
     "./run docs": "makes an environment over the network; tests/test_site.py builds the site",
     "aeromatch view": "serves until it is interrupted; tests/aeromatch/workbench opens it",
-    "--actions": "needs the log of a session of the workbench; tests/aeromatch/workbench/test_server.py replays one",
-    "db import-aircraft": "files of other programs, no part of the repository; tests/aerodb/cli/test_import_aircraft.py runs it",
-    "aeromatch store": "shows and clears the cache of the user; tests/aeromatch/rebuilding/test_store_verb.py calls it",
+    "--actions": "needs the log of a session of the workbench; "
+    "tests/aeromatch/workbench/test_server.py replays one",
+    "db import-aircraft": "files of other programs, no part of the repository; "
+    "tests/aerodb/cli/test_import_aircraft.py runs it",
+    "aeromatch store": "shows and clears the cache of the user; "
+    "tests/aeromatch/rebuilding/test_store_verb.py calls it",
     "ruff": "style and types: run by .ci/run",
 }
 # pages of half a minute and more, whose verbs have tests of their own in the suite: for .ci/nightly
 NIGHTLY_PAGES = ("flapping-vehicle.md", "database-figures.md", "real-flights.md")
 FENCE = re.compile(
-    r"^(?P<slow><!-- slow -->\n+)?(?P<indent> *)```(?P<language>\S*)(?: title=\"(?P<title>[^\"]+)\")?\n(?P<text>.*?)^(?P=indent)```$",
+    r"^(?P<slow><!-- slow -->\n+)?(?P<indent> *)```(?P<language>\S*)(?: "
+    r"title=\"(?P<title>[^\"]+)\")?\n(?P<text>.*?)^(?P=indent)```$",
     re.M | re.S,
 )
 NEEDS = re.compile(r"^\*(Commands [^*]+)\*$", re.M)

@@ -185,6 +185,7 @@ def test_other_messages_than_flightgears_controls_are_refused(t37_in_flightgear)
         controls.sendto(b"\0" * 400, controls.getsockname())
         with pytest.raises(
             SystemExit,
-            match="a message of 400 bytes, version 0 came; allowed are the native controls of FlightGear, 744 bytes",
+            match="a message of 400 bytes, version 0 came; allowed are the native controls of "
+            "FlightGear, 744 bytes",
         ):
             example.newest(controls)

@@ -11,7 +11,8 @@ from aeromatch.cli.command import COMMANDS, cli
 
 # first words of fragments, which need another text to be understood
 FRAGMENTS = re.compile(
-    r"(Also|And|As|At|By|For|From|In|Its?|Of|On|Or|Out|Than|That|The same|Theirs?|Them|Those|To|Up|With|Without|"
+    r"(Also|And|As|At|By|For|From|In|Its?|Of|On|Or|Out|Than|That|The "
+    r"same|Theirs?|Them|Those|To|Up|With|Without|"
     r"Are|Does|How|Is|What|When|Where|Whether|Which|Whose?|Why)\b"
 )
 

@@ -121,10 +121,11 @@ def test_plain_words():
 def test_a_planted_word_is_found_with_what_to_write_instead():
     (place,) = places("pom/a.py", b"x = 1\n# The record tells it.\n")
     assert (
-        place
-        == "pom/a.py:2: 'tells': '# The record tells it.'; write: reported, stated, shown, distinguished"
+        place == "pom/a.py:2: 'tells': '# The record tells it.'; write: reported, stated, shown, "
+        "distinguished"
     )
-    assert [place.split(": ")[1] for place in places("a.py", b"def what_is_left(house_unit): ...\nTWIN = ask  for")] == [
+    assert [place.split(": ")[1] for place in places("a.py", b"def what_is_left(house_unit): "
+        b"...\nTWIN = ask  for")] == [
         "'house'", "'what is left'", "'ask for'", "'twin'"
     ]  # fmt: skip
     assert not list(places("a.py", b"ensure closest swingby household betold"))

@@ -350,7 +350,8 @@ def _inputs(
         lacking = [file.name for file in files.values() if not file.is_file()]
         if lacking:
             raise click.UsageError(
-                f"{folder} holds no {' and no '.join(lacking)}; name a folder that `aeromatch match` wrote, or databases"
+                f"{folder} holds no {' and no '.join(lacking)}; name a folder that "
+                f"`aeromatch match` wrote, or databases"
             )
         crafts = {name: aircraft or folder / f"{name}.toml" for name in _OWN}
         return (
@@ -360,7 +361,8 @@ def _inputs(
         )
     if len(places) > 2 or any(place.is_dir() for place in places):
         raise click.UsageError(
-            "give one folder that `aeromatch match` wrote, one database, or the a-priori and the final database"
+            "give one folder that `aeromatch match` wrote, one database, or the a-priori and "
+            "the final database"
         )
     names = [place.stem for place in places]
     names = (

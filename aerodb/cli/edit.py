@@ -427,7 +427,8 @@ def _numbers(text: str, units: str) -> list[float]:
     match = _NUMBERS.match(text)
     if not match:
         raise UnitError(
-            f"found {text!r}; expected numbers and a unit such as '0 4 8 deg', or numbers in {units}"
+            f"found {text!r}; expected numbers and a unit such as '0 4 8 deg', or numbers in "
+            f"{units}"
         )
     return [
         float(to_si(float(word), match.group(2) or units, units))

@@ -46,7 +46,8 @@ grid_option = click.option(
     "--grid",
     multiple=True,
     type=AxisOption(),
-    help="Samples of an axis: a range such as alpha='-10 30 deg'; for daveml also the breakpoints themselves.",
+    help="Samples of an axis: a range such as alpha='-10 30 deg'; for daveml also the breakpoints "
+    "themselves.",
 )
 
 
@@ -60,7 +61,8 @@ def reading_options(verb: Any) -> Any:
     travel = click.option(
         "--travel",
         multiple=True,
-        help="Full deflection of a jsbsim control that moves as a fraction, such as 'delta_f=40 deg'.",
+        help="Full deflection of a jsbsim control that moves as a fraction, such as 'delta_f=40 "
+        "deg'.",
     )
     return without(travel(sample_option(grid_option(verb))))
 
@@ -86,12 +88,14 @@ def reader_options(
         key = _only("--sample", fmt, {"jsbsim": "box", "daveml": "grid"})
         if sample is None:
             raise click.UsageError(
-                "--grid states where functions are sampled; give --sample, the largest difference allowed, with it"
+                "--grid states where functions are sampled; give --sample, the largest "
+                "difference allowed, with it"
             )
         for name, points in grid:
             if key == "box" and len(points) != 2:
                 raise click.UsageError(
-                    f"--grid {name} has {len(points)} numbers; for jsbsim give the two ends of a range"
+                    f"--grid {name} has {len(points)} numbers; for jsbsim give the two ends "
+                    f"of a range"
                 )
         options |= {"sample": sample, key: dict(grid)}
     return options
@@ -142,7 +146,8 @@ def _function(place: tuple[str, str]) -> Any:
 )
 @click.option(
     "--height",
-    help="Height to which tables replace formulas of the ground effect, for jsbsim and daveml.  [default: 1000 m]",
+    help="Height to which tables replace formulas of the ground effect, for jsbsim and daveml.  "
+    "[default: 1000 m]",
 )
 @click.option("--count", type=click.IntRange(1), help="Number of check cases.")
 @click.option("--seed", type=int, help="Seed of the check cases.")
@@ -333,7 +338,8 @@ def import_aircraft(
     fmt = recognise_format(Path(file))
     if fmt not in ("jsbsim", "daveml"):
         raise click.UsageError(
-            f"{file} is a file of the format {fmt}, which holds no aircraft; give a JSBSim or DAVE-ML file"
+            f"{file} is a file of the format {fmt}, which holds no aircraft; give a JSBSim "
+            f"or DAVE-ML file"
         )
     options = reader_options(fmt, without, travel, sample, grid)
     read = _jsbsim if fmt == "jsbsim" else _daveml
@@ -355,7 +361,8 @@ def import_aircraft(
     click.echo(summary(tree))
     print_sampled(tree)
     click.echo(
-        f"\n{aircraft.name}: mass {aircraft.mass:.1f} kg, {len(aircraft.engines)} engines, {len(sim.terms)} terms compiled"
+        f"\n{aircraft.name}: mass {aircraft.mass:.1f} kg, {len(aircraft.engines)} engines, "
+        f"{len(sim.terms)} terms compiled"
     )
     click.echo(aircraft.history) if aircraft.history else None
     click.echo(f"{fmt}: written {output}, {written}")
@@ -365,7 +372,8 @@ def _demand_new(path: Path, force: bool) -> None:
     """Refuse to write over older files: the database, the aircraft file, its tables."""
     if path.suffix == ".toml":
         raise click.UsageError(
-            f"-o {path} is the aircraft file's name; give that of the database, such as {path.with_suffix('.nc')}"
+            f"-o {path} is the aircraft file's name; give that of the database, such as "
+            f"{path.with_suffix('.nc')}"
         )
     older = [
         file
@@ -378,7 +386,8 @@ def _demand_new(path: Path, force: bool) -> None:
     ]
     if older and not force:
         raise click.UsageError(
-            f"{', '.join(map(str, older))}: already there; give another name, or --force to overwrite"
+            f"{', '.join(map(str, older))}: already there; give another name, or --force to "
+            f"overwrite"
         )
 
 
@@ -396,7 +405,8 @@ def _daveml(file: str, options: dict, daveml: dict, own: dict) -> tuple[xr.DataT
 
     if daveml["inertia"] is None:
         raise click.UsageError(
-            "--inertia is needed: a DAVE-ML file of aerodynamics holds no mass; without an aircraft use aeromatch db import"
+            "--inertia is needed: a DAVE-ML file of aerodynamics holds no mass; without an "
+            "aircraft use aeromatch db import"
         )
     names = dict(_pair(text, "--names", "ALPHA_TOT_D=alpha [deg]") for text in daveml["names"])
     inputs = {

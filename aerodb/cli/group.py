@@ -51,7 +51,8 @@ def aircraft_and_places(aircraft: str, places: tuple[str, ...]) -> tuple[Path, t
     file = Path(aircraft) / "aircraft.toml"
     if not file.is_file():
         raise click.UsageError(
-            f"no aircraft.toml in the folder {aircraft}; write it, or give the aircraft file first and then the folder"
+            f"no aircraft.toml in the folder {aircraft}; write it, or give the aircraft file "
+            f"first and then the folder"
         )
     return file, (aircraft, *places)
 
@@ -214,7 +215,8 @@ def build(
         click.echo()
     if "clean" not in given:
         raise click.UsageError(
-            "no case of the whole aeroplane (clean); give one with --clean FILE:CASE, or PLACES that hold one"
+            "no case of the whole aeroplane (clean); give one with --clean FILE:CASE, or "
+            "PLACES that hold one"
         )
     count = sum(map(len, given.values()))
     with (

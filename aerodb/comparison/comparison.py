@@ -329,7 +329,10 @@ def _warn_of_references(a: xr.DataTree, b: xr.DataTree) -> None:
         if not _same(a.attrs.get(key), b.attrs.get(key))
     ]
     if apart:
-        text = f"the databases do not refer to the same: {'; '.join(apart)}; the numbers are compared as they stand"
+        text = (
+            f"the databases do not refer to the same: {'; '.join(apart)}; the numbers are "
+            f"compared as they stand"
+        )
         warnings.warn(text, AeromatchWarning, stacklevel=3)
 
 

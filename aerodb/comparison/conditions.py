@@ -344,7 +344,8 @@ def select_covered_samples(
         whole &= np.isfinite(columns[name])
     if not whole.any():
         raise OutOfRange(
-            f"no sample of {size} has a number in all of {', '.join(wanted)}; give conditions without NaN",
+            f"no sample of {size} has a number in all of {', '.join(wanted)}; give "
+            f"conditions without NaN",
             ~whole,
         )
     kept, numbers, time = (
@@ -401,6 +402,9 @@ def _read(path: Path) -> xr.Dataset:
     data = found["states"] if "states" in found.children else found
     if "alpha" not in data.data_vars:
         names = ", ".join(map(str, [*data.data_vars, *data.children])) or "nothing"
-        wanted = "states over one clock: a path of `aeromatch flight reconstruct`, or a manoeuvre that holds alpha and mach"
+        wanted = (
+            "states over one clock: a path of `aeromatch flight reconstruct`, or a "
+            "manoeuvre that holds alpha and mach"
+        )
         raise ParseError(str(path), 0, names[:200], wanted)
     return data.to_dataset()

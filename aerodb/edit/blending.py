@@ -123,7 +123,8 @@ def blend(
     unlike = frame[frame["probability"] < UNLIKELY]
     if len(unlike):
         summary = [
-            f"{name} (chi-square {row.chi2:.4g} of {row.nodes} nodes, {row.worst:.3g} at {row.location})"
+            f"{name} (chi-square {row.chi2:.4g} of {row.nodes} nodes, {row.worst:.3g} at "
+            f"{row.location})"
             for name, row in unlike.iterrows()
         ]
         text = f"blend: tables disagree by more than their standard errors: {'; '.join(summary)}"
@@ -196,7 +197,8 @@ def _pairs(
         words = [" ".join(_terms.multipliers(leaf)) or "none" for leaf in pair]
         if words[0] != words[1]:
             problems.append(
-                f"{name}: regressors {words[0]} here and {words[1]} there; only tables of the same meaning can be joined"
+                f"{name}: regressors {words[0]} here and {words[1]} there; only tables of "
+                f"the same meaning can be joined"
             )
         found[name] = (
             _Pair(*pair)
@@ -300,7 +302,8 @@ def _blended(pair: _Pair, rule: str) -> xr.Dataset:
         raise SchemaError(
             "blend",
             [
-                f"both are exact (standard error 0) and differ at {at} and {int(off.sum()) - 1} more nodes"
+                f"both are exact (standard error 0) and differ at {at} and "
+                f"{int(off.sum()) - 1} more nodes"
             ],
         )
     joined = _together(ours, pair) if rule == "correlated" else _apart(both, v2 - v1, s1, s2)

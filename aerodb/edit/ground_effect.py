@@ -72,7 +72,8 @@ def in_ground_effect(free: xr.Dataset, k: float, exponent: float, floor: float) 
         raise SchemaError(
             "ground effect",
             [
-                "the term depends on a height or has a power factor already; give it as it is in free air"
+                "the term depends on a height or has a power factor already; give it as it "
+                "is in free air"
             ],
         )
     leaf = free.assign(value=free["value"] * k)
@@ -170,7 +171,8 @@ def with_height_table(leaf: xr.Dataset, top: float, tolerance: float = 1e-3) -> 
     )
     if factor.variable in leaf.dims or {"K1", "K2"} <= set(leaf):
         problems.append(
-            f"the term has no room for a factor over {factor.variable}; it has the tables {' '.join(map(str, leaf.data_vars))}"
+            f"the term has no room for a factor over {factor.variable}; it has the tables "
+            f"{' '.join(map(str, leaf.data_vars))}"
         )
     if problems:
         raise SchemaError("height table", problems)
@@ -249,7 +251,8 @@ def factor_table(leaf: xr.Dataset, axis: str) -> tuple[xr.Dataset, float]:
         raise SchemaError(
             "factored",
             [
-                f"needs a table over {axis} and another axis, without K1; this one goes over {names or 'nothing'}"
+                f"needs a table over {axis} and another axis, without K1; this one goes over "
+                f"{names or 'nothing'}"
             ],
         )
     value = leaf["value"].transpose(axis, ...)

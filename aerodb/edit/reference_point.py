@@ -103,7 +103,10 @@ def move_reference(
     new, old = _checked(db, point, tolerance, flow), _point(db)
     base = _before_moves(db, flow)
     d, leaves = _point(base) - new, terms(base)
-    summary = f"from ({_metres(old)}) to ({_metres(new)}) m{', flow angles with it' if flow == 'moved' else ''}"
+    summary = (
+        f"from ({_metres(old)}) to ({_metres(new)}) "
+        f"m{', flow angles with it' if flow == 'moved' else ''}"
+    )
     _demand_countable(leaves, float(d[2]))
     if d.any():
         whole = _moved(leaves, base.attrs, d, tolerance)
@@ -145,7 +148,8 @@ def _checked(db: xr.DataTree, point: Sequence[float], tolerance: float, flow: st
         problems.append(f"flow is {flow!r}; allowed: kept, moved")
     if flow == "moved" and db.attrs["force_axes"] != "stability":
         problems.append(
-            f"flow='moved' is for force axes 'stability', the database has {db.attrs['force_axes']!r}"
+            f"flow='moved' is for force axes 'stability', the database has "
+            f"{db.attrs['force_axes']!r}"
         )
     if flow == "moved" and not problems and new[1] != _point(db)[1]:
         problems.append(

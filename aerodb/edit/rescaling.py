@@ -104,7 +104,8 @@ def rescale(
     wide = _widening(widening)
     span = aircraft.b / float(db.attrs["b"])
     summary = [
-        f"from {db.attrs.get('aircraft', 'another aircraft')} to {aircraft.name}, span ratio {span:.6g}"
+        f"from {db.attrs.get('aircraft', 'another aircraft')} to {aircraft.name}, span ratio "
+        f"{span:.6g}"
     ]
     summary += [f"{name} times {value:g}" for name, value in (factors or {}).items()]
     line = f"rescale: {'; '.join(summary)}{f' ({note})' if note else ''}"

@@ -281,7 +281,8 @@ def regrid(
     new, error, at = _regridded(name, leaf, breakpoints)
     if tolerance is not None and not error <= tolerance:
         raise OutOfRange(
-            f"regrid {name}: the new table differs from the old one by up to {error:.4g} at {at}, allowed {tolerance:g}; "
+            f"regrid {name}: the new table differs from the old one by up to {error:.4g} at "
+            f"{at}, allowed {tolerance:g}; "
             "put breakpoints there or allow more"
         )
     counts = ", ".join(
@@ -358,7 +359,8 @@ def extend(
         raise SchemaError(
             f"extend {name}",
             [
-                f"breakpoints of {axis} must lie outside {old[0]:.6g} ... {old[-1]:.6g}; regrid puts some inside"
+                f"breakpoints of {axis} must lie outside {old[0]:.6g} ... {old[-1]:.6g}; "
+                f"regrid puts some inside"
             ],
         )
     words = how if isinstance(how, str) else "given values"
@@ -474,7 +476,8 @@ def _breakpoint(name: str, leaf: xr.Dataset, axis: str, at: float) -> int:
     ):  # what a person writes in degrees or feet, not what a program does
         known = ", ".join(display_text(axis, x) for x in points)
         raise OutOfRange(
-            f"set {name}: no breakpoint at {axis} {display_text(axis, at)}; there are {known}; regrid puts one there"
+            f"set {name}: no breakpoint at {axis} {display_text(axis, at)}; there are "
+            f"{known}; regrid puts one there"
         )
     return i
 
@@ -559,7 +562,10 @@ def _warn_of_zeros(name: str, leaf: xr.Dataset, by: xr.Dataset) -> None:
         ).sum()
     )
     if count:
-        text = f"shift: {count} nodes of {name} were zero by definition and no longer are; shift by a table that is zero there"
+        text = (
+            f"shift: {count} nodes of {name} were zero by definition and no longer are; shift "
+            f"by a table that is zero there"
+        )
         warnings.warn(text, AeromatchWarning, stacklevel=3)
 
 
@@ -635,7 +641,8 @@ def _along(
         raise SchemaError(
             f"extend {name}",
             [
-                f"{what} have the shape {np.shape(given)}; give {len(new)} numbers along {axis}, or the shape {shape}"
+                f"{what} have the shape {np.shape(given)}; give {len(new)} numbers along "
+                f"{axis}, or the shape {shape}"
             ],
         )
     return np.broadcast_to(array, shape)

@@ -14,7 +14,10 @@ _HEAD = 65_536
 _BEFORE = re.compile(rb"\s+|<\?.*?\?>|<!--.*?-->|<!DOCTYPE[^\[>]*(\[.*?\]\s*)?>", re.DOTALL)
 _ELEMENT = re.compile(rb"<(?:[\w.-]+:)?([\w.-]+)")
 _ROOTS = {b"DAVEfunc": "daveml", b"fdm_config": "jsbsim"}
-_KNOWN = "a database (netCDF-4), a MAT file, a JSBSim or DAVE-ML file, or a folder of CSV files with their index"
+_KNOWN = (
+    "a database (netCDF-4), a MAT file, a JSBSim or DAVE-ML file, or a folder of CSV files "
+    "with their index"
+)
 
 
 def recognise_format(path: Path) -> str:

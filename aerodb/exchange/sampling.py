@@ -68,14 +68,16 @@ def tabulate_function(
             )
             if short.any():
                 raise SamplingError(
-                    f"it jumps near {axis} = {split[axis][short][0]:.6g}; a table cannot follow it, leave it out"
+                    f"it jumps near {axis} = {split[axis][short][0]:.6g}; a table cannot "
+                    f"follow it, leave it out"
                 )
         if not any(len(new) for new in split.values()):
             return nodes
         points = {axis: np.union1d(at, split[axis]) for axis, at in points.items()}
         if np.prod([float(len(at)) for at in points.values()]) > MOST_NODES:
             raise SamplingError(
-                f"it needs more than {MOST_NODES} nodes for {bound:.2g}; give a wider bound or a narrower range"
+                f"it needs more than {MOST_NODES} nodes for {bound:.2g}; give a wider bound "
+                f"or a narrower range"
             )
 
 

@@ -217,7 +217,8 @@ class _Builder:
     def _doctype(self, *_: object) -> None:
         raise self._error(
             "a document type declaration",
-            "plain XML; entities and files outside are not read: write their content into the file and delete the declaration",
+            "plain XML; entities and files outside are not read: write their content into "
+            "the file and delete the declaration",
         )
 
     def _entity(self, name: str, *declaration: object) -> None:

@@ -290,7 +290,8 @@ class _TermSource:
             raise SchemaError(
                 name,
                 [
-                    "has no axis and therefore no curve; `aeromatch db show --term` prints the number"
+                    "has no axis and therefore no curve; `aeromatch db show --term` prints "
+                    "the number"
                 ],
             )
         self.regressors = _terms.regressors(next(iter(self.leaves.values())))
@@ -303,7 +304,8 @@ class _TermSource:
             raise SchemaError(
                 name,
                 [
-                    f"regressors differ: {', '.join(apart)}; compare the coefficient {name.split('/')[0]} instead"
+                    f"regressors differ: {', '.join(apart)}; compare the coefficient "
+                    f"{name.split('/')[0]} instead"
                 ],
             )
 

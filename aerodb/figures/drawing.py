@@ -174,8 +174,10 @@ def reference_notes(databases: Mapping[str, xr.DataTree]) -> list[str]:
         a = db.attrs
         point = ", ".join(number_text(float(a[key])) for key in ("x_ref", "y_ref", "z_ref"))
         text = (
-            f"S = {number_text(a['S'])} m², cbar = {number_text(a['cbar'])} m, b = {number_text(a['b'])} m; moments about ({point}) m from the drawing "
-            f"datum (x forward, y right, z down); forces in {a['force_axes']} axes, moments and rates in body axes."
+            f"S = {number_text(a['S'])} m², cbar = {number_text(a['cbar'])} m, b = "
+            f"{number_text(a['b'])} m; moments about ({point}) m from the drawing "
+            f"datum (x forward, y right, z down); forces in {a['force_axes']} axes, moments "
+            f"and rates in body axes."
         )
         texts.setdefault(text, []).append(name)
     if len(texts) == 1:
@@ -225,7 +227,8 @@ def save_figure(figure: Figure, path: str | os.PathLike) -> None:
         raise SchemaError(
             str(path),
             [
-                f"the suffix is {Path(path).suffix!r}; allowed: {', '.join(f'.{f}' for f in FORMATS)}"
+                f"the suffix is {Path(path).suffix!r}; allowed: "
+                f"{', '.join(f'.{f}' for f in FORMATS)}"
             ],
         )
     title = figure.get_label() or "figure"

@@ -247,7 +247,8 @@ def _notes(databases: Mapping[str, xr.DataTree], f: Family, code: Mapping[str, P
         + " Bands: one standard error either side, node errors correlated as in an a-priori table"
         + ("." if f.is_term else ", terms independent.")
         + (
-            f" Lower strips: difference to {next(iter(code))}, grey band one standard error of {next(iter(code))}."
+            f" Lower strips: difference to {next(iter(code))}, grey band one standard error "
+            f"of {next(iter(code))}."
             if len(code) > 1
             else ""
         )

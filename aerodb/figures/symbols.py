@@ -138,7 +138,10 @@ def value_text(name: str, si: float) -> str:
     if name == "h_agl" and si >= FREE_AIR:
         return "free air"
     unit = printed_unit(name)
-    return f"${symbol(name)}$ = {number_text(float(to_display_unit(name, si)))}{f' {unit}' if unit else ''}"
+    return (
+        f"${symbol(name)}$ = "
+        f"{number_text(float(to_display_unit(name, si)))}{f' {unit}' if unit else ''}"
+    )
 
 
 def number_text(value: float) -> str:

@@ -154,7 +154,8 @@ def from_datcom(
         raise SchemaError(
             "power",
             [
-                "powered pages are stated to be the clean ones (powered); leave out power, or state it no longer"
+                "powered pages are stated to be the clean ones (powered); leave out power, "
+                "or state it no longer"
             ],
         )
     given = {
@@ -184,7 +185,8 @@ def from_datcom(
         _require_tail(given["clean"])
     if not given["clean"].has("dynamic"):
         warn(
-            f"clean: {given['clean'].file} has no dynamic page, so that the database has no damping (qhat, phat, rhat): "
+            f"clean: {given['clean'].file} has no dynamic page, so that the database has no "
+            f"damping (qhat, phat, rhat): "
             "run the deck with a card DAMP"
         )
     if given["clean"].powered:
@@ -214,7 +216,8 @@ def from_datcom(
         source="Digital DATCOM",
         references="AFFDL-TR-79-3032; LR-743",
         history=history,
-        comment="moments and rates in body axes; DATCOM's stability-axis ones are turned by alpha at the nodes",
+        comment="moments and rates in body axes; DATCOM's stability-axis ones are turned by alpha "
+        "at the nodes",
         absent=" ".join(name for name in SCHEME if name not in found),
     )
 
@@ -288,7 +291,8 @@ def _referred(
         ]
         if off:
             warn(
-                f"{role}: {', '.join(off)}: not the reference quantities of the aircraft; the coefficients are referred to the aircraft's"
+                f"{role}: {', '.join(off)}: not the reference quantities of the aircraft; "
+                f"the coefficients are referred to the aircraft's"
             )
     effects = {
         effect.name: rereference(effect, given[role].reference, new) for role, effect in found
@@ -328,15 +332,18 @@ def _reference_point(
     if aircraft.reference is None:
         x_cg, z_cg = (given["clean"].reference[key] for key in ("x_cg", "z_cg"))
         warn(
-            f"the aircraft file gives no reference; the moment reference point is that of the cards of {given['clean'].file}, "
-            f"XCG {x_cg:.4g} m, ZCG {z_cg:.4g} m: cg and all positions of the aircraft file count from there"
+            f"the aircraft file gives no reference; the moment reference point is that of "
+            f"the cards of {given['clean'].file}, "
+            f"XCG {x_cg:.4g} m, ZCG {z_cg:.4g} m: cg and all positions of the aircraft file "
+            f"count from there"
         )
         return -x_cg, 0.0, -z_cg
     x_ref, y_ref, z_ref = (float(item) for item in aircraft.reference)
     problems = []
     if abs(y_ref) > _NEAR * aircraft.cbar:
         problems.append(
-            f"the moment reference point lies {y_ref:.4f} m right of the plane of symmetry; DATCOM's lies in it, set y to 0"
+            f"the moment reference point lies {y_ref:.4f} m right of the plane of symmetry; "
+            f"DATCOM's lies in it, set y to 0"
         )
     far: dict[str, list[str]] = {}
     for role, place in () if move_reference else given.items():
@@ -346,12 +353,16 @@ def _reference_point(
             chords > _FAR and role != "power"
         ):  # powered pages must have the moment centre of the clean ones
             x_cg, z_cg = place.reference["x_cg"], place.reference["z_cg"]
-            centre = f"XCG {x_cg:.4g} m, ZCG {z_cg:.4g} m, which is reference = [{-x_cg:.4g}, 0, {-z_cg:.4g}]"
+            centre = (
+                f"XCG {x_cg:.4g} m, ZCG {z_cg:.4g} m, which is reference = [{-x_cg:.4g}, 0, "
+                f"{-z_cg:.4g}]"
+            )
             far.setdefault(
                 f"{chords:.2g} chords from the moment centre of {place.file} ({centre}", []
             ).append(role)
     problems += [
-        f"reference [{x_ref:.4g}, 0, {z_ref:.4g}] m lies {text}; {', '.join(roles)}); correct it, leave it out to take that of the "
+        f"reference [{x_ref:.4g}, 0, {z_ref:.4g}] m lies {text}; {', '.join(roles)}); "
+        f"correct it, leave it out to take that of the "
         "cards, or state `move_reference` (--move-reference) to have the moments transferred"
         for text, roles in far.items()
     ]
@@ -367,8 +378,10 @@ def _require_tail(clean: Source) -> None:
         raise SchemaError(
             clean.role,
             [
-                f"the pages of {clean.file} are those of {found}, not of the whole aeroplane: stability and damping of the tail are not in "
-                "them; give the case with HTPLNF and VTPLNF, or state `tailless` (--tailless) for an aircraft that has no tail"
+                f"the pages of {clean.file} are those of {found}, not of the whole "
+                f"aeroplane: stability and damping of the tail are not in "
+                "them; give the case with HTPLNF and VTPLNF, or state `tailless` "
+                "(--tailless) for an aircraft that has no tail"
             ],
         )
 

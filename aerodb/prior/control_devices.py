@@ -49,7 +49,8 @@ def spoilers(given: Source, h_ref: float) -> Effect:
     stale = float(np.abs(tables["Cl"].sel(delta_s=0.0)).max()) if (height == 0.0).any() else 0.0
     if stale > 0.0:
         warn(
-            f"{given.role}: Cl {stale:.4g} is printed for a spoiler of no height: below some height the program's chart holds its end; "
+            f"{given.role}: Cl {stale:.4g} is printed for a spoiler of no height: below some "
+            f"height the program's chart holds its end; "
             "no height counts as no moment, and small heights are as printed"
         )
     note = (
@@ -70,7 +71,8 @@ def differential_tail(given: Source, h_ref: float) -> Effect:
         raise SchemaError(
             given.role,
             [
-                "the deflected surface is the wing, the tail is needed (STYPE 5); ailerons go to aileron="
+                "the deflected surface is the wing, the tail is needed (STYPE 5); ailerons "
+                "go to aileron="
             ],
         )
     delta = (
@@ -133,7 +135,8 @@ def stabilizer(given: Source, h_ref: float) -> Effect:
     tables = drop_empty_tables({"CL": eta * slope, "Cm": eta * slope * arm})
     if set(tables) != {"CL", "Cm"}:
         warn(
-            f"{given.role}: the page of stabilizer trim holds no lift and moment of the tail at trim; the terms are left absent"
+            f"{given.role}: the page of stabilizer trim holds no lift and moment of the tail "
+            f"at trim; the terms are left absent"
         )
         return Effect("elevator", {})
     comment = join_sentences(
@@ -185,7 +188,8 @@ def elevator_hinge(given: Source, clean: Source, h_ref: float) -> list[Effect]:
     )
     if place is None:
         warn(
-            f"{given.role}: (CH)A is per angle of attack of the tail, and no listing with downwash is at hand; Ch_e/alpha is left absent"
+            f"{given.role}: (CH)A is per angle of attack of the tail, and no listing with "
+            f"downwash is at hand; Ch_e/alpha is left absent"
         )
         return found
     epsilon = at_height(place.grid("downwash"), h_ref)["epsilon"]
@@ -214,11 +218,15 @@ def aileron_hinge(given: Source, h_ref: float) -> list[Effect]:
         raise SchemaError(
             given.role,
             [
-                "the deflected surface is the tail, the wing is needed: run the aileron as a SYMFLP without tail"
+                "the deflected surface is the tail, the wing is needed: run the aileron as a "
+                "SYMFLP without tail"
             ],
         )
     slope = _slope("Ch_a", grid)
-    comment = "one aileron; equal on both sides, so that it cancels at the wheel unless the aeroplane rolls"
+    comment = (
+        "one aileron; equal on both sides, so that it cancels at the wheel unless the "
+        "aeroplane rolls"
+    )
     found = _deflection("Ch_a", grid, "delta_a", given)
     return (
         [Effect("alpha", slope, "alpha", references=given.place("symflp"), comment=comment), *found]
@@ -256,13 +264,17 @@ def tabs(given: Source, h_ref: float, with_page: bool) -> list[Effect]:
     found = []
     tab = _tab_effect(planes)
     if np.isfinite(tab):
-        comment = "per deflection of the trim tab; the engineer's own B4 of CONTAB, from hinge moment over tab for no stick force"
+        comment = (
+            "per deflection of the trim tab; the engineer's own B4 of CONTAB, from hinge "
+            "moment over tab for no stick force"
+        )
         found.append(
             Effect("tab", {"Ch_e": xr.DataArray(tab)}, "delta_t", references=lines, comment=comment)
         )
     else:
         warn(
-            f"{given.role}: hinge moment and tab for no stick force do not fit each other; Ch_e/tab is left absent"
+            f"{given.role}: hinge moment and tab for no stick force do not fit each other; "
+            f"Ch_e/tab is left absent"
         )
     per_alpha, per_delta = planes.get("Ch_tab_gearing", (np.nan, np.nan))
     if np.isfinite(per_delta) and abs(per_delta) > 1e-6:

@@ -83,7 +83,8 @@ def terms_of_effect(
         found[name] = leaf.assign(source=leaf["source"].copy(data=code))
     for (last, end), names in carried.items():
         warn(
-            f"{' '.join(names)}: nothing is printed beyond Mach {last:g}; that value is held to Mach {end:g}, another speed regime, "
+            f"{' '.join(names)}: nothing is printed beyond Mach {last:g}; that value is held "
+            f"to Mach {end:g}, another speed regime, "
             "with twice the standard error; delete or replace it if it matters there"
         )
     return found
@@ -117,7 +118,8 @@ def fill_unprinted_cells(table: xr.DataArray) -> tuple[xr.DataArray, xr.DataArra
         missing = int((~good).sum())
         if missing:
             notes.append(
-                f"{missing} of {good.size} cells are not printed: value of the nearest printed alpha held there"
+                f"{missing} of {good.size} cells are not printed: value of the nearest "
+                f"printed alpha held there"
             )
             table = xr.apply_ufunc(
                 _nearest,

@@ -15,7 +15,8 @@ from aerodb.store.effects import Effect, join_sentences
 from flightmech.errors import SchemaError
 
 COMMENT = (
-    "{count} cells that the dynamic page does not give: tail's share 2 a_H eta (l_H/cbar) d(epsilon)/d(alpha) "
+    "{count} cells that the dynamic page does not give: tail's share 2 a_H eta (l_H/cbar) "
+    "d(epsilon)/d(alpha) "
     "from downwash, interference and planform tables"
 )
 _TAIL = {"surface": "horizontal tail"}
@@ -86,7 +87,8 @@ FAR = 30_000.0
 _LONGITUDINAL = ("CL", "CD", "Cm")
 _PITCH = ("qhat", "alphadothat")
 _DRIFT = (
-    "{role}: D(CM) comes from a loop over several flight conditions, and the program carries something of each condition into the "
+    "{role}: D(CM) comes from a loop over several flight conditions, and the program carries "
+    "something of each condition into the "
     "next (up to 40 % seen late in a list); run one condition per program run and give all runs"
 )
 
@@ -186,7 +188,10 @@ def flap_effects(given: Source, h_ref: float) -> list[Effect]:
     comment = join_sentences(note, "wing-body: a change of downwash at the tail is not in Cm")
     found = [Effect("flap", tables, zeros=zeros, references=lines, comment=comment)]
     if slope is not None:
-        comment = "lift slope of the flapped surface against the same without deflection; per radian of alpha"
+        comment = (
+            "lift slope of the flapped surface against the same without deflection; per "
+            "radian of alpha"
+        )
         found.append(
             Effect(
                 "flap_slope", {"CL": slope}, "alpha", zeros=zeros, references=lines, comment=comment
@@ -202,7 +207,8 @@ def aileron_effect(given: Source, h_ref: float) -> Effect:
         raise SchemaError(
             given.role,
             [
-                "the deflected surface is the tail, ailerons are needed (STYPE 4); this case goes to differential_tail="
+                "the deflected surface is the tail, ailerons are needed (STYPE 4); this case "
+                "goes to differential_tail="
             ],
         )
     delta_a = 0.5 * (grid["delta_right"] - grid["delta_left"]).values
@@ -276,7 +282,8 @@ def ground_flap(given: Source, h_ref: float, b: float, z_ref: float) -> Effect:
         raise SchemaError(
             given.role,
             [
-                "the ground pages hold no several delta_f with zero among them; give a case with GRNDEF for each deflection"
+                "the ground pages hold no several delta_f with zero among them; give a case "
+                "with GRNDEF for each deflection"
             ],
         )
     zero = {c: t.isel(delta_f=int(np.argmin(np.abs(points))), drop=True) for c, t in tables.items()}
@@ -297,8 +304,10 @@ def ground_elevator(given: Source) -> Effect:
     aeroplane, whatever it is, and every other one adds the ground effect of those before it.
     """
     warn(
-        f"{given.role}: the program computes the ground effect without the elevator (the first deflection of a run prints the pages of "
-        "the clean aeroplane, the others add to them); CL/ground_elevator, CD/ground_elevator and Cm/ground_elevator are left absent"
+        f"{given.role}: the program computes the ground effect without the elevator (the "
+        f"first deflection of a run prints the pages of "
+        "the clean aeroplane, the others add to them); CL/ground_elevator, "
+        "CD/ground_elevator and Cm/ground_elevator are left absent"
     )
     return Effect("ground_elevator", {})
 
@@ -315,7 +324,8 @@ def _symflp(
         raise SchemaError(
             given.role,
             [
-                f"the deflected surface is the {found}, the {surface} is needed; exchange flaps and elevator"
+                f"the deflected surface is the {found}, the {surface} is needed; exchange "
+                f"flaps and elevator"
             ],
         )
     if "symflp" in given.looped:
@@ -368,7 +378,8 @@ def _over_ground(
         raise SchemaError(
             given.role,
             [
-                "the case holds no pages over ground next to the one in free air; give a case with GRNDEF"
+                "the case holds no pages over ground next to the one in free air; give a "
+                "case with GRNDEF"
             ],
         )
     low = grid.sel(ground_height=np.isfinite(grid["ground_height"]))
@@ -390,11 +401,15 @@ def _over_ground(
         raise SchemaError(
             given.role,
             [
-                f"ground heights reach {last:.1f} m, beyond two spans ({2 * b:.1f} m) where the effect is taken as zero; leave them out"
+                f"ground heights reach {last:.1f} m, beyond two spans ({2 * b:.1f} m) where "
+                f"the effect is taken as zero; leave them out"
             ],
         )
     machs = grid["mach"].values
-    comment = f"zero from two spans ({2 * b:.2f} m) on, by definition; the breakpoint at {FAR:.0f} m keeps flight at height inside the table"
+    comment = (
+        f"zero from two spans ({2 * b:.2f} m) on, by definition; the breakpoint at "
+        f"{FAR:.0f} m keeps flight at height inside the table"
+    )
     if machs.size == 1:
         tables = {name: table.isel(mach=0, drop=True) for name, table in tables.items()}
         comment = join_sentences(f"computed at Mach {machs[0]:g}", comment)
@@ -436,8 +451,11 @@ def _require_first_deflections(given: Source, low: xr.Dataset) -> None:
     raise SchemaError(
         given.role,
         [
-            f"{given.file} holds pages over ground of several deflections from one program run, and the program adds the ground effect "
-            "of each to those after it (flagged suspect; on the T-37 the ground effect of flaps 40 deg at 30 ft comes out 5 times too "
-            "large); run one deflection at a time (datcom split makes the decks, datcom run FOLDER runs them) and give all listings"
+            f"{given.file} holds pages over ground of several deflections from one program "
+            f"run, and the program adds the ground effect "
+            "of each to those after it (flagged suspect; on the T-37 the ground effect of "
+            "flaps 40 deg at 30 ft comes out 5 times too "
+            "large); run one deflection at a time (datcom split makes the decks, datcom run "
+            "FOLDER runs them) and give all listings"
         ],
     )

@@ -78,7 +78,9 @@ def stated_thrust(given: Source) -> Thrust:
         raise SchemaError(
             given.role,
             [
-                f"the input cards hold {' and '.join(sorted(names)) or 'no JETPWR or PROPWR'}; one of them is needed"
+                f"the input cards hold "
+                f"{' and '.join(sorted(names)) or 'no JETPWR or PROPWR'}; one of them is "
+                f"needed"
             ],
         )
     jet = names == {"JETPWR"}
@@ -95,7 +97,8 @@ def stated_thrust(given: Source) -> Thrust:
     height = np.cos(incidence) * z + np.sin(incidence) * x if jet else z  # as the program forms it
     if jet and given.card(name, "JIALOC", 0.0) > given.card("SYNTHS", "XW", 0.0):
         warn(
-            f"{given.role}: the inlet lies behind the apex of the wing, where the program extrapolates its chart of the upwash before it; "
+            f"{given.role}: the inlet lies behind the apex of the wing, where the program "
+            f"extrapolates its chart of the upwash before it; "
             "the normal force of the inlet in CL/power and Cm/power is doubtful"
         )
     return Thrust(CT, incidence, float(height) * _LENGTH[given.decks[0].dim], jet)
@@ -119,7 +122,8 @@ def power_effect(given: Source, clean: Source, h_ref: float) -> Effect:
         raise SchemaError(
             given.role,
             [
-                f"{', '.join(other)} of the powered pages are not those of the clean ones; compute both with the same"
+                f"{', '.join(other)} of the powered pages are not those of the clean ones; "
+                f"compute both with the same"
             ],
         )
     pages = _pages(given)
@@ -129,7 +133,8 @@ def power_effect(given: Source, clean: Source, h_ref: float) -> Effect:
         raise SchemaError(
             given.role,
             [
-                f"the powered pages stand at {h:.1f} m, the clean listing has no page there; compute both at one altitude"
+                f"the powered pages stand at {h:.1f} m, the clean listing has no page there; "
+                f"compute both at one altitude"
             ],
         )
     free = free.sel(h=h, method="nearest", drop=True)
@@ -142,7 +147,8 @@ def power_effect(given: Source, clean: Source, h_ref: float) -> Effect:
         raise SchemaError(
             given.role,
             [
-                f"Mach {', '.join(missing)} stands on no page without power; the clean listing must hold the Mach numbers of the powered one"
+                f"Mach {', '.join(missing)} stands on no page without power; the clean "
+                f"listing must hold the Mach numbers of the powered one"
             ],
         )
     free = free.sel(mach=powered["mach"], method="nearest").assign_coords(mach=powered["mach"])
@@ -152,7 +158,8 @@ def power_effect(given: Source, clean: Source, h_ref: float) -> Effect:
         raise SchemaError(
             given.role,
             [
-                "the angles of attack are not those of the clean listing; give the same schedule to both"
+                "the angles of attack are not those of the clean listing; give the same "
+                "schedule to both"
             ],
         )
     free = free.assign_coords(alpha=powered["alpha"])
@@ -166,7 +173,8 @@ def power_effect(given: Source, clean: Source, h_ref: float) -> Effect:
     )
     if not tables:
         warn(
-            f"{given.role}: the powered pages are those without power; the power terms are left absent"
+            f"{given.role}: the powered pages are those without power; the power terms are "
+            f"left absent"
         )
     comment = f"{engine.words}; computed at CT = {engine.CT:g}, linear in CT by assumption"
     rest = {c: (table - itself[c]) / engine.CT for c, table in tables.items()}
@@ -198,7 +206,10 @@ def without_thrust(clean: Source, grid: xr.Dataset) -> tuple[xr.Dataset, str]:
     kind, parts = (
         ("jet", "inlet and jet") if engine.jet else ("propeller", "propeller and slipstream")
     )
-    words = f"computed with {kind} power at CT = {engine.CT:g}: {engine.words}; what {parts} do to the flow is in it, standard errors widened"
+    words = (
+        f"computed with {kind} power at CT = {engine.CT:g}: {engine.words}; what {parts} do "
+        f"to the flow is in it, standard errors widened"
+    )
     return grid.assign(tables), words
 
 

@@ -129,7 +129,8 @@ def _ground_role(case: Case, configuration: str, whole: str) -> tuple[tuple[str,
         if surface == "wing" and (case.deck.count("SYMFLP", "NDELTA") or 0) > 1:
             return (
                 (),
-                f"{reason}: only the first of several deflections of a run is right; run one at a time (datcom split)",
+                f"{reason}: only the first of several deflections of a run is right; run one "
+                f"at a time (datcom split)",
             )
         return ("ground_elevator" if surface == "tail" else "ground_flap",), reason
     if configuration != whole:
@@ -178,8 +179,10 @@ def _require_one_aircraft(clean: list[Case]) -> None:
             raise SchemaError(
                 "clean",
                 [
-                    f"several aircraft: {_words(clean[0])} {clean[0].name!r} and {_words(case)} {case.name!r} differ in "
-                    f"{', '.join(different)}; give one with --clean FILE:CASE, or listings of one aircraft only"
+                    f"several aircraft: {_words(clean[0])} {clean[0].name!r} and "
+                    f"{_words(case)} {case.name!r} differ in "
+                    f"{', '.join(different)}; give one with --clean FILE:CASE, or listings "
+                    f"of one aircraft only"
                 ],
             )
 

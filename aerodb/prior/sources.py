@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 
 REFERENCES = ("S", "cbar", "b", "x_cg", "z_cg")
 _WITHOUT_POWER = (
-    "give the case without JETPWR and PROPWR at the same conditions here and this one as power, or state `powered` (--powered) to use "
+    "give the case without JETPWR and PROPWR at the same conditions here and this one as "
+    "power, or state `powered` (--powered) to use "
     "these pages with the thrust taken off and wider standard errors"
 )
 _SHOWN = 3  # differences of cases that are listed
@@ -94,13 +95,15 @@ class Source:
             raise SchemaError(
                 self.role,
                 [
-                    f"{name} is needed and the trees hold no input cards; give the Listing or the Case itself"
+                    f"{name} is needed and the trees hold no input cards; give the Listing "
+                    f"or the Case itself"
                 ],
             )
         raise SchemaError(
             self.role,
             [
-                f"the input cards give {'no' if not found else 'several values of'} {name}; give cases of one deck"
+                f"the input cards give {'no' if not found else 'several values of'} {name}; "
+                f"give cases of one deck"
             ],
         )
 
@@ -186,11 +189,13 @@ def collect_source(role: str, given: Any, powered: bool = False) -> Source:
         raise SchemaError(
             role,
             [
-                "no case with tables was given; give a Listing, a Case, a case tree or a list of them"
+                "no case with tables was given; give a Listing, a Case, a case tree or a "
+                "list of them"
             ],
         )
     problems = [
-        f"case {tree.attrs.get('case')} has no reference quantity {key}; give OPTINS and SYNTHS in the deck"
+        f"case {tree.attrs.get('case')} has no reference quantity {key}; give OPTINS and "
+        f"SYNTHS in the deck"
         for tree in trees
         for key in REFERENCES
         if not np.isfinite(float(tree.attrs.get(key, np.nan)))
@@ -200,7 +205,10 @@ def collect_source(role: str, given: Any, powered: bool = False) -> Source:
     try:
         joined = datcom_io.join(trees)
     except SchemaError as error:
-        hint = "give cases of one kind and one aircraft (FILE:CASE), or let the roles be found from the listings (db build AIRCRAFT FILE)"
+        hint = (
+            "give cases of one kind and one aircraft (FILE:CASE), or let the roles be found "
+            "from the listings (db build AIRCRAFT FILE)"
+        )
         raise SchemaError(
             f"{role}: {len(trees)} cases cannot be joined", [*error.problems[:_SHOWN], hint]
         ) from None
@@ -275,7 +283,8 @@ def _report_pairs(role: str, static: xr.Dataset) -> None:
             f"{mach:g} at {h:.0f} m" for mach, h in zip(static["mach"].values, static["h"].values)
         )
         warn(
-            f"{role}: every Mach number stands at an altitude of its own ({places}); the tables go over Mach number alone"
+            f"{role}: every Mach number stands at an altitude of its own ({places}); the "
+            f"tables go over Mach number alone"
         )
 
 
@@ -305,7 +314,8 @@ def _report_suspects(role: str, joined: xr.DataTree) -> None:
     )
     if count:
         warn(
-            f"{role}: {count} numbers of {joined.attrs.get('file')} are suspect; its messages state why (datcom show)"
+            f"{role}: {count} numbers of {joined.attrs.get('file')} are suspect; its "
+            f"messages state why (datcom show)"
         )
 
 
@@ -333,7 +343,8 @@ def _items(given: Any) -> Iterator[Any]:
         raise SchemaError(
             "source",
             [
-                f"found an object of type {type(given).__name__}; give a Listing, a Case, a case tree or a list of them"
+                f"found an object of type {type(given).__name__}; give a Listing, a Case, a "
+                f"case tree or a list of them"
             ],
         )
 

@@ -150,7 +150,10 @@ def evaluate(
 
 TOLERANCE = 1e-9  # of the largest magnitude of an output over the cases
 SEED = 0
-_ADVICE = "the terms were changed or damaged; make the cases anew with aerodb.store.with_checks if the change is meant"
+_ADVICE = (
+    "the terms were changed or damaged; make the cases anew with aerodb.store.with_checks "
+    "if the change is meant"
+)
 TERMS, _TOLERANCE = "terms", "_tolerance"  # group of contributions; end of the name of a tolerance
 _ANGLE = 0.35  # [rad] of regressors without a table
 _RATES = {
@@ -182,7 +185,8 @@ def with_checks(db: xr.DataTree, count: int = 20, seed: int = SEED) -> xr.DataTr
     outputs = outputs_at(db, inputs, count)
     about = {
         "seed": seed,
-        "comment": f"an implementation agrees within {TOLERANCE:g} of the largest magnitude of each output",
+        "comment": f"an implementation agrees within {TOLERANCE:g} of the largest magnitude of "
+        f"each output",
     }
     groups: dict[str, dict[str, np.ndarray]] = {}
     for name, values in outputs.items():
@@ -240,7 +244,10 @@ def failing_checks(db: xr.DataTree) -> list[str]:
             found.get(name, np.zeros(count)), values[run], None if allowed is None else allowed[run]
         )
         if not row["agrees"]:
-            text = f"{name} differs by {row['largest_difference']:.3g} in case {cases[row['case'] - 1]}"
+            text = (
+                f"{name} differs by {row['largest_difference']:.3g} in case "
+                f"{cases[row['case'] - 1]}"
+            )
             problems.append(f"{CHECKS}: {text} ({row['failed']} of {count} cases fail); {_ADVICE}")
     return problems
 

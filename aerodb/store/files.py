@@ -178,7 +178,10 @@ def _demand_as_read(path: Path) -> None:
     """
     known = _known.get(_key(path))
     if known is not None and path.exists() and _digest(path.read_bytes()) != known:
-        text = "was saved by another program after it was read here; open it again and repeat the edit, or save under another name"
+        text = (
+            "was saved by another program after it was read here; open it again and repeat "
+            "the edit, or save under another name"
+        )
         raise SchemaError(str(path), [text])
 
 

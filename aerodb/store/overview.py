@@ -100,7 +100,8 @@ def heading_lines(a: Mapping) -> list[str]:
     point = ", ".join(f"{a[key]:.4f}" for key in ("x_ref", "y_ref", "z_ref"))
     return [
         str(a["title"]),
-        f"S {a['S']:.4f} m2, cbar {a['cbar']:.4f} m, b {a['b']:.4f} m; moments about ({point}) m from the datum",
+        f"S {a['S']:.4f} m2, cbar {a['cbar']:.4f} m, b {a['b']:.4f} m; moments about "
+        f"({point}) m from the datum",
         f"forces in {a['force_axes']} axes, moments and rates in body axes",
         f"absent: {_absent(str(a.get('absent', '')).split())}",
     ]

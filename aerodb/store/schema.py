@@ -82,7 +82,8 @@ def check(db: xr.DataTree) -> list[str]:
     problems = _root_faults(db.attrs)
     if db.data_vars:
         problems.append(
-            f"root holds the variables {', '.join(map(str, db.data_vars))}; tables belong into leaves such as CL/basic"
+            f"root holds the variables {', '.join(map(str, db.data_vars))}; tables belong "
+            f"into leaves such as CL/basic"
         )
     axes = FORCE_AXES.get(str(db.attrs.get("force_axes")))
     allowed = () if axes is None else (*axes, *HINGE)
@@ -133,14 +134,16 @@ def _root_faults(attributes: Mapping) -> list[str]:
             problems.append(f"root attribute {key} is {item!r}; it must be positive")
     if isinstance(attributes.get("force_axes"), str) and attributes["force_axes"] not in FORCE_AXES:
         problems.append(
-            f"root attribute force_axes is {attributes['force_axes']!r}; allowed: {', '.join(FORCE_AXES)}"
+            f"root attribute force_axes is {attributes['force_axes']!r}; allowed: "
+            f"{', '.join(FORCE_AXES)}"
         )
     for key, item in attributes.items():
         if key not in _TEXTS + _NUMBERS and not isinstance(
             item, str | int | float | np.integer | np.floating
         ):
             problems.append(
-                f"root attribute {key} is a {type(item).__name__}; only text and numbers survive in a file"
+                f"root attribute {key} is a {type(item).__name__}; only text and numbers "
+                f"survive in a file"
             )
     return problems
 

@@ -301,7 +301,8 @@ def _numbered(entries: Mapping[str, Any]) -> dict[int, Any]:
         raise SchemaError(
             PREVIOUS,
             [
-                f"/{PREVIOUS}/{name} is not the undo entry of an edit; aerodb.store.forget drops all of them"
+                f"/{PREVIOUS}/{name} is not the undo entry of an edit; aerodb.store.forget "
+                f"drops all of them"
                 for name in foreign
             ],
         )

@@ -16,7 +16,10 @@ from aerodb.update.posterior import joint_covariance
 from flightmech import terms as _terms
 from flightmech.errors import SchemaError, UnknownName
 
-_UNKNOWN = "a table needs it and the data of the fit do not hold it; map its column, or state it in [constants] of the name map"
+_UNKNOWN = (
+    "a table needs it and the data of the fit do not hold it; map its column, or state it "
+    "in [constants] of the name map"
+)
 _AT_REST = ("delta_t", "delta_ta", "delta_tr", "gear", "speedbrake")
 _FREE_AIR = 1e4  # h_agl where a fit has no information on the ground [m]
 _NEGLIGIBLE = 1e-6  # variance of an error of a held term, over its largest
@@ -156,7 +159,8 @@ def known_terms(
     problems = []
     if prior.attrs["force_axes"] == "wind" and set(wanted) & {"CL", "CD", "CY"}:
         problems.append(
-            "force_axes is 'wind', the fits are of stability axes; build the database in stability axes"
+            "force_axes is 'wind', the fits are of stability axes; build the database in "
+            "stability axes"
         )
     for name, leaf in leaves.items():
         if name.split("/")[0] in wanted and name not in held and "stderr" not in leaf:

@@ -381,6 +381,7 @@ def _cholesky(R: np.ndarray) -> np.ndarray:
     raise SchemaError(
         "posterior",
         [
-            "the covariance of the nodes is not positive semidefinite; write the database again from its fits"
+            "the covariance of the nodes is not positive semidefinite; write the database "
+            "again from its fits"
         ],
     )

@@ -284,7 +284,8 @@ def _kept(
     s, W = BF.decomposed()
     if len(s) >= len(r):
         raise IdentificationError(
-            f"{name}: {len(r)} samples in {len(s)} directions of the tables; record more, or join manoeuvres of one disturbance"
+            f"{name}: {len(r)} samples in {len(s)} directions of the tables; record more, or "
+            f"join manoeuvres of one disturbance"
         )
     U = BF.directions(s, W)
     power = float(r @ r - (U.T @ r) @ (U.T @ r))

@@ -128,7 +128,10 @@ def apply_shapes(
         if name in shapes:
             count = sum(bool(one) for (owner, _), one in zip(rows, active) if owner == name)
             effect[name] = {"shape_bounds": count, "shape_ratio": float(np.sqrt(ratio2[at].mean()))}
-            words = f"{', '.join(' '.join(filter(None, (one.kind, one.axis))) for one in shapes[name])}: {count} inequalities at their bound."
+            words = (
+                f"{', '.join(' '.join(filter(None, (one.kind, one.axis))) for one in shapes[name])}: "
+                f"{count} inequalities at their bound."
+            )
             new[name].attrs["comment"] = f"{leaf.attrs.get('comment', '')} Shape {words}".strip()
     return new, effect
 
@@ -161,7 +164,8 @@ def _multipliers(A: np.ndarray, V: np.ndarray, g: np.ndarray, names: Sequence[st
     fixed = [name for name, known, short in zip(names, ~free, slack < 0.0) if known and short]
     if fixed:
         raise IdentificationError(
-            f"{fixed[0]}: nodes with standard error 0 contradict the shape demanded; give them an error, or limit the shape"
+            f"{fixed[0]}: nodes with standard error 0 contradict the shape demanded; give "
+            f"them an error, or limit the shape"
         )
     m = np.zeros(len(A))
     if free.any():

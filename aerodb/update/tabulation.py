@@ -495,7 +495,8 @@ def new_leaf(
     ]
     if set(_terms.regressors(leaf)) & {"qhat", "alphadothat"}:
         words.append(
-            "Pitch rate and rate of incidence move alike in flight; between their terms the a-priori errors decide."
+            "Pitch rate and rate of incidence move alike in flight; between their terms the "
+            "a-priori errors decide."
         )
     new.attrs["comment"] = " ".join(word for word in words if word)
     line = history.format(len(contributors))

@@ -86,14 +86,20 @@ def _decision(name: str, before, after, flown) -> tuple[str, str]:
         return ("delete" if _opened(old) else "keep"), "no node in the flown region"
     ratio = new["stderr"].values[known] / old["stderr"].values[known]
     identified, corrected = int((ratio < REPLACED).sum()), int((ratio < CORRECTED).sum())
-    numbers = f"{identified} of {len(ratio)} flown nodes with less than {REPLACED:g} of the a-priori standard error"
+    numbers = (
+        f"{identified} of {len(ratio)} flown nodes with less than {REPLACED:g} of the "
+        f"a-priori standard error"
+    )
     if 2 * identified >= len(ratio):
         decision = "replace"
     elif corrected:
         decision, numbers = "correct", f"{numbers}, {corrected} with less than {CORRECTED:g}"
     else:
         decision = "delete" if _opened(old) else "keep"
-        numbers = f"none of {len(ratio)} flown nodes with less than {CORRECTED:g} of the a-priori standard error, at least {ratio.min():.2f}"
+        numbers = (
+            f"none of {len(ratio)} flown nodes with less than {CORRECTED:g} of the "
+            f"a-priori standard error, at least {ratio.min():.2f}"
+        )
     return decision, "; ".join(
         [numbers, *_significance(old, new, known), *_partner(name, after, flown)]
     )

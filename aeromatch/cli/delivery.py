@@ -121,7 +121,10 @@ def diff(one: Path, other: Path, model: str, against: str | None, as_json: bool)
     names = f"{one.name}, {model} -> {other.name}, {against or model}"
     if found["felt"]:
         at = found["condition"]
-        where = f"{at['V'] / KNOT:.0f} kt true, {at['h'] / FOOT:.0f} ft, {at['mass']:.0f} kg, flaps {at.get('delta_f', 0.0) / DEGREE:.0f} deg"
+        where = (
+            f"{at['V'] / KNOT:.0f} kt true, {at['h'] / FOOT:.0f} ft, {at['mass']:.0f} kg, "
+            f"flaps {at.get('delta_f', 0.0) / DEGREE:.0f} deg"
+        )
         gear = "down" if at.get("gear", 0.0) > 0.5 else "up"
         felt = [
             (row["words"], row["unit"], *(_digits(row[key]) for key in ("before", "after")))
@@ -190,7 +193,8 @@ def _ratio(value: float | None) -> str:
     "-o",
     "--output",
     type=click.Path(file_okay=False, path_type=Path),
-    help="Working folder: reconstructed records, fits, match, log of the actions.  [default: workbench, next to the project file]",
+    help="Working folder: reconstructed records, fits, match, log of the actions.  [default: "
+    "workbench, next to the project file]",
 )
 @click.option(
     "--port",

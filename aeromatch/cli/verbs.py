@@ -31,8 +31,10 @@ from flightmech.support.console import (
 from pom.cli.report import samples_options
 
 EXAMPLES = {
-    "c182": "light aircraft with a propeller, the one of the tutorial: CSV recordings in kt, ft, deg and lbf",
-    "t37": "jet trainer: complete programme with flaps, engine, landing gear and control forces, the one of aeromatch demo",
+    "c182": "light aircraft with a propeller, the one of the tutorial: CSV recordings in kt, ft, "
+    "deg and lbf",
+    "t37": "jet trainer: complete programme with flaps, engine, landing gear and control forces, "
+    "the one of aeromatch demo",
 }
 
 INPUTS = ("README.md", "datcom", "flight")
@@ -184,12 +186,14 @@ def demo(output: Path, jobs: int, fresh: bool, explain: bool, as_json: bool) -> 
 @click.option(
     "--actions",
     type=InputFile(path_type=Path),
-    help="Log of aeromatch view: its actions are carried out first; OUTPUT is then its working folder, with the match in OUTPUT/match.",
+    help="Log of aeromatch view: its actions are carried out first; OUTPUT is then its working "
+    "folder, with the match in OUTPUT/match.",
 )
 @click.option(
     "--unplaced",
     type=click.Choice(["raise", "warn"]),
-    help="Stop, or go on with a warning, if no table of the database carries a significant term of a fit; as in PROJECT unless given.",
+    help="Stop, or go on with a warning, if no table of the database carries a significant term "
+    "of a fit; as in PROJECT unless given.",
 )
 @samples_options
 @click.option(
@@ -300,7 +304,8 @@ def _match(
     shown = finished.read(watched, settings) if finished is not None and not fresh else None
     if shown is not None:
         print_remark(
-            f"nothing changed since the last match: {len(watched.files)} files read, every file of {output} intact"
+            f"nothing changed since the last match: {len(watched.files)} files read, every "
+            f"file of {output} intact"
         )
         for text in shown["remarks"]:
             click.echo(f"warning: {text}", err=True)
@@ -438,7 +443,8 @@ def _summary(outcome: Any) -> dict[str, Any]:
                 f"{result.case.id:<8}{result.case.title:<44} {run}: {sampled_line(result, run)}"
             )
     lines.append(
-        f"corrected = datcom with {len(outcome.corrected_terms)} of the {outcome.differing} terms and parts of final that differ"
+        f"corrected = datcom with {len(outcome.corrected_terms)} of the {outcome.differing} "
+        f"terms and parts of final that differ"
     )
     lines += [
         f"{submodel:>15}: {', '.join(names)}"
@@ -446,7 +452,8 @@ def _summary(outcome: Any) -> dict[str, Any]:
     ]
     for name, terms in outcome.joint_terms.items():
         lines.append(
-            f"added for {name}, which does not pass with what each case needs alone: {', '.join(terms)}"
+            f"added for {name}, which does not pass with what each case needs alone: "
+            f"{', '.join(terms)}"
         )
     failures = [
         *outcome.record_errors,

@@ -258,7 +258,8 @@ def roadmap(results: Sequence[Any]) -> str:
                     Path(case.record).name,
                     *(f"{t:g}" for t in case.window),
                 ),
-                f"flaps {at.get('delta_f', 0.0) * 57.29577951308232:.1f} deg; gear {'down' if at.get('gear', 0.0) > 0.5 else 'up'}",
+                f"flaps {at.get('delta_f', 0.0) * 57.29577951308232:.1f} deg; gear "
+                f"{'down' if at.get('gear', 0.0) > 0.5 else 'up'}",
                 *(f"{at[name]:.1f}" if name in at else "" for name in ("mass", "h", "V")),
                 *(result.status(run) if run in result.runs else "" for run in runs),
                 *(

@@ -225,12 +225,14 @@ def _write(file: Path, title: str, case: xr.Dataset, sim: Any, facts: Mapping[st
     head: dict[str, str | float] = {
         "case": title,
         **facts,
-        "axes": "body x forward, y right, z down; c.g. from the moment reference point; Earth WGS-84, rotating; no wind",
+        "axes": "body x forward, y right, z down; c.g. from the moment reference point; Earth "
+        "WGS-84, rotating; no wind",
         "start": "the first row of the outputs; nothing is trimmed",
         "inputs": " ".join(str(name) for name in inputs.data_vars)
         + ", each held from its row to the next",
         "tolerance": " ".join(f"{name}={value:.3g}" for name, value in tolerance.items()),
-        "tolerance_rule": f"{_MARGIN:g} times the effect of half the step of {_STEP:g} s, {_LEAST:g} of the excursion, or what no "
+        "tolerance_rule": f"{_MARGIN:g} times the effect of half the step of {_STEP:g} s, "
+        f"{_LEAST:g} of the excursion, or what no "
         "instrument resolves, the greatest",
     }
     names = [str(name) for name in case.data_vars]

@@ -110,7 +110,8 @@ def fly_by_jsbsim(
         if ended.returncode:
             words = " ".join((ended.stderr.strip() or ended.stdout.strip()).splitlines()[-3:])
             raise SimulationError(
-                f"JSBSim flies no check case with {model.name}: {words or f'it ended with code {ended.returncode}'}"
+                f"JSBSim flies no check case with {model.name}: "
+                f"{words or f'it ended with code {ended.returncode}'}"
             )
         rows = np.load(folder / "flown.npy")
     found = {

@@ -317,8 +317,10 @@ def aircraft_text(
     remarks: list[str] = []
     lines = [
         *schema_lines("aircraft"),
-        "# Aircraft, drafted by `aeromatch init`.  Bare numbers are SI, texts carry their unit; positions in body axes (forward, right,",
-        "# down) from the moment reference point, `reference` alone from the drawing datum.  Keys: docs/project-keys.md",
+        "# Aircraft, drafted by `aeromatch init`.  Bare numbers are SI, texts carry their "
+        "unit; positions in body axes (forward, right,",
+        "# down) from the moment reference point, `reference` alone from the drawing datum.  "
+        "Keys: docs/project-keys.md",
         "",
         f"name = {json.dumps(known.name or _title(geometry) or 'aircraft', ensure_ascii=False)}",
     ]
@@ -336,13 +338,15 @@ def aircraft_text(
         lines.append(f"reference = [{place}]   # moment reference point: XCG, ZCG of the cards [m]")
     if geometry.x_ref_mac is not None:
         lines.append(
-            f"x_ref_mac = {geometry.x_ref_mac:.4g}   # behind the leading edge of the wing's mean chord, in chords; from the planform"
+            f"x_ref_mac = {geometry.x_ref_mac:.4g}   # behind the leading edge of the wing's "
+            f"mean chord, in chords; from the planform"
         )
     lines += ["", "# Mass and moments of inertia about the c.g., of the aircraft as flown."]
     for key, example in MASS.items():
         given = known.values.get(key)
         lines.append(
-            f"{key} = {_value(given or UNFILLED)}   # {lookup(key).long_name}{'' if given else f', such as {json.dumps(example)}'}"
+            f"{key} = {_value(given or UNFILLED)}   # "
+            f"{lookup(key).long_name}{'' if given else f', such as {json.dumps(example)}'}"
         )
         if not given:
             remarks.append(f"{key} is not known: replace the {UNFILLED!r} in aircraft.toml")
@@ -363,7 +367,8 @@ def aircraft_text(
     for name, (area, chord) in geometry.surfaces.items():
         lines += [
             "",
-            f"[control.{name}]   # behind the hinge, both sides, from the cards; used by hinge moments",
+            f"[control.{name}]   # behind the hinge, both sides, from the cards; used by "
+            f"hinge moments",
         ]
         lines += [f"S_hinge = {area:.4g}", f"c_hinge = {chord:.4g}"]
     return "\n".join([*lines, *_instruments(records, known, remarks)]) + "\n", remarks
@@ -376,7 +381,8 @@ def _title(geometry: Geometry) -> str:
 def _known(key: str, value: float | None, remarks: list[str]) -> str:
     if value is None:
         remarks.append(
-            f"{key} is not known: replace the {UNFILLED!r} in aircraft.toml, or give listings or decks (--datcom)"
+            f"{key} is not known: replace the {UNFILLED!r} in aircraft.toml, or give "
+            f"listings or decks (--datcom)"
         )
         return json.dumps(UNFILLED)
     return f"{value:.7g}"
@@ -415,7 +421,8 @@ def _engines(geometry: Geometry, records: Sequence[xr.DataTree], remarks: list[s
             )
     if count and not any(name.endswith(".thrust") for name in channels):
         remarks.append(
-            "no thrust is recorded: give each [[engine]] a deck or a table of thrust, else the coefficients hold the thrust"
+            "no thrust is recorded: give each [[engine]] a deck or a table of thrust, else "
+            "the coefficients hold the thrust"
         )
     return lines
 
@@ -455,10 +462,12 @@ def _instruments(
         return []
     lines = [
         "",
-        "# Instruments: noise is white noise per sample, estimated from the records and never below that of ordinary instruments;",
+        "# Instruments: noise is white noise per sample, estimated from the records and "
+        "never below that of ordinary instruments;",
     ]
     lines += [
-        "# bias_sigma is one standard error of the constant error of ordinary instruments: write what the data sheets state."
+        "# bias_sigma is one standard error of the constant error of ordinary instruments: "
+        "write what the data sheets state."
     ]
     imu = [name for name in _IMU if name in noise]
     if imu:
@@ -471,7 +480,8 @@ def _instruments(
         lines += _spec(noise, imu)
         if not known.imu:
             remarks.append(
-                "the place of the inertial unit is not known: confirm position of [instruments.imu] in aircraft.toml"
+                "the place of the inertial unit is not known: confirm position of "
+                "[instruments.imu] in aircraft.toml"
             )
     vanes = [name for name in ("alpha_vane", "beta_vane") if name in noise]
     if vanes:
@@ -487,7 +497,8 @@ def _instruments(
             "lag = [0.05, 0.03]",
         ]
         remarks.append(
-            "the place of the vanes is not known: confirm position of [instruments.vanes] in aircraft.toml"
+            "the place of the vanes is not known: confirm position of [instruments.vanes] in "
+            "aircraft.toml"
         )
     return lines + _air_data(noise) + _satellite(noise)
 
@@ -512,11 +523,13 @@ def _air_data(noise: Mapping[str, float]) -> list[str]:
     ]
     if shown == "q_c":
         lines.append(
-            "static_error = [0.0, 0.03]   # static-pressure error over impact pressure: mean and standard error"
+            "static_error = [0.0, 0.03]   # static-pressure error over impact pressure: mean "
+            "and standard error"
         )
     elif shown:
         lines.append(
-            f"factor = {{ {shown} = [1.0, 0.03] }}   # scale of the airspeed: mean and standard error"
+            f"factor = {{ {shown} = [1.0, 0.03] }}   # scale of the airspeed: mean and "
+            f"standard error"
         )
     return [*lines, "delay = [0.1, 0.1]   # latency [s]: mean and standard error"]
 

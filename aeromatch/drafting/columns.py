@@ -24,9 +24,11 @@ _WORDS = {
     "phi": "bank roll euler1 attroll",
     "theta": "pitch attpitch pitchattitude",
     "psi": "hdgtrue trueheading headingtrue trueyaw yaw heading",
-    "ax_imu": "ax nx accx xacc accelx axb axbody longacc longitudinalacc longitudinalaccel longitudinalacceleration forwardacceleration",
+    "ax_imu": "ax nx accx xacc accelx axb axbody longacc longitudinalacc longitudinalaccel "
+    "longitudinalacceleration forwardacceleration",
     "ay_imu": "ay ny accy yacc accely ayb aybody latacc lateralacc lateralaccel lateralacceleration",
-    "az_imu": "az nz accz zacc accelz azb azbody normacc normalacc normalaccel normalacceleration verticalacceleration loadfactor "
+    "az_imu": "az nz accz zacc accelz azb azbody normacc normalacc normalaccel normalacceleration "
+    "verticalacceleration loadfactor "
     "normalloadfactor gload",
     "alpha_vane": "alpha aoa alphavane aoavane vanealpha angleofattack incidence",
     "beta_vane": "beta aos betavane aosvane vanebeta sideslip sideslipangle angleofsideslip ssa",
@@ -35,12 +37,17 @@ _WORDS = {
     "mach": "mach machnumber ma",
     "q_c": "qc impactpressure pitotpressure diffpressure differentialpressure dynamicpressure qbar",
     "p_static": "ps pstat staticpress staticpressure pstatic baropressure ambientpressure",
-    "temperature": "oat sat temperature outsideairtemperature outsidetemperature statictemperature airtemperature temp",
-    "h_baro": "h hp alt altitude height pressurealtitude pressalt baroaltitude baroalt altbaro palt hbaro altpress",
+    "temperature": "oat sat temperature outsideairtemperature outsidetemperature "
+    "statictemperature airtemperature temp",
+    "h_baro": "h hp alt altitude height pressurealtitude pressalt baroaltitude baroalt altbaro "
+    "palt hbaro altpress",
     "h_gps": "hgps altgps gpsalt gpsaltitude gpsheight altitudegps gnssaltitude gnssheight",
-    "h_radio": "hradio radioaltitude radioalt radalt ralt radaralt radaraltitude radioheight raltitude",
-    "vn": "vn vnorth velnorth velocitynorth northvelocity gpsvn veln vgn northspeed gsnorth groundspeednorth",
-    "ve": "ve veast veleast velocityeast eastvelocity gpsve vele vge eastspeed gseast groundspeedeast",
+    "h_radio": "hradio radioaltitude radioalt radalt ralt radaralt radaraltitude radioheight "
+    "raltitude",
+    "vn": "vn vnorth velnorth velocitynorth northvelocity gpsvn veln vgn northspeed gsnorth "
+    "groundspeednorth",
+    "ve": "ve veast veleast velocityeast eastvelocity gpsve vele vge eastspeed gseast "
+    "groundspeedeast",
     "vd": "vd vdown veldown velocitydown downvelocity gpsvd veld vgd downspeed",
     "hdot": "hdot climbrate rateofclimb roc vsi verticalspeed verticalvelocity vs vspeed",
     "lat": "lat latitude gpslat gpslatitude",
@@ -55,7 +62,8 @@ _WORDS = {
     "column": "column controlcolumn pitchstick sticklong stickpitch columntravel",
     "wheel": "wheel controlwheel rollstick sticklat stickroll",
     "pedal": "pedal pedals rudderpedal rudderpedals",
-    "F_column": "fcolumn stickforce elevatorforce columnforce stickforcepitch pitchforce stickforcelong",
+    "F_column": "fcolumn stickforce elevatorforce columnforce stickforcepitch pitchforce "
+    "stickforcelong",
     "F_wheel": "fwheel wheelforce stickforceroll rollforce",
     "F_pedal": "fpedal pedalforce rudderforce",
     "mass": "mass grossmass weight grossweight grosswt gw wt",

@@ -282,7 +282,8 @@ def draft_project(
             )
         if not proven:
             remarks.append(
-                "no case was drafted: write one with 'aeromatch pom init RECORD --test ...' into the folder cases"
+                "no case was drafted: write one with 'aeromatch pom init RECORD --test ...' "
+                "into the folder cases"
             )
         write(
             "aeromatch.toml",
@@ -365,11 +366,13 @@ def _with_temperature(
     kelvin = round(float(atmosphere(height).temperature), 1)
     if names.own is not None:
         remarks.append(
-            f'no temperature is recorded: add temperature = "{kelvin:g} K" to [record] of {names.file}, as in the standard atmosphere'
+            f'no temperature is recorded: add temperature = "{kelvin:g} K" to [record] of '
+            f"{names.file}, as in the standard atmosphere"
         )
         return names, flights
     remarks.append(
-        f"no temperature is recorded: that of the standard atmosphere at {height:.0f} m, {kelvin:g} K, stands in names.toml; "
+        f"no temperature is recorded: that of the standard atmosphere at {height:.0f} m, "
+        f"{kelvin:g} K, stands in names.toml; "
         "confirm it, 3 K change the air density by 1 %"
     )
     names = replace(names, facts={**names.facts, "temperature": kelvin})
@@ -455,20 +458,24 @@ def project_text(
     title = known.name or geometry.title or folder.resolve().name
     lines = [
         *schema_lines("project"),
-        "# Project, drafted by `aeromatch init`: aeromatch match aeromatch.toml -o out.  Keys: docs/project-keys.md",
+        "# Project, drafted by `aeromatch init`: aeromatch match aeromatch.toml -o out.  "
+        "Keys: docs/project-keys.md",
         f"title = {_text(title)}",
         'aircraft = "aircraft.toml"',
         *_names_line(folder, names),
-        f"flights = {_patterns(folder, sources.records)}   # a record is named by its file without extension",
+        f"flights = {_patterns(folder, sources.records)}   # a record is named by its file "
+        f"without extension",
         *(
             [
-                'manoeuvres = "manoeuvres.csv"   # found in the movements of the controls: confirm kinds and times'
+                'manoeuvres = "manoeuvres.csv"   # found in the movements of the controls: '
+                "confirm kinds and times"
             ]
             if table
             else []
         ),
         'cases = ["cases/*.toml"]' if cases else "cases = []",
-        '# cutoff = "4 Hz"             # low-pass before coefficients are formed, 2 to 3 times the fastest mode of motion',
+        '# cutoff = "4 Hz"             # low-pass before coefficients are formed, 2 to 3 '
+        "times the fastest mode of motion",
         "",
         "[listings]   # by role; FILE:NUMBER is one case of a listing",
     ]
@@ -478,15 +485,18 @@ def project_text(
         reasons = {item.reason for item in geometry.roles if role in item.roles}
         shown = [_text(_relative(place, folder)) for place in places]
         lines.append(
-            f"{role} = {shown[0] if len(shown) == 1 else '[' + ', '.join(shown) + ']'}   # {'; '.join(sorted(reasons))}"
+            f"{role} = {shown[0] if len(shown) == 1 else '[' + ', '.join(shown) + ']'}   # "
+            f"{'; '.join(sorted(reasons))}"
         )
     if geometry.powered:
         lines.append(
-            "powered = true   # all clean pages hold power effects: the thrust is taken off, standard errors are wider"
+            "powered = true   # all clean pages hold power effects: the thrust is taken off, "
+            "standard errors are wider"
         )
     if "clean" not in geometry.places:
         lines.append(
-            f"clean = {_text(UNFILLED)}   # listing of the whole aeroplane: run the deck (aeromatch datcom run), then name it here"
+            f"clean = {_text(UNFILLED)}   # listing of the whole aeroplane: run the deck "
+            f"(aeromatch datcom run), then name it here"
         )
     for fit in fits:
         lines += ["", "[[fit]]", f"name = {_text(fit.name)}", f"records = {_list(fit.records)}"]

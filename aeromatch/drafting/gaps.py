@@ -60,5 +60,6 @@ def unknown_columns(columns: Sequence[str], has_map: bool) -> list[str]:
         else "add them to names.toml and run init again with --names names.toml --force"
     )
     return [
-        f"columns without a quantity: {', '.join(columns[:_MOST])}{more}; where one is a channel, {remedy}"
+        f"columns without a quantity: {', '.join(columns[:_MOST])}{more}; where one is a "
+        f"channel, {remedy}"
     ]

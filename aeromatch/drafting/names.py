@@ -150,7 +150,8 @@ def draft_names(files: Sequence[Path], flap: float | None = None) -> NamesDraft:
         raise SchemaError(
             "recordings",
             [
-                f"several formats ({names}); one name map serves one recorder: give the files of one of them"
+                f"several formats ({names}); one name map serves one recorder: give the "
+                f"files of one of them"
             ],
         )
     (kind,) = kinds
@@ -158,12 +159,19 @@ def draft_names(files: Sequence[Path], flap: float | None = None) -> NamesDraft:
         raise SchemaError(
             "recordings",
             [
-                "Chapter 10 holds words of a bus; write their [decode] tables first (docs/flight-records.md)"
+                "Chapter 10 holds words of a bus; write their [decode] tables first "
+                "(docs/flight-records.md)"
             ],
         )
     if kind in LOGS:
-        remark = f"surface angles are not in a {FORMATS[kind][1]} log: add the bench table of each surface to [controls] of names.toml, "
-        remark += "then write manoeuvres.csv with 'aeromatch flight manoeuvres RECORD --names names.toml -o manoeuvres.csv'"
+        remark = (
+            f"surface angles are not in a {FORMATS[kind][1]} log: add the bench table of "
+            f"each surface to [controls] of names.toml, "
+        )
+        remark += (
+            "then write manoeuvres.csv with 'aeromatch flight manoeuvres RECORD --names "
+            "names.toml -o manoeuvres.csv'"
+        )
         return NamesDraft(extends=LOGS[kind], remarks=(remark,))
     if not any(needs_names(file) for file in files):
         return NamesDraft(identity=True)
@@ -183,7 +191,8 @@ def draft_names(files: Sequence[Path], flap: float | None = None) -> NamesDraft:
         raise SchemaError(
             "recordings",
             [
-                f"no column of {files[0].name} has the name of a quantity; see 'aeromatch flight info'"
+                f"no column of {files[0].name} has the name of a quantity; see 'aeromatch "
+                f"flight info'"
             ],
         )
     everywhere = [
@@ -240,7 +249,8 @@ def _clock_of(name: str, table: RecordedTable) -> tuple[Clock, str] | None:
     raise SchemaError(
         "recordings",
         [
-            f'table {name}: no column that rises all along; state the clock: [time] rate = "50 Hz" in a name map'
+            f"table {name}: no column that rises all along; state the clock: [time] rate = "
+            f'"50 Hz" in a name map'
         ],
     )
 
@@ -269,10 +279,12 @@ def _assigned(
                 left_out.append(place)
             elif _is_fraction(content, column, one) and (flap is None or one.name != "delta_f"):
                 left_out.append(
-                    f'{place}: a position 0 ... 1; {one.name} = {{ column = "{place}", scale = "40 deg" }} with the angle at 1'
+                    f'{place}: a position 0 ... 1; {one.name} = {{ column = "{place}", scale '
+                    f'= "40 deg" }} with the angle at 1'
                 )
                 remarks.append(
-                    f"{one.name}: column {place} is a position 0 ... 1: give its angle at 1 as scale in names.toml"
+                    f"{one.name}: column {place} is a position 0 ... 1: give its angle at 1 "
+                    f"as scale in names.toml"
                 )
             elif one.name in found and found[one.name][2].rank <= one.rank:
                 left_out.append(f"{place} (another {one.name})")
@@ -283,13 +295,15 @@ def _assigned(
     for name in ("p", "q", "r", "phi", "theta", "ax_imu", "ay_imu", "az_imu"):
         if name not in found:
             remarks.append(
-                f"no column was recognised as {name} ({lookup(name).long_name}); the reconstruction needs it: add it to names.toml"
+                f"no column was recognised as {name} ({lookup(name).long_name}); the "
+                f"reconstruction needs it: add it to names.toml"
             )
     constants = {}
     if flap is not None and not {"delta_f", "delta_f_left"} & set(found):
         constants["delta_f"] = 0.0
         remarks.append(
-            "no column shows the flaps and the listings have them: delta_f = 0 stands in [constants] of names.toml; confirm it"
+            "no column shows the flaps and the listings have them: delta_f = 0 stands in "
+            "[constants] of names.toml; confirm it"
         )
     return found, left_out, remarks, constants
 
@@ -354,7 +368,10 @@ def _rows(
         keys: dict[str, Any] = {} if in_file[name] else {"unit": unit}
         if _is_fraction(tables[table], column, one):
             keys = {"scale": f"{np.degrees(flap or 0.0):.6g} deg"}
-            reason = f"{_CONFIRM}: a position 0 ... 1, taken as the largest deflection of the listings at 1"
+            reason = (
+                f"{_CONFIRM}: a position 0 ... 1, taken as the largest deflection of the "
+                f"listings at 1"
+            )
         if name == "az_imu":
             keys |= _normal_force(values[name], str(unit))
             reason = reason or ("recorded positive up" if keys.get("sign") == -1 else "")
@@ -521,9 +538,12 @@ def names_text(draft: NamesDraft, files: Sequence[Path]) -> str:
     """Return a draft as the text of a name map."""
     lines = [
         *schema_lines("names"),
-        f"# Name map of {', '.join(file.name for file in files[:3])}{' and others' if len(files) > 3 else ''}.",
-        "# Drafted by `aeromatch init` from the names and sizes of the columns: confirm units, signs, then run `aeromatch flight check`.",
-        "# Keys of a channel: column, unit, sign, scale, offset, polynomial, table, delay, lag, optional (docs/project-keys.md).",
+        f"# Name map of "
+        f"{', '.join(file.name for file in files[:3])}{' and others' if len(files) > 3 else ''}.",
+        "# Drafted by `aeromatch init` from the names and sizes of the columns: confirm "
+        "units, signs, then run `aeromatch flight check`.",
+        "# Keys of a channel: column, unit, sign, scale, offset, polynomial, table, delay, "
+        "lag, optional (docs/project-keys.md).",
     ]
     if draft.extends:
         lines += [f'extends = "{draft.extends}"', ""]
@@ -574,7 +594,8 @@ def names_text(draft: NamesDraft, files: Sequence[Path]) -> str:
 
 
 _BENCH = (
-    '# delta_e = { column = "actuator_servos/control[2]", unit = "deg", table = [[-1, 21.5], [0, 0.8], [1, -24.0]] }',
+    '# delta_e = { column = "actuator_servos/control[2]", unit = "deg", table = [[-1, 21.5], '
+    "[0, 0.8], [1, -24.0]] }",
     '# A demand that the actuator follows late: lag = "-0.05 s" makes it the position.',
 )
 

@@ -60,7 +60,8 @@ def ground_problems(aircraft: Aircraft, case: PomCase) -> list[str]:
     if case.drive.trim != "ground" or case.law or (aircraft.gear and aircraft.gear.contacts):
         return []
     return [
-        f"case {case.name}: drive.trim is ground, and {aircraft.name} has no landing gear; give [[gear.contact]] in its file"
+        f"case {case.name}: drive.trim is ground, and {aircraft.name} has no landing gear; "
+        f"give [[gear.contact]] in its file"
     ]
 
 
@@ -163,7 +164,8 @@ def regressor_problems(project: Project, names: Mapping[str, set[str]]) -> list[
                 ]
                 if lacking:
                     found.append(
-                        f"{place}: {model} needs {name}, which record {', '.join(lacking)} does not hold; map its channel"
+                        f"{place}: {model} needs {name}, which record {', '.join(lacking)} "
+                        f"does not hold; map its channel"
                     )
     return found
 
@@ -178,7 +180,8 @@ def height_problems(project: Project, names: Mapping[str, set[str]]) -> list[str
     ):
         return []
     return [
-        "ground_effect.flown: no record has a height over the runway, h_agl; give runway_elevation in [record] of the name map"
+        "ground_effect.flown: no record has a height over the runway, h_agl; give "
+        "runway_elevation in [record] of the name map"
     ]
 
 
@@ -204,7 +207,8 @@ def variable_problems(
                 for variable in sorted(variables - names[record] - {*_FORMED}):
                     missing.setdefault((variable, term), []).append(record)
     return [
-        f"term {term} depends on {variable}, which record {', '.join(dict.fromkeys(records))} does not hold; map its channel"
+        f"term {term} depends on {variable}, which record "
+        f"{', '.join(dict.fromkeys(records))} does not hold; map its channel"
         for (variable, term), records in missing.items()
     ]
 
@@ -226,7 +230,8 @@ def name_problems(project: Project) -> list[str]:
                 key = fit.name, record, RegressionModel.parse(text).coefficient
                 seen[key] = seen.get(key, 0) + 1
     return [
-        f"fit {name!r} gives {count} models of {coefficient} for record {record}; give each fit a name of its own"
+        f"fit {name!r} gives {count} models of {coefficient} for record {record}; give each "
+        f"fit a name of its own"
         for (name, record, coefficient), count in seen.items()
         if count > 1
     ]
@@ -252,7 +257,8 @@ def submodel_structure_problems(
         )
         if item not in aircraft.circuits:
             found.append(
-                f"controls.{item}: {aircraft.name} has no [circuit.{item}]; give stops and mass at least"
+                f"controls.{item}: {aircraft.name} has no [circuit.{item}]; give stops and "
+                f"mass at least"
             )
     if project.gear is not None:
         collect(found, "gear", wheels_of, aircraft)
@@ -273,11 +279,13 @@ def _engine_problems(project: Project, apriori: Aircraft) -> list[str]:
     settled = asked is not None and (asked.points or asked.climbs)
     if settled and "corrected_thrust" not in tables:
         found.append(
-            f"engine: settled points correct the table corrected_thrust of the a-priori deck; it has {' '.join(tables) or 'no tables'}"
+            f"engine: settled points correct the table corrected_thrust of the a-priori "
+            f"deck; it has {' '.join(tables) or 'no tables'}"
         )
     if asked is not None and structure is not None and structure.tables and not asked.flights:
         found.append(
-            f"engine.flights: missing; the tables {', '.join(structure.tables)} of engine.structure come from whole flights"
+            f"engine.flights: missing; the tables {', '.join(structure.tables)} of "
+            f"engine.structure come from whole flights"
         )
     return found
 
@@ -294,7 +302,8 @@ def _ground_problems(asked: Any) -> list[str]:
         model = RegressionModel.parse(text)
         if model.coefficient not in coefficients:
             found.append(
-                f"ground_effect.ground: {model} has no model of {model.coefficient} in ground_effect.models; add one"
+                f"ground_effect.ground: {model} has no model of {model.coefficient} in "
+                f"ground_effect.models; add one"
             )
     return found
 

@@ -193,7 +193,8 @@ def _look_for_identification(
         where = f"{place}, record {task.name}"
         outside = [span for span in own if span[0] > -np.inf and not _is_inside(span, states)]
         look.problems += [
-            f"{where}: {start:g} ... {end:g} s is not inside the record, {look.first:g} ... {look.last:g} s"
+            f"{where}: {start:g} ... {end:g} s is not inside the record, {look.first:g} ... "
+            f"{look.last:g} s"
             for start, end in outside
         ]
         if outside:

@@ -66,7 +66,8 @@ def fit_problems(where: str, fit: FitSection, states: xr.Dataset, spans: Spans) 
         least = SAMPLES_PER_TERM * len(model.terms)
         if count < least:
             found.append(
-                f"{where}: {count} samples in flight for {len(model.terms)} terms of {model}; at least {least} are needed"
+                f"{where}: {count} samples in flight for {len(model.terms)} terms of "
+                f"{model}; at least {least} are needed"
             )
         else:
             found += [
@@ -156,7 +157,8 @@ def _engine_problems(where: str, place: str, asked: Any, parts: Sequence[xr.Data
             continue
         if place != "engine.starts" and "throttle" not in record:
             found.append(
-                f"{where}: no lever of engine {asked.engines[0]} (engine{asked.engines[0]}.throttle or .pla); map its channel"
+                f"{where}: no lever of engine {asked.engines[0]} "
+                f"(engine{asked.engines[0]}.throttle or .pla); map its channel"
             )
         elif place == "engine.flown":
             try:
@@ -190,11 +192,13 @@ def _gear_problems(where: str, aircraft: Aircraft, parts: Sequence[xr.Dataset]) 
     for part in parts:
         absent = [name for name in (*wheels, *_RUNNING) if name not in part]
         found += [
-            f"{where}: the landing gear needs {name}, which the record does not hold; map its channel"
+            f"{where}: the landing gear needs {name}, which the record does not hold; map "
+            f"its channel"
             for name in absent
         ]
         if not absent and not any((part[name].values > TOUCHING).any() for name in wheels):
             found.append(
-                f"{where}: no wheel is compressed by more than {TOUCHING:g} m; give ground runs or landings"
+                f"{where}: no wheel is compressed by more than {TOUCHING:g} m; give ground "
+                f"runs or landings"
             )
     return list(dict.fromkeys(found))

@@ -57,9 +57,11 @@ def steps_of(project: Project, records: Mapping[str, bool], cases: int, compare:
     identifying = sum(records.values())
     models = 3 + len(project.models)
     steps = [
-        f"read {sum(map(len, project.listings.values()))} DATCOM listings, build the a-priori database",
+        f"read {sum(map(len, project.listings.values()))} DATCOM listings, build the "
+        f"a-priori database",
         f"read and check {len(records)} flight records",
-        f"reconstruct {len(records)} paths; {identifying} records determine the constants of the instruments",
+        f"reconstruct {len(records)} paths; {identifying} records determine the constants of "
+        f"the instruments",
     ]
     steps += ["identify the engine"] if project.engine is not None else []
     steps += (
@@ -68,7 +70,8 @@ def steps_of(project: Project, records: Mapping[str, bool], cases: int, compare:
         else []
     )
     steps += [
-        f"fit {_count_fits(project)} local models, read {len(project.published)} files of published ones"
+        f"fit {_count_fits(project)} local models, read {len(project.published)} files of "
+        f"published ones"
     ]
     steps += [_TABLES[project.tabulation]]
     steps += [f"make the tables in all {len(WAYS)} ways and compare them"] if compare else []

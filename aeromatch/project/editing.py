@@ -66,7 +66,8 @@ def schema_lines(kind: str) -> list[str]:
     file = f"{kind}.schema.json"
     return [
         f"#:schema {file}",
-        f"# `aeromatch schema {kind}` writes {file}; an editor that knows it completes and checks the keys.",
+        f"# `aeromatch schema {kind}` writes {file}; an editor that knows it completes and "
+        f"checks the keys.",
         "",
     ]
 
@@ -306,7 +307,8 @@ def _write(content: Any, path: Path, output: Path) -> None:
         raise SchemaError(
             str(path),
             [
-                "the change cannot be made between the other lines of the file; make it with an editor"
+                "the change cannot be made between the other lines of the file; make it with "
+                "an editor"
             ],
         )
     with written_atomically(output) as part:
@@ -437,7 +439,8 @@ def _has_heading(item: Any, place: str) -> bool:
 @click.option(
     "--trial",
     type=NewFile(),
-    help="Copy of a case file to write with the change, marked as a trial in title and notes; FILE stays as it is.",
+    help="Copy of a case file to write with the change, marked as a trial in title and notes; "
+    "FILE stays as it is.",
 )
 @click.option(
     "--also",

@@ -76,7 +76,8 @@ class NewTerm(Strict):
             raise SchemaError(
                 "term",
                 [
-                    f"stderr has {np.size(self.stderr)} values for {value.size} nodes; give one for all, or one per node"
+                    f"stderr has {np.size(self.stderr)} values for {value.size} nodes; give "
+                    f"one for all, or one per node"
                 ],
             )
         return terms.make_term(
@@ -96,14 +97,16 @@ class FitSection(RecordSelection):
 
     name: str = Field(description="Name of the fit, for the report.")
     models: tuple[str, ...] = Field(
-        description="Models to fit, one for each coefficient: terms of the right-hand side are regressors."
+        description="Models to fit, one for each coefficient: terms of the right-hand side are "
+        "regressors."
     )
 
     @model_validator(mode="after")
     def _of_something(self) -> FitSection:
         if not self.manoeuvres and not self.window:
             raise ValueError(
-                "neither manoeuvres nor window; give one of them, as window = [start, end] in seconds of the record"
+                "neither manoeuvres nor window; give one of them, as window = [start, end] "
+                "in seconds of the record"
             )
         return self
 
@@ -166,7 +169,8 @@ class Listings(Strict):
     )
     powered: bool = Field(
         default=False,
-        description="Whether clean pages hold power effects: thrust terms are taken off and standard errors are wider.",
+        description="Whether clean pages hold power effects: thrust terms are taken off and "
+        "standard errors are wider.",
     )
     tailless: bool = Field(
         default=False, description="Whether the aeroplane has no horizontal tail."
@@ -189,11 +193,13 @@ class _ProjectFile(Strict):
         description="Name map of the flight records; not needed where they have canonical names.",
     )
     flights: Paths = Field(
-        description="Pattern of the flight records, or several; a record is named by its file without extension."
+        description="Pattern of the flight records, or several; a record is named by its file "
+        "without extension."
     )
     manoeuvres: str | None = Field(
         default=None,
-        description="Table of manoeuvres, CSV or TOML; its rows stand in place of the marks that their records carry.",
+        description="Table of manoeuvres, CSV or TOML; its rows stand in place of the marks that "
+        "their records carry.",
     )
     listings: Listings = Field(
         description="Digital DATCOM listings by role: FILE, FILE:CASE, or several."
@@ -204,12 +210,14 @@ class _ProjectFile(Strict):
     )
     tabulation: Literal["tabulate", "direct", "join"] = Field(
         default="tabulate",
-        description="How flights enter the tables: local models projected on the nodes, nodes estimated directly from the samples, or "
+        description="How flights enter the tables: local models projected on the nodes, nodes "
+        "estimated directly from the samples, or "
         "local models joined by regression.",
     )
     unplaced: Literal["raise", "warn"] = Field(
         default="raise",
-        description="What to do if no table of the database carries a significant term of a fit: stop, or go on with a warning in the "
+        description="What to do if no table of the database carries a significant term of a fit: "
+        "stop, or go on with a warning in the "
         "history of the database and in the report.",
     )
     held: tuple[str, ...] = Field(
@@ -233,7 +241,8 @@ class _ProjectFile(Strict):
     published: tuple[str, ...] = Field(
         default=(),
         examples=[["literature/local_models.csv"]],
-        description="Local models from elsewhere with standard errors, CSV; they identify as the fits do.",
+        description="Local models from elsewhere with standard errors, CSV; they identify as the "
+        "fits do.",
     )
     engine: EngineSection | None = Field(
         default=None,
@@ -256,7 +265,8 @@ class _ProjectFile(Strict):
     chapters: tuple[Literal["identification", "database"], ...] = Field(
         default=(),
         examples=[["identification", "database"]],
-        description="Chapters of the PDF behind the proof of match: the data report of local models and databases.",
+        description="Chapters of the PDF behind the proof of match: the data report of local "
+        "models and databases.",
     )
 
     @field_validator("cutoff")
@@ -398,14 +408,16 @@ def read_project(path: str | Path) -> Project:
     def listing(text: str, place: str) -> ListingCase:
         if text == UNFILLED:
             problems.append(
-                f"{place}: {UNFILLED!r} stands for a listing that is still to be given; write FILE, or FILE:CASE"
+                f"{place}: {UNFILLED!r} stands for a listing that is still to be given; "
+                f"write FILE, or FILE:CASE"
             )
             return ListingCase(folder / text)
         try:
             return place_of(text, folder)
         except FileNotFoundError:
             problems.append(
-                f"{place}: no file {text!r} in {folder}; write FILE, or FILE:CASE for one case of it"
+                f"{place}: no file {text!r} in {folder}; write FILE, or FILE:CASE for one "
+                f"case of it"
             )
             return ListingCase(folder / text)
 
@@ -451,7 +463,8 @@ def read_project(path: str | Path) -> Project:
     for name in content.models:
         if name in OWN_MODELS or name == "flight":
             problems.append(
-                f"models.{name}: the name is taken; call it otherwise than flight, {', '.join(OWN_MODELS)}"
+                f"models.{name}: the name is taken; call it otherwise than flight, "
+                f"{', '.join(OWN_MODELS)}"
             )
     wanted = {
         name: getattr(content.engine, name, None) for name in ("points", "climbs", "structure")
@@ -516,7 +529,10 @@ def _matching(folder: Path, pattern: str) -> list[Path]:
 
 def _no_match(folder: Path, pattern: str) -> str:
     if pattern == UNFILLED:
-        return f"{UNFILLED!r} stands for files that are still to be given; write a file or a pattern such as 'folder/*.csv'"
+        return (
+            f"{UNFILLED!r} stands for files that are still to be given; write a file or a "
+            f"pattern such as 'folder/*.csv'"
+        )
     if pattern and (folder / pattern).is_dir():
         return f"{pattern!r} is a folder; name its files, such as {str(Path(pattern) / '*')!r}"
     return (

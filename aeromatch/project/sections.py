@@ -58,7 +58,8 @@ class RecordSelection(Strict):
         for start, end in item:
             if not start < end:
                 raise ValueError(
-                    f"a window from {start:g} to {end:g} s; give start and end in seconds of the record, the end later"
+                    f"a window from {start:g} to {end:g} s; give start and end in seconds of "
+                    f"the record, the end later"
                 )
         return item
 
@@ -111,7 +112,8 @@ class GearSection(Strict):
     )
     output_error: bool = Field(
         default=True,
-        description="Whether tyres and steering are estimated by output error too, or by wheel loads alone.",
+        description="Whether tyres and steering are estimated by output error too, or by wheel "
+        "loads alone.",
     )
 
     def problems(self) -> Iterator[str]:
@@ -131,7 +133,8 @@ class EngineSection(Strict):
     )
     flights: tuple[RecordSelection, ...] = Field(
         default=(),
-        description="Whole flights: power changes are cut out of them, and the tables that structure names estimated.",
+        description="Whole flights: power changes are cut out of them, and the tables that "
+        "structure names estimated.",
     )
     starts: tuple[RecordSelection, ...] = Field(default=(), description="Starts and shut-downs.")
     engines: tuple[Annotated[int, Field(ge=1)], ...] = Field(
@@ -185,7 +188,8 @@ class ControlSection(Strict):
     """
 
     driven: Annotated[tuple[RecordSelection, ...], Field(min_length=1)] = Field(
-        description="Slow manoeuvres at several speeds and tab settings; whole records are taken without the free manoeuvres."
+        description="Slow manoeuvres at several speeds and tab settings; whole records are taken "
+        "without the free manoeuvres."
     )
     free: tuple[RecordSelection, ...] = Field(default=(), description="Pulses and releases.")
     model: str = Field(
@@ -194,7 +198,8 @@ class ControlSection(Strict):
     constants: Names = Field(
         default=(),
         examples=[["preload", "friction"]],
-        description="Terms of the force; the rest is held at zero. Without it the usual ones of the control.",
+        description="Terms of the force; the rest is held at zero. Without it the usual ones of "
+        "the control.",
     )
     arm: si("m") = Field(  # type: ignore[valid-type]
         default=0.0,

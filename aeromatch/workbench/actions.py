@@ -244,7 +244,8 @@ def to_do(entries: Sequence[LoggedAction], places: PlaceholderFolders) -> list[L
             position[name] = 0
         else:
             raise ActionError(
-                f"{name}: its content is none that the log knows; take the project as it was before action {states[0][0]}"
+                f"{name}: its content is none that the log knows; take the project as it was "
+                f"before action {states[0][0]}"
             )
     return [
         entry for entry in entries if any(position[name] < entry.number for name in entry.files)
@@ -277,13 +278,15 @@ def carry_out(
         if done.returncode != entry.code:
             last = (done.stderr.strip().splitlines() or [""])[-1]
             raise ActionError(
-                f"action {entry.number} ends with code {done.returncode}, in the log with {entry.code}: {last}"
+                f"action {entry.number} ends with code {done.returncode}, in the log with "
+                f"{entry.code}: {last}"
             )
         for name, found in digests(entry.words, places).items():
             if name in entry.files and found != entry.files[name][1]:
                 if name.startswith(PROJECT):
                     raise ActionError(
-                        f"action {entry.number}: {name} is not what the log has; was another version at work?"
+                        f"action {entry.number}: {name} is not what the log has; was another "
+                        f"version at work?"
                     )
                 remarks.append(f"action {entry.number}: {name} differs from that of the log")
     return remarks

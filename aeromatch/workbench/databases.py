@@ -141,7 +141,8 @@ def term(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, 
         raise SchemaError(
             name,
             [
-                f"the databases together have {size} nodes, at most {_MOST_NODES} are drawn; show one of them"
+                f"the databases together have {size} nodes, at most {_MOST_NODES} are drawn; "
+                f"show one of them"
             ],
         )
     return {

@@ -29,10 +29,16 @@ from flightmech.errors import AeromatchError
 from flightmech.support.console import to_json_types
 
 TOKEN_HEADER = "x-aeromatch-token"
-_OWN = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; font-src 'self'; connect-src 'self'; frame-src 'self'"
+_OWN = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; font-src "
+    "'self'; connect-src 'self'; frame-src 'self'"
+)
 PAGE_POLICY = f"{_OWN}; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 """Of the page: nothing from another host, no script inside the page, no frame around it."""
-REPORT_POLICY = "sandbox allow-scripts allow-downloads; default-src 'self' 'unsafe-inline' data: blob:; frame-ancestors 'self'"
+REPORT_POLICY = (
+    "sandbox allow-scripts allow-downloads; default-src 'self' 'unsafe-inline' data: "
+    "blob:; frame-ancestors 'self'"
+)
 """Of a report shown inside the page: it draws itself, and has no access to the page around it or to the server's answers."""
 
 

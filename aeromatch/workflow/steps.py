@@ -690,7 +690,8 @@ def identified(
     cases = [pom.read_case(file) for file in project.cases]
     found = Identified(project, custody, cases, records_of(project, cases))
     with step(
-        f"read {sum(map(len, project.listings.values()))} DATCOM listings, build the a-priori database"
+        f"read {sum(map(len, project.listings.values()))} DATCOM listings, build the "
+        f"a-priori database"
     ):
         datcom, start = databases_before(project, aircraft, custody, stages)
     custody.take(inputs_of(project, found.records))
@@ -726,7 +727,9 @@ def identified(
             found.controls = _controls(found, known, jobs, stages)
     flying = _after_flight(found, known, stages)
     with step(
-        f"identify coefficients on {len(dict.fromkeys(name for spans in found.windows.fits for name in spans))} flight records"
+        f"identify coefficients on "
+        f"{len(dict.fromkeys(name for spans in found.windows.fits for name in spans))} "
+        f"flight records"
     ):
         found.data = _coefficients(found, flying, jobs, stages)
         found.fits = _fits(found, jobs, stages)

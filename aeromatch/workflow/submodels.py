@@ -127,7 +127,8 @@ def overlaps(place: str, spans: Spans, cases: Iterable[Any]) -> list[str]:
             if span[0] < end and start < span[1]
         ]
         found += [
-            f"{place}: record {Path(case.record).stem} proves case {case.name} from {start:g} to {end:g} s; it cannot identify too"
+            f"{place}: record {Path(case.record).stem} proves case {case.name} from "
+            f"{start:g} to {end:g} s; it cannot identify too"
         ] * bool(taken)
     return found
 

@@ -50,7 +50,8 @@ def join(trees: Iterable[xr.DataTree]) -> xr.DataTree:
         raise SchemaError("join", ["no tree was given; pass the trees of at least one case"])
     first = trees[0]
     problems = [
-        f"{name} is {tree.attrs.get(name)} in {_title(tree)} and {first.attrs.get(name)} in {_title(first)}"
+        f"{name} is {tree.attrs.get(name)} in {_title(tree)} and {first.attrs.get(name)} in "
+        f"{_title(first)}"
         for tree in trees[1:]
         for name in _REFERENCE
         if not _same(tree.attrs.get(name), first.attrs.get(name))
@@ -96,7 +97,8 @@ def _differences(name: str, tree: xr.DataTree, part: xr.Dataset, first: xr.Datas
     found = []
     if set(part.dims) != set(first.dims):
         return [
-            f"{name} of {_title(tree)} has the axes {', '.join(map(str, part.dims))}, the first tree {', '.join(map(str, first.dims))}"
+            f"{name} of {_title(tree)} has the axes {', '.join(map(str, part.dims))}, the "
+            f"first tree {', '.join(map(str, first.dims))}"
         ]
     if set(part.data_vars) != set(first.data_vars):
         other = sorted(map(str, set(part.data_vars) ^ set(first.data_vars)))
@@ -212,7 +214,8 @@ def to_grid(dataset: xr.Dataset) -> xr.Dataset:
         raise SchemaError(
             "to_grid",
             [
-                f"the Dataset has no dimension condition (it has {', '.join(map(str, dataset.dims))})"
+                f"the Dataset has no dimension condition (it has "
+                f"{', '.join(map(str, dataset.dims))})"
             ],
         )
     heights, machs = dataset["h"].values, dataset["mach"].values

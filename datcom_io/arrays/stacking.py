@@ -31,7 +31,8 @@ _SI = {"deg": "rad", "lbf": "N", **OF_DIM}
 LONG_NAMES = {
     "CN": "normal-force coefficient, body axes",
     "CA": "axial-force coefficient, body axes, positive aft",
-    "xcp": "centre of pressure forward of the moment centre, in chords: CM/CN, and CMA/CLA from the first row without CM or CN on",
+    "xcp": "centre of pressure forward of the moment centre, in chords: CM/CN, and CMA/CLA from "
+    "the first row without CM or CN on",
     "ground_height": "height of the drawing datum (z = 0) over the ground, infinite in free air",
     "q_ratio": "dynamic pressure at the horizontal tail over that of the free stream",
     "epsilon": "downwash angle at the horizontal tail",
@@ -264,7 +265,10 @@ class Stacker:
         lines = np.full(shape, "", dtype=object)
         for where, table in items:
             if lines[tuple(where)]:
-                found = f"a second {table.name} table for the place of the one at lines {lines[tuple(where)]}"
+                found = (
+                    f"a second {table.name} table for the place of the one at lines "
+                    f"{lines[tuple(where)]}"
+                )
                 raise ParseError(
                     self.case.file,
                     table.lines[0],

@@ -230,7 +230,8 @@ def run(
             click.echo(f"line {message.line}: {message.text}")
         cases = f"{_count(len(done.listing), 'case')}, {_count(len(done.listing.pages), 'page')}"
         click.echo(
-            f"{cases} in {done.seconds:.1f} s; written: {', '.join(str(path) for path in done.files.values())}"
+            f"{cases} in {done.seconds:.1f} s; written: "
+            f"{', '.join(str(path) for path in done.files.values())}"
         )
         for name in row["without_pages"]:
             click.echo(f"case without a page: {name}")

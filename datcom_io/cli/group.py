@@ -85,7 +85,8 @@ def show(file: str, name: str | None, partial: bool, as_json: bool) -> None:
             "missing, suspect",
         ],
         [_summary_row(row) for row in found],
-        title=f"{listing.file}: {_count(listing.runs, 'run')}, {_count(len(listing), 'case')}, {_count(listing.line_count, 'line')}",
+        title=f"{listing.file}: {_count(listing.runs, 'run')}, {_count(len(listing), 'case')}, "
+        f"{_count(listing.line_count, 'line')}",
         right=["no"],
     )
     if pages is not None:

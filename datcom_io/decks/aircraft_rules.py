@@ -59,7 +59,10 @@ def surfaces(deck: Deck) -> Iterator[DeckFinding]:
                 if letter in "WH"
                 else (WARNING, "the program does not notice")
             )
-            text = f"${planform} without section: neither ${section} nor a NACA {letter} card for the {what}; {what_next}"
+            text = (
+                f"${planform} without section: neither ${section} nor a NACA {letter} card "
+                f"for the {what}; {what_next}"
+            )
             yield DeckFinding(
                 deck.line_of(planform), severity if not is_special(deck) else WARNING, text
             )
@@ -90,7 +93,10 @@ def planform_types(deck: Deck) -> Iterator[DeckFinding]:
     """Yield planform types that the program does not know."""
     kind = deck.value("WGPLNF", "TYPE")
     if kind is not None and kind >= _TYPES + 1:
-        text = f"$WGPLNF: TYPE={kind:g}; allowed is 1 ... {_TYPES}, the program takes 1 and prints ERROR"
+        text = (
+            f"$WGPLNF: TYPE={kind:g}; allowed is 1 ... {_TYPES}, the program takes 1 and "
+            f"prints ERROR"
+        )
         yield DeckFinding(deck.line_of("WGPLNF", "TYPE"), ERROR, text)
 
 
@@ -101,7 +107,10 @@ def body(deck: Deck) -> Iterator[DeckFinding]:
     given = {name for name in "RSP" if deck.value("BODY", name) is not None}
     if given not in ({"R"}, {"S"}, {"R", "S", "P"}):
         found = ", ".join(sorted(given)) or "none of them"
-        text = f"$BODY: of R, S and P there is {found}; give R alone, S alone, or all three: the program does not run the case"
+        text = (
+            f"$BODY: of R, S and P there is {found}; give R alone, S alone, or all three: the "
+            f"program does not run the case"
+        )
         yield DeckFinding(deck.line_of("BODY"), ERROR, text)
     if not deck.values("BODY", "X"):
         yield DeckFinding(deck.line_of("BODY"), ERROR, "$BODY: no stations X; give NX and X(1)=...")
@@ -119,7 +128,10 @@ def references(deck: Deck) -> Iterator[DeckFinding]:
     missing = [name for name in what if deck.value("OPTINS", name) is None]
     if missing and "FLTCON" in deck.namelists:
         taken = ", ".join(f"the {what[name]} for {name}" for name in missing)
-        text = f"$OPTINS: {', '.join(missing)} not given; the program takes {taken}, and readers that look in the deck fail: write them"
+        text = (
+            f"$OPTINS: {', '.join(missing)} not given; the program takes {taken}, and readers "
+            f"that look in the deck fail: write them"
+        )
         yield DeckFinding(deck.line_of("OPTINS"), WARNING, text)
 
 
@@ -140,7 +152,10 @@ def flap_span(deck: Deck) -> Iterator[DeckFinding]:
             if float(side) - float(inner) < 1e-5 * tip
             else ""
         )
-        text = f"${name}: SPANFI={inner:g} lies inside the body, which reaches to SSPN - SSPNE = {side:g} of ${surface}{rounding}"
+        text = (
+            f"${name}: SPANFI={inner:g} lies inside the body, which reaches to SSPN - SSPNE = "
+            f"{side:g} of ${surface}{rounding}"
+        )
         yield DeckFinding(
             deck.line_of(name, "SPANFI"),
             WARNING,
@@ -160,7 +175,10 @@ def flap_span(deck: Deck) -> Iterator[DeckFinding]:
 def tabs(deck: Deck) -> Iterator[DeckFinding]:
     """Yield control tabs without the plain flap they need."""
     if "CONTAB" in deck.namelists and deck.value("SYMFLP", "FTYPE") != 1.0:
-        text = "$CONTAB needs $SYMFLP with FTYPE=1.0 (plain flap); the program leaves the tabs out and prints ERROR"
+        text = (
+            "$CONTAB needs $SYMFLP with FTYPE=1.0 (plain flap); the program leaves the tabs "
+            "out and prints ERROR"
+        )
         yield DeckFinding(deck.line_of("CONTAB"), ERROR, text)
 
 
@@ -179,7 +197,8 @@ def trim(deck: Deck) -> Iterator[DeckFinding]:
         yield DeckFinding(
             line,
             WARNING,
-            "TRIM without device: it needs $SYMFLP, or $HTPLNF with HINAX of $SYNTHS for an all-movable stabilizer",
+            "TRIM without device: it needs $SYMFLP, or $HTPLNF with HINAX of $SYNTHS for an "
+            "all-movable stabilizer",
         )
 
 
@@ -190,7 +209,8 @@ def _ground_by_regime(deck: Deck) -> Iterator[DeckFinding]:
         (
             "supersonic",
             ERROR,
-            "the program prints no static page at all, and no message; take out $GRNDEF or the Mach number",
+            "the program prints no static page at all, and no message; take out $GRNDEF or "
+            "the Mach number",
         ),
         ("transonic", WARNING, "the program prints the page in free air only"),
     ):
@@ -216,7 +236,8 @@ def ground(deck: Deck) -> Iterator[DeckFinding]:
             else f"leave out ${name}, it has no effect there"
         )
         text = (
-            f"$GRNDEF with {deflections} deflections of ${name}: the heights are printed {deflections} times{which}, and every deflection "
+            f"$GRNDEF with {deflections} deflections of ${name}: the heights are printed "
+            f"{deflections} times{which}, and every deflection "
             f"but the first holds the ground effect of those before; {advice}"
         )
         yield DeckFinding(deck.line_of("GRNDEF"), WARNING, text)
@@ -233,7 +254,10 @@ def ground(deck: Deck) -> Iterator[DeckFinding]:
 def weight(deck: Deck) -> Iterator[DeckFinding]:
     """Yield a weight that the program converts again and again."""
     if deck.value("FLTCON", "WT") is not None and deck.dim in ("M", "CM"):
-        text = f"$FLTCON: WT with DIM {deck.dim}: the program converts it again at every condition; do not use the printed weights"
+        text = (
+            f"$FLTCON: WT with DIM {deck.dim}: the program converts it again at every "
+            f"condition; do not use the printed weights"
+        )
         yield DeckFinding(deck.line_of("FLTCON", "WT"), WARNING, text)
 
 

@@ -159,7 +159,8 @@ class _CardReader:
             self.report(
                 line,
                 ERROR,
-                "a namelist goes on in column 1: the program takes it for a control card; leave column 1 blank",
+                "a namelist goes on in column 1: the program takes it for a control card; "
+                "leave column 1 blank",
             )
             self._continue(line, text)
         else:
@@ -170,7 +171,8 @@ class _CardReader:
             self.report(
                 card.line,
                 ERROR,
-                f"NACA card inside namelist ${self.name}: it stops the program; close the namelist with $ first",
+                f"NACA card inside namelist ${self.name}: it stops the program; close the "
+                f"namelist with $ first",
             )
         if card.name == "DIM" and card.text[:2].ljust(2) != text[4:6].ljust(2):
             self.report(
@@ -204,7 +206,8 @@ class _CardReader:
                 self.report(
                     line,
                     ERROR,
-                    f"a $ alone in column {column}: the program takes it for a new namelist; write it behind the last value",
+                    f"a $ alone in column {column}: the program takes it for a new namelist; "
+                    f"write it behind the last value",
                 )
             self._end(line)
             return
@@ -242,7 +245,8 @@ class _CardReader:
         self.report(
             line,
             ERROR if lost else WARNING,
-            f"after the closing $: {text[:40]}; the program does not read it: put it on a card of its own",
+            f"after the closing $: {text[:40]}; the program does not read it: put it on a "
+            f"card of its own",
         )
 
     def _end(self, line: int) -> None:
@@ -320,7 +324,10 @@ class _CardReader:
         self, line: int, variable: str, start: int, values: list[Value]
     ) -> Iterator[NamelistAssignment]:
         if values and (not 0 < start <= _LARGEST_ARRAY or start - 1 + len(values) > _LARGEST_ARRAY):
-            text = f"${self.name}: {variable}({start}) holds {len(values)} values; an array has at most {_LARGEST_ARRAY}"
+            text = (
+                f"${self.name}: {variable}({start}) holds {len(values)} values; an array has "
+                f"at most {_LARGEST_ARRAY}"
+            )
             self.report(line, ERROR, text)
         elif values:
             yield NamelistAssignment(line, variable, start, tuple(values))

@@ -70,7 +70,8 @@ def _run(cases: list[Deck]) -> Iterator[DeckFinding]:
         yield DeckFinding(
             line,
             WARNING,
-            "SAVE in the last case, before NEXT CASE: the program runs the saved case once more; take SAVE out",
+            "SAVE in the last case, before NEXT CASE: the program runs the saved case once "
+            "more; take SAVE out",
         )
 
 
@@ -88,7 +89,8 @@ def _undamped(cases: list[Deck]) -> Iterator[DeckFinding]:
         yield DeckFinding(
             whole[0].line,
             WARNING,
-            "no DAMP card: the program prints no derivatives with q, alpha dot, p and r, and a database made of the listing has no "
+            "no DAMP card: the program prints no derivatives with q, alpha dot, p and r, and "
+            "a database made of the listing has no "
             "damping; add a line DAMP",
         )
 
@@ -98,7 +100,10 @@ def _drift(cases: list[Deck]) -> Iterator[DeckFinding]:
     flapped = [case for case in cases if "SYMFLP" in case.namelists]
     conditions = sum(max(1, len(case.conditions())) for case in flapped)
     if conditions > 1:
-        text = f"$SYMFLP at {conditions} flight conditions of one run: the program carries a part of D(CM) from one to the next"
+        text = (
+            f"$SYMFLP at {conditions} flight conditions of one run: the program carries a "
+            f"part of D(CM) from one to the next"
+        )
         yield DeckFinding(
             flapped[0].line_of("SYMFLP"),
             WARNING,

@@ -127,7 +127,8 @@ def _with_cards_kept(cases: list[Deck], text: _Text) -> list[Deck]:
             text.report(
                 case.line,
                 NOTE,
-                f"{words} of the case before: DATCOM+ repeats it after SAVE, the program does not; write_deck writes it",
+                f"{words} of the case before: DATCOM+ repeats it after SAVE, the program "
+                f"does not; write_deck writes it",
             )
         kept.append(replace(case, items=(*cards, *case.items), cards=(*case.cards, *cards)))
     return kept
@@ -180,7 +181,8 @@ class _Text:
             self.report(
                 number,
                 WARNING,
-                "blank line: the program flags it, and stops at two of them inside a namelist; take it out",
+                "blank line: the program flags it, and stops at two of them inside a "
+                "namelist; take it out",
             )
             return ""
         if line[0] in "*#":
@@ -199,13 +201,17 @@ class _Text:
         self.report(
             number,
             ERROR,
-            "comment: only the pre-processor of DATCOM+ takes it away, the program does not run the case; use write_deck",
+            "comment: only the pre-processor of DATCOM+ takes it away, the program does not "
+            "run the case; use write_deck",
         )
         return ""
 
     def _too_long(self, number: int, line: str, is_caseid: bool) -> None:
         if not is_caseid:
-            text = f"{len(line.rstrip())} columns: the program reads {CARD_COLUMNS}, the rest is lost; break the line after a comma"
+            text = (
+                f"{len(line.rstrip())} columns: the program reads {CARD_COLUMNS}, the rest is "
+                f"lost; break the line after a comma"
+            )
             self.report(number, ERROR, text)
 
 

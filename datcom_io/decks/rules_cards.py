@@ -28,7 +28,8 @@ def names(deck: Deck) -> Iterator[DeckFinding]:
             yield DeckFinding(
                 item.line,
                 ERROR,
-                f"unknown namelist ${item.name}{_near(item.name, VARIABLES)}; the program does not run the case",
+                f"unknown namelist ${item.name}{_near(item.name, VARIABLES)}; the program "
+                f"does not run the case",
             )
             continue
         for assignment in item.assignments:
@@ -71,7 +72,8 @@ def control_cards(deck: Deck) -> Iterator[DeckFinding]:
             yield DeckFinding(
                 card.line,
                 ERROR,
-                f"DIM {card.text}: allowed are {', '.join(DIMENSIONS)}; the program does not run the case",
+                f"DIM {card.text}: allowed are {', '.join(DIMENSIONS)}; the program does not "
+                f"run the case",
             )
         if card.name == "NACA":
             yield from _naca(card)
@@ -109,7 +111,10 @@ def length_of_chain(deck: Deck) -> Iterator[DeckFinding]:
     ]
     count = sum(not item.name.startswith("EXPR") for item in chain)
     if count > MOST_NAMELISTS:
-        text = f"{count} namelists and NACA cards in a series of SAVE cases; the program takes {MOST_NAMELISTS}: leave SAVE out once"
+        text = (
+            f"{count} namelists and NACA cards in a series of SAVE cases; the program takes "
+            f"{MOST_NAMELISTS}: leave SAVE out once"
+        )
         yield DeckFinding(deck.line, ERROR, text)
 
 
@@ -121,14 +126,23 @@ def devices_written(deck: Deck) -> Iterator[DeckFinding]:
         if isinstance(item, Namelist) and item.name in ("SYMFLP", "ASYFLP")
     ]
     if {item.name for item in own} == {"SYMFLP", "ASYFLP"}:
-        text = f"SYMFLP and ASYFLP in one case: the program drops the first and computes ${own[-1].name}; make a case for each (datcom split)"
+        text = (
+            f"SYMFLP and ASYFLP in one case: the program drops the first and computes "
+            f"${own[-1].name}; make a case for each (datcom split)"
+        )
         yield DeckFinding(own[-1].line, ERROR, text)
     elif len(own) > 1:
-        text = f"${own[0].name} {len(own)} times in one case: the values of the last overwrite those before; make a case for each"
+        text = (
+            f"${own[0].name} {len(own)} times in one case: the values of the last overwrite "
+            f"those before; make a case for each"
+        )
         yield DeckFinding(own[1].line, WARNING, f"{text} (datcom split)")
     sharing = [name for name in ("SYMFLP", "ASYFLP", "HYPEFF", "TRNJET") if name in deck.namelists]
     if len(sharing) > 1 and ("HYPEFF" in sharing or "TRNJET" in sharing):
-        text = f"{' and '.join(sharing)} in one case: the program keeps them in the same memory; make a case for each"
+        text = (
+            f"{' and '.join(sharing)} in one case: the program keeps them in the same memory; "
+            f"make a case for each"
+        )
         yield DeckFinding(deck.line_of(sharing[-1]), ERROR, text)
 
 

@@ -23,7 +23,8 @@ def counts(deck: Deck) -> Iterator[DeckFinding]:
             yield DeckFinding(
                 line,
                 ERROR,
-                f"${name}: {counter} is not given, {', '.join(given)} is; write how many values count",
+                f"${name}: {counter} is not given, {', '.join(given)} is; write how many "
+                f"values count",
             )
         elif wanted != int(wanted) or not 0 < wanted <= most:
             yield DeckFinding(
@@ -46,9 +47,15 @@ def _filled(
     line = deck.line_of(name, array)
     missing = [i + 1 for i, value in enumerate(values[:wanted]) if value is None]
     if len(values) < wanted:
-        text = f"${name}: {array} has {len(values)} values, {required}; the program takes the missing ones as 1E-30"
+        text = (
+            f"${name}: {array} has {len(values)} values, {required}; the program takes the "
+            f"missing ones as 1E-30"
+        )
         if array == "ALSCHD":
-            text += ", prints NDM for these angles, and interpolates wrongly at the others unless all are below zero: correct NALPHA"
+            text += (
+                ", prints NDM for these angles, and interpolates wrongly at the others "
+                "unless all are below zero: correct NALPHA"
+            )
         yield DeckFinding(line, severity, text)
     elif missing:
         yield DeckFinding(
@@ -85,7 +92,8 @@ def essentials(deck: Deck) -> Iterator[DeckFinding]:
         yield DeckFinding(
             line,
             ERROR,
-            "$FLTCON: no angles of attack, so the tables have no row with a number; write NALPHA and ALSCHD(1)=...",
+            "$FLTCON: no angles of attack, so the tables have no row with a number; write "
+            "NALPHA and ALSCHD(1)=...",
         )
     if deck.value("FLTCON", "MACH") is None and deck.value("FLTCON", "VINF") is None:
         yield DeckFinding(
@@ -123,13 +131,17 @@ def atmosphere(deck: Deck) -> Iterator[DeckFinding]:
     air = _has_atmosphere(deck)
     line = deck.line_of("FLTCON")
     if not air and not reynolds:
-        text = "$FLTCON: neither altitude nor PINF with TINF nor RNNUB; the program takes the Reynolds number 5E6 per unit length"
+        text = (
+            "$FLTCON: neither altitude nor PINF with TINF nor RNNUB; the program takes the "
+            "Reynolds number 5E6 per unit length"
+        )
         yield DeckFinding(line, ERROR, f"{text} and prints ERROR: write ALT")
     if not air and speed and not mach:
         yield DeckFinding(
             line,
             ERROR,
-            "$FLTCON: VINF without atmosphere; the program takes 1000 ft/s as speed of sound: write ALT or MACH",
+            "$FLTCON: VINF without atmosphere; the program takes 1000 ft/s as speed of "
+            "sound: write ALT or MACH",
         )
     if mach and speed:
         yield DeckFinding(
@@ -144,13 +156,17 @@ def atmosphere(deck: Deck) -> Iterator[DeckFinding]:
         yield DeckFinding(
             line,
             ERROR,
-            f"$FLTCON: LOOP={deck.loop} without atmosphere; the program takes LOOP=1 and prints ERROR: write ALT",
+            f"$FLTCON: LOOP={deck.loop} without atmosphere; the program takes LOOP=1 and "
+            f"prints ERROR: write ALT",
         )
     has_pressure = (
         deck.value("FLTCON", "PINF") is not None and deck.value("FLTCON", "TINF") is not None
     )
     if has_pressure and deck.value("FLTCON", "ALT") is not None:
-        text = "$FLTCON: ALT and PINF with TINF; the program computes with PINF and TINF and prints ALT: write one"
+        text = (
+            "$FLTCON: ALT and PINF with TINF; the program computes with PINF and TINF and "
+            "prints ALT: write one"
+        )
         yield DeckFinding(deck.line_of("FLTCON", "ALT"), WARNING, text)
 
 
@@ -158,7 +174,10 @@ def pairs(deck: Deck) -> Iterator[DeckFinding]:
     """Yield LOOP=1 with lists of different length."""
     machs, heights = deck.value("FLTCON", "NMACH"), deck.value("FLTCON", "NALT")
     if deck.loop == 1 and _has_atmosphere(deck) and machs and heights and machs != heights:
-        text = f"$FLTCON: LOOP=1, NMACH={machs:g} and NALT={heights:g}; the program takes the smaller of both and prints ERROR"
+        text = (
+            f"$FLTCON: LOOP=1, NMACH={machs:g} and NALT={heights:g}; the program takes the "
+            f"smaller of both and prints ERROR"
+        )
         yield DeckFinding(
             deck.line_of("FLTCON", "NALT"), ERROR, f"{text}: make them equal, or write LOOP=2"
         )
@@ -169,7 +188,10 @@ def angles(deck: Deck) -> Iterator[DeckFinding]:
     alphas = deck.values("FLTCON", "ALSCHD")[: deck.count("FLTCON", "NALPHA") or 0]
     for first, second in pairwise(alphas):
         if second <= first:
-            text = f"$FLTCON: the angles of attack do not rise: {first:g} is followed by {second:g}; the slopes need rising ones"
+            text = (
+                f"$FLTCON: the angles of attack do not rise: {first:g} is followed by "
+                f"{second:g}; the slopes need rising ones"
+            )
             yield DeckFinding(deck.line_of("FLTCON", "ALSCHD"), ERROR, text)
             return
 
@@ -179,7 +201,10 @@ def regimes(deck: Deck) -> Iterator[DeckFinding]:
     for name, low, high in (("STMACH", 0.6, 0.99), ("TSMACH", 1.01, 1.4)):
         limit = deck.value("FLTCON", name)
         if limit is not None and not low <= limit <= high:
-            text = f"$FLTCON: {name}={limit:g}; allowed is {low:g} ... {high:g}, the program takes the nearest"
+            text = (
+                f"$FLTCON: {name}={limit:g}; allowed is {low:g} ... {high:g}, the program "
+                f"takes the nearest"
+            )
             yield DeckFinding(deck.line_of("FLTCON", name), WARNING, text)
 
 

@@ -56,7 +56,8 @@ def read_other(
     if _CSV_HEADING.search(head):
         if deriv is None:
             raise UnitError(
-                f"{Path(path).name} does not state the unit of its derivatives; give card DERIV of its deck: --deriv DEG or RAD"
+                f"{Path(path).name} does not state the unit of its derivatives; give card "
+                f"DERIV of its deck: --deriv DEG or RAD"
             )
         from datcom_io.exchange.datcom_plus import read_datcom_plus_csv
 
@@ -110,7 +111,8 @@ def plot_case(listing: Listing, case: Case, plot: xr.DataTree) -> xr.DataTree | 
         raise SchemaError(
             f"{plot.attrs.get('file')} is not the plot file of {listing.file}",
             [
-                f"cases in the plot file: {len(plot.children)}; cases with card PLOT in the listing: {len(plotted)}"
+                f"cases in the plot file: {len(plot.children)}; cases with card PLOT in the "
+                f"listing: {len(plotted)}"
             ],
         )
     return (

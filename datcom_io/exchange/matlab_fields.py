@@ -163,18 +163,21 @@ def _all() -> list[Field]:
     found += _rows(
         "static",
         STATIC,
-        f"cla:CL_alpha:{_PER} cma:Cm_alpha:{_PER} cyb*:CY_beta:{_PER} cnb*:Cn_beta:{_PER} clb:Cl_beta:{_PER}",
+        f"cla:CL_alpha:{_PER} cma:Cm_alpha:{_PER} cyb*:CY_beta:{_PER} cnb*:Cn_beta:{_PER} "
+        f"clb:Cl_beta:{_PER}",
     )
     found += _rows("downwash", STATIC, "qqinf:q_ratio eps:epsilon:deg depsdalp:epsilon_alpha")
     found += _rows(
         "dynamic",
         DYNAMIC,
-        f"clq*:CL_qhat:{_PER} cmq*:Cm_qhat:{_PER} clad*:CL_alphadothat:{_PER} cmad*:Cm_alphadothat:{_PER}",
+        f"clq*:CL_qhat:{_PER} cmq*:Cm_qhat:{_PER} clad*:CL_alphadothat:{_PER} "
+        f"cmad*:Cm_alphadothat:{_PER}",
     )
     found += _rows(
         "dynamic",
         DYNAMIC,
-        f"clp*:Cl_phat:{_PER} cyp*:CY_phat:{_PER} cnp*:Cn_phat:{_PER} cnr*:Cn_rhat:{_PER} clr:Cl_rhat:{_PER}",
+        f"clp*:Cl_phat:{_PER} cyp*:CY_phat:{_PER} cnp*:Cn_phat:{_PER} cnr*:Cn_rhat:{_PER} "
+        f"clr:Cl_rhat:{_PER}",
     )
     found += _rows("symflp", DELTA, "dcl_sym:dCL dcm_sym:dCm dclmax_sym:dCLmax dcdmin_sym:dCDmin")
     found += _rows(
@@ -199,14 +202,18 @@ def _all() -> list[Field]:
     found += _rows(
         "trim",
         ALPHA,
-        "cl_utrim:CL cd_utrim:CD cm_utrim:Cm delt_trim:delta_trim:deg dcl_trim:dCL dclmax_trim:dCLmax",
+        "cl_utrim:CL cd_utrim:CD cm_utrim:Cm delt_trim:delta_trim:deg dcl_trim:dCL "
+        "dclmax_trim:dCLmax",
     )
     found += _rows(
         "trim",
         ALPHA,
         "dcdi_trim:dCDi dcdmin_trim:dCDmin cha_trim*:Ch_alpha:1/deg chd_trim:Ch_delta:1/deg",
     )
-    tail = "cd_tailutrim:CD_tail cl_tailutrim:CL_tail cm_tailutrim:Cm_tail hm_tailutrim:Ch_tail aliht_tailtrim:i_tail:deg"
+    tail = (
+        "cd_tailutrim:CD_tail cl_tailutrim:CL_tail cm_tailutrim:Cm_tail hm_tailutrim:Ch_tail "
+        "aliht_tailtrim:i_tail:deg"
+    )
     found += _rows("trim_stabilizer", ALPHA, tail)
     found += _rows(
         "trim_stabilizer",
@@ -236,18 +243,23 @@ def _special() -> list[Field]:
     found += _rows(
         "jet",
         JET,
-        "sonicamp:amplification_sonic ampfact:amplification vacthr:F_vacuum:lbf minpres:p_jet_ratio_min",
+        "sonicamp:amplification_sonic ampfact:amplification vacthr:F_vacuum:lbf "
+        "minpres:p_jet_ratio_min",
     )
     found += _rows(
         "jet",
         JET,
-        "minjet:p_jet_min:pressure jetpres:p_jet:pressure massflow:mass_flow:lb/s propelwt:propellant_mass:lb",
+        "minjet:p_jet_min:pressure jetpres:p_jet:pressure massflow:mass_flow:lb/s "
+        "propelwt:propellant_mass:lb",
     )
     return found
 
 
 def _partial_output() -> list[Field]:
-    body = "wetarea_b:area_wetted:area xcg_b:x_moment_centre:length zcg_b:z_moment_centre:length basearea_b:area_base:area"
+    body = (
+        "wetarea_b:area_wetted:area xcg_b:x_moment_centre:length zcg_b:z_moment_centre:length "
+        "basearea_b:area_base:area"
+    )
     found = _rows(
         "auxiliary",
         SINGLE,
@@ -262,7 +274,10 @@ def _partial_output() -> list[Field]:
                 for name, quantity, units in _PLANFORM
             ]
     for letter in ("w", "ht"):
-        words = f"cla_b_{letter}:CL_alpha_body:1/deg cla_{letter}_b:CL_alpha_surface:1/deg k_b_{letter}:K_body k_{letter}_b:K_surface"
+        words = (
+            f"cla_b_{letter}:CL_alpha_body:1/deg cla_{letter}_b:CL_alpha_surface:1/deg "
+            f"k_b_{letter}:K_body k_{letter}_b:K_surface"
+        )
         found += _rows(
             "interference",
             SINGLE,
@@ -273,7 +288,8 @@ def _partial_output() -> list[Field]:
     found += _rows(
         "vortex",
         ALPHA,
-        "hiv_b_w:i_body_wing hiv_w_h:i_wing_tail hiv_b_h:i_body_tail gamma:gamma gamma2pialpvr:gamma_tail",
+        "hiv_b_w:i_body_wing hiv_w_h:i_wing_tail hiv_b_h:i_body_tail gamma:gamma "
+        "gamma2pialpvr:gamma_tail",
     )
     found += _rows(
         "increments",

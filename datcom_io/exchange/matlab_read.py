@@ -117,7 +117,10 @@ def _structures(file: str, content: Mapping[str, Any]) -> list[Mapping[str, np.n
             found[name] = structures
     if len(found) != 1:
         names = ", ".join(name for name in found or content if not name.startswith("__"))
-        expected = "one variable with structures that have the fields mach, alpha and dim, as datcomimport returns them"
+        expected = (
+            "one variable with structures that have the fields mach, alpha and dim, as "
+            "datcomimport returns them"
+        )
         raise ParseError(file, 0, f"{len(found)} of them among the variables {names}", expected)
     return next(iter(found.values()))
 

@@ -29,7 +29,8 @@ _NUMBER = (OK, FILLED, SUSPECT)
 _NOT_THERE = (ABSENT, BLANK)
 _EMPTY = np.zeros((0, 0))
 _NO_FIELD = (
-    "velocity, pressure, temperature and Reynolds number of the flight conditions, the moment centre, notes, messages, "
+    "velocity, pressure, temperature and Reynolds number of the flight conditions, the "
+    "moment centre, notes, messages, "
     "line numbers and airfoil pages have no field"
 )
 
@@ -80,7 +81,8 @@ def write_matlab(
         left_out.append(f"{len(listing.unparsed)} pages that are located only")
     history = "\n".join(
         [
-            f"written from {listing.file} by aeromatch; constant columns stand in every row; left out:",
+            f"written from {listing.file} by aeromatch; constant columns stand in every row; "
+            f"left out:",
             *left_out,
         ]
     )
@@ -330,7 +332,8 @@ class _Arrays(NamedTuple):
         for k, place in enumerate(self._places(leaf)):
             if place is None:
                 self.lost.more.add(
-                    f"condition {k} of leaf {field.leaf}: its Mach number and altitude are not those of the cards"
+                    f"condition {k} of leaf {field.leaf}: its Mach number and altitude are "
+                    f"not those of the cards"
                 )
             else:
                 out[place] = printed[k]

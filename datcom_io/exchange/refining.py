@@ -75,7 +75,8 @@ def refine(tree: xr.DataTree, plot: xr.DataTree) -> xr.DataTree:
             problems += faults
     if problems:
         raise SchemaError(
-            f"{plot.attrs.get('file')} is not the plot file of {tree.attrs.get('file')}: {tree.attrs.get('case')}",
+            f"{plot.attrs.get('file')} is not the plot file of {tree.attrs.get('file')}: "
+            f"{tree.attrs.get('case')}",
             problems,
         )
     return xr.DataTree.from_dict({"/": tree.to_dataset(inherit=False), **leaves}, name=tree.name)
@@ -136,13 +137,16 @@ def _refined(
                 <= _half_units(name, old, new, scale, _to_file(name, written[name].attrs))
             )
             faults += [
-                f"{name} is {old[at] * scale:.6g} in the print, {new[at] * scale:.6g} in the plot file"
-                + "".join(f", {dim} {i}" for dim, i in zip(dims, at))
+                f"{name} is {old[at] * scale:.6g} in the print, {new[at] * scale:.6g} in the "
+                f"plot file" + "".join(f", {dim} {i}" for dim, i in zip(dims, at))
                 for at in map(tuple, np.argwhere(differing)[:_SHOWN])
             ]
             finer[name][place] = np.where(same, new, old)
             taken += int(same.sum())
-        text = f"{taken} of {printed[name].size} numbers with five significant digits from {file}, all others as printed"
+        text = (
+            f"{taken} of {printed[name].size} numbers with five significant digits from "
+            f"{file}, all others as printed"
+        )
         finer[name].attrs["refined"] = text
     return finer, faults
 

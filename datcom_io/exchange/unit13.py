@@ -175,7 +175,8 @@ def _attrs(case: PlotCase, file: str, name: str) -> dict[str, str | float]:
     count = len(_conditions(case))
     if len(_schedule(case)) != count:
         found["messages"] = (
-            f"line {case.line}: {count} flight conditions are written, {len(_schedule(case))} are specified by NMACH, NALT and LOOP; "
+            f"line {case.line}: {count} flight conditions are written, "
+            f"{len(_schedule(case))} are specified by NMACH, NALT and LOOP; "
             "Mach number and altitude are left open"
         )
     return found

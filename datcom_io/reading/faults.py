@@ -48,10 +48,12 @@ def flag_missing_angles(case: Case) -> None:
         what = (
             "their rows"
             if rising
-            else "their rows, and all others of pages that the program interpolates over them (CL a third off),"
+            else "their rows, and all others of pages that the program interpolates over them (CL "
+            "a third off),"
         )
         text = (
-            f"NALPHA counts {counted} angles of attack, the input cards give {len(given)}: the program takes the others as 1E-30; {what} "
+            f"NALPHA counts {counted} angles of attack, the input cards give {len(given)}: "
+            f"the program takes the others as 1E-30; {what} "
             "are flagged suspect; correct NALPHA and run the deck again"
         )
         case.messages.append(ListingMessage(lines[0], text, "reader"))
@@ -75,7 +77,8 @@ def flag_ground_pages(case: Case) -> None:
     if flagged:
         device = "SYMFLP" if "SYMFLP" in case.deck.namelists else "ASYFLP"
         text = (
-            f"{len(flagged)} pages over ground hold the ground effect of the deflections of {device} before them (seen: CL wrong by 0.28) "
+            f"{len(flagged)} pages over ground hold the ground effect of the deflections of "
+            f"{device} before them (seen: CL wrong by 0.28) "
             "and are flagged suspect; run one deflection at a time (datcom split makes the decks)"
         )
         case.messages.append(ListingMessage(flagged[0], text, "reader"))
@@ -117,8 +120,10 @@ def flag_flap_moments(case: Case, before: int) -> int:
         case.pages[i] = page
     if flagged:
         text = (
-            f"D(CM) of {len(flagged)} deflections, all but the first of the program run, holds something of the deflections before "
-            "(seen: elevator 2 %, plain flap 7 %) and is flagged suspect; where it counts make one run per condition and deflection"
+            f"D(CM) of {len(flagged)} deflections, all but the first of the program run, "
+            f"holds something of the deflections before "
+            "(seen: elevator 2 %, plain flap 7 %) and is flagged suspect; where it counts "
+            "make one run per condition and deflection"
         )
         case.messages.append(ListingMessage(flagged[0], text, "reader"))
     return before
@@ -197,8 +202,10 @@ class Observer:
             _report(
                 case,
                 tables[-1].lines[0],
-                f"D(CM) of {self.control_tables} conditions from one program run: the program carries it from condition to condition and "
-                "it drifts (by 40 % after 18 conditions); for D(CM) that counts make one run per condition",
+                f"D(CM) of {self.control_tables} conditions from one program run: the "
+                f"program carries it from condition to condition and "
+                "it drifts (by 40 % after 18 conditions); for D(CM) that counts make one run "
+                "per condition",
             )
 
 
@@ -213,7 +220,8 @@ def _last_mach_in_static_pages(case: Case) -> None:
             case,
             case.line,
             f"{len(machs)} Mach numbers in one case: static pages carry something of the last one "
-            "(seen: CL off by 0.007, CM by 0.003, CLA by 0.02 per radian); one run per Mach number is clean",
+            "(seen: CL off by 0.007, CM by 0.003, CLA by 0.02 per radian); one run per Mach "
+            "number is clean",
         )
 
 
@@ -234,8 +242,10 @@ def _pressure_on_control_pages(case: Case) -> None:
             _report(
                 case,
                 page.conditions.lines[0],
-                f"pressure {pressure:g} on a control page, {wanted:g} on the static page of the same condition: "
-                f"with DIM {page.dim} the program converts pressure, temperature and Reynolds number the wrong way there; "
+                f"pressure {pressure:g} on a control page, {wanted:g} on the static page of "
+                f"the same condition: "
+                f"with DIM {page.dim} the program converts pressure, temperature and "
+                f"Reynolds number the wrong way there; "
                 "those of the static page are used",
             )
             return
@@ -247,7 +257,8 @@ def _weight(case: Case) -> None:
         _report(
             case,
             notes[0].line,
-            f"with DIM {case.deck.dim} the program divides the weight by 0.2248 again at every condition: "
+            f"with DIM {case.deck.dim} the program divides the weight by 0.2248 again at "
+            f"every condition: "
             "do not use the printed weights and level-flight lift coefficients",
         )
 
@@ -258,7 +269,8 @@ def _flaps_in_ground_effect(case: Case) -> None:
         _report(
             case,
             pages[0].first,
-            "ground pages with flaps hold the clean configuration and the ground increment with flaps: "
+            "ground pages with flaps hold the clean configuration and the ground increment "
+            "with flaps: "
             "the flap increment of free air is not in them and must be added",
         )
 
@@ -283,8 +295,10 @@ def _power_on_missing_cells(case: Case) -> None:
         _report(
             case,
             first.first,
-            f"{first.power} power is added to cells that have no value without power: where the page without power shows NA or NDM, the "
-            "number here is the increment alone; it is flagged suspect where the slope of its row shows NA or NDM",
+            f"{first.power} power is added to cells that have no value without power: where "
+            f"the page without power shows NA or NDM, the "
+            "number here is the increment alone; it is flagged suspect where the slope of "
+            "its row shows NA or NDM",
         )
 
 
@@ -298,7 +312,8 @@ def _control_tabs(case: Case) -> None:
         _report(
             case,
             force.lines[0],
-            f"stick forces up to {largest:.3g} lb: the program divides the coefficient by qbar S cbar where it ought to multiply; "
+            f"stick forces up to {largest:.3g} lb: the program divides the coefficient by "
+            f"qbar S cbar where it ought to multiply; "
             "use the hinge moments, not F(C)",
         )
     for _, table in case.tables("symflp") if "CONTAB" in case.deck.namelists else ():
@@ -307,7 +322,8 @@ def _control_tabs(case: Case) -> None:
             _report(
                 case,
                 table.lines[0],
-                "D(CM) is 0.0000 at every deflection though D(CL) is not: one build of the program loses it with CONTAB, and its D(CDI) "
+                "D(CM) is 0.0000 at every deflection though D(CL) is not: one build of the "
+                "program loses it with CONTAB, and its D(CDI) "
                 "is wrong as well; run the case without CONTAB for both",
             )
 
@@ -327,8 +343,10 @@ def _failed_arithmetic(case: Case) -> None:
         _report(
             case,
             rows[0],
-            f"{len(rows)} row{'s hold' if len(rows) > 1 else ' holds'} NaN: the program's arithmetic failed there "
-            "(seen: canards, propellers at high angles of attack); other numbers of the page may be wrong too",
+            f"{len(rows)} row{'s hold' if len(rows) > 1 else ' holds'} NaN: the program's "
+            f"arithmetic failed there "
+            "(seen: canards, propellers at high angles of attack); other numbers of the page "
+            "may be wrong too",
         )
 
 
@@ -343,7 +361,8 @@ def _dynamic_pages_repeated(case: Case) -> None:
             _report(
                 case,
                 table.lines[0],
-                "this dynamic page differs from the one before for the same condition; the first one is used",
+                "this dynamic page differs from the one before for the same condition; the "
+                "first one is used",
             )
             return
 
@@ -359,7 +378,8 @@ def _reference_quantities(case: Case) -> None:
         _report(
             case,
             min(found.values()),
-            f"the pages differ in reference quantities; the tree has those of the first page: {texts}",
+            f"the pages differ in reference quantities; the tree has those of the first "
+            f"page: {texts}",
         )
 
 
@@ -377,7 +397,8 @@ def _aspect_ratio_of_inboard_panels(case: Case) -> None:
             _report(
                 case,
                 group.lines[panels[0]],
-                f"aspect ratio {group.texts[panels[0]]} of the theoretical inboard panel: with DIM {page.dim} the program divides the "
+                f"aspect ratio {group.texts[panels[0]]} of the theoretical inboard panel: "
+                f"with DIM {page.dim} the program divides the "
                 "square of a span in feet by an area in the unit of the print; do not use it",
             )
             return
@@ -392,7 +413,8 @@ def _conditions_missing(case: Case) -> None:
         _report(
             case,
             case.line,
-            f"{wanted} flight conditions in the input cards, {found} in the listing: the program left some out, or pages are lost",
+            f"{wanted} flight conditions in the input cards, {found} in the listing: the "
+            f"program left some out, or pages are lost",
         )
 
 
@@ -414,7 +436,8 @@ def _hypersonic_flap(case: Case) -> None:
         _report(
             case,
             case.line,
-            "HYPEFF is given and nothing of it is printed: one build of the program has that page switched off",
+            "HYPEFF is given and nothing of it is printed: one build of the program has that "
+            "page switched off",
         )
 
 
@@ -427,6 +450,8 @@ def _transverse_jet(case: Case) -> None:
         _report(
             case,
             lines[0],
-            "the transverse-jet method wants pressures in LB/IN2 and gets that of the altitude in LB/FT2: the pressures of the page are "
-            "LB/FT2 in spite of their label, and the control-force coefficients, with all that follows from them, are too small by 144",
+            "the transverse-jet method wants pressures in LB/IN2 and gets that of the "
+            "altitude in LB/FT2: the pressures of the page are "
+            "LB/FT2 in spite of their label, and the control-force coefficients, with all "
+            "that follows from them, are too small by 144",
         )

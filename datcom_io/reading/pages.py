@@ -110,7 +110,8 @@ _SECOND_TITLE = "APRIL 1976 VERSION OF DATCOM"  # one build breaks the title of 
 _NUMBERS_BEGIN = re.compile(r".? *MACH NUMBER ?=|.? TIME \(SEC\)")
 # headings around tables that carry nothing of their own
 _DECORATION = re.compile(
-    r"DERIVATIVE \(PER (DEGREE|RADIAN)\)$|DYNAMIC DERIVATIVES \(PER (DEGREE|RADIAN)\)$|PITCHING +ACCELERATION +ROLLING +YAWING$"
+    r"DERIVATIVE \(PER (DEGREE|RADIAN)\)$|DYNAMIC DERIVATIVES \(PER "
+    r"(DEGREE|RADIAN)\)$|PITCHING +ACCELERATION +ROLLING +YAWING$"
     r"|INCREMENTS DUE TO DEFLECTION +DERIVATIVES \(PER DEGREE\)$"
     r"|(?<!\*)\*{100,}$"  # a frame of asterisks around a message
 )

@@ -203,7 +203,8 @@ def listings_in(folder: str | os.PathLike[str]) -> list[Path]:
     if not files:
         raise FileNotFoundError(
             2,
-            "no listing of Digital DATCOM in this folder; run the decks first (aeromatch datcom run)",
+            "no listing of Digital DATCOM in this folder; run the decks first (aeromatch "
+            "datcom run)",
             str(folder),
         )
     return files

@@ -220,7 +220,10 @@ class Scanner:
         self._close_run()
         if not self.listing.runs and not self.count:
             found = "no page of Digital DATCOM" if self.listing.line_count else "an empty file"
-            expected = "a print file (unit 6, for006.dat) with its input cards; for an input deck run the program first"
+            expected = (
+                "a print file (unit 6, for006.dat) with its input cards; for an input "
+                "deck run the program first"
+            )
             raise DamagedListing(self.listing.file, 0, found, expected, self.listing)
 
     def _plain(self, number: int, lines: list[str]) -> None:

@@ -252,7 +252,8 @@ def _attempt(
         _end(process)
         return _Attempt(
             b"",
-            f"it did not end within {timeout:g} s (a deck with VINF and a NACA card hangs some builds)",
+            f"it did not end within {timeout:g} s (a deck with VINF and a NACA card hangs "
+            f"some builds)",
             fatal=True,
             broken=True,
         )
@@ -315,7 +316,8 @@ def _listing(content: bytes, attempt: _Attempt) -> Listing:
     except ParseError as error:
         why = attempt.failure if attempt.broken else str(error) if ended else "it has no END OF JOB"
         raise SimulationError(
-            f"the print of the program is not complete: {why}; nothing was written. Run datcom check on the deck"
+            f"the print of the program is not complete: {why}; nothing was written. Run "
+            f"datcom check on the deck"
         ) from None
 
 
@@ -356,7 +358,8 @@ def _refusal(command: list[str], failures: list[str]) -> str:
     tried = (
         ""
         if len(failures) == 1
-        else f" (tried with {_DECK_NAME}, its name on standard input and as argument, and the deck on standard input)"
+        else f" (tried with {_DECK_NAME}, its name on standard input and as argument, and the "
+        f"deck on standard input)"
     )
     return (
         f"{Path(command[0]).name} made no result{tried}: {'; '.join(reasons)}; nothing was written"

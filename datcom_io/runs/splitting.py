@@ -147,7 +147,8 @@ def _runs(
         namelist.startswith("EXPR") for namelist in whole.namelists
     ):
         problems.append(
-            f"runs.{name}.cards change the Mach numbers that the EXPRnn of the study count; write the EXPRnn of the run too"
+            f"runs.{name}.cards change the Mach numbers that the EXPRnn of the study count; "
+            f"write the EXPRnn of the run too"
         )
     symmetric = bool(device) and study.devices[device][0].name == "SYMFLP"
     separate = symmetric if plan.separate is None else plan.separate

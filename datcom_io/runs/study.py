@@ -177,7 +177,8 @@ def _names(
     problems = []
     if given and len(given) != len(groups):
         problems.append(
-            f"devices names {len(given)}, the deck has {len(groups)} (SYMFLP and ASYFLP in their order)"
+            f"devices names {len(given)}, the deck has {len(groups)} (SYMFLP and ASYFLP in "
+            f"their order)"
         )
         return [], problems
     names: list[str] = []
@@ -190,7 +191,8 @@ def _names(
             )
             which = f"device {name!r}" if name else "it may be on the wing or on the tail"
             problems.append(
-                f"line {group[0].line}, ${group[0].name}: {which}; name it in a study file, devices = [...], allowed: {allowed}, "
+                f"line {group[0].line}, ${group[0].name}: {which}; name it in a study file, "
+                f"devices = [...], allowed: {allowed}, "
                 "or by a comment above it"
             )
         count = 2

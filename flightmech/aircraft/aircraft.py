@@ -229,7 +229,8 @@ class _ControlTable(_NumberOrText):
     c_hinge: _Length = Field(description="Mean chord behind the hinge line.")  # type: ignore[valid-type]
     gearing: Annotated[float, WithJsonSchema(_OF_CONTROL)] | None = Field(
         default=None,
-        description="Deflection per travel of the cockpit control, negative in an ordinary aeroplane [rad/m; ailerons rad/rad].",
+        description="Deflection per travel of the cockpit control, negative in an ordinary "
+        "aeroplane [rad/m; ailerons rad/rad].",
     )
 
     @field_validator("S_hinge", "c_hinge")
@@ -242,7 +243,8 @@ class _ControlTable(_NumberOrText):
     def _not_zero(cls, value: float | None) -> float | None:
         if value is not None and not (np.isfinite(value) and value != 0.0):
             raise ValueError(
-                "expected a deflection per travel other than zero; leave it out when it is not known"
+                "expected a deflection per travel other than zero; leave it out when it is "
+                "not known"
             )
         return value
 
@@ -254,11 +256,13 @@ class _AircraftFile(_NumberOrText):
     b: _Length = Field(description="Reference span.")  # type: ignore[valid-type]
     reference: _Vector | None = Field(
         default=None,
-        description="Moment reference point from the drawing datum, body directions; without it that of the database.",
+        description="Moment reference point from the drawing datum, body directions; without it "
+        "that of the database.",
     )
     x_ref_mac: si("1") = Field(  # type: ignore[valid-type]
         default=0.25,
-        description="Place of the reference point behind the leading edge of the mean chord, in chords.",
+        description="Place of the reference point behind the leading edge of the mean chord, in "
+        "chords.",
     )
     mass: si("kg") = Field(description="Gross mass with the fuel on board.")  # type: ignore[valid-type]
     Ixx: si("kg m2") = Field(description="Moment of inertia in roll about the c.g.")  # type: ignore[valid-type]
@@ -309,7 +313,8 @@ class _AircraftFile(_NumberOrText):
     )
     earth_outputs: bool = Field(
         default=False,
-        description="Whether models have outputs in Earth-fixed and inertial axes (earth.x, inertial.vx) and the gravitation.",
+        description="Whether models have outputs in Earth-fixed and inertial axes (earth.x, "
+        "inertial.vx) and the gravitation.",
     )
     history: str = Field(
         default="",
@@ -353,7 +358,8 @@ def aircraft_schema() -> dict[str, Any]:
     """Return the JSON schema of aircraft files; what their instruments hold, `flighttest` knows."""
     return file_schema(
         _AircraftFile,
-        "An aircraft: geometry, mass, engines, limits, instruments, control circuits, landing gear and fuel.",
+        "An aircraft: geometry, mass, engines, limits, instruments, control circuits, "
+        "landing gear and fuel.",
     )
 
 
@@ -385,7 +391,8 @@ def _range(name: str, item: Any) -> tuple[float, float]:
 
     if name not in CONTROLS and not re.match(_DEVICES, name):
         raise ValueError(
-            f"unknown control {name}; allowed: {', '.join(CONTROLS)}, and {DEVICE}NAME.deflection or {DEVICE}NAME.setting"
+            f"unknown control {name}; allowed: {', '.join(CONTROLS)}, and "
+            f"{DEVICE}NAME.deflection or {DEVICE}NAME.setting"
         )
     if not isinstance(item, list | tuple) or len(item) != 2:
         raise ValueError(f"{name}: expected [low, high]")

@@ -247,7 +247,8 @@ _CONSTANTS = {
         "m",
         "m",
         -MOST,
-        "hinge of elevator and rudder forward of the reference point; ailerons from the plane of symmetry",
+        "hinge of elevator and rudder forward of the reference point; ailerons from the "
+        "plane of symmetry",
         ("-4.2 m", "3.4 m"),
     ),
     "tab_left": _Constant("1", "1", -MOST, "part of delta_ta on the left aileron", (0.0, -1.0)),
@@ -283,7 +284,8 @@ class _CircuitTable(Strict):
 
     order: int = Field(
         default=2,
-        description="2: all moves together; 4: cockpit and surface are two masses on a cable; 6, wheel only: a cable each.",
+        description="2: all moves together; 4: cockpit and surface are two masses on a cable; 6, "
+        "wheel only: a cable each.",
     )
 
 
@@ -366,7 +368,8 @@ def check(item: str, circuit: Circuit, control: ControlGeometry | None) -> list[
         value = getattr(circuit, name)
         if not math.isfinite(value) or value < constant.least:
             problems.append(
-                f"{name} is {value:g}; it must be {'finite' if constant.least else 'zero or positive'}"
+                f"{name} is {value:g}; it must be "
+                f"{'finite' if constant.least else 'zero or positive'}"
             )
     if not circuit.mass > 0.0:
         problems.append(f"mass is {circuit.mass:g}; it must be positive")
@@ -374,7 +377,8 @@ def check(item: str, circuit: Circuit, control: ControlGeometry | None) -> list[
         problems.append(f"restitution is {circuit.restitution:g}; a stop gives at most 1 back")
     if not -math.inf < circuit.stops[0] < circuit.stops[1] < math.inf:
         problems.append(
-            f"stops are {circuit.stops[0]:g} and {circuit.stops[1]:g}; the first must lie below the second"
+            f"stops are {circuit.stops[0]:g} and {circuit.stops[1]:g}; the first must lie "
+            f"below the second"
         )
     if circuit.trim_friction > 1.0:
         problems.append(

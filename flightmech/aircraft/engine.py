@@ -142,7 +142,8 @@ class DeckTable(Strict):
         default_factory=dict,
         json_schema_extra={"propertyNames": {"enum": list(TARGETS)}},
         examples=[{"n2_up_time": "0.4 s"}],
-        description="Tables here: a number, or axes with value and, as needed, regressors and outside.",
+        description="Tables here: a number, or axes with value and, as needed, regressors and "
+        "outside.",
     )
     lever_delay: si("s") | None = Field(  # type: ignore[valid-type]
         default=None, description="Transport delay of the power lever; 0 without it."
@@ -158,7 +159,8 @@ class DeckTable(Strict):
     n1_rundown: si("s") | None = Field(  # type: ignore[valid-type]
         default=None,
         examples=["8 s"],
-        description="Time constant of the fan towards its windmilling speed when the engine does not burn; 8 s without it.",
+        description="Time constant of the fan towards its windmilling speed when the engine does "
+        "not burn; 8 s without it.",
     )
     n2_rundown: si("s") | None = Field(  # type: ignore[valid-type]
         default=None, examples=["8 s"], description="The same of the gas generator; 8 s without it."
@@ -210,7 +212,8 @@ class DeckTable(Strict):
     inlet: tuple[_Length, _Length, _Length] | None = Field(  # type: ignore[valid-type]
         default=None,
         examples=[[0.5, 0.0, 0.1]],
-        description="Where the ram drag acts, body axes, from the moment reference point; the engine's position without it.",
+        description="Where the ram drag acts, body axes, from the moment reference point; the "
+        "engine's position without it.",
     )
 
 
@@ -423,13 +426,15 @@ class EngineTable(Strict):
     angular_momentum: si("kg m2 s-1") = Field(  # type: ignore[valid-type]
         default=0.0,
         examples=[12.0],
-        description="Of the rotors, along the direction, right-handed; with a deck on top of what its spools have.",
+        description="Of the rotors, along the direction, right-handed; with a deck on top of what "
+        "its spools have.",
     )
     thrust: dict[str, Any] | None = Field(
         default=None,
         json_schema_extra={"propertyNames": {"enum": [*THRUST_AXES, "value"]}},
         examples=[{"throttle": [0.0, 1.0], "value": [300.0, 4500.0]}],
-        description="Static thrust [N] as a table over throttle, mach and h; value is ordered as the axes are written.",
+        description="Static thrust [N] as a table over throttle, mach and h; value is ordered as "
+        "the axes are written.",
     )
     thrust_file: str | None = Field(
         default=None,

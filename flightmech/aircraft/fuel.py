@@ -147,7 +147,8 @@ class TankTable(Strict):
     order: int = Field(
         default=1,
         examples=[1],
-        description="Tanks of the lowest number are emptied first, those of the same number in proportion to their capacity.",
+        description="Tanks of the lowest number are emptied first, those of the same number in "
+        "proportion to their capacity.",
     )
 
     @field_validator("capacity")
@@ -174,14 +175,16 @@ class FuelSection(Strict):
     file: str | None = Field(
         default=None,
         examples=["fuel.nc"],
-        description="netCDF file with moments over the fuel on board, on top of position; relative to this file.",
+        description="netCDF file with moments over the fuel on board, on top of position; "
+        "relative to this file.",
     )
 
     @model_validator(mode="after")
     def _plausible(self) -> FuelSection:
         if self.tank and (self.position is not None or self.file is not None):
             raise ValueError(
-                f"{'position' if self.position is not None else 'file'} and tank are both given; keep one"
+                f"{'position' if self.position is not None else 'file'} and tank are both "
+                f"given; keep one"
             )
         if not (np.isfinite(self.mass) and self.mass >= 0.0):
             raise ValueError("expected zero or a positive mass")

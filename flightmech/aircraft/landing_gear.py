@@ -258,10 +258,12 @@ class ContactTable(_GearTable):
     """A ``[[gear.contact]]`` of the aircraft file."""
 
     name: str = Field(
-        description="Name of the leg: nose, left, right, tail ...; its outputs are gear.NAME.Fz and so on."
+        description="Name of the leg: nose, left, right, tail ...; its outputs are gear.NAME.Fz "
+        "and so on."
     )
     position: tuple[_Length, _Length, _Length] = Field(  # type: ignore[valid-type]
-        description="Lowest point with the aircraft level and the leg unloaded, body axes, from the moment reference point."
+        description="Lowest point with the aircraft level and the leg unloaded, body axes, from "
+        "the moment reference point."
     )
     radius: _Length = Field(  # type: ignore[valid-type]
         default=0.0, examples=["0.25 m"], description="Radius of the unloaded tyre."
@@ -300,7 +302,8 @@ class ContactTable(_GearTable):
     tyre_stiffness: _PerMetre = Field(  # type: ignore[valid-type]
         default=0.0,
         examples=["250e3 N/m"],
-        description="Vertical stiffness of the tyre, in series with the strut; 0: the leg is one spring.",
+        description="Vertical stiffness of the tyre, in series with the strut; 0: the leg is one "
+        "spring.",
     )
     side_stiffness: _PerMetre = Field(description="Stiffness of the tyre or skid along the ground.")  # type: ignore[valid-type]
     cornering_stiffness: _Force = Field(  # type: ignore[valid-type]
@@ -328,7 +331,8 @@ class ContactTable(_GearTable):
     )
     retracts: bool = Field(
         default=True,
-        description="Whether it carries in proportion to the input gear, and nothing when that is 0.",
+        description="Whether it carries in proportion to the input gear, and nothing when that is "
+        "0.",
     )
 
     @field_validator("name")
@@ -340,7 +344,10 @@ class ContactTable(_GearTable):
 
     @model_validator(mode="after")
     def _physical(self) -> ContactTable:
-        signed = "radius stiffness preload damping orifice tyre_stiffness cornering_stiffness loss rolling brake brake_friction friction"
+        signed = (
+            "radius stiffness preload damping orifice tyre_stiffness cornering_stiffness "
+            "loss rolling brake brake_friction friction"
+        )
         _at_least_zero(self, tuple(signed.split()))
         for name in ("side_stiffness", "cornering_load", "stroke"):
             if not getattr(self, name) > 0.0:
@@ -349,7 +356,8 @@ class ContactTable(_GearTable):
             raise ValueError("the leg has no spring; give stiffness or strut")
         if self.preload > 0.0 and self.tyre_stiffness == 0.0:
             raise ValueError(
-                "preload needs a tyre_stiffness, or the ground would push at a touch with the whole preload"
+                "preload needs a tyre_stiffness, or the ground would push at a touch with "
+                "the whole preload"
             )
         if (self.friction > 0.0) == (self.cornering_stiffness > 0.0):
             raise ValueError(
@@ -371,7 +379,8 @@ class SteeringTable(_GearTable):
     limit: _Ratio = Field(default=np.pi / 4.0, description="Greatest angle to either side [rad].")  # type: ignore[valid-type]
     stiffness: _Moment = Field(  # type: ignore[valid-type]
         default=0.0,
-        description="Moment on the wheel per angle behind the command or the arm [N m/rad]; 0 and quasi-static: a castor.",
+        description="Moment on the wheel per angle behind the command or the arm [N m/rad]; 0 and "
+        "quasi-static: a castor.",
     )
     trail: _Length = Field(  # type: ignore[valid-type]
         default=0.1,
@@ -384,7 +393,8 @@ class SteeringTable(_GearTable):
     rudder: _Ratio = Field(  # type: ignore[valid-type]
         default=0.0,
         examples=[1.0],
-        description="Angle commanded by the pedals, to the right per rudder deflection to the right.",
+        description="Angle commanded by the pedals, to the right per rudder deflection to the "
+        "right.",
     )
     damping: si("N m s") = Field(  # type: ignore[valid-type]
         default=0.0, examples=[20.0], description="Damping of the wheel about its pivot."
@@ -440,12 +450,14 @@ class GearTable(_GearTable):
     mu_icy: _Ratio = Field(default=0.05, description="The same on ice (AMC 25.1591).")  # type: ignore[valid-type]
     tyre_pressure: si("Pa") = Field(  # type: ignore[valid-type]
         default=to_si(100.0, "psi"),
-        description="Inflation pressure over ambient; gives the friction on a wet runway (14 CFR 25.109(c)(1)).",
+        description="Inflation pressure over ambient; gives the friction on a wet runway (14 CFR "
+        "25.109(c)(1)).",
     )
     mu_wet: tuple[float, float, float, float] | None = Field(
         default=None,
         examples=[[0.8, -0.0157, 0.00012, -3.2e-07]],
-        description="The same on a wet runway: coefficients of 1, V, V^2, V^3 of the ground speed; replaces tyre_pressure.",
+        description="The same on a wet runway: coefficients of 1, V, V^2, V^3 of the ground "
+        "speed; replaces tyre_pressure.",
     )
     skid_ratio: _Ratio = Field(  # type: ignore[valid-type]
         default=0.7, description="Friction of a locked wheel over the greatest friction."
@@ -453,7 +465,8 @@ class GearTable(_GearTable):
     antiskid: _Ratio = Field(  # type: ignore[valid-type]
         default=0.0,
         examples=[0.8],
-        description="Part of the greatest friction that the anti-skid system leaves to the brakes; 0: none.",
+        description="Part of the greatest friction that the anti-skid system leaves to the "
+        "brakes; 0: none.",
     )
 
     @field_validator("contact")
@@ -462,7 +475,8 @@ class GearTable(_GearTable):
         names = [contact.name for contact in contacts]
         if twice := sorted({name for name in names if names.count(name) > 1}):
             raise ValueError(
-                f"contact {', '.join(twice)} is given more than once; every contact has a name of its own"
+                f"contact {', '.join(twice)} is given more than once; every contact has a "
+                f"name of its own"
             )
         return contacts
 
@@ -502,7 +516,8 @@ def _strut_table(table: Mapping[str, Any]) -> xr.Dataset:
 
     if set(table) != {"compression", "value"}:
         raise ValueError(
-            f"expected compression and value, the strut force over it; found {', '.join(sorted(table)) or 'nothing'}"
+            f"expected compression and value, the strut force over it; found "
+            f"{', '.join(sorted(table)) or 'nothing'}"
         )
     points = [quantity(point, "m") for point in table["compression"]]
     return make_term(

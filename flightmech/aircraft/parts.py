@@ -69,7 +69,8 @@ def _demand_one_aeroplane(one: Aircraft, other: Aircraft) -> None:
         raise SchemaError(
             "aircraft",
             [
-                f"engines: {numbers}; give two models of one aeroplane, only these can lend parts to each other"
+                f"engines: {numbers}; give two models of one aeroplane, only these can lend "
+                f"parts to each other"
             ],
         )
 

@@ -193,7 +193,8 @@ def _key(name: str) -> str:
 def _value(item: Any) -> str:
     if isinstance(item, Mapping):
         return (
-            f"{{ {', '.join(f'{_key(str(key))} = {_value(value)}' for key, value in item.items())} }}"
+            f"{{ {', '.join(f'{_key(str(key))} = {_value(value)}' for key, value in item.items())} "
+            f"}}"
             if item
             else "{}"
         )

@@ -69,7 +69,8 @@ class Characteristics:
             for name, row in part.iterrows():
                 error = f"{_error(row['stderr'], row['units']):12}" if "stderr" in part else ""
                 lines.append(
-                    f"  {name:24} {_number(row['value'], row['units'])}  {error}{row['absent'] or row['remark']}"
+                    f"  {name:24} {_number(row['value'], row['units'])}  "
+                    f"{error}{row['absent'] or row['remark']}"
                 )
         lines += ["", "modes"]
         for _, row in self.modes.iterrows():
@@ -161,7 +162,10 @@ def _number(value: float, units: str) -> str:
     if np.isnan(value):
         return f"{'-':>10} {'':10}"
     shown = _DISPLAY.get(units, units)
-    return f"{value if shown == units else from_si(value, shown):10.4g} {'' if shown == '1' else shown:10}"
+    return (
+        f"{value if shown == units else from_si(value, shown):10.4g} "
+        f"{'' if shown == '1' else shown:10}"
+    )
 
 
 def _error(stderr: float, units: str) -> str:

@@ -177,7 +177,10 @@ def minimum_control_speed(point: Point, slowest: float) -> list[Characteristic]:
     if not {"delta_a", "delta_r"} <= set(point.aircraft.limits):
         return absent_rows(ROLL, names, "the aircraft file gives no limits of delta_a and delta_r")
     failed = int(np.argmax(np.abs(arms)))
-    text = f"engine {failed + 1} gives no thrust, the others full; bank 5 deg towards them; without windmilling drag"
+    text = (
+        f"engine {failed + 1} gives no thrust, the others full; bank 5 deg towards them; "
+        f"without windmilling drag"
+    )
 
     def holds(V: float) -> bool:
         return _used(point.level(V), failed) <= 1.0
@@ -187,7 +190,8 @@ def minimum_control_speed(point: Point, slowest: float) -> list[Characteristic]:
         return absent_rows(
             ROLL,
             names,
-            f"below the stall, {slowest:.4g} m/s: the controls are enough at all speeds above it ({text})",
+            f"below the stall, {slowest:.4g} m/s: the controls are enough at all speeds "
+            f"above it ({text})",
         )
     if speeds[-1] >= _FASTEST * slowest:
         return absent_rows(

@@ -387,7 +387,10 @@ def _neutral_point(point: Point) -> list[Characteristic]:
             {"neutral_point_trim": "1"},
             "no c.g. within trim makes the elevator independent of speed",
         )
-    text = "c.g. for which trimmed flights need no elevator over speed: with thrust, Mach number and drag"
+    text = (
+        "c.g. for which trimmed flights need no elevator over speed: with thrust, Mach number "
+        "and drag"
+    )
     return [
         Characteristic(
             TRIM_CURVES,

@@ -83,7 +83,8 @@ def polar(point: Point, mach: float | None = None) -> xr.Dataset:
     alpha, delta_e = (values[np.isfinite(delta_e)] for values in (alpha, delta_e))
     if not alpha.size:
         raise SimulationError(
-            "the elevator balances the pitching moment at no angle of attack; check the c.g. and the limits of delta_e"
+            "the elevator balances the pitching moment at no angle of attack; check the c.g. "
+            "and the limits of delta_e"
         )
     CL, CD = point.coefficients(**at, alpha=alpha, delta_e=delta_e)[:2]
     data = {
@@ -538,7 +539,8 @@ def _ceilings(point: Point) -> list[Characteristic]:
             rows += absent_rows(
                 CLIMB,
                 {name: "m"},
-                f"above the thrust tables: at their end, {top:.5g} m, it still climbs {ends[1]:.3g} m/s",
+                f"above the thrust tables: at their end, {top:.5g} m, it still climbs "
+                f"{ends[1]:.3g} m/s",
             )
         elif ends[0] < left:
             rows += absent_rows(
@@ -550,11 +552,13 @@ def _ceilings(point: Point) -> list[Characteristic]:
                 rows += absent_rows(
                     CLIMB,
                     {name: "m"},
-                    f"not at every height from {low:.5g} to {top:.5g} m a level flight can be trimmed",
+                    f"not at every height from {low:.5g} to {top:.5g} m a level flight can "
+                    f"be trimmed",
                 )
                 continue
             beyond = (
-                f"; above the tables of the deck, which end at {reach.end:.5g} m: corrected thrust held"
+                f"; above the tables of the deck, which end at {reach.end:.5g} m: corrected "
+                f"thrust held"
                 if h > reach.end
                 else ""
             )

@@ -42,7 +42,8 @@ SLACK = 0.1  # what leaving out points may move a curve: no kink of a table is r
 
 # "alpha -11.46 ... 17.19 deg (4)" as the compiler describes an axis
 _AXIS = re.compile(
-    r"(?P<name>\S+) (?P<low>\S+?)(?: \.\.\. (?P<high>\S+))?(?: (?P<unit>[^()]+))? \((?P<nodes>\d+)\)"
+    r"(?P<name>\S+) (?P<low>\S+?)(?: \.\.\. (?P<high>\S+))?(?: (?P<unit>[^()]+))? "
+    r"\((?P<nodes>\d+)\)"
 )
 
 
@@ -228,7 +229,8 @@ _SUBMODELS = {
     "fuel": "fuel burnt moves mass, centre of gravity and inertia",
     "gear": "landing gear as a whole: brakes, steering, runway condition",
     "contact": "strut and tyre, or a point that touches the ground",
-    "circuit": "control system from the pilot's hand to the surface: masses, cable, friction, stops, hinge moments",
+    "circuit": "control system from the pilot's hand to the surface: masses, cable, friction, "
+    "stops, hinge moments",
     "device": "further controls that only the tables know: an input each, without dynamics",
 }
 LONG = 200  # characters that a cell of a table shows at once

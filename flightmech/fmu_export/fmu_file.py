@@ -61,7 +61,8 @@ def find_libraries(folder: Path = FOLDER) -> dict[str, bytes]:
         raise SchemaError(
             "FMU",
             [
-                f"no compiled kernel under {folder}; install the package, or run 'python hatch_build.py' in a checkout"
+                f"no compiled kernel under {folder}; install the package, or run 'python "
+                f"hatch_build.py' in a checkout"
             ],
         )
     return found

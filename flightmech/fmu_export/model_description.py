@@ -168,7 +168,8 @@ def _replay(variables: ET.Element, description: Description) -> None:
             {
                 "unit": "s",
                 "start": "0.0",
-                "description": "times of the samples, rising; one step goes from the first to the last",
+                "description": "times of the samples, rising; one step goes from the first to the "
+                "last",
             },
             0,
         ),
@@ -176,14 +177,16 @@ def _replay(variables: ET.Element, description: Description) -> None:
             "replay.u",
             {
                 "start": " ".join(repr(v.start) for v in inputs),
-                "description": "inputs of every sample, linear between them, SI; columns are the inputs in the order of this file",
+                "description": "inputs of every sample, linear between them, SI; columns are the "
+                "inputs in the order of this file",
             },
             len(inputs),
         ),
         (
             "replay.y",
             {
-                "description": "outputs of every sample, SI; columns are the other outputs in the order of this file"
+                "description": "outputs of every sample, SI; columns are the other outputs in the "
+                "order of this file"
             },
             len(outputs),
         ),

@@ -37,7 +37,8 @@ _ENVIRONMENT = {
     "qnh": (
         "Pa",
         "hPa",
-        "pressure at mean sea level; of an altimeter setting at an elevation: air.sea_level_pressure",
+        "pressure at mean sea level; of an altimeter setting at an elevation: "
+        "air.sea_level_pressure",
         101325.0,
     ),
     "runway_elevation": ("m", "ft", "height of the runway over mean sea level", 0.0),
@@ -61,7 +62,8 @@ _MODES = {
         2.0,
     ),
     "rates": (
-        "body rates of the aerodynamics: 0 relative to inertial space as gyros show them, 1 to the Earth",
+        "body rates of the aerodynamics: 0 relative to inertial space as gyros show them, 1 "
+        "to the Earth",
         0.0,
         0.0,
         1.0,

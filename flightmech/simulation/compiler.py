@@ -261,7 +261,8 @@ def _root_problems(aircraft: Aircraft, db: xr.DataTree) -> list[str]:
                 f"/{name} is no coefficient; with force_axes {axes} there are {allowed}"
             )
     problems += [
-        f"/{path} holds a table; a term lies at /<coefficient>/<contribution>, this one would not fly"
+        f"/{path} holds a table; a term lies at /<coefficient>/<contribution>, this one "
+        f"would not fly"
         for path in _astray(db)
     ]
     for name in ("S", "cbar", "b"):
@@ -269,7 +270,8 @@ def _root_problems(aircraft: Aircraft, db: xr.DataTree) -> list[str]:
             float(db.attrs[name]), getattr(aircraft, name), rtol=_AGREE, atol=0.0
         ):
             problems.append(
-                f"{name} is {float(db.attrs[name]):.8g} in the database and {getattr(aircraft, name):.8g} in the aircraft; they must agree"
+                f"{name} is {float(db.attrs[name]):.8g} in the database and "
+                f"{getattr(aircraft, name):.8g} in the aircraft; they must agree"
             )
     for name, own in zip(
         ("x_ref", "y_ref", "z_ref"), reference_in(aircraft, db.attrs), strict=True
@@ -278,7 +280,8 @@ def _root_problems(aircraft: Aircraft, db: xr.DataTree) -> list[str]:
             float(db.attrs[name]), own, rtol=_AGREE, atol=1e-4 * aircraft.cbar
         ):
             problems.append(
-                f"{name} is {float(db.attrs[name]):.6g} m in the database and {own:.6g} m in the aircraft; move the moment reference"
+                f"{name} is {float(db.attrs[name]):.6g} m in the database and {own:.6g} m in "
+                f"the aircraft; move the moment reference"
             )
     return problems
 
@@ -308,11 +311,13 @@ def _leaf_problems(name: str, leaf: xr.Dataset, stage: int, known: Mapping[str, 
         ]
     if used_coefficients(leaf) and words and set(words) & set(IMPLICIT):
         problems.append(
-            f"{name}: depends on {', '.join(sorted(used_coefficients(leaf)))} and on {', '.join(sorted(set(words) & set(IMPLICIT)))}, {_ONE}"
+            f"{name}: depends on {', '.join(sorted(used_coefficients(leaf)))} and on "
+            f"{', '.join(sorted(set(words) & set(IMPLICIT)))}, {_ONE}"
         )
     if sum(word in IMPLICIT for word in words) > 1:
         problems.append(
-            f"{name}: regressors {' '.join(words)}: only one of {', '.join(IMPLICIT)} can be solved for in a term"
+            f"{name}: regressors {' '.join(words)}: only one of {', '.join(IMPLICIT)} can be "
+            f"solved for in a term"
         )
     return problems
 

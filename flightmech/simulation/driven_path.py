@@ -262,7 +262,8 @@ class DrivenPath:
     def _demand(self, code: int) -> None:
         if code:
             raise ValueError(
-                f"the kernel follows no path of {self.samples} samples, {self.states} states and these inputs or sums"
+                f"the kernel follows no path of {self.samples} samples, {self.states} states "
+                f"and these inputs or sums"
             )
 
 
@@ -270,6 +271,7 @@ def output_pointer(array: np.ndarray, shape: tuple[int, ...]) -> Any:
     """Return the pointer of an array that the kernel writes."""
     if array.shape != shape or array.dtype != float or not array.flags.c_contiguous:
         raise ValueError(
-            f"array of {array.dtype} has the shape {array.shape}, expected contiguous doubles {shape}"
+            f"array of {array.dtype} has the shape {array.shape}, expected contiguous "
+            f"doubles {shape}"
         )
     return _pointer(array)

@@ -135,7 +135,8 @@ def library() -> ctypes.CDLL:
     found = [path for suffix in SUFFIX.values() for path in sorted(folder.glob(f"*{suffix}"))]
     if not found:
         raise AeromatchError(
-            f"no compiled kernel in {folder}; install the package, or run 'python hatch_build.py' in a checkout"
+            f"no compiled kernel in {folder}; install the package, or run 'python "
+            f"hatch_build.py' in a checkout"
         )
     kernel = ctypes.CDLL(str(found[0]))
     for name, (result, arguments) in _SIGNATURES.items():

@@ -102,7 +102,8 @@ def _places(sim: SimModel, shapes: Mapping[str, Sequence[int]]) -> dict[str, np.
         )
         if min(first, last) < 0 or _longer(sim, name, shape):
             faulty.append(
-                f"the model has no term {name} with a table of {' x '.join(map(str, shape)) or 'one'} nodes"
+                f"the model has no term {name} with a table of "
+                f"{' x '.join(map(str, shape)) or 'one'} nodes"
             )
             continue
         size = int(np.prod(shape, dtype=int))

@@ -169,7 +169,8 @@ class NormalSums:
         rows, samples = 7 + len(path.vanes.side), len(self.D)
         if (path.samples, path.states) != self.D.shape[:2]:
             raise ValueError(
-                f"path of {path.samples} samples and {path.states} states, expected {samples} and {self.D.shape[1]}"
+                f"path of {path.samples} samples and {path.states} states, expected "
+                f"{samples} and {self.D.shape[1]}"
             )
         weight, column = _checked(weight, (samples - 1, rows)), self._among(columns)
         pointers = column.ctypes.data_as(POINTER(c_int)), None, _pointer(weight), None
@@ -367,6 +368,7 @@ def _add(X, unknowns: int, readings: Readings, weight, products, series, pressed
     sums = (None if item is None else _pointer(item) for item in (products, series))
     if library().am_add_driven(byref(driven), byref(group), *sums, out):
         raise ValueError(
-            f"{unknowns} unknowns or {readings.A.shape[-1]} states: more than the kernel sums at once, 96 and {states}"
+            f"{unknowns} unknowns or {readings.A.shape[-1]} states: more than the kernel "
+            f"sums at once, 96 and {states}"
         )
     del kept

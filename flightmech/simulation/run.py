@@ -116,7 +116,10 @@ def index_of_parameter(sim: SimModel, name: str) -> int:
     """
     index = sim.model.find(PARAMETER, name)
     if index < 0:
-        hint = "a table has node.CL.basic[3,1] with one index per axis, table.CL.basic and offset.CL.basic"
+        hint = (
+            "a table has node.CL.basic[3,1] with one index per axis, table.CL.basic and "
+            "offset.CL.basic"
+        )
         near = [*sim.parameters, *sim.inputs]
         raise UnknownName(
             name,
@@ -163,7 +166,8 @@ def read_time(inputs: xr.Dataset) -> np.ndarray:
         raise SchemaError(
             "inputs",
             [
-                f"time does not rise after {time[at]:g} s (sample {at}); sort it and drop repeated samples"
+                f"time does not rise after {time[at]:g} s (sample {at}); sort it and drop "
+                f"repeated samples"
             ],
         )
     return time
@@ -285,7 +289,8 @@ def simulate_closed_loop(
     check_hold(hold)
     if not period > 0.0 or delay < 0:
         raise ValueError(
-            f"period is {period!r} and delay {delay!r}; give a period in s above zero, and a delay of whole periods, 0 or more"
+            f"period is {period!r} and delay {delay!r}; give a period in s above zero, and a "
+            f"delay of whole periods, 0 or more"
         )
     time = read_time(inputs)
     values = {"mode.step": step, **(parameters or {})}
@@ -348,7 +353,8 @@ class _LawState:
                 )
             if not np.isfinite(value):
                 raise OutOfRange(
-                    f"the control law returned {value} for {name} at t = {t:g} s; return finite numbers"
+                    f"the control law returned {value} for {name} at t = {t:g} s; return "
+                    f"finite numbers"
                 )
             command[name] = float(value)
         self.waiting.append(command)

@@ -226,7 +226,8 @@ def _plant(sim: SimModel, parameters: dict[str, float], states: tuple[str, ...])
         raise SchemaError(
             "linear model",
             [
-                f"{earth}; a linear model is about a steady flight over a flat Earth, leave it out or give 0"
+                f"{earth}; a linear model is about a steady flight over a flat Earth, leave "
+                f"it out or give 0"
             ],
         )
     places = _submodel_states(sim)
@@ -391,7 +392,10 @@ def _dataset(
         "input": list(inputs),
         "output": list(outputs),
     }
-    condition = f"V {y['V']:.6g} m/s, h {y['h']:.6g} m, alpha {np.degrees(y['alpha']):.4g} deg, gamma {np.degrees(y['gamma']):.4g} deg"
+    condition = (
+        f"V {y['V']:.6g} m/s, h {y['h']:.6g} m, alpha {np.degrees(y['alpha']):.4g} deg, "
+        f"gamma {np.degrees(y['gamma']):.4g} deg"
+    )
     numbers = {"V": y["V"], "weight": _weight(plant)}
     left_out = " ".join(name for name in plant.places if name not in plant.states)
     texts = {

@@ -436,7 +436,8 @@ def trimmed_at(aircraft: Aircraft, db: xr.DataTree, condition: Mapping[str, floa
     if not point.is_trimmed:
         kind = "flight" if aircraft.engines else "glide (the aircraft file has no engines)"
         raise SimulationError(
-            f"no steady {kind} at {text(condition)}: {_left(point)}; change the condition or the limits of the controls"
+            f"no steady {kind} at {text(condition)}: {_left(point)}; change the condition or "
+            f"the limits of the controls"
         )
     return point
 

@@ -426,7 +426,10 @@ class _RequestResolver:
             )
         if not problems and len(goals) > len(solve_for):
             surplus = len(goals) - len(solve_for)
-            listed = f"{len(goals)} residuals ({', '.join(goals)}) against {len(solve_for)} unknowns ({', '.join(map(self._shown, solve_for))})"
+            listed = (
+                f"{len(goals)} residuals ({', '.join(goals)}) against {len(solve_for)} "
+                f"unknowns ({', '.join(map(self._shown, solve_for))})"
+            )
             problems.append(f"{listed}; free {surplus} more, fix fewer, or name fewer residuals")
         if problems:
             raise SchemaError(f"trim, kind {self.name}", problems)

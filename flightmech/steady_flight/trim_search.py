@@ -137,7 +137,10 @@ class TrimResult:
         if self.request.kind not in _BANKED or "phi" in self.request.unknowns:
             return add
         others = [name for name in self.request.unknowns if name not in idle]
-        return f"{add}, or leave it out and free the bank: {' '.join(f'--free {name}' for name in (*others, 'phi'))}"
+        return (
+            f"{add}, or leave it out and free the bank: "
+            f"{' '.join(f'--free {name}' for name in (*others, 'phi'))}"
+        )
 
     def _limits(self) -> np.ndarray:
         _, low, high, size = self.request.search

@@ -72,7 +72,8 @@ def demand_inside(axis: str, points: np.ndarray, x: np.ndarray) -> None:
     if mask.any():
         worst = x[mask][np.argmax(np.abs(x[mask] - np.clip(x[mask], points[0], points[-1])))]
         raise OutOfRange(
-            f"{axis} = {worst:.6g} lies outside {points[0]:.6g} ... {points[-1]:.6g} in {int(mask.sum())} of {len(x)} samples, "
+            f"{axis} = {worst:.6g} lies outside {points[0]:.6g} ... {points[-1]:.6g} in "
+            f"{int(mask.sum())} of {len(x)} samples, "
             f"first at sample {int(np.argmax(mask))}; extend the table or pass outside='clamp'",
             mask,
         )

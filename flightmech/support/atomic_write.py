@@ -289,7 +289,10 @@ def resolve_folder(path: str | os.PathLike) -> Path:
         raise OSError(errno.ENOTDIR, "a file; give the name of a folder", str(path))
     _demand_writable(found)
     if _works_in(found):
-        text = "is replaced as a whole, and this command works in it; give the name of a folder inside it"
+        text = (
+            "is replaced as a whole, and this command works in it; give the name of a folder "
+            "inside it"
+        )
         raise OSError(errno.EBUSY, text, str(path))
     if os.path.ismount(found):
         raise OSError(

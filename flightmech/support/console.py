@@ -106,7 +106,10 @@ class InputFile(click.Path):
 def _neighbours(path: Path) -> str:
     """Return what there is in place of a file that is missing."""
     if not path.parent.is_dir():
-        return f"there is no folder {str(path.parent)!r} either; give its path from here, {str(Path.cwd())!r}"
+        return (
+            f"there is no folder {str(path.parent)!r} either; give its path from here, "
+            f"{str(Path.cwd())!r}"
+        )
     names = sorted(item.name for item in path.parent.iterdir() if item.is_file())
     near = near_names(path.name, names, 3, cutoff=0.7)
     if near:

@@ -276,8 +276,14 @@ def _short(value) -> str:
 
 def clip_to_frame(frame: Frame, name: str, body: str) -> str:
     """Return `body` drawn inside the frame only; `name` must be unique in the page."""
-    box = f'<rect x="{frame.left:.1f}" y="{frame.top:.1f}" width="{frame.width:.1f}" height="{frame.height:.1f}"/>'
-    return f'<clipPath id="{escape(name)}">{box}</clipPath><g clip-path="url(#{escape(name)})">{body}</g>'
+    box = (
+        f'<rect x="{frame.left:.1f}" y="{frame.top:.1f}" width="{frame.width:.1f}" '
+        f'height="{frame.height:.1f}"/>'
+    )
+    return (
+        f'<clipPath id="{escape(name)}">{box}</clipPath><g '
+        f'clip-path="url(#{escape(name)})">{body}</g>'
+    )
 
 
 def thin_to_extremes(y: np.ndarray, buckets: int = 420) -> np.ndarray:
@@ -399,12 +405,18 @@ def dots(frame: Frame, x: np.ndarray, y: np.ndarray, css: str) -> str:
 def arrow(x: float, frame: Frame, upward: bool, css: str) -> str:
     """Return a mark at the edge of the frame: the line goes on beyond it."""
     tip, foot = (frame.top + 1, frame.top + 7) if upward else (frame.bottom - 1, frame.bottom - 7)
-    return f'<path class="{css} arrow" d="M{x:.1f},{tip:.1f} {x - 4:.1f},{foot:.1f} {x + 4:.1f},{foot:.1f}Z"/>'
+    return (
+        f'<path class="{css} arrow" d="M{x:.1f},{tip:.1f} {x - 4:.1f},{foot:.1f} '
+        f'{x + 4:.1f},{foot:.1f}Z"/>'
+    )
 
 
 def svg(height: float, body: str, words: str, width: float = WIDTH) -> str:
     """Return the whole figure, to stand in a page; `words` is its alternative text."""
-    return f'<svg class="figure" viewBox="0 0 {width:.0f} {height:.0f}" role="img" aria-label="{escape(words)}">{body}</svg>'
+    return (
+        f'<svg class="figure" viewBox="0 0 {width:.0f} {height:.0f}" role="img" '
+        f'aria-label="{escape(words)}">{body}</svg>'
+    )
 
 
 def environment(loader: BaseLoader) -> Environment:

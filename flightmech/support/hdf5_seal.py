@@ -200,7 +200,10 @@ def _fault(file: Any) -> str:
         for name, kind in links:
             place = f"{above}/{name.decode('utf-8', 'surrogateescape')}"
             if kind == h5l.TYPE_EXTERNAL:
-                return f"{place} is a link into another file, {os.fsdecode(group.links.get_val(name)[0])}"
+                return (
+                    f"{place} is a link into another file, "
+                    f"{os.fsdecode(group.links.get_val(name)[0])}"
+                )
             if kind != h5l.TYPE_HARD:
                 return f"{place} is a symbolic link"
             item = h5o.open(group, name)

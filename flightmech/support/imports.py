@@ -153,7 +153,8 @@ def _imports(stub: Path) -> dict[str, tuple[str, str]]:
         tree = ast.parse(stub.read_text(encoding="utf-8"))
     except FileNotFoundError as error:
         raise ImportError(
-            f"{stub} is missing: it lists the public names of the package; install the package again"
+            f"{stub} is missing: it lists the public names of the package; install the "
+            f"package again"
         ) from error
     home = {}
     for node in tree.body:
@@ -161,7 +162,8 @@ def _imports(stub: Path) -> dict[str, tuple[str, str]]:
             continue  # the docstring
         if not isinstance(node, ast.ImportFrom) or node.level != 1:
             raise ValueError(
-                f"{stub}, line {node.lineno}: allowed are relative imports, 'from .module import name as name'"
+                f"{stub}, line {node.lineno}: allowed are relative imports, 'from .module "
+                f"import name as name'"
             )
         home.update(
             {item.asname or item.name: (node.module or "", item.name) for item in node.names}

@@ -114,7 +114,10 @@ def decode_text(
             ) from None
     if "\0" in text:
         line = text.count("\n", 0, text.index("\0")) + 1
-        expected = f"{expected}; the file is damaged, or UTF-16 without a byte-order mark: save it with the encoding UTF-8"
+        expected = (
+            f"{expected}; the file is damaged, or UTF-16 without a byte-order mark: save "
+            f"it with the encoding UTF-8"
+        )
         raise ParseError(os.fspath(file), line, "zero bytes", expected)
     return text
 
@@ -149,7 +152,10 @@ def csv_rows(
         try:
             row = next(reader, None)
         except csv.Error as error:
-            expected = f"cells of at most {csv.field_size_limit()} characters; look for a quotation mark without its end"
+            expected = (
+                f"cells of at most {csv.field_size_limit()} characters; look for a "
+                f"quotation mark without its end"
+            )
             raise ParseError(
                 os.fspath(file), line, f"what is no row of CSV ({error})", expected
             ) from None
@@ -249,7 +255,8 @@ def _demand_ordinary(content: dict[str, Any]) -> None:
         item, place, depth = waiting.pop()
         if isinstance(item, int) and not -_LARGEST <= item < _LARGEST:
             raise ValueError(
-                f"an integer of {len(str(abs(item)))} digits at {place}, beyond the 64 bits that TOML allows"
+                f"an integer of {len(str(abs(item)))} digits at {place}, beyond the 64 bits "
+                f"that TOML allows"
             )
         if isinstance(item, str) and (found := _CONTROL.search(item)):
             raise ValueError(f"the control character {found[0]!r} at {place}")
@@ -283,7 +290,8 @@ _OTHER_TABLES = {
     b"\xd0\xcf\x11\xe0": "an Excel workbook of the old form (xls); save the sheet as CSV",
     b"PAR1": "a Parquet file; write it as CSV or HDF5, for instance with pandas",
     b"ARROW1": "a Feather file; write it as CSV or HDF5, for instance with pandas",
-    b"\x93NUMPY": "a NumPy array (npy); write it as CSV with a line of names, or as HDF5 with one array for each channel",
+    b"\x93NUMPY": "a NumPy array (npy); write it as CSV with a line of names, or as HDF5 with one "
+    "array for each channel",
     b"SQLite format 3": "an SQLite database; write its table as CSV",
     b"TDSm": "a LabVIEW TDMS file; write it as CSV or HDF5, for instance with npTDMS",
 }
@@ -327,7 +335,10 @@ def file_kind(path: str | os.PathLike[str]) -> str:
     if b"\0" in head:
         return f"bytes that begin with {head[:8]!r}"
     if _LISTING.search(head):
-        return "a Digital DATCOM listing (`aeromatch datcom show` reads it, `db build` makes a database of it)"
+        return (
+            "a Digital DATCOM listing (`aeromatch datcom show` reads it, `db build` makes a "
+            "database of it)"
+        )
     if _DECK.search(head):
         return "an input deck of Digital DATCOM (`aeromatch datcom check` reads it)"
     return _text_kind(head.decode("utf-8", "replace"))

@@ -219,7 +219,8 @@ class _TreeReader:
             raise SchemaError(
                 "database",
                 [
-                    f"groups inside each other more than {_DEPTH} deep, {path[:40]!r} ...; a term stands two levels down"
+                    f"groups inside each other more than {_DEPTH} deep, {path[:40]!r} ...; a "
+                    f"term stands two levels down"
                 ],
             )
         self._seen.add(_address(group))
@@ -227,7 +228,8 @@ class _TreeReader:
         for name in _names(group):
             if not isinstance(group.get(name, getlink=True), h5py.HardLink):
                 self.problems.append(
-                    f"{_place(path, name)} is a link to another place; a database holds its tables itself"
+                    f"{_place(path, name)} is a link to another place; a database holds its "
+                    f"tables itself"
                 )
                 continue
             item = group[name]
@@ -238,7 +240,8 @@ class _TreeReader:
                     )
                 if _address(item) in self._seen:
                     self.problems.append(
-                        f"{_place(path, name)}: linked to more than once; a database holds each group once"
+                        f"{_place(path, name)}: linked to more than once; a database holds "
+                        f"each group once"
                     )
                     continue
                 self._seen.add(_address(item))
@@ -268,7 +271,9 @@ class _TreeReader:
         before = len(self.problems)
         if item.dtype.kind not in NUMBERS:
             self.problems.append(
-                f"{place} holds {'objects or texts' if item.dtype.kind == 'O' else item.dtype}; tables hold numbers"
+                f"{place} holds "
+                f"{'objects or texts' if item.dtype.kind == 'O' else item.dtype}; tables "
+                f"hold numbers"
             )
         elif item.size is None or item.nbytes > LARGEST:
             self.problems.append(
@@ -283,7 +288,8 @@ class _TreeReader:
             axis = axes.get(_address(dimension[0])) if len(dimension) else None
             if axis is None:
                 self.problems.append(
-                    f"{place}: dimension {number} has no name; attach the dimension scale of its axis"
+                    f"{place}: dimension {number} has no name; attach the dimension scale of "
+                    f"its axis"
                 )
             else:
                 dims.append(axis)

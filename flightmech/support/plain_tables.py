@@ -76,7 +76,8 @@ class Plain:
         found = {name: given.get(name, item.default) for name, item in self.values.items()}
         if given.keys() - found.keys() or any(item is ... for item in found.values()):
             raise TypeError(
-                f"{type(self).__name__}: given {', '.join(given)}; expected {', '.join(self.values)}"
+                f"{type(self).__name__}: given {', '.join(given)}; expected "
+                f"{', '.join(self.values)}"
             )
         try:
             kinds = _kinds(type(self))
@@ -104,7 +105,8 @@ class Plain:
     def __setattr__(self, name: str, item: Any) -> NoReturn:
         """Refuse to change a value."""
         raise AttributeError(
-            f"{type(self).__name__}.{name} cannot be changed; `changed` gives a copy with another value"
+            f"{type(self).__name__}.{name} cannot be changed; `changed` gives a copy with "
+            f"another value"
         )
 
     def __eq__(self, other: object) -> bool:

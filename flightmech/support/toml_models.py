@@ -99,7 +99,10 @@ def _other_kind(model: type[BaseModel], content: dict[str, Any]) -> str:
         len(required) > 2 and few and not plain & set(model.model_fields)
     ):  # tables alone, as in a name map, where others are required
         expected = ", ".join(model.model_fields)
-        return f"no key of this kind of file, found {', '.join(content)} (a name map of records goes with --names); expected {expected}"
+        return (
+            f"no key of this kind of file, found {', '.join(content)} (a name map of records "
+            f"goes with --names); expected {expected}"
+        )
     return ""
 
 

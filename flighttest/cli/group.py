@@ -37,7 +37,8 @@ class MapFile(click.Path):
             return value
         if not os.path.exists(value) and not str(value).endswith(".toml"):
             self.fail(
-                f"no file {value!r} and no shipped map of that name; shipped are {', '.join(shipped)}",
+                f"no file {value!r} and no shipped map of that name; shipped are "
+                f"{', '.join(shipped)}",
                 param,
                 ctx,
             )
@@ -190,7 +191,8 @@ def cut(
         print_json(about)
     else:
         click.echo(
-            f"{about['samples']} samples of {about['channels']} channels, {start:g} ... {stop:g} s at {rate:g} Hz"
+            f"{about['samples']} samples of {about['channels']} channels, {start:g} ... "
+            f"{stop:g} s at {rate:g} Hz"
         )
         click.echo(f"written: {output}")
 
@@ -215,14 +217,16 @@ def cut(
     "--biases",
     "biases_file",
     type=InputFile(),
-    help="Reconstruction of another record; its instrument constants are the prior of a single record.",
+    help="Reconstruction of another record; its instrument constants are the prior of a single "
+    "record.",
 )
 @click.option(
     "--method",
     type=click.Choice(["smoother", "batch"]),
     default="smoother",
     show_default=True,
-    help="Estimator: smoother for a noisy inertial unit; batch for output error, all records in one fit with common instruments.",
+    help="Estimator: smoother for a noisy inertial unit; batch for output error, all records in "
+    "one fit with common instruments.",
 )
 @click.option(
     "--free",
@@ -299,7 +303,8 @@ def reconstruct(
     batch = None
     if len(records) > 1 and method == "smoother":
         print_remark(
-            f"{len(records)} records: each alone, then each with what the others indicate about the instruments"
+            f"{len(records)} records: each alone, then each with what the others indicate "
+            f"about the instruments"
         )
     with progress("reconstruct the states"):
         if method == "batch":

@@ -93,7 +93,8 @@ _WINDOW_OF = click.option(
     type=(str, float, float),
     multiple=True,
     metavar="PATH START STOP",
-    help="Window of one path alone, named by its file without extension; for paths with different windows.",
+    help="Window of one path alone, named by its file without extension; for paths with different "
+    "windows.",
 )
 _ERRORS = click.option(
     "--error",
@@ -101,7 +102,8 @@ _ERRORS = click.option(
     type=(str, click.FloatRange(0.0)),
     multiple=True,
     metavar="SOURCE SIZE",
-    help="Standard error of qbar, mass, inertia or thrust (relative) or of timing [s], in place of the default.",
+    help="Standard error of qbar, mass, inertia or thrust (relative) or of timing [s], in place "
+    "of the default.",
 )
 _CUTOFF = click.option(
     "--cutoff",
@@ -320,7 +322,8 @@ def select(
     type=click.Choice(["inverse_variance", "median", "inverse_sigma"]),
     default="inverse_variance",
     show_default=True,
-    help="Way to join: median with the scaled median absolute deviation, or inverse_sigma to reproduce papers.",
+    help="Way to join: median with the scaled median absolute deviation, or inverse_sigma to "
+    "reproduce papers.",
 )
 @json_option
 def join(fits, method, as_json) -> None:
@@ -454,7 +457,8 @@ def inertia(ctx, paths, aircraft_file, models, scale, windows, cutoff, as_json) 
     type=click.Choice(["raise", "warn"]),
     default="raise",
     show_default=True,
-    help="Stop, or go on with a warning, if no table of the database carries a significant term of a fit.",
+    help="Stop, or go on with a warning, if no table of the database carries a significant term "
+    "of a fit.",
 )
 @click.option(
     "-o", "--output", required=True, type=NewFile(), help="Write the database with the new tables."
@@ -671,7 +675,10 @@ def _show(fit, remarks, correlation: bool) -> None:
         (str(term), *(_cell(float(e[name].sel(term=term))) for name in shown))
         for term in e["term"].values
     ]
-    title = f"{fit.model}   {e.attrs['samples']} samples, R2 {e.attrs['R2']:.4f}, residual rms {e.attrs['residual_rms']:.3g}"
+    title = (
+        f"{fit.model}   {e.attrs['samples']} samples, R2 {e.attrs['R2']:.4f}, residual rms "
+        f"{e.attrs['residual_rms']:.3g}"
+    )
     if e.attrs["domain"] == "frequency":
         title += f", {e.attrs['frequencies']} frequencies in {e.attrs['band']} Hz"
     table(["term", *shown.values()], rows, title, right=list(shown.values()))

@@ -77,7 +77,8 @@ def design(
             )
     else:
         raise click.UsageError(
-            "the design has a [condition]: give --aircraft and --database, or leave the condition out"
+            "the design has a [condition]: give --aircraft and --database, or leave the "
+            "condition out"
         )
     files = save_design(made, output, Path(design_file).stem)
     if as_json:
@@ -192,7 +193,8 @@ def plan(
     )
     sim = flightmech.compile(aircraft, with_assumed(database, catalogue))
     with progress(
-        f"fly {len(catalogue.flyable())} manoeuvres at {len(catalogue.condition)} conditions on the a-priori model"
+        f"fly {len(catalogue.flyable())} manoeuvres at {len(catalogue.condition)} conditions "
+        f"on the a-priori model"
     ):
         prediction = predict(catalogue, sim, aircraft, jobs)
     with progress("choose the manoeuvres"):
@@ -390,10 +392,14 @@ def modes(
         (name, f"{value:.5g}", f"{stderr:.2g}", "" if unit == "1" else unit)
         for name, (value, stderr, unit) in found.values.items()
     ]
-    title = f"{found.kind} in {' '.join(channels)}, {start:g} ... {stop:g} s, {found.share:.1%} of the movement explained"
+    title = (
+        f"{found.kind} in {' '.join(channels)}, {start:g} ... {stop:g} s, {found.share:.1%} "
+        f"of the movement explained"
+    )
     table(["figure", "estimate", "std error", "unit"], rows, title, right=["estimate", "std error"])
     click.echo(
-        f"amplitudes: F({found.F_terms}, {found.F_dof:.0f}) {found.F:.4g}, probability {found.F_probability:.2g}"
+        f"amplitudes: F({found.F_terms}, {found.F_dof:.0f}) {found.F:.4g}, probability "
+        f"{found.F_probability:.2g}"
     )
     for line in remark_lines(found.remarks):
         click.echo(line)

@@ -34,13 +34,15 @@ if TYPE_CHECKING:
     "--aircraft",
     "aircraft_file",
     type=InputFile(),
-    help="Aircraft, TOML: places, noise and latency of its instruments to judge by; its geometry, mass and inertia are checked too.",
+    help="Aircraft, TOML: places, noise and latency of its instruments to judge by; its geometry, "
+    "mass and inertia are checked too.",
 )
 @click.option(
     "--database",
     "database_file",
     type=InputFile(),
-    help="A-priori database, netCDF, of the aircraft given with --aircraft: the weight is compared with its lift.",
+    help="A-priori database, netCDF, of the aircraft given with --aircraft: the weight is "
+    "compared with its lift.",
 )
 @click.option("-o", "--output", type=NewFile(), help="Write one self-contained HTML page.")
 @json_option
@@ -114,7 +116,8 @@ def info(file: str, names: str | None, as_json: bool) -> None:
     for part in found["tables"]:
         span = (
             part["clock_fault"]
-            or f"{part['samples']} samples, {part['rate']:.6g} Hz, {part['start']:.6g} ... {part['stop']:.6g} s"
+            or f"{part['samples']} samples, {part['rate']:.6g} Hz, {part['start']:.6g} ... "
+            f"{part['stop']:.6g} s"
         )
         click.echo()
         rows = [
@@ -128,7 +131,8 @@ def info(file: str, names: str | None, as_json: bool) -> None:
                 f"{slow['samples']} samples, {slow['rate']:.6g} Hz, in the rows of {part['table']}"
             )
             click.echo(
-                f"a slower clock, with blank cells between its samples: {', '.join(slow['columns'])}: {text}"
+                f"a slower clock, with blank cells between its samples: "
+                f"{', '.join(slow['columns'])}: {text}"
             )
     for text in found["notes"]:
         click.echo(f"! {text}")
@@ -144,7 +148,8 @@ def _by_reason(left_out: list[dict[str, str]]) -> list[str]:
     for one in left_out:
         names.setdefault(one["reason"], []).append(one["name"])
     return [
-        f"{', '.join(places[:_NAMED])}{f' and {len(places) - _NAMED} more' * (len(places) > _NAMED)}: {reason}"
+        f"{', '.join(places[:_NAMED])}{f' and {len(places) - _NAMED} more' * (len(places) > _NAMED)}: "
+        f"{reason}"
         for reason, places in names.items()
     ]
 
@@ -198,7 +203,8 @@ def convert(file: str, names: str | None, output: str, as_json: bool) -> None:
         click.echo(f"not in the file: {record.attrs['absent']}")
     if about["left_out"]:
         click.echo(
-            f"left out, see 'aeromatch flight info': {', '.join(place for place, _ in about['left_out'][:_NAMED])}"
+            f"left out, see 'aeromatch flight info': "
+            f"{', '.join(place for place, _ in about['left_out'][:_NAMED])}"
         )
     click.echo(f"written: {output}, {channels} channels in {len(record.children)} leaves")
 
@@ -210,7 +216,8 @@ def convert(file: str, names: str | None, output: str, as_json: bool) -> None:
     "--table",
     "table_file",
     type=InputFile(),
-    help="CSV or TOML with the columns record, kind, control, start, end; its rows of this record are shown.",
+    help="CSV or TOML with the columns record, kind, control, start, end; its rows of this record "
+    "are shown.",
 )
 @click.option(
     "--find",

@@ -31,7 +31,8 @@ def fit_options(over: str, order: int, weights: str) -> Callable:
                 type=click.Choice(["equal", "spectrum"]),
                 default=weights,
                 show_default=True,
-                help="Weights of the frequencies of --band: spectrum, for noise that grows with frequency.",
+                help="Weights of the frequencies of --band: spectrum, for noise that grows with "
+                "frequency.",
             ),
             click.option(
                 "--select-in",

@@ -19,7 +19,8 @@ from flighttest.cli.group import names_option
 )
 @click.option(
     "--position",
-    help='Column of the position, with its unit where the file has none: "angle [deg]". Default: position.',
+    help='Column of the position, with its unit where the file has none: "angle [deg]". Default: '
+    "position.",
 )
 @click.option(
     "--rate", help='Column of the rate: "speed [rpm]". Default: rate, where there is one.'
@@ -159,7 +160,8 @@ _FILE = InputFile()
 @click.option(
     "--model",
     default="",
-    help="Terms of the hinge moment. Default for the column: 'Ch_e = 1 + alpha + delta_e + delta_t'.",
+    help="Terms of the hinge moment. Default for the column: 'Ch_e = 1 + alpha + delta_e + "
+    "delta_t'.",
 )
 @click.option(
     "--constant",
@@ -454,7 +456,8 @@ def _tables(path: Path):
     engines = read_aircraft(path).engines
     if not engines or engines[0].deck is None:
         raise click.UsageError(
-            f"{path}: the first engine has no deck; give a deck file, or an aircraft with [engine.deck]"
+            f"{path}: the first engine has no deck; give a deck file, or an aircraft with "
+            f"[engine.deck]"
         )
     return dict(engines[0].deck.tables)
 
@@ -479,7 +482,8 @@ def _tables(path: Path):
     "errors",
     type=(str, float),
     multiple=True,
-    help="Standard error of an input: lift, drag, pitching, thrust, wind, mass, pedal, along, timing.",
+    help="Standard error of an input: lift, drag, pitching, thrust, wind, mass, pedal, along, "
+    "timing.",
 )
 @click.option(
     "--flown/--no-flown",

@@ -193,7 +193,10 @@ class FitJobResult:
         for (k, j), share in np.ndenumerate(self.explained.values):
             if share < POOR:
                 name = self.explained["output"].values[j]
-                words = f"record {k + 1}, {name}: the model explains {share:.0%} of its movement; a term is missing, or the record is wrong"
+                words = (
+                    f"record {k + 1}, {name}: the model explains {share:.0%} of its "
+                    f"movement; a term is missing, or the record is wrong"
+                )
                 found.append(Remark("unexplained", words, str(name), float(share), POOR))
         e = self.fit.estimates
         for name, value, start, sigma in zip(
@@ -201,7 +204,10 @@ class FitJobResult:
         ):
             if abs(value - start) > PULLED * sigma:
                 far = float(abs(value - start) / sigma)
-                words = f"{name} lies {far:.1f} prior standard errors from {start:g}: check units, signs and model"
+                words = (
+                    f"{name} lies {far:.1f} prior standard errors from {start:g}: check "
+                    f"units, signs and model"
+                )
                 found.append(Remark("prior", words, str(name), far, PULLED))
         return found
 

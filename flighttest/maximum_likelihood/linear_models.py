@@ -110,7 +110,8 @@ def frequency_output_error(
     pieces = [_Spectra(model, record, band, names) for record, names in zip(records, layout.bases)]
     if sum(piece.measured.size for piece in pieces) <= len(layout.names):
         raise IdentificationError(
-            f"{len(layout.names)} unknowns and fewer values of the spectra; widen the band or take longer records"
+            f"{len(layout.names)} unknowns and fewer values of the spectra; widen the band "
+            f"or take longer records"
         )
     found = search(Likelihood(pieces, layout, noise_groups(noise, len(records))), iterations)
     estimates = estimates_dataset(
@@ -301,7 +302,8 @@ class _RecordResponse:
         ]
         if idle:
             raise IdentificationError(
-                f"{', '.join(idle)} has fewer than {_FEWEST} readings; leave it out of the outputs of the model"
+                f"{', '.join(idle)} has fewer than {_FEWEST} readings; leave it out of the "
+                f"outputs of the model"
             )
 
     def _run(self, values: np.ndarray) -> Predictor:

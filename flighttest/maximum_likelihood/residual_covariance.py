@@ -99,9 +99,12 @@ def turbulence(noise: xr.Dataset) -> tuple[str, ...]:
         for name, slow, fast, time in zip(*columns)
     ]
     return (
-        f"turbulence or a missing term: residuals of {', '.join(parts)} are a disturbance of the motion, which moves the outputs through "
-        f"each estimate by {100.0 * effect:.2g} % of the motion; fitted open loop the estimates are biased and scatter more than they "
-        "determine. Use flighttest.maximum_likelihood.filter_error, equation error, or a record in calm air",
+        f"turbulence or a missing term: residuals of {', '.join(parts)} are a disturbance of "
+        f"the motion, which moves the outputs through "
+        f"each estimate by {100.0 * effect:.2g} % of the motion; fitted open loop the "
+        f"estimates are biased and scatter more than they "
+        "determine. Use flighttest.maximum_likelihood.filter_error, equation error, or a "
+        "record in calm air",
     )
 
 

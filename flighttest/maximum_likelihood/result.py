@@ -201,11 +201,17 @@ def _remarks(fit: OutputError) -> list[Remark]:
         )
     for name, active, value in zip(names, e["active"].values, e["estimate"].values):
         if active:
-            words = f"{name} is at its bound {value:g}: it has no standard error, and those of the others hold it there"
+            words = (
+                f"{name} is at its bound {value:g}: it has no standard error, and those of "
+                f"the others hold it there"
+            )
             found.append(Remark("bound", words, name, float(value), float(value)))
     for name, after, before in zip(names, e["stderr"].values, e["prior_stderr"].values):
         if after > SILENT * before:
-            words = f"{name}: the records contain hardly any information, standard error {after:.3g} after {before:.3g} before"
+            words = (
+                f"{name}: the records contain hardly any information, standard error "
+                f"{after:.3g} after {before:.3g} before"
+            )
             found.append(
                 Remark("not significant", words, name, float(after), SILENT * float(before))
             )
@@ -233,7 +239,8 @@ def _report(fit: OutputError) -> str:
         f"{head:>13s}" for head in ("estimate", "std. error", "if white", "start", "prior s.e.")
     )
     text = [
-        f"{about['method']}: manoeuvres {about['manoeuvres']}, samples {about['samples']}, iterations {about['iterations']}, {state}",
+        f"{about['method']}: manoeuvres {about['manoeuvres']}, samples {about['samples']}, "
+        f"iterations {about['iterations']}, {state}",
         f"{'parameter':{width}s}{heads}",
     ]
     for k, name in enumerate(e["parameter"].values):

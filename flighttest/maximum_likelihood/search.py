@@ -136,11 +136,13 @@ def _problems(label: str, start: float | None, unknown: Unknown) -> list[str]:
         or not unknown.low <= start <= unknown.high
     ):
         return [
-            f"{label} starts at {start:g}, bounds {unknown.low:g} ... {unknown.high:g}; the start must be finite and lie between them"
+            f"{label} starts at {start:g}, bounds {unknown.low:g} ... {unknown.high:g}; the "
+            f"start must be finite and lie between them"
         ]
     if not unknown.sigma > 0.0:
         return [
-            f"{label} has a prior standard error of {unknown.sigma:g}; give a positive one, or hold the parameter at its value"
+            f"{label} has a prior standard error of {unknown.sigma:g}; give a positive one, "
+            f"or hold the parameter at its value"
         ]
     return []
 
@@ -346,7 +348,8 @@ def search(likelihood: Target, iterations: int) -> LikelihoodMaximum:
     cost = likelihood.cost(theta, residuals)
     if not np.isfinite(cost):
         raise IdentificationError(
-            "the model cannot be flown through the records from the start values; simulate them once and look"
+            "the model cannot be flown through the records from the start values; simulate "
+            "them once and look"
         )
     slopes = likelihood.slopes(theta, steps, central=iterations == 0)
     while True:
@@ -432,7 +435,8 @@ def _demand_effect(M: np.ndarray, names: Sequence[str]) -> None:
     idle = [name for name, size in zip(names, np.diag(M)) if not size > 0.0]
     if idle:
         raise IdentificationError(
-            f"no output responds to {', '.join(idle)}; leave {'it' if len(idle) == 1 else 'them'} out, choose other outputs "
+            f"no output responds to {', '.join(idle)}; leave "
+            f"{'it' if len(idle) == 1 else 'them'} out, choose other outputs "
             "or add a manoeuvre that excites them"
         )
 
@@ -442,6 +446,7 @@ def _demand_rank(M: np.ndarray, names: Sequence[str]) -> None:
     values, vectors = np.linalg.eigh(M * np.outer(scale, scale))
     if len(values) and values[0] < RANK * values[-1]:
         raise IdentificationError(
-            f"the records cannot distinguish: {combination(vectors[:, 0], names)} changes no output; hold one of them, give a prior "
+            f"the records cannot distinguish: {combination(vectors[:, 0], names)} changes no "
+            f"output; hold one of them, give a prior "
             "or add a manoeuvre"
         )

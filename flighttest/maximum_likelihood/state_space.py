@@ -178,7 +178,8 @@ def signals(
         ) - model.reference.get(name, 0.0)
         if not (gaps and name in model.outputs) and not np.isfinite(x).all():
             problems.append(
-                f"{name} is not finite in {int((~np.isfinite(x)).sum())} samples; fill short gaps or cut the record there"
+                f"{name} is not finite in {int((~np.isfinite(x)).sum())} samples; fill short "
+                f"gaps or cut the record there"
             )
         columns.append(x)
     if problems:

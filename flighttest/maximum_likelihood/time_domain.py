@@ -247,7 +247,8 @@ def _conditions(conditions, count: int) -> list[dict[str, float]]:
         raise SchemaError(
             "conditions",
             [
-                f"{len(conditions)} mappings for {count} manoeuvres; give one for each, or one for all"
+                f"{len(conditions)} mappings for {count} manoeuvres; give one for each, or "
+                f"one for all"
             ],
         )
     return [dict(item) for item in conditions]

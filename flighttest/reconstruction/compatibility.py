@@ -70,7 +70,10 @@ def compatibility_table(path: FlightPath) -> pd.DataFrame:
 
 def compatibility_report(path: FlightPath) -> str:
     """Return the table of `compatibility_table` as text."""
-    head = f"{'channel':12s}{'unit':>8s}{'readings':>9s}{'noise':>10s}{'rms before':>12s}{'rms after':>11s}{'Theil':>8s}{'L-B p':>7s}  verdict"
+    head = (
+        f"{'channel':12s}{'unit':>8s}{'readings':>9s}{'noise':>10s}{'rms before':>12s}{'rms after':>11s}{'Theil':>8s}{'L-B p':>7s} "
+        f" verdict"
+    )
     lines = [f"Data compatibility: {path.states.attrs['record']}", head]
     for name, row in compatibility_table(path).iterrows():
         numbers = f"{row.readings:9d}{row.noise:10.3g}{row.before:12.4g}{row.after:11.4g}{row.theil:8.4f}{row.ljung_box:7.2f}"

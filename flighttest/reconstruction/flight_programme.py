@@ -134,7 +134,8 @@ def _combined(runs: Sequence[_Evidence]) -> xr.Dataset:
     covariance = inverse(information)
     if not (np.diag(covariance) > 0.0).all():
         raise IdentificationError(
-            "the runs contradict each other and their prior; look at the spread of single constants before you combine them"
+            "the runs contradict each other and their prior; look at the spread of single "
+            "constants before you combine them"
         )
     mean = covariance @ vector
     se, prior_se = np.sqrt(np.diag(covariance)), np.sqrt(np.diag(prior))
@@ -313,7 +314,8 @@ def _common_prior(
             np.abs(before - own) <= 1e-6 * np.abs(own) + 1e-8
         )
         problems += [
-            f"{names[i]}: two runs started from different priors; reconstruct them with the same one"
+            f"{names[i]}: two runs started from different priors; reconstruct them with the "
+            f"same one"
             for i in at[known & ~same]
         ]
         mean[at], covariance[np.ix_(at, at)] = run.prior, run.covariance

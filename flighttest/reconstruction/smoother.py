@@ -104,7 +104,10 @@ class FlightPath:
             for name in names
         ]
         time = self.states["time"].values
-        caption = f"Flight path of {self.states.attrs.get('record', '')}, {time[0]:g} ... {time[-1]:g} s, {len(time)} samples"
+        caption = (
+            f"Flight path of {self.states.attrs.get('record', '')}, {time[0]:g} ... "
+            f"{time[-1]:g} s, {len(time)} samples"
+        )
         return html_table(
             caption, ("constant", *keys), rows, [remark.text for remark in self.remarks]
         )
@@ -320,7 +323,8 @@ def _settle(problem: PathProblem, solution: Solution, held: Sequence[str] = ()) 
         solution = replace(more, iterations=solution.iterations + more.iterations)
     if not solution.settled:
         raise IdentificationError(
-            f"the reconstruction did not settle in {solution.iterations} iterations: {_moving(problem, solution, held)}"
+            f"the reconstruction did not settle in {solution.iterations} iterations: "
+            f"{_moving(problem, solution, held)}"
         )
     return solution
 
@@ -332,13 +336,20 @@ def _moving(problem: PathProblem, solution: Solution, held: Sequence[str]) -> st
     constants = problem.constants
     order = [k for k in np.argsort(-np.abs(change) / errors) if abs(change[k]) > STILL * errors[k]]
     if not order:
-        return "all constants stand still and only the path moves; look for readings that contradict each other (signs, units, clocks)"
+        return (
+            "all constants stand still and only the path moves; look for readings that "
+            "contradict each other (signs, units, clocks)"
+        )
     names = [
-        f"{constants.names[k]} by {change[k]:.2g} {constants.units[k]} ({abs(change[k]) / errors[k]:.2g} standard errors)"
+        f"{constants.names[k]} by {change[k]:.2g} {constants.units[k]} "
+        f"({abs(change[k]) / errors[k]:.2g} standard errors)"
         for k in order[:5]
     ]
     rest = f" and {len(order) - 5} more" if len(order) > 5 else ""
-    return f"still moving are {', '.join(names)}{rest}; give them a prior in the aircraft file, or a window whose readings determine them"
+    return (
+        f"still moving are {', '.join(names)}{rest}; give them a prior in the aircraft file, "
+        f"or a window whose readings determine them"
+    )
 
 
 def _intensity(setup: Setup, solution: Solution, sigma: np.ndarray) -> np.ndarray:
@@ -410,14 +421,16 @@ def _remarks(path: FlightPath) -> list[Remark]:
     if gusts != "none":
         held = [str(name) for name in about["parameter"].values[about["held"].values.astype(bool)]]
         words = (
-            f"turbulence (gusts {gusts} m/s, one sigma): {', '.join(held) or 'no constant'} is indistinguishable from gusts and rests on "
+            f"turbulence (gusts {gusts} m/s, one sigma): {', '.join(held) or 'no constant'} "
+            f"is indistinguishable from gusts and rests on "
             "its prior; give the vane calibration of a flight in calm air (--biases)"
         )
         found.append(Remark("turbulence", words, " ".join(held)))
     for name, row in path.fit.iterrows():
         if row.ratio > CALM and row.autocorrelation < GUSTY * (1.0 - 1.0 / row.ratio**2):
             words = (
-                f"noise of {name} is {row.ratio:.2f} times that specified ({row.rms:.3g} for {row.noise:.3g}), and white; correct it in "
+                f"noise of {name} is {row.ratio:.2f} times that specified ({row.rms:.3g} for "
+                f"{row.noise:.3g}), and white; correct it in "
                 "the aircraft file"
             )
             found.append(Remark("noise", words, str(name), float(row.ratio), CALM))
@@ -429,11 +442,14 @@ def _report(path: FlightPath) -> str:
     time = states["time"].values
     lines = [
         f"State reconstruction: {states.attrs['record']}, {time[0]:g} ... {time[-1]:g} s",
-        f"{len(time)} samples at {states.attrs['rate']:g} Hz, {states.attrs['iterations']} iterations",
-        f"channels not used: {states.attrs['unused'] or 'none'}; gusts [m/s]: {states.attrs['gusts']}",
+        f"{len(time)} samples at {states.attrs['rate']:g} Hz, {states.attrs['iterations']} "
+        f"iterations",
+        f"channels not used: {states.attrs['unused'] or 'none'}; gusts [m/s]: "
+        f"{states.attrs['gusts']}",
         *(["spikes: " + states.attrs["spikes"]] if states.attrs.get("spikes") else []),
         "",
-        f"{'constant':22s}{'estimate':>13s}{'std. error':>13s}{'prior':>13s}{'prior s.e.':>13s}  unit",
+        f"{'constant':22s}{'estimate':>13s}{'std. error':>13s}{'prior':>13s}{'prior s.e.':>13s} "
+        f" unit",
     ]
     for i, name in enumerate(path.biases["parameter"].values):
         row = path.biases.isel(parameter=i, parameter_=i)
@@ -443,11 +459,13 @@ def _report(path: FlightPath) -> str:
         lines.append(f"{name:22s}{numbers}  {row['unit'].item()}")
     lines += [
         "",
-        f"{'channel':14s}{'readings':>9s}{'noise':>11s}{'rms':>11s}{'ratio':>7s}{'lag-1 ac':>9s}  verdict",
+        f"{'channel':14s}{'readings':>9s}{'noise':>11s}{'rms':>11s}{'ratio':>7s}{'lag-1 ac':>9s} "
+        f" verdict",
     ]
     for name, row in path.fit.iterrows():
         lines.append(
-            f"{name:14s}{row.readings:9d}{row.noise:11.4g}{row.rms:11.4g}{row.ratio:7.2f}{row.autocorrelation:9.2f}  {row.verdict}"
+            f"{name:14s}{row.readings:9d}{row.noise:11.4g}{row.rms:11.4g}{row.ratio:7.2f}{row.autocorrelation:9.2f} "
+            f" {row.verdict}"
         )
     words = identifiability(path.biases)
     lines += ["", *remark_lines(path.remarks)] if path.remarks else []

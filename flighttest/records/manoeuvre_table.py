@@ -66,7 +66,8 @@ class Marked(Strict):
     def _forward(self) -> Marked:
         if not (np.isfinite(self.start) and np.isfinite(self.end) and self.start < self.end):
             raise ValueError(
-                f"start {self.start:g} s and end {self.end:g} s; the end lies after the start, both in seconds of the record"
+                f"start {self.start:g} s and end {self.end:g} s; the end lies after the "
+                f"start, both in seconds of the record"
             )
         return self
 
@@ -141,7 +142,10 @@ def _csv(path: Path) -> dict[str, object]:
         problems = [f"no column {name!r}" for name in missing] + [
             f"unknown column {name!r}" for name in unknown
         ]
-        allowed = f"its line of names is {', '.join(COLUMNS[:5])}, and where wanted {', '.join(COLUMNS[5:])}"
+        allowed = (
+            f"its line of names is {', '.join(COLUMNS[:5])}, and where wanted "
+            f"{', '.join(COLUMNS[5:])}"
+        )
         raise SchemaError(str(path), [f"{problem}; {allowed}" for problem in problems])
     rows: list[dict[str, str]] = []
     for number, line in enumerate(lines[1:], start=2):

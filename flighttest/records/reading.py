@@ -194,7 +194,10 @@ def _own_names(recording: Recording, path: Path) -> NameMap:
         }
     )
     if unknown:
-        hint = f"{path.name} has {len(unknown)} columns without a canonical name ({', '.join(unknown[:12])})"
+        hint = (
+            f"{path.name} has {len(unknown)} columns without a canonical name "
+            f"({', '.join(unknown[:12])})"
+        )
         maps = ", ".join(shipped_maps())
         raise UnknownName(
             unknown[0],
@@ -365,7 +368,8 @@ def _leaves(
         raise SchemaError(
             f"name map, leaf {leaf}",
             [
-                f"its columns come from tables with different clocks ({', '.join(groups)}); make a leaf of each"
+                f"its columns come from tables with different clocks ({', '.join(groups)}); "
+                f"make a leaf of each"
             ],
         )
     clock = clocks.settled(groups[0], what)

@@ -59,7 +59,8 @@ def merge(records: Sequence[xr.DataTree], offsets: Sequence[float] | None = None
         raise SchemaError(
             "merge",
             [
-                f"{len(starts) - 1} offsets for {len(records)} records; give one for each after the first"
+                f"{len(starts) - 1} offsets for {len(records)} records; give one for each "
+                f"after the first"
             ],
         )
     leaves: dict[str, xr.Dataset] = {}
@@ -96,7 +97,8 @@ def _offsets(records: Sequence[xr.DataTree]) -> list[float]:
             moments.append(moment if moment.tzinfo else moment.replace(tzinfo=UTC))
         except ValueError:
             problems.append(
-                f"{record.attrs.get('source_file', 'a record')}: start {text!r} is no date and time; pass offsets=[...]"
+                f"{record.attrs.get('source_file', 'a record')}: start {text!r} is no date "
+                f"and time; pass offsets=[...]"
             )
     if problems:
         raise SchemaError("merge", problems)
@@ -105,7 +107,8 @@ def _offsets(records: Sequence[xr.DataTree]) -> list[float]:
         raise SchemaError(
             "merge",
             [
-                f"starts {max(found) - min(found):.6g} s apart are not of one flight; pass offsets=[...]"
+                f"starts {max(found) - min(found):.6g} s apart are not of one flight; pass "
+                f"offsets=[...]"
             ],
         )
     return found

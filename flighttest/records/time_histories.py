@@ -185,7 +185,8 @@ def signals_figure(
     if window is not None and not any(signal.size for panel in inside for signal in panel):
         start, end = _span(panels)
         raise OutOfRange(
-            f"no sample between {window[0]:g} and {window[1]:g} s; the signals go from {start:g} to {end:g} s"
+            f"no sample between {window[0]:g} and {window[1]:g} s; the signals go from "
+            f"{start:g} to {end:g} s"
         )
     columns = 2 if len(panels) > _ONE_COLUMN or not all(panels) else 1
     rows = -(-len(panels) // columns)

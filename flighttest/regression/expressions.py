@@ -245,11 +245,13 @@ def _power(given: Sequence[Slopes], _: Pieces):
     x, y = given
     if y.by and (x.value <= 0.0).any():
         raise OutOfRange(
-            f"the base of a power with an unknown exponent reaches {np.min(x.value):g}; it must stay positive, as in max(h, 1)"
+            f"the base of a power with an unknown exponent reaches {np.min(x.value):g}; it "
+            f"must stay positive, as in max(h, 1)"
         )
     if (x.value < 0.0).any() and (y.value != np.round(y.value)).any():
         raise OutOfRange(
-            f"the base of a power that is no integer reaches {np.min(x.value):g}; it must not be negative"
+            f"the base of a power that is no integer reaches {np.min(x.value):g}; it must "
+            f"not be negative"
         )
     if (x.value == 0.0).any() and (y.value < 0.0).any():
         raise OutOfRange("a negative power of zero")

@@ -263,13 +263,15 @@ def _faults(name: str, item: ShapeParameter, used: Sequence[str]) -> list[str]:
     )
     if name in VOCABULARY:
         problems.append(
-            f"the parameter {name} has the name of a quantity ({VOCABULARY[name].long_name}); rename it"
+            f"the parameter {name} has the name of a quantity "
+            f"({VOCABULARY[name].long_name}); rename it"
         )
     if name not in used:
         problems.append(f"no term has the parameter {name}")
     if not (np.isfinite([item.low, item.high]).all() and item.low < item.high):
         problems.append(
-            f"{name}: bounds {item.low:g} ... {item.high:g}; give two finite numbers, the lower first"
+            f"{name}: bounds {item.low:g} ... {item.high:g}; give two finite numbers, the "
+            f"lower first"
         )
     elif item.start is not None and not item.low <= item.start <= item.high:
         problems.append(

@@ -64,11 +64,13 @@ def smooth_motion(pose: xr.Dataset, cutoff: float) -> xr.Dataset:
     good = np.isfinite(pose["r"].values).all(axis=1)
     if good.sum() < _FEWEST or np.ptp(np.diff(time)) > 1e-3 * step:
         raise IdentificationError(
-            f"{int(good.sum())} frames with a pose of {count}; at least {_FEWEST} on a uniform clock are needed"
+            f"{int(good.sum())} frames with a pose of {count}; at least {_FEWEST} on a "
+            f"uniform clock are needed"
         )
     if not 0.0 < cutoff < 0.5 / step:
         raise IdentificationError(
-            f"cut-off {cutoff:g} Hz; it must lie between 0 and half the frame rate, {0.5 / step:g} Hz"
+            f"cut-off {cutoff:g} Hz; it must lie between 0 and half the frame rate, "
+            f"{0.5 / step:g} Hz"
         )
     (x, v, a), gains = _smooth(_bridged(time, pose["r"].values, good), step, cutoff)
     (quat, rate, bend), _ = _smooth(_bridged(time, pose["q"].values, good), step, cutoff)
@@ -257,7 +259,8 @@ class MarkerSetup(Strict):
             or not np.isclose(np.linalg.det(self.turn), 1.0)
         ):
             raise ValueError(
-                f"axes = {self.axes!r}: three directions of {', '.join(_WAYS)} that make a right-handed frame are needed"
+                f"axes = {self.axes!r}: three directions of {', '.join(_WAYS)} that make a "
+                f"right-handed frame are needed"
             )
         return self
 
@@ -325,7 +328,8 @@ def read_markers(path: str | Path, setup: MarkerSetup) -> xr.DataArray:
         raise SchemaError(
             str(path),
             [
-                "its frames are not evenly spaced in time; give one row per frame, with empty cells where nothing was seen"
+                "its frames are not evenly spaced in time; give one row per frame, with "
+                "empty cells where nothing was seen"
             ],
         )
     positions = np.stack(columns, axis=1).reshape(len(time), len(names), 3) @ setup.turn.T
@@ -375,7 +379,8 @@ def poses(
     Q = np.array([markers[name] for name in names], float).reshape(-1, 3)
     if len(names) < 3 or not _spread(Q[None])[0]:
         raise IdentificationError(
-            f"markers {', '.join(names) or 'none'} recorded; a body needs three that do not lie on a line"
+            f"markers {', '.join(names) or 'none'} recorded; a body needs three that do not "
+            f"lie on a line"
         )
     P = positions.sel(marker=names).transpose("time", "marker", "axis").values.astype(float)
     seen = np.isfinite(P).all(axis=2)
@@ -390,7 +395,8 @@ def poses(
     good = (count >= 3) & _spread(A)
     if not good.any():
         raise IdentificationError(
-            f"no frame shows three of the markers {', '.join(names)}; check their names and the cameras"
+            f"no frame shows three of the markers {', '.join(names)}; check their names and "
+            f"the cameras"
         )
     D = np.where(seen[:, :, None], P - middle_p[:, None], 0.0)
     A, D, middle_q, middle_p = A[good], D[good], middle_q[good], middle_p[good]

@@ -115,7 +115,8 @@ def write_models(folder: Path) -> None:
     code = (
         "import sys, pathlib; sys.path[:0] = sys.argv[1:3]; import models\n"
         "for name, sim in models.compiled().items():\n"
-        "    place = pathlib.Path(sys.argv[3]) / name; place.mkdir(); (place / 'model.bin').write_bytes(sim.block)"
+        "    place = pathlib.Path(sys.argv[3]) / name; place.mkdir(); (place / "
+        "'model.bin').write_bytes(sim.block)"
     )
     subprocess.run(
         [sys.executable, "-c", code, str(KERNEL / "fuzz"), str(KERNEL.parent), str(folder)],
@@ -179,7 +180,8 @@ def fuzz(
         stat = {name: int(value) for name, value in re.findall(r"stat::(\w+): +(\d+)", output)}
         edges = re.findall(r"cov: (\d+)", output)[-1]
         print(
-            f"{target}: {stat['number_of_executed_units']} inputs tried, {edges} edges reached, slowest {stat['slowest_unit_time_sec']} s",
+            f"{target}: {stat['number_of_executed_units']} inputs tried, {edges} edges "
+            f"reached, slowest {stat['slowest_unit_time_sec']} s",
             flush=True,
         )
 

@@ -298,7 +298,8 @@ def _resolved(path: Path, file: CaseFile) -> tuple[PomCase, list[str]]:
     law = file.control_law
     if law is not None and file.drive.surfaces != "recorded":
         problems.append(
-            f'control_law: it drives surfaces, and drive.surfaces is "{file.drive.surfaces}"; make it "recorded"'
+            f"control_law: it drives surfaces, and drive.surfaces is "
+            f'"{file.drive.surfaces}"; make it "recorded"'
         )
     resolved = PomCase(
         **as_written,
@@ -353,7 +354,8 @@ def _drive(file: CaseFile, found: list[Criterion], problems: list[str]) -> CaseI
     given = file.drive
     if any(loop.control == "throttle" for loop in loops) and given.engine != "throttle":
         problems.append(
-            f'drive.pilot: a loop moves the throttle, but drive.engine is "{given.engine}"; drive the engines by "throttle"'
+            f'drive.pilot: a loop moves the throttle, but drive.engine is "{given.engine}"; '
+            f'drive the engines by "throttle"'
         )
     limits = parts.limits(given.limits, problems)
     drive = CaseInputs(
@@ -370,12 +372,14 @@ def _drive(file: CaseFile, found: list[Criterion], problems: list[str]) -> CaseI
         drive.level != "force" or drive.trim is not True or drive.held_by != "force"
     ):
         problems.append(
-            "drive.trim_surfaces: a trim surface is solved for where recorded forces hold the controls at the start; "
+            "drive.trim_surfaces: a trim surface is solved for where recorded forces hold "
+            "the controls at the start; "
             'give surfaces = "force", trim = true and held_by = "force", or leave it out'
         )
     if drive.held_by == "friction" and drive.level != "force":
         problems.append(
-            f'drive.held_by: "friction" holds controls that forces drive; drive.surfaces is "{given.surfaces}", make it "force"'
+            f'drive.held_by: "friction" holds controls that forces drive; drive.surfaces is '
+            f'"{given.surfaces}", make it "force"'
         )
     return drive
 

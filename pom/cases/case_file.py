@@ -35,7 +35,8 @@ class Signature(Strict):
         default="",
         pattern=r"^([0-9a-f]{8,64})?$",
         examples=["3f9a12c4d0be"],
-        description="The results that were signed, as the report names them; the signature is marked where a report has others.",
+        description="The results that were signed, as the report names them; the signature is "
+        "marked where a report has others.",
     )
 
     @field_validator("date")
@@ -149,12 +150,14 @@ class CaseTable(Strict):
     title: str = Field(description="Title for people.")
     description: str = Field(default="", description="What was flown.")
     record: str = Field(
-        description="Flight record: a raw one, or one of `aeromatch flight reconstruct`. Relative to this file."
+        description="Flight record: a raw one, or one of `aeromatch flight reconstruct`. Relative "
+        "to this file."
     )
     names: str = Field(default="", description="Name map of the record. Relative to this file.")
     aircraft: str = Field(
         default="",
-        description="Aircraft file; a raw record needs it to be reconstructed. Relative to this file.",
+        description="Aircraft file; a raw record needs it to be reconstructed. Relative to this "
+        "file.",
     )
     window: tuple[float, float] = Field(
         description="Start and end of the replay on the clock of the record [s]."
@@ -165,11 +168,13 @@ class CaseTable(Strict):
     absent: tuple[str, ...] = Field(
         default=(),
         examples=[["spoiler", "epr"]],
-        description="Parameters of rows whose equipment the aeroplane does not have, such as spoiler, epr, tiller_force.",
+        description="Parameters of rows whose equipment the aeroplane does not have, such as "
+        "spoiler, epr, tiller_force.",
     )
     shortened: str = Field(
         default="",
-        description="Why a window is shorter than the rows ask; without it a short window is an error.",
+        description="Why a window is shorter than the rows ask; without it a short window is an "
+        "error.",
     )
     show: tuple[str, ...] = Field(
         default=SHOWN, description="Channels to show in addition to the judged ones."
@@ -184,14 +189,16 @@ class CaseTable(Strict):
     )
     reference: Literal["flight", "engineering", "footprint"] = Field(
         default="flight",
-        description="flight; engineering: an engineering simulator; footprint: a recording without reference, no verdict.",
+        description="flight; engineering: an engineering simulator; footprint: a recording "
+        "without reference, no verdict.",
     )
     fraction: float | None = Field(
         default=None,
         gt=0.0,
         le=1.0,
         examples=[0.2],
-        description="Share of the tolerance that is applied. Default: 1 for flight; for engineering 0.2 before 2016, 0.4 from then on.",
+        description="Share of the tolerance that is applied. Default: 1 for flight; for "
+        "engineering 0.2 before 2016, 0.4 from then on.",
     )
     objective: str = Field(
         default="", examples=["Phugoid without pilot"], description="What the test shows."
@@ -218,7 +225,8 @@ class CaseTable(Strict):
     def _name_of_files(cls, name: str) -> str:
         if not _NAME.fullmatch(name):
             raise ValueError(
-                f"{name!r} names files and links: letters, digits, '-', '_' and '.', a letter or digit first, at most 100"
+                f"{name!r} names files and links: letters, digits, '-', '_' and '.', a "
+                f"letter or digit first, at most 100"
             )
         return name
 
@@ -258,38 +266,46 @@ class DriveTable(Strict):
 
     surfaces: Literal["recorded", "cockpit", "force", "pilot"] = Field(
         default="recorded",
-        description="recorded: surface positions; cockpit: travel of column, wheel, pedals; force: pilot forces; "
+        description="recorded: surface positions; cockpit: travel of column, wheel, pedals; "
+        "force: pilot forces; "
         "pilot: what is recorded of the level of its loops, plus their corrections.",
     )
     engine: Literal["thrust", "n1", "throttle"] = Field(
         default="thrust",
-        description="thrust: recorded thrust drives; n1: the fan speed, throttle: the lever drives the engine model.",
+        description="thrust: recorded thrust drives; n1: the fan speed, throttle: the lever "
+        "drives the engine model.",
     )
     trim: StrictBool | Literal["ground"] = Field(
         default=True,
-        description="Trim the model to the flight condition at the start; ground: it stands or rolls on its wheels.",
+        description="Trim the model to the flight condition at the start; ground: it stands or "
+        "rolls on its wheels.",
     )
     wind: Literal["record", "measured", "none"] = Field(
         default="record",
-        description="record: wind of the reconstructed path; measured: wind channels of the raw record; none: calm air.",
+        description="record: wind of the reconstructed path; measured: wind channels of the raw "
+        "record; none: calm air.",
     )
     limits: dict[str, Quantity] = _table(
-        "Largest bias of the trim, such as { delta_e = '1 deg', thrust = '50 lbf' }; beyond one written here the run is invalid."
+        "Largest bias of the trim, such as { delta_e = '1 deg', thrust = '50 lbf' }; beyond "
+        "one written here the run is invalid."
     )
     held_by: Literal["force", "friction"] = Field(
         default="force",
-        description="At the start of a run driven by forces: force: what the recorded force lacks to hold the controls is added as a bias; "
+        description="At the start of a run driven by forces: force: what the recorded force lacks "
+        "to hold the controls is added as a bias; "
         "friction: dry friction holds them as far as it can, only the rest is added.",
     )
     trim_surfaces: tuple[Literal["delta_t", "delta_ta", "delta_tr"], ...] = Field(
         default=(),
-        description="Trim surfaces that the trim solves for, so that the recorded forces hold the controls at the start; "
+        description="Trim surfaces that the trim solves for, so that the recorded forces hold the "
+        "controls at the start; "
         'a snapshot judges them. With surfaces = "force".',
         examples=[["delta_t"]],
     )
     runway: Literal["", "dry", "wet", "icy"] = Field(
         default="",
-        description="State of the runway, parameter runway.condition of the model; empty: that of the aircraft file.",
+        description="State of the runway, parameter runway.condition of the model; empty: that of "
+        "the aircraft file.",
     )
     pilot: tuple[LoopTable, ...] = Field(default=(), description="Loops of the math pilot.")
 
@@ -320,12 +336,14 @@ class ControlLawTable(Strict):
     names: str = Field(
         default="",
         examples=["yaw_damper.toml"],
-        description="Table of its names, when names, units or signs are not the canonical ones. Relative to this file.",
+        description="Table of its names, when names, units or signs are not the canonical ones. "
+        "Relative to this file.",
     )
     moves: tuple[_Moved, ...] = Field(
         min_length=1,
         examples=[["delta_r"]],
-        description="Outputs of the FMU that drive the model, in place of the record: whole deflections, not parts to be added.",
+        description="Outputs of the FMU that drive the model, in place of the record: whole "
+        "deflections, not parts to be added.",
     )
 
 
@@ -346,7 +364,8 @@ class CaseFile(Strict):
         "Instants that bound the windows of rows, on the clock of the record [s]."
     )
     models: Texts = _table(
-        "By model: its table of names, when names, units or signs are not the canonical ones. Relative to this file.",
+        "By model: its table of names, when names, units or signs are not the canonical "
+        "ones. Relative to this file.",
         final="final_names.toml",
     )
     tolerance: dict[str, Any] = _table(
@@ -364,7 +383,8 @@ class CaseFile(Strict):
         **{"stick shaker": "J. Smith, 2024-05-17, seen"},
     )
     rationale: Texts = _table(
-        "By criterion or channel: why it is as it is. trim.<quantity>: why its bias may be beyond the usual limit.",
+        "By criterion or channel: why it is as it is. trim.<quantity>: why its bias may be "
+        "beyond the usual limit.",
         theta="gust at 40 s",
     )
     source: Texts = _table(

@@ -247,7 +247,8 @@ def job_of(case: PomCase, states: xr.Dataset) -> ReplayJob:
     for name, value in parameters.items():
         if not np.isfinite(value):
             raise OutOfRange(
-                f"case {case.name}: {name} has no value at the start of the window, t = {time[0]:g} s; move the window"
+                f"case {case.name}: {name} has no value at the start of the window, t = "
+                f"{time[0]:g} s; move the window"
             )
     moved = {loop.control for loop in loops}.union(case.law_moves)
     moving = tuple(
@@ -276,7 +277,8 @@ def _demand_numbers(case: PomCase, name: str, time: np.ndarray, values: np.ndarr
     bad = ~np.isfinite(values)
     if bad.any():
         raise OutOfRange(
-            f"case {case.name}: input {name} has no value in {int(bad.sum())} of {bad.size} samples, first at "
+            f"case {case.name}: input {name} has no value in {int(bad.sum())} of {bad.size} "
+            f"samples, first at "
             f"t = {time[bad][0]:g} s; repair the record or move the window",
             bad,
         )
@@ -306,7 +308,10 @@ def _inputs(case: PomCase, states: xr.Dataset) -> dict[str, np.ndarray]:
         elif name in moved:
             found[name] = np.zeros(count)
         elif name in PRIMARY[level]:
-            hint = f"case {case.name} drives {DRIVEN_BY[level]}; map the channel, or hold it by [conditions]"
+            hint = (
+                f"case {case.name} drives {DRIVEN_BY[level]}; map the channel, or hold it by "
+                f"[conditions]"
+            )
             raise UnknownName(name, map(str, states.data_vars), "recorded control", hint)
     for name in _held(case).intersection(found):
         found[name][:] = line_at_start(states["time"].values.astype(float), found[name])[0]

@@ -73,7 +73,8 @@ def flight_states(case: PomCase, path: Any = None) -> xr.Dataset:
     step = float(np.median(np.diff(time)))
     if start < time[0] - 0.5 * step or stop > time[-1] + 0.5 * step:
         raise OutOfRange(
-            f"case {case.name}: the window {start:g} ... {stop:g} s lies outside the record {time[0]:g} ... {time[-1]:g} s "
+            f"case {case.name}: the window {start:g} ... {stop:g} s lies outside the record "
+            f"{time[0]:g} ... {time[-1]:g} s "
             f"({case.record}); choose one inside"
         )
     first, behind = (
@@ -112,7 +113,10 @@ def window_problem(case: PomCase) -> str:
     start, stop = case.window
     if start >= first - 0.5 * step and stop <= last + 0.5 * step:
         return ""
-    return f"case {case.path}: case.window {start:g} ... {stop:g} s lies outside the record {first:g} ... {last:g} s; choose one inside"
+    return (
+        f"case {case.path}: case.window {start:g} ... {stop:g} s lies outside the record "
+        f"{first:g} ... {last:g} s; choose one inside"
+    )
 
 
 def _states(case: PomCase, path: Any) -> xr.Dataset:
@@ -161,7 +165,10 @@ def measured_wind(case: PomCase, time: np.ndarray) -> dict[str, Any]:
         for name in (name for name in WIND if name in node):
             found[name] = "time", np.interp(time, node["time"].values, node[name].values)
     if not {"wind_n", "wind_e"} <= set(found):
-        problem = f'drive.wind: "measured", but {case.record} holds no wind_n and wind_e; map them, or take the wind of the "record"'
+        problem = (
+            f'drive.wind: "measured", but {case.record} holds no wind_n and wind_e; map '
+            f'them, or take the wind of the "record"'
+        )
         raise SchemaError(f"case {case.path}", [problem])
     return {"wind_d": ("time", np.zeros(time.size)), **found}
 
@@ -192,7 +199,8 @@ def recorded_states(case: PomCase, biases: xr.Dataset | None = None) -> xr.Datas
         raise SchemaError(
             f"case {case.path}",
             [
-                "case.aircraft: missing; the record has to be reconstructed, and that needs the aircraft"
+                "case.aircraft: missing; the record has to be reconstructed, and that needs "
+                "the aircraft"
             ],
         )
     record = flighttest.read(case.record, names=case.names or None)
@@ -201,7 +209,10 @@ def recorded_states(case: PomCase, biases: xr.Dataset | None = None) -> xr.Datas
             flighttest.reconstruct(record, read_aircraft(case.aircraft), prior=biases)
         )
     except IdentificationError as error:
-        hint = "give the constants of the instruments from other records (--biases), or a reconstructed path as the record of the case"
+        hint = (
+            "give the constants of the instruments from other records (--biases), or a "
+            "reconstructed path as the record of the case"
+        )
         raise IdentificationError(f"case {case.name}: {error}; {hint}") from error
 
 

@@ -214,7 +214,8 @@ def criteria(file: CaseFile, problems: list[str]) -> list[Criterion]:
             and not criterion.channel
         ):
             problems.append(
-                f"case.engine_parameter: missing; row {name} needs the channel of the critical engine parameter"
+                f"case.engine_parameter: missing; row {name} needs the channel of the "
+                f"critical engine parameter"
             )
         if criterion.applies and criterion.measure == "steady" and "capture" not in file.events:
             problems.append(
@@ -249,7 +250,8 @@ def _window(row: table.Row, name: str, file: CaseFile, problems: list[str]) -> t
         )
     elif inside != (found[0], found[1]) and not file.case.shortened:
         problems.append(
-            f"case.window: {start:g} ... {stop:g} s is shorter than row {name} asks ({asked}, {row['applies_from']} to "
+            f"case.window: {start:g} ... {stop:g} s is shorter than row {name} asks "
+            f"({asked}, {row['applies_from']} to "
             f"{row['applies_to'] or 'the end'}); widen it, or give the reason in case.shortened"
         )
     return inside
@@ -284,7 +286,8 @@ def loops(file: CaseFile, problems: list[str]) -> tuple[PilotLoop, ...]:
     levels = {level_of(item.control) for item in tables} - {""}
     if len(levels) > 1:
         problems.append(
-            f"drive.pilot: the loops move controls of {len(levels)} levels ({', '.join(sorted(levels))}); one level drives a model"
+            f"drive.pilot: the loops move controls of {len(levels)} levels "
+            f"({', '.join(sorted(levels))}); one level drives a model"
         )
     return tuple(loop for loop in found if loop is not None)
 
@@ -330,7 +333,8 @@ def forbid_judged(
         if judged:
             rows = ", ".join(f"{c.name} ({', '.join(required_signals(c))})" for c in judged)
             problems.append(
-                f"drive.pilot: the loop of {loop.control} holds {loop.channel}, on which {rows} is judged; a math pilot may not fly "
+                f"drive.pilot: the loop of {loop.control} holds {loop.channel}, on which "
+                f"{rows} is judged; a math pilot may not fly "
                 "what is judged: hold another channel, or drop the loop"
             )
 

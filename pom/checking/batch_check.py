@@ -133,7 +133,10 @@ def check_record_and_cases(
     if path_states(first.record) is not None:
         return RecordCheck(name, PATH), []
     if not first.aircraft:
-        missing = "case.aircraft: missing; the record has to be reconstructed, and that needs the aircraft"
+        missing = (
+            "case.aircraft: missing; the record has to be reconstructed, and that needs "
+            "the aircraft"
+        )
         return RecordCheck(name, ""), [
             f"case {case.path}: {missing}" for case in cases if not case.aircraft
         ]

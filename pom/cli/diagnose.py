@@ -193,7 +193,10 @@ def _written(output: str, databases: tuple[Any, Any, str], found: dict[str, pd.D
     before, after, final = databases
     corrected = corrected_database(before, after, found, _source(final))
     aerodb.save(corrected, output)
-    return f"written: {output}, with {' '.join(differing_terms(before, corrected)) or 'no term'} of {final}"
+    return (
+        f"written: {output}, with {' '.join(differing_terms(before, corrected)) or 'no term'} "
+        f"of {final}"
+    )
 
 
 def _write_aircraft(
@@ -207,7 +210,8 @@ def _write_aircraft(
         raise SchemaError(
             "corrected aircraft",
             [
-                f"the cases name {len(new)} aircraft files ({', '.join(new)}); diagnose them one by one"
+                f"the cases name {len(new)} aircraft files ({', '.join(new)}); diagnose them "
+                f"one by one"
             ],
         )
     ((file, aircraft),) = new.items()
@@ -247,7 +251,8 @@ def _print(case: PomCase, ranked: pd.DataFrame) -> None:
     if not_flown.any():
         together, *alone = ranked.loc[not_flown, "bound"]
         click.echo(
-            f"{len(alone)} terms not flown alone: each moves the judged outputs by less than {100.0 * max(alone):.2g} % of their mismatch, "
+            f"{len(alone)} terms not flown alone: each moves the judged outputs by less than "
+            f"{100.0 * max(alone):.2g} % of their mismatch, "
             f"all together by {100.0 * together:.2g} %; --json has them all"
         )
     if idle.any():
@@ -261,7 +266,8 @@ def _print_joint(found: dict[str, pd.DataFrame]) -> None:
 
     for name, terms in joint_terms(found).items():
         click.echo(
-            f"added for {name}, which does not pass with what each case needs alone: {', '.join(terms)}"
+            f"added for {name}, which does not pass with what each case needs alone: "
+            f"{', '.join(terms)}"
         )
 
 

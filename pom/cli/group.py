@@ -154,7 +154,8 @@ def _print_criteria(case: Any) -> None:
 @click.option(
     "--evidence",
     type=InputFile(),
-    help="Identified database with standard errors, with which the terms of each model are compared.",
+    help="Identified database with standard errors, with which the terms of each model are "
+    "compared.",
 )
 @samples_options
 @click.option(
@@ -228,7 +229,8 @@ def run(
     stated = files_by_name("--database", databases, "final=out/final.nc")
     if bool(samples) != bool(stated):
         raise click.UsageError(
-            "--samples and --database go together: the number of draws, and the database of each model to draw from"
+            "--samples and --database go together: the number of draws, and the database of "
+            "each model to draw from"
         )
     signatures = signatures_of(signed)
     tuned = files_by_name("--tuning", tunings, "tuned=out/tuning.json")
@@ -280,7 +282,10 @@ def run(
         "evidence": found,
     }
     biases = read_biases(biases_file)
-    text = f"replay {len(read)} case{'s' if len(read) > 1 else ''} by {len(runs)} model{'s' if len(runs) > 1 else ''}"
+    text = (
+        f"replay {len(read)} case{'s' if len(read) > 1 else ''} by {len(runs)} "
+        f"model{'s' if len(runs) > 1 else ''}"
+    )
     with progress(text, lines=not as_json):
         given: dict[str, Any] = {
             "names": names,
@@ -332,7 +337,8 @@ def run(
             f"{statuses.count(word)} {status_text(word)}" for word in dict.fromkeys(statuses)
         )
         click.echo(
-            f"{len(runs)} model{'s' if len(runs) > 1 else ''} x {len(results)} case{'s' if len(results) > 1 else ''}: {counts}"
+            f"{len(runs)} model{'s' if len(runs) > 1 else ''} x {len(results)} "
+            f"case{'s' if len(results) > 1 else ''}: {counts}"
         )
         if written is not None:
             click.echo(f"written: {written}")
@@ -356,7 +362,10 @@ def _lines(result: Any, verbose: bool = False) -> list[str]:
             at = f" at {worst['at']:.1f} s" if worst["measure"] == "trace" else ""
             unit = "" if worst["unit"] == "1" else f" {worst['unit']}"
             text += f"  {worst['worst_ratio']:.2f} x tolerance"
-            text += f"  {worst['criterion']} {worst['worst']:+.3g}{unit}{at} ({worst['tolerance_text']})"
+            text += (
+                f"  {worst['criterion']} {worst['worst']:+.3g}{unit}{at} "
+                f"({worst['tolerance_text']})"
+            )
             text += (
                 "".join(f"; {words}" for words in trim_remarks(result, name))
                 if status in ("limits_exceeded", "record_error")

@@ -33,7 +33,8 @@ biases_option = click.option(
     "--biases",
     "biases_file",
     type=InputFile(),
-    help="Reconstruction of another record; its instrument constants are the prior where the record of a case is raw.",
+    help="Reconstruction of another record; its instrument constants are the prior where the "
+    "record of a case is raw.",
 )
 
 
@@ -52,7 +53,8 @@ def samples_options(command: Any) -> Any:
         default=0,
         show_default=True,
         type=number,
-        help="Draws from the posterior of database and instruments: probability of a pass, spread of the ratio, which errors make it.",
+        help="Draws from the posterior of database and instruments: probability of a pass, spread "
+        "of the ratio, which errors make it.",
     )(command)
 
 
@@ -143,7 +145,8 @@ def init(
     if test is None:
         if not _on_terminal():
             raise click.UsageError(
-                "--test is missing; give the number of a row, such as --test 2.c.10 (on a terminal it is requested)"
+                "--test is missing; give the number of a row, such as --test 2.c.10 (on a "
+                "terminal it is requested)"
             )
         test = _ask(titles(standard, edition))
     with progress("read the record, write the case"):
@@ -235,7 +238,8 @@ _OPTIONS = (
         type=(str, str, str),
         multiple=True,
         metavar="ROLE NAME DATE",
-        help="Signature on the cover of the report: prepared, checked, approved or authority, name, YYYY-MM-DD; once for each role.",
+        help="Signature on the cover of the report: prepared, checked, approved or authority, "
+        "name, YYYY-MM-DD; once for each role.",
     ),
 )
 
@@ -282,7 +286,8 @@ def signatures_of(signed: tuple[tuple[str, str, str], ...]) -> dict[str, dict[st
     "chapters",
     multiple=True,
     type=click.Choice(["identification", "database"]),
-    help="Chapter of the PDF behind the proof of match, once for each.  [default: those of the RESULTS]",
+    help="Chapter of the PDF behind the proof of match, once for each.  [default: those of the "
+    "RESULTS]",
 )
 @report_options
 def report(

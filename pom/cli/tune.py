@@ -50,7 +50,8 @@ RATIONALE = "rationale"
 @click.option(
     "--evidence",
     type=_FILE,
-    help="Database identified from flight, with standard errors.  [default: the database of the model]",
+    help="Database identified from flight, with standard errors.  [default: the database of the "
+    "model]",
 )
 @click.option(
     "--row",
@@ -63,7 +64,8 @@ RATIONALE = "rationale"
     "--rationale",
     multiple=True,
     metavar="FILE.toml|TERM=TEXT",
-    help="Terms that may leave the bound and why: the table [rationale] of a file, or one term; may be repeated.",
+    help="Terms that may leave the bound and why: the table [rationale] of a file, or one term; "
+    "may be repeated.",
 )
 @click.option(
     "--bound",
@@ -215,7 +217,8 @@ def read_rationales(words: Iterable[str]) -> tuple[dict[str, str], str | None]:
             given = content.get(RATIONALE, {})
             if not isinstance(given, dict) or not given or set(content) != {RATIONALE}:
                 problems.append(
-                    f'{word}: one table [{RATIONALE}] is needed, with lines such as "Cm/elevator" = "why it may leave the bound"'
+                    f"{word}: one table [{RATIONALE}] is needed, with lines such as "
+                    f'"Cm/elevator" = "why it may leave the bound"'
                 )
                 continue
         problems += [f"{term}: has two rationales" for term in given if term in found]
@@ -253,7 +256,8 @@ def tuning_logs(files: Mapping[str, Path], runs: Mapping[str, Path]) -> dict[str
         model = flown_model(runs[run])
         if model is None or nodes_digest(model) != found[run]["model"]:
             problems.append(
-                f"{runs[run]} does not hold the tables that {file} states; write the FMU with pom tune --fmu, or from its tuned.nc"
+                f"{runs[run]} does not hold the tables that {file} states; write the FMU "
+                f"with pom tune --fmu, or from its tuned.nc"
             )
     if problems:
         raise SchemaError("--tuning", problems)
@@ -270,7 +274,8 @@ def _aircraft_of(database: str, cases: Iterable[PomCase]) -> str:
     named = {case.aircraft for case in cases}
     if len(named) != 1 or "" in named:
         raise click.UsageError(
-            f"no {near}, and the cases do not name one aircraft file; give that of the model, --aircraft FILE.toml"
+            f"no {near}, and the cases do not name one aircraft file; give that of the "
+            f"model, --aircraft FILE.toml"
         )
     return named.pop()
 

@@ -17,7 +17,10 @@ from pom.fmu.run_cache import FileState
 from pom.fmu.variable_map import Fmu, Link, Links, canonical_unit
 from pom.fmu.worker.model import platform_problem, read_description
 
-_ABSENT = "the case needs it and the FMU does not offer it; name it in a table of names, or waive an input or parameter there"
+_ABSENT = (
+    "the case needs it and the FMU does not offer it; name it in a table of names, or "
+    "waive an input or parameter there"
+)
 _TEXTS = ("String", "Binary", "Clock")
 
 
@@ -183,5 +186,6 @@ def _unit_problem(what: str, name: str, unit: str) -> tuple[str, ...]:
     if same:
         return ()
     return (
-        f"{what} {name} is in {unit!r}; needed is {expected!r}, write the FMU in SI or give its unit in a table of names (--names)",
+        f"{what} {name} is in {unit!r}; needed is {expected!r}, write the FMU in SI or give "
+        f"its unit in a table of names (--names)",
     )

@@ -82,7 +82,8 @@ def limits(environment: Mapping[str, str] = os.environ) -> Limits:
         problems.append(f"AEROMATCH_FMU_SANDBOX is {sandbox!r}; give 'bwrap' or 'none'")
     if sandbox == "bwrap" and not (sys.platform == "linux" and shutil.which("bwrap")):
         problems.append(
-            "AEROMATCH_FMU_SANDBOX is 'bwrap', and there is no program bwrap; install bubblewrap, or leave the variable out"
+            "AEROMATCH_FMU_SANDBOX is 'bwrap', and there is no program bwrap; install "
+            "bubblewrap, or leave the variable out"
         )
     if problems:
         raise SchemaError("environment", problems)

@@ -252,11 +252,13 @@ def check_law(model: FmuModel, job: ReplayJob) -> None:
             )
         elif not is_recorded(name) and name not in model.links.outputs:
             problems.append(
-                f"input {name}: the model {model.fmu.path.name} has no such output, and it is no control that is recorded"
+                f"input {name}: the model {model.fmu.path.name} has no such output, and it "
+                f"is no control that is recorded"
             )
         elif not is_recorded(name) and not np.isfinite(given.start.get(name, np.nan)):
             problems.append(
-                f"input {name}: no value at the first sample, with which the law starts; map the channel"
+                f"input {name}: no value at the first sample, with which the law starts; map "
+                f"the channel"
             )
     if problems:
         raise SchemaError(f"control law {law.fmu.path}", problems)
@@ -264,7 +266,8 @@ def check_law(model: FmuModel, job: ReplayJob) -> None:
         bad = ~np.isfinite(given.recorded[name]) if is_recorded(name) else np.zeros(1, bool)
         if bad.any():
             raise OutOfRange(
-                f"control law: input {name} has no value in {int(bad.sum())} samples; repair the record or move the window",
+                f"control law: input {name} has no value in {int(bad.sum())} samples; repair "
+                f"the record or move the window",
                 bad,
             )
 
@@ -276,7 +279,8 @@ def _common_points(model: FmuModel, law: FmuModel, time: np.ndarray) -> np.ndarr
         raise SchemaError(
             f"control law {law.fmu.path}",
             [
-                f"it takes steps of {law.fmu.step:g} s only, the model {model.fmu.path.name} others; export one of them with variable steps"
+                f"it takes steps of {law.fmu.step:g} s only, the model {model.fmu.path.name} "
+                f"others; export one of them with variable steps"
             ],
         )
     return points

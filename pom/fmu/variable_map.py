@@ -176,7 +176,8 @@ def links_of(fmu: Fmu, table: str | Path | None = None) -> Links:
     for name in fmu.inputs:
         if name not in driven and name not in file.fixed:
             problems.append(
-                f"inputs: nothing drives the input {name!r} of the FMU; give it a canonical name, or a value in [fixed]"
+                f"inputs: nothing drives the input {name!r} of the FMU; give it a canonical "
+                f"name, or a value in [fixed]"
             )
     if problems:
         raise SchemaError(f"names {table} for FMU {fmu.path}", problems)
@@ -200,7 +201,8 @@ def _taken_once(what: str, entries: Mapping[str, _LinkTable], problems: list[str
     for name, entry in entries.items():
         if entry.variable in taken:
             problems.append(
-                f"{what}s.{name}: {entry.variable!r} is {taken[entry.variable]} already; a variable has one canonical name"
+                f"{what}s.{name}: {entry.variable!r} is {taken[entry.variable]} already; a "
+                f"variable has one canonical name"
             )
         taken[entry.variable] = name
     return set(taken)
@@ -231,13 +233,15 @@ def _turned(entry: _LinkTable, declared: str, expected: str) -> tuple[float, flo
     if entry.scale is not None:
         if entry.unit or declared not in ("", "1", "-", "%"):
             raise UnitError(
-                f"a scale is for a variable without a unit; this one is in {entry.unit or declared!r}, leave the scale out"
+                f"a scale is for a variable without a unit; this one is in "
+                f"{entry.unit or declared!r}, leave the scale out"
             )
         return quantity(entry.scale, expected), 0.0
     dimension, factor, offset = parse(entry.unit or declared or expected)
     if dimension != parse(expected)[0]:
         raise UnitError(
-            f"unit {entry.unit or declared!r} cannot be converted to {expected!r}; give a unit of the same quantity"
+            f"unit {entry.unit or declared!r} cannot be converted to {expected!r}; give a "
+            f"unit of the same quantity"
         )
     if entry.unit and declared and _parsed(declared) not in (None, (dimension, factor, offset)):
         raise UnitError(
@@ -269,7 +273,8 @@ def _check_waived(waived: list[str], linked: Mapping[str, Link], problems: list[
     for name in waived:
         if name in linked:
             problems.append(
-                f"waived: the FMU has {name!r} as {linked[name].variable!r}; delete it from the list"
+                f"waived: the FMU has {name!r} as {linked[name].variable!r}; delete it from "
+                f"the list"
             )
         elif not _known(name):
             problems.append(f"waived: {name!r} is no canonical name of an input or parameter")

@@ -145,11 +145,15 @@ def distance_remarks(distances: Mapping[str, float]) -> tuple[RowRemark, ...]:
         return (
             RowRemark(
                 "evidence",
-                "not compared with the flight evidence: no term that the case uses was found from flight",
+                "not compared with the flight evidence: no term that the case uses was found "
+                "from flight",
             ),
         )
     joint = rms([*distances.values()])
-    text = f"distance from the flight evidence: {joint if joint > ROUNDING else 0.0:.2g} standard errors, rms of {len(distances)} terms"
+    text = (
+        f"distance from the flight evidence: {joint if joint > ROUNDING else 0.0:.2g} "
+        f"standard errors, rms of {len(distances)} terms"
+    )
     remarks = [RowRemark("evidence", text, values={"rms": joint, **distances}, unit="1")]
     far = {name: size for name, size in distances.items() if size > FAR}
     if far:

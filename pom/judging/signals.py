@@ -262,7 +262,8 @@ def find(match: Comparison, event: str, excluded: str = "") -> Instant:
     given = match.case.events.get(event)
     if given is not None and not match.time[0] - 1e-9 <= given <= match.time[-1] + 1e-9:
         raise Invalid(
-            f"{event} is at {given:g} s, outside the replay, {match.time[0]:g} ... {match.time[-1]:g} s"
+            f"{event} is at {given:g} s, outside the replay, {match.time[0]:g} ... "
+            f"{match.time[-1]:g} s"
         )
     if event in ACTS:
         time = event_time(match, event)
@@ -281,7 +282,8 @@ def find(match: Comparison, event: str, excluded: str = "") -> Instant:
     ):
         signals = [name for name in (*names, channel) if name and name != excluded]
         raise NotJudged(
-            f"{event} is detected by {' or '.join(signals) or 'a signal'}, and flight and model do not both have it"
+            f"{event} is detected by {' or '.join(signals) or 'a signal'}, and flight and "
+            f"model do not both have it"
         )
     time = event_time(match, event)
     level = level_at(match, event, time)

@@ -96,7 +96,8 @@ def _part(case: PomCase, criterion: Criterion, word: str) -> Criterion:
     if missing:
         return replace(
             criterion,
-            reason=f"give the event {' and '.join(missing)} in [events]: the row counts only in {word}",
+            reason=f"give the event {' and '.join(missing)} in [events]: the row counts only in "
+            f"{word}",
         )
     first, last = (case.events.get(event) for event in PARTS[word])
     window = (
@@ -129,7 +130,10 @@ def _of_kind(
     cycles = motion.overshoots.size >= 2 and motion.period(1) is not None
     lacking = {"period_n": not cycles, "overshoot_n": later_only and motion.overshoots.size < 2}
     if lacking.get(criterion.measure):
-        seen = f"{motion.overshoots.size} overshoot{'s' if motion.overshoots.size != 1 else ''} beyond 5 % of the first displacement"
+        seen = (
+            f"{motion.overshoots.size} overshoot{'s' if motion.overshoots.size != 1 else ''} "
+            f"beyond 5 % of the first displacement"
+        )
         return replace(
             criterion, applies=False, reason=f"the flight has {seen} and not what the row measures"
         )
@@ -357,7 +361,10 @@ def _steered_by_record(case: PomCase, criterion: Criterion, flight: RunSignals) 
         or "delta_nw" in case.conditions
     ):
         return ""
-    return "gear.steering follows delta_nw, which the record drives; hold it by [conditions] delta_nw = 0, so that pedals or tiller steer"
+    return (
+        "gear.steering follows delta_nw, which the record drives; hold it by [conditions] "
+        "delta_nw = 0, so that pedals or tiller steer"
+    )
 
 
 def _found_by_trim(case: PomCase, criterion: Criterion) -> bool:

@@ -58,7 +58,10 @@ class Processes:
                 lambda *call: self._executor.submit(work, *call), calls, _AHEAD * self._count
             )
         except BrokenExecutor as error:
-            advice = "run the batch again, with fewer jobs when memory is short; with --resume what is done is not done again"
+            advice = (
+                "run the batch again, with fewer jobs when memory is short; with --resume "
+                "what is done is not done again"
+            )
             raise SimulationError(
                 f"a process that shares the work of the batch ended ({error}); {advice}"
             ) from error

@@ -148,7 +148,10 @@ def _gains(loop: PilotLoop) -> str:
     size = parse(held)[1] / parse(moved)[1]
     over = f"{moved}/{held}" if "/" not in held else f"{moved}/({held})"
     integral = f" {loop.integral * size:+.4g} {over} /s" if loop.integral else ""
-    return f"{loop.gain * size:.4g} {over}{integral} x {loop.channel}, at most {from_si(loop.limit, moved):.3g} {moved}"
+    return (
+        f"{loop.gain * size:.4g} {over}{integral} x {loop.channel}, at most "
+        f"{from_si(loop.limit, moved):.3g} {moved}"
+    )
 
 
 def _held(name: str, targets: Mapping[str, np.ndarray], outputs: Mapping[str, np.ndarray]) -> str:
@@ -250,7 +253,8 @@ def _left(time: np.ndarray, values: np.ndarray, item: TableRange) -> RowRemark |
     amount, limit = (float(from_si(value, item.unit)) for value in (beyond[worst], end))
     share = 100.0 * float(out.mean())
     text = (
-        f"tables over {item.variable} left: {word} {limit:.4g}{unit} by up to {amount:.2g}{unit}, at {time[worst]:.1f} s, "
+        f"tables over {item.variable} left: {word} {limit:.4g}{unit} by up to "
+        f"{amount:.2g}{unit}, at {time[worst]:.1f} s, "
         f"in {share:.0f} % of the samples; held there"
     )
     return RowRemark(

@@ -259,7 +259,8 @@ def solve_trim_surfaces(
         return (
             job,
             (),
-            f"drive.trim_surfaces: the model has no {', '.join(lacking)}; leave the surface out, or give a model that has them",
+            f"drive.trim_surfaces: the model has no {', '.join(lacking)}; leave the surface "
+            f"out, or give a model that has them",
         )
     failure = ""
 
@@ -311,5 +312,8 @@ def _remark(name: str, force: str, bias: float, left: float, works: bool) -> Row
             name,
         )
     unit = "N m" if "wheel" in force else "N"
-    shown = f"{name} solved for: {from_si(bias, 'deg'):+.3g} deg from the recorded deflection; {force} {left:+.2g} {unit} left"
+    shown = (
+        f"{name} solved for: {from_si(bias, 'deg'):+.3g} deg from the recorded deflection; "
+        f"{force} {left:+.2g} {unit} left"
+    )
     return RowRemark("trim_surface", shown, name, {"bias": float(from_si(bias, "deg"))}, "deg")

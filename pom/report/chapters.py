@@ -163,7 +163,8 @@ def with_kept(now: Chapters, before: Chapters, on_paper: Sequence[str] | None = 
     lacking = []
     if "identification" in wanted and not any(fit.get("drawing") for fit in fits):
         lacking.append(
-            "identification: the results hold no figures of it; match again with it among the chapters of the project"
+            "identification: the results hold no figures of it; match again with it among "
+            "the chapters of the project"
         )
     if "database" in wanted and not found.compared:
         lacking.append(

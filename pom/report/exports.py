@@ -265,7 +265,10 @@ def _reason(row: Mapping[Hashable, Any]) -> str:
     if not math.isfinite(row["worst_ratio"]):
         return f"{row['criterion']}: {row['verdict'].replace('_', ' ')}: {text_of(row['remarks'])}"
     at = f" at {row['at']:.2f} s" if math.isfinite(row["at"]) else ""
-    return f"{row['criterion']}: {row['worst_ratio']:.3g} x tolerance, {row['worst']:+.3g} {row['unit']}{at} ({row['tolerance_text']})"
+    return (
+        f"{row['criterion']}: {row['worst_ratio']:.3g} x tolerance, {row['worst']:+.3g} "
+        f"{row['unit']}{at} ({row['tolerance_text']})"
+    )
 
 
 def _count(element: ElementTree.Element, suites: Sequence[ElementTree.Element]) -> None:

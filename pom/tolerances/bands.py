@@ -188,7 +188,8 @@ def _base(criterion: Criterion, magnitude: np.ndarray) -> np.ndarray:
         criterion.largest is None
     ):  # rule R3: a lone percentage is of the largest value in service, which no record holds
         raise NotJudged(
-            f"the percentage is of the largest value in service; give that of {criterion.channel} in [ranges]"
+            f"the percentage is of the largest value in service; give that of "
+            f"{criterion.channel} in [ranges]"
         )
     return np.full_like(magnitude, abs(criterion.largest))
 
@@ -237,7 +238,8 @@ def inside_window(time: np.ndarray, window: tuple[float, float]) -> np.ndarray:
     missing = max(time[0] - start, stop - time[-1])
     if missing > 0.0 and missing > np.median(steps):
         raise Invalid(
-            f"samples cover {time[0]:.2f} ... {time[-1]:.2f} s, the window is {start:.2f} ... {stop:.2f} s"
+            f"samples cover {time[0]:.2f} ... {time[-1]:.2f} s, the window is {start:.2f} "
+            f"... {stop:.2f} s"
         )
     return (time >= start - 1e-9) & (time <= stop + 1e-9)
 
@@ -249,7 +251,8 @@ def demand_finite(who: str, time: np.ndarray, values: np.ndarray) -> None:
         raise NoValue(f"{who} has no value in the window")
     if bad.any():
         raise NoValue(
-            f"{who} has no value in {int(bad.sum())} of {bad.size} samples, first at {time[bad][0]:.2f} s"
+            f"{who} has no value in {int(bad.sum())} of {bad.size} samples, first at "
+            f"{time[bad][0]:.2f} s"
         )
 
 

@@ -208,7 +208,8 @@ def factor(measure: str, channel: str, unit: str) -> float:
     dimension, size, _ = parse(_PURE.get(unit, unit))
     if dimension != parse(expected)[0]:
         raise UnitError(
-            f"{channel}: unit {unit!r} cannot be converted to {expected!r}; give a unit of the same quantity"
+            f"{channel}: unit {unit!r} cannot be converted to {expected!r}; give a unit of "
+            f"the same quantity"
         )
     return size
 

@@ -122,7 +122,8 @@ def sample_mask(
             ]
             if not times:
                 raise NotJudged(
-                    f"give the event stall_warning or initial_buffet in [events]: the row counts only with {word}"
+                    f"give the event stall_warning or initial_buffet in [events]: the row "
+                    f"counts only with {word}"
                 )
             mask &= flight[channel] > np.interp(min(times), time, flight[channel])
         else:
@@ -145,7 +146,8 @@ class ToleranceOverride(Strict):
     )
     base: Literal["ref_local", "ref_peak", "ref_scalar", "range_max"] = Field(
         default="ref_local",
-        description="What percent refers to: the flight at each instant, its peak, its value at the event, the largest value in service.",
+        description="What percent refers to: the flight at each instant, its peak, its value at "
+        "the event, the largest value in service.",
         examples=["ref_peak"],
     )
     rule: Literal["greater_of", "lesser_of"] = Field(
@@ -228,7 +230,8 @@ def _changed(criterion: Criterion, entry: ToleranceOverride) -> Criterion:
         limits.append(Limit("absolute", value, unit))
     if any(limit.value <= 0.0 for limit in limits):
         raise OutOfRange(
-            f"width {min(limit.value for limit in limits):g} is not positive; a tolerance is a half width"
+            f"width {min(limit.value for limit in limits):g} is not positive; a tolerance is "
+            f"a half width"
         )
     band = Band(
         tuple(limits),

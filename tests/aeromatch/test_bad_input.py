@@ -147,8 +147,8 @@ def test_a_nan_in_an_input(refused, made, write_case, tmp_path):
         tmp_path / "report",
     )
     assert (
-        "input delta_e has no value in 1 of 251 samples, first at t = 2 s; repair the record or move the window"
-        in message
+        "input delta_e has no value in 1 of 251 samples, first at t = 2 s; repair the record "
+        "or move the window" in message
     )
 
 

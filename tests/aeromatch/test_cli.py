@@ -18,7 +18,10 @@ HEAVY = {"numpy", "scipy", "pandas", "xarray", "fmpy", "pydantic", "rich", "h5py
 
 
 def run(*arguments, cwd=None):
-    code = "import sys; from aeromatch.cli import main; sys.argv = ['aeromatch', *sys.argv[1:]]; main()"
+    code = (
+        "import sys; from aeromatch.cli import main; sys.argv = ['aeromatch', *sys.argv[1:]]; "
+        "main()"
+    )
     return subprocess.run(
         [sys.executable, "-c", code, *map(str, arguments)],
         capture_output=True,
@@ -32,7 +35,8 @@ def modules_after(*arguments):
     """Return the modules that a command has imported."""
     code = (
         "import sys\nfrom click.testing import CliRunner\nfrom aeromatch.cli import cli\n"
-        f"done = CliRunner().invoke(cli, {list(arguments)!r})\nassert done.exit_code == 0, done.output\nprint(*sys.modules)"
+        f"done = CliRunner().invoke(cli, {list(arguments)!r})\nassert done.exit_code == 0, "
+        f"done.output\nprint(*sys.modules)"
     )
     return set(
         subprocess.run(
@@ -187,6 +191,9 @@ def test_a_worker_that_joblib_replaces_is_no_message(capsys, monkeypatch):
     sys.platform != "linux", reason="other systems state the processor without a program"
 )
 def test_no_program_is_started_to_find_the_processor():
-    code = "import sys; from aeromatch.cli import main; sys.argv = ['aeromatch', '--version']\ntry: main()\nexcept SystemExit: pass\n"
+    code = (
+        "import sys; from aeromatch.cli import main; sys.argv = ['aeromatch', "
+        "'--version']\ntry: main()\nexcept SystemExit: pass\n"
+    )
     code += "import h5py; sys.exit('subprocess' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], stdout=subprocess.DEVNULL).returncode == 0

@@ -95,7 +95,8 @@ def test_a_role_may_take_one_case_of_a_listing(write, tmp_path):
         ListingCase(tmp_path / "clean.out", "TOTAL: small aircraft"),
     )
     assert problems(write(('clean = "clean.out"', 'clean = "clear.out:2"'))) == [
-        f"listings.clean: no file 'clear.out:2' in {tmp_path}; write FILE, or FILE:CASE for one case of it"
+        f"listings.clean: no file 'clear.out:2' in {tmp_path}; write FILE, or FILE:CASE for "
+        f"one case of it"
     ]
 
 
@@ -204,7 +205,10 @@ def test_standard_errors_that_do_not_fit_the_nodes():
 
 def test_models_from_elsewhere_come_with_their_tables_of_names(write, tmp_path):
     (tmp_path / "simulator.fmu").touch()
-    models = '[models]\nsimulator = { fmu = "simulator.fmu", names = "names.toml" }\nother = { fmu = "simulator.fmu" }\n\n[listings]'
+    models = (
+        '[models]\nsimulator = { fmu = "simulator.fmu", names = "names.toml" }\nother = { '
+        'fmu = "simulator.fmu" }\n\n[listings]'
+    )
     project = read_project(write(("[listings]", models)))
     assert project.models == dict.fromkeys(("simulator", "other"), tmp_path / "simulator.fmu")
     assert project.tables == {"simulator": tmp_path / "names.toml"}
@@ -212,7 +216,8 @@ def test_models_from_elsewhere_come_with_their_tables_of_names(write, tmp_path):
     found = problems(write(("[listings]", wrong)))
     assert (
         found[0]
-        == "models.final: the name is taken; call it otherwise than flight, datcom, corrected, final"
+        == "models.final: the name is taken; call it otherwise than flight, datcom, corrected, "
+        "final"
     )
     assert found[1].startswith("models.final.fmu: no file 'gone.fmu' in ")
 

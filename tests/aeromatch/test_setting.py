@@ -44,8 +44,10 @@ def test_a_value_changes_and_all_else_stays(project):
     before = project.read_text()
     set_key(project, "cutoff", "3 Hz")
     assert difference(before, project.read_text()) == [
-        '- cutoff = "4 Hz"        # before coefficients are formed: twice the highest frequency of the inputs',
-        '+ cutoff = "3 Hz"        # before coefficients are formed: twice the highest frequency of the inputs',
+        '- cutoff = "4 Hz"        # before coefficients are formed: twice the highest '
+        "frequency of the inputs",
+        '+ cutoff = "3 Hz"        # before coefficients are formed: twice the highest '
+        "frequency of the inputs",
     ]
     assert read_project(project).cutoff == 3.0
     assert set_key(project, "fit.0.models", '["CL = 1 + alpha"]') == ["CL = 1 + alpha"]
@@ -60,7 +62,8 @@ def test_an_entry_is_appended_and_removed(project):
     set_key(
         project,
         "fit.+",
-        f'{{name = "drag", records = ["{record}"], manoeuvres = ["doublet elevator"], models = ["CD = 1 + alpha"]}}',
+        f'{{name = "drag", records = ["{record}"], manoeuvres = ["doublet elevator"], models '
+        f'= ["CD = 1 + alpha"]}}',
     )
     assert [fit.name for fit in read_project(project).fits] == [*(fit.name for fit in fits), "drag"]
     set_key(project, f"fit.{len(fits)}", None)
@@ -76,7 +79,8 @@ def test_the_first_entry_of_a_list(project):
     set_key(
         project,
         "fit.+",
-        f'{{name = "drag", records = ["{record}"], window = [1.0, 9.0], models = ["CD = 1 + alpha"]}}',
+        f'{{name = "drag", records = ["{record}"], window = [1.0, 9.0], models = ["CD = 1 + '
+        f'alpha"]}}',
     )
     assert [(fit.name, fit.window) for fit in read_project(project).fits] == [
         ("drag", ((1.0, 9.0),))
@@ -233,8 +237,8 @@ def test_a_trial_is_a_marked_copy_and_the_case_stays(project, tmp_path):
     own, trial = pom.read_case(case), pom.read_case(folder / "wide.toml")
     assert trial.title == f"{TRIAL}: Roll response, clean"
     assert (
-        trial.notes
-        == f"{TRIAL}: a copy of 22_roll_response.toml with drive.trim = false, tolerance.roll_rate = 4 deg/s."
+        trial.notes == f"{TRIAL}: a copy of 22_roll_response.toml with drive.trim = false, "
+        f"tolerance.roll_rate = 4 deg/s."
     )
     assert (own.drive.trim, trial.drive.trim) == (True, False)
     bands = [

@@ -37,7 +37,8 @@ _NUMBER = (
 _WORD = r"(?<![\w.*])(?:NDM|NA|NaN|\*{5,})(?![\w.*])"
 _VALUE = re.compile(f"{_NUMBER}|{_WORD}")
 _PAGE = re.compile(
-    r"AUTOMATED STABILITY|THE FOLLOWING IS A LIST OF FINAL|EXTRAPOLATION MESSAGE|\*\*\*\* (?:THE )?FOLLOWING ARE"
+    r"AUTOMATED STABILITY|THE FOLLOWING IS A LIST OF FINAL|EXTRAPOLATION MESSAGE|\*\*\*\* "
+    r"(?:THE )?FOLLOWING ARE"
 )
 _CARDS = re.compile(r"1 +(?:CONERR|THE FOLLOWING IS A LIST OF ALL INPUT|END OF JOB)")
 # "*** NDM PRINTED WHEN ..." speaks of cells, a line of nothing but asterisks is decoration, the
@@ -117,7 +118,8 @@ TABLES = (
 )
 LINES = {
     "section": re.compile(
-        r"0? +(?:IDEAL (?:ANGLE|LIFT)|ZERO LIFT|MACH ZERO|LEADING EDGE R|MAXIMUM AIRF|DELTA-Y|CREST CRITICAL MACH =|LOCATION)"
+        r"0? +(?:IDEAL (?:ANGLE|LIFT)|ZERO LIFT|MACH ZERO|LEADING EDGE R|MAXIMUM "
+        r"AIRF|DELTA-Y|CREST CRITICAL MACH =|LOCATION)"
         r"|0? +LIFT-CURVE-SLOPE ="
     ),
     "section_slope": re.compile(r"0 +MACH= "),

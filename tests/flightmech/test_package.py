@@ -11,7 +11,10 @@ import flightmech
 
 
 def test_import_is_fast():
-    code = "import sys, flightmech; print([m for m in ('numpy', 'scipy', 'xarray', 'pydantic', 'ctypes') if m in sys.modules])"
+    code = (
+        "import sys, flightmech; print([m for m in ('numpy', 'scipy', 'xarray', 'pydantic', "
+        "'ctypes') if m in sys.modules])"
+    )
     found = subprocess.run(
         [sys.executable, "-c", code],
         capture_output=True,

@@ -34,16 +34,22 @@ RUBBISH = (
     *("ALPHA", "DELTA = ", "END OF JOB."),
 )
 HEADINGS = (
-    "0 ALPHA     CD       CL       CM       CN       CA       XCP        CLA          CMA          CYB          CNB          CLB",
+    "0 ALPHA     CD       CL       CM       CN       CA       XCP        CLA          CMA    "
+    "      CYB          CNB          CLB",
     "0                                  ALPHA     Q/QINF    EPSLON  D(EPSLON)/D(ALPHA)",
-    "0    ALPHA       CLQ          CMQ           CLAD         CMAD         CLP          CYP          CNP          CNR          CLR",
-    "0     DELTA     D(CL)     D(CM)    D(CL MAX)    D(CD MIN)                (CLA)D     (CH)A       (CH)D",
-    "0            --------- INDUCED DRAG COEFFICIENT INCREMENT , D(CDI) , DUE TO DEFLECTION ---------",
+    "0    ALPHA       CLQ          CMQ           CLAD         CMAD         CLP          CYP  "
+    "        CNP          CNR          CLR",
+    "0     DELTA     D(CL)     D(CM)    D(CL MAX)    D(CD MIN)                (CLA)D     "
+    "(CH)A       (CH)D",
+    "0            --------- INDUCED DRAG COEFFICIENT INCREMENT , D(CDI) , DUE TO DEFLECTION "
+    "---------",
     "0       DELTA = -20.0     -15.0     -10.0      -5.0",
     "0(DELTAL-DELTAR)= -40.0       -30.0",
     "0                                             DELTAL          DELTAR          (CL)ROLL",
-    "1                               AUTOMATED STABILITY AND CONTROL METHODS PER APRIL 1976 VERSION OF DATCOM",
-    " -----------------------  FLIGHT CONDITIONS  ------------------------           --------------  REFERENCE DIMENSIONS  ------------",
+    "1                               AUTOMATED STABILITY AND CONTROL METHODS PER APRIL 1976 "
+    "VERSION OF DATCOM",
+    " -----------------------  FLIGHT CONDITIONS  ------------------------           "
+    "--------------  REFERENCE DIMENSIONS  ------------",
     "                                         CHARACTERISTICS AT ANGLE OF ATTACK AND IN SIDESLIP",
     "                                              CONFIGURATION AUXILIARY AND PARTIAL OUTPUT",
     "                                                     SPECIAL CONTROL METHODS",

@@ -710,7 +710,8 @@ def test_any_finite_constants_fly_or_are_refused(every, start, data, controls):
         (
             "column.delta_high",
             -0.4,
-            "column.delta_low is -1.5708; it must be such that the surface and the stops leave some travel",
+            "column.delta_low is -1.5708; it must be such that the surface and the stops "
+            "leave some travel",
         ),
         ("column.restitution", 1.5, "column.restitution is 1.5; it must be between 0 and 1"),
         ("column.step", 1e-7, "column.step is 1e-07; it must be at least 1e-6 s"),

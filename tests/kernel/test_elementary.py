@@ -32,10 +32,12 @@ SHIM = "\n".join(
             for f in ONE
         ),
         *(
-            f"void {f}(size_t n, const double *x, const double *y, double *r) {{ {LOOP} r[i] = am_{f}(x[i], y[i]); }}"
+            f"void {f}(size_t n, const double *x, const double *y, double *r) {{ {LOOP} r[i] "
+            f"= am_{f}(x[i], y[i]); }}"
             for f in TWO
         ),
-        f"void sincos_of(size_t n, const double *x, double *s, double *c) {{ {LOOP} am_sincos(x[i], s + i, c + i); }}",
+        f"void sincos_of(size_t n, const double *x, double *s, double *c) {{ {LOOP} "
+        f"am_sincos(x[i], s + i, c + i); }}",
     ]
 )
 EXTENDED = np.finfo(np.longdouble).nmant >= 63  # a reference with at least 11 bits more than double

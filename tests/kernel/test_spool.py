@@ -545,7 +545,8 @@ def test_rotors_keep_the_angular_momentum(compiled, start, make_aircraft):
         ),
         (
             {"engine1__light_speed": 0.01},
-            "engine1.light_speed is 0.01; it must be at least sustain_speed, below which the flame goes out",
+            "engine1.light_speed is 0.01; it must be at least sustain_speed, below which the "
+            "flame goes out",
         ),
         ({"engine1__n1_inertia": -1.0}, "engine1.n1_inertia is -1; it must be zero or positive"),
     ],

@@ -46,7 +46,10 @@ PARAMETERS = (
     "init.h",
     "mass.mass",
 )
-VARIABLE = '<ScalarVariable name="{}" valueReference="{}" causality="{}" variability="{}"><{} {}/></ScalarVariable>'
+VARIABLE = (
+    '<ScalarVariable name="{}" valueReference="{}" causality="{}" variability="{}"><{} '
+    "{}/></ScalarVariable>"
+)
 DESCRIPTION = """<?xml version="1.0" encoding="UTF-8"?>
 <fmiModelDescription fmiVersion="2.0" modelName="toy" guid="{kind}">
 <CoSimulation modelIdentifier="toy" canHandleVariableCommunicationStepSize="true" canInterpolateInputs="{interpolates}"/>
@@ -167,7 +170,10 @@ def bad(tmp_path_factory):
     )
 
 
-LAW_ROW = '<ScalarVariable name="{}" valueReference="{}" causality="{}" variability="continuous"><Real unit="{}" {}/></ScalarVariable>'
+LAW_ROW = (
+    '<ScalarVariable name="{}" valueReference="{}" causality="{}" '
+    'variability="continuous"><Real unit="{}" {}/></ScalarVariable>'
+)
 LAW_ABOUT = """<?xml version="1.0" encoding="UTF-8"?>
 <fmiModelDescription fmiVersion="2.0" modelName="law" guid="{guid}">
 <CoSimulation modelIdentifier="toy" canHandleVariableCommunicationStepSize="{any_step}"/>

@@ -186,7 +186,8 @@ def short_period_result(
     )
     case = PomCase(
         name, title, "2.c.10", STANDARD, EDITION, "cases/short_period.toml", "flight/t37_21_short_period.nc", (4.0, 18.0),
-        description="Elevator back for two seconds, then released; the airplane answers with its short period.",
+        description="Elevator back for two seconds, then released; the airplane answers with its "
+            "short period.",
         events={"input_end": 7.15}, criteria=criteria,
     )  # fmt: skip
     data = signals(time, flight, models)
@@ -389,7 +390,8 @@ def tree(leaves, source, absent=""):
 
 PROVENANCE = {
     "date": "2026-11-20",
-    "command": "aeromatch pom run cases/ --model datcom=datcom.fmu --model corrected=corrected.fmu --model final=final.fmu",
+    "command": "aeromatch pom run cases/ --model datcom=datcom.fmu --model "
+        "corrected=corrected.fmu --model final=final.fmu",
     "versions": {"aeromatch": "0.1.0", "fmpy": "0.3.32", "numpy": "2.4.6"},
     "inputs": {
         "flight/t37_21_short_period.nc": "9f2c" + "0" * 56 + "a1b2",

@@ -113,14 +113,18 @@ def judged(citation, models, motion, year, folder, drive=""):
     begin, end, event, at = windows[year]
     start, path = citation.start(year, motion), citation.path(year, motion, *part)
     path.states.to_netcdf(folder / "path.nc", engine="h5netcdf")
-    words = f'id = "{test}"\nname = "{motion}"\ntitle = "{motion}"\nrecord = "path.nc"\nwindow = [{start + begin}, {start + end}]'
+    words = (
+        f'id = "{test}"\nname = "{motion}"\ntitle = "{motion}"\nrecord = "path.nc"\nwindow = '
+        f"[{start + begin}, {start + end}]"
+    )
     events = f"[events]\n{event} = {start + at}\n" if event else ""
     (folder / "case.toml").write_text(f"[case]\n{words}\n{drive}{events}")
     result = pom.replay(pom.read_case(folder / "case.toml"), models, path)
     assert result.failure == ""
     table = result.verdict
     print(
-        f"\n{motion} {year}\n{table[['criterion', 'run', 'worst_ratio', 'verdict', 'remarks']].to_string(max_colwidth=90)}"
+        f"\n{motion} "
+        f"{year}\n{table[['criterion', 'run', 'worst_ratio', 'verdict', 'remarks']].to_string(max_colwidth=90)}"
     )
     return table[table["verdict"].isin(["pass", "fail"])], result
 

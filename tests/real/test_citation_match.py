@@ -47,7 +47,10 @@ def case_file(citation, motion, folder):
         folder / "path.nc", engine="h5netcdf"
     )
     events = f"[events]\ninput_end = {start + input_end}\n" if input_end else ""
-    words = f'id = "{test}"\nname = "{motion}"\ntitle = "{motion}"\nrecord = "path.nc"\nwindow = [{start + begin}, {start + end}]'
+    words = (
+        f'id = "{test}"\nname = "{motion}"\ntitle = "{motion}"\nrecord = "path.nc"\nwindow = '
+        f"[{start + begin}, {start + end}]"
+    )
     (folder / "case.toml").write_text(f"[case]\n{words}\n{events}")
     return folder / "case.toml"
 

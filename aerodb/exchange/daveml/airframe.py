@@ -124,7 +124,8 @@ def _mass_properties(model: DaveModel, inputs: Mapping[str, float]) -> dict[str,
     """
     given = {varID: model.variables[varID].initial for varID in model.inputs}
     given |= {model.find(key).varID: float(value) for key, value in inputs.items()}
-    problems = [f"the input {varID} ({model.variables[varID].name}) has no initial value; pass inputs={{'{varID}': ...}}"
+    problems = [f"the input {varID} ({model.variables[varID].name}) has no initial value; pass "
+        f"inputs={{'{varID}': ...}}"
                 for varID, value in given.items() if value is None]  # fmt: skip
     places = {
         quantity: varID
@@ -208,7 +209,8 @@ def _forces(
         raise SchemaError(
             model.file,
             [
-                f"{' '.join(aside)} are not zero; give position and direction of the engines in the aircraft file"
+                f"{' '.join(aside)} are not zero; give position and direction of the engines "
+                f"in the aircraft file"
             ],
         )
     factor, offset = conversion(model.variables[varID], "thrust")
@@ -231,6 +233,7 @@ def _prove(
         raise SchemaError(
             model.file,
             [
-                f"{varID} is not linear in {', '.join(axes)} between breakpoints: a table is up to {apart:.3g} N off"
+                f"{varID} is not linear in {', '.join(axes)} between breakpoints: a table is "
+                f"up to {apart:.3g} N off"
             ],
         )

@@ -193,7 +193,8 @@ def _variable(
         return _function(model.functions[varID], _Lookup(sums, reasons))
     if variable.initial is None:
         raise Inexact(
-            f"it is an input in {variable.units or 'no unit'} that no quantity of the vocabulary belongs to; state one with names="
+            f"it is an input in {variable.units or 'no unit'} that no quantity of the "
+            f"vocabulary belongs to; state one with names="
         )
     stderr = node_standard_errors(variable.uncertainty, np.asarray(variable.initial))
     if stderr is not None or variable.name.endswith(VALUE):

@@ -106,7 +106,8 @@ def _demand_tables(db: xr.DataTree) -> None:
             )
         for word in sorted(used_coefficients(leaf)):
             problems.append(
-                f"{name}: {word} is an output of the file and no input; leave the term out (aerodb.delete_terms)"
+                f"{name}: {word} is an output of the file and no input; leave the term out "
+                f"(aerodb.delete_terms)"
             )
     if problems:
         raise SchemaError("DAVE-ML file", problems)
@@ -114,7 +115,8 @@ def _demand_tables(db: xr.DataTree) -> None:
 
 def _demand_same(db: xr.DataTree, aircraft: Aircraft) -> None:
     problems = [
-        f"{name} is {float(db.attrs[name]):.8g} in the database and {getattr(aircraft, name):.8g} in the aircraft; they must agree"
+        f"{name} is {float(db.attrs[name]):.8g} in the database and "
+        f"{getattr(aircraft, name):.8g} in the aircraft; they must agree"
         for name in SIZES
         if not np.isclose(float(db.attrs[name]), getattr(aircraft, name), rtol=_AGREE)
     ]

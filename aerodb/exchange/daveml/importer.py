@@ -124,7 +124,8 @@ def import_daveml(
     source = _ImportedModel(model, mine, outputs, geometry, sums, reasons)
     if sample is None and grid:
         raise ValueError(
-            "grid= states where functions are sampled; give sample=, the largest difference allowed, with it"
+            "grid= states where functions are sampled; give sample=, the largest difference "
+            "allowed, with it"
         )
     if sample is None:
         leaves, lines = _terms(source, None), list[str]()
@@ -178,9 +179,13 @@ def _terms(source: _ImportedModel, sampler: Sampler | None) -> dict[str, xr.Data
             if sampler is None
             else ["leave them out with without="]
         )
-        way = f"{', '.join(ways)}, or evaluate the model itself with aerodb.exchange.daveml.read(path).evaluate"
+        way = (
+            f"{', '.join(ways)}, or evaluate the model itself with "
+            f"aerodb.exchange.daveml.read(path).evaluate"
+        )
         raise SchemaError(
-            f"{Path(source.model.file).name} holds coefficients that are no exact sum of terms; {way}",
+            f"{Path(source.model.file).name} holds coefficients that are no exact sum of "
+            f"terms; {way}",
             problems,
         )
     return leaves
@@ -213,7 +218,10 @@ def _sampled_terms(
             break
         bound *= 0.5 * sample / worst
     box = ", ".join(f"{name} {low:.6g} ... {high:.6g}" for name, (low, high) in sampler.box.items())
-    text = f"from the file by at most {{:.2g}} at {_SAMPLES} states, allowed {sample:g}; sampled over {box} (SI)"
+    text = (
+        f"from the file by at most {{:.2g}} at {_SAMPLES} states, allowed {sample:g}; sampled "
+        f"over {box} (SI)"
+    )
     return leaves, [f"{name} differs {text.format(gap)}" for name, gap in gaps.items()]
 
 
@@ -274,7 +282,8 @@ def _geometry(model: DaveModel, given: Mapping[str, float | None]) -> dict[str, 
             and not np.isclose(value, found[quantity], rtol=1e-6)
         ):
             problems.append(
-                f"{quantity} is {found[quantity]:.9g} in the file and {value:.9g} in the call; leave it out"
+                f"{quantity} is {found[quantity]:.9g} in the file and {value:.9g} in the "
+                f"call; leave it out"
             )
         if value is not None:
             found.setdefault(quantity, value)
@@ -301,7 +310,8 @@ def _coefficients(
             raise SchemaError(
                 model.file,
                 [
-                    f"the outputs {found[quantity]} and {varID} are both {quantity}; state which with names="
+                    f"the outputs {found[quantity]} and {varID} are both {quantity}; state "
+                    f"which with names="
                 ],
             )
         found[quantity] = varID
@@ -331,7 +341,8 @@ def _coefficients(
         raise SchemaError(
             model.file,
             [
-                f"no output is a coefficient: {given}; state which with names={{'{model.outputs[0]}': 'CL'}}, say"
+                f"no output is a coefficient: {given}; state which with "
+                f"names={{'{model.outputs[0]}': 'CL'}}, say"
             ],
         )
     return kept, axes
@@ -417,7 +428,10 @@ def _root(
     if header.version.startswith(WRITER):
         attributes = unpack_attributes(header.description)
     values = model.check()
-    line = f"import_daveml: {path.name}, version {header.version or 'unnamed'}, {len(model.shots)} check cases with {len(values)} values, "
+    line = (
+        f"import_daveml: {path.name}, version {header.version or 'unnamed'}, "
+        f"{len(model.shots)} check cases with {len(values)} values, "
+    )
     line += "all met" if values["passed"].all() else f"{int((~values['passed']).sum())} NOT met"
     history = (
         [m.description for m in header.modifications]
@@ -443,7 +457,8 @@ def _modifications(model: DaveModel) -> list[str]:
 def _remarks(model: DaveModel) -> list[str]:
     """Return what a reader of the database should know of the file."""
     limited = [
-        f"{v.varID} is limited to {v.low:g} ... {v.high:g} {v.units} in the file; the reduced rates of the database have no such limit"
+        f"{v.varID} is limited to {v.low:g} ... {v.high:g} {v.units} in the file; the "
+        f"reduced rates of the database have no such limit"
         for v in model.variables.values()
         if quantity_of(v) == "V" and v.varID in model.inputs and np.isfinite((v.low, v.high)).any()
     ]
@@ -508,7 +523,8 @@ def _prove(
             problems.append(f"{coefficient} differs from {varID} by {gap[at]:.3g} at {place}")
     if problems and sampled:
         raise SchemaError(
-            f"{model.file}: sample={sample:g} is not kept; give more breakpoints with grid=, or a larger sample",
+            f"{model.file}: sample={sample:g} is not kept; give more breakpoints with grid=, "
+            f"or a larger sample",
             problems,
         )
     if problems:

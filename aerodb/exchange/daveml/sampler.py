@@ -211,14 +211,16 @@ class Sampler:
     ) -> MultilinearTable:
         if len(starts) > MAX_AXES:
             raise Inexact(
-                f"{what} cannot be sampled: it depends on {', '.join(starts)}; a table has at most {MAX_AXES} axes"
+                f"{what} cannot be sampled: it depends on {', '.join(starts)}; a table has "
+                f"at most {MAX_AXES} axes"
             )
 
         def finite(at: Mapping[str, np.ndarray]) -> np.ndarray:
             found = function(at)
             if not np.isfinite(found).all():
                 raise Inexact(
-                    f"{what} cannot be sampled: it is not finite everywhere; narrow the range with grid="
+                    f"{what} cannot be sampled: it is not finite everywhere; narrow the "
+                    f"range with grid="
                 )
             return found
 
@@ -230,7 +232,10 @@ class Sampler:
         for name, points in starts.items():
             low, high = self.box.get(name, (points[0], points[-1]))
             self.box[name] = float(max(low, points[0])), float(min(high, points[-1]))
-        note = f"{what} sampled on {' x '.join(map(str, table.shape))} nodes: largest difference seen {largest_difference(finite, table):.2g}"
+        note = (
+            f"{what} sampled on {' x '.join(map(str, table.shape))} nodes: largest difference "
+            f"seen {largest_difference(finite, table):.2g}"
+        )
         return MultilinearTable(
             tuple(GridAxis(str(name), table[name].values) for name in table.dims),
             table.values,
@@ -273,7 +278,8 @@ class Sampler:
         ends = given if len(given) == 2 else self._limits(quantity, points)
         if len(ends) < 2 or not ends[0] < ends[1]:
             raise Inexact(
-                f"no table and no limit states how far {quantity} goes; give grid={{{quantity!r}: (low, high)}}"
+                f"no table and no limit states how far {quantity} goes; give "
+                f"grid={{{quantity!r}: (low, high)}}"
             )
         found = np.union1d(points[(points > ends[0]) & (points < ends[1])], ends)
         return found if len(found) > 2 else np.linspace(found[0], found[-1], _FIRST)

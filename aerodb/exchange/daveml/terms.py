@@ -216,7 +216,8 @@ def _tables(
             grids = [*grids, _identity(word)]
     if len(words) > MAX_REGRESSORS:
         raise Inexact(
-            f"it is a product of {' '.join(words)}; a term has at most {MAX_REGRESSORS} such factors"
+            f"it is a product of {' '.join(words)}; a term has at most {MAX_REGRESSORS} such "
+            f"factors"
         )
     _demand_disjoint(grids)
     while len(grids) > _TABLES:

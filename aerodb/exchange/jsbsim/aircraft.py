@@ -93,7 +93,8 @@ def import_jsbsim_aircraft(
         reference=(float(datum[0]), float(datum[1]), float(datum[2])),
         x_ref_mac=x_ref_mac,
         cg=tuple(map(float, cg - datum)),  # type: ignore[arg-type]
-        history=f"import_jsbsim_aircraft: {Path(path).name}, {len(points)} point masses and tanks; {left_out}",
+        history=f"import_jsbsim_aircraft: {Path(path).name}, {len(points)} point masses and "
+        f"tanks; {left_out}",
     )
 
 

@@ -164,7 +164,10 @@ class Functions:
     def _unknown(self, name: str) -> str:
         if name in NORMALISED:
             variable = NORMALISED[name][0]
-            return f"{name} is a fraction and the file does not state of which angle; give travel = {{{variable!r}: angle where it is 1}}"
+            return (
+                f"{name} is a fraction and the file does not state of which angle; give "
+                f"travel = {{{variable!r}: angle where it is 1}}"
+            )
         return f"{name} is no variable of the model"
 
     def _function(self, name: str) -> Sum:
@@ -301,7 +304,8 @@ def sample_product(
     )
     if bound is None:
         raise NotAProduct(
-            f"{what} is no product of tables without common axes; give sample = largest difference to put it onto one table"
+            f"{what} is no product of tables without common axes; give sample = largest "
+            f"difference to put it onto one table"
         )
     variables = sorted(
         {str(d) for table in tables for d in table.dims}.union(*(one.variables for one in opaque))
@@ -322,7 +326,8 @@ def sample_product(
             found = found * one.value(at)
         if not np.isfinite(found).all():
             raise NotAProduct(
-                f"{what} is not finite inside its box; give box = {{variable: (low, high)}} to narrow it"
+                f"{what} is not finite inside its box; give box = {{variable: (low, high)}} "
+                f"to narrow it"
             )
         return found
 
@@ -335,7 +340,8 @@ def sample_product(
     worst = largest_difference(function, table)
     if worst > bound:
         raise NotAProduct(
-            f"{what} on {table.size} nodes differs by {worst:.2g}, more than {bound:.2g}; give a wider bound or a narrower box"
+            f"{what} on {table.size} nodes differs by {worst:.2g}, more than {bound:.2g}; "
+            f"give a wider bound or a narrower box"
         )
     return table, f"{what} sampled on {table.size} nodes: largest difference seen {worst:.2g}"
 

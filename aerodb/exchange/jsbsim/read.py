@@ -129,7 +129,8 @@ def import_jsbsim(
     leaves, problems = _leaves(axes, functions, leave_out, sample, box or {})
     if problems:
         raise SchemaError(
-            f"{path}: functions that are no terms; leave_out = [names] does without them, sample = bound tabulates what can be",
+            f"{path}: functions that are no terms; leave_out = [names] does without them, "
+            f"sample = bound tabulates what can be",
             problems,
         )
     return make_database(
@@ -253,7 +254,10 @@ def _axis(element: Element, names: set[str]) -> tuple[str, _JsbsimAxis]:
         side = "body" if names & {"AXIAL", "NORMAL"} else "wind"
         return side, _JsbsimAxis("CY", 1.0, {"qbar": 1, "S": 1}, functions)
     if (name, frame) not in _FRAMES:
-        allowed = "DRAG SIDE LIFT, AXIAL SIDE NORMAL, X Y Z (frame BODY, STABILITY or WIND), ROLL PITCH YAW"
+        allowed = (
+            "DRAG SIDE LIFT, AXIAL SIDE NORMAL, X Y Z (frame BODY, STABILITY or WIND), "
+            "ROLL PITCH YAW"
+        )
         raise element.error(f"axis {name!r} {frame}".rstrip(), allowed)
     axes, coefficient, sign = _FRAMES[name, frame]
     return axes, _JsbsimAxis(coefficient, sign, {"qbar": 1, "S": 1}, functions)

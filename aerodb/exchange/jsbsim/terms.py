@@ -197,7 +197,8 @@ def term_of_product(
     tables += _lines(words, tables)
     if len(words) > MAX_REGRESSORS:
         raise NotAProduct(
-            f"{' x '.join(words)}: more than {MAX_REGRESSORS} regressors, and none of them bounded so that it could be an axis"
+            f"{' x '.join(words)}: more than {MAX_REGRESSORS} regressors, and none of them "
+            f"bounded so that it could be an axis"
         )
     tables = _merged(tables)
     for axis in sorted(str(axis) for table in tables for axis in table.dims):

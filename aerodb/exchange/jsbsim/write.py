@@ -155,7 +155,8 @@ def missing_limits(aircraft: Aircraft, used: Collection[str]) -> list[str]:
     """
     controls = [name for name in (*_SURFACES, "delta_a") if name in used]
     return [
-        f"{name} has no limits in the aircraft file, which scale its command; add [limits] {name} = [low, high]"
+        f"{name} has no limits in the aircraft file, which scale its command; add [limits] "
+        f"{name} = [low, high]"
         for name in controls
         if name not in aircraft.limits and name not in _DEFAULT and name not in _TABS
     ]
@@ -359,19 +360,22 @@ def _leaf_problems(
     ):  # the one way in which JSBSim knows the lift
         known.add("CL")
     problems = [
-        f"{variable} is nothing that JSBSim knows or that can be computed from what it knows; leave the term out (aerodb.delete_terms)"
+        f"{variable} is nothing that JSBSim knows or that can be computed from what it "
+        f"knows; leave the term out (aerodb.delete_terms)"
         for variable in sorted(variables(leaf) - known)
     ]
     factor = power(leaf)
     if factor is not None:
         problems.append(
-            f"the factor {factor} is a formula, and the export writes tables; make it one first (aerodb.transform.with_height_table)"
+            f"the factor {factor} is a formula, and the export writes tables; make it one "
+            f"first (aerodb.transform.with_height_table)"
         )
     if leaf.attrs.get("outside", "hold") == "linear":
         axes = [str(axis) for axis in leaf.dims if axis not in reach]
         if axes:
             problems.append(
-                f"goes on linearly beyond its table and JSBSim holds the last value; give reach = {{{axes[0]!r}: (low, high)}} for "
+                f"goes on linearly beyond its table and JSBSim holds the last value; give "
+                f"reach = {{{axes[0]!r}: (low, high)}} for "
                 f"{', '.join(axes)} to have breakpoints added, or make the attribute outside 'hold'"
             )
     return problems
@@ -379,14 +383,16 @@ def _leaf_problems(
 
 def _disagreements(db: xr.DataTree, aircraft: Aircraft) -> list[str]:
     problems = [
-        f"{name} is {db.attrs[name]:.8g} in the database and {getattr(aircraft, name):.8g} in the aircraft; they must agree"
+        f"{name} is {db.attrs[name]:.8g} in the database and {getattr(aircraft, name):.8g} "
+        f"in the aircraft; they must agree"
         for name in ("S", "cbar", "b")
         if not np.isclose(db.attrs[name], getattr(aircraft, name), rtol=_AGREE, atol=0.0)
     ]
     for name, own in zip(("x_ref", "y_ref", "z_ref"), reference_in(aircraft, db.attrs)):
         if not np.isclose(db.attrs[name], own, rtol=_AGREE, atol=_NEAR * aircraft.cbar):
             problems.append(
-                f"{name} is {db.attrs[name]:.6g} m in the database and {own:.6g} m in the aircraft; move the moment reference"
+                f"{name} is {db.attrs[name]:.6g} m in the database and {own:.6g} m in the "
+                f"aircraft; move the moment reference"
             )
     return problems
 
@@ -467,7 +473,8 @@ def _remark(leaf: xr.Dataset) -> str:
         )
     if "stderr" in leaf:
         words.append(
-            f"standard error {leaf['stderr'].values.min():.3g} ... {leaf['stderr'].values.max():.3g}"
+            f"standard error {leaf['stderr'].values.min():.3g} ... "
+            f"{leaf['stderr'].values.max():.3g}"
         )
     words += [str(leaf.attrs[key]) for key in ("references", "history") if leaf.attrs.get(key)]
     return _line("; ".join(words))

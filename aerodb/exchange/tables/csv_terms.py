@@ -280,7 +280,8 @@ def import_csv(folder: str | os.PathLike) -> xr.DataTree:
             or (kind != "value" and term not in leaves)
         ):
             problems.append(
-                f"{place}: table {kind!r} of {term}; allowed: value once, then K1 and K2 at most once"
+                f"{place}: table {kind!r} of {term}; allowed: value once, then K1 and K2 at "
+                f"most once"
             )
         elif Path(file).name != file or not (folder / file).is_file():
             problems.append(f"{place}: no file {file!r} in the folder")
@@ -309,7 +310,8 @@ def _with_table(leaf: xr.Dataset, path: Path, kind: str, problems: list[str]) ->
     strange = [name for name in rest if name not in known]
     problems += faults
     problems += [
-        f"{path.name}: column {name!r}; allowed: axes with their unit in brackets, {', '.join(known)}"
+        f"{path.name}: column {name!r}; allowed: axes with their unit in brackets, "
+        f"{', '.join(known)}"
         for name in strange
     ]
     problems += [f"{path.name}: no column {kind!r}"] if kind not in rest else []
@@ -357,7 +359,8 @@ def _codes(table: CsvTable, problems: list[str]) -> np.ndarray:
             found[place] = _terms.SOURCES.index(word)
         else:
             problems.append(
-                f"{table.name}, line {line}: source is {word!r}; allowed: {', '.join(_terms.SOURCES)}"
+                f"{table.name}, line {line}: source is {word!r}; allowed: "
+                f"{', '.join(_terms.SOURCES)}"
             )
     return found
 
@@ -373,7 +376,8 @@ def _grid(
     size, rows = math.prod(shape), len(table.lines)
     if size > 10 * max(rows, 1):
         problems.append(
-            f"{table.name}: {rows} rows for {' x '.join(map(str, shape))} = {size} nodes; every node needs a row"
+            f"{table.name}: {rows} rows for {' x '.join(map(str, shape))} = {size} nodes; "
+            f"every node needs a row"
         )
         return None
     places = [points[axis].searchsorted(x) for axis, x in coords.items()]
@@ -382,12 +386,14 @@ def _grid(
     for twice in found[count > 1][:_MOST_NAMED]:
         lines = ", ".join(str(line) for line, at in zip(table.lines, node) if at == twice)
         problems.append(
-            f"{table.name}, lines {lines}: the same node {_named(points, int(twice))}; every node stands once"
+            f"{table.name}, lines {lines}: the same node {_named(points, int(twice))}; every "
+            f"node stands once"
         )
     missing = np.setdiff1d(np.arange(size), found)
     if missing.size:
         problems.append(
-            f"{table.name}: {missing.size} of {size} nodes have no row, the first is {_named(points, int(missing[0]))}"
+            f"{table.name}: {missing.size} of {size} nodes have no row, the first is "
+            f"{_named(points, int(missing[0]))}"
         )
     return (points, np.argsort(node)) if rows == size == found.size else None
 

@@ -187,7 +187,8 @@ def numbers(table: CsvTable, name: str, problems: list[str]) -> np.ndarray:
             found[place] = float(cell)
         except ValueError:
             problems.append(
-                f"{table.name}, line {line}: {name} is {cell!r}; a number is needed, with a point and no thousands marks"
+                f"{table.name}, line {line}: {name} is {cell!r}; a number is needed, with a "
+                f"point and no thousands marks"
             )
     return found
 

@@ -283,7 +283,8 @@ def _read_table(
     for axis, units in zip(axes, _units(element["axes"])):
         if units != lookup(axis).units:
             raise ValueError(
-                f"{what}: axis {axis} is given in {units!r}; convert its breakpoints to {lookup(axis).units!r}"
+                f"{what}: axis {axis} is given in {units!r}; convert its breakpoints to "
+                f"{lookup(axis).units!r}"
             )
     points = [np.asarray(p, float).ravel() for p in element["breakpoints"].ravel()]
     if len(points) != len(axes):
@@ -312,7 +313,8 @@ def _shaped(array: np.ndarray, shape: tuple[int, ...], what: str) -> np.ndarray:
     core = tuple(array.shape)
     if _trimmed(core) != _trimmed(shape):
         raise ValueError(
-            f"{what} is {' x '.join(map(str, core))}, its breakpoints require {' x '.join(map(str, shape)) or 'a scalar'}"
+            f"{what} is {' x '.join(map(str, core))}, its breakpoints require "
+            f"{' x '.join(map(str, shape)) or 'a scalar'}"
         )
     return np.array(array.reshape(shape), order="C")
 

@@ -80,7 +80,10 @@ def slope(databases: Databases, flown: FlightData | None) -> Chart:
         )
 
     title = "lift slope, clean"
-    note = f"Slope: chord from 0 to {_SLOPE / DEGREE:g} deg of angle of attack; estimates at that of their manoeuvres."
+    note = (
+        f"Slope: chord from 0 to {_SLOPE / DEGREE:g} deg of angle of attack; estimates at "
+        f"that of their manoeuvres."
+    )
     return _over_mach(
         "figure-02",
         "Fig. 2",
@@ -154,7 +157,8 @@ def pitch_rate(databases: Databases, flown: FlightData | None) -> Chart:
 
     points = _by_flap_estimates(flown, "qhat", databases)
     note = (
-        "Per unit of q cbar/2V (LR-743: q cbar/V, half of it). The effect of the rate of angle of attack is in it: in the manoeuvres both "
+        "Per unit of q cbar/2V (LR-743: q cbar/V, half of it). The effect of the rate of "
+        "angle of attack is in it: in the manoeuvres both "
         "rates go together, and LR-743 4.5 has it in this term too."
     )
     title = "lift coefficient by pitch rate"
@@ -221,7 +225,8 @@ def near_the_ground(databases: Databases, flown: FlightData | None) -> Chart:
 
     notes = (
         (
-            "Curves by height at the mean Mach number and elevator of the samples; free air at those of the lowest pass.",
+            "Curves by height at the mean Mach number and elevator of the samples; free air "
+            "at those of the lowest pass.",
         )
         if low
         else ()
@@ -237,7 +242,8 @@ def bank_near_the_ground(databases: Databases, flown: FlightData | None) -> Char
     last = {name: db for name, db in databases.items() if _rolls(db)}
     if not last:
         raise NotDrawn(
-            "no term of Cl over h_agl and phi (LR-743 eq. 14): it needs flights with bank near the ground and a model of Cl in "
+            "no term of Cl over h_agl and phi (LR-743 eq. 14): it needs flights with bank "
+            "near the ground and a model of Cl in "
             "[ground_effect], or in `aeromatch flight ground-effect`"
         )
     low = [] if flown is None else _low_passes(flown)
@@ -263,7 +269,8 @@ def bank_near_the_ground(databases: Databases, flown: FlightData | None) -> Char
         "$C_l$ [1]",
         _panels(last, curves, points, "h_agl")[0],
         (
-            "A negative slope lowers the upper wing. Points: rolling moment of the flight less all other terms of the database.",
+            "A negative slope lowers the upper wing. Points: rolling moment of the flight "
+            "less all other terms of the database.",
         )
         if points
         else ("A negative slope lowers the upper wing.",),
@@ -404,7 +411,8 @@ def _height(h: float) -> str:
 def _demand_height(db: xr.DataTree, coefficient: str) -> None:
     if not any("h_agl" in _terms.variables(leaf) for leaf in leaves_of(db, coefficient)):
         raise NotDrawn(
-            f"no term of {coefficient} depends on h_agl; it needs DATCOM cases with GRNDEF, or flights near the ground"
+            f"no term of {coefficient} depends on h_agl; it needs DATCOM cases with GRNDEF, "
+            f"or flights near the ground"
         )
 
 

@@ -85,7 +85,10 @@ def one_g_lines(
         for h in map(float, np.unique(at)):
             part = alike[at == h]
             means = part.mean(numeric_only=True)
-            label = f"{height_text(h)}, {number_text(float(np.round(means['mass'], -1)))} kg, {configuration(means)}"
+            label = (
+                f"{height_text(h)}, {number_text(float(np.round(means['mass'], -1)))} kg, "
+                f"{configuration(means)}"
+            )
             flight = {name: float(means[name]) for name in ("mass", *_SETTINGS)} | {
                 "h": h,
                 "mach": float(part["mach"].max()),
@@ -115,7 +118,10 @@ _STEEP = 0.3  # of the largest lift slope: below it drag over lift is steep and 
 _TOP = 1.15  # of the largest stall or flown lift coefficient: where Fig. 9 ends
 # points over which slopes of the piecewise linear tables are averaged: 2.5 deg of angle of attack
 _SMOOTH = 13
-_BAND = "Bands: one standard error of the drag at that lift: that of the drag and, through the slope of the polar, that of the lift."
+_BAND = (
+    "Bands: one standard error of the drag at that lift: that of the drag and, through the "
+    "slope of the polar, that of the lift."
+)
 _MOVED = 0.05  # lift coefficient: excursions of less are no sweeps
 _STEP = 0.02  # Mach numbers of sweeps that count as one
 _FORWARD = 0.02  # Mach number: a sweep that changes it by more is no sweep at one Mach number
@@ -174,7 +180,8 @@ def envelope(
         label = f"1 g, {height_text(h)}, {number_text(float(np.round(mass, -1)))} kg"
         lines.append(ChartLine(label, mach, per_square / mach**2, np.zeros(len(mach)), i))
     notes = [
-        f"Stall: largest lift coefficient of the trimmed polar of {name}; in 1 g flight at sea level {stall(point).why}.",
+        f"Stall: largest lift coefficient of the trimmed polar of {name}; in 1 g flight at "
+        f"sea level {stall(point).why}.",
         "1 g: CL = 2 W/(gamma p S M^2) at the mean mass of the test points of that height.",
     ]
     if buffet is not None:
@@ -213,7 +220,8 @@ def sweeps(databases: Databases, flown: FlightData | None) -> Chart:
     """
     if flown is None:
         raise NotDrawn(
-            "no sweeps of flown manoeuvres; they are in flown.nc of the folder that `aeromatch match` wrote"
+            "no sweeps of flown manoeuvres; they are in flown.nc of the folder that "
+            "`aeromatch match` wrote"
         )
     name, db = list(databases.items())[-1]
     rows = flown.manoeuvres[is_free(flown.manoeuvres)]
@@ -227,19 +235,22 @@ def sweeps(databases: Databases, flown: FlightData | None) -> Chart:
             )
     if not found:
         raise NotDrawn(
-            f"no manoeuvre of the elevator in free air changed the lift coefficient by {_MOVED} at one Mach number"
+            f"no manoeuvre of the elevator in free air changed the lift coefficient by "
+            f"{_MOVED} at one Mach number"
         )
     panels = [_of_sweeps(title, found[title]) for title in found]
     return Chart(
         "figure-10",
         "Fig. 10",
         "sweeps of angle of attack by configuration and Mach number",
-        f"$C_L$ over ${symbol('alpha')}$, curves by ${symbol('mach')}$: {name} at the mean condition of the sweep",
+        f"$C_L$ over ${symbol('alpha')}$, curves by ${symbol('mach')}$: {name} at the mean "
+        f"condition of the sweep",
         axis_label("alpha"),
         "$C_L$ [1]",
         panels,
         (
-            "Thin lines: samples of flight; loops come from pitch rate and elevator, which the curves hold.",
+            "Thin lines: samples of flight; loops come from pitch rate and elevator, which "
+            "the curves hold.",
         ),
     )
 
@@ -368,7 +379,8 @@ def _test_points(flown: FlightData | None, flap: float) -> list[FlightPoints]:
 def _aircraft_of(aircraft: Aircrafts, name: str) -> Aircraft:
     if name not in aircraft:
         raise NotDrawn(
-            f"it needs the aircraft of {name}: give --aircraft, or the folder that `aeromatch match` wrote"
+            f"it needs the aircraft of {name}: give --aircraft, or the folder that "
+            f"`aeromatch match` wrote"
         )
     return aircraft[name]
 

@@ -36,12 +36,15 @@ def incompatible_fits(compatibility: pd.DataFrame) -> list[str]:
     """
     rows = compatibility[compatibility["probability"] < INCOMPATIBLE]
     words = [
-        f"{coefficient} (chi-squared {row['chi2']:.4g} of {int(row['count'])} estimates, probability {row['probability']:.1g})"
+        f"{coefficient} (chi-squared {row['chi2']:.4g} of {int(row['count'])} estimates, "
+        f"probability {row['probability']:.1g})"
         for coefficient, row in rows.iterrows()
     ]
     if not words:
         return []
     return [
-        f"incompatible fits: {', '.join(words)}: the fits contradict each other or the a-priori tables by more than their standard errors; "
-        "look for an effect that no table holds, a faulty record, or standard errors of the tables that are too small"
+        f"incompatible fits: {', '.join(words)}: the fits contradict each other or the "
+        f"a-priori tables by more than their standard errors; "
+        "look for an effect that no table holds, a faulty record, or standard errors of the "
+        "tables that are too small"
     ]

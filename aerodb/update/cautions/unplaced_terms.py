@@ -50,7 +50,8 @@ _CONTROLS = {
 _FEW = 4  # terms of a database that are named one by one
 _STILL = 1e-3  # movement of a control, in all and next to the tables, that counts as none [rad, 1]
 _REFUSED = (
-    "no table of the database carries these terms of the fits, so that their estimates would be lost and those of the regressors that move "
+    "no table of the database carries these terms of the fits, so that their estimates would "
+    "be lost and those of the regressors that move "
     "with them biased (a term left out of the fit biases them too); "
     'unplaced="warn", --unplaced warn, or unplaced = "warn" in a project file goes on without them'
 )
@@ -221,7 +222,8 @@ def _lines(found: pd.DataFrame) -> list[str]:
         row, fit = rows.iloc[place], rows.index[place][1]
         others = f", and of {len(rows) - 1} more fits" if len(rows) > 1 else ""
         lines.append(
-            f"{coefficient}: {term} of {fit!r}{others}: estimate {row['estimate']:.4g} +- {row['stderr']:.2g}, t {row['t']:.1f}; "
+            f"{coefficient}: {term} of {fit!r}{others}: estimate {row['estimate']:.4g} +- "
+            f"{row['stderr']:.2g}, t {row['t']:.1f}; "
             f"{row['reason']}; {_remedies(str(coefficient), str(term))}"
         )
     return lines
@@ -237,7 +239,10 @@ def _remedies(coefficient: str, term: str) -> str:
         if len(factors) <= _terms.MAX_REGRESSORS
         else f"axes over {', '.join(dict.fromkeys(factors))}, "
     )
-    opened = f'open the term: [terms."{name}"] with {shape}stderr = its a-priori error in a project file, or aerodb.replace_terms'
+    opened = (
+        f'open the term: [terms."{name}"] with {shape}stderr = its a-priori error in a '
+        f"project file, or aerodb.replace_terms"
+    )
     roles = list(
         dict.fromkeys(_LISTINGS[variable] for variable in factors if variable in _LISTINGS)
     )
@@ -310,7 +315,10 @@ def _unplaced(place: int, term: str, fit: Any, known: CoefficientTerms) -> _Part
         if len(leaves) <= _FEW
         else f"the {len(leaves)} terms of {known.coefficient}"
     )
-    reason = f"{there} in the database cannot carry it over the flown range ({100.0 * share:.0f} % of it)"
+    reason = (
+        f"{there} in the database cannot carry it over the flown range ({100.0 * share:.0f} "
+        f"% of it)"
+    )
     return _Part(share, reason, _is_finer(term, factors, regressors, fit, leaves, known))
 
 

@@ -31,7 +31,8 @@ _BODY_NAMES = {
     "CD_base": "base drag coefficient of the body",
     "CD_friction": "friction drag coefficient of the body",
     "CD_pressure": "pressure drag coefficient of the body",
-    "x_behind_mac": "moment centre aft of the leading edge of the theoretical mean chord, of the wing where there is one",
+    "x_behind_mac": "moment centre aft of the leading edge of the theoretical mean chord, of the "
+    "wing where there is one",
 }
 _PLANFORM_NAMES = {
     "area": "area of the panels of both sides",
@@ -45,10 +46,13 @@ _PLANFORM_NAMES = {
     "Cf": "skin-friction coefficient",
 }
 _INTERFERENCE_NAMES = {
-    "CL_alpha_body": "lift-curve slope carried over to the body by the surface, on the reference area",
-    "CL_alpha_surface": "lift-curve slope of the surface in the presence of the body, on the reference area",
+    "CL_alpha_body": "lift-curve slope carried over to the body by the surface, on the reference "
+    "area",
+    "CL_alpha_surface": "lift-curve slope of the surface in the presence of the body, on the "
+    "reference area",
     "K_body": "lift carried over to the body over that of the exposed surface alone",
-    "K_surface": "lift of the surface in the presence of the body over that of the exposed surface alone",
+    "K_surface": "lift of the surface in the presence of the body over that of the exposed "
+    "surface alone",
     "xac_body": "aerodynamic centre of the lift carried over to the body, in chords as printed",
     "sidewash": "(1 + d sigma/d beta) q_v/q at the vertical tail",
 }
@@ -60,10 +64,12 @@ _VORTEX_NAMES = {
     "gamma_tail": "strength of a body vortex at the horizontal tail over 2 pi alpha V r",
 }
 _INCREMENT_NAMES = {
-    "Cl_phat": "roll damping of the wing without dihedral and lift, on theoretical wing area and span",
+    "Cl_phat": "roll damping of the wing without dihedral and lift, on theoretical wing area and "
+    "span",
     "Cl_phat_ratio_dihedral": "roll damping with dihedral over that without",
     "Cn_phat_twist": "yawing moment from roll rate per twist of the wing",
-    "dCY_phat_dihedral": "side force from roll rate due to the dihedral of the wing; the label CYP/GAMMA pretends a division",
+    "dCY_phat_dihedral": "side force from roll rate due to the dihedral of the wing; the label "
+    "CYP/GAMMA pretends a division",
     "CY_phat_CL": "side force from roll rate per lift coefficient, at zero lift",
     "Cl_beta_dihedral": "rolling moment from sideslip per dihedral of the wing",
     "Cm0_twist_wing": "pitching moment at zero lift per twist of the wing",

@@ -23,8 +23,10 @@ LONG_NAMES = {
     "dCDmin": "increment of the smallest drag coefficient",
     "dCDi": "increment of the induced-drag coefficient",
     "CL_alpha_delta": "lift-curve slope of the surface with the device deflected",
-    "Ch_alpha": "hinge-moment coefficient per alpha, on twice the area moment of the control about its hinge line",
-    "Ch_delta": "hinge-moment coefficient per deflection, on twice the area moment of the control about its hinge line",
+    "Ch_alpha": "hinge-moment coefficient per alpha, on twice the area moment of the control "
+    "about its hinge line",
+    "Ch_delta": "hinge-moment coefficient per deflection, on twice the area moment of the control "
+    "about its hinge line",
     "Cl_transonic": "rolling-moment coefficient, where the program prints one for all alphas",
     "delta_difference": "deflection of the left side less that of the right",
     "xs_c": "spoiler lip behind the leading edge of the wing, in local chords",

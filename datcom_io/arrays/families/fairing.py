@@ -24,7 +24,8 @@ _NAMES = {
     "CL_alpha_b": "lift-curve slope at mach_b",
     "Cl_beta_CL_mach_06": "rolling moment from sideslip per lift coefficient at Mach 0.6",
     "Cl_beta_CL_mach_14": "rolling moment from sideslip per lift coefficient at Mach 1.4",
-    "Cl_beta_CL_break": "rolling moment from sideslip per lift coefficient at the force-break Mach number",
+    "Cl_beta_CL_break": "rolling moment from sideslip per lift coefficient at the force-break "
+    "Mach number",
     "CN_alpha_mach_14": "normal-force slope at Mach 1.4",
     "CL_alpha_mach": "Mach numbers between which the lift-curve slope is interpolated",
     "CL_alpha": "lift-curve slope at these Mach numbers",

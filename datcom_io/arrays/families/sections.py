@@ -22,14 +22,16 @@ _NAMES = {
     "alpha_ideal": "ideal angle of attack of the section",
     "alpha_zero_lift": "angle of attack of the section at zero lift",
     "CL_ideal": "lift coefficient of the section at the ideal angle of attack",
-    "Cm_zero_lift": "pitching-moment coefficient of the section at zero lift, about the quarter chord",
+    "Cm_zero_lift": "pitching-moment coefficient of the section at zero lift, about the quarter "
+    "chord",
     "CL_alpha_mach_zero": "lift-curve slope of the section at Mach 0",
     "leading_edge_radius": "leading-edge radius, in chords",
     "thickness_ratio": "greatest thickness, in chords",
     "delta_y": "difference of the upper ordinates at 6 and 0.15 % chord, in chords",
     "mach_crest": "crest-critical Mach number",
     "x_crest": "crest behind the leading edge, in chords",
-    "CL_alpha_crest": "lift-curve slope of the section at the crest-critical Mach number, used above it",
+    "CL_alpha_crest": "lift-curve slope of the section at the crest-critical Mach number, used "
+    "above it",
     "CL_alpha": "lift-curve slope of the section, absent from the crest-critical Mach number on",
     "xac": "aerodynamic centre of the section behind the leading edge, in chords",
     "designation": "name of a NACA section, empty for one that the user defines",

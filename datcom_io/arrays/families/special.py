@@ -28,9 +28,12 @@ _HALF_UNIT_REFERENCE = 0.0005  # ft2, ft
 _INCREMENT_NAMES = {
     "dCN": "increment of the normal-force coefficient per span of the control",
     "dCA": "increment of the axial-force coefficient per span of the control",
-    "dCm_CN": "pitching moment of the normal-force increment about the hinge line, per span of the control",
-    "dCm_CA": "pitching moment of the axial-force increment about the hinge line, per span of the control",
-    "xcp_CN": "centre of pressure of the normal-force increment forward of the hinge line, in chords",
+    "dCm_CN": "pitching moment of the normal-force increment about the hinge line, per span of "
+    "the control",
+    "dCm_CA": "pitching moment of the axial-force increment about the hinge line, per span of the "
+    "control",
+    "xcp_CN": "centre of pressure of the normal-force increment forward of the hinge line, in "
+    "chords",
     "zcp_CA": "centre of pressure of the axial-force increment below the hinge line, in chords",
 }
 # printed label, quantity, unit, meaning

@@ -12,7 +12,8 @@ from datcom_io.printout.tables import TableLayout
 from flightmech.errors import ParseError
 
 _LONG_NAMES = {
-    "F_stick": "stick force as printed; the program divides by qbar S cbar where it ought to multiply",
+    "F_stick": "stick force as printed; the program divides by qbar S cbar where it ought to "
+    "multiply",
     "CF_stick": "stick-force coefficient",
     "Ch_tab_free": "hinge-moment coefficient of the flap, tab free",
     "Ch_tab_locked": "hinge-moment coefficient of the flap, tab locked",

@@ -37,7 +37,8 @@ _STABILIZER_NAMES = {
     "CD_tail_trim": "drag coefficient of the horizontal tail at trim",
     "CL_tail_trim": "lift coefficient of the horizontal tail at trim",
     "Cm_tail_trim": "pitching-moment coefficient of the horizontal tail at trim",
-    "Ch_tail_trim": "hinge-moment coefficient of the stabilizer about its axis, on S and cbar, at trim",
+    "Ch_tail_trim": "hinge-moment coefficient of the stabilizer about its axis, on S and cbar, at "
+    "trim",
     "CD": "drag coefficient of the aircraft at trim",
     "CL": "lift coefficient of the aircraft at trim",
 }
@@ -75,7 +76,8 @@ def trim_stabilizer(stacker: Stacker) -> LeafBuilder | None:
     found["Cm_tail"].values[leaked] = np.nan
     found["Cm_tail_flag"].values[leaked] = SENTINEL
     found["Cm_tail"].attrs["comment"] = (
-        "sentinel where 0.0000 is printed for a tail with lift: the code of a missing number in four decimals"
+        "sentinel where 0.0000 is printed for a tail with lift: the code of a missing number "
+        "in four decimals"
     )
     if aircraft:
         found.add_renamed(

@@ -61,7 +61,8 @@ _MESSAGES = (
 )
 _BLOWN = "FLAP IS NOT EXTERNALLY BLOWN"
 _FOOTNOTES = re.compile(
-    r"\*{3} ?[A-Z]|\*{2,3} ?NOTE|\*NOTE\*|\*\* (?:BECAUSE|FOR CONFIGURATIONS)|\*\*  CD0=|ANALYSIS TERMINATED AT ALPHA|NOTE - "
+    r"\*{3} ?[A-Z]|\*{2,3} ?NOTE|\*NOTE\*|\*\* (?:BECAUSE|FOR CONFIGURATIONS)|\*\*  "
+    r"CD0=|ANALYSIS TERMINATED AT ALPHA|NOTE - "
     r"|INPUT DIMENSIONS ARE IN "
 )
 
@@ -71,17 +72,23 @@ FOOTNOTE_WORDS = {
     "vertical_tail_CLP": "CLP is the increment of the vertical tail only",
     "experimental_data": "the output reflects experimental data given in the input",
     "twin_panels_left_out": "lateral derivatives do not include the effects of twin vertical panels",
-    "tail_off_body": "lateral derivatives do not include the effects of the horizontal tail, which lies off the body",
+    "tail_off_body": "lateral derivatives do not include the effects of the horizontal tail, "
+    "which lies off the body",
     "canard": "canard configuration: effective downwash is partial output only",
-    "ground_beyond_linear": "ground effect is computed over all angles of attack, its method holds in the linear lift region only",
+    "ground_beyond_linear": "ground effect is computed over all angles of attack, its method "
+    "holds in the linear lift region only",
     "cranked_wing": "analysis of a cranked wing although the wing has a low aspect ratio",
     "double_delta": "analysis of a double delta wing although the wing has a high aspect ratio",
     "shock_detached": "the rows end where the leading-edge shock detaches",
-    "controls_ahead_of_mach_lines": "valid for controls with hinge line and trailing edge swept ahead of the Mach lines",
-    "biconvex_airfoils": "hinge moments are those of straight-sided symmetrical or biconvex airfoils",
+    "controls_ahead_of_mach_lines": "valid for controls with hinge line and trailing edge swept "
+    "ahead of the Mach lines",
+    "biconvex_airfoils": "hinge moments are those of straight-sided symmetrical or biconvex "
+    "airfoils",
     "trim_lack_of_moment": "trim ends or has gaps for lack of control moment",
-    "trim_past_maximum_lift": "trim ends where the next angle of attack is past that of maximum lift",
-    "trim_without_wing_body_moment": "trim ends because the moment of the wing-body is not available",
+    "trim_past_maximum_lift": "trim ends where the next angle of attack is past that of maximum "
+    "lift",
+    "trim_without_wing_body_moment": "trim ends because the moment of the wing-body is not "
+    "available",
 }
 """Words for the footnotes that change what a table means."""
 

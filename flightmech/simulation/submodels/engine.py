@@ -66,7 +66,8 @@ def items(aircraft: Aircraft) -> dict[str, tuple[str, ...]]:
         raise SchemaError(
             aircraft.name,
             [
-                f"engine {', '.join(without)} has no deck and others have one; give every engine one or none"
+                f"engine {', '.join(without)} has no deck and others have one; give every "
+                f"engine one or none"
             ],
         )
     return {"engine": numbers, "spool": () if without else numbers}

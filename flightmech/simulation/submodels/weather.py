@@ -165,7 +165,8 @@ _PARAMETERS = {
     "turbulence.severity": (
         "1",
         "1",
-        "intensity above 1000 ft: 0 none, 1 ... 7 MIL-F-8785C figure 7 (3 light, 4 moderate, 6 severe)",
+        "intensity above 1000 ft: 0 none, 1 ... 7 MIL-F-8785C figure 7 (3 light, 4 moderate, "
+        "6 severe)",
     )
     + (0.0, 0.0, 7.0, INTEGER),
     "turbulence.V": (

@@ -182,7 +182,8 @@ def cluster(scheduler: str) -> Iterator[Cluster]:
             client = Client(scheduler, timeout=WAIT)
         except (OSError, ValueError) as error:
             raise SimulationError(
-                f"no cluster at {scheduler}: {error}; start a scheduler and workers, or leave --scheduler out"
+                f"no cluster at {scheduler}: {error}; start a scheduler and workers, or "
+                f"leave --scheduler out"
             ) from error
         with client:
             _check_workers(client, scheduler)
@@ -193,7 +194,10 @@ def cluster(scheduler: str) -> Iterator[Cluster]:
                     f"the cluster lost its workers on one case again and again: {error}"
                 ) from error
             except (CancelledError, CommClosedError) as error:
-                advice = "start one and run the batch again; with --resume what was flown is not flown again"
+                advice = (
+                    "start one and run the batch again; with --resume what was flown is not "
+                    "flown again"
+                )
                 raise SimulationError(
                     f"the scheduler at {scheduler} ended while the batch ran; {advice}"
                 ) from error
@@ -226,6 +230,8 @@ def _check_workers(client: Any, scheduler: str) -> None:
     ]
     if others:
         raise SimulationError(
-            f"{', '.join(sorted(others))}: another version of aeromatch (any file of it) or of a library that it counts with (FMPy, NumPy, "
-            "SciPy, pandas, xarray, h5py, Jinja2, typst), or another kind of machine than here; install the same on the workers"
+            f"{', '.join(sorted(others))}: another version of aeromatch (any file of it) or "
+            f"of a library that it counts with (FMPy, NumPy, "
+            "SciPy, pandas, xarray, h5py, Jinja2, typst), or another kind of machine than "
+            "here; install the same on the workers"
         )

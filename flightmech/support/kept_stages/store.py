@@ -192,7 +192,8 @@ def bytes_of(text: str) -> float:
         raise SchemaError(
             LIMIT,
             [
-                f"{text!r} is not a size; write a number with kB, MB, GB or TB, such as {USUAL_LIMIT!r}"
+                f"{text!r} is not a size; write a number with kB, MB, GB or TB, such as "
+                f"{USUAL_LIMIT!r}"
             ],
         )
     return float(found[1]) * _UNITS[found[2].lower()]
@@ -207,7 +208,8 @@ def _demand_own(folder: Path) -> None:
         raise SchemaError(
             str(folder),
             [
-                f"the store belongs to another user ({state.st_uid}); name one of your own in {PLACE}, or 'off'"
+                f"the store belongs to another user ({state.st_uid}); name one of your own "
+                f"in {PLACE}, or 'off'"
             ],
         )
     if state.st_mode & (stat.S_IWGRP | stat.S_IWOTH):

@@ -147,7 +147,8 @@ def _row(
         inside = (time >= start) & (time <= stop)
         if inside.sum() < 2:
             raise OutOfRange(
-                f"stationary point {start:g} ... {stop:g} s is not inside the record, {time[0]:g} ... {time[-1]:g} s"
+                f"stationary point {start:g} ... {stop:g} s is not inside the record, "
+                f"{time[0]:g} ... {time[-1]:g} s"
             )
         row |= {
             str(name): float(np.nanmean(x.values[inside])) for name, x in leaf.data_vars.items()
@@ -195,7 +196,8 @@ def line_through(line: StraightLine, points: pd.DataFrame) -> FittedLine:
         )
     if np.ptp(x) <= _MOVES * np.abs(x).max():
         raise IdentificationError(
-            f"line {line.name}: no excitation, {line.x} is {x[0]:.4g} at all points; fly points at several of it"
+            f"line {line.name}: no excitation, {line.x} is {x[0]:.4g} at all points; fly "
+            f"points at several of it"
         )
     X = np.stack([np.ones_like(x), x], axis=1)
     (b, m), *_ = np.linalg.lstsq(X, y)

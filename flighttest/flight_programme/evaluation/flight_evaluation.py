@@ -101,7 +101,10 @@ def mass_after_burn(
         for x in (sheet.fuel_table.mass.of(table, "kg"), sheet.fuel_table.moment.of(table, "kg m"))
     )
     if left.min() < 0.0 or left.max() > fuel[-1]:
-        text = f"fuel left is {left.min():.4g} ... {left.max():.4g} kg; the fuel table goes from 0 to {fuel[-1]:.4g} kg"
+        text = (
+            f"fuel left is {left.min():.4g} ... {left.max():.4g} kg; the fuel table goes from "
+            f"0 to {fuel[-1]:.4g} kg"
+        )
         raise SchemaError(
             f"sheet {sheet.file}", [f"{text}; check the unit of the fuel flow and the fuel taken"]
         )
@@ -137,12 +140,16 @@ def deck_thrust(
     )
     if len(X) <= X.shape[1]:
         raise IdentificationError(
-            f"{deck.file}: {len(X)} points for {X.shape[1]} coefficients of the thrust; give more points"
+            f"{deck.file}: {len(X)} points for {X.shape[1]} coefficients of the thrust; give "
+            f"more points"
         )
     theta, _, rank, _ = np.linalg.lstsq(X, thrust / delta)
     rest = float(np.abs(delta * (X @ theta) - thrust).max())
     if rank < X.shape[1] or rest > _RESIDUAL * np.abs(thrust).max():
-        text = f"{deck.file}: corrected fuel flow and Mach reproduce the points within {rest:.3g} N only"
+        text = (
+            f"{deck.file}: corrected fuel flow and Mach reproduce the points within "
+            f"{rest:.3g} N only"
+        )
         raise IdentificationError(f"{text}; check its units, or give thrust in the record")
     X, delta = _corrected(h, mach, temperature, fuel_flow)
     return np.maximum(delta * (X @ theta), 0.0)

@@ -293,7 +293,8 @@ class EvaluationPlan(Strict):
         names = [name.lower() for name in given]  # they become names of files
         twice = sorted({name for name in names if names.count(name) > 1})
         problems = [
-            f"the name {name} is given twice (capitals do not count); lines, fits and modes share one list"
+            f"the name {name} is given twice (capitals do not count); lines, fits and modes "
+            f"share one list"
             for name in twice
         ]
         if self.points is None and (self.line or any("points" in item.on for item in self.fit)):

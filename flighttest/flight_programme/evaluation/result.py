@@ -165,17 +165,22 @@ def report(evaluation: Evaluation) -> str:
     lines += ["", "bounds:"]
     for row in e.judged.to_dict("records"):
         symbol = " " if row["verdict"] == "inside" else "!"
-        value = f"{number(row['value'], row['unit'])} ({number(row['stderr'], row['unit'], 2)}) {unit_shown(row['unit'])}".rstrip()
+        value = (
+            f"{number(row['value'], row['unit'])} ({number(row['stderr'], row['unit'], 2)}) "
+            f"{unit_shown(row['unit'])}".rstrip()
+        )
         limits = limits_shown(row["low"], row["high"], row["unit"])
         lines.append(
-            f"{symbol} {row['of']:34s} {value:28s} {limits:24s} {row['verdict']:15s} {row['source']}"
+            f"{symbol} {row['of']:34s} {value:28s} {limits:24s} {row['verdict']:15s} "
+            f"{row['source']}"
         )
     return "\n".join(lines)
 
 
 def _figures(e: Evaluation, name: str) -> list[str]:
     return [
-        f"  {key.rpartition('.')[2]:10s}{number(f.value, f.unit):>10s} ({number(f.stderr, f.unit, 2)}) {unit_shown(f.unit)}".rstrip()
+        f"  {key.rpartition('.')[2]:10s}{number(f.value, f.unit):>10s} "
+        f"({number(f.stderr, f.unit, 2)}) {unit_shown(f.unit)}".rstrip()
         for key, f in e.figures.items()
         if key.rpartition(".")[0] == name
     ]
@@ -315,7 +320,10 @@ def _fit(fit: Fit) -> dict[str, Any]:
             "measured and fitted",
             label=str(fit.model),
         )
-    about = f"{a['samples']} samples, {a['manoeuvres']} windows, R² {a['R2']:.4f}, residual rms {a['residual_rms']:.3g}"
+    about = (
+        f"{a['samples']} samples, {a['manoeuvres']} windows, R² {a['R2']:.4f}, residual rms "
+        f"{a['residual_rms']:.3g}"
+    )
     return {
         "name": fit.name,
         "model": str(fit.model),

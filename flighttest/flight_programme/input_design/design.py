@@ -306,7 +306,8 @@ def design_input(
             raise SchemaError(
                 "design",
                 [
-                    "accuracy: expected standard errors need a condition, in which a model predicts the motion"
+                    "accuracy: expected standard errors need a condition, in which a model "
+                    "predicts the motion"
                 ],
             )
         return Designed(design.title, signal, measures(signal), None, ())
@@ -314,7 +315,8 @@ def design_input(
         raise SchemaError(
             "design",
             [
-                "condition: needs the a-priori model and the aircraft; give them or leave the condition out"
+                "condition: needs the a-priori model and the aircraft; give them or leave "
+                "the condition out"
             ],
         )
     start = trimmed_start(

@@ -67,7 +67,8 @@ class Expected:
         """Return the table of expected standard errors as text."""
         e = self.estimates
         lines = [
-            f"{self.name}: {e.attrs['samples']} samples, disturbance with a memory of {e.attrs['memory']:g} s"
+            f"{self.name}: {e.attrs['samples']} samples, disturbance with a memory of "
+            f"{e.attrs['memory']:g} s"
         ]
         lines.append(
             f"{'term':<20}{'a priori':>11}{'std error':>11}{'if white':>11}{'in %':>8}{'VIF':>8}"

@@ -106,7 +106,8 @@ def multisine(
         else []
     )
     problems += [
-        f"{name} reaches {max(k) / period:g} Hz; {rate:g} samples per second allow {rate / RATE_OVER_BAND:g} Hz"
+        f"{name} reaches {max(k) / period:g} Hz; {rate:g} samples per second allow "
+        f"{rate / RATE_OVER_BAND:g} Hz"
         for name, k in lines.items()
         if max(k) / period > rate / RATE_OVER_BAND * (1.0 + 1e-9)
     ]
@@ -189,7 +190,10 @@ def deal_harmonics(axes: Mapping[str, InputAxis], period: float) -> dict[str, li
     for name, own in dealt.items():
         low, high = axes[name].band
         if not own:
-            need = f"lines lie every {1.0 / period:g} Hz from {LEAST_HARMONIC / period:g} Hz on; widen the band or lengthen the period"
+            need = (
+                f"lines lie every {1.0 / period:g} Hz from {LEAST_HARMONIC / period:g} Hz on; "
+                f"widen the band or lengthen the period"
+            )
             problems.append(f"{name}: no line is free in {low:g} ... {high:g} Hz; {need}")
     if problems or not axes:
         raise SchemaError("multisine", problems or ["no axis"])
@@ -296,7 +300,8 @@ def multistep(
         raise SchemaError(
             "multistep",
             [
-                f"the shortest step takes {shortest:g} s; at {rate:g} Hz and a rise of {ramp:g} s it is too short"
+                f"the shortest step takes {shortest:g} s; at {rate:g} Hz and a rise of "
+                f"{ramp:g} s it is too short"
             ],
         )
     signs = np.array([0.0, *(1.0 if k % 2 == 0 else -1.0 for k in range(len(widths))), 0.0])
@@ -357,7 +362,8 @@ def sweep(
     )
     if low > 0.0 and duration < 4.0 / low:
         problems.append(
-            f"{duration:g} s hold {duration * low:.1f} cycles of {low:g} Hz; give at least {4.0 / low:g} s"
+            f"{duration:g} s hold {duration * low:.1f} cycles of {low:g} Hz; give at least "
+            f"{4.0 / low:g} s"
         )
     if problems:
         raise SchemaError("sweep", problems)

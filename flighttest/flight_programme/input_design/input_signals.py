@@ -231,7 +231,8 @@ def assemble_signal(
         raise SchemaError(
             "test input",
             [
-                f"repeats {repeats}, lead-in {lead_in:g} s, pause {pause:g} s; at least one stretch and no negative time"
+                f"repeats {repeats}, lead-in {lead_in:g} s, pause {pause:g} s; at least one "
+                f"stretch and no negative time"
             ],
         )
     quiet, gap = np.zeros(round(lead_in * rate)), np.zeros(round(pause * rate))

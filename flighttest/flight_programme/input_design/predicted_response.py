@@ -308,7 +308,10 @@ def first_exceeded_limit(response: xr.Dataset, limits: Mapping[str, tuple[float,
 def _words(name: str, value: float, low: float, high: float) -> str:
     row = lookup(name.removeprefix("applied."))
     value, low, high = (float(from_si(x, row.display_units)) for x in (value, low, high))
-    return f"{name} {value:.4g} outside {low:.4g} ... {high:.4g}{'' if row.display_units == '1' else ' ' + row.display_units}"
+    return (
+        f"{name} {value:.4g} outside {low:.4g} ... "
+        f"{high:.4g}{'' if row.display_units == '1' else ' ' + row.display_units}"
+    )
 
 
 def _extremes(

@@ -136,7 +136,8 @@ class AccuracyTable(Strict):
     def _whole(self) -> AccuracyTable:
         if bool(self.parameters) != bool(self.outputs):
             raise ValueError(
-                "parameters and outputs belong together: what is estimated, and the noise of what is compared"
+                "parameters and outputs belong together: what is estimated, and the noise of "
+                "what is compared"
             )
         return self
 
@@ -219,7 +220,8 @@ class Design(Strict):
         }
         if factors and self.kind == "multistep":
             lines = [
-                f"axis.{name}: edges of {rates[name]:.3g} per second, rate_limit {limits[name]:.3g}; lengthen rise"
+                f"axis.{name}: edges of {rates[name]:.3g} per second, rate_limit "
+                f"{limits[name]:.3g}; lengthen rise"
                 for name in factors
             ]
             raise SchemaError("design of a multistep", lines)

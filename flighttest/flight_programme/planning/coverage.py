@@ -169,7 +169,8 @@ def flights_of(
         raise SchemaError(
             "flight coverage",
             [
-                f"no record holds a manoeuvre that a fit of the catalogue uses: {names}; give `marks` where records call them otherwise"
+                f"no record holds a manoeuvre that a fit of the catalogue uses: {names}; "
+                f"give `marks` where records call them otherwise"
             ],
         )
     return Flights(fits, conditions, list(dict.fromkeys(done)))
@@ -286,7 +287,8 @@ def _report(found: Coverage) -> str:
         for name, condition in flights.conditions.items()
     ]
     lines.append(
-        f"{len(flights.done)} manoeuvres done, {len(found.needed)} still needed, {len(found.superfluous)} superfluous"
+        f"{len(flights.done)} manoeuvres done, {len(found.needed)} still needed, "
+        f"{len(found.superfluous)} superfluous"
     )
     lines.append("")
     lines.append(

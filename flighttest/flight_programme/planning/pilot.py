@@ -138,7 +138,8 @@ def _control_powers(sim: SimModel, start: Mapping[str, float]) -> dict[str, floa
         found[name] = (ends[0] - ends[1]) / (2.0 * _NUDGE)
         if abs(found[name]) < 1e-3:
             raise IdentificationError(
-                f"{name} moves nothing in the a-priori model ({output} by {found[name]:.2g} per rad); no manoeuvre can be predicted"
+                f"{name} moves nothing in the a-priori model ({output} by {found[name]:.2g} "
+                f"per rad); no manoeuvre can be predicted"
             )
     return found
 

@@ -121,7 +121,8 @@ def bounds_of(catalogue: Catalogue, database: xr.DataTree) -> dict[str, np.ndarr
     for number, wanted in enumerate(catalogue.wanted):
         if wanted.term not in leaves or "stderr" not in leaves[wanted.term]:
             problems.append(
-                f"wanted.{number}: {UnknownName(wanted.term, [n for n in leaves if 'stderr' in leaves[n]], 'term with standard errors')}"
+                f"wanted.{number}: "
+                f"{UnknownName(wanted.term, [n for n in leaves if 'stderr' in leaves[n]], 'term with standard errors')}"
             )
             continue
         leaf = leaves[wanted.term]
@@ -129,14 +130,16 @@ def bounds_of(catalogue: Catalogue, database: xr.DataTree) -> dict[str, np.ndarr
         for axis, (low, high) in wanted.within.items():
             if axis not in leaf["value"].dims:
                 problems.append(
-                    f"wanted.{number}: {UnknownName(axis, map(str, leaf['value'].dims), f'axis of {wanted.term}')}"
+                    f"wanted.{number}: "
+                    f"{UnknownName(axis, map(str, leaf['value'].dims), f'axis of {wanted.term}')}"
                 )
                 continue
             inside = inside & (leaf[axis] >= low - 1e-9) & (leaf[axis] <= high + 1e-9)
         nodes = inside.transpose(*leaf["value"].dims).values
         if not nodes.any():
             problems.append(
-                f"wanted.{number}: no node of {wanted.term} with a standard error lies within; widen the ranges"
+                f"wanted.{number}: no node of {wanted.term} with a standard error lies "
+                f"within; widen the ranges"
             )
         bound = np.where(
             nodes, wanted.stderr or float(wanted.ratio or 0.0) * leaf["stderr"].values, np.nan
@@ -445,10 +448,12 @@ def clock_text(seconds: float) -> str:
 def _report(plan: ProgrammePlan) -> str:
     prediction = plan.prediction
     lines = [
-        f"{prediction.catalogue.title or 'flight-test programme'}: {len(plan.items)} of {len(prediction.candidates)} manoeuvres"
+        f"{prediction.catalogue.title or 'flight-test programme'}: {len(plan.items)} of "
+        f"{len(prediction.candidates)} manoeuvres"
     ]
     lines.append(
-        f"{'card':>4}  {'condition':<32}{'manoeuvre':<32}{'setup':>7}{'time':>7}{'fuel kg':>9}{'clock':>9}"
+        f"{'card':>4}  "
+        f"{'condition':<32}{'manoeuvre':<32}{'setup':>7}{'time':>7}{'fuel kg':>9}{'clock':>9}"
     )
     for card, row in plan.order.iterrows():
         setup = clock_text(row["setup"]) if row["setup"] else ""

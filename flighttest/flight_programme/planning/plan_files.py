@@ -38,10 +38,14 @@ _TRIM = {
     "delta_r": "delta_r",
 }
 _WORDS = {
-    "sideslip": "From trim: rudder slowly to +{a}, hold, back; then to -{a}; {t:g} s each. Heading held with bank, height with elevator.",
-    "pull_up_push_down": "From trim: the pitch attitude follows one sine of +-{a} in {t:g} s. Power fixed, wings level.",
-    "level_speed": "Level: idle until the airspeed is {a} below trim, full power until it is {a} above, then hold. Height within 50 ft.",
-    "device": "From trim: {d} to {a}, wait {t:g} s from the start, and back. Height, speed and heading held.",
+    "sideslip": "From trim: rudder slowly to +{a}, hold, back; then to -{a}; {t:g} s each. "
+    "Heading held with bank, height with elevator.",
+    "pull_up_push_down": "From trim: the pitch attitude follows one sine of +-{a} in {t:g} s. "
+    "Power fixed, wings level.",
+    "level_speed": "Level: idle until the airspeed is {a} below trim, full power until it is {a} "
+    "above, then hold. Height within 50 ft.",
+    "device": "From trim: {d} to {a}, wait {t:g} s from the start, and back. Height, speed and "
+    "heading held.",
 }
 
 
@@ -166,7 +170,10 @@ def _instruction(manoeuvre: PlannedManoeuvre, signal: xr.Dataset | None) -> str:
             else "a light hand keeps pitch attitude and bank"
         )
         length = float(signal["time"][-1])
-        text = f"From trim: {manoeuvre.kind}{f' ({steps})' if steps else ''} of {length:.0f} s, deflections from trim; {held}."
+        text = (
+            f"From trim: {manoeuvre.kind}{f' ({steps})' if steps else ''} of {length:.0f} s, "
+            f"deflections from trim; {held}."
+        )
     return f"{text} Then recover and trim for {max(manoeuvre.setup, BEHIND):.0f} s."
 
 
@@ -199,10 +206,12 @@ def _drawing(signal: xr.Dataset) -> str:
     for at in np.arange(0.0, span + 1e-9, tick):
         place = _LEFT + at / span * (_WIDE - _LEFT - 8.0)
         body.append(
-            f'<line x1="{place:.1f}" x2="{place:.1f}" y1="4" y2="{height - 22:.1f}" stroke="#d0d0d0" stroke-width="0.7"/>'
+            f'<line x1="{place:.1f}" x2="{place:.1f}" y1="4" y2="{height - 22:.1f}" '
+            f'stroke="#d0d0d0" stroke-width="0.7"/>'
         )
         body.append(
-            f'<text x="{place:.1f}" y="{height - 8:.1f}" text-anchor="middle">{at:g}{" s" if at == 0.0 else ""}</text>'
+            f'<text x="{place:.1f}" y="{height - 8:.1f}" '
+            f'text-anchor="middle">{at:g}{" s" if at == 0.0 else ""}</text>'
         )
     for k, name in enumerate(names):
         u = signal[name].values
@@ -210,16 +219,21 @@ def _drawing(signal: xr.Dataset) -> str:
         y = middle - u / peak * (0.5 * _HIGH - 7.0)
         points = " ".join(f"{a:.1f},{b:.2f}" for a, b in zip(x, y, strict=True))
         body.append(
-            f'<line x1="{_LEFT}" x2="{_WIDE - 8.0}" y1="{middle:.1f}" y2="{middle:.1f}" stroke="#999999" stroke-width="0.7"/>'
+            f'<line x1="{_LEFT}" x2="{_WIDE - 8.0}" y1="{middle:.1f}" y2="{middle:.1f}" '
+            f'stroke="#999999" stroke-width="0.7"/>'
         )
         body.append(
             f'<polyline points="{points}" fill="none" stroke="#000000" stroke-width="1.6"/>'
         )
         body.append(
-            f'<text x="4" y="{middle - 3:.1f}">{name}</text><text x="4" y="{middle + 15:.1f}">+-{display_value(name, peak)}</text>'
+            f'<text x="4" y="{middle - 3:.1f}">{name}</text><text x="4" '
+            f'y="{middle + 15:.1f}">+-{display_value(name, peak)}</text>'
         )
     style = 'font-family="Libertinus Serif" font-size="15"'
-    return f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_WIDE:g} {height:g}" {style}>{"".join(body)}</svg>'
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_WIDE:g} {height:g}" '
+        f"{style}>{''.join(body)}</svg>"
+    )
 
 
 _OURS = ("order.csv", "nodes.csv", "expected.csv", "plan.txt", "inputs", "cards")

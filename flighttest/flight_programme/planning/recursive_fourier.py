@@ -51,7 +51,8 @@ class RunningEstimate:
     def __init__(self, model: RegressionModel, band: tuple[float, float], spacing: float = SPACING):
         if not 0.0 < band[0] < band[1] or not spacing > 0.0:
             raise IdentificationError(
-                f"band {band[0]:g} ... {band[1]:g} Hz, spacing {spacing:g} Hz; expected 0 < low < high, as 0.1 ... 2"
+                f"band {band[0]:g} ... {band[1]:g} Hz, spacing {spacing:g} Hz; expected 0 < "
+                f"low < high, as 0.1 ... 2"
             )
         self.model, self.spacing = model, spacing
         self.terms = [term for term in model.terms if term != "1"]
@@ -59,7 +60,8 @@ class RunningEstimate:
         unknowns = len(self.terms) + _NUISANCE
         if 2 * len(self.frequencies) <= unknowns:
             raise IdentificationError(
-                f"{len(self.frequencies)} frequencies for {unknowns} unknowns; widen the band or space closer"
+                f"{len(self.frequencies)} frequencies for {unknowns} unknowns; widen the "
+                f"band or space closer"
             )
         self._transforms = np.zeros((len(self.frequencies), 1 + unknowns), complex)
         self._start: float | None = None

@@ -299,10 +299,12 @@ def _settle(equations: BatchEquations) -> tuple[BatchEquations, int]:
             damping = max(10.0 * damping, 1e-3)
             if damping > STIFF:
                 raise IdentificationError(
-                    "the batch fit finds no better path from its start; check signs, units and positions of the sensors"
+                    "the batch fit finds no better path from its start; check signs, units "
+                    "and positions of the sensors"
                 )
     raise IdentificationError(
-        f"the batch fit did not settle in {ITERATIONS} iterations; see which constants the readings do not determine (`visible`)"
+        f"the batch fit did not settle in {ITERATIONS} iterations; see which constants the "
+        f"readings do not determine (`visible`)"
     )
 
 

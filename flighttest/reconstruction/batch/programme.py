@@ -76,13 +76,15 @@ class Batch:
         lines += [
             self.visibility.report(),
             "",
-            f"{'constant':22s}{'estimate':>13s}{'std. error':>13s}{'Cramer-Rao':>13s}{'prior s.e.':>13s}  unit",
+            f"{'constant':22s}{'estimate':>13s}{'std. error':>13s}{'Cramer-Rao':>13s}{'prior s.e.':>13s} "
+            f" unit",
         ]
         for i, name in enumerate(self.estimates["parameter"].values):
             row = self.estimates.isel(parameter=i, parameter_=i)
             if not bool(row["free"]):
                 lines.append(
-                    f"{name:22s}{float(row['estimate']):13.5g}{'held':>13s}{'':26s}  {row['unit'].item()}"
+                    f"{name:22s}{float(row['estimate']):13.5g}{'held':>13s}{'':26s}  "
+                    f"{row['unit'].item()}"
                 )
                 continue
             numbers = "".join(

@@ -56,7 +56,10 @@ class Observability:
 
     def report(self) -> str:
         """Return rank, condition and hidden combinations as text."""
-        head = f"before the fit: rank {self.rank} of {self.constants} constants, condition number {self.condition:.3g}"
+        head = (
+            f"before the fit: rank {self.rank} of {self.constants} constants, condition "
+            f"number {self.condition:.3g}"
+        )
         words = [f"  ! {word}" for word in self.hidden()]
         return "\n".join([head, *(words or ["  every constant is seen"])])
 
@@ -70,9 +73,13 @@ class Observability:
         parts = [f"{names[j]} {sign * move[j]:+.3g} {units[j]}".removesuffix(" 1") for j in large]
         noise = np.sqrt(max(float(row["weight"]), 0.0))
         if len(parts) == 1:
-            return f"not seen: {parts[0]} changes all readings together by {noise:.2g} of their noise; it rests on its prior"
+            return (
+                f"not seen: {parts[0]} changes all readings together by {noise:.2g} of their "
+                f"noise; it rests on its prior"
+            )
         return (
-            f"not seen apart: {', '.join(parts)} together change all readings by {noise:.2g} of their noise; "
+            f"not seen apart: {', '.join(parts)} together change all readings by {noise:.2g} "
+            f"of their noise; "
             "give one of them a prior from elsewhere, or fly a manoeuvre that separates them"
         )
 
@@ -127,8 +134,8 @@ def demand_sight(found: Observability) -> None:
     blind = found.hidden()
     if blind:
         raise IdentificationError(
-            "the readings do not determine these constants (leave `free` out, and their priors take part):\n  - "
-            + "\n  - ".join(blind)
+            "the readings do not determine these constants (leave `free` out, and their "
+            "priors take part):\n  - " + "\n  - ".join(blind)
         )
 
 

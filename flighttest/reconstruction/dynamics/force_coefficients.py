@@ -265,7 +265,8 @@ def select_time(data: xr.Dataset, start: float, stop: float) -> xr.Dataset:
     step = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
     if not time[0] - step <= start < stop <= time[-1] + 1.5 * step:
         raise OutOfRange(
-            f"window {start:g} ... {stop:g} s is not inside the data, {time[0]:g} ... {time[-1]:g} s; choose one that is"
+            f"window {start:g} ... {stop:g} s is not inside the data, {time[0]:g} ... "
+            f"{time[-1]:g} s; choose one that is"
         )
     return data.sel(time=slice(start, stop - 0.5 * step))
 
@@ -293,7 +294,8 @@ def smooth_states(states: xr.Dataset, cutoff: float) -> xr.Dataset:
     """
     if not 0.0 < cutoff < np.inf:
         raise OutOfRange(
-            f"cut-off {cutoff:g} Hz; it must be more than 0 Hz and less than half the samples per second"
+            f"cut-off {cutoff:g} Hz; it must be more than 0 Hz and less than half the "
+            f"samples per second"
         )
     time = states["time"].values
     step = float(np.median(np.diff(time)))
@@ -548,7 +550,8 @@ def _rate_of(data: _Columns, name: str) -> np.ndarray:
     steps = np.diff(data["time"])
     if np.ptp(steps) > 0.01 * np.median(steps):
         raise IdentificationError(
-            f"{name}_dot is missing and {name} steps by {steps.min():.4g} ... {steps.max():.4g} s; cut and resample first"
+            f"{name}_dot is missing and {name} steps by {steps.min():.4g} ... "
+            f"{steps.max():.4g} s; cut and resample first"
         )
     return derivative(_column(data, name), float(np.median(steps)))
 
@@ -586,6 +589,7 @@ def _column(data: _Columns, name: str, default: float | None = None) -> np.ndarr
             name,
             set(data) - {"time"},
             "state",
-            "the coefficients need it: name its column in the name map of the record and reconstruct again",
+            "the coefficients need it: name its column in the name map of the record and "
+            "reconstruct again",
         )
     return np.full(len(data["time"]), float(default))

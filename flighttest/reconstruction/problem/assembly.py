@@ -108,14 +108,16 @@ class _Assembly:
         ]
         if min(map(len, self.grids)) < 10:
             raise OutOfRange(
-                f"a window holds {min(map(len, self.grids))} samples at {rate:g} Hz; at least 10 are needed"
+                f"a window holds {min(map(len, self.grids))} samples at {rate:g} Hz; at "
+                f"least 10 are needed"
             )
         self.time = np.concatenate(self.grids)
         self.air = air_readings(self.channels, specification)
         steepest = float(np.abs(self.on_grid("theta")).max())
         if steepest > _STEEPEST:
             raise OutOfRange(
-                f"pitch attitude reaches {np.degrees(steepest):.0f} deg; Euler angles serve up to 80 deg; choose other windows"
+                f"pitch attitude reaches {np.degrees(steepest):.0f} deg; Euler angles serve "
+                f"up to 80 deg; choose other windows"
             )
         self.measured = tuple(
             name for name in MEASURED if name not in ("q_c", *SPEEDS) or name == self.air.channel
@@ -220,7 +222,8 @@ class _Assembly:
             raise SchemaError(
                 "flight record",
                 [
-                    'no latitude, but the gyros show the rate of the Earth (earth_rate); give [record] latitude = "45 deg" in the name map'
+                    "no latitude, but the gyros show the rate of the Earth (earth_rate); "
+                    'give [record] latitude = "45 deg" in the name map'
                 ],
             )
         return earth(self.latitude)[0]

@@ -128,7 +128,8 @@ class NormalEquations:
                 root = cho_factor(schur[np.ix_(move, move)] * np.outer(scale, scale))
             except np.linalg.LinAlgError as error:
                 raise IdentificationError(
-                    "the constants are not determined: two of them do the same and have no prior; give one a prior"
+                    "the constants are not determined: two of them do the same and have no "
+                    "prior; give one a prior"
                 ) from error
             dc[move] = -scale * cho_solve(root, scale * (self.gc - border[:-1, -1])[move])
         dx = rest.back(-rest.along(np.append(dc, 1.0)[:, None]))
@@ -164,5 +165,6 @@ class NormalEquations:
         except np.linalg.LinAlgError as error:
             k, i = error.args
             raise IdentificationError(
-                f"the trajectory is not determined at sample {k}, state {i}; give a sensor or a prior for it"
+                f"the trajectory is not determined at sample {k}, state {i}; give a sensor "
+                f"or a prior for it"
             ) from error

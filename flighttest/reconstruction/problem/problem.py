@@ -134,8 +134,10 @@ def identifiability(found: xr.Dataset) -> list[str]:
     for name, z in zip(names, off, strict=True):
         if abs(z) > CONTRADICTED:
             words.append(
-                f"{name} contradicts its prior: {abs(z):.1f} standard errors of the prior from it; give it a wider one"
-                f"{' (wind_down_sigma of the record)' if name == 'wind_d' else ''} or look for a wrong reading"
+                f"{name} contradicts its prior: {abs(z):.1f} standard errors of the prior "
+                f"from it; give it a wider one"
+                f"{' (wind_down_sigma of the record)' if name == 'wind_d' else ''} or look "
+                f"for a wrong reading"
             )
     correlation = found["correlation"].values
     for i in range(len(names)):
@@ -143,7 +145,8 @@ def identifiability(found: xr.Dataset) -> list[str]:
             if abs(correlation[i, j]) > 0.9:
                 kind = "sum" if correlation[i, j] < 0 else "difference"
                 words.append(
-                    f"{names[j]} and {names[i]} cannot be distinguished (correlation {correlation[i, j]:+.3f}): "
+                    f"{names[j]} and {names[i]} cannot be distinguished (correlation "
+                    f"{correlation[i, j]:+.3f}): "
                     f"their weighted {kind} is known"
                 )
     return words

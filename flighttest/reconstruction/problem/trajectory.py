@@ -139,7 +139,8 @@ def estimate(
         gained = equations.cost - trial.cost
         if gained < -GAIN and gain > 1.0:
             raise IdentificationError(
-                "the reconstruction finds no better path from its start; check signs, units and positions of the sensors"
+                "the reconstruction finds no better path from its start; check signs, units "
+                "and positions of the sensors"
             )
         left = trial
         if gained > -GAIN:

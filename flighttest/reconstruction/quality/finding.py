@@ -79,11 +79,17 @@ def map_entry(record: xr.DataTree, name: str, slope: float, shift: float = 0.0) 
     """
     leaf, channel, file_unit = map_entry_of(record, name)
     if channel is not None:
-        return f"{line_of(name, correct_channel(channel, name, file_unit, slope, shift))}   # in [{leaf}] of the name map"
+        return (
+            f"{line_of(name, correct_channel(channel, name, file_unit, slope, shift))}   # in "
+            f"[{leaf}] of the name map"
+        )
     sides = [side for side in (f"{name}_left", f"{name}_right") if side in record[leaf].data_vars]
     if sides and shift == 0.0:
         return "\n    ".join(map_entry(record, side, slope) for side in sides)
-    return f"{name} = {slope:.10g} * {name} {shift:+.10g} on what it is made of: {record[leaf][name].attrs.get('calibration', '')}"
+    return (
+        f"{name} = {slope:.10g} * {name} {shift:+.10g} on what it is made of: "
+        f"{record[leaf][name].attrs.get('calibration', '')}"
+    )
 
 
 def add_delay_line(

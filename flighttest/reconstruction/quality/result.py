@@ -138,7 +138,10 @@ def report(quality: Quality) -> str:
 def _head(quality: Quality) -> str:
     facts = quality.facts
     name = f" of {facts['aircraft']}" if facts["aircraft"] else ""
-    return f"{facts['title']}{name}: {facts['begin']:g} ... {facts['end']:g} s, {facts['in_flight']:.0%} in flight\n{quality.verdict}\n"
+    return (
+        f"{facts['title']}{name}: {facts['begin']:g} ... {facts['end']:g} s, "
+        f"{facts['in_flight']:.0%} in flight\n{quality.verdict}\n"
+    )
 
 
 def _entry(finding: Finding) -> str:
@@ -159,7 +162,8 @@ def _kinematics(quality: Quality) -> list[str]:
             else "too little motion to compare"
         )
         lines.append(
-            f"{symbol} {row.title:45s} {row.disagreement:5.2f}  {what}  offset {shown(row.offset, row.units)}"
+            f"{symbol} {row.title:45s} {row.disagreement:5.2f}  {what}  offset "
+            f"{shown(row.offset, row.units)}"
         )
     return lines
 
@@ -190,7 +194,8 @@ def _answers(quality: Quality) -> list[str]:
         return []
     lines = ["", "answers to the surfaces (convention: all negative):"]
     return lines + [
-        f"  {row.rate}_dot over {row.surface:8s} {row.effect:+8.2f} 1/s2 per rad ({row.stderr:.2f})  R2 {row.R2:.2f}, {_recorded(row)}"
+        f"  {row.rate}_dot over {row.surface:8s} {row.effect:+8.2f} 1/s2 per rad "
+        f"({row.stderr:.2f})  R2 {row.R2:.2f}, {_recorded(row)}"
         for row in rows(quality.answers)
     ]
 
@@ -214,8 +219,12 @@ def _excitation(quality: Quality) -> list[str]:
         return []
     lines = ["", "excitation:"]
     for row in rows(quality.excitation):
-        moved = f"{row.surface} {np.degrees(row.input):.2g} deg, {row.rate} {np.degrees(row.response):.2g} deg/s rms at most"
+        moved = (
+            f"{row.surface} {np.degrees(row.input):.2g} deg, {row.rate} "
+            f"{np.degrees(row.response):.2g} deg/s rms at most"
+        )
         lines.append(
-            f"  {row.axis:6s} {moved}; {row.share:.0%} of the flight, nine tenths below {row.frequency:.2g} Hz"
+            f"  {row.axis:6s} {moved}; {row.share:.0%} of the flight, nine tenths below "
+            f"{row.frequency:.2g} Hz"
         )
     return lines

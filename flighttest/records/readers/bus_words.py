@@ -137,7 +137,8 @@ class Arinc429(Strict):
         description="Words of an ARINC 429 bus.", examples=["arinc429"]
     )
     labels: Literal["octal", "transmitted"] = Field(
-        description="Label byte as an octal number in bits 8-1, or transmitted: bit 1 is the first one sent.",
+        description="Label byte as an octal number in bits 8-1, or transmitted: bit 1 is the "
+        "first one sent.",
         examples=["octal"],
     )
     parameters: dict[str, Arinc429Label] = Field(
@@ -175,7 +176,8 @@ class Word(Strict):
     """One parameter in a word, or in consecutive words, of a message or frame."""
 
     word: int | tuple[int, ...] = Field(
-        description="Number of the word, counted from 1; a list for several, most significant first.",
+        description="Number of the word, counted from 1; a list for several, most significant "
+        "first.",
         examples=[3],
     )
     code: WordCode = Field(description="Code of the number.", examples=["twos"])

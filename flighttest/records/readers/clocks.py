@@ -66,7 +66,8 @@ def rising_clock(raw: np.ndarray, clock: Clock, scale: float, what: str) -> Sett
         raise SchemaError(
             what,
             [
-                f"its clock has {len(time)} samples, {len(lost)} of them NaN; at least two finite ones are needed"
+                f"its clock has {len(time)} samples, {len(lost)} of them NaN; at least two "
+                f"finite ones are needed"
             ],
         )
     time = time[keep]
@@ -150,7 +151,10 @@ def _risen(time: np.ndarray, reset: bool, what: str) -> tuple[np.ndarray, list[F
         return time, []
     at = int(back[0])
     if not reset:
-        text = f"time does not rise: {time[at]:g} s is followed by {time[at + 1]:g} s (sample {at + 1})"
+        text = (
+            f"time does not rise: {time[at]:g} s is followed by {time[at + 1]:g} s (sample "
+            f"{at + 1})"
+        )
         raise SchemaError(
             what,
             [f"{text}; split or sort the file, or set reset = true for its clock in the name map"],
@@ -174,7 +178,10 @@ def _even(time: np.ndarray, rate: float, what: str) -> np.ndarray:
     resolution = float(np.max(np.diff(time), initial=1.0 / rate))
     error = float(np.max(np.abs(even - time)))
     if error > resolution + 1.0 / rate:
-        text = f"stamps and rate = {rate:g} Hz drift apart by {error:.3g} s over {time[-1] - time[0]:.6g} s"
+        text = (
+            f"stamps and rate = {rate:g} Hz drift apart by {error:.3g} s over "
+            f"{time[-1] - time[0]:.6g} s"
+        )
         raise SchemaError(what, [f"{text}; give the rate with more digits, or leave it out"])
     return even
 
@@ -194,7 +201,8 @@ def _unique(
         raise SchemaError(
             what,
             [
-                f"{text}: the clock is too coarse; give rate = ... for it in the name map, or another clock column"
+                f"{text}: the clock is too coarse; give rate = ... for it in the name map, "
+                f"or another clock column"
             ],
         )
     first = time[~new]
@@ -263,7 +271,10 @@ class Clocks:
             length = len(np.asarray(next(iter(part.columns.values()))))
             return np.arange(length) / clock.rate, 1.0, None
         if column is None or column not in part.columns:
-            hint = f'table {table}; name the clock in the name map: [time] column = "...", or give its rate'
+            hint = (
+                f'table {table}; name the clock in the name map: [time] column = "...", or '
+                f"give its rate"
+            )
             raise UnknownName(column or "time", part.columns, "time column", hint)
         return (
             np.asarray(part.columns[column], float),

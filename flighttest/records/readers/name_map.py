@@ -65,7 +65,8 @@ class Channel(Plain):
     """Where a channel comes from and how it becomes SI."""
 
     column: str | tuple[str, ...] = value(
-        description="Column of the file, TABLE/COLUMN where there are several tables; of a list the first that the file holds."
+        description="Column of the file, TABLE/COLUMN where there are several tables; of a list "
+        "the first that the file holds."
     )
     unit: str | None = value(
         default=None,
@@ -82,12 +83,14 @@ class Channel(Plain):
     polynomial: tuple[float, ...] | None = value(
         default=None,
         examples=[[-12.1, 0.0321, 1.2e-06]],
-        description="Calibration: coefficients of the raw column by ascending power, giving the value in unit.",
+        description="Calibration: coefficients of the raw column by ascending power, giving the "
+        "value in unit.",
     )
     table: tuple[tuple[float, float], ...] | None = value(
         default=None,
         examples=[[[112, -25], [530, 0], [980, 25]]],
-        description="Calibration: rows [raw, value] in unit, or a CSV file of two columns; linear between, NaN and flagged beyond.",
+        description="Calibration: rows [raw, value] in unit, or a CSV file of two columns; linear "
+        "between, NaN and flagged beyond.",
     )
     delay: Annotated[float, InUnits("s")] = value(
         default=0.0,
@@ -97,17 +100,20 @@ class Channel(Plain):
     lag: Annotated[float, InUnits("s")] = value(
         default=0.0,
         examples=["-0.05 s"],
-        description="Known time constant of a first-order lag behind the truth; negative: of a command, that of the actuator.",
+        description="Known time constant of a first-order lag behind the truth; negative: of a "
+        "command, that of the actuator.",
     )
     rate_limit: float | str | None = value(
         default=None,
         examples=["300 deg/s"],
-        description="Of a command: the highest rate of the actuator that follows it, in SI or with its unit.",
+        description="Of a command: the highest rate of the actuator that follows it, in SI or "
+        "with its unit.",
     )
     stops: tuple[float | str, float | str] | None = value(
         default=None,
         examples=[["-25 deg", "20 deg"]],
-        description="Of a command: lowest and highest position of the actuator, in SI or with their unit.",
+        description="Of a command: lowest and highest position of the actuator, in SI or with "
+        "their unit.",
     )
     optional: bool = value(
         default=False,
@@ -123,7 +129,8 @@ class Channel(Plain):
         """Raise ValueError for limits of an actuator without one."""
         if (self.rate_limit is not None or self.stops is not None) and self.lag > 0.0:
             raise ValueError(
-                f"rate_limit and stops belong to an actuator behind a recorded command: its lag is negative or zero; lag is {self.lag:g} s"
+                f"rate_limit and stops belong to an actuator behind a recorded command: its "
+                f"lag is negative or zero; lag is {self.lag:g} s"
             )
 
     def limits(self, name: str) -> tuple[float, tuple[float, float]] | None:
@@ -149,7 +156,8 @@ class Channel(Plain):
             raise SchemaError(
                 f"name map, {name}",
                 [
-                    f"rate_limit {rate:g}, stops {low:g} to {high:g}; a positive rate and stops that rise are needed"
+                    f"rate_limit {rate:g}, stops {low:g} to {high:g}; a positive rate and "
+                    f"stops that rise are needed"
                 ],
             )
         return rate, (low, high)
@@ -166,7 +174,8 @@ class Channel(Plain):
         unit = self.unit or file_unit
         if unit is None:
             raise UnitError(
-                f'column {self.columns[0]!r} has no unit in the file; give unit = "..." for {name} in the name map (expected {units})'
+                f'column {self.columns[0]!r} has no unit in the file; give unit = "..." for '
+                f"{name} in the name map (expected {units})"
             )
         unit = fitted_unit(unit, units)
         zero = float(to_si(0.0, unit, units))
@@ -190,7 +199,10 @@ class Channel(Plain):
         if self.polynomial is not None:
             source = f"polynomial {list(self.polynomial)} of {source}"
         elif self.table is not None:
-            source = f"table of {len(self.table)} points, {self.table[0]} to {self.table[-1]}, of {source}"
+            source = (
+                f"table of {len(self.table)} points, {self.table[0]} to {self.table[-1]}, "
+                f"of {source}"
+            )
         unit = "" if isinstance(self.scale, str) else f"[{self.unit or file_unit}]"
         offset = f"+ {self.offset}" if self.offset != 0.0 else ""
         return " ".join(
@@ -300,7 +312,8 @@ class Utc(Plain):
     unit: str = value(default="s", description="Its unit.")
     epoch: Literal["unix", "gps"] = value(
         default="unix",
-        description="What it counts from: 1970-01-01 (unix), or 1980-01-06 without leap seconds (gps).",
+        description="What it counts from: 1970-01-01 (unix), or 1980-01-06 without leap seconds "
+        "(gps).",
     )
     leap_seconds: int = value(
         default=18, examples=[18], description="By which gps is ahead of UTC."
@@ -587,7 +600,8 @@ def _faults(channel: Channel, units: str) -> list[str]:
         try:
             if parse(unit)[0] != parse(units)[0]:
                 raise UnitError(
-                    f"{channel.unit!r} cannot be converted to {units!r}; give a unit of the same quantity"
+                    f"{channel.unit!r} cannot be converted to {units!r}; give a unit of the "
+                    f"same quantity"
                 )
         except UnitError as error:
             found.append(f"unit: {error}")
@@ -598,7 +612,8 @@ def _faults(channel: Channel, units: str) -> list[str]:
         found.append("table: stands next to a polynomial; give one of them")
     if calibrated and channel.unit is None and not isinstance(channel.scale, str):
         found.append(
-            f'unit: a calibration needs the unit of its values; give unit = "..." (of the kind of {units})'
+            f'unit: a calibration needs the unit of its values; give unit = "..." (of the '
+            f"kind of {units})"
         )
     if channel.polynomial is not None and not channel.polynomial:
         found.append("polynomial: empty; give the coefficients by ascending power")
@@ -628,7 +643,8 @@ def _table_file(path: Path, place: str, problems: list[str]) -> list[list[float]
         except ValueError:
             if rows:
                 problems.append(
-                    f"{place}.table: {path}, line {number}: found {line!r}; expected two numbers, raw and value"
+                    f"{place}.table: {path}, line {number}: found {line!r}; expected two "
+                    f"numbers, raw and value"
                 )
     return rows
 
@@ -663,7 +679,8 @@ def _part(
 ) -> T | None:
     if not isinstance(content, dict):
         problems.append(
-            f'{place}: expected a column name or a table such as {{ column = "..." }}; found {content!r}'
+            f'{place}: expected a column name or a table such as {{ column = "..." }}; found '
+            f"{content!r}"
         )
         return None
     try:

@@ -41,7 +41,8 @@ def name_map_schema() -> dict[str, Any]:
     parts = _parts()
     return {
         "$schema": DIALECT,
-        "description": "A name map: which column of a recording is which quantity, in which unit and sign, over which clock.",
+        "description": "A name map: which column of a recording is which quantity, in which unit "
+        "and sign, over which clock.",
         "type": "object",
         "properties": {key: parts[key] for key in TOP},
         "additionalProperties": {"$ref": "#/$defs/leaf"},
@@ -78,7 +79,8 @@ def _parts() -> dict[str, Any]:
         "instruments": {
             "type": "object",
             "additionalProperties": {"$ref": "#/$defs/Instrument"},
-            "description": "Instruments of this recorder, in place of the tables of those names in the aircraft file.",
+            "description": "Instruments of this recorder, in place of the tables of those names "
+            "in the aircraft file.",
         },
         "utc": {
             "$ref": "#/$defs/Utc",

@@ -407,7 +407,8 @@ def _slice(i: int, axis: int, x: Any) -> np.ndarray:
 def missing_package(package: str, extra: str, path: str | Path) -> AeromatchError:
     """Return the error of a format whose package is not installed."""
     return AeromatchError(
-        f"{path}: reading it needs the package {package}; install it with: pip install 'aeromatch[{extra}]'"
+        f"{path}: reading it needs the package {package}; install it with: pip install "
+        f"'aeromatch[{extra}]'"
     )
 
 

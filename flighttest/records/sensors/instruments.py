@@ -131,7 +131,8 @@ class Instrument(Strict):
     noise: _Channels = Field(
         default_factory=dict,
         examples=[{"q": "0.03 deg/s", "az_imu": 0.04}],
-        description="One sigma of white noise per sample as recorded, by channel; a channel with it is used as a measurement.",
+        description="One sigma of white noise per sample as recorded, by channel; a channel with "
+        "it is used as a measurement.",
     )
     bias_sigma: _Channels = Field(
         default_factory=dict,
@@ -176,7 +177,8 @@ class Instrument(Strict):
     earth_rate: bool = Field(
         default=False,
         examples=[True],
-        description="Whether the gyros show the rate of the Earth too, as those of an inertial reference do.",
+        description="Whether the gyros show the rate of the Earth too, as those of an inertial "
+        "reference do.",
     )
 
     @field_validator("scale_sigma")
@@ -185,7 +187,8 @@ class Instrument(Strict):
         wrong = sorted(set(scale_sigma) - {*IMU, *SURFACES, *COCKPIT})
         if wrong:
             raise ValueError(
-                f"scale errors are known for {', '.join((*IMU, *SURFACES, *COCKPIT))} only, not for {', '.join(wrong)}"
+                f"scale errors are known for {', '.join((*IMU, *SURFACES, *COCKPIT))} only, "
+                f"not for {', '.join(wrong)}"
             )
         return scale_sigma
 
@@ -196,7 +199,8 @@ class Instrument(Strict):
         if wrong:
             hint = "; give q_c a static_error" if "q_c" in wrong else ""
             raise ValueError(
-                f"factors are estimated for {', '.join((*VANES, *SPEEDS))} only, not for {', '.join(wrong)}{hint}"
+                f"factors are estimated for {', '.join((*VANES, *SPEEDS))} only, not for "
+                f"{', '.join(wrong)}{hint}"
             )
         return factor
 
@@ -360,12 +364,14 @@ def instruments(content: Mapping[str, Any], what: str = "instruments") -> Instru
             )
         alone = sorted(item.factor.keys() - item.noise.keys())
         problems += [
-            f"{name}: factor of {key} without its noise; give noise = {{ {key} = ... }} in the same table"
+            f"{name}: factor of {key} without its noise; give noise = {{ {key} = ... }} in "
+            f"the same table"
             for key in alone
         ]
         if item.earth_rate and not {"p", "q", "r"} <= set(item.noise):
             problems.append(
-                f"{name}: earth_rate belongs to the instrument that gives the noise of p, q and r; move it there"
+                f"{name}: earth_rate belongs to the instrument that gives the noise of p, q "
+                f"and r; move it there"
             )
     if problems:
         raise SchemaError(what, problems)

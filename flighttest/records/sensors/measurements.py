@@ -141,7 +141,8 @@ class MeasuredChannels:
                     else "left out"
                 )
                 words.append(
-                    f"{name}: {near.sum()} samples are spikes, first at {clock[near][0]:g} s; {remedy}"
+                    f"{name}: {near.sum()} samples are spikes, first at {clock[near][0]:g} "
+                    f"s; {remedy}"
                 )
         return words
 
@@ -204,7 +205,8 @@ def airspeed_channel(channels: MeasuredChannels, specification: Instruments) -> 
         raise SchemaError(
             "instruments",
             [
-                f"noise of {' and '.join(shown)}: one pitot tube shows all of them, one at most can be a reading; keep the noise of one"
+                f"noise of {' and '.join(shown)}: one pitot tube shows all of them, one at "
+                f"most can be a reading; keep the noise of one"
             ],
         )
     return shown[0] if shown else "q_c"
@@ -248,7 +250,8 @@ def windows_of(
     for a, b in chosen:
         if a < first - 1e-9 or b > last + 1e-9 or not b > a:
             raise OutOfRange(
-                f"window {a:g} ... {b:g} s; the record holds {first:g} ... {last:g} s; choose a window inside it"
+                f"window {a:g} ... {b:g} s; the record holds {first:g} ... {last:g} s; "
+                f"choose a window inside it"
             )
         if a <= end:
             raise OutOfRange(f"windows overlap at {a:g} s; join them")
@@ -328,13 +331,15 @@ def demand_air_data(channels: MeasuredChannels, name: str) -> None:
             else "no airspeed recorded"
         )
         problems.append(
-            f"no channel q_c: {found}; record q_c, or h_baro with mach, V or V_cas, or give an instrument the noise of V, V_cas or mach"
+            f"no channel q_c: {found}; record q_c, or h_baro with mach, V or V_cas, or give "
+            f"an instrument the noise of V, V_cas or mach"
         )
     if "p_static" not in channels and "h_gps" not in channels:
         problems.append("no channel p_static; give p_static, h_baro or h_gps")
     if "temperature" not in channels:
         problems.append(
-            'no channel temperature; record it, or state a constant one: [record] temperature = "12 degC" in the name map'
+            "no channel temperature; record it, or state a constant one: [record] "
+            'temperature = "12 degC" in the name map'
         )
     if problems:
         raise SchemaError("flight record", problems)

@@ -81,7 +81,8 @@ def lowpass(x, rate: float, cutoff: float = SMOOTHING) -> np.ndarray:
     design = cutoff / (math.sqrt(2.0) - 1.0) ** 0.125
     if not 0.0 < design < 0.5 * rate:
         raise OutOfRange(
-            f"cut-off {cutoff:g} Hz at {rate:g} samples per second; it must lie between 0 and {0.5 * rate * 0.895:g} Hz"
+            f"cut-off {cutoff:g} Hz at {rate:g} samples per second; it must lie between 0 "
+            f"and {0.5 * rate * 0.895:g} Hz"
         )
     x = np.asarray(x, float)
     slowest = 1.0 / (2.0 * math.pi * design * math.sin(math.pi / 8.0))
@@ -250,7 +251,8 @@ def cut(record: xr.DataTree, start: float, stop: float, rate: float = 50.0) -> x
     """
     if not rate > 0.0 or not stop - start >= 1.0 / rate:
         raise OutOfRange(
-            f"window {start:g} ... {stop:g} s at {rate:g} Hz; stop must lie at least one sample after start"
+            f"window {start:g} ... {stop:g} s at {rate:g} Hz; stop must lie at least one "
+            f"sample after start"
         )
     grid = start + np.arange(math.floor((stop - start) * rate + 1e-6) + 1) / rate
     pieces = {
@@ -328,7 +330,8 @@ def demand_numbers(pieces: dict[str, xr.Dataset], what: str) -> None:
             if bad.any():
                 first = float(piece["time"].values[int(np.argmax(bad))])
                 problems.append(
-                    f"{leaf}/{name}: {int(bad.sum())} NaN samples, first at {first:g} s; choose a window without them or repair the channel"
+                    f"{leaf}/{name}: {int(bad.sum())} NaN samples, first at {first:g} s; "
+                    f"choose a window without them or repair the channel"
                 )
     if problems:
         raise SchemaError(what, problems)
@@ -340,7 +343,8 @@ def _inside(leaf: str, data: xr.Dataset, start: float, stop: float) -> xr.Datase
     step = 1.0 / float(data.attrs["rate"])
     if start < time[0] - step or stop > time[-1] + step:
         raise OutOfRange(
-            f"window {start:g} ... {stop:g} s; leaf {leaf} holds {time[0]:g} ... {time[-1]:g} s; choose a window inside the record"
+            f"window {start:g} ... {stop:g} s; leaf {leaf} holds {time[0]:g} ... "
+            f"{time[-1]:g} s; choose a window inside the record"
         )
     margin = max(1.0, 4.0 * step)
     near = np.flatnonzero((time >= start - margin) & (time <= stop + margin))

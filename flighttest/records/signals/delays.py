@@ -99,7 +99,8 @@ def time_delay(reference, delayed, step: float, longest: float = 1.0) -> Delay:
     x, y = (_detrended(channel) for channel in (reference, delayed))
     if len(x) != len(y) or len(x) < _SHORTEST:
         raise IdentificationError(
-            f"{len(x)} and {len(y)} samples; a delay needs two channels of the same {_SHORTEST} samples or more"
+            f"{len(x)} and {len(y)} samples; a delay needs two channels of the same "
+            f"{_SHORTEST} samples or more"
         )
     if not (x.std() > 0.0 and y.std() > 0.0):
         raise IdentificationError(
@@ -152,7 +153,8 @@ def _phase(x: np.ndarray, y: np.ndarray, step: float) -> tuple[float, float, tup
     use = (squared > COHERENT) & (np.abs(cross) > _FAINT * np.abs(cross).max())
     if not use.any():
         raise IdentificationError(
-            f"the channels agree at no frequency (squared coherence below {COHERENT:g}): not the same motion, or too little of it"
+            f"the channels agree at no frequency (squared coherence below {COHERENT:g}): not "
+            f"the same motion, or too little of it"
         )
     omega, phase = 2.0 * np.pi * f[use], np.angle(cross[use])
     clipped = np.minimum(squared[use], 1.0 - 1e-9)

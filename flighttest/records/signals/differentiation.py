@@ -51,7 +51,8 @@ def derivative(x, step: float, window: int = WINDOW, order: int = ORDER) -> np.n
     x = np.asarray(x, float)
     if len(x) < window:
         raise IdentificationError(
-            f"{len(x)} samples cannot be differentiated over a window of {window}; lengthen the manoeuvre or give the derivative"
+            f"{len(x)} samples cannot be differentiated over a window of {window}; lengthen "
+            f"the manoeuvre or give the derivative"
         )
     return savgol_filter(x, window, order, deriv=1, delta=step, mode="interp")
 
@@ -122,7 +123,8 @@ def derivative_window(frequency: float, step: float, order: int = ORDER, gain: f
     if not found:
         most = float(derivative_gain(frequency, step, shortest, order))
         raise IdentificationError(
-            f"{frequency:g} Hz at {1.0 / step:g} samples per second: the shortest window of order {order} has a gain of {most:.3f}, "
+            f"{frequency:g} Hz at {1.0 / step:g} samples per second: the shortest window of "
+            f"order {order} has a gain of {most:.3f}, "
             f"wanted {gain:g}; record faster, raise the order or accept a smaller gain"
         )
     return found
@@ -216,7 +218,8 @@ def fourier_smooth(x, step: float) -> Smoothed:
     count = len(x)
     if count < SHORTEST or not np.isfinite(x).all():
         raise IdentificationError(
-            f"{count} samples, {int((~np.isfinite(x)).sum())} of them NaN; Fourier smoothing needs {SHORTEST} finite ones or more"
+            f"{count} samples, {int((~np.isfinite(x)).sum())} of them NaN; Fourier smoothing "
+            f"needs {SHORTEST} finite ones or more"
         )
     last, i = count - 1, np.arange(count)
     first, end = _ends(x)

@@ -53,12 +53,14 @@ def harmonics(duration: float, low: float, high: float) -> np.ndarray:
     """
     if not 0.0 < low < high:
         raise IdentificationError(
-            f"band {low:g} ... {high:g} Hz; expected 0 < low < high, as 0.1 ... 2 for a small aeroplane"
+            f"band {low:g} ... {high:g} Hz; expected 0 < low < high, as 0.1 ... 2 for a "
+            f"small aeroplane"
         )
     first, last = int(np.ceil(low * duration - 1e-6)), int(np.floor(high * duration + 1e-6))
     if last < first:
         raise IdentificationError(
-            f"no multiple of 1/{duration:g} s in {low:g} ... {high:g} Hz; widen the band or take a longer record"
+            f"no multiple of 1/{duration:g} s in {low:g} ... {high:g} Hz; widen the band or "
+            f"take a longer record"
         )
     return np.arange(first, last + 1) / duration
 
@@ -144,7 +146,8 @@ def _demand(samples: int, step: float, frequencies: np.ndarray) -> None:
         )
     if frequencies.max() > 0.5 / step * (1 + 1e-9):
         raise IdentificationError(
-            f"{frequencies.max():g} Hz is beyond half the sampling rate, {0.5 / step:g} Hz; lower the band"
+            f"{frequencies.max():g} Hz is beyond half the sampling rate, {0.5 / step:g} Hz; "
+            f"lower the band"
         )
 
 

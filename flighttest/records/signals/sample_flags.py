@@ -130,7 +130,8 @@ def _sentence(channel: str, kind: str, group: list[Flag]) -> str:
         "duplicate": f"repeated time stamps dropped: {total} from {places}{more}",
         "reset": f"clock set back at {places}{more}",
         "missing": f"NaN samples: {channel} {total} from {group[0].start:g} s",
-        "outside": f"raw values beyond the calibration table, or infinite, now NaN: {channel} {total} from {group[0].start:g} s",
+        "outside": f"raw values beyond the calibration table, or infinite, now NaN: {channel} "
+        f"{total} from {group[0].start:g} s",
         "held": f"value held: {channel} at {places}{more}",
         "spike": f"spikes: {channel} {len(group)} at {places}{more}",
     }

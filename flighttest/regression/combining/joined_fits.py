@@ -133,7 +133,10 @@ class Joined:
             ratio, count = float(row["scatter_ratio"]), int(row["count"])
             loose = 1.0 + 2.0 * _LOOSE / np.sqrt(count)
             if count >= 5 and not 1.0 / loose <= ratio <= loose:
-                words = f"{term}: the fits scatter {ratio:.1f} times as much as their standard errors indicate"
+                words = (
+                    f"{term}: the fits scatter {ratio:.1f} times as much as their standard "
+                    f"errors indicate"
+                )
                 found.append(
                     Remark(
                         "scatter", words, str(term), ratio, loose if ratio > 1.0 else 1.0 / loose
@@ -145,7 +148,8 @@ class Joined:
         """Return the joined estimates as a text table."""
         e = self.estimates
         text = [
-            f"{self.name or self.coefficient}: {e.attrs['fits']} fits joined by {self.method.replace('_', ' ')}",
+            f"{self.name or self.coefficient}: {e.attrs['fits']} fits joined by "
+            f"{self.method.replace('_', ' ')}",
             f"{'term':<18}{'estimate':>11}{'stderr':>10}{'white':>10}{'scatter':>10}{'ratio':>7}{'Birge':>7}{'apart':>7}{'fits':>6}",
         ]
         for term in e["term"].values:
@@ -197,7 +201,8 @@ def join_fits(fits: Sequence[Fit], method: str = "inverse_variance", name: str =
         raise ValueError(f"method is {method!r}; allowed: {', '.join(METHODS)}")
     if len(found := {fit.model.coefficient for fit in fits}) != 1:
         raise IdentificationError(
-            f"fits of {', '.join(sorted(found)) or 'nothing'} cannot be joined; give fits of one coefficient"
+            f"fits of {', '.join(sorted(found)) or 'nothing'} cannot be joined; give fits of "
+            f"one coefficient"
         )
     terms = list(dict.fromkeys(str(term) for fit in fits for term in fit.estimates["term"].values))
     single = {term: _pooled(fits, term, "stderr", method) for term in terms}

@@ -80,7 +80,10 @@ class Mixed:
                 )
             )
         if e.attrs["probability"] < _IMPROBABLE:
-            words = f"chi2 {e.attrs['chi2']:.1f} of {e.attrs['terms_with_prior']} terms has probability {e.attrs['probability']:.1g}"
+            words = (
+                f"chi2 {e.attrs['chi2']:.1f} of {e.attrs['terms_with_prior']} terms has "
+                f"probability {e.attrs['probability']:.1g}"
+            )
             found.append(
                 Remark(
                     "prior",
@@ -102,7 +105,8 @@ class Mixed:
         )
         text = [
             title,
-            f"chi2 {e.attrs['chi2']:.1f} of {e.attrs['terms_with_prior']} terms, probability {e.attrs['probability']:.2g}",
+            f"chi2 {e.attrs['chi2']:.1f} of {e.attrs['terms_with_prior']} terms, probability "
+            f"{e.attrs['probability']:.2g}",
             f"{'term':<18}{'estimate':>11}{'stderr':>10}{'flight':>11}{'stderr':>10}{'prior':>11}{'stderr':>10}{'apart':>7}{'share':>7}",
         ]
         for k, term in enumerate(e["term"].values):
@@ -273,7 +277,8 @@ def _prior(prior: Prior, terms: list[str]) -> tuple[list[int], np.ndarray, np.nd
         value, P = pairs[:, 0], np.diag(pairs[:, 1]) * np.abs(pairs[:, 1])
     if not (np.diag(P) > 0).all():
         raise IdentificationError(
-            "a prior standard error is not positive; give one above zero, or leave the term out of the model to hold it"
+            "a prior standard error is not positive; give one above zero, or leave the term "
+            "out of the model to hold it"
         )
     return [terms.index(name) for name in names], value, P
 
@@ -374,7 +379,8 @@ def pool(
     theta, s = np.atleast_1d(np.asarray(values, float)), np.atleast_1d(np.asarray(stderr, float))
     if not len(theta) or len(theta) != len(s) or not (s > 0).all() or not np.isfinite(theta).all():
         raise IdentificationError(
-            f"found {len(theta)} values and {len(s)} standard errors {s.tolist()}; expected one positive standard error per finite value"
+            f"found {len(theta)} values and {len(s)} standard errors {s.tolist()}; expected "
+            f"one positive standard error per finite value"
         )
     n = len(theta)
     w = 1.0 / s**2
@@ -422,7 +428,8 @@ def pool_fits(fits: Sequence[Fit], method: str = "inverse_variance"):
 
     if len(found := {fit.model.coefficient for fit in fits}) != 1:
         raise IdentificationError(
-            f"fits of {', '.join(sorted(found)) or 'nothing'} cannot be pooled; give fits of one coefficient"
+            f"fits of {', '.join(sorted(found)) or 'nothing'} cannot be pooled; give fits of "
+            f"one coefficient"
         )
     rows = {}
     for term in dict.fromkeys(str(name) for fit in fits for name in fit.estimates["term"].values):

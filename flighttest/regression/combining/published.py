@@ -182,7 +182,8 @@ def _demand(model: RegressionModel, values, stderr, conditions, correlation) -> 
         if not np.isfinite(values[term])
     ]
     problems += [
-        f"the standard error of {term} is {stderr[term]!r}; give a positive one, wide if it was not published"
+        f"the standard error of {term} is {stderr[term]!r}; give a positive one, wide if it "
+        f"was not published"
         for term in stderr
         if not 0.0 < stderr[term] < np.inf
     ]
@@ -198,11 +199,13 @@ def _demand(model: RegressionModel, values, stderr, conditions, correlation) -> 
     for name in model.variables:
         if name not in conditions:
             problems.append(
-                f"{name} has no condition; give a number, a range (low, high), or the variable that it moves with"
+                f"{name} has no condition; give a number, a range (low, high), or the "
+                f"variable that it moves with"
             )
         elif name in curved and isinstance(conditions[name], float | int):
             problems.append(
-                f"{name} has the one condition {conditions[name]!r} and a power or ramp in the model; give a range (low, high)"
+                f"{name} has the one condition {conditions[name]!r} and a power or ramp in "
+                f"the model; give a range (low, high)"
             )
     if correlation is not None:
         problems += _correlation_faults(np.asarray(correlation, float), len(model.terms))
@@ -222,7 +225,8 @@ def _faults(name: str, item: float | Sequence[float] | str, conditions: Mapping)
     ends = np.atleast_1d(np.asarray(item, float))
     if len(ends) > 2 or not np.isfinite(ends).all() or (len(ends) == 2 and not ends[0] < ends[1]):
         return [
-            f"the condition of {name} is {item!r}; give a number, or a range (low, high) with low below high"
+            f"the condition of {name} is {item!r}; give a number, or a range (low, high) "
+            f"with low below high"
         ]
     return []
 

@@ -108,7 +108,8 @@ def _design(fit: FitData, samples: xr.Dataset, manoeuvre: int | None) -> np.ndar
     separate = [term for term in terms if term.startswith("1[")]
     if manoeuvre is None and separate:
         raise IdentificationError(
-            f"{fit.model} has a constant for each manoeuvre, {', '.join(separate)}; choose one with manoeuvre="
+            f"{fit.model} has a constant for each manoeuvre, {', '.join(separate)}; choose "
+            f"one with manoeuvre="
         )
     if manoeuvre is not None and f"1[{manoeuvre}]" not in separate:
         raise UnknownName(
@@ -146,7 +147,8 @@ def _samples(fit: FitData, data: xr.Dataset) -> xr.Dataset:
         raise SchemaError(
             "data",
             [
-                f"the variables of {fit.model} have the dimensions {', '.join(map(str, sizes))}; one is allowed"
+                f"the variables of {fit.model} have the dimensions "
+                f"{', '.join(map(str, sizes))}; one is allowed"
             ],
         )
     ((dim, size),) = sizes.items()
@@ -327,7 +329,10 @@ def _headline(a) -> str:
     """How the fit was made, in words."""
     if a.get("domain") == "published":
         return "published values, no samples"
-    words = f"samples {a['samples']}, manoeuvres {a['manoeuvres']}, R2 {a['R2']:.4f}, residual rms {a['residual_rms']:.3g}"
+    words = (
+        f"samples {a['samples']}, manoeuvres {a['manoeuvres']}, R2 {a['R2']:.4f}, residual "
+        f"rms {a['residual_rms']:.3g}"
+    )
     if a.get("domain") == "frequency":
         words += f", {a['frequencies']} frequencies in {a['band']} Hz"
     if a.get("weights", "equal") != "equal":
@@ -348,12 +353,14 @@ def tests(a: Mapping[str, Any]) -> list[str]:
     found = []
     if a.get("F_terms"):
         found.append(
-            f"all slopes: F({a['F_terms']}, {a['F_dof']:.0f}) {a['F']:.4g}, probability {a['F_probability']:.2g}"
+            f"all slopes: F({a['F_terms']}, {a['F_dof']:.0f}) {a['F']:.4g}, probability "
+            f"{a['F_probability']:.2g}"
         )
     if "portmanteau" in a:
         white = "white" if a["portmanteau_probability"] > 0.01 else "not white"
         found.append(
-            f"residual: {white}, portmanteau {a['portmanteau']:.4g} over {a['portmanteau_lags']} lags, probability "
+            f"residual: {white}, portmanteau {a['portmanteau']:.4g} over "
+            f"{a['portmanteau_lags']} lags, probability "
             f"{a['portmanteau_probability']:.2g}, correlation time {a['correlation_time']:.2g} s"
         )
     return found

@@ -185,7 +185,8 @@ def against_prior(terms, estimate, variance, dof, prior, prior_stderr) -> list[R
             and 2.0 * scipy.stats.t.sf(abs(t), free) < WRONG
         ):
             words = (
-                f"sign against the prior: {term} is {value:.3g} at {abs(t):.1f} standard errors, the prior {before:.3g} +- {sigma:.2g}; "
+                f"sign against the prior: {term} is {value:.3g} at {abs(t):.1f} standard "
+                f"errors, the prior {before:.3g} +- {sigma:.2g}; "
                 "check the sign of the channel, and what else moved with it"
             )
             found.append(Remark("sign", words, str(term), float(t), _quantile(free), "error"))
@@ -203,8 +204,10 @@ def _insignificant(fit: FitData) -> list[Remark]:
         return []
     if a["F_probability"] > EXCITED:
         words = (
-            f"no excitation: the slopes together do not differ from zero, F({a['F_terms']}, {a['F_dof']:.0f}) {a['F']:.2g}, probability "
-            f"{a['F_probability']:.2g} (limit {EXCITED:g}), R2 {a['R2']:.3g}; no figure of this fit may be used: give a manoeuvre that "
+            f"no excitation: the slopes together do not differ from zero, F({a['F_terms']}, "
+            f"{a['F_dof']:.0f}) {a['F']:.2g}, probability "
+            f"{a['F_probability']:.2g} (limit {EXCITED:g}), R2 {a['R2']:.3g}; no figure of "
+            f"this fit may be used: give a manoeuvre that "
             "moves the terms"
         )
         return [Remark("no excitation", words, "", a["F_probability"], EXCITED, "error")]
@@ -230,7 +233,10 @@ def _unexplained(fit: FitData) -> list[Remark]:
     R2, probability = fit.estimates.attrs["R2"], fit.estimates.attrs.get("F_probability", np.nan)
     if not R2 < EXPLAINED or not probability <= EXCITED:
         return []
-    words = f"the model explains {R2:.1%} of the movement of {fit.model.coefficient}, less than {EXPLAINED:.0%}: something else moves it"
+    words = (
+        f"the model explains {R2:.1%} of the movement of {fit.model.coefficient}, less than "
+        f"{EXPLAINED:.0%}: something else moves it"
+    )
     return [Remark("unexplained", words, "", R2, EXPLAINED)]
 
 
@@ -255,8 +261,10 @@ def _signs(fit: FitData) -> list[Remark]:
             and 2.0 * scipy.stats.t.sf(abs(value) / max(sigma, np.finfo(float).tiny), free) < WRONG
         ):
             words = (
-                f"sign against the convention: d{coefficient}/d{control} is {value:.3g} at {abs(value) / sigma:.1f} standard errors, "
-                f"{'positive' if sign > 0 else 'negative'} by the definition of {control}; check the sign of the channel, its delay, and "
+                f"sign against the convention: d{coefficient}/d{control} is {value:.3g} at "
+                f"{abs(value) / sigma:.1f} standard errors, "
+                f"{'positive' if sign > 0 else 'negative'} by the definition of {control}; "
+                f"check the sign of the channel, its delay, and "
                 "what else moved with it"
             )
             found.append(
@@ -309,8 +317,10 @@ def _spike(fit: FitData) -> list[Remark]:
         else f"{time:g} s of manoeuvre {number}"
     )
     words = (
-        f"spike of {apart[worst]:.3g} in {fit.model.coefficient} at {where}, {sizes[worst]:.0f} times the scatter of the residual"
-        f"{f' ({len(spikes)} samples stand out)' if len(spikes) > 1 else ''}{_without(fit, spikes)}; take it out of the record, or use "
+        f"spike of {apart[worst]:.3g} in {fit.model.coefficient} at {where}, "
+        f"{sizes[worst]:.0f} times the scatter of the residual"
+        f"{f' ({len(spikes)} samples stand out)' if len(spikes) > 1 else ''}{_without(fit, spikes)}; "
+        f"take it out of the record, or use "
         "weights='robust'"
     )
     return [Remark("spike", words, "", float(sizes[worst]), SPIKE)]
@@ -331,7 +341,10 @@ def _without(fit: FitData, spikes: Collection[int]) -> str:
         e["stderr"].values, np.finfo(float).tiny
     )
     k = int(np.argmax(change))
-    return f"; without it {e['term'].values[k]} is {theta[k]:.4g} and not {float(e['estimate'].values[k]):.4g}"
+    return (
+        f"; without it {e['term'].values[k]} is {theta[k]:.4g} and not "
+        f"{float(e['estimate'].values[k]):.4g}"
+    )
 
 
 def _robust(x: np.ndarray) -> float:
@@ -368,7 +381,10 @@ def _offset(fit: FitData) -> list[Remark]:
     offset, rms = fit.estimates.attrs["offset"], fit.estimates.attrs["residual_rms"]
     if not offset > rms:  # both are NaN of published values
         return []
-    words = f"manoeuvres differ by a constant of {offset:.2g} (1 sigma), more than the residual; consider separate intercepts"
+    words = (
+        f"manoeuvres differ by a constant of {offset:.2g} (1 sigma), more than the residual; "
+        f"consider separate intercepts"
+    )
     return [Remark("offset", words, "1", offset, rms)]
 
 
@@ -383,17 +399,24 @@ def _disturbance(fit: FitData) -> list[Remark]:
     hidden, edge = e.attrs["hidden"], e.attrs["edge"]
     if hidden > HIDDEN**2:
         words = (
-            f"the disturbance has {hidden:.0f} times the variance of the residual: the fit has taken up most of it; standard errors "
+            f"the disturbance has {hidden:.0f} times the variance of the residual: the fit "
+            f"has taken up most of it; standard errors "
             "rest on assumptions about slow disturbances, add manoeuvres"
         )
         found.append(Remark("disturbance", words, "", hidden, HIDDEN**2))
     if edge > 0.5:
-        words = "the spectrum of the residual is rougher than all that were allowed: look for lines in it; standard errors may be too small"
+        words = (
+            "the spectrum of the residual is rougher than all that were allowed: look for "
+            "lines in it; standard errors may be too small"
+        )
         found.append(Remark("disturbance", words, "", edge, 0.5))
     for term, own, window in zip(e["term"].values, e["stderr"].values, e["stderr_window"].values):
         ratio = float(own / window) if window > 0.0 else 1.0
         if not 1.0 / APART <= ratio <= APART:
-            words = f"{term}: the standard error is {ratio:.2g} times that of a lag window ({window:.2g}); the disturbance is slow or rough"
+            words = (
+                f"{term}: the standard error is {ratio:.2g} times that of a lag window "
+                f"({window:.2g}); the disturbance is slow or rough"
+            )
             found.append(
                 Remark(
                     "disturbance", words, str(term), ratio, APART if ratio > 1.0 else 1.0 / APART

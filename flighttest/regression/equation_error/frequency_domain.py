@@ -102,7 +102,8 @@ def stretches(
     if not found:
         longest = max((piece.stop - piece.start) * step for piece, step in zip(*samples.pieces()))
         raise IdentificationError(
-            f"no stretch is as long as 1/{band[0]:g} Hz, the longest is {longest:.3g} s; raise the lower edge of the band"
+            f"no stretch is as long as 1/{band[0]:g} Hz, the longest is {longest:.3g} s; "
+            f"raise the lower edge of the band"
         )
     return found
 
@@ -234,7 +235,8 @@ def demand_frequencies(
     """
     if len(rows) < 2 * len(terms):
         raise IdentificationError(
-            f"{label}: {len(rows)} frequencies for {len(terms)} slopes; at least two per slope are needed: widen the band"
+            f"{label}: {len(rows)} frequencies for {len(terms)} slopes; at least two per "
+            f"slope are needed: widen the band"
         )
     duration = np.concatenate([np.full(len(part.frequencies), part.duration) for part in parts])
     inside = np.sqrt(2.0 * (np.abs(rows) ** 2 / duration[:, None]).sum(axis=0) / len(parts))
@@ -245,7 +247,8 @@ def demand_frequencies(
     ]
     if still:
         raise IdentificationError(
-            f"{label}: {', '.join(still)} {'is' if len(still) == 1 else 'are'} not excited inside the band; leave the term out, "
+            f"{label}: {', '.join(still)} {'is' if len(still) == 1 else 'are'} not excited "
+            f"inside the band; leave the term out, "
             "add a manoeuvre, or work in time"
         )
     try:
@@ -272,7 +275,8 @@ def _solve(
     slopes = [term for term, constant in zip(terms, fixed) if not constant]
     if not slopes:
         raise IdentificationError(
-            f"{model} has no slope; a spectrum without its mean contains no information about a constant"
+            f"{model} has no slope; a spectrum without its mean contains no information "
+            f"about a constant"
         )
     Xf, zf = transform(X[:, ~fixed], parts), transform(z[:, None], parts)[:, 0]
     demand_frequencies(f"{name}: {model}" if name else str(model), Xf, X[:, ~fixed], parts, slopes)
@@ -424,8 +428,10 @@ def whitening(Xf: np.ndarray, zf: np.ndarray, parts: Sequence[TransformedStretch
     left = 2 * len(zf) - leaks.shape[1]
     if left < 2 * Xf.shape[1]:
         raise IdentificationError(
-            f"weights='spectrum': of {2 * len(zf)} equations, two per frequency, the ends of {len(parts)} stretches take {leaks.shape[1]}; "
-            f"the {left} left for {Xf.shape[1]} slopes are less than two each: widen the band, give longer manoeuvres or take equal weights"
+            f"weights='spectrum': of {2 * len(zf)} equations, two per frequency, the ends of "
+            f"{len(parts)} stretches take {leaks.shape[1]}; "
+            f"the {left} left for {Xf.shape[1]} slopes are less than two each: widen the "
+            f"band, give longer manoeuvres or take equal weights"
         )
     X, root = np.hstack([Xf, leaks]), np.ones(len(zf))
     for _ in range(_WEIGHINGS):

@@ -184,7 +184,8 @@ def roots(kind: str, X: np.ndarray, z: np.ndarray, data: xr.Dataset) -> np.ndarr
         sigma = data[kind].values
         if not (sigma > 0).all():
             raise IdentificationError(
-                f"{kind} is not positive in {int((~(sigma > 0)).sum())} samples; a standard error is needed in each"
+                f"{kind} is not positive in {int((~(sigma > 0)).sum())} samples; a standard "
+                f"error is needed in each"
             )
         return _scaled(1.0 / sigma)
     root, rule = np.ones(len(z)), _by_manoeuvre if kind == "manoeuvre" else _huber

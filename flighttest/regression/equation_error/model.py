@@ -31,7 +31,10 @@ if TYPE_CHECKING:
 MEASURED = (*COEFFICIENTS, "CX", "CZ")
 _FACTOR = re.compile(r"^([A-Za-z_][\w.]*(?:\([^()]*\))?)(?:(?:\*\*|\^)([1-9]))?$")
 _RAMP = re.compile(r"^ramp\(([A-Za-z_][\w.]*),([^()]+)\)$")
-_EXPECTED = "'1' or a product of names, ramps and powers, such as 'delta_f*alpha**2' or 'ramp(alpha,12 deg)'"
+_EXPECTED = (
+    "'1' or a product of names, ramps and powers, such as 'delta_f*alpha**2' or "
+    "'ramp(alpha,12 deg)'"
+)
 
 
 @dataclass(frozen=True)

@@ -85,14 +85,16 @@ class MonteCarlo:
         """Return bias and coverage as a text table."""
         e = self.estimates
         lines = [
-            f"{self.runs.sizes['run']} runs, {100 * self.coverage:.1f} % of the estimates within two standard errors",
+            f"{self.runs.sizes['run']} runs, {100 * self.coverage:.1f} % of the estimates "
+            f"within two standard errors",
             f"{'term':<18}{'truth':>11}{'mean':>11}{'bias/se':>9}{'scatter':>10}{'stderr':>10}{'coverage':>10}{'white':>8}",
         ]
         for k, term in enumerate(e["term"].values):
             row = {str(name): float(item[k]) for name, item in e.data_vars.items()}
             lines.append(
                 f"{term!s:<18}{row['truth']:>11.5g}{row['estimate']:>11.5g}{row['bias'] / row['bias_stderr']:>9.1f}{row['scatter']:>10.2g}"
-                f"{row['stderr']:>10.2g}{100 * row['coverage']:>8.1f} %{100 * row['coverage_white']:>6.0f} %"
+                f"{row['stderr']:>10.2g}{100 * row['coverage']:>8.1f} "
+                f"%{100 * row['coverage_white']:>6.0f} %"
             )
         return "\n".join(lines)
 
@@ -208,7 +210,8 @@ def bootstrap(fit: Fit, replicates: int = 200, seed: int = 0, jobs: int = 1) -> 
         )
     if "time" not in fit.data:
         raise IdentificationError(
-            f"{fit.name or fit.model}: published values have no residuals to draw from; give a fit of samples"
+            f"{fit.name or fit.model}: published values have no residuals to draw from; give "
+            f"a fit of samples"
         )
     source = _ResidualSimulator(fit)
     batches = _batches(list(range(replicates)), jobs)

@@ -174,8 +174,10 @@ def _demand_rising(time: np.ndarray, number: int) -> None:
     if len(back) == len(time) - 1:
         where = f"at all of its {len(time)} samples, from {time[0]:g} to {time[-1]:g} s"
     raise IdentificationError(
-        f"time of manoeuvre {number} does not rise: it steps back or stands {where}; a time that rises is needed: sort the samples "
-        "(data.sortby('time')) and drop what comes twice, and check the rates if the record was played backwards"
+        f"time of manoeuvre {number} does not rise: it steps back or stands {where}; a time "
+        f"that rises is needed: sort the samples "
+        "(data.sortby('time')) and drop what comes twice, and check the rates if the record "
+        "was played backwards"
     )
 
 

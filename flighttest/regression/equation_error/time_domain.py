@@ -122,7 +122,8 @@ def demand_determined(
     label = f"{name}: " if name else ""
     if len(X) < SAMPLES_PER_TERM * len(terms):
         raise IdentificationError(
-            f"{label}{len(X)} samples for {len(terms)} terms of {model}; at least {SAMPLES_PER_TERM} per term are needed"
+            f"{label}{len(X)} samples for {len(terms)} terms of {model}; at least "
+            f"{SAMPLES_PER_TERM} per term are needed"
         )
     try:
         _demand_movement(z, X, terms)
@@ -163,7 +164,8 @@ def _demand_movement(z: np.ndarray, X: np.ndarray, terms: Sequence[str]) -> None
         least = LEAST_MOVEMENT.get(lookup(name).units, 0.0)
         if np.std(column) < least:
             raise IdentificationError(
-                f"{term} does not move: rms {np.std(column):.2g} about its mean, {least:.2g} is needed; leave it out or add a manoeuvre"
+                f"{term} does not move: rms {np.std(column):.2g} about its mean, {least:.2g} "
+                f"is needed; leave it out or add a manoeuvre"
             )
 
 

@@ -179,8 +179,10 @@ def equations(
         if weights == "spectrum":
             if len(zf) < FREE * Xf.shape[1]:
                 raise IdentificationError(
-                    f"{len(zf)} frequencies for {Xf.shape[1]} candidates do not show the spectrum of the noise; weights='spectrum' needs "
-                    f"{FREE} per candidate: give fewer candidates, widen the band, or take equal weights"
+                    f"{len(zf)} frequencies for {Xf.shape[1]} candidates do not show the "
+                    f"spectrum of the noise; weights='spectrum' needs "
+                    f"{FREE} per candidate: give fewer candidates, widen the band, or take "
+                    f"equal weights"
                 )
             whitened = whitening(Xf, zf[:, 0], parts)
             X, z, lost = (

@@ -312,7 +312,8 @@ def select_stepwise(
     leave = LEAVE * enter if leave is None else leave
     if not 0.0 < leave <= enter:
         raise IdentificationError(
-            f"F to enter {enter:g}, to leave {leave:g}; expected 0 < leave <= enter, or terms would come and go for ever"
+            f"F to enter {enter:g}, to leave {leave:g}; expected 0 < leave <= enter, or "
+            f"terms would come and go for ever"
         )
     problem = equations(coefficient, candidates, data, band, weights)
     kept = [problem.place(term) for term in keep if not (term == "1" and band is not None)]

@@ -248,7 +248,8 @@ class Selection:
             )
         if self.idle:
             lines.append(
-                f"candidates that do not move: {' '.join(self.idle[:10])}{' ...' if len(self.idle) > 10 else ''}"
+                f"candidates that do not move: "
+                f"{' '.join(self.idle[:10])}{' ...' if len(self.idle) > 10 else ''}"
             )
         return "\n".join([*lines, "", self.fit.report(correlation)])
 
@@ -282,7 +283,8 @@ def count_selections(selections: Sequence[Selection]) -> pd.DataFrame:
 
     if len(found := {one.model.coefficient for one in selections}) != 1:
         raise IdentificationError(
-            f"selections of {', '.join(sorted(found)) or 'nothing'} cannot be counted; give those of one coefficient"
+            f"selections of {', '.join(sorted(found)) or 'nothing'} cannot be counted; give "
+            f"those of one coefficient"
         )
     counts = pd.Series([term for one in selections for term in one.model.terms]).value_counts(
         sort=True
@@ -327,7 +329,8 @@ def fit_selected_terms(
     terms = [problem.terms[j] for j in work.taken]
     if not [term for term in terms if term != "1"]:
         raise IdentificationError(
-            f"{name or problem.coefficient}: none of {len(problem.terms)} candidates explains {problem.coefficient}; "
+            f"{name or problem.coefficient}: none of {len(problem.terms)} candidates "
+            f"explains {problem.coefficient}; "
             "look at the excitation, or lower the threshold"
         )
     if drop:

@@ -268,7 +268,8 @@ def _inverse(M: np.ndarray, names: Sequence[str]) -> np.ndarray:
     values, vectors = np.linalg.eigh(M * np.outer(scale, scale))
     if values[0] <= 1e-14 * values[-1]:
         raise IdentificationError(
-            f"the data cannot distinguish: {collinearity.combination(vectors[:, 0], names)} does not change the fit; leave a term out"
+            f"the data cannot distinguish: {collinearity.combination(vectors[:, 0], names)} "
+            f"does not change the fit; leave a term out"
         )
     return (vectors / values @ vectors.T) * np.outer(scale, scale)
 
@@ -308,12 +309,14 @@ def _demand_models(models: Sequence[SeparableModel]) -> None:
     targets = [model.target for model in models]
     if len(set(targets)) < len(targets):
         raise IdentificationError(
-            f"{next(t for t in targets if targets.count(t) > 1)} has two models; give one of each quantity"
+            f"{next(t for t in targets if targets.count(t) > 1)} has two models; give one of "
+            f"each quantity"
         )
     seen: dict[str, ShapeParameter] = {}
     for model in models:
         for name, item in model.parameters.items():
             if seen.setdefault(name, item) != item:
                 raise IdentificationError(
-                    f"the parameter {name} has {seen[name]} in one model and {item} in another; make them equal"
+                    f"the parameter {name} has {seen[name]} in one model and {item} in "
+                    f"another; make them equal"
                 )

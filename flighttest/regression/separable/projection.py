@@ -148,7 +148,8 @@ def minimise(
         best = _better(best, _descended(evaluate, low, high, np.clip(start, low, high)))
     if best is None:
         raise IdentificationError(
-            "the coefficients are not determined at any start; leave out a term, narrow the bounds, or give a start"
+            "the coefficients are not determined at any start; leave out a term, narrow the "
+            "bounds, or give a start"
         )
     for trial in _valleys(evaluate, best, low, high) if len(starts) > 1 else ():
         best = _better(best, _descended(evaluate, low, high, trial)) or best
@@ -294,7 +295,8 @@ def _curvature(
         there = evaluate(moved)
         if there is None:
             raise IdentificationError(
-                "the coefficients are not determined together with the best shapes; leave out a term or narrow the bounds"
+                "the coefficients are not determined together with the best shapes; leave "
+                "out a term or narrow the bounds"
             )
         H[:, k] = ((there.jacobian.T @ there.residual - gradient) / (moved[m] - s[m]))[places]
     return 0.5 * (H + H.T)

@@ -167,7 +167,8 @@ class SeparableProblem:
             count = len(model.terms) + len(model.parameters)
             if len(z) < SAMPLES_PER_PARAMETER * count:
                 raise IdentificationError(
-                    f"{len(z)} samples for {count} parameters of {model}; at least {SAMPLES_PER_PARAMETER} each"
+                    f"{len(z)} samples for {count} parameters of {model}; at least "
+                    f"{SAMPLES_PER_PARAMETER} each"
                 )
             if not model.parameters:
                 collinearity.demand_rank(model.design(samples[0].data, {}, pieces)[0], model.terms)

@@ -35,21 +35,24 @@ def demand_rank(X: np.ndarray, terms: Sequence[str]) -> None:
     idle = [term for term, size in zip(terms, length) if size == 0.0]
     if idle:
         raise IdentificationError(
-            f"{', '.join(idle)} {'is' if len(idle) == 1 else 'are'} zero throughout; leave the term out or add a manoeuvre that moves it"
+            f"{', '.join(idle)} {'is' if len(idle) == 1 else 'are'} zero throughout; leave "
+            f"the term out or add a manoeuvre that moves it"
         )
     constant = [
         term for term, column in zip(terms, X.T) if np.ptp(column) <= 1e-9 * np.abs(column).max()
     ]
     if len(constant) > 1:
         raise IdentificationError(
-            f"{', '.join(constant)} do not move: all of them are constants here; keep one of them or add a manoeuvre that moves the others"
+            f"{', '.join(constant)} do not move: all of them are constants here; keep one of "
+            f"them or add a manoeuvre that moves the others"
         )
     # fewer rows than terms: the directions beyond the rows vanish
     _, s, Vt = np.linalg.svd(X / length, full_matrices=len(X) < len(terms))
     for value, vector in zip(np.pad(s, (0, len(Vt) - len(s))), Vt):
         if value < RANK * s[0]:
             raise IdentificationError(
-                f"the data cannot distinguish: {combination(vector, terms)} vanishes throughout; leave a term out or add a manoeuvre"
+                f"the data cannot distinguish: {combination(vector, terms)} vanishes "
+                f"throughout; leave a term out or add a manoeuvre"
             )
 
 
@@ -80,8 +83,10 @@ def demand_independence(X: np.ndarray, fixed: np.ndarray, terms: Sequence[str]) 
         if factors[j] > INSEPARABLE
     ]
     raise IdentificationError(
-        f"the data cannot distinguish {', '.join(worst)}: variance inflation factors above the limit of {INSEPARABLE:.0e}, where what is "
-        "independent in a term is less than a thousandth of its movement; leave a term out, hold it at its a-priori value, or add a "
+        f"the data cannot distinguish {', '.join(worst)}: variance inflation factors above "
+        f"the limit of {INSEPARABLE:.0e}, where what is "
+        "independent in a term is less than a thousandth of its movement; leave a term out, "
+        "hold it at its a-priori value, or add a "
         "manoeuvre that moves the terms independently"
     )
 

@@ -185,7 +185,8 @@ def _pair(measured, predicted) -> tuple[np.ndarray, np.ndarray]:
     z, y = np.asarray(measured, float), np.asarray(predicted, float)
     if z.shape != y.shape or z.ndim != 1:
         raise IdentificationError(
-            f"signals of shape {z.shape} and {y.shape} cannot be compared; put both on one clock first"
+            f"signals of shape {z.shape} and {y.shape} cannot be compared; put both on one "
+            f"clock first"
         )
     good = np.isfinite(z) & np.isfinite(y)
     if good.sum() < 2:
@@ -196,7 +197,8 @@ def _pair(measured, predicted) -> tuple[np.ndarray, np.ndarray]:
 def _nonzero(size) -> float:
     if not size > 0.0:
         raise IdentificationError(
-            "the signals do not move, so that nothing can be divided by; choose a record with a manoeuvre"
+            "the signals do not move, so that nothing can be divided by; choose a record "
+            "with a manoeuvre"
         )
     return float(size)
 

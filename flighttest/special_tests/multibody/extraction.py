@@ -85,7 +85,8 @@ def air_loads(motion: TreeMotion, commands: xr.Dataset | None = None) -> xr.Data
     columns = evaluate(motion.y, motion.y_dot, motion.y_ddot)
     if not columns["V"].min() > _SLOWEST:
         raise IdentificationError(
-            f"the airspeed falls to {columns['V'].min():.3g} m/s; coefficients need motion through the air"
+            f"the airspeed falls to {columns['V'].min():.3g} m/s; coefficients need motion "
+            f"through the air"
         )
     labels = list(columns)
     stderr = motion.stderr(lambda *y: np.stack(list(evaluate(*y).values()), axis=1))
@@ -100,7 +101,8 @@ def air_loads(motion: TreeMotion, commands: xr.Dataset | None = None) -> xr.Data
     components = [*_COMPONENTS, *vehicle.independent]
     note = {
         "units": "N, N m",
-        "long_name": "air loads on the vehicle, about the origin of the base along its axes, and on the joints",
+        "long_name": "air loads on the vehicle, about the origin of the base along its axes, and "
+        "on the joints",
     }
     found["load"] = (
         ("time", "component"),
@@ -297,7 +299,8 @@ def _commands(vehicle: Vehicle, commands: xr.Dataset, time: np.ndarray) -> dict[
         raise SchemaError(
             "commands",
             [
-                f"they cover {stamps[0]:g} to {stamps[-1]:g} s, the motion {time[0]:g} to {time[-1]:g} s"
+                f"they cover {stamps[0]:g} to {stamps[-1]:g} s, the motion {time[0]:g} to "
+                f"{time[-1]:g} s"
             ],
         )
     return {name: np.interp(time, stamps, commands[name].values) for name in wanted}

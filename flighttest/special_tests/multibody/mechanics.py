@@ -123,7 +123,8 @@ def _four_bar(
         raise SchemaError(
             f"linkage.{name}",
             [
-                f"the loop of crank {a:g}, coupler {b:g} and rocker {c:g} m cannot close at a crank angle of {stuck:.0f} deg"
+                f"the loop of crank {a:g}, coupler {b:g} and rocker {c:g} m cannot close at "
+                f"a crank angle of {stuck:.0f} deg"
             ],
         )
     arm = np.angle(E) + linkage.branch * np.arccos(cosine)  # of the rocker bar
@@ -257,7 +258,8 @@ def _model(vehicle: Vehicle) -> tuple[Any, Any, list[int]]:
         import pinocchio as pin
     except ImportError as missing:
         raise AeromatchError(
-            "loads of a multibody vehicle need pinocchio, which is not installed; run: pip install 'aeromatch[multibody]'"
+            "loads of a multibody vehicle need pinocchio, which is not installed; run: pip "
+            "install 'aeromatch[multibody]'"
         ) from missing
     model = pin.Model()
     model.gravity.linear = np.array([0.0, 0.0, _G])  # north, east, down

@@ -159,19 +159,22 @@ def fit_tree_motion(
     rate = (len(time) - 1) / max(time[-1] - time[0], 1e-12)
     if not 0.0 < cutoff < 0.5 * rate:
         raise IdentificationError(
-            f"cut-off {cutoff:g} Hz; it must lie between 0 and half the frame rate, {0.5 * rate:g} Hz"
+            f"cut-off {cutoff:g} Hz; it must lie between 0 and half the frame rate, "
+            f"{0.5 * rate:g} Hz"
         )
     splines = _Splines(time, cutoff)
     width = 7 + len(vehicle.independent)
     ends = int(np.ceil(_LEFT_OUT / cutoff * rate))
     if len(time) < 2 * ends + 16:
         raise IdentificationError(
-            f"{len(time)} frames; with a cut-off of {cutoff:g} Hz at least {2 * ends + 16} are needed"
+            f"{len(time)} frames; with a cut-off of {cutoff:g} Hz at least {2 * ends + 16} "
+            f"are needed"
         )
     if splines.count * width > _LARGEST:
         longest = _LARGEST / width / (2.0 * cutoff)
         raise IdentificationError(
-            f"a record of {time[-1] - time[0]:.3g} s; at a cut-off of {cutoff:g} Hz cut it to {longest:.2g} s at most"
+            f"a record of {time[-1] - time[0]:.3g} s; at a cut-off of {cutoff:g} Hz cut it "
+            f"to {longest:.2g} s at most"
         )
     names = [str(name) for name in positions["marker"].values]
     holder = {marker: name for name, body in vehicle.body.items() for marker in body.markers}
@@ -184,7 +187,8 @@ def fit_tree_motion(
     )  # no marker sees the length of the quaternion
     if freedom <= 0:
         raise IdentificationError(
-            f"{3 * int(seen.sum())} coordinates for {splines.count * width} unknowns; lower the cut-off or add markers"
+            f"{3 * int(seen.sum())} coordinates for {splines.count * width} unknowns; lower "
+            f"the cut-off or add markers"
         )
 
     def settled(back: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -275,7 +279,10 @@ def _warn(e: np.ndarray, seen: np.ndarray, size: int, time: np.ndarray) -> None:
             1e3 * np.sqrt((e[rows, :-1] ** 2).sum() / max(3 * int(seen[rows].sum()), 1))
             for rows in (apart, ~apart)
         )
-        text = f"from {time[stray[0]]:.3g} to {time[stray[-1]]:.3g} s the motion lies {far:.2g} mm from the markers, {near:.2g} mm elsewhere"
+        text = (
+            f"from {time[stray[0]]:.3g} to {time[stray[-1]]:.3g} s the motion lies {far:.2g} "
+            f"mm from the markers, {near:.2g} mm elsewhere"
+        )
         advice = "cut the record there, or check the markers and the sense of the crank"
     else:
         pair = np.repeat(seen[1:] & seen[:-1], 3, axis=1)
@@ -285,7 +292,10 @@ def _warn(e: np.ndarray, seen: np.ndarray, size: int, time: np.ndarray) -> None:
         )
         if alike <= _ALIKE:
             return
-        text = f"distances of the markers from the motion are alike from frame to frame (correlation {alike:.2f}), not noise"
+        text = (
+            f"distances of the markers from the motion are alike from frame to frame "
+            f"(correlation {alike:.2f}), not noise"
+        )
         advice = "raise the cut-off (multiples), or check places of markers and joints"
     warnings.warn(
         f"{text}; its standard errors do not hold: {advice}", AeromatchWarning, stacklevel=3
@@ -463,7 +473,10 @@ def _undetermined(seen: np.ndarray, time: np.ndarray, cutoff: float) -> str:
         if len(hidden)
         else ""
     )
-    return f"the markers do not determine the motion at a cut-off of {cutoff:g} Hz{where}; every independent joint needs markers that it moves"
+    return (
+        f"the markers do not determine the motion at a cut-off of {cutoff:g} Hz{where}; every "
+        f"independent joint needs markers that it moves"
+    )
 
 
 def _vector(q: np.ndarray, rate: np.ndarray) -> np.ndarray:

@@ -119,7 +119,8 @@ class RigidBody(Strict):
         moments = np.linalg.eigvalsh(self.matrix)
         if moments[0] < 0.0 or moments[2] > (moments[0] + moments[1]) * (1.0 + 1e-9):
             raise ValueError(
-                f"inertia: principal moments {', '.join(f'{m:.4g}' for m in moments)} kg m2 belong to no body; the largest may not exceed "
+                f"inertia: principal moments {', '.join(f'{m:.4g}' for m in moments)} kg m2 "
+                f"belong to no body; the largest may not exceed "
                 "the sum of the others"
             )
         return self
@@ -286,7 +287,8 @@ class Vehicle(Strict):
                     raise ValueError(f"gear: {' follows '.join(chain)}")
         if wrong := [name for name in self.actuator if name in driven]:
             raise ValueError(
-                f"actuator: {', '.join(wrong)} follows another joint; allowed: {', '.join(self.independent)}"
+                f"actuator: {', '.join(wrong)} follows another joint; allowed: "
+                f"{', '.join(self.independent)}"
             )
         return self
 
@@ -323,7 +325,8 @@ class Vehicle(Strict):
         crank, coupler, rocker = (self.body[part] for part in (one.crank, one.coupler, one.rocker))
         if one.crank in driven:
             raise ValueError(
-                f"linkage.{name}: its crank {one.crank} follows another joint; it must be independent"
+                f"linkage.{name}: its crank {one.crank} follows another joint; it must be "
+                f"independent"
             )
         if coupler.parent != one.crank or rocker.parent != crank.parent:
             raise ValueError(

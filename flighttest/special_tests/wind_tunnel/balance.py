@@ -88,7 +88,8 @@ class Balance(Strict):
 
     rotation: tuple[si("rad"), si("rad"), si("rad")] = Field(  # type: ignore[valid-type]
         default=(0.0, 0.0, 0.0),
-        description="phi, theta, psi that turn body axes (x forward, z down) into those of the balance.",
+        description="phi, theta, psi that turn body axes (x forward, z down) into those of the "
+        "balance.",
     )
     offset: tuple[si("m"), si("m"), si("m")] = Field(  # type: ignore[valid-type]
         default=(0.0, 0.0, 0.0),
@@ -114,11 +115,13 @@ class BalanceSetup(Strict):
     )
     constants: Annotated[dict[str, float], BeforeValidator(_constants)] = Field(
         default_factory=dict,
-        description="Quantities that all points have in common, such as the Mach number that tables depend on.",
+        description="Quantities that all points have in common, such as the Mach number that "
+        "tables depend on.",
     )
     nuisance: dict[str, tuple[str, ...]] = Field(
         default_factory=dict,
-        description="Terms per coefficient that are estimated and taken off: tare, or products of columns.",
+        description="Terms per coefficient that are estimated and taken off: tare, or products of "
+        "columns.",
     )
     rho: si("kg m-3") = Field(default=1.225, gt=0.0, description="Density, where no column has it.")  # type: ignore[valid-type]
     wind_off: si("m s-1") = Field(  # type: ignore[valid-type]

@@ -141,7 +141,8 @@ def balance_coefficients(path: str | Path, setup: BalanceSetup) -> xr.Dataset:
     )
     if off.all():
         raise IdentificationError(
-            f"{path}: all {len(off)} points are below {setup.wind_off:g} m/s; points with the wind on are needed"
+            f"{path}: all {len(off)} points are below {setup.wind_off:g} m/s; points with "
+            f"the wind on are needed"
         )
     measured = {name: points[name] for name in loads}
     corrected, tare = _without_tare(measured, points, off)
@@ -206,7 +207,8 @@ def without_nuisance(
     singular = np.linalg.svd(A / np.where(size > 0.0, size, 1.0), compute_uv=False)
     if not (size > 0.0).all() or singular[-1] < _DETERMINED * singular[0]:
         raise IdentificationError(
-            f"{model.coefficient}: the points cannot distinguish {', '.join(terms)} from {', '.join(model.terms)}; vary airspeed or the "
+            f"{model.coefficient}: the points cannot distinguish {', '.join(terms)} from "
+            f"{', '.join(model.terms)}; vary airspeed or the "
             "columns of the terms, or add points with the wind off"
         )
     inverse = np.linalg.inv(A.T @ A)

@@ -96,7 +96,8 @@ def excited_band(log: xr.Dataset) -> tuple[float, float]:
     above = power > _FLOOR * np.median(power[2 * len(power) // 3 :])
     if not above[0]:
         raise IdentificationError(
-            f"{log.attrs.get('record', 'log')}: the motion does not stand above its noise; excite the actuator more"
+            f"{log.attrs.get('record', 'log')}: the motion does not stand above its noise; "
+            f"excite the actuator more"
         )
     last = len(above) if above.all() else int(np.argmin(above))
     return float(f[0]), float(f[max(last, min(8, len(f))) - 1])
@@ -134,7 +135,10 @@ def equation_error(
     )
     delay = delay if rows.cost(delay) <= cost[best] else float(grid[best])
     if best == _DELAYS - 1:
-        text = f"dead time of at least {rows.longest:.3g} s, the end of the search: check the clocks of command and motion"
+        text = (
+            f"dead time of at least {rows.longest:.3g} s, the end of the search: check the "
+            f"clocks of command and motion"
+        )
         warnings.warn(text, AeromatchWarning, stacklevel=3)
     return rows.refined(rows.solved(delay))
 
@@ -172,7 +176,8 @@ class _Rows:
         self.longest = min([_LONGEST_DELAY, *(0.2 * part.duration for part in self.parts)])
         if start < 2 * (len(structure.coefficients) + len(logs)):
             raise IdentificationError(
-                f"{start} frequencies are too few for the coefficients of an actuator; widen the band or lengthen the log"
+                f"{start} frequencies are too few for the coefficients of an actuator; widen "
+                f"the band or lengthen the log"
             )
 
     def _spectra(

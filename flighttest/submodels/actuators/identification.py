@@ -103,7 +103,8 @@ def demand_motion(channels, what: str) -> None:
         )
     if "position" not in channels and "rate" not in channels:
         raise IdentificationError(
-            f"{what}: no recorded position or rate: a command alone contains no information about the actuator; record the position of "
+            f"{what}: no recorded position or rate: a command alone contains no information "
+            f"about the actuator; record the position of "
             "its output and name its column (--position COLUMN)"
         )
 
@@ -115,7 +116,8 @@ def _even(time: np.ndarray, what: str) -> np.ndarray:
         raise SchemaError(
             what,
             [
-                f"{len(time)} samples, smallest step {steps.min() if len(steps) else 0.0:g} s; time must rise, 9 samples at least"
+                f"{len(time)} samples, smallest step {steps.min() if len(steps) else 0.0:g} "
+                f"s; time must rise, 9 samples at least"
             ],
         )
     step = float(np.median(steps))
@@ -235,12 +237,14 @@ def _structure(records: Sequence[xr.Dataset], gear: float, delay: bool, held: bo
         for channel in ("command", "position" if "position" in log else "rate"):
             if not np.nanstd(log[channel].values) > 0.0:
                 raise IdentificationError(
-                    f"{name}: the {channel} does not move; choose a log, or a stretch of it, with an excitation"
+                    f"{name}: the {channel} does not move; choose a log, or a stretch of it, "
+                    f"with an excitation"
                 )
     kinds = {tuple(name in log for name in ("position", "rate", "torque")) for log in records}
     if len(kinds) > 1:
         raise IdentificationError(
-            "the logs differ in which of position, rate and torque they hold; identify those that agree"
+            "the logs differ in which of position, rate and torque they hold; identify those "
+            "that agree"
         )
     torque = "torque" in records[0] and all(
         np.nanstd(log["torque"].values) > 0.0 for log in records

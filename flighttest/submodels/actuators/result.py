@@ -327,12 +327,16 @@ def _average(values: Sequence[float], stderr: Sequence[float]) -> Pooled | None:
 def _remarks(found: IdentifiedActuator) -> list[Remark]:
     out = []
     if not found.absolute:
-        words = "no torque was measured: the coefficients are ratios to Ma, none is absolute; a known inertia makes them so"
+        words = (
+            "no torque was measured: the coefficients are ratios to Ma, none is absolute; a "
+            "known inertia makes them so"
+        )
         out.append(Remark("ratios", words, severity="note"))
     for name, row in found.table().iterrows():
         if row["contradictory"]:
             words = (
-                f"{name}: frequency and time domain differ by {row['disagreement']:.1f} combined standard errors; their average hides a "
+                f"{name}: frequency and time domain differ by {row['disagreement']:.1f} "
+                f"combined standard errors; their average hides a "
                 "contradiction. A limit, friction, or noise of the motion biases the equation error"
             )
             out.append(
@@ -340,7 +344,10 @@ def _remarks(found: IdentifiedActuator) -> list[Remark]:
             )
     for name, row in found.over_logs().iterrows():
         if row["contradictory"]:
-            words = f"{name}: two logs differ by {row['disagreement']:.1f} combined standard errors; load, supply voltage or amplitude changed"
+            words = (
+                f"{name}: two logs differ by {row['disagreement']:.1f} combined standard "
+                f"errors; load, supply voltage or amplitude changed"
+            )
             out.append(
                 Remark("scatter", words, str(name), float(row["disagreement"]), DISAGREEMENT)
             )
@@ -389,9 +396,11 @@ def _report(found: IdentifiedActuator) -> str:
     about = found.response.estimates.attrs
     kind = "servo" if found.structure.stiffness else "motor"
     text = [
-        f"{kind}: Ma v' + Ca v {'+ Ka p ' if found.structure.stiffness else ''}+ G tau = B (u - neutral); "
+        f"{kind}: Ma v' + Ca v {'+ Ka p ' if found.structure.stiffness else ''}+ G tau = B "
+        f"(u - neutral); "
         f"{'absolute coefficients' if found.absolute else 'ratios to Ma'}",
-        f"logs {len(found.logs)}, samples {about['samples']}, R2 of the response {found.fit:.4f}, of the spectra {found.spectral.R2:.4f}, "
+        f"logs {len(found.logs)}, samples {about['samples']}, R2 of the response "
+        f"{found.fit:.4f}, of the spectra {found.spectral.R2:.4f}, "
         f"iterations {about['iterations']}",
         "",
         f"{'parameter':14s}{'frequency':>13s}{'std. error':>11s}{'time':>13s}{'std. error':>11s}"
@@ -434,15 +443,19 @@ def _report(found: IdentifiedActuator) -> str:
     ]
     if "delay" in found.parameters:
         text.append(
-            f"  {'dead time':18s} {ValueWithError(found.parameters['delay'], found.stderr['delay'])} s"
+            f"  {'dead time':18s} "
+            f"{ValueWithError(found.parameters['delay'], found.stderr['delay'])} s"
         )
     for name, part in found.reached.items():
         text.append(
-            f"  {name.replace('_', ' '):18s} {ValueWithError(found.parameters[name], found.stderr[name])}, held in {100.0 * part:.1f} % of samples"
+            f"  {name.replace('_', ' '):18s} "
+            f"{ValueWithError(found.parameters[name], found.stderr[name])}, held in "
+            f"{100.0 * part:.1f} % of samples"
         )
     if kind == "servo":
         text.append(
-            f"  the first-order lag holds to {found.valid_to:.2g} Hz (10 % of amplitude, 0.1 rad of phase)"
+            f"  the first-order lag holds to {found.valid_to:.2g} Hz (10 % of amplitude, 0.1 "
+            f"rad of phase)"
         )
     return "\n".join([*text, "", *remark_lines(found.remarks)]).rstrip()
 

@@ -133,12 +133,18 @@ class Motion:
 
     def report(self) -> str:
         """Return the figures as text."""
-        head = f"{self.kind} in {' '.join(self.channels)}, {self.time[0]:g} ... {self.time[-1]:g} s, {self.share:.1%} explained"
+        head = (
+            f"{self.kind} in {' '.join(self.channels)}, {self.time[0]:g} ... "
+            f"{self.time[-1]:g} s, {self.share:.1%} explained"
+        )
         rows = [
             f"  {name:14s}{value:12.5g}{stderr:12.2g} {unit}"
             for name, (value, stderr, unit) in self.values.items()
         ]
-        test = f"amplitudes: F({self.F_terms}, {self.F_dof:.0f}) {self.F:.4g}, probability {self.F_probability:.2g}"
+        test = (
+            f"amplitudes: F({self.F_terms}, {self.F_dof:.0f}) {self.F:.4g}, probability "
+            f"{self.F_probability:.2g}"
+        )
         return "\n".join(
             [
                 head,
@@ -225,13 +231,16 @@ def _fitted_motion(
     )
     if kind == "oscillation" and (cycles := omega * model.t[-1] / (2.0 * math.pi)) < LEAST_CYCLES:
         raise IdentificationError(
-            f"no oscillation in {' '.join(channels)}: the fit finds {cycles:.2f} of a cycle in {model.t[-1]:.1f} s; "
+            f"no oscillation in {' '.join(channels)}: the fit finds {cycles:.2f} of a cycle "
+            f"in {model.t[-1]:.1f} s; "
             "give the window and the inputs of the motion, or fit an aperiodic one"
         )
     if not share > LEAST_SHARE:
         raise IdentificationError(
-            f"no {kind.replace('aperiodic', 'aperiodic motion')} stands out in {' '.join(channels)}: it explains {share:.0%} of the "
-            f"movement about a straight line, {LEAST_SHARE:.0%} are needed; give a window in which the motion is excited and alone"
+            f"no {kind.replace('aperiodic', 'aperiodic motion')} stands out in "
+            f"{' '.join(channels)}: it explains {share:.0%} of the "
+            f"movement about a straight line, {LEAST_SHARE:.0%} are needed; give a window in "
+            f"which the motion is excited and alone"
         )
     rms = np.sqrt(np.mean((y - fitted) ** 2, axis=0))
     measured, shown = (dict(zip(channels, part.T)) for part in (y, fitted))
@@ -257,8 +266,10 @@ def _remarks(motion: Motion) -> list[Remark]:
     if motion.F_probability > EXCITED or motion.share < PURE:
         kind = motion.kind.replace("aperiodic", "aperiodic motion")
         words = (
-            f"no excitation: the {kind} explains {motion.share:.0%} of {channels} ({PURE:.0%} needed), probability of its amplitudes by "
-            f"chance {motion.F_probability:.2g} (limit {EXCITED:g}); no figure of it may be used: give a window in which the motion is "
+            f"no excitation: the {kind} explains {motion.share:.0%} of {channels} "
+            f"({PURE:.0%} needed), probability of its amplitudes by "
+            f"chance {motion.F_probability:.2g} (limit {EXCITED:g}); no figure of it may be "
+            f"used: give a window in which the motion is "
             "excited and alone, and the inputs that drive it"
         )
         value, limit = (
@@ -267,7 +278,10 @@ def _remarks(motion: Motion) -> list[Remark]:
         found.append(Remark("no excitation", words, channels, value, limit, "error"))
     ratio = motion.sigma / math.hypot(motion.sigma, motion.omega)
     if motion.kind == "oscillation" and ratio < GROWING:
-        words = f"grows: damping ratio {ratio:.2f}, below {GROWING:g}; something drives it inside the window, and no figure of it may be used"
+        words = (
+            f"grows: damping ratio {ratio:.2f}, below {GROWING:g}; something drives it "
+            f"inside the window, and no figure of it may be used"
+        )
         found.append(Remark("growth", words, channels, ratio, GROWING, "error"))
     found += _window_remarks(motion)
     errors = np.sqrt(np.maximum(np.diag(motion.covariance), 0.0))
@@ -277,7 +291,10 @@ def _remarks(motion: Motion) -> list[Remark]:
             Remark("not significant", words, "omega", float(errors[1] / motion.omega), KNOWN)
         )
     if abs(motion.sigma) < 2.0 * errors[0]:
-        words = f"not significant: decay {motion.sigma:.3g} +- {errors[0]:.2g} 1/s; whether it grows or decays is not known"
+        words = (
+            f"not significant: decay {motion.sigma:.3g} +- {errors[0]:.2g} 1/s; whether it "
+            f"grows or decays is not known"
+        )
         found.append(
             Remark("not significant", words, "sigma", float(abs(motion.sigma) / errors[0]), 2.0)
         )
@@ -298,10 +315,14 @@ def _window_remarks(motion: Motion) -> list[Remark]:
     one, name = max(changed, key=shift)
     (period, _, _), (ratio, _, _) = motion.values["period"], motion.values["damping_ratio"]
     words = (
-        f"depends on the window: period {period:.3g} s and damping ratio {ratio:.3f}, but {one.period[0]:.3g} s and "
-        f"{one.damping_ratio[0]:.3f} in {one.start:.1f} ... {one.stop:.1f} s (the {name.replace('_', ' ')} moves by "
-        f"{shift((one, name)):.0f} standard errors, {SHIFT:g} are allowed); something else moves {' '.join(motion.channels)}, "
-        "and no figure of it may be used: begin behind the last movement of the controls, end where the motion has died out, or give the "
+        f"depends on the window: period {period:.3g} s and damping ratio {ratio:.3f}, but "
+        f"{one.period[0]:.3g} s and "
+        f"{one.damping_ratio[0]:.3f} in {one.start:.1f} ... {one.stop:.1f} s (the "
+        f"{name.replace('_', ' ')} moves by "
+        f"{shift((one, name)):.0f} standard errors, {SHIFT:g} are allowed); something else "
+        f"moves {' '.join(motion.channels)}, "
+        "and no figure of it may be used: begin behind the last movement of the controls, "
+        "end where the motion has died out, or give the "
         "inputs that drive it"
     )
     return [Remark("window", words, name, shift((one, name)), SHIFT, "error")]
@@ -324,7 +345,8 @@ def _samples(
         raise SchemaError(
             "motion",
             [
-                "its time is not uniform or does not rise, or it has fewer than 12 samples; cut it with flighttest.cut"
+                "its time is not uniform or does not rise, or it has fewer than 12 samples; "
+                "cut it with flighttest.cut"
             ],
         )
     y, u = (
@@ -339,12 +361,14 @@ def _samples(
     for name, column in zip(inputs, u.T):
         if np.ptp(column) < MOVES:
             raise IdentificationError(
-                f"no excitation: {name} moves by {np.ptp(column):.2g} in the window; choose one in which it moves"
+                f"no excitation: {name} moves by {np.ptp(column):.2g} in the window; choose "
+                f"one in which it moves"
             )
     for name, column in zip(channels, y.T):
         if np.ptp(column) < MOVES:
             raise IdentificationError(
-                f"no motion: {name} moves by {np.ptp(column):.2g} in the window; it is dead or nothing happens there"
+                f"no motion: {name} moves by {np.ptp(column):.2g} in the window; it is dead "
+                f"or nothing happens there"
             )
     return y, u, time
 

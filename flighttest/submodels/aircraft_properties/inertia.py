@@ -94,12 +94,18 @@ class Inertia:
             words = "Ixz is above half of the smaller of Ixx and Izz: not of an aeroplane"
             found.append(Remark("range", words, "Ixz", I["Ixz"], 0.5 * min(I["Ixx"], I["Izz"])))
         if e.attrs["probability"] < 0.01:
-            words = f"the equations contradict each other: chi2 {e.attrs['chi2']:.1f} of 3; the aerodynamic models are too simple"
+            words = (
+                f"the equations contradict each other: chi2 {e.attrs['chi2']:.1f} of 3; the "
+                f"aerodynamic models are too simple"
+            )
             found.append(Remark("scatter", words, "", e.attrs["probability"], 0.01))
         for name in MOMENTS:
             value, s = I[name], float(e["stderr"].sel(term=name))
             if name != "Ixz" and s > 0.2 * abs(value):
-                words = f"{name} is known to {100 * s / abs(value):.0f} % only; the manoeuvres are not coupled enough"
+                words = (
+                    f"{name} is known to {100 * s / abs(value):.0f} % only; the manoeuvres "
+                    f"are not coupled enough"
+                )
                 found.append(Remark("not significant", words, name, s / abs(value), 0.2))
         return found
 
@@ -107,7 +113,8 @@ class Inertia:
         """Return the moments as a text table."""
         e = self.estimates
         text = [
-            f"moments of inertia, {e.attrs['scale']} given; chi2 {e.attrs['chi2']:.1f} of 3, probability {e.attrs['probability']:.2g}",
+            f"moments of inertia, {e.attrs['scale']} given; chi2 {e.attrs['chi2']:.1f} of 3, "
+            f"probability {e.attrs['probability']:.2g}",
             f"{'moment':<8}{'estimate':>12}{'stderr':>11}{'white':>11}{'stated':>12}  [kg m2]",
         ]
         for name in MOMENTS:
@@ -291,7 +298,8 @@ def _ratios(
         new[free] += np.clip(step, -0.3 * size, 0.3 * size)
         if not (new[:3] > 0).all() or new[3] ** 2 >= new[0] * new[2]:
             raise IdentificationError(
-                f"the products of the rates require moments of no body ({', '.join(f'{n} {v:.4g}' for n, v in zip(MOMENTS, new))}); "
+                f"the products of the rates require moments of no body "
+                f"({', '.join(f'{n} {v:.4g}' for n, v in zip(MOMENTS, new))}); "
                 "the manoeuvres are not coupled enough, or the aerodynamic models too simple"
             )
         I = new

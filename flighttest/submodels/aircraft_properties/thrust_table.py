@@ -124,7 +124,10 @@ def fit_thrust(
     best = minimize_scalar(rms, bounds=(np.log(_TAU[0]), np.log(_TAU[1])), method="bounded")
     for end, words in zip(_TAU, ("at most", "at least")):
         if abs(best.x - np.log(end)) < _END:
-            text = f"time constant of the thrust: {words} {end:g} s, the end of the search; these runs do not determine it"
+            text = (
+                f"time constant of the thrust: {words} {end:g} s, the end of the search; "
+                f"these runs do not determine it"
+            )
             warnings.warn(text, AeromatchWarning, stacklevel=2)
     leaf = make_term(nodes.reshape(template["value"].shape), axes, source="flight")
     still = float(np.sqrt(np.mean((target - design @ nodes)[settled] ** 2)))

@@ -205,7 +205,10 @@ def _without_noise(
     share = noise * np.sum(np.linalg.inv(R) ** 2, axis=1)
     worst = float(share.max())
     if final and worst > _NOISY:
-        text = f"{worst:.0%} of what distinguishes it from the other terms is noise; give faster motion or leave it out"
+        text = (
+            f"{worst:.0%} of what distinguishes it from the other terms is noise; give faster "
+            f"motion or leave it out"
+        )
         raise IdentificationError(f"{names[int(np.argmax(share))]}: {text}")
     return least_squares.solve(
         X, z, -noise * min(1.0, _SAFE / worst if worst > 0.0 else 1.0) if not final else -noise

@@ -119,11 +119,13 @@ class ControlLoading:
         ]
         if self.model.coefficient != COEFFICIENT[self.item]:
             problems.append(
-                f"the model is one of {self.model.coefficient}; the {self.item} has {COEFFICIENT[self.item]}"
+                f"the model is one of {self.model.coefficient}; the {self.item} has "
+                f"{COEFFICIENT[self.item]}"
             )
         if self.item == "wheel" and "alpha" in self.model.variables and not self.arm > 0.0:
             problems.append(
-                f"arm is {self.arm!r}; the distance of the ailerons from the plane of symmetry is needed for p arm / V"
+                f"arm is {self.arm!r}; the distance of the ailerons from the plane of "
+                f"symmetry is needed for p arm / V"
             )
         if problems:
             raise SchemaError(f"control loading of the {self.item}", problems)
@@ -192,7 +194,8 @@ def loading_of(
         raise SchemaError(
             aircraft.name,
             [
-                f"[control.{wanted}] with S_hinge, c_hinge and gearing is needed for the {item}; it is missing"
+                f"[control.{wanted}] with S_hinge, c_hinge and gearing is needed for the "
+                f"{item}; it is missing"
             ],
         )
     return ControlLoading(

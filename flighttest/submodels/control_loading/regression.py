@@ -100,7 +100,8 @@ def sliding_fit(
     count = sum(len(part.z) for part in slow)
     if count < need:
         raise IdentificationError(
-            f"{loading.item}: {count} samples in which the control slides; at least {need} are needed"
+            f"{loading.item}: {count} samples in which the control slides; at least {need} "
+            f"are needed"
         )
     held = [
         PriorConstraint(np.array([float(n == name) for n in loading.names]), *pair)
@@ -178,7 +179,8 @@ class TrimForces:
         """
         found, seen = self.estimates, self.determined()
         lines = [
-            f"{self.loading.item}: {self.loading.model}, {found.attrs['points']} steady points, rms {found.attrs['rms']:.3g}"
+            f"{self.loading.item}: {self.loading.model}, {found.attrs['points']} steady "
+            f"points, rms {found.attrs['rms']:.3g}"
         ]
         for name in map(str, found["term"].values):
             one = found.sel(term=name)
@@ -230,7 +232,8 @@ def trim_forces(loading: ControlLoading, points: xr.Dataset) -> TrimForces:
     spare = len(X) - len(names)
     if spare < 2:
         raise IdentificationError(
-            f"{loading.item}: {len(X)} steady points; at least {len(names) + 2} are needed for {len(names)} terms"
+            f"{loading.item}: {len(X)} steady points; at least {len(names) + 2} are needed "
+            f"for {len(names)} terms"
         )
     collinearity.demand_rank(X, names)
     F = points[f"F_{loading.item}"].values
@@ -333,7 +336,8 @@ def cable_fit(
         p[moves] = fit.theta
     if not p[0] > 0.0:
         raise IdentificationError(
-            f"{loading.item}: the cable does not stretch under load; use order 2, or check the gearing {loading.gearing:g}"
+            f"{loading.item}: the cable does not stretch under load; use order 2, or check "
+            f"the gearing {loading.gearing:g}"
         )
     values, G = _physical(p, loading.gearing)
     slopes = G[:, moves] @ fit.estimator[:, : fit.samples + fit.windows]

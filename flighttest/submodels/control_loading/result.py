@@ -215,7 +215,10 @@ class IdentifiedLoading:
         for name in (name for name in found if name not in _SIGNED):
             value, stderr = self.value(name) if name in names else (0.0, 0.0)
             if value < -2.0 * stderr or (name in names and value <= 0.0 and name in _NEEDED):
-                text = f"{name} is {value:.3g} +- {stderr:.2g}; it must not be negative: leave it out, or take order 2"
+                text = (
+                    f"{name} is {value:.3g} +- {stderr:.2g}; it must not be negative: leave "
+                    f"it out, or take order 2"
+                )
                 raise SchemaError(self.loading.item, [text])
             found[name] = max(0.0, found[name])
         if known.order == 6 and self.order == 4 and order == 4:
@@ -246,7 +249,10 @@ class IdentifiedLoading:
             for name, value, stderr in self._rows()
             if name in _CIRCUIT
         )
-        line = f"circuit.{item} identified from flight, standard errors in brackets: {values}; bias.F_{item} {self.force_bias:.3g}"
+        line = (
+            f"circuit.{item} identified from flight, standard errors in brackets: {values}; "
+            f"bias.F_{item} {self.force_bias:.3g}"
+        )
         return replace(
             known, controls=controls, circuits=circuits, history=f"{known.history}\n{line}".strip()
         )
@@ -275,7 +281,8 @@ class IdentifiedLoading:
             f"{one.item}: {one.model}, gearing {one.gearing:g} {'rad/rad' if wheel else 'rad/m'}"
         ]
         lines.append(
-            f"sliding: R2 {s['R2']:.5f}, rms {s['residual_rms']:.3g} {unit}, {s['samples']} samples of {s['manoeuvres']} manoeuvres"
+            f"sliding: R2 {s['R2']:.5f}, rms {s['residual_rms']:.3g} {unit}, {s['samples']} "
+            f"samples of {s['manoeuvres']} manoeuvres"
         )
         if self.cable is not None:
             rms = self.cable.attrs["rms"]
@@ -299,7 +306,8 @@ class IdentifiedLoading:
                 for name, value, error in totals
             ]
         pairs = [
-            f"! {a} and {b} go together in every manoeuvre; only differences between them separate the two"
+            f"! {a} and {b} go together in every manoeuvre; only differences between them "
+            f"separate the two"
             for a, b in self.collinear
         ]
         return "\n".join([*lines, *pairs])

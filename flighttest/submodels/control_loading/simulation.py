@@ -241,7 +241,8 @@ def _flown(loading: ControlLoading, p: Mapping[str, float], window: xr.Dataset) 
     ]
     if wrong:
         raise IdentificationError(
-            f"{loading.item}: {', '.join(wrong)}; join it with the drawings by `with_prior`, or take order 2"
+            f"{loading.item}: {', '.join(wrong)}; join it with the drawings by `with_prior`, "
+            f"or take order 2"
         )
     moved = control_signals(loading, window, None)
     time, g = moved["time"].values, loading.gearing

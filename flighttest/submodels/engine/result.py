@@ -133,7 +133,8 @@ class EngineFit:
         ]
         if self.start:
             lines.append(
-                f"light_speed = {deck.light_speed:.6g}  # flight: lit at {self.start.light_speed:.4g}, an upper limit"
+                f"light_speed = {deck.light_speed:.6g}  # flight: lit at "
+                f"{self.start.light_speed:.4g}, an upper limit"
             )
             lines.append(
                 f"sustain_speed = {deck.sustain_speed:.6g}  # judgement: half of light_speed"
@@ -303,7 +304,8 @@ def identify_engine(
         )
     if points and "corrected_thrust" not in given:
         raise IdentificationError(
-            f"points correct the table corrected_thrust of an a-priori deck; it has {' '.join(given) or 'no tables'}"
+            f"points correct the table corrected_thrust of an a-priori deck; it has "
+            f"{' '.join(given) or 'no tables'}"
         )
     if tables and not flights:
         raise IdentificationError(

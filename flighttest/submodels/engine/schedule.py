@@ -46,7 +46,8 @@ def remove_lever_noise(record: xr.Dataset) -> xr.Dataset:
     count = max(round(FIRST / step), 1)
     if np.ptp(throttle[:count]) > SAME:
         raise IdentificationError(
-            f"{record.attrs.get('record', 'a record')}: the lever moves in the first {FIRST:g} s; let it begin at rest"
+            f"{record.attrs.get('record', 'a record')}: the lever moves in the first "
+            f"{FIRST:g} s; let it begin at rest"
         )
     throttle[:count] = np.median(throttle[:count])
     return record.assign(throttle=("time", throttle))

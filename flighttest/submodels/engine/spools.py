@@ -118,7 +118,8 @@ class SpoolFit:
                 else "changes with n2"
             )
             lines.append(
-                f"deceleration over acceleration {ratio[0]:.4f} ({ratio[1]:.2g}); slope of its log {slope[0]:.3g} ({slope[1]:.2g}): {word}"
+                f"deceleration over acceleration {ratio[0]:.4f} ({ratio[1]:.2g}); slope of "
+                f"its log {slope[0]:.3g} ({slope[1]:.2g}): {word}"
             )
         if "n1_up_time" in value:
             lines.append(
@@ -126,7 +127,8 @@ class SpoolFit:
             )
         for name, (change, stderr) in self.changes.items():
             lines.append(
-                f"{name}: {change:.4g} ({stderr:.2g}){'' if abs(change) > 2.0 * stderr else ', no change beyond its error'}"
+                f"{name}: {change:.4g} "
+                f"({stderr:.2g}){'' if abs(change) > 2.0 * stderr else ', no change beyond its error'}"
             )
         for name, curve in self.tables.items():
             lines += ["", *curve.lines(name)]
@@ -266,7 +268,8 @@ class _Spool:
         size = sum(surface.size for surface in self.surfaces.values())
         if size > MOST_NODES:
             raise IdentificationError(
-                f"the tables of {name} have {size} nodes, more than {MOST_NODES}; give fewer knots (throttle, n2) or breakpoints (over)"
+                f"the tables of {name} have {size} nodes, more than {MOST_NODES}; give fewer "
+                f"knots (throttle, n2) or breakpoints (over)"
             )
         self.lever, self.speed = lever, speed
         edges = np.cumsum(

@@ -226,7 +226,8 @@ def _separable(X: np.ndarray, sigma: np.ndarray, C: np.ndarray, count: int) -> l
     """What the equilibrium, rows X (point, unknown), shows of drag and thrust separately."""
     if not (sigma[count:] > 0.0).any():
         return [
-            "thrust from equilibrium stands on the polar that was given: an error of the drag is an equal error of the thrust"
+            "thrust from equilibrium stands on the polar that was given: an error of the "
+            "drag is an equal error of the thrust"
         ]
     mean = X.mean(axis=0)
     thrust, drag = (
@@ -245,8 +246,10 @@ def _separable(X: np.ndarray, sigma: np.ndarray, C: np.ndarray, count: int) -> l
         if before > 0.0 and after > most.get(name, DISTINCT) * before:
             rho = -float(thrust @ C @ drag) / np.sqrt((thrust @ C @ thrust) * (drag @ C @ drag))
             found.append(
-                f"drag and thrust are not separable: {name} keeps {after / before:.0%} of its a-priori standard error, correlation of "
-                f"drag and thrust {rho:.2f}; fly two power settings at each speed, or record the thrust"
+                f"drag and thrust are not separable: {name} keeps {after / before:.0%} of "
+                f"its a-priori standard error, correlation of "
+                f"drag and thrust {rho:.2f}; fly two power settings at each speed, or record "
+                f"the thrust"
             )
     return found
 

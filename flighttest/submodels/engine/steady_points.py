@@ -44,7 +44,8 @@ def speed_axis(prior: xr.Dataset) -> str:
     found = [name for name in SPEEDS if name in prior["value"].dims]
     if not found:
         raise IdentificationError(
-            f"the deck has the axes {' '.join(map(str, prior['value'].dims))}; one of {' '.join(SPEEDS)} is needed"
+            f"the deck has the axes {' '.join(map(str, prior['value'].dims))}; one of "
+            f"{' '.join(SPEEDS)} is needed"
         )
     return found[0]
 
@@ -82,11 +83,13 @@ def _inside(
     )
     if not inside.any():
         raise IdentificationError(
-            f"{name}: no point inside the a-priori deck, {_range(prior)}; look at the units, or extend the deck"
+            f"{name}: no point inside the a-priori deck, {_range(prior)}; look at the units, "
+            f"or extend the deck"
         )
     if not inside.all():
         remarks.append(
-            f"{name}: {np.count_nonzero(~inside)} of {len(inside)} points lie outside the a-priori deck and are left out"
+            f"{name}: {np.count_nonzero(~inside)} of {len(inside)} points lie outside the "
+            f"a-priori deck and are left out"
         )
     return inside, shares(prior, {key: value[inside] for key, value in at.items()}), delta[inside]
 

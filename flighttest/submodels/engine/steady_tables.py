@@ -78,7 +78,10 @@ class SteadyTable:
             for axis, (x, length) in grid.items()
         )
         seen = float((self.leaf["source"] == SOURCES.index("flight")).mean())
-        fit = f"{self.samples} samples, residual {self.rms:.4g} rms, {seen:.0%} of the nodes from flight"
+        fit = (
+            f"{self.samples} samples, residual {self.rms:.4g} rms, {seen:.0%} of the nodes "
+            f"from flight"
+        )
         return f"{name} ({TARGETS[name]}) over {axes}: {fit}"
 
 

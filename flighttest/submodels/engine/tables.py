@@ -80,7 +80,8 @@ class EngineStructure(Strict):
     )
     throttle: tuple[float, ...] | None = Field(
         default=None,
-        description="Breakpoints of the schedule over the lever; without them where the lever rested.",
+        description="Breakpoints of the schedule over the lever; without them where the lever "
+        "rested.",
     )
     n2: tuple[float, ...] | None = Field(
         default=None,
@@ -307,7 +308,8 @@ class EngineCurve:
             points = self.leaf[dim].values
             if not points[0] - 0.01 <= at[dim] <= points[-1] + 0.01:
                 raise IdentificationError(
-                    f"identified for {dim} from {points[0]:.4g} to {points[-1]:.4g}; {at[dim]:.4g} is outside"
+                    f"identified for {dim} from {points[0]:.4g} to {points[-1]:.4g}; "
+                    f"{at[dim]:.4g} is outside"
                 )
         w = basis(self.leaf, {dim: np.array([at[dim]]) for dim in dims}, outside="clamp").toarray()[
             0

@@ -368,7 +368,8 @@ def ground_terms_of(
             raise SchemaError(
                 "ground effect",
                 [
-                    f"{name}: no term of the database in free air belongs to {term}; it has {' '.join(free)}"
+                    f"{name}: no term of the database in free air belongs to {term}; it has "
+                    f"{' '.join(free)}"
                 ],
             )
         found |= {label: _over_ground(leaf, one, term, tables) for label, leaf in parts.items()}
@@ -472,4 +473,7 @@ def _comment(one: CoefficientOverGround, term: str) -> str:
     if one.form == "table":
         return note
     row = one.row(term, one.form == "k h^s, one s")
-    return f"{note}; k {row.k:.4g} ({row.k_stderr:.2g}), s {row.s:.4g} ({row.s_stderr:.2g}), correlation {row.correlation:.2f}, h in metres"
+    return (
+        f"{note}; k {row.k:.4g} ({row.k_stderr:.2g}), s {row.s:.4g} ({row.s_stderr:.2g}), "
+        f"correlation {row.correlation:.2f}, h in metres"
+    )

@@ -215,7 +215,8 @@ def ground_terms(model: RegressionModel) -> tuple[str, ...]:
     if model.coefficient == "Cl":
         return (BANK,)
     raise IdentificationError(
-        f"no form of ground effect for {model.coefficient}; name its terms in `ground`, as {{'CY': ['beta']}}"
+        f"no form of ground effect for {model.coefficient}; name its terms in `ground`, as "
+        f"{{'CY': ['beta']}}"
     )
 
 
@@ -282,14 +283,16 @@ def with_heights(data: Sequence[xr.Dataset], names: Sequence[str]) -> list[xr.Da
     """
     if not any(HEIGHT in one for one in data):
         raise IdentificationError(
-            f"no manoeuvre has {HEIGHT}; reconstruct with runway_elevation, so that heights over the runway are known"
+            f"no manoeuvre has {HEIGHT}; reconstruct with runway_elevation, so that heights "
+            f"over the runway are known"
         )
     found = []
     for one, name in zip(data, names):
         h = np.asarray(one[HEIGHT].values, float) if HEIGHT in one else np.array(FREE_AIR)
         if (h <= 0.0).any():
             raise IdentificationError(
-                f"{name}: {HEIGHT} falls to {np.nanmin(h):.3g} m; h^s needs heights above zero: cut it at the touch-down"
+                f"{name}: {HEIGHT} falls to {np.nanmin(h):.3g} m; h^s needs heights above "
+                f"zero: cut it at the touch-down"
             )
         found.append(one if HEIGHT in one else one.assign({HEIGHT: FREE_AIR}))
     return found

@@ -119,7 +119,8 @@ class IdentifiedGear:
             raise SchemaError(
                 known.name,
                 [
-                    f"its wheels are not {'; '.join(group.label for group in self.groups)}; take the aircraft identified with"
+                    f"its wheels are not {'; '.join(group.label for group in self.groups)}; "
+                    f"take the aircraft identified with"
                 ],
             )
         contacts = tuple(self._contact(contact) for contact in known.gear.contacts)
@@ -247,7 +248,8 @@ class IdentifiedGear:
         for name, one in self.constants.items():
             unit = _UNITS.get(name.rpartition(".")[2], "")
             lines.append(
-                f"{name:<{wide}}{one.value:>12.5g}{one.stderr:>10.2g}  {f'{unit}, {one.source}' if unit else one.source}"
+                f"{name:<{wide}}{one.value:>12.5g}{one.stderr:>10.2g}  "
+                f"{f'{unit}, {one.source}' if unit else one.source}"
             )
         lines += [
             f"{name:<{wide}}  not determined: {why}" for name, why in self.undetermined.items()
@@ -446,7 +448,8 @@ def _steering(records: Sequence) -> dict[str, str]:
     if all(has_angle(record) for record in records):
         return {}
     return {
-        STEERED: "the records have one angle of the nose wheel: it is taken for that of the wheel itself, without a trail"
+        STEERED: "the records have one angle of the nose wheel: it is taken for that of the wheel "
+        "itself, without a trail"
     }
 
 

@@ -69,7 +69,8 @@ def wheels_of(aircraft: Aircraft) -> tuple[Contact, ...]:
     )
     if not found:
         raise IdentificationError(
-            f"{aircraft.name} has no wheels; give [[gear.contact]] with position and side_stiffness in its file"
+            f"{aircraft.name} has no wheels; give [[gear.contact]] with position and "
+            f"side_stiffness in its file"
         )
     return found
 
@@ -293,7 +294,8 @@ def wheel_loads(
     touching = compression > TOUCHING
     if not touching.any():
         raise IdentificationError(
-            f"{states.attrs.get('record', 'record')}: no wheel is compressed by more than {TOUCHING:g} m; give ground runs or landings"
+            f"{states.attrs.get('record', 'record')}: no wheel is compressed by more than "
+            f"{TOUCHING:g} m; give ground runs or landings"
         )
     F, M = external_load(data, aircraft)
     F_air, M_air = air_load(data, aircraft, database, wind)

@@ -323,7 +323,10 @@ def _unreached(fit: OutputError, runs: Sequence[GroundRun]) -> tuple[str, str, f
     found = _value(fit, FRICTION)
     if used > _REACHED * found:
         return "", "", used
-    words = f"no wheel came near it: at most {used:.2f} of a load was used along the runway; the curve of the side force leads to {found:.2f}"
+    words = (
+        f"no wheel came near it: at most {used:.2f} of a load was used along the runway; the "
+        f"curve of the side force leads to {found:.2f}"
+    )
     return FRICTION, words, used
 
 

@@ -71,7 +71,8 @@ _COMMENTS = {
     "name": "for files and links",
     "window": "[s] on the clock of the record; start in a steady state",
     "engine_parameter": "critical engine parameter of Ti and Tt",
-    "surfaces": "recorded: surface positions; cockpit: column, wheel, pedals; force: pilot forces; pilot: loops of [[drive.pilot]]",
+    "surfaces": "recorded: surface positions; cockpit: column, wheel, pedals; force: pilot "
+    "forces; pilot: loops of [[drive.pilot]]",
     "engine": "thrust: recorded thrust; n1: recorded fan speed; throttle: recorded lever",
     "trim": 'true: trimmed to the flight condition; false; "ground": on its wheels',
 }
@@ -99,7 +100,8 @@ def case_text(draft: Draft, criteria: Sequence[Criterion]) -> str:
     """
     lines = [
         "#:schema case.schema.json",
-        "# `aeromatch pom schema` writes this schema; an editor that knows it completes and checks the keys.",
+        "# `aeromatch pom schema` writes this schema; an editor that knows it completes and "
+        "checks the keys.",
         "",
     ]
     lines += ["[case]", *(_line(key, draft.case[key]) for key in _ORDER if key in draft.case)]
@@ -171,10 +173,12 @@ def _rows(criteria: Sequence[Criterion]) -> str:
     for c in criteria:
         window = f"{c.window[0]:g} ... {c.window[1]:g} s"
         lines.append(
-            f"#   {c.name}: {c.band.text or 'no number'}, {c.measure} of {c.channel or 'no channel'}, {window}, group {c.group}"
+            f"#   {c.name}: {c.band.text or 'no number'}, {c.measure} of "
+            f"{c.channel or 'no channel'}, {window}, group {c.group}"
         )
         lines.append(
-            f"#       {c.provenance}: {c.source}{'; ' + c.note if c.note else ''}{'; ' + c.reason if c.reason else ''}"
+            f"#       {c.provenance}: "
+            f"{c.source}{'; ' + c.note if c.note else ''}{'; ' + c.reason if c.reason else ''}"
         )
     return "\n".join(lines) + "\n"
 
@@ -402,7 +406,8 @@ def _search(
         inside = max(low, window[0]), min(high, window[1])
         if not inside[0] < inside[1]:
             raise OutOfRange(
-                f"window {window[0]:g} ... {window[1]:g} s lies outside the record, {low:g} ... {high:g} s; choose one inside"
+                f"window {window[0]:g} ... {window[1]:g} s lies outside the record, {low:g} "
+                f"... {high:g} s; choose one inside"
             )
         return inside, inside
     inside_record = [
@@ -415,7 +420,8 @@ def _search(
     if len(found) > 1:
         others = ", ".join(f"{each.start:g} ... {each.end:g} s" for each in found[1:])
         remarks.append(
-            f"the record lists {len(found)} manoeuvres that fit; the first was taken, --window chooses another: {others}"
+            f"the record lists {len(found)} manoeuvres that fit; the first was taken, "
+            f"--window chooses another: {others}"
         )
     if test.startswith(WHOLE_RUNS):
         return (start, end), (low, high)
@@ -528,7 +534,8 @@ def _placed(
             False,
         )
         remarks.append(
-            f"{name} was not found in the record; it stands at {events[name][0]:g} s, set it by hand"
+            f"{name} was not found in the record; it stands at {events[name][0]:g} s, set it "
+            f"by hand"
         )
     return events
 
@@ -562,7 +569,8 @@ def _drive(rows: Sequence[table.Row], recorded: Recorded, ground: bool) -> dict[
         raise SchemaError(
             "record",
             [
-                "no complete set of controls: needs delta_e, delta_a, delta_r, or column, wheel, pedal, or their forces"
+                "no complete set of controls: needs delta_e, delta_a, delta_r, or column, "
+                "wheel, pedal, or their forces"
             ],
         )
     engine = [row for row in rows if row["measure"].startswith("response_")]

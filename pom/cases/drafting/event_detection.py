@@ -501,14 +501,16 @@ def demand_fitting(record: str, test: str, listed: Sequence[RecordedManoeuvre]) 
     if not listed or not known or matching_manoeuvres(test, listed):
         return
     shown = ", ".join(
-        f"{each.word}{f' ({each.control})' if each.control else ''} {each.start:g} ... {each.end:g} s"
+        f"{each.word}{f' ({each.control})' if each.control else ''} {each.start:g} ... "
+        f"{each.end:g} s"
         for each in listed
     )
     wanted = _of(test, WORDS) or [CONTROL_WORDS.get(name, name) for name in input_channels(test)]
     raise SchemaError(
         f"record {record}",
         [
-            f"no manoeuvre that it lists fits {test} ({', '.join(wanted)}); it lists {shown}; give another record, or --window START STOP"
+            f"no manoeuvre that it lists fits {test} ({', '.join(wanted)}); it lists "
+            f"{shown}; give another record, or --window START STOP"
         ],
     )
 

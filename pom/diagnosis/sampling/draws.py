@@ -319,7 +319,8 @@ class DrawnModels:
             raise SchemaError(
                 called,
                 [
-                    "no term has standard errors, there is nothing to draw; give the identified database"
+                    "no term has standard errors, there is nothing to draw; give the "
+                    "identified database"
                 ],
             )
         leaves = aerodb.terms(db)
@@ -328,7 +329,10 @@ class DrawnModels:
             name for name in nodes if not np.array_equal(held[name], leaves[name]["value"].values)
         ]
         if other:
-            text = f"{called}: {len(other)} terms have other values than in {fmu} ({', '.join(other[:3])}); give the database of this FMU"
+            text = (
+                f"{called}: {len(other)} terms have other values than in {fmu} "
+                f"({', '.join(other[:3])}); give the database of this FMU"
+            )
             raise SchemaError("database of a model", [text])
         return cls(model, db, nodes, seed, called)
 

@@ -45,7 +45,8 @@ def demand_cases(cases: Sequence[PomCase], wanted: Sequence[str] | None) -> None
     ]
     solved = [case.name for case in cases if case.drive.trim_surfaces]
     problems += [
-        f"{name}: its trim surfaces are solved for on an FMU, which tuning does not fly; leave the case out"
+        f"{name}: its trim surfaces are solved for on an FMU, which tuning does not fly; "
+        f"leave the case out"
         for name in solved
     ]
     problems += [
@@ -79,7 +80,8 @@ def demand_evidence(
         raise SchemaError(
             "evidence",
             [
-                "no term has standard errors, nothing bounds a move; give an identified database (--evidence)"
+                "no term has standard errors, nothing bounds a move; give an identified "
+                "database (--evidence)"
             ],
         )
     for name in rationale:

@@ -117,7 +117,8 @@ def _wanted(before: Mapping[str, SampledRun], wanted: Sequence[str] | None) -> l
     for name in wanted:
         if before[name].status == "invalid":
             problems.append(
-                f"{name}: the model cannot be flown or judged: {before[name].failure or 'the record lacks what is judged'}"
+                f"{name}: the model cannot be flown or judged: "
+                f"{before[name].failure or 'the record lacks what is judged'}"
             )
         elif before[name].status == "not_tested":
             problems.append(
@@ -282,7 +283,10 @@ class _Tuner:
         kept = [name for name in self.demanded if name not in wanted]
         rows = ", ".join(wanted) + (f" (with {', '.join(kept)} still passing)" if kept else "")
         if not passed:
-            return f"{rows}: no change of the terms with standard errors was found that makes all pass; look for the cause in what has none"
+            return (
+                f"{rows}: no change of the terms with standard errors was found that makes "
+                f"all pass; look for the cause in what has none"
+            )
         sizes = self.sizes(
             self.nodes(z), {name: leaf["value"].values for name, leaf in self.evidence.items()}
         )
@@ -294,8 +298,14 @@ class _Tuner:
         price = ", ".join(
             f"{name} {size:.1f}" for name, size in far.items() if name not in self.rationale
         )
-        what = f"it would take {price} standard errors, distance {np.linalg.norm(z):.1f}: write a rationale for these terms"
-        return f"{rows}: cannot pass within {bound:g} standard error{'' if bound == 1.0 else 's'}; {what}"
+        what = (
+            f"it would take {price} standard errors, distance {np.linalg.norm(z):.1f}: write "
+            f"a rationale for these terms"
+        )
+        return (
+            f"{rows}: cannot pass within {bound:g} standard "
+            f"error{'' if bound == 1.0 else 's'}; {what}"
+        )
 
     def sizes(
         self, new: Mapping[str, np.ndarray], old: Mapping[str, np.ndarray]
@@ -394,14 +404,20 @@ class _Tuner:
                     data=np.where(far, _JUDGEMENT, leaf["source"]).astype(np.uint8)
                 )
             why = f"; rationale: {move['rationale']}" if move["rationale"] else ""
-            text = f"{move['nodes']} of {leaf['value'].size} nodes moved, by {move['moved']:.2f} standard errors at most"
+            text = (
+                f"{move['nodes']} of {leaf['value'].size} nodes moved, by {move['moved']:.2f} "
+                f"standard errors at most"
+            )
             line = (
                 f"pom tune for {rows}: {text}, {move['from_evidence']:.2f} from the evidence{why}"
             )
             new[name] = leaf.assign_attrs(
                 history="\n".join(filter(None, (leaf.attrs.get("history", ""), line)))
             )
-        note = f"pom tune for {rows}: {len(new)} terms moved, distance {np.linalg.norm(z):.2f} from the evidence"
+        note = (
+            f"pom tune for {rows}: {len(new)} terms moved, distance {np.linalg.norm(z):.2f} "
+            f"from the evidence"
+        )
         return aerodb.replace_terms(self.database, new, note)
 
 

@@ -117,7 +117,10 @@ def headline(log: Mapping[str, Any]) -> str:
         return "; ".join([f"nothing moved: {found}", *left])
     far = max(log["moves"], key=lambda move: move["from_evidence"])
     largest = f"largest move from it {far['from_evidence']:.2f} standard errors, {far['term']}"
-    return f"tuned for {wanted}: distance {log['distance']:.2f} from the evidence, {largest}; bound {log['bound']:g}"
+    return (
+        f"tuned for {wanted}: distance {log['distance']:.2f} from the evidence, {largest}; "
+        f"bound {log['bound']:g}"
+    )
 
 
 MOVES = ("term", "moved", "from evidence", "share", "nodes", "largest at", "rationale")
@@ -174,7 +177,10 @@ def lines(log: Mapping[str, Any]) -> Iterator[str]:
     moves, rest = moves_of(log)
     for term, moved, away, share, nodes, at, why in moves:
         verb, place = "would move" if log["refusal"] else "moved", f", most at {at}" if at else ""
-        text = f"{term}: {verb} by {moved} standard errors at most ({nodes} nodes{place}), {away} from the evidence, {share} of the distance"
+        text = (
+            f"{term}: {verb} by {moved} standard errors at most ({nodes} nodes{place}), "
+            f"{away} from the evidence, {share} of the distance"
+        )
         yield f"{text}; rationale: {why}" if why else text
     if rest:
         yield rest

@@ -33,7 +33,8 @@ def demand_size(path: str | Path, most: int) -> None:
         size = sum(item.file_size for item in file.infolist())
     if most and size > most:
         raise ValueError(
-            f"its files have {size / 1e6:.0f} MB unpacked, allowed are {most / 1e6:.0f} MB (AEROMATCH_FMU_UNPACKED)"
+            f"its files have {size / 1e6:.0f} MB unpacked, allowed are {most / 1e6:.0f} MB "
+            f"(AEROMATCH_FMU_UNPACKED)"
         )
 
 
@@ -70,7 +71,10 @@ def platform_problem(path: str | Path, description: Any) -> str:
         if sources
         else "no library"
     )
-    return f"the FMU has {there}; this platform is {here}: export the FMU for {here}, or run it on another machine"
+    return (
+        f"the FMU has {there}; this platform is {here}: export the FMU for {here}, or run it "
+        f"on another machine"
+    )
 
 
 def read_description(path: str | Path) -> Any:

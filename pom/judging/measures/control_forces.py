@@ -159,7 +159,8 @@ def _compare(criterion: Criterion, flight: list[Branch], model: list[Branch]) ->
         partner = max(model, key=branch.together, default=None)
         if partner is None or branch.together(partner) <= 0.0:
             raise Invalid(
-                f"the model does not move {criterion.abscissa} as the flight does, {DIRECTIONS[branch.direction]}"
+                f"the model does not move {criterion.abscissa} as the flight does, "
+                f"{DIRECTIONS[branch.direction]}"
             )
         theirs = partner.at(branch.x)
         there = np.isfinite(theirs)
@@ -167,7 +168,8 @@ def _compare(criterion: Criterion, flight: list[Branch], model: list[Branch]) ->
         if share < COVER:
             way = DIRECTIONS[branch.direction]
             raise Invalid(
-                f"the model comes through {100.0 * share:.0f} % of the flight's {way} travel of {criterion.abscissa}"
+                f"the model comes through {100.0 * share:.0f} % of the flight's {way} travel "
+                f"of {criterion.abscissa}"
             )
         times.append(branch.time[there])
         values.append(branch.y[there])
@@ -358,7 +360,8 @@ def free_motion(
     Ad = float(x[0] - neutral)
     if abs(Ad) < 1e-9 or np.std(x[rest]) > SETTLED * abs(Ad):
         raise Invalid(
-            f"{who}: the control is not displaced at the start of the window, or not at rest in its last {NEUTRAL:g} s"
+            f"{who}: the control is not displaced at the start of the window, or not at rest "
+            f"in its last {NEUTRAL:g} s"
         )
     y = (x - neutral) / Ad
     crossings, overshoots = _excursions(t, y)

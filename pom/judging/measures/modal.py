@@ -132,7 +132,8 @@ def fit_mode(time, y) -> DampedSine:
         )
     if mode.amplitude < 2.0 * mode.residual_rms:
         raise Invalid(
-            f"no oscillation stands out: amplitude {mode.amplitude:.3g}, residual {mode.residual_rms:.3g}"
+            f"no oscillation stands out: amplitude {mode.amplitude:.3g}, residual "
+            f"{mode.residual_rms:.3g}"
         )
     return mode
 
@@ -260,7 +261,8 @@ def judge_mode(criterion: Criterion, match: Comparison) -> Judgement:
     required = MINIMUM_CYCLES.get(plain_id(match.case.id), 0.0)
     if f.cycles < required and abs(f.t_half) > f.duration:
         raise Invalid(
-            f"{f.cycles:.1f} cycles and less than the time to half ({f.t_half:.0f} s) in {f.duration:.0f} s; "
+            f"{f.cycles:.1f} cycles and less than the time to half ({f.t_half:.0f} s) in "
+            f"{f.duration:.0f} s; "
             f"the table requires {required:g} cycles or the time to half"
         )
     value = getattr(f, criterion.measure)
@@ -302,7 +304,10 @@ def _banked(criterion: Criterion, match: Comparison) -> tuple[RowRemark, ...]:
     off = float(np.fmax.reduce(off))  # gaps in a recorded bank do not matter
     if not off > BANKED:
         return ()
-    text = f"bank of the model up to {off / DEGREE:.0f} deg off the flight's, a turn and no phugoid: let a math pilot hold the wings"
+    text = (
+        f"bank of the model up to {off / DEGREE:.0f} deg off the flight's, a turn and no "
+        f"phugoid: let a math pilot hold the wings"
+    )
     return (
         RowRemark("bank", text, "phi", {"largest": off / DEGREE, "limit": BANKED / DEGREE}, "deg"),
     )
@@ -328,8 +333,10 @@ def _window_remarks(
         return ()
     unit = "1" if criterion.measure == "damping_ratio" else "s"
     text = (
-        f"the flight depends on the window: {criterion.measure.replace('_', ' ')} {value:.4g} in the window of the case, {other:.4g} in "
-        f"{start:.1f} ... {stop:.1f} s, which is more than the tolerance ({limit:.3g}); choose a window in which the mode is alone"
+        f"the flight depends on the window: {criterion.measure.replace('_', ' ')} "
+        f"{value:.4g} in the window of the case, {other:.4g} in "
+        f"{start:.1f} ... {stop:.1f} s, which is more than the tolerance ({limit:.3g}); "
+        f"choose a window in which the mode is alone"
     )
     return (
         RowRemark(

@@ -91,7 +91,8 @@ def _start(criterion: Criterion, match: Comparison) -> tuple[float, float]:
     reached = crossing(match.time, match.model[channel], float(level), 1 if end > level else -1)
     if reached is None:
         raise Invalid(
-            f"the model does not pass {display_value(channel, float(level))}, where the segment starts"
+            f"the model does not pass {display_value(channel, float(level))}, where the "
+            f"segment starts"
         )
     return start, reached
 
@@ -138,7 +139,8 @@ def _progress_gate(criterion: Criterion, match: Comparison) -> Gate:
     covered = float(y[-1] - y[0])
     if abs(covered) < least and not match.case.shortened:
         raise Invalid(
-            f"the segment covers {display_value(channel, abs(covered))}; the table requires {display_value(channel, least)}: "
+            f"the segment covers {display_value(channel, abs(covered))}; the table requires "
+            f"{display_value(channel, least)}: "
             "widen the window, or give the reason in case.shortened"
         )
     return Gate(channel, float(y[-1]), 1 if covered > 0.0 else -1, criterion.window[1])
@@ -166,7 +168,10 @@ def _span(
         return None
     own = crossing(match.time, signal, level, gate.direction, start[1])
     share = 100.0 * (there - start[0]) / (gate.flight - start[0])
-    text = f"the model reaches {display_value(gate.channel, level)}; both are compared up to there, {share:.0f} % of the run"
+    text = (
+        f"the model reaches {display_value(gate.channel, level)}; both are compared up to "
+        f"there, {share:.0f} % of the run"
+    )
     return TimedRun(
         (start[0], there),
         (start[1], match.time[-1] if own is None else own),
@@ -243,7 +248,8 @@ def demand_height(criterion: Criterion, match: Comparison) -> tuple[RowRemark, .
     text = f"segment of {covered:.0f} ft"
     if covered < required and not match.case.shortened:
         raise Invalid(
-            f"{text}; the table requires {required:.0f} ft or more: widen the window, or give the reason in case.shortened"
+            f"{text}; the table requires {required:.0f} ft or more: widen the window, or "
+            f"give the reason in case.shortened"
         )
     text = text if covered >= required else f"{text} of {required:.0f} ft required"
     return (RowRemark("span", text, "h", {"covered": covered, "required": required}, "ft"),)
@@ -313,7 +319,8 @@ def _radii(criterion: Criterion, match: Comparison) -> list[float]:
         turned = abs(float(smooth[-1] - smooth[0]))
         if turned < LEAST_TURN:
             raise Invalid(
-                f"{who} turns by {np.degrees(turned):.0f} deg; at least {np.degrees(LEAST_TURN):.0f} deg determine a radius"
+                f"{who} turns by {np.degrees(turned):.0f} deg; at least "
+                f"{np.degrees(LEAST_TURN):.0f} deg determine a radius"
             )
         radii.append(float(distance[-1] - distance[0]) / turned)
     return radii

@@ -282,7 +282,10 @@ def judge_trend(criterion: Criterion, match: Comparison) -> Judgement:
         allowed = _allowed(match.case, criterion.channel, flight) or RATIO[1] * dead
         met = {"no trend": abs(extremes[1]) <= allowed}
         measured: dict[str, float] = {"departure": abs(extremes[1]) / allowed if allowed else 0.0}
-        text = f"largest change of flight {shown[0]}, within the dead band of {shown[2]}: no trend; of model {shown[1]}"
+        text = (
+            f"largest change of flight {shown[0]}, within the dead band of {shown[2]}: no "
+            f"trend; of model {shown[1]}"
+        )
         text += f", allowed {_shown(criterion.channel, allowed)}"
     else:
         ratio, correlation = abs(extremes[1] / extremes[0]), _correlation(flight, model)
@@ -293,7 +296,10 @@ def judge_trend(criterion: Criterion, match: Comparison) -> Judgement:
             "amplitude": RATIO[0] <= ratio <= RATIO[1],
         }
         measured = {"amplitude_ratio": ratio, "correlation": correlation}
-        text = f"largest change of flight {shown[0]}, of model {shown[1]}, amplitude ratio {ratio:.2f}, correlation {correlation:.2f}"
+        text = (
+            f"largest change of flight {shown[0]}, of model {shown[1]}, amplitude ratio "
+            f"{ratio:.2f}, correlation {correlation:.2f}"
+        )
     failed = [name for name, good in met.items() if not good]
     text += f"; not met: {', '.join(failed)}" if failed else "; all criteria of trend are met"
     verdict, ticked = _verdict(match.case.ticks.get(criterion.name, ""), failed)
@@ -319,7 +325,8 @@ def _verdict(tick: str, failed: list[str]) -> tuple[str, str]:
     if tick:
         return (
             "fail",
-            f"the tick ({tick}) does not hold: {'the model moves the other way' if 'sign' in failed else 'the flight has no trend'}",
+            f"the tick ({tick}) does not hold: "
+            f"{'the model moves the other way' if 'sign' in failed else 'the flight has no trend'}",
         )
     return (
         ("fail", "an engineer may tick it with his reason")

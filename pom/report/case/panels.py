@@ -35,7 +35,10 @@ class Cross:
     @property
     def words(self) -> str:
         """Alternative text."""
-        return f"{self.ordinate.words or self.ordinate.name} against {self.abscissa.words or self.abscissa.name}"
+        return (
+            f"{self.ordinate.words or self.ordinate.name} against "
+            f"{self.abscissa.words or self.abscissa.name}"
+        )
 
     @property
     def steps(self) -> tuple[float, float]:
@@ -337,6 +340,7 @@ def description(panel: CasePanel) -> str:
             ]
             at = f" at {fixed_decimals(row['at'], 1)} s" if np.isfinite(row["at"]) else ""
             parts.append(
-                f"{row['run']}: {row['criterion'].replace('_', ' ')} {state}, {fixed_decimals(row['worst_ratio'], 2)} of the tolerance{at}"
+                f"{row['run']}: {row['criterion'].replace('_', ' ')} {state}, "
+                f"{fixed_decimals(row['worst_ratio'], 2)} of the tolerance{at}"
             )
     return f"{head}. " + "; ".join(parts) if parts else head

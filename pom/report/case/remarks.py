@@ -120,8 +120,10 @@ IN_MODE_TABLE = ("values", "cycles", "no_mode")
 """Kinds of remarks that only repeat what stands in the table of modes."""
 
 _REFERENCES = {
-    "engineering": "The reference is an engineering simulator, not a flight; {share} of the flight tolerance is applied.",
-    "footprint": "Footprint: the response of the device itself, kept for later comparison; no band is drawn and nothing is judged.",
+    "engineering": "The reference is an engineering simulator, not a flight; {share} of the "
+    "flight tolerance is applied.",
+    "footprint": "Footprint: the response of the device itself, kept for later comparison; no "
+    "band is drawn and nothing is judged.",
 }
 
 
@@ -155,7 +157,8 @@ def notes(result: PomResult) -> list[str]:
     marks = sorted({MARKS[p] for p in result.verdict["provenance"] if p in ("memory", "partial")})
     if marks:
         found.append(
-            f"Rows marked “{'” or “'.join(marks)}” were not read word for word in the regulation; check them there first."
+            f"Rows marked “{'” or “'.join(marks)}” were not read word for word in the "
+            f"regulation; check them there first."
         )
     return list(dict.fromkeys(found))
 
@@ -273,7 +276,10 @@ def sampled_line(result: PomResult, run: str) -> str:
     samples, worst = result.samples[run], result.worst(run)
     decides = str(worst["criterion"]) if worst is not None else ""
     made = sources(samples, decides, 3) if decides in samples.ratio else ""
-    text = f"probability of a pass {probability(samples)} ({samples.count} draws), ratio {spread(samples)}"
+    text = (
+        f"probability of a pass {probability(samples)} ({samples.count} draws), ratio "
+        f"{spread(samples)}"
+    )
     return f"{text}; {decides}: {made}" if made else text
 
 
@@ -297,7 +303,8 @@ def _trim(result: PomResult, run: str) -> str:
         text = f"{name} {from_si(value, unit):+.3g}{'' if unit == '1' else f' {unit}'}"
         if name in limits and abs(value) > limits[name].size:
             words.append(
-                f"{text} (limit {from_si(limits[name].size, unit):.3g}{', of the case file' if limits[name].demanded else ''})"
+                f"{text} (limit "
+                f"{from_si(limits[name].size, unit):.3g}{', of the case file' if limits[name].demanded else ''})"
             )
         elif quantity in FOUND and value != 0.0:
             words.append(text)
@@ -311,8 +318,10 @@ def _pilot(result: PomResult, run: str) -> list[str]:
         unit = lookup(row["control"]).display_units
         mean, rms, largest = (from_si(row[key], unit) for key in ("mean", "rms", "largest"))
         lines.append(
-            f"pilot  {row['control']}: mean {mean:+.3g}, rms {rms:.3g}, largest {largest:+.3g} {unit} at {row['at']:.1f} s, "
-            f"{100.0 * row['at_limit']:.0f} % at its limit; off by {row['held']}; loops {row['gains']}"
+            f"pilot  {row['control']}: mean {mean:+.3g}, rms {rms:.3g}, largest "
+            f"{largest:+.3g} {unit} at {row['at']:.1f} s, "
+            f"{100.0 * row['at_limit']:.0f} % at its limit; off by {row['held']}; loops "
+            f"{row['gains']}"
         )
     return lines
 

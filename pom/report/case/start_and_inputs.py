@@ -209,7 +209,10 @@ def calibration(result: PomResult) -> list[tuple[str, str]]:
         scale = math.degrees(1.0) if unit != given else 1.0
         estimate, stderr = scale * row["estimate"], scale * row["stderr"]
         decimals = max(0, 1 - math.floor(math.log10(stderr))) if stderr > 0.0 else 4
-        value = f"{fixed_decimals(estimate, decimals)} ± {fixed_decimals(stderr, decimals)} {pretty_unit(unit)}"
+        value = (
+            f"{fixed_decimals(estimate, decimals)} ± {fixed_decimals(stderr, decimals)} "
+            f"{pretty_unit(unit)}"
+        )
         rows.append((_constant(str(row["parameter"])), value.strip()))
     return rows
 
@@ -256,7 +259,8 @@ def drift(result: PomResult) -> list[tuple[QuantityLabel, str, str, str]]:
 
 
 _SURFACES = {
-    "recorded": "recorded surface positions drive the model; augmentation of the airplane, if any, is in the record",
+    "recorded": "recorded surface positions drive the model; augmentation of the airplane, if "
+    "any, is in the record",
     "cockpit": "recorded travel of column, wheel and pedals drives the control system of the model",
     "force": "recorded pilot forces drive the control system of the model",
     "pilot": "the recorded controls drive the model, a math pilot adds to them",
@@ -310,7 +314,10 @@ def _feedback(result: PomResult) -> str:
     if result.case.law:
         moved = ", ".join(label(name).words or name for name in result.case.law_moves)
         law = result.signals.attrs.get("control_law", Path(result.case.law).name)
-        return f"closed loop: the control law of the airplane ({law}) moves {moved}; it sees the outputs of the model one sample late"
+        return (
+            f"closed loop: the control law of the airplane ({law}) moves {moved}; it sees the "
+            f"outputs of the model one sample late"
+        )
     if not result.case.drive.pilot:
         return "none: open loop, nothing corrects the model during the run"
     moved = ", ".join(
@@ -340,7 +347,10 @@ def _steady(result: PomResult, name: str) -> str:
     shown = label(name)
     if stray < 1e-9 * max(1.0, abs(mean)) or has_ends(name):
         return measured_text(mean, name)
-    value = f"{plain_measured_text(float(shown.shown(mean)), shown.unit)} ±\N{NO-BREAK SPACE}{short_number(float(shown.width(stray)), 2)}"
+    value = (
+        f"{plain_measured_text(float(shown.shown(mean)), shown.unit)} "
+        f"±\N{NO-BREAK SPACE}{short_number(float(shown.width(stray)), 2)}"
+    )
     return f"{value} {shown.unit}".strip()
 
 
@@ -358,7 +368,10 @@ def _loop(loop: PilotLoop) -> dict[str, Any]:
 
 def _gain(value: float, control: QuantityLabel, channel: QuantityLabel, per: str) -> str:
     """Return a gain in display units of control and channel."""
-    return f"{number(value * control.factor / channel.factor)} {control.unit or '1'} per {channel.unit or '1'}{per}"
+    return (
+        f"{number(value * control.factor / channel.factor)} {control.unit or '1'} per "
+        f"{channel.unit or '1'}{per}"
+    )
 
 
 def _activity(result: PomResult) -> list[dict[str, Any]]:

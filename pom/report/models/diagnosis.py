@@ -76,9 +76,13 @@ def alternative(table: pd.DataFrame) -> str:
             f"{_bar_name(step['term'])} {_share(step['explained'], step['stderr'])}"
             for step in large
         ]
-        way = f"{fixed_decimals(steps['start'].iloc[0], 2)} to {fixed_decimals(steps['stop'].iloc[-1], 2)} half widths"
+        way = (
+            f"{fixed_decimals(steps['start'].iloc[0], 2)} to "
+            f"{fixed_decimals(steps['stop'].iloc[-1], 2)} half widths"
+        )
         sentences.append(
-            f"{name.replace('_', ' ') or 'all criteria'}, from {way}: {', '.join(parts) or 'no share of half a percent'}"
+            f"{name.replace('_', ' ') or 'all criteria'}, from {way}: "
+            f"{', '.join(parts) or 'no share of half a percent'}"
         )
     return (
         f"Waterfall of the mismatch from the a-priori to the final model. {'. '.join(sentences)}."
@@ -210,7 +214,10 @@ def _joints(frame: Frame, bars: list[_Bar]) -> str:
         (float(frame.px(bar.stop)), frame.top + _ROW * (k + 0.5) + 0.5 * _BAR)
         for k, bar in enumerate(bars[:-1])
     ]
-    return f'<path class="frame" d="{"".join(f"M{x:.1f},{y:.1f}v{_ROW - _BAR:.1f}" for x, y in places)}"/>'
+    return (
+        f'<path class="frame" '
+        f'd="{"".join(f"M{x:.1f},{y:.1f}v{_ROW - _BAR:.1f}" for x, y in places)}"/>'
+    )
 
 
 def _names(steps: pd.DataFrame, needed: Collection[str]) -> str:
@@ -258,9 +265,12 @@ def _two_lines(words: str, most: int) -> list[str]:
 
 FLOWN = "in this report"
 NOTE = (
-    "Standard errors are those of the evidence. The tuned model is the one at the least Mahalanobis distance from it with which the wanted "
-    "cases pass and no other ceases to; a term goes beyond the bound only where a rationale is written. moved: largest change of a node "
-    "against the model before; share: of the squared distance from that model; nodes: those that moved by more than 0.01; ratio: of the "
+    "Standard errors are those of the evidence. The tuned model is the one at the least "
+    "Mahalanobis distance from it with which the wanted "
+    "cases pass and no other ceases to; a term goes beyond the bound only where a rationale "
+    "is written. moved: largest change of a node "
+    "against the model before; share: of the squared distance from that model; nodes: those "
+    "that moved by more than 0.01; ratio: of the "
     "criterion that decides, to its tolerance."
 )
 
@@ -310,9 +320,11 @@ _TITLES = {
     "group": "a-priori model with a group of terms taken from the final model",
     "pair": "a-priori model with two terms taken from the final model: the pairs that interact most",
     "sequence": "corrected a-priori model: terms of the final model taken one after the other",
-    "joint": "corrected model of all cases: without the terms added for this one, then with one after the other",
+    "joint": "corrected model of all cases: without the terms added for this one, then with one "
+    "after the other",
     "without": "final model without a term or group",
-    "share": "fair split of the gap: what each term explains on average over all orders of taking them",
+    "share": "fair split of the gap: what each term explains on average over all orders of taking "
+    "them",
     "final": "final model",
 }
 _MOST = {"single": 8, "group": 4, "pair": 3, "without": 5}  # rows shown
@@ -373,8 +385,10 @@ def _idle(table: pd.DataFrame) -> str:
     terms = ", ".join(f"{row['term']} {_bounded(row['bound'])}" for row in alone)
     some = "1 term was" if len(alone) == 1 else f"{len(alone)} terms were"
     return (
-        f"{some} not flown alone, since no judged output moves by more than this share of its mismatch, by the measured sensitivity of the "
-        f"coefficient or by the flight with all of them: {terms}. All together move {_bounded(together['bound'])}."
+        f"{some} not flown alone, since no judged output moves by more than this share of "
+        f"its mismatch, by the measured sensitivity of the "
+        f"coefficient or by the flight with all of them: {terms}. All together move "
+        f"{_bounded(together['bound'])}."
     )
 
 
@@ -396,17 +410,22 @@ def cause_sentences(table: pd.DataFrame) -> str:
         return ""
     if by["prior"][0]["verdict"] in MATCHED:
         more = f" {_joint(by['joint'])}" if by["joint"] else ""
-        return f"The a-priori model is within tolerance; no term has to be taken from the final model.{more}"
+        return (
+            f"The a-priori model is within tolerance; no term has to be taken from the final "
+            f"model.{more}"
+        )
     if by["prior"][0]["verdict"] == "not_tested":
         return "No criterion of this case carries a verdict, so there is no mismatch to explain."
     sentences = [
-        f"The a-priori model {'could not be judged' if by['prior'][0]['verdict'] == 'invalid' else 'is out of tolerance'}."
+        f"The a-priori model "
+        f"{'could not be judged' if by['prior'][0]['verdict'] == 'invalid' else 'is out of tolerance'}."
     ]
     singles = [row for row in by["single"] if row["explained"] >= LEAST_SHOWN]
     if singles:
         best = singles[0]
         sentences.append(
-            f"Of single terms of the final model the {_called(best['term'])} explains most of the gap, {_percent(best['explained'])}."
+            f"Of single terms of the final model the {_called(best['term'])} explains most "
+            f"of the gap, {_percent(best['explained'])}."
         )
     elif by["single"]:
         sentences.append("No single term of the final model brings it nearer to the flight.")
@@ -419,7 +438,8 @@ def cause_sentences(table: pd.DataFrame) -> str:
         state = f"is within tolerance{beyond}" if last["verdict"] in MATCHED else missed
         taken = _called(chosen[0]) if len(chosen) == 1 else _listed(chosen)
         sentences.append(
-            f"With {'the ' if len(chosen) == 1 else ''}{taken} from the final model, the corrected a-priori model {state}."
+            f"With {'the ' if len(chosen) == 1 else ''}{taken} from the final model, the "
+            f"corrected a-priori model {state}."
         )
     if by["joint"]:
         sentences.append(_joint(by["joint"]))
@@ -445,7 +465,10 @@ def _joint(rows: Sequence[Mapping[Hashable, Any]]) -> str:
         else f"{made} it as good as the final model"
     )
     state = before.get(rows[0]["verdict"], "out of tolerance")
-    return f"With the sequences of all cases together the corrected model is {state} here; {_listed(added)}, added for this case, {after}."
+    return (
+        f"With the sequences of all cases together the corrected model is {state} here; "
+        f"{_listed(added)}, added for this case, {after}."
+    )
 
 
 def _listed(names: Sequence[str]) -> str:
@@ -456,7 +479,10 @@ def _interaction(pair: Mapping[Hashable, Any], alone: Mapping[str, float]) -> st
     """Return the sentence about the pair that interacts most."""
     one, other = str(pair["term"]).split(" + ")
     parts = f"{_percent(alone[one])} and {_percent(alone[other])}"
-    return f"Terms do not simply add up: {one} and {other} explain {parts} alone, {_percent(pair['explained'])} together."
+    return (
+        f"Terms do not simply add up: {one} and {other} explain {parts} alone, "
+        f"{_percent(pair['explained'])} together."
+    )
 
 
 def _called(term: str) -> str:

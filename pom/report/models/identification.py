@@ -69,7 +69,8 @@ def fit_picture(index: int, fit: flighttest.Fit) -> Picture:
                 (base, "symbol"),
                 (sub, "sub"),
                 (
-                    "\N{NO-BREAK SPACE}\N{NO-BREAK SPACE}measured, and fitted by the local model (dashed)",
+                    "\N{NO-BREAK SPACE}\N{NO-BREAK SPACE}measured, and fitted by the local "
+                    "model (dashed)",
                     "caption",
                 ),
             ],
@@ -122,7 +123,10 @@ def fit_picture(index: int, fit: flighttest.Fit) -> Picture:
         text(frame.left + frame.width / 2, frame.bottom + 24.0, "lag, s", "caption", "middle")
     ]
     rms = number(float(np.sqrt(np.mean(residual**2))), 3)
-    words = f"{name} of {fit.name}: measured, fitted, residual with an rms of {rms}, its autocorrelation"
+    words = (
+        f"{name} of {fit.name}: measured, fitted, residual with an rms of {rms}, its "
+        f"autocorrelation"
+    )
     return Picture("".join(parts), lower.bottom + _FOOT, words)
 
 

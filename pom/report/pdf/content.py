@@ -127,7 +127,8 @@ def case(
         "title": case.title,
         "name": case.name,
         "standard": f"{case.standard}, edition {case.edition}",
-        "kind": f"{_REFERENCES.get(case.reference, case.reference)}, tolerances applied to {remarks.share(case.fraction)}",
+        "kind": f"{_REFERENCES.get(case.reference, case.reference)}, tolerances applied to "
+        f"{remarks.share(case.fraction)}",
         "objective": remarks.objective(case),
         "manoeuvre": case.description,
         "texts": [(head, text) for head, text in _texts(case) if text],

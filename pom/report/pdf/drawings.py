@@ -85,7 +85,8 @@ text{{font-family:"{FAMILY}";font-size:10.6px;fill:#000}}
 .joint{{stroke:{QUIET};stroke-width:.6;stroke-dasharray:2 2}}
 """
 _HATCHING = (
-    '<pattern id="hatching" width="5" height="5" patternUnits="userSpaceOnUse" patternTransform="rotate(45)">'
+    '<pattern id="hatching" width="5" height="5" patternUnits="userSpaceOnUse" '
+    'patternTransform="rotate(45)">'
     f'<rect width="5" height="5" fill="{EXIT}" fill-opacity=".2"/>'
     f'<line x1="0" y1="0" x2="0" y2="5" stroke="{EXIT}" stroke-width="1.3"/></pattern>'
 )
@@ -237,7 +238,10 @@ def _scaled(panel: CasePanel) -> CasePanel:
 
 def svg(height: float, body: str) -> str:
     """Return a whole drawing with the styles of the paper."""
-    return f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH:.0f} {height:.1f}">{defs()}{body}</svg>'
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH:.0f} '
+        f'{height:.1f}">{defs()}{body}</svg>'
+    )
 
 
 def _head(panel: CasePanel) -> str:
@@ -443,7 +447,8 @@ def cross_drawing(
             LEFT + frame.width / 2, frame.bottom + 24.0, _words(cross.abscissa), "caption", "middle"
         )
     )
-    judged = [f"{row['run']}: {words(row['criterion'])} {row['verdict'].replace('_', ' ')}, {fixed_decimals(row['worst_ratio'], 2)} of the tolerance"
+    judged = [f"{row['run']}: {words(row['criterion'])} {row['verdict'].replace('_', ' ')}, "
+        f"{fixed_decimals(row['worst_ratio'], 2)} of the tolerance"
             for row in rows if row["criterion"] in cross.criteria]  # fmt: skip
     return Drawing(
         svg(frame.bottom + CROSS_PLOT_FOOT, "".join(parts)),

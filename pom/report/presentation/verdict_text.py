@@ -85,7 +85,10 @@ def remark_text(remark: RowRemark) -> str:
     )
     found, limit = remark.values["found"], remark.values["limit"]
     allowed = "".join(remark.text.partition(ALLOWED)[1:])
-    return f"{what}: {MINUS if found < 0.0 else '+'}{_three_digits(abs(found))}{unit}, beyond {_three_digits(limit)}{unit}{allowed}"
+    return (
+        f"{what}: {MINUS if found < 0.0 else '+'}{_three_digits(abs(found))}{unit}, beyond "
+        f"{_three_digits(limit)}{unit}{allowed}"
+    )
 
 
 def _three_digits(value: float) -> str:
@@ -132,7 +135,8 @@ def verdict_table(result: PomResult) -> dict[str, Any]:
                 "measure": _MEASURES.get(first["measure"], words(first["measure"])),
                 "printed": first["tolerance_text"],
                 "applied": first["applied_text"] or _applied(result, first),
-                "window": f"{fixed_decimals(first['window_start'], 2)} … {fixed_decimals(first['window_stop'], 2)}",
+                "window": f"{fixed_decimals(first['window_start'], 2)} … "
+                f"{fixed_decimals(first['window_stop'], 2)}",
                 "mark": MARKS.get(first["provenance"], ""),
                 "rows": [_verdict_row(row) for row in rows],
                 "left_out": "" if name in applying else reason(rows[0]["remarks"]),

@@ -64,7 +64,8 @@ def control_loading(
         (
             "force at the hand",
             EQUATION_ERROR,
-            f"rms {number(sliding['residual_rms'], 3)} {unit}, R² {fixed_decimals(sliding['R2'], 4)}",
+            f"rms {number(sliding['residual_rms'], 3)} {unit}, R² "
+            f"{fixed_decimals(sliding['R2'], 4)}",
         )
     ]
     if found.cable is not None:
@@ -81,7 +82,8 @@ def control_loading(
             (
                 "free motion, simulated",
                 "check, not fitted",
-                f"rms {fixed_decimals(100 * min(rms), 0)} to {fixed_decimals(100 * max(rms), 0)} % of the travel",
+                f"rms {fixed_decimals(100 * min(rms), 0)} to "
+                f"{fixed_decimals(100 * max(rms), 0)} % of the travel",
             )
         )
     names = [str(term) for term in found.estimates["term"].values]
@@ -104,7 +106,8 @@ def control_loading(
         SectionTable(f"Hinge moment {loading.model}, per radian", ("term", *head[1:]), hinge),
     )
     remarks = tuple(
-        f"{a} and {b} go together in every manoeuvre; only differences between manoeuvres separate them"
+        f"{a} and {b} go together in every manoeuvre; only differences between manoeuvres "
+        f"separate them"
         for a, b in found.collinear
     )
     return Section(
@@ -149,7 +152,10 @@ def _force_loops(
         )
         for qbar, rows in chosen
     ]
-    words = f"Force at the {loading.item} over its travel while it slides, recorded and by the identified constants, at {len(panels)} speeds"
+    words = (
+        f"Force at the {loading.item} over its travel while it slides, recorded and by the "
+        f"identified constants, at {len(panels)} speeds"
+    )
     return (
         (picture(f"force-{name}", panels, (("run-0", "recorded"), ("run-3", "identified")), words),)
         if panels
@@ -187,7 +193,10 @@ def _free_motion(name: str, item: str, flown: Sequence[SimulatedWindow]) -> tupl
             for k, css in enumerate(("run-0", "run-3"))
         )
         panels.append(PanelOf(title, "time, s", curves))
-    words = f"Free motion of the {item}, recorded and simulated with the identified constants, {len(panels)} of {len(flown)} windows"
+    words = (
+        f"Free motion of the {item}, recorded and simulated with the identified constants, "
+        f"{len(panels)} of {len(flown)} windows"
+    )
     return (
         picture(f"free-{name}", panels, (("run-0", "recorded"), ("run-3", "simulated")), words),
     )
@@ -227,7 +236,8 @@ def engine(name: str, found: EngineFit) -> Section:
     if found.static is not None:
         static = found.static
         rms = [
-            f"{title} {fixed_decimals(100 * float(np.sqrt(np.mean(v**2))), 2)} % of the thrust, {len(v)} points"
+            f"{title} {fixed_decimals(100 * float(np.sqrt(np.mean(v**2))), 2)} % of the "
+            f"thrust, {len(v)} points"
             for title, v in static.residuals.items()
         ]
         measures.append(("static thrust", EQUATION_ERROR, "; ".join(rms)))
@@ -299,7 +309,10 @@ def _responses(name: str, responses: Sequence[xr.Dataset]) -> list[Picture]:
         title = f"{' and '.join(speeds)}, {one.attrs.get('record', '')}".rstrip(", ")
         panels.append(PanelOf(title, "time, s", tuple(curves)))
     key = [("run-0", "recorded"), ("run-3", "simulated"), ("run-1", "lever")]
-    words = f"Response of the spools to the lever, recorded and simulated, {len(chosen)} of {len(responses)} power changes"
+    words = (
+        f"Response of the spools to the lever, recorded and simulated, {len(chosen)} of "
+        f"{len(responses)} power changes"
+    )
     return [picture(f"response-{name}", panels, key, words)] if panels else []
 
 
@@ -425,7 +438,10 @@ def _loads(name: str, found: IdentifiedGear) -> tuple[Picture, ...]:
                 (SectionLine(100.0 * s[some], load[some] / 1e3, "run-3", marks=True),),
             )
         )
-    words = f"Reconstructed load over compression of {', '.join(panel.title.partition(',')[0] for panel in panels)}"
+    words = (
+        f"Reconstructed load over compression of "
+        f"{', '.join(panel.title.partition(',')[0] for panel in panels)}"
+    )
     return (picture(name.replace(" ", "-"), panels, (), words),) if panels else ()
 
 
@@ -474,7 +490,10 @@ def _table_2(found: GroundEffect, held: str) -> SectionTable:
                     *cells,
                 )
             )
-    caption = f"y = k y_inf h^s, and y = k h^s where there is no y_inf (LR-743 table 2); h in metres; free-air terms {held}"
+    caption = (
+        f"y = k y_inf h^s, and y = k h^s where there is no y_inf (LR-743 table 2); h in "
+        f"metres; free-air terms {held}"
+    )
     head = (
         "term",
         "y_inf",
@@ -501,7 +520,8 @@ def _evidence(found: GroundEffect) -> tuple[SectionTable, ...]:
     )
     return (
         SectionTable(
-            "Forms compared on the same samples: the simplest within 2 of the least criterion is taken",
+            "Forms compared on the same samples: the simplest within 2 of the least "
+            "criterion is taken",
             ("form", "parameters", "rms", "BIC"),
             rows,
         ),
@@ -525,7 +545,11 @@ def _factors(name: str, found: GroundEffect):
                     tuple(curves),
                 )
             )
-    words = f"Factor K over the height of {', '.join(panel.title.removeprefix('K of ') for panel in panels)}, with one standard error"
+    words = (
+        f"Factor K over the height of "
+        f"{', '.join(panel.title.removeprefix('K of ') for panel in panels)}, with one standard "
+        f"error"
+    )
     return (
         (picture(name.replace(" ", "-"), panels, (("run-3", "k h^s"), ("run-2", "table")), words),)
         if panels
@@ -557,7 +581,8 @@ def sections(
         section = _section(name, result, free_motion.get(name, ()), driven.get(name, ()))
         if section is None:
             unknown.append(
-                f"submodels.{name}: {type(result).__name__}; give an EngineFit, IdentifiedLoading, GroundEffect or IdentifiedGear"
+                f"submodels.{name}: {type(result).__name__}; give an EngineFit, "
+                f"IdentifiedLoading, GroundEffect or IdentifiedGear"
             )
         else:
             found.append(section)

@@ -117,7 +117,8 @@ def test_options_that_do_not_fit_are_reported(file, tmp_path, arguments, message
         (b"\x89HDF\r\n\x1a\n...", "netcdf"),
         (b"MATLAB 5.0 MAT-file", "matlab"),
         (
-            b'<?xml version="1.0"?>\n<!-- > --><?a b?>\n<!DOCTYPE DAVEfunc SYSTEM "x" [ <!ENTITY a "b"> ]>\n<DAVEfunc>',
+            b'<?xml version="1.0"?>\n<!-- > --><?a b?>\n<!DOCTYPE DAVEfunc SYSTEM "x" [ '
+            b'<!ENTITY a "b"> ]>\n<DAVEfunc>',
             "daveml",
         ),
         (b'\xef\xbb\xbf<fdm_config name="x">', "jsbsim"),

@@ -114,7 +114,8 @@ def test_coefficients_over_the_grid_of_both(small):
     """
     frame = aerodb.compare(small, changed(small, "CL/flap", value=[0.0, 0.2, 0.29]))
     assert frame.attrs["grid"]["CL"] == (
-        "mach 0.2 ... 0.4 (2) x alpha -8 ... 16 deg (4) with, in turn, delta_f 0 ... 40 deg (3), qhat -0.005 ... 0.005 (2)"
+        "mach 0.2 ... 0.4 (2) x alpha -8 ... 16 deg (4) with, in turn, delta_f 0 ... 40 deg "
+        "(3), qhat -0.005 ... 0.005 (2)"
     )
     row = frame.loc["CL"]
     assert row["note"] == "40 conditions"
@@ -205,6 +206,7 @@ def test_other_references_are_stated(small):
     other.attrs["S"] = 20.0
     with pytest.warns(
         AeromatchWarning,
-        match=r"do not refer to the same: S 16.9 in a, 20.0 in b; the numbers are compared as they stand",
+        match=r"do not refer to the same: S 16.9 in a, 20.0 in b; the numbers are compared as "
+        r"they stand",
     ):
         aerodb.compare(small, other)

@@ -65,7 +65,8 @@ def test_a_standard_error_of_zero_means_exact(small, flown):
     off = aerodb.replace_terms(flown, {"CL/flap": flap.assign(value=flap["value"] + 0.01)})
     with pytest.raises(
         SchemaError,
-        match=r"CL/flap: both are exact \(standard error 0\) and differ at delta_f 0 deg and 0 more nodes",
+        match=r"CL/flap: both are exact \(standard error 0\) and differ at delta_f 0 deg and 0 "
+        r"more nodes",
     ):
         aerodb.edit.blend(small, off)
 
@@ -239,7 +240,8 @@ def test_all_faults_at_once(small, flown):
         aerodb.edit.blend(small, aerodb.replace_terms(flown, bad))
     assert caught.value.problems == [
         "CL/qhat: no stderr there; give one to every node",
-        "CL/flap: regressors none here and alpha there; only tables of the same meaning can be joined",
+        "CL/flap: regressors none here and alpha there; only tables of the same meaning can "
+        "be joined",
     ]
     with pytest.raises(SchemaError, match="no term in common"):
         aerodb.edit.blend(

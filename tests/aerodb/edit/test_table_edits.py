@@ -102,7 +102,8 @@ def test_regrid_reports_its_error(small):
     )
     with pytest.raises(
         OutOfRange,
-        match=r"regrid CL/basic: .* differs from the old one by up to 0\.01 at mach 0\.\d, alpha 0 deg, allowed 0\.009",
+        match=r"regrid CL/basic: .* differs from the old one by up to 0\.01 at mach 0\.\d, alpha "
+        r"0 deg, allowed 0\.009",
     ):
         aerodb.edit.regrid(small, "CL/basic", {"alpha": alpha}, tolerance=0.009)
 
@@ -276,7 +277,8 @@ def test_what_does_not_fit_is_refused(small, edit, error, text):
 def test_an_axis_of_a_factor_is_named_as_such(geared):
     with pytest.raises(
         UnknownName,
-        match=r"unknown axis 'gear'.*it belongs to a factor; put a changed leaf in with replace_terms",
+        match=r"unknown axis 'gear'.*it belongs to a factor; put a changed leaf in with "
+        r"replace_terms",
     ):
         aerodb.edit.regrid(geared, "CL/gear", {"gear": [0.0, 0.5, 1.0]})
 

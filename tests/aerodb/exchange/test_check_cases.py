@@ -118,7 +118,8 @@ def test_checks_travel_and_are_run(small, tmp_path):
     checked["Cm/qhat"]["value"][...] = -17.1
     with pytest.raises(
         SchemaError,
-        match=r"checks: Cm differs by .* in case \d+ \(\d+ of 50 cases fail\); the terms were changed",
+        match=r"checks: Cm differs by .* in case \d+ \(\d+ of 50 cases fail\); the terms were "
+        r"changed",
     ) as caught:
         aerodb.save(checked, path)
     assert len(caught.value.problems) == 2  # the term and its coefficient

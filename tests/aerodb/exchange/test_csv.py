@@ -37,7 +37,8 @@ def test_what_stands_in_the_files(folder):
         "index.csv",
     ]
     assert (folder / "002_CL_qhat.csv").read_text() == (
-        "# CL/qhat, value\n# regressors: qhat\n# outside: hold\nmach [1],value,stderr,source\n0.2,8.0,2.0,datcom\n0.4,8.4,2.1,datcom\n"
+        "# CL/qhat, value\n# regressors: qhat\n# outside: hold\nmach "
+        "[1],value,stderr,source\n0.2,8.0,2.0,datcom\n0.4,8.4,2.1,datcom\n"
     )
     index = (folder / "index.csv").read_text().splitlines()
     assert index[0] == "# aeromatch terms, format 1"

@@ -44,7 +44,10 @@ SQUARE = "<apply><times/><ci>FULL</ci><ci>PWR</ci><ci>PWR</ci></apply>"
 @pytest.fixture
 def file(tmp_path):
     def write(name, content):
-        head = '<?xml version="1.0"?><DAVEfunc><fileHeader><author name="us" org="us"/><fileCreationDate date="2020-01-01"/></fileHeader>'
+        head = (
+            '<?xml version="1.0"?><DAVEfunc><fileHeader><author name="us" '
+            'org="us"/><fileCreationDate date="2020-01-01"/></fileHeader>'
+        )
         path = tmp_path / name
         path.write_text(f"{head}{content}</DAVEfunc>")
         return path

@@ -26,14 +26,19 @@ from flightmech.names import attrs
 # Content models of the elements we write, from DAVEfunc.dtd 2.0.2 of 12 July 2011, as regular
 # expressions over the children
 CONTENT = {
-    "DAVEfunc": "fileHeader (variableDef )+(breakpointDef )*(griddedTableDef )*(ungriddedTableDef )*(function )*(checkData )?",
-    "fileHeader": "(author )+(creationDate |fileCreationDate )(fileVersion )?(description )?(reference )*(modificationRecord )*"
+    "DAVEfunc": "fileHeader (variableDef )+(breakpointDef )*(griddedTableDef )*(ungriddedTableDef "
+    ")*(function )*(checkData )?",
+    "fileHeader": "(author )+(creationDate |fileCreationDate )(fileVersion )?(description "
+    ")?(reference )*(modificationRecord )*"
     "(provenance )*",
-    "variableDef": "(description )?(provenance |provenanceRef )?(calculation )?(isInput |isControl |isDisturbance )?(isState )?"
+    "variableDef": "(description )?(provenance |provenanceRef )?(calculation )?(isInput "
+    "|isControl |isDisturbance )?(isState )?"
     "(isStateDeriv )?(isOutput )?(isStdAIAA )?(uncertainty )?",
     "breakpointDef": "(description )?bpVals ",
-    "griddedTableDef": "(description )?(provenance |provenanceRef )?breakpointRefs (uncertainty )?dataTable ",
-    "function": "(description )?(provenance |provenanceRef )?((independentVarPts )+dependentVarPts |"
+    "griddedTableDef": "(description )?(provenance |provenanceRef )?breakpointRefs (uncertainty "
+    ")?dataTable ",
+    "function": "(description )?(provenance |provenanceRef )?((independentVarPts "
+    ")+dependentVarPts |"
     "(independentVarRef )+dependentVarRef functionDefn )",
     "functionDefn": "(griddedTableRef |griddedTableDef )",
     "modificationRecord": "(author )+(description )?(extraDocRef )*",
@@ -41,7 +46,8 @@ CONTENT = {
     "uncertainty": "(normalPDF |uniformPDF )",
     "normalPDF": "bounds (correlatesWith )*(correlation )*",
     "checkData": "(provenance |provenanceRef )?(staticShot )+",
-    "staticShot": "(description )?(provenance |provenanceRef )?(checkInputs )?(internalValues )?checkOutputs ",
+    "staticShot": "(description )?(provenance |provenanceRef )?(checkInputs )?(internalValues "
+    ")?checkOutputs ",
     "signal": "(signalName signalUnits |varID )signalValue (tol )?",
     "calculation": "math ",
 }

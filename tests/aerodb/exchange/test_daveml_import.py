@@ -50,8 +50,14 @@ def table(output, values, **points):
     axes = ""
     for name, given in points.items():
         numbers, attributes = given if isinstance(given, tuple) else (given, "")
-        axes += f'<independentVarPts varID="{name}" {attributes}>{" ".join(map(repr, numbers))}</independentVarPts>'
-    return f'<function name="{output}">{axes}<dependentVarPts varID="{output}">{" ".join(map(repr, values))}</dependentVarPts></function>'
+        axes += (
+            f'<independentVarPts varID="{name}" '
+            f"{attributes}>{' '.join(map(repr, numbers))}</independentVarPts>"
+        )
+    return (
+        f'<function name="{output}">{axes}<dependentVarPts '
+        f'varID="{output}">{" ".join(map(repr, values))}</dependentVarPts></function>'
+    )
 
 
 GEOMETRY = (
@@ -73,7 +79,10 @@ ANGLES = (
 
 
 def document(tmp_path, body):
-    head = '<fileHeader name="lifting body"><author name="A" org="B"/><creationDate date="2020-01-01"/></fileHeader>'
+    head = (
+        '<fileHeader name="lifting body"><author name="A" org="B"/><creationDate '
+        'date="2020-01-01"/></fileHeader>'
+    )
     variables, functions = body
     path = tmp_path / "model.dml"
     path.write_text(f"<DAVEfunc>{head}{GEOMETRY}{ANGLES}{variables}{functions}</DAVEfunc>")
@@ -226,7 +235,8 @@ def test_what_the_two_stage_rocket_cannot_give_is_named_with_its_reason():
     path = NESC / "twostage_aero.dml"
     with pytest.raises(
         SchemaError,
-        match=r"CD: totalCoefficientOfDrag \(dragCoefficient\): it uses alphaT: the power 0.5 of alpha, beta",
+        match=r"CD: totalCoefficientOfDrag \(dragCoefficient\): it uses alphaT: the power 0.5 of "
+        r"alpha, beta",
     ) as caught:
         aerodb.exchange.import_daveml(path)
     assert len(caught.value.problems) == 1
@@ -525,7 +535,10 @@ def test_a_name_goes_before_that_of_the_file_and_other_units_are_no_device(tmp_p
 
 
 def test_uncertain_constants_and_their_products_have_standard_errors(tmp_path):
-    spread = '<uncertainty effect="percentage"><normalPDF numSigmas="2"><bounds>20</bounds></normalPDF></uncertainty>'
+    spread = (
+        '<uncertainty effect="percentage"><normalPDF '
+        'numSigmas="2"><bounds>20</bounds></normalPDF></uncertainty>'
+    )
     even = (
         '<uncertainty effect="additive"><uniformPDF><bounds>0.3</bounds></uniformPDF></uncertainty>'
     )
@@ -737,7 +750,8 @@ def test_the_grid_of_a_sampled_function_is_chosen_or_given(tmp_path):
     path = one(tmp_path, apply("sin", apply("times", cn(0.05), ci("AL"))))
     with pytest.raises(
         SchemaError,
-        match=r"no table and no limit states how far alpha goes; give grid=\{'alpha': \(low, high\)\}",
+        match=r"no table and no limit states how far alpha goes; give grid=\{'alpha': \(low, "
+        r"high\)\}",
     ):
         aerodb.exchange.import_daveml(path, sample=1e-3)
     ranged = aerodb.terms(
@@ -754,7 +768,8 @@ def test_the_grid_of_a_sampled_function_is_chosen_or_given(tmp_path):
     )
     with pytest.raises(
         SchemaError,
-        match=r"(?s)sample=0.001 is not kept; give more breakpoints with grid=.*CL differs from OUT by 0\.0",
+        match=r"(?s)sample=0.001 is not kept; give more breakpoints with grid=.*CL differs from "
+        r"OUT by 0\.0",
     ):
         aerodb.exchange.import_daveml(path, sample=1e-3, grid={"alpha": [-0.2, 0.1, 0.4]})
     with pytest.raises(ValueError, match="give sample=, the largest difference allowed"):

@@ -36,13 +36,17 @@ SHOTS = {
 FILES = sorted(EXAMPLES.glob("*.dml")) + sorted(NESC.glob("*.dml"))
 NO_NUMBER = "orbital_sphere_inertia"  # initialValue="(2/5)π"
 
-HEADER = '<fileHeader name="test"><author name="A" org="B"/><creationDate date="2020-01-01"/></fileHeader>'
+HEADER = (
+    '<fileHeader name="test"><author name="A" org="B"/><creationDate '
+    'date="2020-01-01"/></fileHeader>'
+)
 
 
 def document(tmp_path, body, head=HEADER, name="test.dml"):
     path = tmp_path / name
     path.write_text(
-        f'<?xml version="1.0"?>\n<DAVEfunc xmlns="http://daveml.org/2010/DAVEML">{head}{body}</DAVEfunc>',
+        f'<?xml version="1.0"?>\n<DAVEfunc '
+        f'xmlns="http://daveml.org/2010/DAVEML">{head}{body}</DAVEfunc>',
         encoding="utf-8",
     )
     return path
@@ -89,8 +93,11 @@ def function(tmp_path, attributes, element="independentVarRef"):
     return read(
         document(
             tmp_path,
-            f'{given}<breakpointDef bpID="B"><bpVals>{points}</bpVals></breakpointDef><function name="f"><independentVarRef varID="x" '
-            f'{attributes}/><dependentVarRef varID="y"/><functionDefn><griddedTableDef gtID="T"><breakpointRefs><bpRef bpID="B"/>'
+            f"{given}<breakpointDef "
+            f'bpID="B"><bpVals>{points}</bpVals></breakpointDef><function '
+            f'name="f"><independentVarRef varID="x" '
+            f'{attributes}/><dependentVarRef varID="y"/><functionDefn><griddedTableDef '
+            f'gtID="T"><breakpointRefs><bpRef bpID="B"/>'
             f"</breakpointRefs><dataTable>{values}</dataTable></griddedTableDef></functionDefn></function>",
         )
     )
@@ -327,8 +334,10 @@ def test_an_ungridded_table_is_held_at_its_box_and_refuses_holes(tmp_path):
         for x, y in [(0, 0), (1, 0), (0, 1), (0.4, 0.4)]
     )
     body = (
-        f'{variable("p")}{variable("q")}{variable("y")}<ungriddedTableDef utID="U">{points}</ungriddedTableDef><function name="f">'
-        '<independentVarRef varID="p"/><independentVarRef varID="q"/><dependentVarRef varID="y"/><functionDefn>'
+        f"{variable('p')}{variable('q')}{variable('y')}<ungriddedTableDef "
+        f'utID="U">{points}</ungriddedTableDef><function name="f">'
+        '<independentVarRef varID="p"/><independentVarRef varID="q"/><dependentVarRef '
+        'varID="y"/><functionDefn>'
         '<ungriddedTableRef utID="U"/></functionDefn></function>'
     )
     model = read(document(tmp_path, body))
@@ -375,7 +384,8 @@ def shot(value, tolerance, units="nd"):
     )
     answer = f"<signalID>y</signalID><signalValue>{value}</signalValue><tol>{tolerance}</tol>"
     return (
-        f'{variable("a", "<isInput/>")}{variable("y", calculation(apply("times", ci("a"), cn(2))))}<checkData><staticShot name="one">'
+        f"{variable('a', '<isInput/>')}{variable('y', calculation(apply('times', ci('a'), cn(2))))}<checkData><staticShot "
+        f'name="one">'
         f"<checkInputs><signal>{signal}</signal></checkInputs><checkOutputs><signal>{answer}</signal></checkOutputs></staticShot></checkData>"
     )
 
@@ -426,7 +436,10 @@ def two_angles(units, value):
         for name, unit, number in given
     )
     answer = "<signal><signalName>y</signalName><signalUnits>nd</signalUnits><signalValue>203</signalValue><tol>1e-9</tol></signal>"
-    shots = f'<staticShot name="one"><checkInputs>{signals}</checkInputs><checkOutputs>{answer}</checkOutputs></staticShot>'
+    shots = (
+        f"<staticShot "
+        f'name="one"><checkInputs>{signals}</checkInputs><checkOutputs>{answer}</checkOutputs></staticShot>'
+    )
     return f"{body}<checkData>{shots}</checkData>"
 
 
@@ -437,7 +450,8 @@ def test_of_variables_with_one_name_a_signal_is_the_one_in_its_units(tmp_path):
     assert table["passed"].all()
     with pytest.raises(
         SchemaError,
-        match="ALD in deg, ALR in rad have this name, the signal is in ft; give signalUnits of one of them",
+        match="ALD in deg, ALR in rad have this name, the signal is in ft; give signalUnits of "
+        "one of them",
     ):
         read(document(tmp_path, two_angles("ft", 0.2)))
 
@@ -501,7 +515,8 @@ def test_every_unit_of_the_vocabulary_can_be_written_and_read():
         ),
         ('<variableDef varID="x" units="nd"/>', "<variableDef> without the attribute name"),
         (
-            '<variableDef name="x" varID="x" units="nd"/><variableDef name="y" varID="x" units="nd"/>',
+            '<variableDef name="x" varID="x" units="nd"/><variableDef name="y" varID="x" '
+            'units="nd"/>',
             "a second varID 'x'",
         ),
         (
@@ -563,7 +578,8 @@ BOMB = "".join(f'<!ENTITY l{i} "{f"&l{i - 1};" * 10}">' for i in range(1, 12))
             "a declaration of the entity 'l0'",
         ),
         (
-            '<!DOCTYPE DAVEfunc [<!ENTITY x SYSTEM "file:///etc/hostname">]><DAVEfunc>&x;</DAVEfunc>',
+            "<!DOCTYPE DAVEfunc [<!ENTITY x SYSTEM "
+            '"file:///etc/hostname">]><DAVEfunc>&x;</DAVEfunc>',
             "a declaration of the entity 'x'",
         ),
         (

@@ -11,7 +11,8 @@ from aerodb.exchange import xml_reader
 from flightmech.errors import ParseError, SchemaError
 
 METRICS = (
-    '<metrics><wingarea unit="FT2">200</wingarea><wingspan unit="FT">30</wingspan><chord unit="FT">5</chord>'
+    '<metrics><wingarea unit="FT2">200</wingarea><wingspan unit="FT">30</wingspan><chord '
+    'unit="FT">5</chord>'
     '<location name="AERORP" unit="IN"><x>0</x><y>0</y><z>0</z></location></metrics>'
 )
 CL = "<property>aero/qbar-psf</property><property>metrics/Sw-sqft</property>"
@@ -37,7 +38,8 @@ def model(body, metrics=METRICS):
 def lift(content, outside=""):
     """Return a file whose function begins in line 4."""
     return model(
-        f"<axis name='LIFT'><function name='f'><product>{CL}{content}</product></function></axis>{outside}"
+        f"<axis name='LIFT'><function "
+        f"name='f'><product>{CL}{content}</product></function></axis>{outside}"
     )
 
 
@@ -184,7 +186,8 @@ FUNCTIONS = {
         "line 7: found 2 numbers; expected a row",
     ),
     "blocks": (
-        f"<table>{THREE}<tableData breakPoint='1'>{SQUARE}\n<tableData breakPoint='1'>{SQUARE}</table>",
+        f"<table>{THREE}<tableData breakPoint='1'>{SQUARE}\n<tableData "
+        f"breakPoint='1'>{SQUARE}</table>",
         "line 8: found breakPoint 1 after 1",
     ),
     "one block": (
@@ -302,7 +305,10 @@ def test_sections_in_other_files(tmp_path):
     """
     folder = tmp_path / "plane"
     (folder / "Systems").mkdir(parents=True)
-    section = f"<aerodynamics><axis name='LIFT'><function name='f'><product>{CL}<value>2</value></product></function></axis></aerodynamics>"
+    section = (
+        f"<aerodynamics><axis name='LIFT'><function "
+        f"name='f'><product>{CL}<value>2</value></product></function></axis></aerodynamics>"
+    )
     for place in (folder / "Systems" / "aero.xml", tmp_path / "aero.xml"):
         place.write_text(section)
     text = f"<fdm_config name='x'>{METRICS}\n<aerodynamics file='{{}}'/></fdm_config>"

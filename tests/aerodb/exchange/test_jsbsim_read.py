@@ -44,7 +44,10 @@ def file(folder, body, more="", metrics=METRICS):
 
 def lift(folder, *parts, more="", name="aero/coefficient/CLx", **options):
     """Return the database of one lift function, a product of dynamic pressure, area and `parts`."""
-    body = f"<axis name='LIFT'><function name='{name}'><product>{FORCE}{''.join(parts)}</product></function></axis>"
+    body = (
+        f"<axis name='LIFT'><function "
+        f"name='{name}'><product>{FORCE}{''.join(parts)}</product></function></axis>"
+    )
     return aerodb.exchange.import_jsbsim(file(folder, body, more), **options)
 
 
@@ -157,7 +160,8 @@ def test_t37_by_name(tmp_path):
     path = Path(jsbsim.get_default_root_dir()) / "aircraft" / "T37" / "T37.xml"
     with pytest.raises(
         SchemaError,
-        match=r"CDflap: fcs/flap-pos-norm is a fraction .* give travel = \{'delta_f': angle where it is 1\}",
+        match=r"CDflap: fcs/flap-pos-norm is a fraction .* give travel = \{'delta_f': angle where "
+        r"it is 1\}",
     ):
         aerodb.exchange.import_jsbsim(path)
     db = aerodb.exchange.import_jsbsim(path, travel={"delta_f": 0.7})
@@ -347,7 +351,8 @@ def test_sampling_only_on_demand(tmp_path):
     parts = (f"<sin>{prop('aero/alpha-rad')}</sin>", ALPHA, LINE.format("velocities/mach"))
     with pytest.raises(
         SchemaError,
-        match=r"CLx: <sin> x table\(alpha\) is no product of tables .* give sample = largest difference",
+        match=r"CLx: <sin> x table\(alpha\) is no product of tables .* give sample = largest "
+        r"difference",
     ):
         lift(tmp_path, *parts)
     db = lift(tmp_path, *parts, sample=1e-4)
@@ -384,7 +389,10 @@ def test_sampling_only_on_demand(tmp_path):
 def test_the_square_of_the_lift_is_a_polar(tmp_path):
     """CD = k CL^2 with CL of the same instant, there and back."""
     induced = f"<function name='aero/coefficient/CDi'><product>{FORCE}{prop('aero/cl-squared')}<value>0.08</value></product></function>"
-    body = f"<axis name='LIFT'><function name='aero/coefficient/CLalpha'><product>{FORCE}{ALPHA}</product></function></axis>"
+    body = (
+        f"<axis name='LIFT'><function "
+        f"name='aero/coefficient/CLalpha'><product>{FORCE}{ALPHA}</product></function></axis>"
+    )
     db = aerodb.exchange.import_jsbsim(file(tmp_path, body + f"<axis name='DRAG'>{induced}</axis>"))
     assert aerodb.terms(db)["CD/CDi"].attrs["regressors"] == "CL CL"
     assert float(aerodb.evaluate(db, "CD", alpha=0.5)) == pytest.approx(0.08 * 4.0, rel=1e-15)
@@ -421,7 +429,8 @@ def test_the_travel_that_a_file_states(tmp_path):
     )
     path = file(
         tmp_path,
-        f"<axis name='LIFT'><function name='a'><product>{FORCE}{prop('fcs/flap-pos-norm')}</product></function></axis>",
+        f"<axis name='LIFT'><function "
+        f"name='a'><product>{FORCE}{prop('fcs/flap-pos-norm')}</product></function></axis>",
     )
     text = path.read_text()
     path.write_text(

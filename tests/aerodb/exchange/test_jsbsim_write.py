@@ -243,7 +243,8 @@ def test_lines_beyond_the_table(tmp_path):
     db = aerodb.replace_terms(db, {"CL/line": line})
     with pytest.raises(
         SchemaError,
-        match=r"CL/line: goes on linearly .* give reach = \{'alpha': \(low, high\)\} for alpha, mach",
+        match=r"CL/line: goes on linearly .* give reach = \{'alpha': \(low, high\)\} for alpha, "
+        r"mach",
     ):
         aerodb.exchange.export_jsbsim(db, tmp_path / "test.xml", craft())
     aerodb.exchange.export_jsbsim(
@@ -329,8 +330,8 @@ def test_what_cannot_be_written_is_named(tmp_path):
     assert "S is 17 in the database and 18 in the aircraft; they must agree" in text
     assert "x_ref is -3 m in the database and 0 m in the aircraft" in text
     assert (
-        "delta_a has no limits in the aircraft file, which scale its command; add [limits] delta_a = [low, high]"
-        in text
+        "delta_a has no limits in the aircraft file, which scale its command; add [limits] "
+        "delta_a = [low, high]" in text
     )
     assert not (tmp_path / "test.xml").exists()
 
@@ -350,8 +351,8 @@ def test_the_file_states_what_it_holds(tmp_path):
     text = (tmp_path / "one.xml").read_text()
     assert text == (tmp_path / "two.xml").read_text()
     assert (
-        "<!-- table(mach, alpha); nodes: datcom 12; standard error 0.1 ... 0.1; t37.out, lines 1- -20"
-        in text
+        "<!-- table(mach, alpha); nodes: datcom 12; standard error 0.1 ... 0.1; t37.out, "
+        "lines 1- -20" in text
     )
     root = ET.fromstring(text)
     assert {

@@ -108,8 +108,8 @@ def test_flight_samples_are_ticks_in_their_panel(both):
 def test_the_foot_states_what_numbers_refer_to(both, small):
     foot = " ".join(texts(aerodb.figures.plot_comparison(both, "CL/basic")).split("\n"))
     assert (
-        "S = 16.9 m², cbar = 1.667 m, b = 10.31 m; moments about (−3, 0, 0) m from the drawing datum"
-        in foot
+        "S = 16.9 m², cbar = 1.667 m, b = 10.31 m; moments about (−3, 0, 0) m from the "
+        "drawing datum" in foot
     )
     assert "forces in stability axes, moments and rates in body axes" in foot
     assert "CL positive up" in foot
@@ -219,7 +219,8 @@ def test_matplotlib_is_needed_only_when_a_figure_is_drawn():
     ).stdout
     assert (
         printed
-        == "AeromatchError figures need matplotlib, which is not installed; run: pip install 'aeromatch[figures]'\n"
+        == "AeromatchError figures need matplotlib, which is not installed; run: pip install "
+        "'aeromatch[figures]'\n"
     )
 
 

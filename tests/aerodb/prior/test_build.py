@@ -170,7 +170,8 @@ def test_without_dynamic_pages_the_rates_are_absent(craft, make_case):
     del case["dynamic"]
     with pytest.warns(
         AeromatchWarning,
-        match=r"clean: by_hand.out has no dynamic page, so that the database has no damping .* with a card DAMP",
+        match=r"clean: by_hand.out has no dynamic page, so that the database has no damping .* "
+        r"with a card DAMP",
     ):
         db = aerodb.from_datcom(craft, clean=case)
     assert {"CL/qhat", "Cl/phat", "Cn/rhat"} <= set(db.attrs["absent"].split())

@@ -95,7 +95,8 @@ def test_without_a_clean_case_the_elevator_case_gives_its_static_pages(read, lig
 def test_several_aircraft_are_refused(read):
     with pytest.raises(
         SchemaError,
-        match=r"two_aircraft\.out:1 'LIGHT SINGLE A' and two_aircraft\.out:2 .* differ in WGPLNF; give one with",
+        match=r"two_aircraft\.out:1 'LIGHT SINGLE A' and two_aircraft\.out:2 .* differ in WGPLNF; "
+        r"give one with",
     ):
         assign_roles(read("two_aircraft"))
 
@@ -173,7 +174,8 @@ def test_a_wing_body_is_no_whole_aircraft_unless_stated(aircraft, tmp_path, opti
     place = [option, LISTINGS / "wing_body.out"] if option else [LISTINGS / "wing_body.out"]
     with pytest.raises(
         SchemaError,
-        match=r"are those of WING-BODY, not of the whole aeroplane: .*; give the case with HTPLNF and VTPLNF",
+        match=r"are those of WING-BODY, not of the whole aeroplane: .*; give the case with HTPLNF "
+        r"and VTPLNF",
     ):
         build(aircraft, *place, "-o", tmp_path / "db.nc")
     assert build(aircraft, *place, "--tailless", "-o", tmp_path / "db.nc").exit_code == 0
@@ -202,7 +204,8 @@ def test_a_reference_far_from_the_cards_is_an_error_unless_stated(light, read):
     aerodb.from_datcom(near, clean=clean)
     with pytest.raises(
         SchemaError,
-        match=r"lies 0\.11 chords from the moment centre of multi\.out \(XCG 2\.195 m, .*; clean\); correct it",
+        match=r"lies 0\.11 chords from the moment centre of multi\.out \(XCG 2\.195 m, .*; "
+        r"clean\); correct it",
     ):
         aerodb.from_datcom(far, clean=clean)
     moved = aerodb.from_datcom(far, clean=clean, move_reference=True)

@@ -189,7 +189,8 @@ def test_flaps_over_ground_of_one_run_are_refused(t37, craft):
     """
     with pytest.raises(
         SchemaError,
-        match=r"ground_flap: 1 problem(.|\n)*t37_ground_flap.out holds .* several deflections from one program run",
+        match=r"ground_flap: 1 problem(.|\n)*t37_ground_flap.out holds .* several deflections "
+        r"from one program run",
     ):
         aerodb.from_datcom(craft, clean=t37["clean"], ground_flap=t37["ground_flap"])
 

@@ -83,7 +83,8 @@ def test_a_loop_among_coefficients_is_refused_with_its_path(root):
     }
     with pytest.raises(
         SchemaError,
-        match=r"CL -> CD -> Cm -> CL \(terms CD/polar, Cm/drag, CL/flow\): a coefficient cannot depend on itself",
+        match=r"CL -> CD -> Cm -> CL \(terms CD/polar, Cm/drag, CL/flow\): a coefficient cannot "
+        r"depend on itself",
     ):
         aerodb.store.make_database(leaves, **root)
 

@@ -236,7 +236,8 @@ def test_of_two_editors_of_one_database_the_second_is_refused(small, tmp_path):
     ours = aerodb.edit.scale(ours, "CL/flap", 1.5)
     with pytest.raises(
         SchemaError,
-        match="was saved by another program after it was read here; open it again and repeat the edit",
+        match="was saved by another program after it was read here; open it again and repeat the "
+        "edit",
     ):
         aerodb.save(ours, path)
     xr.testing.assert_identical(aerodb.open(path), theirs)

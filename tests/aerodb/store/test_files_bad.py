@@ -259,7 +259,8 @@ def no_numbers(file):
         (circle, "CL/root: linked to more than once; a database holds each group once"),
         (
             packed,
-            "CL/flap/value is packed (attribute scale_factor); unpack the numbers before you write them",
+            "CL/flap/value is packed (attribute scale_factor); unpack the numbers before you "
+            "write them",
         ),
         (lists, "CL/flap: attribute references is neither a text nor a number"),
         (lists, "root: attribute note is neither a text nor a number"),

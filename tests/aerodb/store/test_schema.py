@@ -90,7 +90,10 @@ def test_terms_keep_their_own_breakpoints(small):
 
 
 def test_import_of_the_package_is_fast():
-    code = "import sys, aerodb; print([m for m in ('xarray', 'pandas', 'scipy', 'numpy') if m in sys.modules])"
+    code = (
+        "import sys, aerodb; print([m for m in ('xarray', 'pandas', 'scipy', 'numpy') if m in "
+        "sys.modules])"
+    )
     assert (
         subprocess.run(
             [sys.executable, "-c", code], capture_output=True, text=True, check=True

@@ -139,7 +139,8 @@ def test_terms_that_are_made_and_joined(trainer, moved):
     assert [float(moved.attrs[key]) for key in ("x_ref", "y_ref", "z_ref")] == NEW.tolist()
     assert (
         moved.attrs["history"]
-        == "move_reference: from (-3.0000, 0.0000, 0.2000) to (-3.2500, 0.0000, 0.0500) m (new datum)"
+        == "move_reference: from (-3.0000, 0.0000, 0.2000) to (-3.2500, 0.0000, 0.0500) m (new "
+        "datum)"
     )
     assert aerodb.check(moved) == []
 
@@ -399,7 +400,8 @@ def test_a_table_with_too_many_axes_is_named():
     }
     with pytest.raises(
         SchemaError,
-        match="Cm of CL/much: would have the axes h_agl delta_f mach delta_e alpha; at most 4 are allowed",
+        match="Cm of CL/much: would have the axes h_agl delta_f mach delta_e alpha; at most 4 are "
+        "allowed",
     ):
         aerodb.transform.move_reference(
             aerodb.make_database(leaves, **ORIGIN, force_axes="stability"), [0.3, 0.0, 0.0]

@@ -86,7 +86,8 @@ FIRST = {
             p / "aeromatch.toml",
             ("CL = 1 + alpha + qhat + delta_e", "CL = 1 + alpha + qhat + delta_f"),
         ),
-        r"fit 'pitch': CL = 1 \+ alpha \+ qhat \+ delta_f needs delta_f, which record slow, cruise, fast",
+        r"fit 'pitch': CL = 1 \+ alpha \+ qhat \+ delta_f needs delta_f, which record slow, "
+        r"cruise, fast",
     ),
     "held term that is not in the database": (
         lambda p: edit(

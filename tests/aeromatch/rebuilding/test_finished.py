@@ -20,7 +20,8 @@ def project(tmp_path):
     folder = tmp_path / "project"
     (folder / "cases").mkdir(parents=True)
     files = {
-        "aeromatch.toml": 'title = "T"\naircraft = "aircraft.toml"\nflights = "*.csv"\ncases = ["cases/*.toml"]\n'
+        "aeromatch.toml": 'title = "T"\naircraft = "aircraft.toml"\nflights = "*.csv"\ncases = '
+        '["cases/*.toml"]\n'
         '[listings]\nclean = "clean.out:2"\n',
         "aircraft.toml": '[[engine]]\ndeck = "engine.nc"\n',
         "engine.nc": "deck",

@@ -97,8 +97,14 @@ def test_without_a_change_nothing_is_imported_that_computes(small):
     found = match(small, "store")
     assert "nothing changed since the last match" in found.stderr
     assert files(small / "out") == files(small / "first")
-    script = "import sys; sys.argv = ['aeromatch', *sys.argv[1:]]\nfrom aeromatch.cli import main\ntry:\n main()\nfinally:\n"
-    script += " print('heavy', {'numpy', 'pandas', 'xarray', 'scipy', 'joblib', 'pydantic'} & set(sys.modules), file=sys.stderr)"
+    script = (
+        "import sys; sys.argv = ['aeromatch', *sys.argv[1:]]\nfrom aeromatch.cli import "
+        "main\ntry:\n main()\nfinally:\n"
+    )
+    script += (
+        " print('heavy', {'numpy', 'pandas', 'xarray', 'scipy', 'joblib', 'pydantic'} & "
+        "set(sys.modules), file=sys.stderr)"
+    )
     command = [
         sys.executable,
         "-c",

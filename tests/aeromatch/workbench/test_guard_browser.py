@@ -139,7 +139,8 @@ def test_a_page_that_opens_the_workbench_cannot_look_into_it(client, elsewhere, 
     opened.value.get_by_text("requests of other pages are refused").wait_for()
     assert hostile.evaluate("window.other.closed || window.other.length") in (True, 0)
     assert hostile.evaluate(
-        "(() => { try { return String(window.other.document); } catch (error) { return error.name; } })()"
+        "(() => { try { return String(window.other.document); } catch (error) { return "
+        "error.name; } })()"
     ) in (
         "SecurityError",
         "null",

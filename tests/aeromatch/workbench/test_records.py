@@ -189,7 +189,8 @@ def test_what_a_mark_covers_is_not_proposed(opened):
     [
         ('delta_r = "c r"   # in [controls] of the name map', [("controls.delta_r", '"c r"')]),
         (
-            'p = { column = "p", delay = 0.05 }   # in [imu] of the name map, and the same delay for the other channels of that instrument',
+            'p = { column = "p", delay = 0.05 }   # in [imu] of the name map, and the same '
+            "delay for the other channels of that instrument",
             [("imu.p", '{ column = "p", delay = 0.05 }')],
         ),
         (

@@ -45,7 +45,8 @@ def test_a_listing_shows_lift_drag_and_moment_at_each_condition(clean):
     ]
     assert (
         lift.get_title(loc="left")
-        == "1 T-37 OWN DECK CLEAN AIRCRAFT, wing-body-vertical tail-horizontal tail, free air, power off"
+        == "1 T-37 OWN DECK CLEAN AIRCRAFT, wing-body-vertical tail-horizontal tail, free air, "
+        "power off"
     )
 
 

@@ -220,7 +220,8 @@ def test_runs_joined_along_the_condition(t37):
 def test_trees_that_do_not_fit_are_not_joined(trees):
     with pytest.raises(
         SchemaError,
-        match=r"static of t37_ground\.out: T-37 OWN DECK CLEAN AIRCRAFT IN GROUND EFFECT has the axes",
+        match=r"static of t37_ground\.out: T-37 OWN DECK CLEAN AIRCRAFT IN GROUND EFFECT has the "
+        r"axes",
     ):
         datcom_io.join([trees("t37_clean.out"), trees("t37_ground.out")])
     other = trees("t37_clean.out").copy()

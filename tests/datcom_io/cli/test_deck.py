@@ -21,14 +21,21 @@ def call(*words, code=0):
 def bad(tmp_path):
     path = tmp_path / "bad.inp"
     path.write_text(
-        "* ONE\n* TWO\n $FLTCON NMACH=1.0,MACH(1)=0.3,NALPHA=1,ALSCHD(1)=0.0,ALT(1)=0.0$\n $TRNJET NT=1.0,TIME(1)=0.0$\n"
+        "* ONE\n* TWO\n $FLTCON NMACH=1.0,MACH(1)=0.3,NALPHA=1,ALSCHD(1)=0.0,ALT(1)=0.0$\n "
+        "$TRNJET NT=1.0,TIME(1)=0.0$\n"
     )
     return path
 
 
 def test_check_reports_findings_and_states_so_by_its_code(bad):
-    comment = "comment: only the pre-processor of DATCOM+ takes it away, the program does not run the case; use write_deck"
-    count = "$FLTCON: NALPHA has the value 1 without a point; the program uses it and flags a syntax error"
+    comment = (
+        "comment: only the pre-processor of DATCOM+ takes it away, the program does not "
+        "run the case; use write_deck"
+    )
+    count = (
+        "$FLTCON: NALPHA has the value 1 without a point; the program uses it and flags a "
+        "syntax error"
+    )
     assert call("check", bad, code=1).split("\n") == [
         f"line 1 and 1 more: error: {comment}",
         f"line 3: warning: {count}",
@@ -67,7 +74,8 @@ def test_split_writes_one_deck_per_run(tmp_path):
 def test_run_collects_and_reports(tmp_path):
     program = tmp_path / "datcom"
     program.write_text(
-        f"#!{sys.executable}\nimport shutil\nshutil.copy({str(T37 / 't37_aileron.out')!r}, 'for006.dat')\n"
+        f"#!{sys.executable}\nimport shutil\nshutil.copy({str(T37 / 't37_aileron.out')!r}, "
+        f"'for006.dat')\n"
     )
     program.chmod(0o755)
     output = call("run", T37 / "t37_aileron.inp", "--program", program, "-o", tmp_path / "results")
@@ -92,7 +100,8 @@ def test_run_of_a_folder(tmp_path):
     program = tmp_path / "datcom"
     copy = f"shutil.copy({str(T37 / 't37_aileron.out')!r}, 'for006.dat')"
     program.write_text(
-        f"#!{sys.executable}\nimport shutil\nif 'BROKEN' not in open('for005.dat').read():\n    {copy}\n"
+        f"#!{sys.executable}\nimport shutil\nif 'BROKEN' not in open('for005.dat').read():\n "
+        f"   {copy}\n"
     )
     program.chmod(0o755)
     (tmp_path / "decks").mkdir()

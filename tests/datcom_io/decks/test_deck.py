@@ -46,7 +46,8 @@ def test_alpha_is_another_spelling_of_alschd():
 
 def test_save_keeps_namelists_and_units_and_a_new_device_replaces_the_other():
     first = deck(
-        "DIM M\nDERIV RAD\n $OPTINS SREF=1.0,CBARR=2.0$\n $SYMFLP NDELTA=1.0,DELTA(1)=5.0$\nNACA W 4 2415\nCASEID ONE\nSAVE\nNEXT CASE"
+        "DIM M\nDERIV RAD\n $OPTINS SREF=1.0,CBARR=2.0$\n $SYMFLP "
+        "NDELTA=1.0,DELTA(1)=5.0$\nNACA W 4 2415\nCASEID ONE\nSAVE\nNEXT CASE"
     )
     second = deck(" $OPTINS SREF=3.0$\n $ASYFLP NDELTA=1.0,DELTAL(1)=5.0$\nNEXT CASE", first)
     assert second.value("OPTINS", "SREF") == 3.0
@@ -93,7 +94,8 @@ def test_regime_takes_the_limits_of_the_deck():
 
 def test_faults_are_reported_by_line():
     found = deck(
-        "* A COMMENT\n $FLTCON MACH(1)=0.2,ABC,0.3,WT=1.0\n  $\n $BODY X(9999)=1.0$\n $WGPLNF SSPN=1.0"
+        "* A COMMENT\n $FLTCON MACH(1)=0.2,ABC,0.3,WT=1.0\n  $\n $BODY X(9999)=1.0$\n "
+        "$WGPLNF SSPN=1.0"
     )
     assert found.problems == (
         (1, "not a control card: * A COMMENT"),
@@ -198,7 +200,8 @@ def test_what_the_program_stumbles_over_in_a_namelist():
         (
             1,
             "warning",
-            "$BODY: BLN has the value 2 without a point; the program uses it and flags a syntax error",
+            "$BODY: BLN has the value 2 without a point; the program uses it and flags a "
+            "syntax error",
         )
     ]
     assert (
@@ -233,7 +236,8 @@ def test_what_the_program_stumbles_over_in_columns():
         (
             2,
             "error",
-            "a namelist goes on in column 1: the program takes it for a control card; leave column 1 blank",
+            "a namelist goes on in column 1: the program takes it for a control card; leave "
+            "column 1 blank",
         )
     ]
     assert findings(" DAMP") == [
@@ -247,7 +251,8 @@ def test_what_the_program_stumbles_over_in_columns():
     ]
     assert findings(" $BODY BLN=2.0$ $OPTINS SREF=1.0$")[0][1:] == (
         "error",
-        "after the closing $: $OPTINS SREF=1.0$; the program does not read it: put it on a card of its own",
+        "after the closing $: $OPTINS SREF=1.0$; the program does not read it: put it on a "
+        "card of its own",
     )
     assert (
         findings(" &BODY BLN=2.0 &END\n $OPTINS SREF=1.0$")[0][2]

@@ -73,7 +73,8 @@ def test_datcom_plus_is_read_and_reported():
             "DIM FT ! feet",
             "",
             "\t$FLTCON NMACH=1.0, ! one",
-            "   MACH(1)=0.3, NALPHA=3.0, ALSCHD(1)=-2.0, 0.0, 2.0, NALT=1.0, ALT(1)=1000.0, STMACH=0.8, TSMACH=1.2$",
+            "   MACH(1)=0.3, NALPHA=3.0, ALSCHD(1)=-2.0, 0.0, 2.0, NALT=1.0, ALT(1)=1000.0, "
+            "STMACH=0.8, TSMACH=1.2$",
             "CASEID Wow! It flies",
         ]
     )
@@ -166,7 +167,8 @@ def test_what_no_card_can_hold_is_refused(tmp_path):
         "case 1: CASEID holds 75 characters; they do not fit on one card",
         "case 1: $body: 'body' is no name; upper case letters and digits, at most 10",
         "case 1: $body: 'X Y' is no name; upper case letters and digits, at most 10",
-        "case 1: $body: X Y holds a number that is not finite; leave the place empty (None) when it is not given",
+        "case 1: $body: X Y holds a number that is not finite; leave the place empty (None) "
+        "when it is not given",
     ]
     assert path.read_text() == "old"
 
@@ -312,12 +314,14 @@ def test_datcom_plus_repeats_damp_and_part_after_save(tmp_path):
         (
             8,
             "note",
-            "DAMP and PART of the case before: DATCOM+ repeats it after SAVE, the program does not; write_deck writes it",
+            "DAMP and PART of the case before: DATCOM+ repeats it after SAVE, the program "
+            "does not; write_deck writes it",
         ),
         (
             12,
             "note",
-            "PART of the case before: DATCOM+ repeats it after SAVE, the program does not; write_deck writes it",
+            "PART of the case before: DATCOM+ repeats it after SAVE, the program does not; "
+            "write_deck writes it",
         ),
     ]
     written = again(deck)

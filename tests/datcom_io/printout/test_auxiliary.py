@@ -335,7 +335,10 @@ def test_a_page_without_flight_conditions(lines):
 
 
 def test_lengths_follow_the_units_of_the_page(lines):
-    units = "             FT       FT/SEC     LB/FT**2       DEG R         1/FT               FT**2        FT        FT        FT        FT"
+    units = (
+        "             FT       FT/SEC     LB/FT**2       DEG R         1/FT               "
+        "FT**2        FT        FT        FT        FT"
+    )
     inches = units.replace("FT", "IN").replace("1/IN", "1/FT")
     tree = datcom_io.read([inches if line == units else line for line in lines])[0].to_datatree()
     assert float(tree["auxiliary"]["area_wetted"][0]) == pytest.approx(273.5 * 0.0254**2, rel=EXACT)

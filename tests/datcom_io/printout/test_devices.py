@@ -84,11 +84,14 @@ def test_notes_of_supersonic_controls_are_read_whole(corpus_lines):
     lines = list(corpus_lines("flap_types"))
     at = lines.index("0***NDM PRINTED WHEN NO DATCOM METHODS EXIST")
     lines[at:at] = [
-        "0*NOTE* METHODS VALID FOR CONFIGURATIONS WITH LEADING(HINGE LINE) AND TRAILING EDGES OF THE CONTROL SURFACE "
+        "0*NOTE* METHODS VALID FOR CONFIGURATIONS WITH LEADING(HINGE LINE) AND TRAILING "
+        "EDGES OF THE CONTROL SURFACE "
         "SWEPT AHEAD OF THE MACH",
         "        LINES FROM THE DEFLECTED CONTROLS.",
-        "0*NOTE* OTHER RESTRICTIONS USED IN THE DERIVATION OF THE METHODS ARE PRESENTED IN VOL. II AND/OR DATCOM",
-        "0*NOTE* CH(A) AND CH(D) DERIVATIVES ARE FOR STRAIGHT SIDED SYMMETRICAL BICONVEX AIRFOILS BASED ON TWICE THE AREA-MOMENT OF THE",
+        "0*NOTE* OTHER RESTRICTIONS USED IN THE DERIVATION OF THE METHODS ARE PRESENTED IN "
+        "VOL. II AND/OR DATCOM",
+        "0*NOTE* CH(A) AND CH(D) DERIVATIVES ARE FOR STRAIGHT SIDED SYMMETRICAL BICONVEX "
+        "AIRFOILS BASED ON TWICE THE AREA-MOMENT OF THE",
         "        CONTROL ABOUT ITS HINGE LINE.",
     ]
     listing = datcom_io.read(lines)
@@ -242,7 +245,8 @@ def test_frames_of_asterisks_are_decoration_and_their_message_is_kept(corpus):
         (201, None, r"line 201: found 3 rows in the spoiler table"),
         (
             307,
-            "                                   0.7000        NDM       0.0300      8.1364E-03        NDM",
+            "                                   0.7000        NDM       0.0300      "
+            "8.1364E-03        NDM",
             "1 rows in the spoiler table",
         ),
         (880, None, "9 rows in the asyflp_tail table"),

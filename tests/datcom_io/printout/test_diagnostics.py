@@ -100,7 +100,8 @@ def test_dump_without_heading():
     """Card DUMP A,B prints arrays between the pages; a name of four letters keeps its blanks."""
     lines = [
         " ",
-        "     A(  1)= 2.14465E+02     A(  2)= 5.00000E-30     A(  3)=-2.14465E+02     A(  4)= 2.60432E+02     A(  5)=         NaN",
+        "     A(  1)= 2.14465E+02     A(  2)= 5.00000E-30     A(  3)=-2.14465E+02     A(  "
+        "4)= 2.60432E+02     A(  5)=         NaN",
         "     A(  6)= 1.00000E+00",
         " ",
         "     F(  1)=************     F(  2)=-1.50000-001",
@@ -180,7 +181,8 @@ def test_marked_variables_lie_outside_of_their_chart(listing):
 def test_note_below_the_summary(listing):
     page = next(page for page in listing.pages if page.kind == "extrapolation")
     assert page.notes[0].text == (
-        "*NOTE*   MESSAGES HAVE BEEN SORTED WITHIN EACH OVERLAY BY FIGURE NUMBER AND DO NOT NECESSARILY CORRESPOND "
+        "*NOTE*   MESSAGES HAVE BEEN SORTED WITHIN EACH OVERLAY BY FIGURE NUMBER AND DO NOT "
+        "NECESSARILY CORRESPOND "
         "TO THE PROGRAM EXECUTION SEQUENCE. ** DENOTES THE INDEPENDENT VARIABLE EXCEEDED IN CALL"
     )
 

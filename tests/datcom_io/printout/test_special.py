@@ -65,7 +65,10 @@ def original_pages(case):
                 " " * 50 + FLAP,
             ]
             printed += [" " * 20 + "MACH NUMBER= 8.00" + " " * 57 + "REYNOLDS NO./FT= 0.10E+07"]
-            reference = "REF. AREA (FT2)=  20.000   MOMENT REFERENCE CENTER = HL   LONG. REF. LENGTH(FT)= 12.000"
+            reference = (
+                "REF. AREA (FT2)=  20.000   MOMENT REFERENCE CENTER = HL   LONG. REF. "
+                "LENGTH(FT)= 12.000"
+            )
             printed += ["0" + " " * 20 + reference]
         (_, table), *_ = case.tables(KINDS[k])
         printed += ["0" + " " * 25 + "-" * 10 + heading + "-" * 10]

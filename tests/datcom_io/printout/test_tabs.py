@@ -149,7 +149,8 @@ def test_faults_of_the_program_are_reported(corpus, end):
     [
         (
             lambda lines: lines[:262] + lines[263:],
-            "79 values in the tab_free table; expected 90 values (NALPHA x NDELTA of the input cards)",
+            "79 values in the tab_free table; expected 90 values (NALPHA x NDELTA of the "
+            "input cards)",
         ),
         (
             lambda lines: [

@@ -209,7 +209,8 @@ def test_level_flight_with_the_stabilizer(corpus_lines):
         (310, None, r"19 rows in the trim table"),
         (
             310,
-            "        word   0.148     0.018    0.0591     1.7    0.021      0.012      1.85E-04   0.00070",
+            "        word   0.148     0.018    0.0591     1.7    0.021      0.012      "
+            "1.85E-04   0.00070",
             "6 rows in the trim table",
         ),
         (925, "     NA    0.004    0.086    0.0000", None),

@@ -64,7 +64,8 @@ def program():
     path = Path(os.environ.get(VARIABLE) or ROOT / "build" / "datcom" / "datcom")
     if not path.is_file():
         pytest.skip(
-            f"the Digital DATCOM program is not built: ../shared/tools/digital_datcom/build.sh build/datcom, or {VARIABLE}=PATH"
+            f"the Digital DATCOM program is not built: "
+            f"../shared/tools/digital_datcom/build.sh build/datcom, or {VARIABLE}=PATH"
         )
     return path
 

@@ -130,7 +130,10 @@ def test_listings_that_once_broke_a_promise(path):
 
 LONG = 400_000
 CARDS = ["1          THE FOLLOWING IS A LIST OF ALL INPUT CARDS FOR THIS CASE.", "0"]
-NAME = "1                             AUTOMATED STABILITY AND CONTROL METHODS PER APRIL 1976 VERSION OF DATCOM"
+NAME = (
+    "1                             AUTOMATED STABILITY AND CONTROL METHODS PER APRIL 1976 "
+    "VERSION OF DATCOM"
+)
 LONG_LINES = {
     "digits of a card": [*CARDS, f"  $FLTCON NALPHA={'0' * LONG}A$"],
     "blanks of a card": [*CARDS, f"  $FLTCON A{' ' * LONG}B$"],

@@ -267,7 +267,8 @@ def test_messages_of_the_program_and_of_the_reader(t37):
     program = next(message for message in messages if message.origin == "program")
     assert (
         program.text
-        == "WARNING*** BODY ALONE DYNAMIC DERIVATIVE METHOD VALID FOR NOSE CYLINDER ONLY TAIL EFFECTS IGNORED]"
+        == "WARNING*** BODY ALONE DYNAMIC DERIVATIVE METHOD VALID FOR NOSE CYLINDER ONLY TAIL "
+        "EFFECTS IGNORED]"
     )
     reader = [message.text for message in messages if message.origin == "reader"]
     assert any(text.startswith("D(CM) of 5 conditions from one program run") for text in reader)

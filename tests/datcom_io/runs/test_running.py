@@ -137,7 +137,8 @@ def test_a_print_with_an_angle_that_the_cards_do_not_give(program, deck, results
 FAILURES = {
     "writes nothing": (
         "",
-        r"datcom made no result \(tried with for005.dat.*: it ended without a print of unit 6; nothing was written",
+        r"datcom made no result \(tried with for005.dat.*: it ended without a print of unit "
+        r"6; nothing was written",
     ),
     "states why": (
         'print("no licence"); sys.exit(3)',
@@ -149,7 +150,8 @@ FAILURES = {
     ),
     "crashes in the print": (
         'open("for006.dat", "wb").write(LISTING[:9000]); os.kill(os.getpid(), signal.SIGSEGV)',
-        "the print of the program is not complete: it crashed with signal SIGSEGV; nothing was written. Run datcom check",
+        "the print of the program is not complete: it crashed with signal SIGSEGV; nothing "
+        "was written. Run datcom check",
     ),
     "print without its end": (
         'open("for006.dat", "wb").write(LISTING[:9000])',
@@ -157,7 +159,8 @@ FAILURES = {
     ),
     "hangs": (
         "time.sleep(60)",
-        r"it did not end within 0.5 s \(a deck with VINF and a NACA card hangs some builds\); nothing was written",
+        r"it did not end within 0.5 s \(a deck with VINF and a NACA card hangs some "
+        r"builds\); nothing was written",
     ),
     "hangs with a child": (
         "if os.fork() == 0:\n    time.sleep(60)\ntime.sleep(60)",

@@ -113,14 +113,16 @@ def test_every_run_deck_is_complete_and_without_errors(unplanned, tmp_path):
 def study(**changes):
     lines = {
         "cards": "TRIM\nDAMP\nBUILD",
-        "FLTCON": " $FLTCON NMACH=2.0,MACH(1)=0.2,0.3,NALT=2.0,ALT(1)=0.0,1000.0,\n   NALPHA=2.0,ALSCHD(1)=0.0,2.0$",
+        "FLTCON": " $FLTCON NMACH=2.0,MACH(1)=0.2,0.3,NALT=2.0,ALT(1)=0.0,1000.0,\n   "
+        "NALPHA=2.0,ALSCHD(1)=0.0,2.0$",
         "OPTINS": " $OPTINS SREF=24.2,CBARR=2.0,BLREF=13.4$",
         "SYNTHS": " $SYNTHS XCG=6.3,XW=5.4,XH=11.3$",
         "BODY": " $BODY NX=3.0,X(1)=0.0,6.0,13.0,R(1)=0.0,0.8,0.1$",
         "WGPLNF": " $WGPLNF CHRDR=2.9,CHRDTP=0.8,SSPN=6.7,SSPNE=5.9,TYPE=1.0$",
         "HTPLNF": " $HTPLNF CHRDR=1.5,CHRDTP=0.8,SSPN=2.9,SSPNE=2.8,TYPE=1.0$",
         "NACA": "NACA W 4 2412\nNACA H 4 0010",
-        "flap": " $SYMFLP FTYPE=1.0,NDELTA=2.0,DELTA(1)=0.0,10.0,SPANFI=1.0,SPANFO=2.5,\n   CHRDFI=0.5,CHRDFO=0.4$",
+        "flap": " $SYMFLP FTYPE=1.0,NDELTA=2.0,DELTA(1)=0.0,10.0,SPANFI=1.0,SPANFO=2.5,\n   "
+        "CHRDFI=0.5,CHRDFO=0.4$",
         "CASEID": "CASEID JET",
         **changes,
     }
@@ -142,7 +144,8 @@ def test_a_flap_that_fits_both_surfaces_must_be_named():
 def test_a_comment_above_names_a_device():
     text = study()[0]
     marked = study(
-        flap="* Elevator, full span\n $SYMFLP FTYPE=1.0,NDELTA=2.0,DELTA(1)=0.0,10.0,SPANFI=1.0,SPANFO=2.5$"
+        flap="* Elevator, full span\n $SYMFLP "
+        "FTYPE=1.0,NDELTA=2.0,DELTA(1)=0.0,10.0,SPANFI=1.0,SPANFO=2.5$"
     )
     assert text.namelists["SYMFLP"]["NDELTA"] == [2.0]
     assert list(datcom_io.split_deck(marked))[1] == "elevator_m0.2_h0"
@@ -261,7 +264,8 @@ def test_faults_of_a_study_file_are_reported_at_once(tmp_path):
         datcom_io.split_deck(
             write(
                 tmp_path,
-                'devices = "flaps"\nmach = 1\n[runs.clean]\nseparate = "no"\nalpha = 2\n[runs]\nground = 1\n',
+                'devices = "flaps"\nmach = 1\n[runs.clean]\nseparate = "no"\nalpha = '
+                "2\n[runs]\nground = 1\n",
             )
         )
     assert caught.value.problems == [
@@ -280,7 +284,8 @@ def test_faults_of_names_and_cards(tmp_path):
         datcom_io.split_deck(write(tmp_path, head + 'devices = ["flaps"]\n'))
     with pytest.raises(
         SchemaError,
-        match=r"\$ASYFLP: device 'elevator'; name it in a study file.*allowed: aileron, spoiler, differential_tail",
+        match=r"\$ASYFLP: device 'elevator'; name it in a study file.*allowed: aileron, spoiler, "
+        r"differential_tail",
     ):
         datcom_io.split_deck(
             write(tmp_path, head + 'devices = ["flaps", "elevator", "elevator"]\n')
@@ -305,7 +310,10 @@ def test_ground_runs_need_heights(tmp_path):
 
 
 def test_a_caseid_is_never_longer_than_a_card(tmp_path):
-    text = f'deck = "study.inp"\ntitle = "{"T" * 100}"\n[runs.ground_flaps]\n[runs.clean]\ncaseid = "{"C" * 100}"\n'
+    text = (
+        f'deck = "study.inp"\ntitle = '
+        f'"{"T" * 100}"\n[runs.ground_flaps]\n[runs.clean]\ncaseid = "{"C" * 100}"\n'
+    )
     decks = datcom_io.split_deck(write(tmp_path, text))
     assert {len(deck[0].caseid) for deck in decks.values()} <= {
         73,
@@ -336,7 +344,10 @@ def test_experimental_data_follow_their_mach_number(tmp_path):
 
 
 def test_a_condition_given_twice_is_run_once():
-    flight = " $FLTCON NMACH=2.0,MACH(1)=0.2,0.2,NALT=2.0,ALT(1)=0.0,0.0,\n   NALPHA=2.0,ALSCHD(1)=0.0,2.0$"
+    flight = (
+        " $FLTCON NMACH=2.0,MACH(1)=0.2,0.2,NALT=2.0,ALT(1)=0.0,0.0,\n   "
+        "NALPHA=2.0,ALSCHD(1)=0.0,2.0$"
+    )
     assert list(datcom_io.split_deck(study(flap=FLAP, FLTCON=flight))) == [
         "clean",
         "flaps_m0.2_h0_d0",

@@ -80,7 +80,8 @@ mass = 6.0
         "circuit.column: stops are 0.2 and -0.15; the first must lie below the second",
         "circuit.column: inertia is 0; order 6 needs it",
         "circuit.column: cable_stiffness is 0; order 6 needs it",
-        "circuit.pedal: [control.delta_r] with a gearing is missing; give S_hinge, c_hinge and gearing",
+        "circuit.pedal: [control.delta_r] with a gearing is missing; give S_hinge, c_hinge "
+        "and gearing",
     ]
 
 

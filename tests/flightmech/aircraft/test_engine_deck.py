@@ -163,7 +163,8 @@ def test_written_and_read_again(file, tmp_path):
         (
             'n2_up_time = "400 ms"\n',
             "",
-            "engine.1.deck: n2 has a command and no n2_up_time, the time constant with which it follows",
+            "engine.1.deck: n2 has a command and no n2_up_time, the time constant with which "
+            "it follows",
         ),
         ('"400 ms"', "0.0", "engine.1.deck: n2_up_time holds 0; it must be positive everywhere"),
         (
@@ -174,7 +175,8 @@ def test_written_and_read_again(file, tmp_path):
         (
             "n2_command",
             "corrected_n2_windmill",
-            "engine.1.deck: no table of a commanded speed; give n1_command or n2_command over the lever",
+            "engine.1.deck: no table of a commanded speed; give n1_command or n2_command "
+            "over the lever",
         ),
         (
             "value = [[0.05, 0.04], [0.1, 0.08]]",

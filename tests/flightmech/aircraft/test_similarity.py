@@ -129,7 +129,8 @@ def test_given_factors_and_history(known):
     assert found.Iyy == 5 * 4 * 8100.0
     assert float(found.engines[0].thrust["value"].max()) == 15000.0
     assert found.history == (
-        "rescaled from known: length ratio 2; factors length 2, area 4, mass 5 (given), inertia 20, time 1.41421, thrust 3 (given), "
+        "rescaled from known: length ratio 2; factors length 2, area 4, mass 5 (given), "
+        "inertia 20, time 1.41421, thrust 3 (given), "
         "angular_momentum 14.1421, gearing 0.5"
     )
     again = flightmech.aircraft.rescale(found, 1.0)

@@ -119,7 +119,8 @@ def test_level_flight_without_a_rudder_term_is_trimmed(without_rudder):
     assert found["verdict"] == "trimmed; without effect: delta_r"
     assert (
         found["advice"]
-        == "delta_r: nothing in database and aircraft depends on it here; the flight is steady without it"
+        == "delta_r: nothing in database and aircraft depends on it here; the flight is steady "
+        "without it"
     )
     assert 1e-6 < max(map(abs, found["left"].values())) < 3e-4
     shown = run(*flight).stdout.splitlines()

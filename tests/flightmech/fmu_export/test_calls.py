@@ -169,7 +169,8 @@ def test_a_damaged_model_is_refused(trainer, tmp_path, version, change, third_pa
         (lambda s: s.set({"mass.mass": float("inf")}), "mass.mass is inf; it must be finite"),
         (
             lambda s: s.set({"init.V": 80.0}),
-            "init.V acts at initialisation only; set it before the end of initialization mode, or reset",
+            "init.V acts at initialisation only; set it before the end of initialization "
+            "mode, or reset",
         ),
         (lambda s: s.set({"alpha": 0.1}), "alpha is computed by the model and cannot be set"),
         (lambda s: s.step(5.0, 0.02), "step from t = 5 s, but the instance stands at 0 s"),

@@ -44,7 +44,10 @@ pytestmark = [
 def libraries(tmp_path_factory) -> dict[str, bytes]:
     """Compile the kernel for every platform, next to that of the installed package."""
     folder = tmp_path_factory.mktemp("binaries")
-    build = f"import hatch_build, pathlib; hatch_build.OUT = pathlib.Path({str(folder)!r}); hatch_build.build()"
+    build = (
+        f"import hatch_build, pathlib; hatch_build.OUT = pathlib.Path({str(folder)!r}); "
+        f"hatch_build.build()"
+    )
     subprocess.run(
         [sys.executable, "-c", build],
         cwd=ROOT,
@@ -110,7 +113,8 @@ def test_the_same_bits_on_every_platform(
         pytest.skip(f"{runner[0]} is not installed: the library for {platform} is not run")
     if runner[:1] == ("qemu-aarch64",) and not Path(ARM_LIBRARIES).is_dir():
         pytest.skip(
-            f"{ARM_LIBRARIES} is absent (Debian package libc6-arm64-cross): the library for {platform} is not run"
+            f"{ARM_LIBRARIES} is absent (Debian package libc6-arm64-cross): the library for "
+            f"{platform} is not run"
         )
     program = importer(platform, tmp_path / f"flight{suffix}")
     (library,) = (unpacked / "binaries" / platform).iterdir()

@@ -108,7 +108,10 @@ def test_an_axis_is_also_its_own_regressor(plain):
 
 
 def test_axes_are_read_back_as_the_compiler_wrote_them():
-    text = "alpha -11.46 ... 17.19 deg (4), mach 0.1 ... 0.6 (2), gear.nose.compression 0 m (1), V 10 ... 20 m s-1 (3)"
+    text = (
+        "alpha -11.46 ... 17.19 deg (4), mach 0.1 ... 0.6 (2), gear.nose.compression 0 m (1), "
+        "V 10 ... 20 m s-1 (3)"
+    )
     assert axes_of(text) == [
         AxisSpan("alpha", pytest.approx(-11.46 * DEG), pytest.approx(17.19 * DEG), 4),
         AxisSpan("mach", 0.1, 0.6, 2),

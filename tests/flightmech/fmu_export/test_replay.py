@@ -167,7 +167,8 @@ def test_a_failed_replay_keeps_what_was_flown(trainer, instance):
     [
         (
             lambda s: s.step(0.0, 1.0),
-            "replay.t runs from 0 s to 4 s, the step from 0 s to 1 s; give one step for the whole record",
+            "replay.t runs from 0 s to 4 s, the step from 0 s to 1 s; give one step for the "
+            "whole record",
         ),
         (
             lambda s: s.fmu.setFloat64([70001], [0.0]),
@@ -184,7 +185,8 @@ def test_a_failed_replay_keeps_what_was_flown(trainer, instance):
         ),
         (
             lambda s: s.fmu.setUInt64([70000], [5]),
-            "setting replay.n, a structural parameter, is not allowed while the instance is in step mode",
+            "setting replay.n, a structural parameter, is not allowed while the instance is "
+            "in step mode",
         ),
         (lambda s: s.fmu.getUInt64([1000]), "replay.n is the only variable of this type"),
         (

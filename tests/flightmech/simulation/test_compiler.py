@@ -89,7 +89,8 @@ def test_a_table_that_would_not_fly_is_an_error():
         )
     )
     assert problems == [
-        f"{path} holds a table; a term lies at /<coefficient>/<contribution>, this one would not fly"
+        f"{path} holds a table; a term lies at /<coefficient>/<contribution>, this one would "
+        f"not fly"
         for path in ("/CL", "/CD/flap/slotted")
     ]
 
@@ -155,7 +156,8 @@ def test_flags_and_ranges():
 def test_engine_leaf_may_not_depend_on_what_it_makes():
     engine = flightmech.aircraft.Engine((0.0, 0.0, 0.0), thrust=make_term(1.0, regressors=["dnz"]))
     assert refused(tree(CL__a=make_term(1.0)), engines=(engine,)) == [
-        "engine1/thrust: regressor: dnz is found only after this table is evaluated; it cannot depend on it"
+        "engine1/thrust: regressor: dnz is found only after this table is evaluated; it "
+        "cannot depend on it"
     ]
 
 

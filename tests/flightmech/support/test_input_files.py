@@ -208,6 +208,7 @@ def test_a_mat_file_without_end(tmp_path, monkeypatch):
     monkeypatch.setattr(mat_file, "_SECONDS", 0.0)
     with pytest.raises(
         ParseError,
-        match=r"\(time limit: SciPy did not read it in 0 s\); expected a MAT file; copy or save it again",
+        match=r"\(time limit: SciPy did not read it in 0 s\); expected a MAT file; copy or save "
+        r"it again",
     ):
         mat_file.load_mat(b"MATLAB", "a.mat", "a MAT file")

@@ -15,7 +15,8 @@ def package(tmp_path, monkeypatch):
     folder = tmp_path / "stubbed"
     (folder / "inner").mkdir(parents=True)
     (folder / "__init__.py").write_text(
-        "from flightmech.support.imports import attach_stub\n\n__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)\n"
+        "from flightmech.support.imports import attach_stub\n\n__getattr__, __dir__, __all__ "
+        "= attach_stub(__name__, __file__)\n"
     )
     (folder / "inner" / "__init__.py").write_text("")
     (folder / "inner" / "double.py").write_text("def double(x):\n    return 2 * x\n")
@@ -55,7 +56,8 @@ def test_a_namespace_inside_another_folder_is_imported_by_a_statement_too():
         "from flighttest.signals import time_delay\n"
         "import flighttest, flighttest.combining, aerodb.transform\n"
         "import flighttest.regression.combining as real\n"
-        "assert flighttest.combining is real and real.__spec__.name == 'flighttest.regression.combining'\n"
+        "assert flighttest.combining is real and real.__spec__.name == "
+        "'flighttest.regression.combining'\n"
         "assert aerodb.transform is aerodb.edit\n"
         "try:\n    import flighttest.nosuch\nexcept ModuleNotFoundError:\n    print('unknown')\n"
     )

@@ -125,7 +125,8 @@ def test_the_schema_is_that_of_the_model():
 
 def test_a_plain_name_map_is_read_without_pydantic(tmp_path):
     (tmp_path / "names.toml").write_text(
-        '[imu]\nq = { column = "rate", unit = "deg/s", delay = "60 ms", table = [[0, 1], [1, 2.5]] }\n'
+        '[imu]\nq = { column = "rate", unit = "deg/s", delay = "60 ms", table = [[0, 1], [1, '
+        "2.5]] }\n"
     )
     code = (
         "import sys; from flighttest.records.readers.name_map import read_names; "

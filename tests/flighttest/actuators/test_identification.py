@@ -132,7 +132,8 @@ def test_a_record_of_the_command_gets_the_position_within_the_limits_found(limit
         with pytest.raises(error):
             flighttest.read(tmp_path / "flight.csv", tmp_path / "bad.toml")
     (tmp_path / "bad.toml").write_text(
-        '[controls]\ndelta_e = { column = "command", scale = "1 rad", lag = 0.1, rate_limit = 3.0 }\n',
+        '[controls]\ndelta_e = { column = "command", scale = "1 rad", lag = 0.1, rate_limit '
+        "= 3.0 }\n",
         encoding="utf-8",
     )
     with pytest.raises(SchemaError, match="lag is negative or zero"):

@@ -353,7 +353,8 @@ def test_a_rudder_without_a_table_stops_or_is_a_warning(files):
     for way in ("tabulate", "join"):
         with pytest.raises(
             SchemaError,
-            match=r"CY: delta_r of .*estimate 0\.2.*, t \d+.*open the term: \[terms\.\"CY/delta_r\"\]",
+            match=r"CY: delta_r of .*estimate 0\.2.*, t \d+.*open the term: "
+            r"\[terms\.\"CY/delta_r\"\]",
         ):
             CliRunner().invoke(tabulate, [*words, "--way", way], catch_exceptions=False)
         assert not (folder / "new.nc").exists()

@@ -87,7 +87,8 @@ def test_every_problem_is_reported_with_its_line(tmp_path):
         "line 4: unit 'm' cannot be converted to '1/rad'",
         "b, CL, line 3: mach is 0.3 and in line 4 0.4; a model has one condition",
         "c, CL, line 5: alpha has no condition",
-        "line 6: alpha is '1 .. 2 .. 3'; give a number, a range such as 2 .. 6, or the name of a variable",
+        "line 6: alpha is '1 .. 2 .. 3'; give a number, a range such as 2 .. 6, or the name "
+        "of a variable",
     ):
         assert words in text
     path.write_text("model,coefficient,term,value,alfa\n")

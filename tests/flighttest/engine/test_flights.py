@@ -442,7 +442,8 @@ def test_windmilling_speed_and_start_in_flight():
 def test_structure_file(tmp_path):
     path = tmp_path / "engine.toml"
     path.write_text(
-        'limits = true\nfan = "lever"\nover = { h = ["0 ft", "10000 ft"] }\n[tables.fuel_flow]\nn2 = [0.6, 1.0]\n'
+        'limits = true\nfan = "lever"\nover = { h = ["0 ft", "10000 ft"] '
+        "}\n[tables.fuel_flow]\nn2 = [0.6, 1.0]\n"
     )
     found = read_structure(path)
     assert found.keywords()["over"] == {"h": (0.0, pytest.approx(3048.0))}

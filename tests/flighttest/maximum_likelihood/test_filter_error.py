@@ -131,7 +131,8 @@ def test_open_loop_in_turbulence_is_warned_of_and_the_filter_is_better(model):
         record = flight(seed, gust=1.0)
         with pytest.warns(
             AeromatchWarning,
-            match=r"turbulence or a missing term: residuals of alpha .* q .*flighttest\.maximum_likelihood\.filter_error",
+            match=r"turbulence or a missing term: residuals of alpha .* q "
+            r".*flighttest\.maximum_likelihood\.filter_error",
         ):
             open_loop = flighttest.maximum_likelihood.filter_error(model, record, STARTS)
         assert "turbulence" in open_loop.report()

@@ -184,7 +184,8 @@ def test_motion_away_from_the_markers_is_warned_about(folder, tree):
     moved[200:250, 3] += 0.01
     with pytest.warns(
         AeromatchWarning,
-        match=r"from 0\.3[89]\d? to 0\.5\d* s the motion lies \d\.?\d* mm from the markers, 0\.\d+ mm elsewhere",
+        match=r"from 0\.3[89]\d? to 0\.5\d* s the motion lies \d\.?\d* mm from the markers, "
+        r"0\.\d+ mm elsewhere",
     ):
         assert fit_tree_motion(tree, moved).noise > 2.0 * truth.NOISE
     shifted[:, 3, 2] += 0.004

@@ -98,7 +98,8 @@ def test_pasted_line_keeps_what_stands_there(recording):
     remedy = map_entry(flighttest.read(*recording), "az_imu", 1.0, -9.80665)
     assert (
         remedy
-        == 'az_imu = { column = "aN", unit = "g", sign = -1, offset = "-1 g" }   # in [imu] of the name map'
+        == 'az_imu = { column = "aN", unit = "g", sign = -1, offset = "-1 g" }   # in [imu] of '
+        "the name map"
     )
 
 
@@ -154,7 +155,8 @@ def test_constant_channel_is_stated_in_the_map(recording):
 def test_lag_and_delay_are_lines_too(recording):
     record = flighttest.read(*recording)
     assert add_delay_line(record, "theta", delay=0.12) == (
-        'theta = { column = "nose", unit = "deg", offset = "2 deg", delay = 0.12 }   # in [imu] of the name map'
+        'theta = { column = "nose", unit = "deg", offset = "2 deg", delay = 0.12 }   # in '
+        "[imu] of the name map"
     )
     before = channel(recording, "delta_a_right")
     pasted(recording[1], add_delay_line(record, "delta_a_right", lag=-0.1))
@@ -240,7 +242,8 @@ def test_stamps_are_named_with_their_table(recording, tmp_path):
     flighttest.records.save_record(original, tmp_path / "el.nc")
     for column in ("imu/time", "time"):
         (tmp_path / "el.toml").write_text(
-            f'[time]\ncolumn = "{column}"\n[imu]\ntheta = "theta"\n[air]\ntemperature = "temperature"\n'
+            f'[time]\ncolumn = "{column}"\n[imu]\ntheta = "theta"\n[air]\ntemperature = '
+            f'"temperature"\n'
         )
         record = flighttest.read(tmp_path / "el.nc", tmp_path / "el.toml")
         for leaf in ("imu", "air"):

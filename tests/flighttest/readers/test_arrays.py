@@ -36,7 +36,10 @@ def v73(path, fill):
     """A MATLAB v7.3 file: HDF5 behind a block of 512 bytes with MATLAB's header."""
     with h5py.File(path, "w", userblock_size=512) as file:
         fill(file)
-    head = b"MATLAB 7.3 MAT-file, Platform: GLNXA64, Created on: Mon Mar 12 10:00:00 2018 HDF5 schema 1.00 ."
+    head = (
+        b"MATLAB 7.3 MAT-file, Platform: GLNXA64, Created on: Mon Mar 12 10:00:00 2018 HDF5 "
+        b"schema 1.00 ."
+    )
     with path.open("r+b") as file:
         file.write(head.ljust(116) + bytes(8) + b"\x00\x02IM")
     return path
@@ -115,7 +118,8 @@ def test_rate_instead_of_a_clock(tmp_path):
     scipy.io.savemat(tmp_path / "f.mat", {"q": np.sin(T)})
     with pytest.raises(
         UnknownName,
-        match=r"unknown time column 'time'; allowed: q; table data; name the clock.*or give its rate",
+        match=r"unknown time column 'time'; allowed: q; table data; name the clock.*or give its "
+        r"rate",
     ):
         flighttest.read(tmp_path / "f.mat", named(tmp_path, NAMES))
     record = flighttest.read(
@@ -239,7 +243,10 @@ def test_citation_500_simulation(tmp_path, name):
 
 def test_uav_log_extract(tmp_path):
     file = shared("uav_art_3kg/ProcessedData_2022_05_07_11_13_57.mat")
-    text = '[imu]\nq = { column = "el_1/q", unit = "rad/s" }\ntheta = { column = "el_1/pitch", unit = "deg" }\n'
+    text = (
+        '[imu]\nq = { column = "el_1/q", unit = "rad/s" }\ntheta = { column = "el_1/pitch", '
+        'unit = "deg" }\n'
+    )
     text += '[other]\np = { column = "ail_3/p", unit = "rad/s" }\n'
     record = flighttest.read(file, named(tmp_path, text))
     data = record["imu"].to_dataset()

@@ -27,7 +27,8 @@ def test_table_is_linear_between_and_nothing_beyond(tmp_path):
     )
     names = mapped(
         tmp_path,
-        '[c]\ndelta_e = { column = "pot", unit = "deg", table = [[300, 20], [100, -20], [200, 0]] }\n',
+        '[c]\ndelta_e = { column = "pot", unit = "deg", table = [[300, 20], [100, -20], '
+        "[200, 0]] }\n",
     )
     record = flighttest.read(file, names)
     np.testing.assert_allclose(
@@ -121,7 +122,10 @@ def test_nothing_of_the_map_in_the_file(tmp_path):
 
 
 def test_extends_takes_a_shipped_map_and_goes_before_it(tmp_path):
-    text = 'extends = "px4"\n[controls]\ndelta_e = { column = "actuator_servos/control[2]", unit = "deg", table = [[-1, 20], [1, -25]] }\n'
+    text = (
+        'extends = "px4"\n[controls]\ndelta_e = { column = "actuator_servos/control[2]", unit '
+        '= "deg", table = [[-1, 20], [1, -25]] }\n'
+    )
     text += 'q = { column = "mine/q", unit = "deg/s" }\n'
     names = read_names(mapped(tmp_path, text))
     assert names.leaves["controls"]["q"].columns == ("mine/q",)

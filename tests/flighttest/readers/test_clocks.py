@@ -86,7 +86,8 @@ def test_clock_of_one_table(tmp_path):
     )
     xr.DataTree.from_dict({"/a": a, "/b": b}).to_netcdf(tmp_path / "f.nc", engine="h5netcdf")
     (tmp_path / "n.toml").write_text(
-        '[time.b]\ncolumn = "itow"\nunit = "ms"\noffset = "-1 s"\n[imu]\nq = "a/q"\n[air]\nV = "b/V"\n'
+        '[time.b]\ncolumn = "itow"\nunit = "ms"\noffset = "-1 s"\n[imu]\nq = "a/q"\n[air]\nV '
+        '= "b/V"\n'
     )
     record = flighttest.read(tmp_path / "f.nc", tmp_path / "n.toml")
     np.testing.assert_allclose(record["air/time"].values, [0.0, 0.2, 0.4])
@@ -123,7 +124,8 @@ def test_time_of_the_world_names_the_start_and_the_drift(tmp_path):
 def test_satellite_time_is_ahead_of_utc(tmp_path):
     (tmp_path / "f.csv").write_text("time,gps,alpha\n0,1204880418,1\n1,1204880419,2\n")
     (tmp_path / "n.toml").write_text(
-        '[utc]\ncolumn = "data/gps"\nepoch = "gps"\n[a]\nalpha = { column = "alpha", unit = "deg" }\n'
+        '[utc]\ncolumn = "data/gps"\nepoch = "gps"\n[a]\nalpha = { column = "alpha", unit = '
+        '"deg" }\n'
     )
     # 1204880418 s after 1980-01-06 is 2018-03-12T09:00:18, 18 leap seconds earlier in UTC
     assert (
@@ -139,7 +141,8 @@ def test_records_of_two_recorders_on_one_clock(tmp_path):
     ):
         (tmp_path / f"{name}.csv").write_text(f"time,{column}\n0,1\n1,2\n5,3\n6,3\n7,4\n")
         (tmp_path / f"{name}.toml").write_text(
-            f'[record]\nstart = "{start}"\n[air]\n{column} = {{ column = "{column}", unit = "deg" }}\n'
+            f'[record]\nstart = "{start}"\n[air]\n{column} = {{ column = "{column}", unit = '
+            f'"deg" }}\n'
         )
     records = [
         flighttest.read(tmp_path / f"{name}.csv", tmp_path / f"{name}.toml") for name in "ab"

@@ -203,7 +203,10 @@ def test_parts_parsed_in_parallel_are_the_whole(tmp_path, monkeypatch):
 
 
 def test_all_that_does_not_fit_the_file_at_once(tmp_path):
-    names = '[a]\nalpha = { column = "alpa", unit = "deg" }\nV = { column = "speed" }\nh = { column = "altitude", unit = "ft" }\n'
+    names = (
+        '[a]\nalpha = { column = "alpa", unit = "deg" }\nV = { column = "speed" }\nh = { '
+        'column = "altitude", unit = "ft" }\n'
+    )
     file, names = written(tmp_path, "time,alpha,speed,altitud\n0,1,2,3\n0.1,1,2,3\n", names)
     with pytest.raises(SchemaError) as caught:
         flighttest.read(file, names)
@@ -319,7 +322,10 @@ def test_a_blank_cell_is_a_missing_value_wherever_it_stands(tmp_path, separator,
 
 @pytest.mark.slow
 def test_pandas_is_imported_for_what_is_no_plain_table_of_numbers_only(tmp_path):
-    code = "import sys; from flighttest.records.reading import read_arrays; read_arrays(*sys.argv[1:]); sys.exit('pandas' in sys.modules)"
+    code = (
+        "import sys; from flighttest.records.reading import read_arrays; "
+        "read_arrays(*sys.argv[1:]); sys.exit('pandas' in sys.modules)"
+    )
     for text, imported in (
         ("time,alpha\n0,1\n0.1,\n0.2,nan\n", 0),
         ("time,alpha\n0,1\n0.1,NULL\n0.2,3\n", 1),

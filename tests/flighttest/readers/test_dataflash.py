@@ -49,7 +49,8 @@ def log(tmp_path):
 def test_shipped_map_extended_by_the_bench(log, tmp_path):
     table = "[[1100, 22.5], [1500, 0.4], [1900, -21.0]]"
     (tmp_path / "mine.toml").write_text(
-        f'extends = "ardupilot"\n[controls]\ndelta_e = {{ column = "RCOU/C2", unit = "deg", table = {table} }}\n'
+        f'extends = "ardupilot"\n[controls]\ndelta_e = {{ column = "RCOU/C2", unit = "deg", '
+        f"table = {table} }}\n"
     )
     record = flighttest.read(log, tmp_path / "mine.toml")
     index = np.arange(COUNT)

@@ -133,7 +133,8 @@ def test_the_limit_that_remains_is_stated(tmp_path):
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file["t"], file["q"], file["wide"] = T[:5], T[:5], np.zeros((5, WIDEST + 1))
     assert left_out(tmp_path / "a.h5") == {
-        "data/wide": f"a matrix of 5 x {WIDEST + 1}; at most {WIDEST} columns of one matrix are read"
+        "data/wide": f"a matrix of 5 x {WIDEST + 1}; at most {WIDEST} columns of one matrix are "
+        f"read"
     }
     done = CliRunner().invoke(flight, ["info", str(tmp_path / "a.h5")])
     assert "left out: 1\n  data/wide: a matrix of 5 x" in done.output

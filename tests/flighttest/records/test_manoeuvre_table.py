@@ -38,7 +38,10 @@ def test_csv_by_record_in_order_of_time(tmp_path):
 
 
 def test_toml_is_the_same(tmp_path):
-    text = '[[manoeuvre]]\nrecord = "run_1"\nkind = 3211\ncontrol = "elevator"\nstart = 60\nend = "75.5 s"\n'
+    text = (
+        '[[manoeuvre]]\nrecord = "run_1"\nkind = 3211\ncontrol = "elevator"\nstart = 60\nend '
+        '= "75.5 s"\n'
+    )
     pd.testing.assert_frame_equal(
         table(tmp_path, text, "manoeuvres.toml")["run_1"],
         table(tmp_path, HEAD + "run_1,3211,elevator,60,75.5\n")["run_1"],
@@ -59,7 +62,8 @@ def test_columns_that_are_missing_or_unknown(tmp_path):
     with pytest.raises(SchemaError) as caught:
         table(tmp_path, "file,kind,control,start,end\nrun_1,trim,,0,8\n")
     assert caught.value.problems == [
-        f"{fault}; its line of names is record, kind, control, start, end, and where wanted confidence, note"
+        f"{fault}; its line of names is record, kind, control, start, end, and where wanted "
+        f"confidence, note"
         for fault in ("no column 'record'", "unknown column 'file'")
     ]
     with pytest.raises(SchemaError, match="no column 'record'"):

@@ -174,7 +174,8 @@ def test_constant_outside_temperature():
     record = without(record, "pitot", "temperature")
     with pytest.raises(
         SchemaError,
-        match=r'no channel temperature; record it, or state a constant one: \[record\] temperature = "12 degC"',
+        match=r"no channel temperature; record it, or state a constant one: \[record\] "
+        r'temperature = "12 degC"',
     ):
         flighttest.reconstruct(record, aircraft("mach"))
     record.attrs["temperature"] = 275.15
@@ -186,7 +187,8 @@ def test_constant_outside_temperature():
 
 def test_facts_of_a_name_map(tmp_path):
     (tmp_path / "names.toml").write_text(
-        '[record]\ntemperature = "-8 degC"\nwind_down_sigma = "3 m/s"\n[adc]\nV = { column = "tas", unit = "kt" }\n'
+        '[record]\ntemperature = "-8 degC"\nwind_down_sigma = "3 m/s"\n[adc]\nV = { column = '
+        '"tas", unit = "kt" }\n'
     )
     (tmp_path / "flight.csv").write_text(
         "time,tas\n" + "".join(f"{0.1 * i},{150 + i % 3}\n" for i in range(50))
@@ -308,7 +310,8 @@ def test_spike_of_a_gyro_is_named():
     record["irs"]["q"].values[1000] += 0.5
     setup = assembled(record, aircraft())
     assert setup.spikes == (
-        "q: 1 samples are spikes, first at 10 s; the path goes through them; choose windows without them",
+        "q: 1 samples are spikes, first at 10 s; the path goes through them; choose windows "
+        "without them",
     )
 
 

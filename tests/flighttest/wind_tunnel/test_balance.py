@@ -188,7 +188,8 @@ def test_bad_input_is_refused(tmp_path, folder, setup):
         balance_coefficients(path, plain)
     bad = tmp_path / "bad.toml"
     bad.write_text(
-        '[reference]\nS = "1 m2"\nb = "1 m"\nc = "1 m"\n[errors]\nFq = "1 N"\n[nuisance]\nCQ = ["tare"]\n',
+        '[reference]\nS = "1 m2"\nb = "1 m"\nc = "1 m"\n[errors]\nFq = "1 N"\n[nuisance]\nCQ '
+        '= ["tare"]\n',
         encoding="utf-8",
     )
     with pytest.raises(SchemaError, match="Fq"):

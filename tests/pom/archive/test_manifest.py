@@ -219,8 +219,8 @@ def test_wider_bands_under_the_name_of_the_regulation_are_found(
     pom.write_report([result], tmp_path / "report", title="Toy", paper=None)
     detail = changed(tmp_path)["tolerance", "a_case"].detail
     assert (
-        "pitch_angle: band '3.75 deg', the table of FAA 14 CFR Part 60 App A Table A2A, 2014-01-01 has '1.5 deg'"
-        in detail
+        "pitch_angle: band '3.75 deg', the table of FAA 14 CFR Part 60 App A Table A2A, "
+        "2014-01-01 has '1.5 deg'" in detail
     )
 
 
@@ -279,11 +279,12 @@ def test_verify_on_the_command_line(aeromatch, made):
     assert done.returncode == 0
     assert (
         first
-        == "all as it was: 5 outputs, 2 inputs, 1 model, 6 statements, 1 tolerance, 1 verdict checked"
+        == "all as it was: 5 outputs, 2 inputs, 1 model, 6 statements, 1 tolerance, 1 verdict "
+        "checked"
     )
     assert (
-        sign
-        == f"SHA-256 of manifest.json, to be signed: {pom.archive.origins.sha256(made / 'report' / manifest.NAME)}"
+        sign == f"SHA-256 of manifest.json, to be signed: "
+        f"{pom.archive.origins.sha256(made / 'report' / manifest.NAME)}"
     )
     assert not_covered == "not covered: who wrote the report, and page and PDF but for their hashes"
     (made / "case.toml").write_text("else")

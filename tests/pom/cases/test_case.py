@@ -155,7 +155,10 @@ def test_engineering_reference_takes_the_fraction_of_its_edition(write_case):
 
 
 def test_texts_and_ranges_reach_the_case(write_case):
-    more = '[ranges]\n"engine1.thrust" = "1000 lbf"\n[ticks]\npitch_angle = "A. Smith, 2026-11-21, agreed"\n[rationale]\ntheta = "gust"\n'
+    more = (
+        '[ranges]\n"engine1.thrust" = "1000 lbf"\n[ticks]\npitch_angle = "A. Smith, '
+        '2026-11-21, agreed"\n[rationale]\ntheta = "gust"\n'
+    )
     case = read_case(
         write_case(
             case='objective = "shows it"\nmanual = "pull"', more=more + '[source]\nrun = "21"'

@@ -159,7 +159,8 @@ def test_a_force_that_is_not_recorded_is_required_or_held(write_case, tmp_path, 
     drive = 'engine = "thrust"\nsurfaces = "force"'
     with pytest.raises(
         UnknownName,
-        match=r"'F_wheel'.*drives the pilot forces as recorded; map the channel, or hold it by \[conditions\]",
+        match=r"'F_wheel'.*drives the pilot forces as recorded; map the channel, or hold it by "
+        r"\[conditions\]",
     ):
         job(write_case, tmp_path, states, drive)
     held = job(write_case, tmp_path, states, drive + "\n[conditions]\nF_wheel = 0.0\nF_pedal = 0.0")

@@ -48,8 +48,8 @@ def test_the_ranking_and_the_corrected_database(aeromatch, files, tmp_path):
     assert "pass" in table["sequence", "CL/basic"]
     assert "100 %" in table["group", "pitch"]
     assert (
-        "With Cm/elevator and CL/basic from the final model, the corrected a-priori model is within tolerance."
-        in done.output
+        "With Cm/elevator and CL/basic from the final model, the corrected a-priori model is "
+        "within tolerance." in done.output
     )
     assert lines[-1] == "written: corrected.nc, with CL/basic Cm/elevator of final.nc"
     history = aerodb.terms(aerodb.open(tmp_path / "corrected.nc"))["Cm/elevator"].attrs["history"]

@@ -118,8 +118,8 @@ def test_equal_databases_have_no_terms_to_swap(case, truth, trainer):
     spoilt = trainer.scaled(db, Cm_elevator=0.6)
     missed = cause_sentences(pom.diagnose(case, spoilt, spoilt, trainer.AIRCRAFT, truth))
     assert (
-        missed
-        == "The a-priori model is out of tolerance. Nothing that this case feels differs between the two models."
+        missed == "The a-priori model is out of tolerance. Nothing that this case feels differs "
+        "between the two models."
     )
 
 
@@ -369,8 +369,8 @@ def test_the_corrected_database_states_where_its_terms_come_from(case, truth, tr
     alone = table[table["stage"] == "single"].set_index("term").loc["CL/basic", "explained"]
     history = aerodb.terms(corrected)["CL/basic"].attrs["history"]
     assert (
-        f"pom diagnose: from final.nc, needed by short_period (alone {100 * alone:.0f} % of the gap, share"
-        in history
+        f"pom diagnose: from final.nc, needed by short_period (alone {100 * alone:.0f} % of "
+        f"the gap, share" in history
     )
     assert history.endswith("replace_terms: replaced (term swap)")
     assert "term swap" in corrected.attrs["history"]
@@ -419,7 +419,8 @@ def test_what_one_case_takes_makes_another_need_more(compensated):
     history = aerodb.terms(corrected)["Cm/elevator"].attrs["history"]
     assert "added for elevator, which does not pass with what each case needs alone" in history
     assert cause_sentences(joined["elevator"]).endswith(
-        "With the sequences of all cases together the corrected model is out of tolerance here; Cm/elevator, added for this case, "
+        "With the sequences of all cases together the corrected model is out of tolerance "
+        "here; Cm/elevator, added for this case, "
         "makes it pass."
     )
 

@@ -308,7 +308,8 @@ def test_the_manoeuvre_of_the_right_kind_is_taken():
 def test_a_record_without_a_manoeuvre_that_fits_states_what_it_lists(tmp_path):
     with pytest.raises(
         SchemaError,
-        match=r"fits 2\.d\.8 \(steady_sideslip, sideslip\); it lists trim .*, block \(elevator\) .*--window",
+        match=r"fits 2\.d\.8 \(steady_sideslip, sideslip\); it lists trim .*, block \(elevator\) "
+        r".*--window",
     ):
         init_case(FLIGHT / "t37_26_val_phugoid.nc", "2.d.8", tmp_path / "case.toml")
     assert not list(tmp_path.iterdir())

@@ -287,7 +287,10 @@ def test_a_description_that_would_fill_the_memory_is_not_unpacked(tmp_path):
 @pytest.mark.skipif(sys.platform != "linux", reason="bubblewrap is for Linux")
 def test_a_child_in_a_sandbox_is_started_by_bubblewrap_and_ends_with_it(bad, tmp_path, monkeypatch):
     """In place of bwrap a script that notes its options and starts what follows them."""
-    script = f'#!/bin/sh\necho "$@" > {tmp_path}/options\nwhile [ "$1" != {sys.executable} ]; do shift; done\nexec "$@"\n'
+    script = (
+        f'#!/bin/sh\necho "$@" > {tmp_path}/options\nwhile [ "$1" != {sys.executable} ]; do '
+        f'shift; done\nexec "$@"\n'
+    )
     (tmp_path / "bwrap").write_text(script)
     (tmp_path / "bwrap").chmod(0o755)
     monkeypatch.setenv("PATH", f"{tmp_path}{os.pathsep}{os.environ['PATH']}")

@@ -26,8 +26,14 @@ def exchanged(text):
         + '<ModelExchange modelIdentifier="toy"/>'
         + text[text.index("/>", start) + 2 :]
     )
-    gear = '<ScalarVariable name="gear" valueReference="2" causality="input" variability="discrete"><Boolean start="0"/></ScalarVariable>'
-    notch = '<ScalarVariable name="delta_s" valueReference="3" causality="input" variability="discrete"><Integer start="0"/></ScalarVariable>'
+    gear = (
+        '<ScalarVariable name="gear" valueReference="2" causality="input" '
+        'variability="discrete"><Boolean start="0"/></ScalarVariable>'
+    )
+    notch = (
+        '<ScalarVariable name="delta_s" valueReference="3" causality="input" '
+        'variability="discrete"><Integer start="0"/></ScalarVariable>'
+    )
     text = text.replace("</ModelVariables>", f"{gear}{notch}</ModelVariables>")
     return text.replace(
         "<ModelStructure/>",
@@ -113,7 +119,8 @@ def test_a_control_law_in_model_exchange_is_integrated_next_to_the_model(
     """
     law = toys("law_me", exchanged(tools.describe("lag", False, {"delta_e": ""}, {})))
     (tmp_path / "law.toml").write_text(
-        '[inputs]\ncolumn = "delta_e"\n[outputs]\ndelta_e = "theta"\n[fixed]\n"engine1.thrust_drive" = 0.0\ndelta_s = 0.0\n'
+        '[inputs]\ncolumn = "delta_e"\n[outputs]\ndelta_e = '
+        '"theta"\n[fixed]\n"engine1.thrust_drive" = 0.0\ndelta_s = 0.0\n'
     )
     (tmp_path / "law.fmu").write_bytes(law.read_bytes())
     more = 'trim = false\n[control_law]\nfmu = "law.fmu"\nnames = "law.toml"\nmoves = ["delta_e"]\n'

@@ -111,7 +111,8 @@ def test_breakout_is_the_force_at_the_first_movement_both_ways(judged):
     )["breakout_force"]
     assert got["worst_ratio"] == pytest.approx(8.0 / (2.0 * POUND_FORCE), rel=1e-6)
     assert text_of(got["remarks"]).startswith(
-        "increasing: 23.0 N in flight, 31.0 N in the model; decreasing: -23.0 N in flight, -31.0 N in the model"
+        "increasing: 23.0 N in flight, 31.0 N in the model; decreasing: -23.0 N in flight, "
+        "-31.0 N in the model"
     )
     one_way = np.maximum(x, 0.0)
     got = judged(

@@ -173,7 +173,8 @@ def test_one_overshoot_has_no_period(judged):
         "2.b.1", TIME, oscillation(a=4.5), oscillation(a=4.5), events=RELEASED, drive=FORCE
     )
     assert text_of(got["pn"]["remarks"]).startswith(
-        "the flight has 1 overshoot beyond 5 % of the first displacement and not what the row measures"
+        "the flight has 1 overshoot beyond 5 % of the first displacement and not what the "
+        "row measures"
     )
     assert got["an"]["verdict"] == "pass"
 

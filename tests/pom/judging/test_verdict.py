@@ -298,7 +298,8 @@ def test_a_trend_states_its_criteria(judged):
     ]
     assert half["verdict"] == "advisory"
     assert text_of(half["remarks"]).startswith(
-        "largest change of flight -5.67 deg, of model -2.83 deg, amplitude ratio 0.50, correlation 1.00; "
+        "largest change of flight -5.67 deg, of model -2.83 deg, amplitude ratio 0.50, "
+        "correlation 1.00; "
         "all criteria of trend are met; to be ticked by an engineer"
     )
     away = judged("2.d.4", TIME, flight, {"phi": 40.0 * DEG - flight["phi"]})["bank_angle trend"]

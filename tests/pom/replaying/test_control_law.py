@@ -100,7 +100,8 @@ def test_what_does_not_fit_is_refused(law, write_case, toy, flight, tmp_path):
     case = read_case(write_case(more="trim = false\n" + LAW))
     with pytest.raises(
         SchemaError,
-        match=r"(?s)input wheel: the record has no such channel.*input p: the model lag\.fmu has no such output",
+        match=r"(?s)input wheel: the record has no such channel.*input p: the model lag\.fmu has "
+        r"no such output",
     ):
         replay(case, {"toy": toy()}, flight)
     law(units=("m", "deg/s", "rad"))

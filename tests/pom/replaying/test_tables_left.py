@@ -21,7 +21,8 @@ def test_a_range_that_was_left_is_named():
     (remark,) = left((ALPHA,), alpha=alpha)
     assert (
         remark.text
-        == "tables over alpha left: above 20 deg by up to 2.1 deg, at 5.0 s, in 50 % of the samples; held there"
+        == "tables over alpha left: above 20 deg by up to 2.1 deg, at 5.0 s, in 50 % of the "
+        "samples; held there"
     )
     assert remark.values == pytest.approx({"limit": 20.0, "beyond": 2.1})
     (remark,) = left((FLAP,), **{"applied.delta_f": -1.0 * DEG + 0.0 * TIME})

@@ -34,7 +34,10 @@ def write(folder, **change):
 def parcels(html):
     """Return head and body of every packed page, by the id of its article."""
     without_script = r"<noscript>(?:(?!</noscript>).)*</noscript>"
-    packed = rf'id="([^"]+)"[^>]*>\s*{without_script}\s*<div class="body"></div>\s*<script type="text/plain" class="parcel">([^<]+)'
+    packed = (
+        rf'id="([^"]+)"[^>]*>\s*{without_script}\s*<div class="body"></div>\s*<script '
+        rf'type="text/plain" class="parcel">([^<]+)'
+    )
     return {name: traces.unpack_page(text) for name, text in re.findall(packed, html, re.S)}
 
 

@@ -91,7 +91,10 @@ def test_an_invalid_run_states_why():
         "invalid",
         "elevator deflection biased by the trim: −3.44 deg, beyond 2 deg",
     )
-    both = "elevator deflection biased by the trim: −3.44 deg, beyond 2 deg; net thrust biased by the trim: −852 N, beyond 107 N"
+    both = (
+        "elevator deflection biased by the trim: −3.44 deg, beyond 2 deg; net thrust biased "
+        "by the trim: −852 N, beyond 107 N"
+    )
     assert f"datcom: {both}" in remarks.notes(result)
 
 
@@ -124,8 +127,8 @@ def test_what_an_engineer_writes_is_printed():
     ):
         assert words in html
     assert (
-        "☒</span> sideslip trend: correct trend and magnitude, ticked by A. Smith, 2026-11-20, trend agrees"
-        in html
+        "☒</span> sideslip trend: correct trend and magnitude, ticked by A. Smith, "
+        "2026-11-20, trend agrees" in html
     )
 
 
@@ -136,8 +139,8 @@ def test_an_engineering_reference_and_its_share_are_reported():
     html = page([replace(before, case=replace(before.case, reference="engineering", fraction=0.2))])
     assert "20 % of the tolerance applied" in html
     assert (
-        "The reference is an engineering simulator, not a flight; 20 % of the flight tolerance is applied."
-        in html
+        "The reference is an engineering simulator, not a flight; 20 % of the flight "
+        "tolerance is applied." in html
     )
 
 

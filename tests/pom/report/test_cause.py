@@ -42,11 +42,12 @@ def test_the_cause_in_words(table):
         "the lift increment due to gear extension (CL/gear) explains most of the gap, 81 %." in text
     )
     assert (
-        "With the lift increment due to gear extension (CL/gear) from the final model, the corrected a-priori model is within"
-        in text
+        "With the lift increment due to gear extension (CL/gear) from the final model, the "
+        "corrected a-priori model is within" in text
     )
     assert text.endswith(
-        "Terms do not simply add up: CL/gear and Cm/qhat explain 81 % and 9 % alone, 100 % together."
+        "Terms do not simply add up: CL/gear and Cm/qhat explain 81 % and 9 % alone, 100 % "
+        "together."
     )
 
 
@@ -82,7 +83,8 @@ def test_the_terms_that_were_not_flown_alone_are_named(table):
     ]
     text = rows(pd.concat([table, pd.DataFrame(idle)], ignore_index=True))[1]["idle"]
     assert text.startswith(
-        "2 terms were not flown alone, since no judged output moves by more than this share of its mismatch"
+        "2 terms were not flown alone, since no judged output moves by more than this share "
+        "of its mismatch"
     )
     assert text.endswith(": Cn/rhat 0.31 %, Cl/phat below 0.01 %. All together move 0.12 %.")
 
@@ -139,11 +141,12 @@ def test_the_waterfall_in_words(table):
     svg = waterfall.cause_figure(table)
     label = re.search(r'aria-label="([^"]*)"', svg).group(1)
     assert label.startswith(
-        "Waterfall of the mismatch from the a-priori to the final model. all criteria, from 1.21 to 0.02 half widths: CL/basic"
+        "Waterfall of the mismatch from the a-priori to the final model. all criteria, from "
+        "1.21 to 0.02 half widths: CL/basic"
     )
     assert (
-        "pitch rate, from 0.90 to 0.03 half widths: CL/basic −1 ± 3 %, Cm/qhat 13 ± 3 %, CL/gear 89 ± 3 %."
-        in label
+        "pitch rate, from 0.90 to 0.03 half widths: CL/basic −1 ± 3 %, Cm/qhat 13 ± 3 %, "
+        "CL/gear 89 ± 3 %." in label
     )
 
 

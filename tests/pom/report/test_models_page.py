@@ -18,7 +18,8 @@ def test_models_page_shows_what_differs_and_names_the_rest(report):
     html, _ = report
     drawn = dict(
         re.findall(
-            r'data-term="([^"]+)" id="[^"]*">\s*<h2>[^<]*<span class="quiet">(?:[^<;]+; )?((?:not in|replaced|unch)[^<;]*)',
+            r'data-term="([^"]+)" id="[^"]*">\s*<h2>[^<]*<span class="quiet">(?:[^<;]+; '
+            r")?((?:not in|replaced|unch)[^<;]*)",
             html,
         )
     )
@@ -32,7 +33,8 @@ def test_models_page_shows_what_differs_and_names_the_rest(report):
         "Cm/elevator": "replaced",
     }
     assert re.search(
-        r'scope="row">CL/flap</th><td>lift increment due to flap extension</td><td>alpha 11, delta_f 3',
+        r'scope="row">CL/flap</th><td>lift increment due to flap extension</td><td>alpha 11, '
+        r"delta_f 3",
         html,
     )
 
@@ -84,7 +86,8 @@ def test_identification_shows_every_local_model():
             fit.estimates["term"].values, fit.estimates["estimate"].values, strict=True
         ):
             assert re.search(
-                rf'scope="row">{name}</th><td class="num">{re.escape(quantities.number(float(estimate), 4))}</td>',
+                rf'scope="row">{name}</th><td '
+                rf'class="num">{re.escape(quantities.number(float(estimate), 4))}</td>',
                 html,
             )
     assert 'class="test-point"' in html

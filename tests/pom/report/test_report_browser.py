@@ -383,7 +383,10 @@ def test_paper_shows_the_panels_of_the_screen(page, address):
     open_case(page, address)
     page.emulate_media(media="print")
     page.wait_for_selector(f"{CASE} .paper svg")
-    own_text = "all => all.map(title => title.childNodes[title.querySelector('.symbol') ? 1 : 0].textContent)"
+    own_text = (
+        "all => all.map(title => title.childNodes[title.querySelector('.symbol') ? 1 : "
+        "0].textContent)"
+    )
     words = page.locator(f"{CASE} .panel-title").evaluate_all(own_text)
     expect(page.locator(f"{CASE} .paper svg .title")).to_have_text(words)
     traces = page.locator(f"{CASE} .paper svg path.trace")
@@ -410,7 +413,11 @@ def test_a_term_of_the_cause_leads_to_its_tables(page, address):
     open_case(page, address)
     page.locator(f"{CASE} .cause a", has_text="CL/gear").first.click()
     expect(page.locator("#models")).to_be_visible()
-    near_the_top = "() => { const { y } = document.querySelector('#term-CL-gear').getBoundingClientRect(); return 0 <= y && y < 300; }"
+    near_the_top = (
+        "() => { const { y } = "
+        "document.querySelector('#term-CL-gear').getBoundingClientRect(); return 0 <= y && y < "
+        "300; }"
+    )
     page.wait_for_function(near_the_top)  # scrolled to, once the page is unpacked
 
 
@@ -428,7 +435,10 @@ def test_a_sweep_is_a_cross_plot_on_screen_and_paper(page, tmp_path):
     page.keyboard.press("2")
     expect(lines).to_have_count(4)
     bars = page.locator("#case-column_sweep .crosses .bars-of-band")
-    height = "bars => { const [top, bottom] = bars.getAttribute('d').match(/ ([\\d.]+)V([\\d.]+)/).slice(1).map(Number); return bottom - top; }"
+    height = (
+        "bars => { const [top, bottom] = bars.getAttribute('d').match(/ "
+        "([\\d.]+)V([\\d.]+)/).slice(1).map(Number); return bottom - top; }"
+    )
     whole = bars.evaluate(height)
     page.get_by_role("button", name="40 %").click()
     expect(page).to_have_url(re.compile("&f=40$"))

@@ -84,8 +84,8 @@ def test_a_case_file_holds_its_signatures(tmp_path):
     }
     assert pom.PomCase.from_dict(case.to_dict()) == case
     own.write_text(
-        text
-        + "\n[signatures.checked]\nname = 'C. Reviewer'\ndate = '2026-11-21'\nresults = '3f9a12c4d0be'\n"
+        text + "\n[signatures.checked]\nname = 'C. Reviewer'\ndate = '2026-11-21'\nresults = "
+        "'3f9a12c4d0be'\n"
     )
     assert pom.read_case(own).signatures["checked"]["results"] == "3f9a12c4d0be"
     for wrong, words in (

@@ -149,7 +149,8 @@ def test_the_force_is_drawn_over_the_travel_at_every_speed(results):
     (force,) = section.pictures
     assert (
         force.words
-        == "Force at the column over its travel while it slides, recorded and by the identified constants, at 2 speeds"
+        == "Force at the column over its travel while it slides, recorded and by the identified "
+        "constants, at 2 speeds"
     )
     assert [
         text in force.body for text in ("dynamic pressure 1.5 kPa", "dynamic pressure 6.0 kPa")

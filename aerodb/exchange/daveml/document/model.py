@@ -258,7 +258,10 @@ class DaveModel:
         listed = ", ".join(
             f"{variable.varID} in {variable.units or 'no unit'}" for variable in named
         )
-        text = f"{listed} have this name, the signal is in {signal.units or 'no unit'}; give signalUnits of one of them, or its varID"
+        text = (
+            f"{listed} have this name, the signal is in {signal.units or 'no unit'}; give "
+            f"signalUnits of one of them, or its varID"
+        )
         raise UnknownName(signal.key, (variable.varID for variable in named), "signal", text)
 
     def converted(self, signal: Signal) -> Signal:

@@ -82,7 +82,8 @@ def require_checks(model: DaveModel) -> None:
     failed = table[~table["passed"]]
     if len(failed):
         texts = [
-            f"{row.shot}: {row.variable} is {row.found:.9g}, expected {row.expected:.9g} within {row.tolerance:g} {row.note}".rstrip()
+            f"{row.shot}: {row.variable} is {row.found:.9g}, expected {row.expected:.9g} "
+            f"within {row.tolerance:g} {row.note}".rstrip()
             if row.kind != "shot"
             else f"{row.shot}: {row.note}"
             for row in failed.itertuples()
@@ -144,7 +145,8 @@ class _DaveReader:
             if element.tag == "quotient":
                 self._warn(
                     element,
-                    "<quotient> is taken as a plain division, as NASA's check cases have it; MathML means its whole part",
+                    "<quotient> is taken as a plain division, as NASA's check cases have it; "
+                    "MathML means its whole part",
                 )
         self.notes += [
             f"<{tag}> is deprecated since DAVE-ML 2.0; read all the same" for tag in sorted(seen)
@@ -268,7 +270,8 @@ class _DaveReader:
             )
         if self.tables[name].tag.startswith("ungridded") != (reference.tag == "ungriddedTableRef"):
             self.notes.append(
-                f"line {reference.line}: <{reference.tag}> points at a <{self.tables[name].tag}>, which is taken"
+                f"line {reference.line}: <{reference.tag}> points at a "
+                f"<{self.tables[name].tag}>, which is taken"
             )
         return self.tables[name]
 
@@ -326,8 +329,10 @@ class _DaveReader:
         side = "lower" if interpolate == "floor" else "upper"
         self._warn(
             element,
-            f"interpolate={interpolate!r} is taken as the {side} breakpoint, as at independentVarPts and in the figures of the manual; "
-            "the DTD states the opposite for independentVarRef. Ask the author, or trust the check cases",
+            f"interpolate={interpolate!r} is taken as the {side} breakpoint, as at "
+            f"independentVarPts and in the figures of the manual; "
+            "the DTD states the opposite for independentVarRef. Ask the author, or trust the "
+            "check cases",
         )
 
     def _warn(self, element: Element, text: str) -> None:

@@ -189,7 +189,8 @@ class Scattered:
         if bare.any():
             place = ", ".join(f"{value:.6g}" for value in x[bare][0])
             raise OutOfRange(
-                f"({place}) lies between no points of an ungridded table; ask inside the area its points cover",
+                f"({place}) lies between no points of an ungridded table; ask inside the "
+                f"area its points cover",
                 bare,
             )
         return found

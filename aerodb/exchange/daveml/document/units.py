@@ -159,7 +159,8 @@ def _words(part: str, code: str) -> str:
         match = _WORD.match(part, at)
         if match is None:
             raise UnitError(
-                f"unknown unit code {code!r}; S-119 codes are made of {', '.join(_CODES)}, powers and one underscore for 'per'"
+                f"unknown unit code {code!r}; S-119 codes are made of {', '.join(_CODES)}, "
+                f"powers and one underscore for 'per'"
             )
         words.append(_CODES[match[1]] + match[2])
         at = match.end()

@@ -293,7 +293,10 @@ def _surface(row, record: xr.DataTree, timed: bool) -> list[Finding]:
     """
     name, names = row.surface, (row.surface, row.rate)
     evidence = {"effect": row.effect, "stderr": row.stderr, "R2": row.R2}
-    measured = f"{row.rate}_dot = {row.effect:+.3g} 1/s2 per rad of {name}, {abs(row.ratio):.0f} standard errors"
+    measured = (
+        f"{row.rate}_dot = {row.effect:+.3g} 1/s2 per rad of {name}, {abs(row.ratio):.0f} "
+        f"standard errors"
+    )
     if row.effect > 0.0 and row.sign > 0:
         tried = f"no delay up to {LONGEST:g} s explains as much"
         text = f"{name} has the wrong sign: positive {name} {_WORDS[name]}; {measured}; {tried}"
@@ -303,10 +306,14 @@ def _surface(row, record: xr.DataTree, timed: bool) -> list[Finding]:
     if row.effect > 0.0 and row.sign == 0 and timed and row.movement > _MOVED:
         first, second = sorted((row.lead, row.other), key=abs)
         text = (
-            f"{name} has the wrong sign or is recorded at another time: {measured}; recorded {_when(first)} with one sign or "
+            f"{name} has the wrong sign or is recorded at another time: {measured}; recorded "
+            f"{_when(first)} with one sign or "
             f"{_when(second)} with the other it explains the motion equally well"
         )
-        remedy = f"compare {name} with the pilot's control or with a record that holds a 3-2-1-1, then correct sign or delay in the name map"
+        remedy = (
+            f"compare {name} with the pilot's control or with a record that holds a "
+            f"3-2-1-1, then correct sign or delay in the name map"
+        )
         return [
             Finding(
                 "warning",
@@ -318,7 +325,10 @@ def _surface(row, record: xr.DataTree, timed: bool) -> list[Finding]:
             )
         ]
     if row.effect < 0.0 and row.movement < _SMALL and abs(row.effect) > _STRONGEST[name]:
-        text = f"{name} is in rad and was taken as deg: it moves by {row.movement / DEGREE:.2g} deg in all, and {measured}"
+        text = (
+            f"{name} is in rad and was taken as deg: it moves by {row.movement / DEGREE:.2g} "
+            f"deg in all, and {measured}"
+        )
         return [
             Finding(
                 "error",
@@ -385,7 +395,10 @@ def _hand(row, record: xr.DataTree) -> list[Finding]:
     )
     detail = f"(correlation {row.correlation:+.2f}, {1e3 * row.delay:+.0f} ms)"
     if row.expected * row.correlation < -FOLLOWS:
-        text = f"{row.control} has the wrong sign: it moves with {row.surface} instead of against it {detail}"
+        text = (
+            f"{row.control} has the wrong sign: it moves with {row.surface} instead of "
+            f"against it {detail}"
+        )
         return [
             Finding(
                 "error",
@@ -558,7 +571,10 @@ def _unexcited(table: pd.DataFrame, purpose: str) -> list[Finding]:
         else f"not excited: {', '.join(row.axis for row in still)}"
     )
     text = f"{head} ({what})"
-    remedy = "no derivative of these axes can be identified from this record; fly doublets, 3-2-1-1 or multisines"
+    remedy = (
+        "no derivative of these axes can be identified from this record; fly doublets, "
+        "3-2-1-1 or multisines"
+    )
     return [
         Finding(
             "warning" if needed else "note",
@@ -582,7 +598,10 @@ def _unflown(row, signals: ResampledChannels) -> list[Finding]:
             float(np.ptp(signals[name][inside])) if inside.sum() * signals.step > 1.0 else np.inf
         )
         if movement < 2.0 * _INPUT:
-            text = f"{row.manoeuvre} at {row.start:g} ... {row.end:g} s: {name} moves by {movement / DEGREE:.2g} deg only"
+            text = (
+                f"{row.manoeuvre} at {row.start:g} ... {row.end:g} s: {name} moves by "
+                f"{movement / DEGREE:.2g} deg only"
+            )
             remedy = "check the times of the list of manoeuvres, and the pick-up"
             found.append(
                 Finding(
@@ -599,8 +618,14 @@ def _collinear(matrix: pd.DataFrame) -> list[Finding]:
         correlation = float(values[i, j])
         if abs(correlation) > COLLINEAR:
             paired |= {one, other}
-            text = f"{one} and {other} move together (correlation {correlation:+.3f}): their effects cannot be distinguished"
-            remedy = "fly them one after the other, or as orthogonal multisines; else fix one at its a-priori value"
+            text = (
+                f"{one} and {other} move together (correlation {correlation:+.3f}): their "
+                f"effects cannot be distinguished"
+            )
+            remedy = (
+                "fly them one after the other, or as orthogonal multisines; else fix one at "
+                "its a-priori value"
+            )
             found.append(
                 Finding(
                     "warning",
@@ -616,7 +641,10 @@ def _collinear(matrix: pd.DataFrame) -> list[Finding]:
         worst = int(np.argmax(multiple))
         if multiple[worst] > COLLINEAR:
             others = (*names[:worst], *names[worst + 1 :])
-            text = f"{names[worst]} is a combination of {', '.join(others)} (multiple correlation {multiple[worst]:.3f})"
+            text = (
+                f"{names[worst]} is a combination of {', '.join(others)} (multiple "
+                f"correlation {multiple[worst]:.3f})"
+            )
             remedy = "fly the inputs one after the other, or as orthogonal multisines"
             found.append(Finding("warning", "collinear", (names[worst], *others), text, remedy))
     return found

@@ -99,16 +99,25 @@ def lag_findings(
         margin = 0.0 if row.bound else 3.0 * row.stderr
         if low - margin <= row.delay <= high + margin:
             continue
-        measured = f"{1e3 * abs(row.delay):.0f} ms {'late' if row.delay > 0 else 'early'} against {row.against}"
+        measured = (
+            f"{1e3 * abs(row.delay):.0f} ms {'late' if row.delay > 0 else 'early'} "
+            f"against {row.against}"
+        )
         allowed = f"{origin} allows {1e3 * low:.0f} to {1e3 * high:.0f} ms"
         if row.bound:
             text = f"{row.channel} is at least {measured}, the end of the search; {allowed}"
-            remedy = "compare the clocks of the two instruments, and put the time between them into the name map"
+            remedy = (
+                "compare the clocks of the two instruments, and put the time between them "
+                "into the name map"
+            )
         else:
             text = (
                 f"{row.channel} is {measured} (standard error {1e3 * row.stderr:.1f} ms); {allowed}"
             )
-            remedy = f"{add_delay_line(record, row.channel, delay=row.delay)}, and the same delay for the other channels of that instrument"
+            remedy = (
+                f"{add_delay_line(record, row.channel, delay=row.delay)}, and the same "
+                f"delay for the other channels of that instrument"
+            )
         evidence = {
             "delay": row.delay,
             "stderr": None if row.bound else row.stderr,
@@ -232,7 +241,10 @@ def kinematic_findings(
     found = [_mistake(explanation, record) for explanation in explanations]
     for name, c in comparisons.items():
         if not c.consistent:
-            text = f"{c.relation.title} do not agree (disagreement {c.disagreement:.2f}), and no single sign, unit or axis resolves it"
+            text = (
+                f"{c.relation.title} do not agree (disagreement {c.disagreement:.2f}), and no "
+                f"single sign, unit or axis resolves it"
+            )
             remedy = f"check {', '.join(c.relation.channels(signals))}; see the plot of {name}"
             found.append(
                 Finding(
@@ -260,8 +272,14 @@ def accuracy_findings(table: pd.DataFrame) -> list[Finding]:
             found += _vane(row) if row.moving else []
         elif row.correlation > _STRAIGHT and off > SCALE and off > _CERTAIN * row.slope_stderr:
             names = _SCALED[row.relation]
-            text = f"{row.title}: the first is {row.slope:.3f} of the second (standard error {row.slope_stderr:.3f})"
-            remedy = f"a scale error of {' or '.join(names)}: let the reconstruction find it, or calibrate"
+            text = (
+                f"{row.title}: the first is {row.slope:.3f} of the second (standard error "
+                f"{row.slope_stderr:.3f})"
+            )
+            remedy = (
+                f"a scale error of {' or '.join(names)}: let the reconstruction find it, or "
+                f"calibrate"
+            )
             severity = "warning" if off > GROSS_SCALE else "note"
             found.append(
                 Finding(
@@ -280,10 +298,14 @@ def _vane(row) -> list[Finding]:
     if row.correlation < 0.9 or not (abs(row.slope - 1.0) > max(0.02, _CERTAIN * row.slope_stderr)):
         return []
     text = (
-        f"alpha_vane shows {row.slope:.2f} of the angle that attitude and climb give (standard error {row.slope_stderr:.2f}), "
+        f"alpha_vane shows {row.slope:.2f} of the angle that attitude and climb give "
+        f"(standard error {row.slope_stderr:.2f}), "
         f"mean difference {np.degrees(row.offset):+.1f} deg: upwash and offset"
     )
-    remedy = "give factor and bias_sigma of the vane in the aircraft file; the reconstruction estimates them"
+    remedy = (
+        "give factor and bias_sigma of the vane in the aircraft file; the reconstruction "
+        "estimates them"
+    )
     severity = "note" if _UPWASH[0] < row.slope < _UPWASH[1] else "warning"
     return [
         Finding(
@@ -325,10 +347,16 @@ def _outside(name: str, signals: ResampledChannels, record: xr.DataTree) -> list
         return []
     for wrong, right, factor in units_mistaken(name):
         if limits[0] < factor * x.min() and factor * x.max() < limits[1]:
-            text = f"{name} is in {wrong} and was taken as {right}: it reaches {np.abs(x).max():.4g} {right}, which is not possible"
+            text = (
+                f"{name} is in {wrong} and was taken as {right}: it reaches "
+                f"{np.abs(x).max():.4g} {right}, which is not possible"
+            )
             return [Finding("error", "unit", (name,), text, map_entry(record, name, factor))]
     worst = float(x[np.argmax(np.abs(x - np.clip(x, *limits)))])
-    text = f"{name} reaches {worst:.4g}; possible are {limits[0]:g} to {limits[1]:g} (SI); {outside.mean():.1%} of the flight lies outside"
+    text = (
+        f"{name} reaches {worst:.4g}; possible are {limits[0]:g} to {limits[1]:g} (SI); "
+        f"{outside.mean():.1%} of the flight lies outside"
+    )
     return [
         Finding(
             "error",

@@ -203,7 +203,10 @@ def not_checked(signals: ResampledChannels) -> pd.DataFrame:
             )
         elif (seconds := float(relation.mask(signals).sum() * signals.step)) < relation.shortest:
             together = ", ".join(relation.channels(signals))
-            reason = f"{together} are whole together for {seconds:.1f} s of flight; {relation.shortest:.0f} s are needed"
+            reason = (
+                f"{together} are whole together for {seconds:.1f} s of flight; "
+                f"{relation.shortest:.0f} s are needed"
+            )
         else:
             continue
         table.append((relation.name, relation.title, missing, reason))

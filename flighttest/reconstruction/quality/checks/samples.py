@@ -94,7 +94,8 @@ def _coarse(table: pd.DataFrame) -> list[Finding]:
     for row in rows(table):
         if np.isfinite(row.noise) and COARSE < row.repeated < 1.0:
             text = (
-                f"{row.channel} repeats {row.repeated:.0%} of its samples: it is recorded at {row.rate:g} Hz "
+                f"{row.channel} repeats {row.repeated:.0%} of its samples: it is recorded at "
+                f"{row.rate:g} Hz "
                 "and changes far less often, or in coarse steps"
             )
             found.append(
@@ -124,7 +125,10 @@ def _off_centre(signals: ResampledChannels) -> list[Finding]:
             or abs(middle := float(np.median(signals[name][mask]))) < _OFF_CENTRE
         ):
             continue
-        text = f"{name} stands at {middle / DEGREE:+.1f} deg in straight flight: bias of the pick-up, trim or an asymmetry"
+        text = (
+            f"{name} stands at {middle / DEGREE:+.1f} deg in straight flight: bias of the "
+            f"pick-up, trim or an asymmetry"
+        )
         remedy = "let regressions have an intercept; calibrate the pick-up with the surface centred"
         found.append(Finding("note", "offset", (name,), text, remedy, evidence={"offset": middle}))
     return found
@@ -146,7 +150,10 @@ def _minimum_speed(
         limit = edge + _BIN
     if not limit or limit > 0.6 * float(np.median(speed[signals.flying])):
         return []
-    text = f"alpha_vane means nothing below about {limit:.0f} m/s ({limit / KNOT:.0f} kt): it does not follow attitude and climb there"
+    text = (
+        f"alpha_vane means nothing below about {limit:.0f} m/s ({limit / KNOT:.0f} kt): it "
+        f"does not follow attitude and climb there"
+    )
     return [
         Finding(
             "note",
@@ -456,7 +463,10 @@ def _saturation(time: np.ndarray, x: np.ndarray, row) -> list[Finding]:
             float(time[runs[0][0]]),
             float(time[runs[-1][1] - 1]),
         )
-        text = f"{row.channel} stays at its {word} value {extreme:.5g} {row.units} exactly, {total} samples from {first:g} s"
+        text = (
+            f"{row.channel} stays at its {word} value {extreme:.5g} {row.units} exactly, "
+            f"{total} samples from {first:g} s"
+        )
         remedy = "the end of the instrument's range, or a stop; choose windows without it"
         evidence = {"samples": total, "value": extreme}
         found.append(
@@ -478,7 +488,10 @@ def _breaks(x: np.ndarray, first: int, behind: int, typical: float) -> bool:
 def _radio(x: np.ndarray, row) -> list[Finding]:
     if row.channel != "h_radio" or np.mean(x == row.maximum) < 0.01:
         return []
-    text = f"h_radio holds its largest value, {row.maximum:.5g} m, in {np.mean(x == row.maximum):.0%} of all samples"
+    text = (
+        f"h_radio holds its largest value, {row.maximum:.5g} m, in "
+        f"{np.mean(x == row.maximum):.0%} of all samples"
+    )
     return [
         Finding(
             "note",
@@ -500,7 +513,10 @@ def _noisy(row, specification: Instruments | None) -> list[Finding]:
     allowed = specification.noise(row.channel)
     if row.noise <= NOISY * allowed:
         return []
-    text = f"noise of {row.channel} is {row.noise:.3g} {row.units}, {row.noise / allowed:.1f} times the {allowed:.3g} of the aircraft file"
+    text = (
+        f"noise of {row.channel} is {row.noise:.3g} {row.units}, {row.noise / allowed:.1f} "
+        f"times the {allowed:.3g} of the aircraft file"
+    )
     evidence = {"noise": row.noise, "specified": allowed}
     return [
         Finding(

@@ -119,7 +119,10 @@ def inertia_findings(aircraft: Aircraft) -> list[Finding]:
     odd = list(_odd_radii(aircraft, moments))
     if odd:
         names = tuple(name for name, _ in odd)
-        text = f"{shown} kg m2 for {aircraft.mass:.4g} kg and a span of {aircraft.b:.4g} m: {'; '.join(text for _, text in odd)}"
+        text = (
+            f"{shown} kg m2 for {aircraft.mass:.4g} kg and a span of {aircraft.b:.4g} m: "
+            f"{'; '.join(text for _, text in odd)}"
+        )
         found.append(Finding("warning", "inertia", names, text, remedy))
     if excess > _TRIANGLE:
         likely = [
@@ -130,7 +133,10 @@ def inertia_findings(aircraft: Aircraft) -> list[Finding]:
         ]
         largest, smallest = max(_MAIN, key=moments.__getitem__), min(_MAIN, key=moments.__getitem__)
         names = (likely[0][0],) if likely else (largest, smallest)
-        text = f"{shown} kg m2: {largest} exceeds the sum of the two others by {excess:.1%}, which no body has"
+        text = (
+            f"{shown} kg m2: {largest} exceeds the sum of the two others by {excess:.1%}, "
+            f"which no body has"
+        )
         text += "".join(
             f"; as if {name} were in {wrong} and taken as {right}"
             for name, wrong, right, _ in likely
@@ -141,11 +147,17 @@ def inertia_findings(aircraft: Aircraft) -> list[Finding]:
             )
         )
     elif moments["Izz"] < _YAW * max(moments["Ixx"], moments["Iyy"]):
-        text = f"{shown} kg m2: Izz is the largest moment of inertia of an aeroplane; two of them may stand in each other's place"
+        text = (
+            f"{shown} kg m2: Izz is the largest moment of inertia of an aeroplane; two of "
+            f"them may stand in each other's place"
+        )
         found.append(Finding("warning", "inertia", ("Izz",), text, remedy))
     inclined = 0.5 * atan2(2.0 * aircraft.Ixz, moments["Izz"] - moments["Ixx"])
     if moments["Izz"] > moments["Ixx"] and abs(inclined) > _INCLINED:
-        text = f"Ixz = {aircraft.Ixz:.4g} kg m2 inclines the principal axis of inertia by {degrees(inclined):.0f} deg from the body axis"
+        text = (
+            f"Ixz = {aircraft.Ixz:.4g} kg m2 inclines the principal axis of inertia by "
+            f"{degrees(inclined):.0f} deg from the body axis"
+        )
         found.append(Finding("warning", "inertia", ("Ixz",), text, remedy))
     return found
 
@@ -165,7 +177,10 @@ def _odd_radii(aircraft: Aircraft, moments: dict[str, float]) -> Iterator[tuple[
         radius = sqrt(moment / aircraft.mass) / half
         if low <= radius <= high:
             continue
-        text = f"the radius of gyration of {name} is {radius:.2g} of half the span (aeroplanes have {low:g} to {high:g})"
+        text = (
+            f"the radius of gyration of {name} is {radius:.2g} of half the span (aeroplanes "
+            f"have {low:g} to {high:g})"
+        )
         for wrong, right, factor in _INERTIA:
             if low <= radius * sqrt(factor) <= high:
                 text += f", as if {name} were in {wrong} and taken as {right}"
@@ -256,14 +271,16 @@ def product_findings(signals: ResampledChannels, aircraft: Aircraft) -> tuple[li
     if abs(aircraft.Ixz) < SIGNIFICANT * stderr:
         return (
             [],
-            f"the motion shows Ixz to {stderr:.2g} kg m2 only, the aircraft file has {aircraft.Ixz:.3g} kg m2",
+            f"the motion shows Ixz to {stderr:.2g} kg m2 only, the aircraft file has "
+            f"{aircraft.Ixz:.3g} kg m2",
         )
     true = (aircraft.Izz - aircraft.Ixx) / aircraft.Iyy
     off = abs(known - true)
     if max(known_stderr, off) > _SHARP * abs(true) or off > _KNOWN * known_stderr:
         return (
             [],
-            f"the coupling of roll and yaw into pitch, known to be {true:.2f}, is seen as {known:.2f} (standard error {known_stderr:.2f})",
+            f"the coupling of roll and yaw into pitch, known to be {true:.2f}, is seen as "
+            f"{known:.2f} (standard error {known_stderr:.2f})",
         )
     opposite = abs(Ixz + aircraft.Ixz) < max(
         _OTHER_SIGN * stderr, _INERTIA_RATIO * abs(aircraft.Ixz)
@@ -271,7 +288,8 @@ def product_findings(signals: ResampledChannels, aircraft: Aircraft) -> tuple[li
     if Ixz * aircraft.Ixz > 0.0 or abs(Ixz) < SIGNIFICANT * stderr or not opposite:
         return [], ""
     text = (
-        f"Ixz has the wrong sign: the aircraft file has {aircraft.Ixz:.4g} kg m2, and rolling pitches the aeroplane as "
+        f"Ixz has the wrong sign: the aircraft file has {aircraft.Ixz:.4g} kg m2, and "
+        f"rolling pitches the aeroplane as "
         f"{Ixz:.4g} kg m2 does (standard error {stderr:.2g}); Ixz is the integral of x z dm"
     )
     remedy = f'Ixz = "{-aircraft.Ixz:.10g} kg m2" in the aircraft file'
@@ -517,9 +535,15 @@ def _against_lift(
     likely = [unit for unit in _UNITS if _RESTORED[0] <= measure * unit[2] <= _RESTORED[1]]
     certain = bool(likely) and not _CERTAIN[0] <= measure <= _CERTAIN[1]
     where = "the recorded mass" if channel else "the mass of the aircraft file"
-    text = f"with {where} the {what} is {measure:.2f} of what this wing has (limits {SLOPE[0]:g} to {SLOPE[1]:g})"
+    text = (
+        f"with {where} the {what} is {measure:.2f} of what this wing has (limits {SLOPE[0]:g} "
+        f"to {SLOPE[1]:g})"
+    )
     for wrong, right, _ in likely:
-        text += f"{': ' if wrong == likely[0][0] else ' or '}mass is in {wrong} and was taken as {right}"
+        text += (
+            f"{': ' if wrong == likely[0][0] else ' or '}mass is in {wrong} and was taken as "
+            f"{right}"
+        )
     if any(
         _RESTORED[0] <= measure * factor <= _RESTORED[1]
         for factor in (_LIFT_AREA, 1.0 / _LIFT_AREA)

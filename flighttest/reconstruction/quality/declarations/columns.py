@@ -199,7 +199,8 @@ def pressure_height_findings(signals: ResampledChannels) -> list[Finding]:
     if abs(middle) > 0.5 * float(np.ptp(signals["h_baro"][mask])) + 1500.0:
         return []  # a unit: the relation of the two names it
     text = (
-        f"h_baro differs from the pressure height of p_static by {middle:+.0f} m (scatter {scatter:.0f} m): it is the height of a "
+        f"h_baro differs from the pressure height of p_static by {middle:+.0f} m (scatter "
+        f"{scatter:.0f} m): it is the height of a "
         "satellite receiver, or the altimeter was not set to 1013.25 hPa"
     )
     remedy = "map the column of pressure height, or leave h_baro out: p_static gives it"
@@ -236,7 +237,8 @@ def _shared(record: xr.DataTree, signals: ResampledChannels) -> Iterator[tuple[s
             yield (
                 one,
                 other,
-                f"have the same samples, in columns {_short(column_of[one])} and {_short(column_of[other])}",
+                f"have the same samples, in columns {_short(column_of[one])} and "
+                f"{_short(column_of[other])}",
             )
 
 
@@ -325,7 +327,10 @@ def _unit(
     other, other_factor = _parsed(heading)
     if other is None or dimension is None:
         return []
-    text = f"the name map takes {name} in {channel.unit}, and the file states {file_unit} for {channel.columns[0]!r}"
+    text = (
+        f"the name map takes {name} in {channel.unit}, and the file states {file_unit} for "
+        f"{channel.columns[0]!r}"
+    )
     if other != dimension:
         if len(heading) == 1 or heading == "psi":
             return []  # a symbol in brackets, such as "Height (h)"
@@ -360,9 +365,15 @@ def _twice_converted(
         return []
     if min(abs(channel.scale / factor - 1.0), abs(channel.scale * factor - 1.0)) > _CONVERTED:
         return []
-    text = f"the scale {channel.scale:g} of {name} is the factor of its unit {unit}, by which the column is converted as well"
+    text = (
+        f"the scale {channel.scale:g} of {name} is the factor of its unit {unit}, by which "
+        f"the column is converted as well"
+    )
     leaf, _, _ = map_entry_of(record, name)
-    remedy = f"if that is once too often: {line_of(name, channel.changed(scale=1.0))}   # in [{leaf}] of the name map"
+    remedy = (
+        f"if that is once too often: {line_of(name, channel.changed(scale=1.0))}   # in "
+        f"[{leaf}] of the name map"
+    )
     return _weighed(
         signals, Repair("unit", (name,), text, 1.0 / channel.scale), "stated_unit", remedy
     )
@@ -431,7 +442,10 @@ def _column_name(name: str, column: str) -> list[Finding]:
     """
     if name not in _WORDS or _called_after(column, name) != "other":
         return []
-    text = f"{name} ({lookup(name).long_name}) is read from the column {column!r}, which is called after another quantity"
+    text = (
+        f"{name} ({lookup(name).long_name}) is read from the column {column!r}, which is "
+        f"called after another quantity"
+    )
     return [
         Finding(
             "warning", "column_name", (name,), text, f"check the column of {name} in the name map"

@@ -387,5 +387,8 @@ def _find_fault(raw: bytes, begin: int, heads: list[str], separator: str, path: 
         row = _cells(text.split("#")[0] or separator, separator, path, number)
         if len(row) != len(heads):
             first = ", ".join(map(repr, heads[:3])) + (" ..." if len(heads) > 3 else "")
-            expected = f"{len(heads)} cells, as the line of names has ({first}); delete a last line that was cut off"
+            expected = (
+                f"{len(heads)} cells, as the line of names has ({first}); delete a last "
+                f"line that was cut off"
+            )
             raise ParseError(str(path), number, f"{len(row)} cells", expected)

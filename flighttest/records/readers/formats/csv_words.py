@@ -24,7 +24,10 @@ _ISO = re.compile(r"^\d{4}-\d{2}-\d{2}([T ]\d{2}:\d{2}(:\d{2}([.,:]\d*)?)?)?(Z|[
 _LIKE_A_NUMBER = re.compile(r"^[-+]?[\d.,' ]*\d[\d.,' eE+-]*$")
 _MOST_WORDS = 0.5  # share of the filled cells; a column with more words is text
 _NAMED = 3  # words of a column that a text names
-REMEDY = "map a column of numbers, replace the words by numbers in the file (UP and DOWN by 0 and 1), or take the channel out of the map"
+REMEDY = (
+    "map a column of numbers, replace the words by numbers in the file (UP and DOWN by 0 "
+    "and 1), or take the channel out of the map"
+)
 
 
 def is_missing(cell: str) -> bool:
@@ -93,7 +96,10 @@ def numbers_of(
         faulty = next((word for word in common if re.search(r"\d", word)), None)
     if faulty is not None and (numeric > _MOST_WORDS * count or count <= _MOST_WORDS * total):
         point = "" if decimal == "." else ", as in the first lines with a decimal comma"
-        reason = f"{faulty[:60]!r} in column {name[:60]!r} and {count - words[faulty]} other cells of {total} that are no numbers"
+        reason = (
+            f"{faulty[:60]!r} in column {name[:60]!r} and {count - words[faulty]} other "
+            f"cells of {total} that are no numbers"
+        )
         return (
             None,
             "",
@@ -105,7 +111,10 @@ def numbers_of(
         cell: float(cell.replace(decimal, ".")) if cell in filled and cell not in words else np.nan
         for cell in distinct
     }
-    note = f"column {name}: {count} of {total} cells are no numbers ({shown}) and are read as missing samples"
+    note = (
+        f"column {name}: {count} of {total} cells are no numbers ({shown}) and are read as "
+        f"missing samples"
+    )
     return np.array([values[cell] for cell in cells]), note, None
 
 

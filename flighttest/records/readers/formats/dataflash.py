@@ -153,7 +153,8 @@ def _messages(
             or not all(fields)
         ):
             notes.append(
-                f"message {text} at byte {start} has a layout that is not known ({form!r}, {columns!r}); left out"
+                f"message {text} at byte {start} has a layout that is not known ({form!r}, "
+                f"{columns!r}); left out"
             )
             lengths[kind] = length
             continue
@@ -162,7 +163,8 @@ def _messages(
         )
         if dtype.itemsize + _HEAD != length:
             notes.append(
-                f"message {text} at byte {start}: {length} bytes do not fit its format {form!r}; left out"
+                f"message {text} at byte {start}: {length} bytes do not fit its format "
+                f"{form!r}; left out"
             )
             lengths[kind] = length
             continue

@@ -148,7 +148,10 @@ def _no_numbers(item: h5py.h5d.DatasetID) -> str | None:
     if h5py.check_ref_dtype(item.dtype) is not None:
         return None
     if item.dtype.names:
-        return f"rows of several fields ({', '.join(item.dtype.names[:6])}); write each field as an array"
+        return (
+            f"rows of several fields ({', '.join(item.dtype.names[:6])}); write each field as "
+            f"an array"
+        )
     return "values that are no numbers"
 
 

@@ -75,7 +75,8 @@ def read(path: Path, names: NameMap) -> Recording:
     ]
     if len(log.dropouts) > 20:
         gone.append(
-            f"{len(log.dropouts)} dropouts of the logger in all, {sum(drop.duration for drop in log.dropouts):g} ms"
+            f"{len(log.dropouts)} dropouts of the logger in all, "
+            f"{sum(drop.duration for drop in log.dropouts):g} ms"
         )
     if log.file_corruption:
         gone.append("damaged parts of the log were skipped")

@@ -131,7 +131,8 @@ def test_an_elevator_without_a_table_stops_every_way(way):
     db = make_database(clean(), **ROOT)
     with pytest.raises(
         SchemaError,
-        match=r"(?s)CL: delta_e of 'multisine'.*estimate 0\.4\d+ \+- .*t \d+.*listing for elevator.*\[terms\.",
+        match=r"(?s)CL: delta_e of 'multisine'.*estimate 0\.4\d+ \+- .*t \d+.*listing for "
+        r"elevator.*\[terms\.",
     ):
         WAYS[way]([fit()], db)
     with pytest.warns(AeromatchWarning, match=r"no place in the database.*delta_e of 'multisine'"):

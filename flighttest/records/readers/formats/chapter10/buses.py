@@ -40,7 +40,8 @@ def arinc_words(file: Index, channel: int, first_tick: int, name: str, notes: li
         count = struct.unpack_from("<H", body)[0] if len(body) >= 4 else -1
         if count < 0 or 4 + 8 * count > len(body):
             notes.append(
-                f"packet at byte {packet.start}: {count} ARINC 429 words do not fit its {len(body)} bytes; left out"
+                f"packet at byte {packet.start}: {count} ARINC 429 words do not fit its "
+                f"{len(body)} bytes; left out"
             )
             continue
         pairs = np.frombuffer(body, "<u4", 2 * count, 4).reshape(count, 2)
@@ -134,7 +135,8 @@ def _messages(file: Index, packet: Packet, notes: list[str]):
     body = file.body(packet)
     if packet.absolute_stamps:
         notes.append(
-            f"packet at byte {packet.start}: stamps in the format of the secondary header are not read; left out"
+            f"packet at byte {packet.start}: stamps in the format of the secondary header "
+            f"are not read; left out"
         )
         return
     count = struct.unpack_from("<I", body)[0] & 0xFFFFFF if len(body) >= 4 else 0
@@ -148,7 +150,8 @@ def _messages(file: Index, packet: Packet, notes: list[str]):
         place += 14
         if length % 2 or place + length > len(body):
             notes.append(
-                f"packet at byte {packet.start}: a MIL-STD-1553 message of {length} bytes does not fit"
+                f"packet at byte {packet.start}: a MIL-STD-1553 message of {length} bytes "
+                f"does not fit"
             )
             return
         yield tick, block, np.frombuffer(body, "<u2", length // 2, place)

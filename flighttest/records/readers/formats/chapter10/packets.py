@@ -111,7 +111,8 @@ def index(path: Path) -> Index:
         place += size
     if lost_from >= 0 or place < len(data):
         notes.append(
-            f"bytes {lost_from if lost_from >= 0 else place} to {len(data)} are no whole packet: the end of the file may be cut off"
+            f"bytes {lost_from if lost_from >= 0 else place} to {len(data)} are no whole "
+            f"packet: the end of the file may be cut off"
         )
     if not packets:
         raise ParseError(

@@ -122,7 +122,8 @@ def _frames(
     count, rest = divmod(len(body) - 4, header + size)
     if rest or not count:
         notes.append(
-            f"packet at byte {packet.start}: {len(body) - 4} bytes are no whole number of frames of {header + size} bytes; left out"
+            f"packet at byte {packet.start}: {len(body) - 4} bytes are no whole number of "
+            f"frames of {header + size} bytes; left out"
         )
         return np.zeros(0, np.int64), np.zeros((0, spec.frame_words), np.uint64)
     rows = np.frombuffer(body, np.uint8, count * (header + size), 4).reshape(count, header + size)
@@ -206,7 +207,8 @@ def _analog_samples(
     heads = 1 if same else total
     if len(body) < 4 * heads:
         notes.append(
-            f"packet at byte {packet.start}: its {heads} channel-specific words are cut off; left out"
+            f"packet at byte {packet.start}: its {heads} channel-specific words are cut off; "
+            f"left out"
         )
         return None
     words = struct.unpack_from(f"<{heads}I", body)

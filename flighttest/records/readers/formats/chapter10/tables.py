@@ -48,7 +48,8 @@ def read(path: Path, names: NameMap) -> Recording:
         raise SchemaError(
             f"name map for {path.name}",
             [
-                f"a Chapter 10 file needs [decode.NAME] tables for its words; it holds {listed or 'no data'}"
+                f"a Chapter 10 file needs [decode.NAME] tables for its words; it holds "
+                f"{listed or 'no data'}"
             ],
         )
     data = [packet.rtc for packet in file.packets if packet.kind not in (SETUP, 0x00, 0x02, 0x03)]
